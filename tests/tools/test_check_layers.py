@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: BSD-3-Clause
+from pathlib import Path
+
+import pytest
+from check_layers import DIRECTLY_BELOW, allowed_layers, layer_of, violations
+
+
+def found(path: str, *lines: str) -> list[str]:
+    return list(violations(Path(path), lines))
+
+
+def test_names_the_place_and_what_is_allowed() -> None:
+    assert found("src/core/series.cpp", "#include <span>", '#include "trifinger/sim/driver.hpp"') == [
+        "src/core/series.cpp:2: 'core' may not include 'sim', only base, ipc, realtime, core."
+    ]
+
+
+@pytest.mark.parametrize("layer", DIRECTLY_BELOW)
+def test_a_layer_includes_itself_and_what_lies_below(layer: str) -> None:
+    lines = [f'#include "trifinger/{below}/x.hpp"' for below in allowed_layers(layer)]
+    assert found(f"include/trifinger/{layer}/x.hpp", *lines) == []
+
+
+@pytest.mark.parametrize("layer", DIRECTLY_BELOW)
+def test_no_two_layers_include_each_other(layer: str) -> None:
+    assert not any(layer in allowed_layers(below) for below in allowed_layers(layer) - {layer})
+
+
+@pytest.mark.parametrize(("layer", "sibling"), [("ipc", "realtime"), ("joint", "model")])
+def test_siblings_do_not_include_each_other(layer: str, sibling: str) -> None:
+    assert found(f"tests/{layer}/x_test.cpp", f"#include <trifinger/{sibling}/x.hpp>")
+    assert found(f"tests/{sibling}/x_test.cpp", f"#include <trifinger/{layer}/x.hpp>")
+
+
+def test_a_directory_without_a_place_in_the_table_is_an_error() -> None:
+    assert found("src/utils/x.cpp") == [
+        "src/utils/x.cpp: the layer 'utils' is not in the table of tools/check_layers.py."
+    ]
+
+
+@pytest.mark.parametrize(
+    ("path", "layer"),
+    [
+        ("include/trifinger/ipc/futex.hpp", "ipc"),
+        ("src/ipc/detail/futex.cpp", "ipc"),
+        ("tests/ipc/futex_test.cpp", "ipc"),
+        ("apps/main.cpp", "apps"),
+        ("bindings/module.cpp", "bindings"),
+    ],
+)
+def test_the_directory_is_the_layer(path: str, layer: str) -> None:
+    assert layer_of(Path(path)) == layer
+
+
+@pytest.mark.parametrize("path", ["examples/1_loop.cpp", "tests/support/guard.hpp"])
+def test_what_is_no_layer_may_include_anything(path: str) -> None:
+    assert found(path, '#include "trifinger/sim/driver.hpp"') == []

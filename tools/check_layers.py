@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Checks that includes between the layers point only down.
+
+A layer is a directory: include/trifinger/LAYER, src/LAYER and tests/LAYER. ARCHITECTURE.md says what each one is for.
+"""
+
+import re
+import sys
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from tracked_files import ROOT, tracked_files
+
+# Each layer and the layers right below it; those further down are allowed as well.
+DIRECTLY_BELOW = {
+    "base": (),
+    "ipc": ("base",),
+    "realtime": ("base",),
+    "config": ("base",),
+    "core": ("ipc", "realtime"),
+    "joint": ("core", "config"),
+    "model": ("core", "config"),
+    "sim": ("joint", "model"),
+    "apps": ("sim",),
+    "bindings": ("sim",),
+}
+
+INCLUDE = re.compile(r'^\s*#\s*include\s*["<]trifinger/(\w+)/')
+
+
+def allowed_layers(layer: str) -> set[str]:
+    """Returns the layers that a file of `layer` may include: its own and all below it."""
+    return {layer}.union(*(allowed_layers(below) for below in DIRECTLY_BELOW[layer]))
+
+
+def layer_of(path: Path) -> str | None:
+    """Returns the layer that the file belongs to; None where anything may be included."""
+    match path.parts:
+        case ("include", "trifinger", layer, _, *_) | ("src", layer, _, *_):
+            return layer
+        case ("tests", layer, _, *_) if layer in DIRECTLY_BELOW:
+            return layer
+        case (("apps" | "bindings") as layer, _, *_):
+            return layer
+    return None
+
+
+def violations(path: Path, lines: Iterable[str]) -> Iterator[str]:
+    """Yields one sentence for each include of the file at `path` (relative to the root) that points up or sideways."""
+    layer = layer_of(path)
+    if layer is None:
+        return
+    if layer not in DIRECTLY_BELOW:
+        yield f"{path}: the layer '{layer}' is not in the table of tools/check_layers.py."
+        return
+    allowed = allowed_layers(layer)
+    for number, line in enumerate(lines, start=1):
+        included = INCLUDE.match(line)
+        if included and included[1] not in allowed:
+            yield (
+                f"{path}:{number}: '{layer}' may not include '{included[1]}', "
+                f"only {', '.join(name for name in DIRECTLY_BELOW if name in allowed)}."
+            )
+
+
+def main() -> int:
+    """Checks all tracked C++ files and returns the exit status."""
+    found = [
+        sentence
+        for path in tracked_files(".hpp", ".cpp")
+        for sentence in violations(path, (ROOT / path).read_text().splitlines())
+    ]
+    print("\n".join(found))
+    return 1 if found else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

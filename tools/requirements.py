@@ -1,0 +1,13 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Prints all Python packages that pyproject.toml names, for pip: to build, to use, to test and to lint."""
+
+import tomllib
+from pathlib import Path
+
+pyproject = tomllib.loads((Path(__file__).parent.parent / "pyproject.toml").read_text())
+groups = [
+    pyproject["build-system"]["requires"],
+    pyproject["project"]["dependencies"],
+    *pyproject["project"]["optional-dependencies"].values(),
+]
+print("\n".join(sorted({requirement for group in groups for requirement in group})))

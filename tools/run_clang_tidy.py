@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Runs clang-tidy over a compile database and skips the files in which nothing has changed since they passed.
+
+    run_clang_tidy.py BUILD_FOLDER [JOBS]
+
+What is remembered is a hash of everything that can change the outcome: clang-tidy's version, its configuration, the
+compile command, and the file with all headers of this repository that it includes.
+"""
+
+import hashlib
+import json
+import re
+import shlex
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from pathlib import Path
+
+from tracked_files import ROOT
+
+CLANG_TIDY = str(Path(sys.executable).parent / "clang-tidy")
+# Warnings of g++ that clang does not know are no finding.
+OPTIONS = ["--quiet", "--extra-arg=-Wno-unknown-warning-option"]
+INCLUDE = re.compile(rb'^\s*#\s*include\s*"([^"]+)"', re.MULTILINE)
+
+
+@cache
+def direct_includes(file: Path) -> tuple[Path, ...]:
+    """Returns the files of this repository that `file` includes."""
+    folders = (file.parent, ROOT / "include", ROOT / "tests")
+    names = [name.decode() for name in INCLUDE.findall(file.read_bytes())]
+    candidates = ((folder / name).resolve() for name in names for folder in folders)
+    return tuple(path for path in candidates if path.is_file())
+
+
+def with_includes(file: Path) -> list[Path]:
+    """Returns the file and all files of this repository that it includes, however indirectly."""
+    seen = {file}
+    queue = [file]
+    while queue:
+        new = set(direct_includes(queue.pop())) - seen
+        seen |= new
+        queue += new
+    return sorted(seen)
+
+
+def fingerprint(entry: dict[str, str], common: bytes) -> str:
+    """Returns a hash of all that decides what clang-tidy says about one entry of the compile database."""
+    digest = hashlib.sha256(common)
+    digest.update(entry["command"].encode())
+    for file in with_includes(Path(entry["file"])):
+        digest.update(file.read_bytes())
+    return digest.hexdigest()
+
+
+def tidy(build: Path, file: str) -> str:
+    """Returns what clang-tidy finds in the file; empty if there is nothing."""
+    result = subprocess.run(
+        [CLANG_TIDY, *OPTIONS, "-p", str(build), file], capture_output=True, text=True
+    )
+    return "" if result.returncode == 0 else result.stdout + result.stderr
+
+
+def main(build: Path, jobs: int) -> int:
+    """Checks all files of the database and returns the exit status."""
+    entries = {
+        entry["file"]: entry
+        for entry in json.loads((build / "compile_commands.json").read_text())
+        if Path(entry["file"]).is_relative_to(ROOT)
+        and not Path(entry["file"]).is_relative_to(ROOT / "build")
+    }
+    config = (ROOT / ".clang-tidy").read_bytes()
+    version = subprocess.run([CLANG_TIDY, "--version"], check=True, capture_output=True).stdout
+    listing = subprocess.run(
+        [CLANG_TIDY, "--list-checks", f"--config-file={ROOT / '.clang-tidy'}"],
+        check=True, capture_output=True, text=True,
+    ).stdout
+    common = version + config + shlex.join(OPTIONS).encode()
+
+    passed = build / "clang_tidy_passed"
+    passed.mkdir(exist_ok=True)
+    marks = {file: passed / fingerprint(entry, common) for file, entry in entries.items()}
+    changed = sorted(file for file, mark in marks.items() if not mark.exists())
+
+    failures = 0
+    with ThreadPoolExecutor(jobs) as pool:
+        for file, findings in zip(changed, pool.map(lambda file: tidy(build, file), changed)):
+            if findings:
+                failures += 1
+                print(findings)
+            else:
+                marks[file].touch()
+    for mark in set(passed.iterdir()) - set(marks.values()):
+        mark.unlink()
+
+    # The number of checks is printed so that a misspelt glob in .clang-tidy is seen.
+    checks = sum(line.startswith("    ") for line in listing.splitlines())
+    print(f"{checks} checks, {len(entries)} files of which {len(changed)} are new or changed")
+    return 1 if failures else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(Path(sys.argv[1]).resolve(), int(sys.argv[2]) if len(sys.argv) > 2 else 1))

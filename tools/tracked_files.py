@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The files that the checks look at."""
+
+import subprocess
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def tracked_files(*suffixes: str) -> list[Path]:
+    """Returns the files in git's index with one of the suffixes (all files if none is given), relative to the root."""
+    listing = subprocess.run(
+        ["git", "ls-files", "-z"], cwd=ROOT, check=True, capture_output=True, text=True
+    ).stdout
+    paths = [Path(name) for name in listing.split("\0") if name]
+    return [
+        path
+        for path in paths
+        if (not suffixes or path.suffix in suffixes) and (ROOT / path).is_file()
+    ]
+
+
+if __name__ == "__main__":
+    import sys
+
+    print("\n".join(map(str, tracked_files(*sys.argv[1:]))))
