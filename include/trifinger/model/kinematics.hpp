@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <memory>
+
+#include "trifinger/model/robot_description.hpp"
+
+namespace trifinger {
+
+/// One number per joint of the whole robot, held in place: never on the heap.
+using JointValues = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxJoints, 1>;
+using TipJacobian = Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, kMaxJoints>;
+using JointMatrix =
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxJoints, kMaxJoints>;
+/// Three numbers per finger: the tips below each other, finger 0 first.
+using TipPositions = JointValues;
+
+/// Whether a finger can bring its tip to a point.
+enum class Reach {
+  kYes,
+  kTooFar,         ///< Beyond the stretched finger.
+  kTooClose,       ///< Nearer to the joint-0 axis than the tip's sideways offset.
+  kOutsideLimits,  ///< Only with joints beyond their hard limits.
+};
+
+/// An answer of the inverse kinematics. Always finite: where the point cannot be reached, `position` is
+/// a pose within the hard limits that comes near it.
+struct FingerPose {
+  Eigen::Vector3d position;  ///< [rad]
+  Reach reach;
+
+  explicit operator bool() const noexcept { return reach == Reach::kYes; }
+};
+
+/// Kinematics and dynamics of the fingers, without contacts and objects. Everything is in the world
+/// frame, z up, whether or not the platform is flipped.
+///
+/// Set a pose with `update`, then ask. Allocates only while it is constructed. Not for several threads
+/// at once: make one each.
+class Kinematics {
+ public:
+  /// Starts in the initial pose.
+  /// @throws InvalidArgument if the description cannot be built.
+  explicit Kinematics(RobotDescription description = {});
+  Kinematics(Kinematics&&) noexcept;
+  Kinematics& operator=(Kinematics&&) noexcept;
+  ~Kinematics();
+
+  [[nodiscard]] const RobotDescription& description() const noexcept;
+  [[nodiscard]] int num_fingers() const noexcept;
+  [[nodiscard]] int num_joints() const noexcept;
+
+  /// Moves to the pose that the other functions speak of [rad]. `position` has `num_joints` values.
+  void update(const JointValues& position) noexcept;
+
+  /// Centre of the tip sphere of one finger [m].
+  [[nodiscard]] Eigen::Vector3d tip_position(int finger) const noexcept;
+
+  /// Centres of all tip spheres [m].
+  [[nodiscard]] TipPositions tip_positions() const noexcept;
+
+  /// Derivative of `tip_position(finger)` by all joints [m/rad]: 3 rows, `num_joints` columns.
+  [[nodiscard]] TipJacobian tip_jacobian(int finger) const noexcept;
+
+  /// Torques that hold the pose against gravity [Nm].
+  [[nodiscard]] JointValues gravity_torques() const noexcept;
+
+  /// Inertia seen by the joints, with that of the rotors [kg m^2].
+  [[nodiscard]] JointMatrix mass_matrix() const noexcept;
+
+  /// Joint positions of `finger` that bring its tip to `tip` [m], by formula. Of up to four poses it takes
+  /// the one within the hard limits that is nearest to `near` [rad].
+  [[nodiscard]] FingerPose inverse_kinematics(int finger, const Eigen::Vector3d& tip,
+                                              const Eigen::Vector3d& near) const noexcept;
+
+  /// The same, near the initial pose.
+  [[nodiscard]] FingerPose inverse_kinematics(int finger, const Eigen::Vector3d& tip) const noexcept;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace trifinger

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "trifinger/model/robot_description.hpp"
+
+struct mjModel_;
+
+namespace trifinger {
+
+/// Where one loose object lives in the state of a `RobotModel`.
+struct ObjectAddress {
+  std::string name;
+  int body;      ///< Index of the body.
+  int position;  ///< First of 7 numbers in `qpos`: x y z, then the quaternion w x y z.
+  int velocity;  ///< First of 6 numbers in `qvel`.
+};
+
+/// A description, built into a MuJoCo model. Immutable, so any number of threads may simulate it.
+///
+/// The joints come first: `qpos[i]`, `qvel[i]` and `ctrl[i]` belong to joint `i` of `joint_names`, and
+/// `ctrl` is the joint's torque [Nm]. The objects follow. Key frame 0 is the initial pose.
+/// Resetting on divergence is off: the simulation has to look for numbers that are not finite.
+class RobotModel {
+ public:
+  /// @throws InvalidArgument if the description cannot be built.
+  explicit RobotModel(RobotDescription description = {});
+  RobotModel(RobotModel&&) noexcept;
+  RobotModel& operator=(RobotModel&&) noexcept;
+  ~RobotModel();
+
+  [[nodiscard]] const RobotDescription& description() const noexcept { return description_; }
+
+  /// The `mjModel`, for those who include MuJoCo's own header. Lives as long as this.
+  [[nodiscard]] const mjModel_* mujoco() const noexcept { return model_.get(); }
+
+  [[nodiscard]] int num_fingers() const noexcept { return static_cast<int>(tip_geoms_.size()); }
+  [[nodiscard]] int num_joints() const noexcept { return num_fingers() * kJointsPerFinger; }
+
+  /// The initial pose, one value per joint [rad].
+  [[nodiscard]] const std::vector<double>& initial_position() const noexcept {
+    return initial_position_;
+  }
+
+  /// Index of the geom that touches with the tip of each finger, to find its contacts.
+  [[nodiscard]] const std::vector<int>& tip_geoms() const noexcept { return tip_geoms_; }
+
+  /// Index of the site at the tip of each finger.
+  [[nodiscard]] const std::vector<int>& tip_sites() const noexcept { return tip_sites_; }
+
+  /// The objects in the order of the description.
+  [[nodiscard]] const std::vector<ObjectAddress>& objects() const noexcept { return objects_; }
+
+  /// @throws InvalidArgument naming the objects that exist.
+  [[nodiscard]] const ObjectAddress& object(const std::string& name) const;
+
+  /// Names of the cameras: those of `camera_figures`, or none.
+  [[nodiscard]] std::vector<std::string> camera_names() const;
+
+ private:
+  struct Delete {
+    void operator()(mjModel_* model) const noexcept;
+  };
+
+  RobotDescription description_;
+  std::unique_ptr<mjModel_, Delete> model_;
+  std::vector<double> initial_position_;
+  std::vector<int> tip_geoms_;
+  std::vector<int> tip_sites_;
+  std::vector<ObjectAddress> objects_;
+};
+
+}  // namespace trifinger
