@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Checks that every path that the documentation names exists.
 
-Looked at are the targets of links and what stands in backticks and looks like a path of this repository. Words in
-capitals (`src/LAYER`) stand for something else and are left out, as is what the build makes.
+Looked at are the targets of links, and what stands in backticks and begins like a path of this
+repository. Words in capitals (`src/LAYER`) stand for something else and are left out.
 """
 
 import re
@@ -20,7 +20,7 @@ PLACEHOLDER = re.compile(r"(^|/)[A-Z_]+(/|$)")
 def named_paths(text: str, top_level: set[str]) -> Iterator[tuple[int, str]]:
     """Yields the line number and the path for every path named in a Markdown text.
 
-    A word in backticks counts as a path if it begins with one of the `top_level` entries of the repository.
+    A word in backticks is a path if it begins with a `top_level` entry of the repository.
     """
     in_code_block = False
     for number, line in enumerate(text.splitlines(), start=1):
@@ -33,13 +33,13 @@ def named_paths(text: str, top_level: set[str]) -> Iterator[tuple[int, str]]:
                 yield number, target
         for word in CODE.findall(line):
             first, slash, _ = word.removeprefix("./").partition("/")
-            is_path = first in top_level and (slash or "." in word) or word.endswith(".md")
+            is_path = (slash and first in top_level) or word.endswith(".md")
             if is_path and not PLACEHOLDER.search(word):
                 yield number, word
 
 
 def missing_paths(document: Path, root: Path, top_level: set[str]) -> Iterator[str]:
-    """Yields one sentence for every path that `document` (relative to `root`) names and that does not exist."""
+    """Yields one sentence for every path that `document` names and that does not exist."""
     folder = (root / document).parent
     for number, path in named_paths((root / document).read_text(), top_level):
         if not (folder / path).exists() and not (root / path).exists():

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Checks that includes between the layers point only down.
 
-A layer is a directory: include/trifinger/LAYER, src/LAYER and tests/LAYER. ARCHITECTURE.md says what each one is for.
+A layer is a directory: include/trifinger/LAYER, src/LAYER and tests/LAYER.
 """
 
 import re
@@ -46,7 +46,7 @@ def layer_of(path: Path) -> str | None:
 
 
 def violations(path: Path, lines: Iterable[str]) -> Iterator[str]:
-    """Yields one sentence for each include of the file at `path` (relative to the root) that points up or sideways."""
+    """Yields one sentence for each include of the file at `path` that points up or sideways."""
     layer = layer_of(path)
     if layer is None:
         return

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Prints all Python packages that pyproject.toml names, for pip: to build, to use, to test and to lint."""
+"""Prints all Python packages that pyproject.toml names, as requirements for pip."""
 
 import tomllib
 from pathlib import Path

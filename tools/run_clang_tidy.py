@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Runs clang-tidy over a compile database and skips the files in which nothing has changed since they passed.
+"""Runs clang-tidy over a compile database; leaves out files unchanged since they passed.
 
     run_clang_tidy.py BUILD_FOLDER [JOBS]
 
-What is remembered is a hash of everything that can change the outcome: clang-tidy's version, its configuration, the
-compile command, and the file with all headers of this repository that it includes.
+What is remembered is a hash of everything that can change the outcome: clang-tidy's version and
+configuration, the compile command, and the file with all headers of this repository it includes.
 """
 
 import hashlib
@@ -46,7 +46,7 @@ def with_includes(file: Path) -> list[Path]:
 
 
 def fingerprint(entry: dict[str, str], common: bytes) -> str:
-    """Returns a hash of all that decides what clang-tidy says about one entry of the compile database."""
+    """Returns a hash of all that decides what clang-tidy says about one entry of the database."""
     digest = hashlib.sha256(common)
     digest.update(entry["command"].encode())
     for file in with_includes(Path(entry["file"])):
@@ -74,7 +74,9 @@ def main(build: Path, jobs: int) -> int:
     version = subprocess.run([CLANG_TIDY, "--version"], check=True, capture_output=True).stdout
     listing = subprocess.run(
         [CLANG_TIDY, "--list-checks", f"--config-file={ROOT / '.clang-tidy'}"],
-        check=True, capture_output=True, text=True,
+        check=True,
+        capture_output=True,
+        text=True,
     ).stdout
     common = version + config + shlex.join(OPTIONS).encode()
 
@@ -85,7 +87,8 @@ def main(build: Path, jobs: int) -> int:
 
     failures = 0
     with ThreadPoolExecutor(jobs) as pool:
-        for file, findings in zip(changed, pool.map(lambda file: tidy(build, file), changed)):
+        all_findings = pool.map(lambda file: tidy(build, file), changed)
+        for file, findings in zip(changed, all_findings, strict=True):
             if findings:
                 failures += 1
                 print(findings)

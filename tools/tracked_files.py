@@ -8,7 +8,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 
 def tracked_files(*suffixes: str) -> list[Path]:
-    """Returns the files in git's index with one of the suffixes (all files if none is given), relative to the root."""
+    """Returns the tracked files, relative to the root, with one of `suffixes` if any is given."""
     listing = subprocess.run(
         ["git", "ls-files", "-z"], cwd=ROOT, check=True, capture_output=True, text=True
     ).stdout

@@ -10,9 +10,9 @@ def found(path: str, *lines: str) -> list[str]:
 
 
 def test_names_the_place_and_what_is_allowed() -> None:
-    assert found("src/core/series.cpp", "#include <span>", '#include "trifinger/sim/driver.hpp"') == [
-        "src/core/series.cpp:2: 'core' may not include 'sim', only base, ipc, realtime, core."
-    ]
+    assert found(
+        "src/core/series.cpp", "#include <span>", '#include "trifinger/sim/driver.hpp"'
+    ) == ["src/core/series.cpp:2: 'core' may not include 'sim', only base, ipc, realtime, core."]
 
 
 @pytest.mark.parametrize("layer", DIRECTLY_BELOW)

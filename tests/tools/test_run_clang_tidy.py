@@ -31,7 +31,9 @@ def test_a_file_in_which_nothing_changed_keeps_its_fingerprint(entry: dict[str, 
     assert fingerprint(entry) == before
 
 
-@pytest.mark.parametrize("file", ["a.cpp", "include/trifinger/near.hpp", "include/trifinger/far.hpp"])
+@pytest.mark.parametrize(
+    "file", ["a.cpp", "include/trifinger/near.hpp", "include/trifinger/far.hpp"]
+)
 def test_a_change_in_the_file_or_its_headers_is_seen(entry: dict[str, str], file: str) -> None:
     before = fingerprint(entry)
     with (Path(entry["file"]).parent / file).open("a") as changed:
