@@ -17,7 +17,7 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
 
-from tracked_files import ROOT
+from tracked_files import ROOT, tracked_files
 
 CLANG_TIDY = str(Path(sys.executable).parent / "clang-tidy")
 # Warnings of g++ that clang does not know are no finding.
@@ -64,12 +64,9 @@ def tidy(build: Path, file: str) -> str:
 
 def main(build: Path, jobs: int) -> int:
     """Checks all files of the database and returns the exit status."""
-    entries = {
-        entry["file"]: entry
-        for entry in json.loads((build / "compile_commands.json").read_text())
-        if Path(entry["file"]).is_relative_to(ROOT)
-        and not Path(entry["file"]).is_relative_to(ROOT / "build")
-    }
+    ours = {str(ROOT / path) for path in tracked_files(".cpp")}
+    database = json.loads((build / "compile_commands.json").read_text())
+    entries = {entry["file"]: entry for entry in database if entry["file"] in ours}
     config = (ROOT / ".clang-tidy").read_bytes()
     version = subprocess.run([CLANG_TIDY, "--version"], check=True, capture_output=True).stdout
     listing = subprocess.run(
