@@ -96,7 +96,7 @@ def main(build: Path, jobs: int) -> int:
 
     # The number of checks is printed so that a misspelt glob in .clang-tidy is seen.
     checks = sum(line.startswith("    ") for line in listing.splitlines())
-    print(f"{checks} checks, {len(entries)} files of which {len(changed)} are new or changed")
+    print(f"{checks} checks, {len(entries)} files, {len(changed)} of them new or changed")
     return 1 if failures else 0
 
 
