@@ -24,8 +24,8 @@ enum class Reach {
   kOutsideLimits,  ///< Only with joints beyond their hard limits.
 };
 
-/// An answer of the inverse kinematics. Always finite: where the point cannot be reached, `position` is
-/// a pose within the hard limits that comes near it.
+/// An answer of the inverse kinematics. Always finite: where the point cannot be reached,
+/// `position` is a pose within the hard limits that comes near it.
 struct FingerPose {
   Eigen::Vector3d position;  ///< [rad]
   Reach reach;
@@ -36,8 +36,8 @@ struct FingerPose {
 /// Kinematics and dynamics of the fingers, without contacts and objects. Everything is in the world
 /// frame, z up, whether or not the platform is flipped.
 ///
-/// Set a pose with `update`, then ask. Allocates only while it is constructed. Not for several threads
-/// at once: make one each.
+/// Set a pose with `update`, then ask. Allocates only while it is constructed. Not for several
+/// threads at once: make one each.
 class Kinematics {
  public:
   /// Starts in the initial pose.
@@ -69,13 +69,14 @@ class Kinematics {
   /// Inertia seen by the joints, with that of the rotors [kg m^2].
   [[nodiscard]] JointMatrix mass_matrix() const noexcept;
 
-  /// Joint positions of `finger` that bring its tip to `tip` [m], by formula. Of up to four poses it takes
-  /// the one within the hard limits that is nearest to `near` [rad].
+  /// Joint positions of `finger` that bring its tip to `tip` [m], by formula. Of up to four poses
+  /// it takes the one within the hard limits that is nearest to `near` [rad].
   [[nodiscard]] FingerPose inverse_kinematics(int finger, const Eigen::Vector3d& tip,
                                               const Eigen::Vector3d& near) const noexcept;
 
   /// The same, near the initial pose.
-  [[nodiscard]] FingerPose inverse_kinematics(int finger, const Eigen::Vector3d& tip) const noexcept;
+  [[nodiscard]] FingerPose inverse_kinematics(int finger,
+                                              const Eigen::Vector3d& tip) const noexcept;
 
  private:
   struct State;

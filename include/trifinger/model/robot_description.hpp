@@ -40,7 +40,8 @@ enum class Arrangement {
 struct ActuatorParameters {
   /// Largest torque [Nm]: current limit x torque constant x gear. Edu and One 2.0 A, Pro 2.2 A.
   double torque_limit{0.36};
-  /// Motor torque per current [Nm/A]; finger drivers. Another robot's driver says 0.025 for this motor.
+  /// Motor torque per current [Nm/A]; finger drivers. Another robot's driver says 0.025 for this
+  /// motor.
   double torque_constant{0.02};
   /// Motor turns per joint turn; two belt stages of 3:1.
   double gear_ratio{9.0};
@@ -62,7 +63,8 @@ struct ActuatorParameters {
   return actuator.rotor_inertia * actuator.gear_ratio * actuator.gear_ratio;
 }
 
-/// The torque [Nm] that the motor delivers when asked for `torque` at joint speed `velocity` [rad/s].
+/// The torque [Nm] that the motor delivers when asked for `torque` at joint speed `velocity`
+/// [rad/s].
 ///
 /// Driving torque falls on a straight line from `stall_torque` to zero at `no_load_speed`; braking
 /// torque does not fall. Both stay within `torque_limit`.
@@ -71,9 +73,9 @@ struct ActuatorParameters {
 
 /// How bodies touch. Stiffness and friction are estimates: no source has measured them.
 struct ContactParameters {
-  double tip_friction{1.0};             ///< Sliding friction of a tip against anything.
+  double tip_friction{1.0};              ///< Sliding friction of a tip against anything.
   double tip_torsional_friction{0.005};  ///< Friction against twisting at a tip [m].
-  double floor_friction{0.5};           ///< Sliding friction of table, boundary and objects.
+  double floor_friction{0.5};            ///< Sliding friction of table, boundary and objects.
 };
 
 enum class ObjectShape {
@@ -88,8 +90,8 @@ struct ObjectDescription {
   ObjectShape shape{ObjectShape::kBox};
   Triple size{};   ///< Whole lengths, not halves [m].
   double mass{0};  ///< [kg], spread evenly over the volume.
-  /// Where the centre starts [m]. Without a value the first four objects have places of their own, at
-  /// rest on the table and clear of the fingers' initial pose.
+  /// Where the centre starts [m]. Without a value the first four objects have places of their own,
+  /// at rest on the table and clear of the fingers' initial pose.
   std::optional<Triple> position{};
 };
 
@@ -110,28 +112,28 @@ struct RobotDescription {
   std::optional<double> finger_height{};
   /// Turns the whole platform upside down, for throwing and catching: the fingers point up.
   ///
-  /// Frame, fingers, boundary and cameras turn by half a turn about the y axis and then stand on their
-  /// posts; table and objects stay. All positions stay in the world frame: z up, origin on the table.
+  /// Frame, fingers, boundary and cameras turn by half a turn about the y axis and then stand on
+  /// their posts; table and objects stay. All positions stay in the world frame: z up, origin on
+  /// the table.
   bool flipped{false};
   /// The wall around the arena.
   bool boundary{true};
   /// Tips of rubber; otherwise tips as hard as the time step allows.
   bool soft_tips{true};
-  /// The three cameras.
+  /// The three cameras at their measured poses.
   bool cameras{true};
-  /// Frame, shells, lights and colours. Without them a model is quicker to build and behaves the same.
-  bool decoration{true};
   /// The motors; default: the variant's own.
   std::optional<ActuatorParameters> actuator{};
   ContactParameters contact{};
   std::vector<ObjectDescription> objects{cube()};
 };
 
-/// What is known about one variant in one arrangement: limits, gains and poses, equal for all fingers.
+/// What is known about one variant in one arrangement: limits, gains and poses, equal for all
+/// fingers.
 struct VariantFigures {
-  std::string_view name;   ///< "edu", "pro", "one", "edu-single", "pro-single", "one-single".
-  double finger_height;    ///< Of the joint-0 axes above the table [m].
-  double tip_radius;       ///< Of the sphere that touches [m].
+  std::string_view name;    ///< "edu", "pro", "one", "edu-single", "pro-single", "one-single".
+  double finger_height;     ///< Of the joint-0 axes above the table [m].
+  double tip_radius;        ///< Of the sphere that touches [m].
   FingerJoints soft_lower;  ///< The position controller keeps targets inside these [rad].
   FingerJoints soft_upper;
   FingerJoints hard_lower;  ///< Outside of these the robot stops with a fault [rad].
@@ -147,8 +149,8 @@ struct VariantFigures {
 [[nodiscard]] const VariantFigures& variant_figures(
     Variant variant, Arrangement arrangement = Arrangement::kTriFinger) noexcept;
 
-/// How far beyond its hard limits a joint can move before it meets a mechanical stop [rad]; estimate.
-/// The stops lie outside so that crossing a hard limit can happen, and be tested.
+/// How far beyond its hard limits a joint can move before it meets a mechanical stop [rad];
+/// estimate. The stops lie outside so that crossing a hard limit can happen, and be tested.
 inline constexpr double kEndStopMargin = 0.2;
 
 /// Finds "edu", "pro" or "one". @throws InvalidArgument naming the three.
@@ -158,8 +160,8 @@ inline constexpr double kEndStopMargin = 0.2;
 struct CameraFigures {
   std::string_view name;  ///< "camera60", "camera180", "camera300": clockwise from finger 0.
   Triple position;        ///< In the upright platform's frame [m].
-  /// Columns are the camera's x (right), y (down) and z (forward) axes in the upright platform's frame;
-  /// row by row. Orthonormal to rounding.
+  /// Columns are the camera's x (right), y (down) and z (forward) axes in the upright platform's
+  /// frame; row by row. Orthonormal to rounding.
   std::array<double, 9> rotation;
   double fx, fy;                     ///< Focal lengths [pixel].
   double cx, cy;                     ///< Principal point [pixel].
@@ -183,7 +185,8 @@ inline constexpr int kCameraImageSize = 540;  ///< Width and height [pixel].
 /// How high above the table the flipped platform carries what was the table's height [m].
 [[nodiscard]] double flip_height(const RobotDescription& description) noexcept;
 
-/// Names in the order f0 j0..j2, f120 j0..j2, f240 j0..j2, which is the order of every joint vector.
+/// Names in the order f0 j0..j2, f120 j0..j2, f240 j0..j2, which is the order of every joint
+/// vector.
 [[nodiscard]] std::vector<std::string> joint_names(const RobotDescription& description);
 
 /// Names of the tip frames, which are the centres of the tip spheres; one per finger.

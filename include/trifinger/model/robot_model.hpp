@@ -19,15 +19,27 @@ struct ObjectAddress {
   int velocity;  ///< First of 6 numbers in `qvel`.
 };
 
+/// What a model is for. Both move alike, bit for bit, and share the layout of the state: simulate
+/// the first, copy `qpos` to the second to draw it.
+enum class Detail {
+  kPhysics,   ///< Only what moves and touches.
+  kPictures,  ///< Also frame, shells, colours, lights and cameras; steps take about a third longer.
+};
+
 /// A description, built into a MuJoCo model. Immutable, so any number of threads may simulate it.
 ///
-/// The joints come first: `qpos[i]`, `qvel[i]` and `ctrl[i]` belong to joint `i` of `joint_names`, and
-/// `ctrl` is the joint's torque [Nm]. The objects follow. Key frame 0 is the initial pose.
+/// The joints come first: `qpos[i]`, `qvel[i]` and `ctrl[i]` belong to joint `i` of `joint_names`,
+/// and `ctrl` is the joint's torque [Nm]. The objects follow. Key frame 0 is the initial pose.
 /// Resetting on divergence is off: the simulation has to look for numbers that are not finite.
 class RobotModel {
  public:
+  struct Delete {
+    void operator()(mjModel_* model) const noexcept;
+  };
+  using Compiled = std::unique_ptr<mjModel_, Delete>;
+
   /// @throws InvalidArgument if the description cannot be built.
-  explicit RobotModel(RobotDescription description = {});
+  explicit RobotModel(RobotDescription description = {}, Detail detail = Detail::kPhysics);
   RobotModel(RobotModel&&) noexcept;
   RobotModel& operator=(RobotModel&&) noexcept;
   ~RobotModel();
@@ -57,16 +69,13 @@ class RobotModel {
   /// @throws InvalidArgument naming the objects that exist.
   [[nodiscard]] const ObjectAddress& object(const std::string& name) const;
 
-  /// Names of the cameras: those of `camera_figures`, or none.
+  /// Names of the cameras: those of `camera_figures` in a model for pictures, or none.
   [[nodiscard]] std::vector<std::string> camera_names() const;
 
  private:
-  struct Delete {
-    void operator()(mjModel_* model) const noexcept;
-  };
-
   RobotDescription description_;
-  std::unique_ptr<mjModel_, Delete> model_;
+  Detail detail_;
+  Compiled model_;
   std::vector<double> initial_position_;
   std::vector<int> tip_geoms_;
   std::vector<int> tip_sites_;

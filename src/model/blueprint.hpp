@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Geometry>
+#include <array>
+#include <span>
+#include <vector>
+
+#include "trifinger/model/robot_description.hpp"
+
+// The parts that the MuJoCo model and the URDF file are both made of.
+namespace trifinger::model {
+
+enum class Paint { kShell, kDark, kMotor, kTip, kFinger, kProfile, kGroove, kBracket, kWall };
+
+struct Colour {
+  float red, green, blue, opacity;
+};
+
+// `finger` chooses the accent of `Paint::kFinger`.
+[[nodiscard]] Colour colour(Paint paint, Variant variant, int finger) noexcept;
+
+enum class Form { kBox, kCylinder, kCapsule, kSphere };
+
+// Looks: what a picture shows. Touches: what collisions see; few and simple, since they set the
+// speed.
+enum class Role { kLooks, kTouches, kBoth };
+
+// A primitive in the frame of its link.
+struct Solid {
+  Form form;
+  Triple from;    // Box and sphere: the centre. Others: one end of the axis.
+  Triple to;      // Box: half sizes. Sphere: unused. Others: the other end.
+  double radius;  // Box: unused.
+  Paint paint;
+  Role role;
+};
+
+struct Inertia {
+  double mass;
+  Triple centre;                 // Of mass, in the link frame.
+  std::array<double, 6> moment;  // About the centre: xx yy zz xy xz yz.
+};
+
+struct Link {
+  Triple origin;  // Of its joint, in the parent's frame.
+  Triple axis;    // Of its joint.
+  Inertia inertia;
+  std::span<const Solid> solids;
+};
+
+struct Finger {
+  std::array<Link, kJointsPerFinger> links;
+  Triple tip_origin;  // In the lower link's frame.
+  Inertia tip;
+  std::span<const Solid> base;        // What carries the finger, in the finger base frame.
+  std::span<const Solid> tip_solids;  // Besides the sphere, in the tip frame.
+};
+
+[[nodiscard]] const Finger& finger_blueprint(const RobotDescription& description) noexcept;
+
+// Pose of a finger's base in the platform frame. Finger `index` counts 0, 120, 240.
+[[nodiscard]] Eigen::Isometry3d base_in_platform(const RobotDescription& description, int index);
+
+// Direction from the centre along which a finger extends, about the platform's z axis [rad].
+[[nodiscard]] double finger_azimuth(const RobotDescription& description, int index) noexcept;
+
+// Pose of the platform in the world: identity unless flipped.
+[[nodiscard]] Eigen::Isometry3d platform_in_world(const RobotDescription& description);
+
+// The lower link and the tip as one rigid body.
+[[nodiscard]] Inertia lower_with_tip(const Finger& finger) noexcept;
+
+[[nodiscard]] inline Eigen::Vector3d vector(const Triple& triple) noexcept {
+  return {triple[0], triple[1], triple[2]};
+}
+
+// "", "_0", "_120" or "_240".
+[[nodiscard]] const char* finger_suffix(const RobotDescription& description, int index) noexcept;
+
+// A straight aluminium profile of 40 x 40 mm.
+struct Profile {
+  Eigen::Vector3d from, to;
+};
+
+// The frame, in the platform frame: posts first, one per finger.
+[[nodiscard]] std::vector<Profile> frame_profiles(const RobotDescription& description);
+
+// A closed wall of flat panels around the z axis, in the platform frame.
+struct Ring {
+  double lower_radius, lower_height;  // Of the inner face.
+  double upper_radius, upper_height;
+};
+[[nodiscard]] std::vector<Ring> boundary_rings(const RobotDescription& description);
+
+}  // namespace trifinger::model

@@ -1,0 +1,215 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <iomanip>
+#include <limits>
+#include <locale>
+#include <sstream>
+
+#include "blueprint.hpp"
+#include "trifinger/model/export.hpp"
+
+namespace trifinger {
+namespace {
+
+using model::Form;
+using model::Role;
+using model::Solid;
+
+// Half a turn about x, exactly, gives -0 here and there; URDF files need not show it.
+double tidy(double value) { return value == 0 ? 0.0 : value; }
+
+std::string triple(const Eigen::Vector3d& values) {
+  std::ostringstream text;
+  text.imbue(std::locale::classic());
+  text << std::setprecision(std::numeric_limits<double>::max_digits10) << tidy(values.x()) << ' '
+       << tidy(values.y()) << ' ' << tidy(values.z());
+  return text.str();
+}
+
+// Roll, pitch, yaw about fixed axes, as URDF has them.
+Eigen::Vector3d roll_pitch_yaw(const Eigen::Matrix3d& rotation) {
+  const double level = std::hypot(rotation(0, 0), rotation(1, 0));
+  return {std::atan2(rotation(2, 1), rotation(2, 2)), std::atan2(-rotation(2, 0), level),
+          std::atan2(rotation(1, 0), rotation(0, 0))};
+}
+
+class UrdfWriter {
+ public:
+  explicit UrdfWriter(const RobotDescription& description) : description_(description) {
+    out_.imbue(std::locale::classic());
+    out_ << std::setprecision(std::numeric_limits<double>::max_digits10);
+  }
+
+  std::string write() {
+    out_ << "<?xml version=\"1.0\"?>\n<robot name=\"trifinger-" << figures(description_).name
+         << "\">\n"
+         // For readers that are MuJoCo: keep tip and camera frames as bodies of their own.
+         << "  <mujoco><compiler fusestatic=\"false\" discardvisual=\"false\"/></mujoco>\n"
+         << "  <link name=\"base_link\"/>\n";
+    empty_link("platform");
+    fixed_joint("base_to_platform_joint", "base_link", "platform",
+                model::platform_in_world(description_));
+    for (int i = 0; i < num_fingers(description_); ++i) finger(i);
+    if (description_.cameras)
+      for (const CameraFigures& figures : camera_figures()) camera(figures);
+    out_ << "</robot>\n";
+    return out_.str();
+  }
+
+ private:
+  void empty_link(const std::string& name) { out_ << "  <link name=\"" << name << "\"/>\n"; }
+
+  void origin(const Eigen::Isometry3d& pose) {
+    out_ << "    <origin xyz=\"" << triple(pose.translation()) << "\" rpy=\""
+         << triple(roll_pitch_yaw(pose.linear())) << "\"/>\n";
+  }
+
+  void joint_head(const std::string& name, const char* type, const std::string& parent,
+                  const std::string& child, const Eigen::Isometry3d& pose) {
+    out_ << "  <joint name=\"" << name << "\" type=\"" << type << "\">\n"
+         << "    <parent link=\"" << parent << "\"/>\n    <child link=\"" << child << "\"/>\n";
+    origin(pose);
+  }
+
+  void fixed_joint(const std::string& name, const std::string& parent, const std::string& child,
+                   const Eigen::Isometry3d& pose) {
+    joint_head(name, "fixed", parent, child, pose);
+    out_ << "  </joint>\n";
+  }
+
+  void inertial(const model::Inertia& inertia) {
+    const auto& [xx, yy, zz, xy, xz, yz] = inertia.moment;
+    out_ << "    <inertial>\n      <origin xyz=\"" << triple(model::vector(inertia.centre))
+         << "\"/>\n      <mass value=\"" << inertia.mass << "\"/>\n      <inertia ixx=\"" << xx
+         << "\" iyy=\"" << yy << "\" izz=\"" << zz << "\" ixy=\"" << xy << "\" ixz=\"" << xz
+         << "\" iyz=\"" << yz << "\"/>\n    </inertial>\n";
+  }
+
+  void shape(const char* tag, const Eigen::Isometry3d& pose, const std::string& geometry,
+             const model::Colour& colour) {
+    out_ << "    <" << tag << ">\n  ";
+    origin(pose);
+    out_ << "      <geometry>" << geometry << "</geometry>\n";
+    if (std::string_view(tag) == "visual") {
+      std::ostringstream rgba;
+      rgba.imbue(std::locale::classic());
+      rgba << colour.red << ' ' << colour.green << ' ' << colour.blue << ' ' << colour.opacity;
+      out_ << "      <material name=\"" << rgba.str() << "\"><color rgba=\"" << rgba.str()
+           << "\"/></material>\n";
+    }
+    out_ << "    </" << tag << ">\n";
+  }
+
+  void solid(const Solid& solid, int finger) {
+    const model::Colour colour = model::colour(solid.paint, description_.variant, finger);
+    if (solid.role != Role::kTouches) solid_as("visual", solid, colour);
+    if (solid.role != Role::kLooks) solid_as("collision", solid, colour);
+  }
+
+  void sphere(const char* tag, const Eigen::Vector3d& centre, double radius,
+              const model::Colour& colour) {
+    std::ostringstream text;
+    text.imbue(std::locale::classic());
+    text << "<sphere radius=\"" << radius << "\"/>";
+    shape(tag, Eigen::Isometry3d(Eigen::Translation3d(centre)), text.str(), colour);
+  }
+
+  void solid_as(const char* tag, const Solid& solid, const model::Colour& colour) {
+    const Eigen::Vector3d from = model::vector(solid.from);
+    const Eigen::Vector3d to = model::vector(solid.to);
+    if (solid.form == Form::kSphere) {
+      sphere(tag, from, solid.radius, colour);
+      return;
+    }
+    Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+    if (solid.form == Form::kBox) {
+      pose.translation() = from;
+      shape(tag, pose, "<box size=\"" + triple(2 * to) + "\"/>", colour);
+      return;
+    }
+    // URDF knows no capsules: a cylinder with a ball at each end is one.
+    pose.translation() = (from + to) / 2;
+    pose.linear() =
+        Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), to - from).toRotationMatrix();
+    std::ostringstream text;
+    text.imbue(std::locale::classic());
+    text << "<cylinder radius=\"" << solid.radius << "\" length=\"" << (to - from).norm() << "\"/>";
+    shape(tag, pose, text.str(), colour);
+    if (solid.form == Form::kCapsule) {
+      sphere(tag, from, solid.radius, colour);
+      sphere(tag, to, solid.radius, colour);
+    }
+  }
+
+  void finger(int index) {
+    const model::Finger& finger = model::finger_blueprint(description_);
+    const std::string suffix = model::finger_suffix(description_, index);
+    const VariantFigures& limits = figures(description_);
+    const ActuatorParameters drive = actuator(description_);
+    const std::vector<std::string> joints = joint_names(description_);
+    const char* links[] = {"finger_upper_link", "finger_middle_link", "finger_lower_link"};
+
+    std::string parent = "finger_base_link" + suffix;
+    out_ << "  <link name=\"" << parent << "\">\n";
+    for (const Solid& part : finger.base) solid(part, index);
+    out_ << "  </link>\n";
+    fixed_joint("platform_to_" + parent + "_joint", "platform", parent,
+                model::base_in_platform(description_, index));
+
+    for (std::size_t j = 0; j < kJointsPerFinger; ++j) {
+      const model::Link& link = finger.links[j];
+      const std::string child = links[j] + suffix;
+      out_ << "  <link name=\"" << child << "\">\n";
+      inertial(link.inertia);
+      for (const Solid& part : link.solids) solid(part, index);
+      out_ << "  </link>\n";
+      joint_head(joints[static_cast<std::size_t>(index * kJointsPerFinger) + j], "revolute", parent,
+                 child, Eigen::Isometry3d(Eigen::Translation3d(model::vector(link.origin))));
+      out_ << "    <axis xyz=\"" << triple(model::vector(link.axis)) << "\"/>\n"
+           << "    <limit lower=\"" << limits.hard_lower[j] << "\" upper=\"" << limits.hard_upper[j]
+           << "\" effort=\"" << drive.torque_limit << "\" velocity=\"" << drive.no_load_speed
+           << "\"/>\n"
+           << "    <safety_controller soft_lower_limit=\"" << limits.soft_lower[j]
+           << "\" soft_upper_limit=\"" << limits.soft_upper[j] << "\" k_position=\"" << limits.kp[j]
+           << "\" k_velocity=\"" << limits.safety_kd[j] << "\"/>\n"
+           << "    <dynamics damping=\"" << drive.damping << "\" friction=\"" << drive.friction
+           << "\"/>\n  </joint>\n";
+      parent = child;
+    }
+
+    const std::string tip = tip_names(description_)[static_cast<std::size_t>(index)];
+    const Solid ball{Form::kSphere,     {0, 0, 0},          {},
+                     limits.tip_radius, model::Paint::kTip, Role::kBoth};
+    out_ << "  <link name=\"" << tip << "\">\n";
+    inertial(finger.tip);
+    solid(ball, index);
+    for (const Solid& part : finger.tip_solids) solid(part, index);
+    out_ << "  </link>\n";
+    fixed_joint("finger_lower_to_tip_joint" + suffix, parent, tip,
+                Eigen::Isometry3d(Eigen::Translation3d(model::vector(finger.tip_origin))));
+  }
+
+  void camera(const CameraFigures& figures) {
+    const std::string frame = std::string(figures.name) + "_optical_frame";
+    Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+    pose.translation() = model::vector(figures.position);
+    pose.linear() =
+        Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(figures.rotation.data());
+    empty_link(frame);
+    fixed_joint("platform_to_" + frame + "_joint", "platform", frame, pose);
+  }
+
+  const RobotDescription& description_;
+  std::ostringstream out_;
+};
+
+}  // namespace
+
+std::string export_urdf(const RobotDescription& description) {
+  validate(description);
+  return UrdfWriter(description).write();
+}
+
+}  // namespace trifinger

@@ -1,0 +1,212 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/model/kinematics.hpp"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <numbers>
+
+#include "blueprint.hpp"
+#include "spec.hpp"
+#include "trifinger/model/robot_model.hpp"
+
+namespace trifinger {
+namespace {
+
+struct DeleteData {
+  void operator()(mjData* data) const noexcept { mj_deleteData(data); }
+};
+
+// The fingers alone: nothing else enters their kinematics.
+RobotDescription fingers_only(RobotDescription description) {
+  description.objects.clear();
+  description.boundary = false;
+  return description;
+}
+
+// What the closed form needs. In a frame with y along the finger and z up, the tip lies in a plane
+// that joint 0 turns about y, at the distance `aside` from that axis.
+struct ClosedForm {
+  double aside;        // Of the tip's plane from the joint-0 axis [m].
+  double forward;      // Of joint 1 from the finger base [m].
+  double joint1_sign;  // -1 where joint 1 turns the other way.
+};
+
+constexpr double kLinkLength = 0.16;
+
+ClosedForm closed_form(Variant variant) {
+  switch (variant) {
+    case Variant::kPro:
+      return {0.086, 0.0505, 1};
+    case Variant::kOne:
+      return {0, 0, -1};
+    case Variant::kEdu:
+      break;
+  }
+  return {-0.05945, 0, 1};
+}
+
+double wrapped(double angle) { return std::remainder(angle, 2 * std::numbers::pi); }
+
+}  // namespace
+
+struct Kinematics::State {
+  explicit State(RobotDescription wanted)
+      : description(std::move(wanted)),
+        model(fingers_only(description)),
+        data(mj_makeData(model.mujoco())),
+        form(closed_form(description.variant)) {
+    const VariantFigures& limits = figures(description);
+    for (int j = 0; j < kJointsPerFinger; ++j) {
+      const auto i = static_cast<std::size_t>(j);
+      initial[j] = limits.initial_position[i];
+      lower[j] = limits.hard_lower[i];
+      upper[j] = limits.hard_upper[i];
+    }
+    for (int finger = 0; finger < model.num_fingers(); ++finger) {
+      const auto i = static_cast<std::size_t>(finger);
+      // Turns the base frame so that y points along the finger, whatever the variant.
+      Eigen::Isometry3d along = model::base_in_platform(description, finger);
+      along.linear() =
+          Eigen::AngleAxisd(model::finger_azimuth(description, finger) - std::numbers::pi / 2,
+                            Eigen::Vector3d::UnitZ())
+              .toRotationMatrix();
+      finger_from_world[i] = (model::platform_in_world(description) * along).inverse();
+    }
+  }
+
+  RobotDescription description;
+  RobotModel model;
+  std::unique_ptr<mjData, DeleteData> data;
+  ClosedForm form;
+  Eigen::Vector3d initial, lower, upper;
+  std::array<Eigen::Isometry3d, kMaxFingers> finger_from_world;
+};
+
+Kinematics::Kinematics(RobotDescription description)
+    : state_(std::make_unique<State>(std::move(description))) {
+  update(Eigen::Map<const Eigen::VectorXd>(state_->model.initial_position().data(), num_joints()));
+}
+
+Kinematics::Kinematics(Kinematics&&) noexcept = default;
+Kinematics& Kinematics::operator=(Kinematics&&) noexcept = default;
+Kinematics::~Kinematics() = default;
+
+const RobotDescription& Kinematics::description() const noexcept { return state_->description; }
+int Kinematics::num_fingers() const noexcept { return state_->model.num_fingers(); }
+int Kinematics::num_joints() const noexcept { return state_->model.num_joints(); }
+
+void Kinematics::update(const JointValues& position) noexcept {
+  assert(position.size() == num_joints());
+  const mjModel* model = state_->model.mujoco();
+  mjData* data = state_->data.get();
+  Eigen::Map<Eigen::VectorXd>(data->qpos, num_joints()) = position;
+  mj_kinematics(model, data);
+  mj_comPos(model, data);
+  mj_crb(model, data);
+  mj_comVel(model, data);
+}
+
+Eigen::Vector3d Kinematics::tip_position(int finger) const noexcept {
+  const int site = state_->model.tip_sites()[static_cast<std::size_t>(finger)];
+  return Eigen::Map<const Eigen::Vector3d>(state_->data->site_xpos + 3 * site);
+}
+
+TipPositions Kinematics::tip_positions() const noexcept {
+  TipPositions tips(3 * num_fingers());
+  for (int finger = 0; finger < num_fingers(); ++finger)
+    tips.segment<3>(3 * finger) = tip_position(finger);
+  return tips;
+}
+
+TipJacobian Kinematics::tip_jacobian(int finger) const noexcept {
+  const int site = state_->model.tip_sites()[static_cast<std::size_t>(finger)];
+  // MuJoCo writes row by row.
+  Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor, 3, kMaxJoints> rows(3, num_joints());
+  mj_jacSite(state_->model.mujoco(), state_->data.get(), rows.data(), nullptr, site);
+  return rows;
+}
+
+JointValues Kinematics::gravity_torques() const noexcept {
+  JointValues torques(num_joints());
+  // At rest the inverse dynamics without acceleration is gravity alone.
+  mj_rne(state_->model.mujoco(), state_->data.get(), 0, torques.data());
+  return torques;
+}
+
+JointMatrix Kinematics::mass_matrix() const noexcept {
+  JointMatrix mass(num_joints(), num_joints());
+  mj_fullM(state_->model.mujoco(), state_->data.get(), mass.data());
+  return mass;
+}
+
+FingerPose Kinematics::inverse_kinematics(int finger, const Eigen::Vector3d& tip) const noexcept {
+  return inverse_kinematics(finger, tip, state_->initial);
+}
+
+FingerPose Kinematics::inverse_kinematics(int finger, const Eigen::Vector3d& tip,
+                                          const Eigen::Vector3d& near) const noexcept {
+  if (!tip.allFinite() || !near.allFinite()) return {state_->initial, Reach::kTooFar};
+
+  const ClosedForm& form = state_->form;
+  const Eigen::Vector3d local = state_->finger_from_world[static_cast<std::size_t>(finger)] * tip;
+  const double forward = local.y() - form.forward;
+
+  Reach reach = Reach::kYes;
+  const double squared_depth =
+      local.x() * local.x() + local.z() * local.z() - form.aside * form.aside;
+  // A rounding error below zero still counts as touching.
+  if (squared_depth < -1e-12) reach = Reach::kTooClose;
+  const double depth = std::sqrt(std::max(0.0, squared_depth));
+
+  const double squared_length = forward * forward + depth * depth;
+  double cosine = squared_length / (2 * kLinkLength * kLinkLength) - 1;
+  if (cosine > 1 + 1e-12 && reach == Reach::kYes) reach = Reach::kTooFar;
+  cosine = std::min(cosine, 1.0);
+
+  double best_distance = std::numeric_limits<double>::infinity();
+  double best_excess = std::numeric_limits<double>::infinity();
+  Eigen::Vector3d best = near;
+  for (const double side :
+       {-1.0, 1.0}) {  // The finger hangs below its joint-0 axis, or rises above.
+    for (const double knee : {-1.0, 1.0}) {  // Which way the knee bends.
+      const double height = side * depth;
+      Eigen::Vector3d pose;
+      pose[0] = std::atan2(local.x(), local.z()) - std::atan2(form.aside, height);
+      pose[2] = knee * std::acos(cosine);
+      pose[1] = form.joint1_sign * (std::atan2(forward, -height) - pose[2] / 2);
+      for (int j = 0; j < 3; ++j) {
+        // Of the turns that mean the same, the one inside the limits, then the nearest one.
+        double angle = wrapped(pose[j]);
+        double chosen = angle;
+        double chosen_cost = std::numeric_limits<double>::infinity();
+        for (const double turn : {-2 * std::numbers::pi, 0.0, 2 * std::numbers::pi}) {
+          const double candidate = angle + turn;
+          const double excess =
+              std::max({0.0, state_->lower[j] - candidate, candidate - state_->upper[j]});
+          const double cost = 1e3 * excess + std::abs(candidate - near[j]);
+          if (cost < chosen_cost) {
+            chosen_cost = cost;
+            chosen = candidate;
+          }
+        }
+        pose[j] = chosen;
+      }
+      const Eigen::Vector3d inside = pose.cwiseMax(state_->lower).cwiseMin(state_->upper);
+      const double excess = (pose - inside).cwiseAbs().maxCoeff();
+      const double distance = (pose - near).norm();
+      const bool better =
+          excess < 1e-9 && best_excess < 1e-9 ? distance < best_distance : excess < best_excess;
+      if (better) {
+        best = inside;
+        best_excess = excess;
+        best_distance = distance;
+      }
+    }
+  }
+  if (reach == Reach::kYes && best_excess > 1e-9) reach = Reach::kOutsideLimits;
+  return {best, reach};
+}
+
+}  // namespace trifinger

@@ -1,0 +1,274 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/model/robot_description.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <sstream>
+
+#include "trifinger/base/error.hpp"
+
+namespace trifinger {
+namespace {
+
+// The posts of the frame are 600 mm profiles; flipped, the platform stands on them.
+constexpr double kPostLength = 0.6;
+// Room between the joint-0 axes and the ground when flipped, so that the middle links never touch
+// it.
+constexpr double kFlippedClearance = 0.2;
+constexpr double kLowestFingers = 0.2;
+constexpr double kHighestFingers = 0.6;
+
+constexpr ActuatorParameters kTwoAmpere{.torque_limit = 0.36};
+constexpr ActuatorParameters kTwoPointTwoAmpere{.torque_limit = 0.396};
+
+constexpr FingerJoints kUsualSafetyDamping{0.09, 0.09, 0.05};
+
+constexpr VariantFigures kEduTri{
+    .name = "edu",
+    .finger_height = 0.283,
+    .tip_radius = 0.0095,
+    .soft_lower = {-1.6, -1.2, -3.0},
+    .soft_upper = {1.0, 1.6, 3.0},
+    .hard_lower = {-2.0, -1.4, -3.2},
+    .hard_upper = {1.6, 1.8, 3.2},
+    .initial_position = {0, 0.9, -1.7},
+    .kp = {7, 7, 6.5},
+    .kd = {0.01, 0.015, 0.02},
+    .safety_kd = kUsualSafetyDamping,
+    .actuator = kTwoAmpere,
+};
+
+constexpr VariantFigures kProTri{
+    .name = "pro",
+    .finger_height = 0.29,
+    .tip_radius = 0.010,
+    .soft_lower = {-0.33, 0, -2.7},
+    .soft_upper = {1.0, 1.57, 0},
+    .hard_lower = {-1.0, -1.67, -2.8},
+    .hard_upper = {1.5, 1.67, 2.8},
+    .initial_position = {0, 0.9, -1.7},
+    .kp = {9, 9, 9},
+    .kd = {0.01, 0.01, 0.01},
+    .safety_kd = kUsualSafetyDamping,
+    .actuator = kTwoPointTwoAmpere,
+};
+
+constexpr VariantFigures kOneTri{
+    .name = "one",
+    .finger_height = 0.29,
+    .tip_radius = 0.010,
+    // The source sets none; ours lie 0.1 rad inside the hard limits.
+    .soft_lower = {-1.7, -1.3, -3.0},
+    .soft_upper = {1.7, 4.4, 3.0},
+    .hard_lower = {-1.8, -1.4, -3.1},
+    .hard_upper = {1.8, 4.5, 3.1},
+    .initial_position = {0, -0.9, -1.7},
+    .kp = {6, 6, 6},
+    .kd = {0.03, 0.03, 0.03},
+    .safety_kd = kUsualSafetyDamping,
+    .actuator = kTwoAmpere,
+};
+
+constexpr VariantFigures single(VariantFigures figures, std::string_view name) {
+  figures.name = name;
+  return figures;
+}
+
+constexpr VariantFigures kEduSingle = single(kEduTri, "edu-single");
+constexpr VariantFigures kProSingle = single(kProTri, "pro-single");
+constexpr VariantFigures kOneSingle{
+    .name = "one-single",
+    .finger_height = 0.34,
+    .tip_radius = 0.013,
+    .soft_lower = {-1.6, -1.4, -3.1},
+    .soft_upper = {1.6, 4.5, 3.1},
+    .hard_lower = {-1.8, -1.6, -3.3},
+    .hard_upper = {1.8, 4.7, 3.3},
+    .initial_position = {0, 0, 0},
+    .kp = {6, 6, 6},
+    .kd = {0.03, 0.03, 0.03},
+    .safety_kd = {0.08, 0.08, 0.04},
+    .actuator = kTwoAmpere,
+};
+
+template <typename... Parts>
+[[noreturn]] void reject(const Parts&... parts) {
+  std::ostringstream text;
+  (text << ... << parts);
+  throw InvalidArgument(text.str());
+}
+
+void require_in(std::string_view what, double value, double lowest, double highest) {
+  if (!(value >= lowest && value <= highest))
+    reject(what, " is ", value, "; allowed is ", lowest, " to ", highest, ".");
+}
+
+void validate_actuator(const ActuatorParameters& actuator) {
+  require_in("actuator.torque_limit [Nm]", actuator.torque_limit, 1e-3, 10);
+  require_in("actuator.torque_constant [Nm/A]", actuator.torque_constant, 1e-6, 10);
+  require_in("actuator.gear_ratio", actuator.gear_ratio, 1e-3, 1e4);
+  require_in("actuator.rotor_inertia [kg m^2]", actuator.rotor_inertia, 0, 1);
+  require_in("actuator.damping [Nm s/rad]", actuator.damping, 0, 10);
+  require_in("actuator.friction [Nm]", actuator.friction, 0, 10);
+  require_in("actuator.no_load_speed [rad/s]", actuator.no_load_speed, 1e-3, 1e4);
+  require_in("actuator.stall_torque [Nm]", actuator.stall_torque, 1e-3, 1e3);
+}
+
+int num_lengths(ObjectShape shape) {
+  switch (shape) {
+    case ObjectShape::kBox:
+      return 3;
+    case ObjectShape::kStick:
+      return 2;
+    case ObjectShape::kBall:
+      break;
+  }
+  return 1;
+}
+
+void validate_object(const ObjectDescription& object) {
+  const std::string name = "object '" + object.name + "': ";
+  for (int i = 0; i < num_lengths(object.shape); ++i)
+    require_in(name + "size [m]", object.size[static_cast<std::size_t>(i)], 0.001, 1);
+  if (object.shape == ObjectShape::kStick && object.size[0] <= object.size[1])
+    reject(name, "a stick of length ", object.size[0], " m must be longer than its diameter of ",
+           object.size[1], " m.");
+  require_in(name + "mass [kg]", object.mass, 1e-4, 100);
+  if (object.position)
+    for (const double coordinate : *object.position)
+      require_in(name + "position [m]", coordinate, -10, 10);
+}
+
+}  // namespace
+
+double available_torque(const ActuatorParameters& actuator, double torque,
+                        double velocity) noexcept {
+  const double limit = actuator.torque_limit;
+  const double clipped = std::clamp(torque, -limit, limit);
+  if (clipped * velocity <= 0) return clipped;
+  const double driving =
+      std::max(0.0, actuator.stall_torque * (1 - std::abs(velocity) / actuator.no_load_speed));
+  return std::clamp(clipped, -driving, driving);
+}
+
+ObjectDescription cube(std::string name) {
+  return {.name = std::move(name),
+          .shape = ObjectShape::kBox,
+          .size = {0.065, 0.065, 0.065},
+          .mass = 0.094};
+}
+
+ObjectDescription cuboid(std::string name) {
+  return {.name = std::move(name),
+          .shape = ObjectShape::kBox,
+          .size = {0.02, 0.08, 0.02},
+          .mass = 0.016};
+}
+
+ObjectDescription stick(std::string name) {
+  return {.name = std::move(name),
+          .shape = ObjectShape::kStick,
+          .size = {0.14, 0.01, 0},
+          .mass = 0.012};
+}
+
+ObjectDescription ball(std::string name) {
+  return {.name = std::move(name), .shape = ObjectShape::kBall, .size = {0.06, 0, 0}, .mass = 0.05};
+}
+
+const VariantFigures& variant_figures(Variant variant, Arrangement arrangement) noexcept {
+  const bool single_finger = arrangement == Arrangement::kSingleFinger;
+  switch (variant) {
+    case Variant::kPro:
+      return single_finger ? kProSingle : kProTri;
+    case Variant::kOne:
+      return single_finger ? kOneSingle : kOneTri;
+    case Variant::kEdu:
+      break;
+  }
+  return single_finger ? kEduSingle : kEduTri;
+}
+
+Variant variant_from_name(std::string_view name) {
+  for (const Variant variant : {Variant::kEdu, Variant::kPro, Variant::kOne})
+    if (variant_figures(variant).name == name) return variant;
+  reject("There is no robot variant '", name, "'; known are edu, pro and one.");
+}
+
+const VariantFigures& figures(const RobotDescription& description) noexcept {
+  return variant_figures(description.variant, description.arrangement);
+}
+
+int num_fingers(const RobotDescription& description) noexcept {
+  return description.arrangement == Arrangement::kTriFinger ? 3 : 1;
+}
+
+int num_joints(const RobotDescription& description) noexcept {
+  return num_fingers(description) * kJointsPerFinger;
+}
+
+double finger_height(const RobotDescription& description) noexcept {
+  return description.finger_height.value_or(figures(description).finger_height);
+}
+
+ActuatorParameters actuator(const RobotDescription& description) noexcept {
+  return description.actuator.value_or(figures(description).actuator);
+}
+
+double flip_height(const RobotDescription& description) noexcept {
+  return std::max(kPostLength, finger_height(description) + kFlippedClearance);
+}
+
+namespace {
+
+std::vector<std::string> with_finger_suffix(const RobotDescription& description,
+                                            std::initializer_list<const char*> names) {
+  std::vector<std::string> all;
+  for (const char* suffix : {"_0", "_120", "_240"}) {
+    const bool single_finger = description.arrangement == Arrangement::kSingleFinger;
+    for (const char* name : names) all.push_back(single_finger ? name : std::string(name) + suffix);
+    if (single_finger) break;
+  }
+  return all;
+}
+
+}  // namespace
+
+std::vector<std::string> joint_names(const RobotDescription& description) {
+  return with_finger_suffix(description,
+                            {"finger_base_to_upper_joint", "finger_upper_to_middle_joint",
+                             "finger_middle_to_lower_joint"});
+}
+
+std::vector<std::string> tip_names(const RobotDescription& description) {
+  return with_finger_suffix(description, {"finger_tip_link"});
+}
+
+void validate(const RobotDescription& description) {
+  require_in("finger_height [m]", finger_height(description), kLowestFingers, kHighestFingers);
+  validate_actuator(actuator(description));
+  require_in("contact.tip_friction", description.contact.tip_friction, 1e-3, 10);
+  require_in("contact.tip_torsional_friction [m]", description.contact.tip_torsional_friction, 0,
+             1);
+  require_in("contact.floor_friction", description.contact.floor_friction, 1e-3, 10);
+
+  std::set<std::string> names;
+  std::size_t without_position = 0;
+  for (const ObjectDescription& object : description.objects) {
+    if (object.name.empty()) reject("An object has no name; every object needs one of its own.");
+    if (!names.insert(object.name).second)
+      reject("Two objects are called '", object.name, "'; names must differ.");
+    // Bodies of the robot have such names.
+    if (object.name == "world" || object.name == "platform" || object.name == "table" ||
+        object.name.starts_with("finger_"))
+      reject("An object cannot be called '", object.name,
+             "': 'world', 'platform', 'table' and names that begin with 'finger_' are taken.");
+    validate_object(object);
+    if (!object.position && ++without_position > 4)
+      reject("object '", object.name,
+             "' needs a position: only the first four objects have places of their own.");
+  }
+}
+
+}  // namespace trifinger
