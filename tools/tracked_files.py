@@ -10,7 +10,7 @@ ROOT = Path(__file__).resolve().parent.parent
 def tracked_files(*suffixes: str) -> list[Path]:
     """Returns the tracked files, relative to the root, with one of `suffixes` if any is given."""
     listing = subprocess.run(
-        ["git", "ls-files", "-z"], cwd=ROOT, check=True, capture_output=True, text=True
+        ["git", "ls-files", "-z"], cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True
     ).stdout
     paths = [Path(name) for name in listing.split("\0") if name]
     return [
