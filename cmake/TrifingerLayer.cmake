@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: BSD-3-Clause
+# One directory is one layer is one target. `tools/check_layers.py` holds the table of who may include whom.
+
+set(TRIFINGER_SANITIZE "" CACHE STRING "Sanitizers of our own targets: '', 'address,undefined' or 'thread'")
+option(TRIFINGER_WARNINGS_AS_ERRORS "Treat warnings in our own targets as errors" OFF)
+
+# Options of every target that we compile; private, so that users of the libraries keep theirs.
+function(trifinger_target_options target)
+  target_compile_options(
+    ${target}
+    PRIVATE -Wall
+            -Wextra
+            -Wpedantic
+            -Wconversion
+            -Wsign-conversion
+            -Wshadow
+            -Wnon-virtual-dtor
+            -Wold-style-cast
+            -Woverloaded-virtual
+            -Wdouble-promotion
+            $<$<BOOL:${TRIFINGER_WARNINGS_AS_ERRORS}>:-Werror>)
+  if(TRIFINGER_SANITIZE)
+    target_compile_options(${target} PRIVATE -fsanitize=${TRIFINGER_SANITIZE}
+                                             -fno-sanitize-recover=all -fno-omit-frame-pointer)
+    target_link_options(${target} PRIVATE -fsanitize=${TRIFINGER_SANITIZE})
+  endif()
+endfunction()
+
+# trifinger_layer(NAME SOURCES a.cpp ... [PUBLIC lib ...] [PRIVATE lib ...])
+#
+# Defines the library trifinger_NAME with the alias trifinger::NAME and installs it with its headers.
+function(trifinger_layer name)
+  cmake_parse_arguments(PARSE_ARGV 1 layer "" "" "SOURCES;PUBLIC;PRIVATE")
+  set(target trifinger_${name})
+  add_library(${target} STATIC ${layer_SOURCES})
+  add_library(trifinger::${name} ALIAS ${target})
+  trifinger_target_options(${target})
+  set_target_properties(${target} PROPERTIES EXPORT_NAME ${name} POSITION_INDEPENDENT_CODE ON)
+  target_compile_features(${target} PUBLIC cxx_std_20)
+  target_include_directories(
+    ${target} PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/include> $<INSTALL_INTERFACE:include>)
+  target_link_libraries(${target} PUBLIC ${layer_PUBLIC} PRIVATE ${layer_PRIVATE})
+  install(TARGETS ${target} EXPORT trifinger-targets ARCHIVE DESTINATION lib/trifinger COMPONENT development)
+  install(DIRECTORY ${PROJECT_SOURCE_DIR}/include/trifinger/${name} DESTINATION include/trifinger
+          COMPONENT development)
+endfunction()
+
+# trifinger_test(NAME SOURCES a_test.cpp ... LIBRARIES lib ...)
+#
+# One test program per layer. Every test has a watchdog of its own: a hang fails, it does not stall the suite.
+function(trifinger_test name)
+  cmake_parse_arguments(PARSE_ARGV 1 test "" "" "SOURCES;LIBRARIES")
+  set(target ${name}_test)
+  add_executable(${target} ${test_SOURCES})
+  trifinger_target_options(${target})
+  target_include_directories(${target} PRIVATE ${PROJECT_SOURCE_DIR}/tests)
+  target_link_libraries(${target} PRIVATE ${test_LIBRARIES} GTest::gmock GTest::gtest_main)
+  gtest_discover_tests(${target} DISCOVERY_MODE PRE_TEST PROPERTIES TIMEOUT 300 LABELS ${name})
+endfunction()

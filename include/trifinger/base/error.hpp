@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <stdexcept>
+#include <string>
+
+namespace trifinger {
+
+/// Base of everything that this library throws. The text is a sentence that names the thing, the value found
+/// and the value allowed, or the remedy.
+class Error : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+/// An argument has no meaning here: a wrong name, range, size or unit.
+class InvalidArgument : public Error {
+ public:
+  using Error::Error;
+};
+
+/// A wait took longer than its `Timeout`. What was waited for may still come.
+class TimedOut : public Error {
+ public:
+  using Error::Error;
+};
+
+/// A call to the operating system failed.
+class SystemError : public Error {
+ public:
+  /// `doing` is what was tried, as in "open /dev/shm/trifinger.sim.state"; the text of `error_number` follows.
+  SystemError(const std::string& doing, int error_number);
+
+  [[nodiscard]] int error_number() const noexcept { return error_number_; }
+
+ private:
+  int error_number_;
+};
+
+}  // namespace trifinger

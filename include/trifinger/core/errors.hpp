@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+
+#include "trifinger/base/error.hpp"
+#include "trifinger/base/time.hpp"
+#include "trifinger/core/fault.hpp"
+
+namespace trifinger {
+
+/// The session has ended: no further action is taken and no further element will come. Elements that are still in
+/// the history can be read on.
+class RobotStopped : public Error {
+ public:
+  RobotStopped(const Fault& fault, const std::string& text) : Error(text), fault_(fault) {}
+
+  [[nodiscard]] const Fault& fault() const noexcept { return fault_; }
+
+ private:
+  Fault fault_;
+};
+
+/// The element was overwritten by newer ones.
+class HistoryLost : public Error {
+ public:
+  HistoryLost(TimeIndex time_index, TimeIndex oldest);
+
+  /// The oldest step that can still be read.
+  [[nodiscard]] TimeIndex oldest() const noexcept { return oldest_; }
+
+ private:
+  TimeIndex oldest_;
+};
+
+/// An action was appended for a step whose observation had been read: on a real robot it would have come too late.
+class AcausalAction : public Error {
+ public:
+  explicit AcausalAction(TimeIndex time_index);
+};
+
+/// A wait that only a further action could satisfy, in a program where nobody else can append it.
+class ActionMissing : public Error {
+ public:
+  using Error::Error;
+};
+
+/// Nobody offers a session of this name.
+class SessionNotFound : public Error {
+ public:
+  using Error::Error;
+};
+
+/// Another process or handle controls the robot.
+class ControlHeld : public Error {
+ public:
+  using Error::Error;
+};
+
+/// Another back-end owns the robot of this name.
+class RobotOwned : public Error {
+ public:
+  using Error::Error;
+};
+
+/// The session was made for another robot, with other fields, or by another version.
+class IncompatibleSession : public Error {
+ public:
+  using Error::Error;
+};
+
+/// The handle was made before fork(); the child must connect on its own.
+class InheritedHandle : public Error {
+ public:
+  using Error::Error;
+};
+
+}  // namespace trifinger

@@ -1,0 +1,240 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <utility>
+
+#include "trifinger/base/time.hpp"
+#include "trifinger/core/errors.hpp"
+#include "trifinger/core/robot.hpp"
+#include "trifinger/core/session.hpp"
+#include "trifinger/core/status.hpp"
+
+namespace trifinger {
+
+class Backend;
+
+/// What may be chosen when taking part in a session.
+struct FrontendOptions {
+  bool control{true};                        ///< Take control; otherwise only look.
+  bool strict{false};                        ///< Throw AcausalAction instead of marking the step.
+  Timeout timeout{std::chrono::seconds(5)};  ///< How long to wait for a session that is about to begin.
+};
+
+/// The front-end without types: elements are bytes, laid out as the session's description says. Python and tools
+/// use it directly, C++ programs use `Frontend`, which documents the functions.
+class UntypedFrontend {
+ public:
+  /// Takes part in the current session of the robot `name`, which any process may run. Companions can only be
+  /// looked at.
+  explicit UntypedFrontend(const std::string& name, FrontendOptions options = {});
+  /// Takes part in the current session of `host`, whose back-end runs in a thread of this process.
+  explicit UntypedFrontend(const SessionHost& host, FrontendOptions options = {});
+  /// Takes part in the current session of `backend`, which runs inside this front-end's waits.
+  explicit UntypedFrontend(Backend& backend, FrontendOptions options = {});
+  UntypedFrontend(UntypedFrontend&&) noexcept;
+  UntypedFrontend& operator=(UntypedFrontend&&) noexcept;
+  /// Gives control back. If actions were appended and the session still runs, it ends (`kDetached`).
+  ~UntypedFrontend();
+
+  TimeIndex append_desired_action(const void* action, Timeout timeout);
+  /// Appends `count` actions, one behind the other. Returns the index of the last one.
+  TimeIndex append_desired_actions(const void* actions, std::size_t count, Timeout timeout);
+
+  /// Copies the element of step `t`, waiting for it.
+  void get(Series series, TimeIndex t, void* element, Timeout timeout) const;
+  /// Copies the elements of the steps [first, first + count), waiting for the last.
+  void get(Series series, TimeIndex first, std::size_t count, void* elements, Timeout timeout) const;
+  /// Copies the element of step `t` if that needs no wait: false if it has not come yet.
+  [[nodiscard]] bool try_get(Series series, TimeIndex t, void* element) const;
+  void wait_until_time_index(TimeIndex t, Timeout timeout) const;
+  void latest_observation(void* observation, Timeout timeout) const;
+  /// Companions: copies the newest element that arrived at or before the robot's step `t`; waits for that step.
+  /// False if there was none by then.
+  [[nodiscard]] bool get_latest_at(TimeIndex t, void* element, Timeout timeout) const;
+
+  /// The newest step whose observation is there, -1 before step 0.
+  [[nodiscard]] TimeIndex current_time_index() const;
+  /// The first index of `series` that can still be read, and the first that has not been written.
+  [[nodiscard]] std::pair<TimeIndex, TimeIndex> range(Series series) const;
+  /// Why the session ended; nothing while it goes on.
+  [[nodiscard]] std::optional<Fault> fault() const;
+
+  void finish(Timeout timeout);
+  void recover(Timeout timeout);
+  [[nodiscard]] UntypedFrontend companion(const std::string& name) const;
+
+  [[nodiscard]] const Session& session() const;
+
+  /// Is called at least every 100 ms during waits and may throw to break them off: Python's Ctrl-C.
+  void set_interrupt(std::function<void()> interrupt);
+
+ private:
+  class Implementation;
+  explicit UntypedFrontend(std::unique_ptr<Implementation> implementation);
+
+  std::unique_ptr<Implementation> implementation_;
+};
+
+/// Throws IncompatibleSession with the first difference if `session` is not one of the robot `expected`.
+void require_same_robot(const Session& session, const RobotDescription& expected);
+/// The same for the elements of a companion.
+void require_same_companion(const Session& session, const ElementDescription& expected);
+
+/// The user's view of a running robot: append desired actions, read back what happened.
+///
+/// Reading step t waits until the back-end has filled it in, so a loop that reads y[t] and appends a[t+1] is paced
+/// by the robot and needs no sleep of its own.
+///
+/// Not real-time: reads block and failures throw. Any number of threads may read; one appends. Every wait ends:
+/// with the value, with TimedOut, or with RobotStopped once the session has ended and the value will never come.
+/// A handle that went through fork() throws InheritedHandle.
+template <Robot R>
+class Frontend {
+ public:
+  using Action = typename R::Action;
+  using AppliedAction = AppliedActionOf<R>;
+  using Observation = typename R::Observation;
+
+  /// Takes part in the current session of the robot `name`: see `connect` and `observe`.
+  /// @throws SessionNotFound with the names there are, ControlHeld naming the process that controls it,
+  /// IncompatibleSession if it is another robot, RobotStopped if a fault must be cleared with `recover` first.
+  explicit Frontend(const std::string& name, FrontendOptions options = {})
+      : Frontend(UntypedFrontend(name, options)) {}
+  /// The same for a back-end that runs in a thread of this process.
+  explicit Frontend(const SessionHost& host, FrontendOptions options = {})
+      : Frontend(UntypedFrontend(host, options)) {}
+  /// The same for a back-end that runs inside this front-end's waits: no threads, deterministic, fast. Waiting for a
+  /// step whose action has not been appended throws ActionMissing.
+  explicit Frontend(Backend& backend, FrontendOptions options = {})
+      : Frontend(UntypedFrontend(backend, options)) {}
+
+  /// Appends `action` and returns the step it is scheduled for: the next one, or the first still open if the loop fell
+  /// behind. The first call starts time 0. Waits only if the queue is full.
+  /// @throws RobotStopped, TimedOut, AcausalAction if strict
+  TimeIndex append_desired_action(const Action& action, Timeout timeout = kForever) {
+    return untyped_.append_desired_action(&action, timeout);
+  }
+  /// Appends several actions, one per step, and returns the step of the last one.
+  TimeIndex append_desired_actions(std::span<const Action> actions, Timeout timeout = kForever) {
+    return untyped_.append_desired_actions(actions.data(), actions.size(), timeout);
+  }
+
+  /// Returns y[t], waiting for it if `t` lies in the future.
+  /// @throws HistoryLost if y[t] was already overwritten, RobotStopped if it will never come, TimedOut
+  [[nodiscard]] Observation get_observation(TimeIndex t, Timeout timeout = kForever) const {
+    return get<Observation>(Series::kObservation, t, timeout);
+  }
+  /// Returns a[t] as the back-end took it; throws as `get_observation`, like all below.
+  [[nodiscard]] Action get_desired_action(TimeIndex t, Timeout timeout = kForever) const {
+    return get<Action>(Series::kDesiredAction, t, timeout);
+  }
+  /// Returns a'[t]: what was applied.
+  [[nodiscard]] AppliedAction get_applied_action(TimeIndex t, Timeout timeout = kForever) const {
+    return get<AppliedAction>(Series::kAppliedAction, t, timeout);
+  }
+  /// Returns what the back-end has to say about step t.
+  [[nodiscard]] Status get_status(TimeIndex t, Timeout timeout = kForever) const {
+    return get<Status>(Series::kStatus, t, timeout);
+  }
+
+  /// Fills `elements` with the steps from `first` on, waiting for the last one.
+  void get_observations(TimeIndex first, std::span<Observation> elements,
+                        Timeout timeout = kForever) const {
+    untyped_.get(Series::kObservation, first, elements.size(), elements.data(), timeout);
+  }
+  void get_desired_actions(TimeIndex first, std::span<Action> elements,
+                           Timeout timeout = kForever) const {
+    untyped_.get(Series::kDesiredAction, first, elements.size(), elements.data(), timeout);
+  }
+  void get_applied_actions(TimeIndex first, std::span<AppliedAction> elements,
+                           Timeout timeout = kForever) const {
+    untyped_.get(Series::kAppliedAction, first, elements.size(), elements.data(), timeout);
+  }
+  void get_statuses(TimeIndex first, std::span<Status> elements, Timeout timeout = kForever) const {
+    untyped_.get(Series::kStatus, first, elements.size(), elements.data(), timeout);
+  }
+
+  /// Returns the newest observation, before step 0 too: nobody has to act in order to look.
+  [[nodiscard]] Observation latest_observation(Timeout timeout = kForever) const {
+    Observation observation;
+    untyped_.latest_observation(&observation, timeout);
+    return observation;
+  }
+  /// Waits until y[t] is there.
+  void wait_until_time_index(TimeIndex t, Timeout timeout = kForever) const {
+    untyped_.wait_until_time_index(t, timeout);
+  }
+  /// The newest step whose observation is there, -1 before step 0.
+  [[nodiscard]] TimeIndex current_time_index() const { return untyped_.current_time_index(); }
+
+  /// Says that no further action will come: the session ends, without a fault, behind the last action appended.
+  /// Returns when it has ended.
+  void finish(Timeout timeout = kForever) { untyped_.finish(timeout); }
+  /// Clears the fault that ended the session and waits until the back-end has begun the next one. This handle
+  /// remains stopped: connect again.
+  void recover(Timeout timeout = kForever) { untyped_.recover(timeout); }
+  /// Why the session ended; nothing while it goes on.
+  [[nodiscard]] std::optional<Fault> fault() const { return untyped_.fault(); }
+
+  /// Reads the companion `name` of this robot, as in "object".
+  [[nodiscard]] UntypedFrontend companion(const std::string& name) const {
+    return untyped_.companion(name);
+  }
+
+  [[nodiscard]] const Session& session() const { return untyped_.session(); }
+
+ private:
+  explicit Frontend(UntypedFrontend untyped) : untyped_(std::move(untyped)) {
+    require_same_robot(untyped_.session(), describe_robot<R>());
+  }
+
+  template <class T>
+  [[nodiscard]] T get(Series series, TimeIndex t, Timeout timeout) const {
+    T element;
+    untyped_.get(series, t, &element, timeout);
+    return element;
+  }
+
+  UntypedFrontend untyped_;
+};
+
+/// Elements of a companion session with their type.
+template <Described T>
+class Companion {
+ public:
+  /// @throws IncompatibleSession if the elements are not of type T
+  explicit Companion(UntypedFrontend frontend) : untyped_(std::move(frontend)) {
+    require_same_companion(untyped_.session(), describe<T>());
+  }
+
+  /// Returns the newest element that arrived at or before the robot's step `t`, waiting for that step.
+  /// Nothing if none had arrived by then.
+  [[nodiscard]] std::optional<T> get_latest_at(TimeIndex t, Timeout timeout = kForever) const {
+    T element;
+    if (!untyped_.get_latest_at(t, &element, timeout)) return std::nullopt;
+    return element;
+  }
+
+ private:
+  UntypedFrontend untyped_;
+};
+
+/// Takes control of the robot `name`, which runs in a back-end of its own: `trifinger run`.
+/// @throws SessionNotFound with the names there are and how to start one; else as Frontend
+template <Robot R>
+[[nodiscard]] Frontend<R> connect(const std::string& name, FrontendOptions options = {}) {
+  return Frontend<R>(name, options);
+}
+
+/// Looks at the robot `name` without controlling it.
+template <Robot R>
+[[nodiscard]] Frontend<R> observe(const std::string& name) {
+  return Frontend<R>(name, {.control = false});
+}
+
+}  // namespace trifinger

@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "trifinger/base/time.hpp"
+#include "trifinger/core/fault.hpp"
+#include "trifinger/core/robot.hpp"
+#include "trifinger/ipc/process.hpp"
+
+namespace trifinger {
+
+namespace detail {
+class SessionMapping;
+class SessionPlace;
+}  // namespace detail
+
+/// The time series of a session. Companions have `kObservation` only.
+enum class Series : std::uint8_t {
+  kDesiredAction,
+  kAppliedAction,
+  kObservation,
+  kStatus,
+  kHolding,  ///< Observations before step 0; only the newest few are kept.
+};
+[[nodiscard]] std::string_view name_of(Series series) noexcept;
+
+/// What anybody may know about a session without taking part in it.
+struct SessionInfo {
+  enum class Phase : std::uint8_t { kPreparing, kHolding, kRunning, kEnded };
+
+  std::string name;
+  std::string type;                           ///< Of the robot, as in "trifinger"; of a companion, its own.
+  bool is_companion{false};
+  std::uint64_t session_id{0};
+  bool is_real_time{false};
+  Nanoseconds period{0};
+  std::chrono::system_clock::time_point created;
+  std::string host;
+  ipc::ProcessIdentity backend;
+  ipc::ProcessIdentity controller;            ///< pid 0: nobody controls.
+  bool backend_is_alive{false};
+  Nanoseconds since_heartbeat{0};             ///< How long ago the loop gave its last sign of life.
+  Phase phase{Phase::kPreparing};
+  TimeIndex steps{0};                         ///< Whole steps so far.
+  Fault fault;                                ///< kNone before the end.
+  std::string fault_text;                     ///< A sentence; empty before the end.
+};
+[[nodiscard]] std::string_view name_of(SessionInfo::Phase phase) noexcept;
+
+/// Where the files of named sessions are: $TRIFINGER_SESSION_DIR, default /dev/shm.
+[[nodiscard]] std::filesystem::path session_folder();
+
+/// A session that has been found. Copies refer to the same session; the front-end is made of one.
+class Session {
+ public:
+  /// Finds the current session of the robot or companion `name`.
+  /// @throws SessionNotFound with the names that there are, IncompatibleSession, InvalidArgument
+  [[nodiscard]] static Session open(const std::string& name);
+
+  [[nodiscard]] SessionInfo info() const;
+  /// The types of the robot; of a companion, only the observation.
+  [[nodiscard]] const RobotDescription& description() const noexcept;
+  /// The layout of the elements of one series.
+  [[nodiscard]] const ElementDescription& element(Series series) const;
+
+  /// Internal: made by the hosts of sessions.
+  explicit Session(std::shared_ptr<const detail::SessionMapping> mapping);
+  [[nodiscard]] const std::shared_ptr<const detail::SessionMapping>& mapping() const noexcept {
+    return mapping_;
+  }
+
+ private:
+  std::shared_ptr<const detail::SessionMapping> mapping_;
+};
+
+/// What is in the session folder, robots and companions, in the order of their names. Sessions whose back-end died
+/// are included.
+[[nodiscard]] std::vector<SessionInfo> list_sessions();
+
+/// Clears the fault of the robot `name`, as the operator who has looked at it; the next session begins.
+/// @throws SessionNotFound, TimedOut, RobotStopped if the back-end is gone
+void recover(const std::string& name, Timeout timeout = std::chrono::seconds(5));
+
+/// Options of the memory of a session.
+struct SessionOptions {
+  std::size_t history{16384};  ///< Elements kept per series; rounded up to a power of two.
+  std::size_t queue{4096};     ///< Actions that may wait for their turn; rounded up likewise.
+  unsigned mode{0600};         ///< Permissions of the files; 0660 shares them with the group.
+};
+
+/// The right to offer sessions under one name. There is one per robot; it lasts as long as the object.
+class SessionHost {
+ public:
+  /// For front-ends in this process only. Companions are found with `open`.
+  [[nodiscard]] static SessionHost anonymous(SessionOptions options = {});
+  /// For every process of this machine. What a dead back-end of that name left behind is removed.
+  /// @throws RobotOwned naming the owner, InvalidArgument for a name that cannot be a file's
+  [[nodiscard]] static SessionHost named(const std::string& name, SessionOptions options = {});
+
+  SessionHost(SessionHost&&) noexcept;
+  SessionHost& operator=(SessionHost&&) noexcept;
+  ~SessionHost();
+
+  /// The current session, or one of its companions. Works in this process, for both kinds.
+  /// @throws SessionNotFound before the back-end has begun one
+  [[nodiscard]] Session open(const std::string& companion = {}) const;
+
+  [[nodiscard]] detail::SessionPlace& place() const noexcept { return *place_; }
+
+ private:
+  explicit SessionHost(std::unique_ptr<detail::SessionPlace> place);
+
+  std::unique_ptr<detail::SessionPlace> place_;
+};
+
+}  // namespace trifinger

@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <atomic>
+#include <bit>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+
+namespace trifinger::ipc {
+
+/// Size of a ring in memory. A slot is a 64-bit sequence number and the element, in 64-bit words.
+struct RingShape {
+  std::uint64_t capacity{0};      ///< Elements kept; a power of two.
+  std::uint64_t element_size{0};  ///< [bytes]
+
+  [[nodiscard]] constexpr std::uint64_t words() const noexcept { return (element_size + 7) / 8; }
+  [[nodiscard]] constexpr std::uint64_t slot_size() const noexcept { return 8 * (1 + words()); }
+  [[nodiscard]] constexpr std::uint64_t size() const noexcept { return capacity * slot_size(); }
+  [[nodiscard]] constexpr bool is_valid() const noexcept {
+    // The bounds keep size() far from overflow, whatever a damaged file claims.
+    return std::has_single_bit(capacity) && capacity <= (1U << 30U) && element_size > 0 &&
+           element_size <= (1U << 30U);
+  }
+};
+
+enum class ReadResult : std::uint8_t {
+  kDone,
+  kNotYet,  ///< The element has not been written.
+  kLost,    ///< A newer element has taken its place.
+};
+
+/// A history of numbered elements in shared memory: one writer, any number of readers, nobody waits.
+///
+/// Slot i % capacity holds the element i once its sequence number is 2 i + 2; while the writer is at work it is
+/// 2 i + 1. A reader that sees the same even number before and after its copy has the whole element. The words
+/// are atomics, so a torn copy is discarded, not undefined.
+class Ring {
+ public:
+  Ring() = default;
+  /// Lies on `size()` bytes at `memory`, zeros in the beginning, aligned to 8.
+  Ring(std::byte* memory, const RingShape& shape) noexcept
+      : memory_(memory), shape_(shape), words_(shape.words()), slot_size_(shape.slot_size()) {}
+
+  [[nodiscard]] const RingShape& shape() const noexcept { return shape_; }
+
+  /// Writes element `index`. The one writer only. `commit` orders the store that makes it visible: seq_cst where a
+  /// look at another word must not come before it.
+  void write(std::int64_t index, const void* element,
+             std::memory_order commit = std::memory_order_release) const noexcept {
+    Word* const slot = slot_of(index);
+    const std::uint64_t sequence = sequence_of(index);
+    // relaxed: each release below carries this store, so whoever sees a new word sees the odd number.
+    slot[0].store(sequence - 1, std::memory_order_relaxed);
+    const auto* source = static_cast<const std::byte*>(element);
+    for (std::uint64_t i = 1; i < words_; ++i, source += 8) {
+      std::uint64_t word;
+      std::memcpy(&word, source, 8);
+      slot[i].store(word, std::memory_order_release);
+    }
+    std::uint64_t last{0};
+    std::memcpy(&last, source, last_word_size());
+    slot[words_].store(last, std::memory_order_release);
+    // At least release: whoever sees the even number sees the whole element.
+    slot[0].store(sequence, commit);
+  }
+
+  /// Copies element `index` to `element`, which holds nothing useful unless the answer is kDone.
+  [[nodiscard]] ReadResult read(std::int64_t index, void* element) const noexcept {
+    const Word* const slot = slot_of(index);
+    // acquire: the words read below are at least as new as this number.
+    const std::uint64_t before = slot[0].load(std::memory_order_acquire);
+    if (before != sequence_of(index)) {
+      return before > sequence_of(index) ? ReadResult::kLost : ReadResult::kNotYet;
+    }
+    auto* target = static_cast<std::byte*>(element);
+    for (std::uint64_t i = 1; i < words_; ++i, target += 8) {
+      // acquire: a word of a newer element brings that element's odd number along.
+      const std::uint64_t word = slot[i].load(std::memory_order_acquire);
+      std::memcpy(target, &word, 8);
+    }
+    const std::uint64_t last = slot[words_].load(std::memory_order_acquire);
+    std::memcpy(target, &last, last_word_size());
+    // relaxed: ordered behind the loads above because they acquire.
+    return slot[0].load(std::memory_order_relaxed) == before ? ReadResult::kDone
+                                                             : ReadResult::kLost;
+  }
+
+  /// The sequence number in the slot of `index`, for those who do not trust the writer.
+  [[nodiscard]] std::uint64_t sequence_in_slot(std::int64_t index) const noexcept {
+    // seq_cst: the back-end looks once more after it has closed an index (see Backend).
+    return slot_of(index)[0].load(std::memory_order_seq_cst);
+  }
+  [[nodiscard]] static constexpr std::uint64_t sequence_of(std::int64_t index) noexcept {
+    return 2 * static_cast<std::uint64_t>(index) + 2;
+  }
+
+ private:
+  using Word = std::atomic<std::uint64_t>;
+  static_assert(sizeof(Word) == 8 && Word::is_always_lock_free);
+
+  [[nodiscard]] Word* slot_of(std::int64_t index) const noexcept {
+    const std::uint64_t position = static_cast<std::uint64_t>(index) & (shape_.capacity - 1);
+    return reinterpret_cast<Word*>(memory_ + position * slot_size_);
+  }
+  [[nodiscard]] std::size_t last_word_size() const noexcept {
+    return shape_.element_size - 8 * (words_ - 1);
+  }
+
+  std::byte* memory_{nullptr};
+  RingShape shape_;
+  std::uint64_t words_{0};
+  std::uint64_t slot_size_{0};
+};
+
+}  // namespace trifinger::ipc

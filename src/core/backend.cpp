@@ -1,0 +1,320 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/core/backend.hpp"
+
+#include <condition_variable>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "loop.hpp"
+#include "session_memory.hpp"
+#include "trifinger/core/errors.hpp"
+#include "trifinger/ipc/file_lock.hpp"
+#include "trifinger/ipc/fork.hpp"
+#include "trifinger/ipc/futex.hpp"
+
+namespace trifinger {
+namespace {
+
+constexpr Nanoseconds kWatchPeriod = std::chrono::milliseconds(20);
+constexpr Nanoseconds kWaitSlice = std::chrono::milliseconds(50);
+
+// A session in work: its memory and its loop.
+struct Run {
+  Run(UntypedDriver& driver, detail::SessionPlace& place, const BackendOptions& options,
+      const std::atomic<bool>& stop_requested)
+      : writers(place.begin(driver, options.mode == BackendOptions::Mode::kRealTime, options.period)),
+        loop(driver, writers, options, stop_requested) {}
+
+  detail::SessionPlace::Writers writers;
+  detail::Loop loop;
+};
+
+// Looks at what the loop cannot see: whether the controlling process lives, whether a call of the driver returns.
+class Watchdog {
+ public:
+  Watchdog(Run& run, Timeout driver_timeout)
+      : run_(run), driver_timeout_(driver_timeout), thread_([this] { watch(); }) {}
+  Watchdog(const Watchdog&) = delete;
+  Watchdog& operator=(const Watchdog&) = delete;
+  ~Watchdog() {
+    {
+      const std::lock_guard lock(mutex_);
+      done_ = true;
+    }
+    changed_.notify_all();
+    thread_.join();
+  }
+
+ private:
+  void watch() {
+    std::unique_lock lock(mutex_);
+    while (!changed_.wait_for(lock, kWatchPeriod, [this] { return done_; })) {
+      if (run_.writers.robot->controller_died()) {
+        run_.loop.note_controller_died();
+        ipc::futex_wake_all(run_.writers.robot->action_header().event);
+      }
+      if (driver_hangs() && !was_cut_) {
+        was_cut_ = true;
+        run_.loop.cut();
+      }
+    }
+  }
+
+  [[nodiscard]] bool driver_hangs() noexcept {
+    if (driver_timeout_ == kForever) return false;
+    const Instant now = std::chrono::steady_clock::now();
+    const std::uint64_t calls = run_.loop.driver_calls();
+    if (calls != seen_calls_ || calls % 2 == 0) {
+      seen_calls_ = calls;
+      seen_time_ = now;
+    }
+    return now - seen_time_ > driver_timeout_;
+  }
+
+  Run& run_;
+  Timeout driver_timeout_;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  bool done_{false};
+  bool was_cut_{false};
+  std::uint64_t seen_calls_{0};
+  Instant seen_time_{std::chrono::steady_clock::now()};
+  std::thread thread_;
+};
+
+}  // namespace
+
+void BackendOptions::validate() const {
+  const auto require = [](bool holds, const std::string& text) {
+    if (!holds) throw InvalidArgument(text);
+  };
+  require(period > Nanoseconds::zero(),
+          "period is " + std::to_string(period.count()) + " ns; allowed are positive times");
+  require(first_action_timeout > Nanoseconds::zero(), "first_action_timeout must be positive");
+  require(driver_timeout > Nanoseconds::zero(), "driver_timeout must be positive");
+  require(max_stop_time >= Nanoseconds::zero(), "max_stop_time must not be negative");
+}
+
+class Backend::Implementation {
+ public:
+  Implementation(UntypedDriver& driver, SessionHost& host, const BackendOptions& options,
+                 Clock& clock)
+      : driver_(driver), host_(host), options_(options), clock_(clock) {
+    options_.validate();
+  }
+
+  ~Implementation() {
+    if (!run_ || fork_.is_inherited()) return;
+    request_stop();
+    // The clock may be a test's that nobody moves any more: the stop does not wait for it.
+    while (run_->loop.tick(next_tick_number()) != Progress::kEnded) {
+    }
+  }
+
+  void run() {
+    while (!stop_requested()) {
+      begin();
+      {
+        const Watchdog watchdog(*run_, is_real_time() ? options_.driver_timeout : kForever);
+        if (is_real_time()) {
+          run_with_deadlines();
+        } else {
+          run_without_deadlines();
+        }
+      }
+      last_fault_ = run_->loop.fault();
+      if (last_fault_.needs_recovery()) wait_for_recovery();
+    }
+    run_.reset();
+  }
+
+  // relaxed: a flag without data behind it.
+  void request_stop() noexcept { stop_requested_.store(true, std::memory_order_relaxed); }
+
+  void begin_session() {
+    if (run_ && !has_ended_) return;
+    if (run_ && last_fault_.needs_recovery() && !was_recovered()) {
+      throw RobotStopped(last_fault_, "the robot has stopped: " + describe(last_fault_) +
+                                          "; call recover() before the next session");
+    }
+    begin();
+    // Brings the driver to where it holds, so that the session can be looked at.
+    while (run_->loop.tick(next_tick_number()) == Progress::kStepped) {
+    }
+  }
+
+  Progress advance() noexcept {
+    if (!run_) return Progress::kEnded;
+    const Progress progress = run_->loop.tick(next_tick_number());
+    if (progress == Progress::kEnded && !has_ended_) {
+      has_ended_ = true;
+      last_fault_ = run_->loop.fault();
+    }
+    return progress;
+  }
+
+  void recover() noexcept { last_fault_ = {}; }
+
+  [[nodiscard]] const SessionHost& host() const noexcept { return host_; }
+  [[nodiscard]] const BackendOptions& options() const noexcept { return options_; }
+
+ private:
+  [[nodiscard]] bool is_real_time() const noexcept {
+    return options_.mode == BackendOptions::Mode::kRealTime;
+  }
+  [[nodiscard]] bool stop_requested() const noexcept {
+    return stop_requested_.load(std::memory_order_relaxed);
+  }
+
+  void begin() {
+    // The old session's memory goes last: readers find either of them at any time.
+    auto next = std::make_unique<Run>(driver_, host_.place(), options_, stop_requested_);
+    run_ = std::move(next);
+    has_ended_ = false;
+    last_fault_ = {};
+  }
+
+  [[nodiscard]] detail::Tick next_tick_number() const noexcept { return {.time = clock_.now()}; }
+
+  void run_with_deadlines() noexcept {
+    Instant deadline = clock_.now();
+    std::int64_t number = 0;
+    while (true) {
+      clock_.sleep_until(deadline);
+      const Instant now = clock_.now();
+      // Late by whole periods: those ticks are left out, the phase is kept.
+      const std::int64_t skipped = (now - deadline) / options_.period;
+      deadline += skipped * options_.period;
+      number += skipped;
+      const detail::Tick tick{.time = now,
+                              .number = number,
+                              .lateness = now - deadline,
+                              .skipped = static_cast<std::uint32_t>(skipped)};
+      if (run_->loop.tick(tick) == Progress::kEnded) return;
+      deadline += options_.period;
+      ++number;
+    }
+  }
+
+  void run_without_deadlines() noexcept {
+    while (true) {
+      const Progress progress = run_->loop.tick(next_tick_number());
+      if (progress == Progress::kEnded) return;
+      if (progress == Progress::kWaiting) wait_for_work();
+    }
+  }
+
+  void wait_for_work() noexcept {
+    detail::SessionWriter& robot = *run_->writers.robot;
+    const std::atomic<std::uint32_t>& event = robot.action_header().event;
+    // Observers have not been told of the last steps; for nobody who waits this is one cheap call before a long one.
+    ipc::futex_wake_all(robot.header().event);
+    for (const auto& companion : run_->writers.companions) {
+      ipc::futex_wake_all(companion->header().event);
+    }
+    while (true) {
+      // acquire, before the look at the queue: an append in between changes the word, and the sleep ends at once.
+      const std::uint32_t seen = event.load(std::memory_order_acquire);
+      // seq_cst, with the look at the queue behind it: either we see the action, or append sees that we sleep.
+      robot.header().backend_waits.store(1, std::memory_order_seq_cst);
+      const bool has_work = run_->loop.has_work();
+      if (!has_work) ipc::futex_wait(event, seen, kWaitSlice);
+      // relaxed: to be seen late costs the controller a call, nothing else.
+      robot.header().backend_waits.store(0, std::memory_order_relaxed);
+      if (has_work) return;
+      run_->loop.beat(clock_.now());
+    }
+  }
+
+  [[nodiscard]] bool was_recovered() const noexcept {
+    const auto requests =
+        run_->writers.robot->action_header().requests.load(std::memory_order_acquire);
+    return (requests & layout::kRecover) != 0;
+  }
+
+  void wait_for_recovery() {
+    const std::atomic<std::uint32_t>& event = run_->writers.robot->action_header().event;
+    while (!stop_requested()) {
+      const std::uint32_t seen = event.load(std::memory_order_acquire);
+      if (was_recovered()) return;
+      // Whose action was late because the process was killed cannot recover; the next user shall not have to.
+      if (last_fault_.code == Fault::Code::kActionLate &&
+          run_->writers.robot->controller_died()) {
+        return;
+      }
+      run_->loop.beat(clock_.now());
+      ipc::futex_wait(event, seen, kWaitSlice);
+    }
+  }
+
+  UntypedDriver& driver_;
+  SessionHost& host_;
+  BackendOptions options_;
+  Clock& clock_;
+  ipc::ForkGuard fork_;
+  std::atomic<bool> stop_requested_{false};
+  std::unique_ptr<Run> run_;
+  bool has_ended_{false};
+  Fault last_fault_;
+};
+
+Backend::Backend(UntypedDriver& driver, SessionHost& host, BackendOptions options, Clock& clock)
+    : implementation_(std::make_unique<Implementation>(driver, host, options, clock)) {}
+Backend::~Backend() = default;
+
+void Backend::run() { implementation_->run(); }
+void Backend::request_stop() noexcept { implementation_->request_stop(); }
+void Backend::begin_session() { implementation_->begin_session(); }
+Progress Backend::advance() noexcept { return implementation_->advance(); }
+void Backend::recover() noexcept { implementation_->recover(); }
+const SessionHost& Backend::host() const noexcept { return implementation_->host(); }
+const BackendOptions& Backend::options() const noexcept { return implementation_->options(); }
+
+BackendThread::BackendThread(Backend& backend, const RealtimeOptions& realtime) : backend_(backend) {
+  std::exception_ptr failure;
+  std::mutex mutex;
+  std::condition_variable changed;
+  bool started = false;
+  thread_ = std::thread([&, this, &running = backend] {
+    try {
+      refused_ = enter_realtime(realtime);
+    } catch (...) {
+      failure = std::current_exception();
+    }
+    const bool has_failed = failure != nullptr;
+    {
+      const std::lock_guard lock(mutex);
+      started = true;
+      changed.notify_all();
+    }
+    if (has_failed) return;
+    try {
+      running.run();
+    } catch (...) {
+      // A thread has nobody to throw to; front-ends see the session end.
+      failure_ = std::current_exception();
+    }
+  });
+  std::unique_lock lock(mutex);
+  changed.wait(lock, [&] { return started; });
+  lock.unlock();
+  if (failure != nullptr) {
+    thread_.join();
+    std::rethrow_exception(failure);
+  }
+}
+
+BackendThread::~BackendThread() {
+  backend_.request_stop();
+  if (thread_.joinable()) thread_.join();
+}
+
+void BackendThread::stop() {
+  backend_.request_stop();
+  if (thread_.joinable()) thread_.join();
+  if (failure_ != nullptr) std::rethrow_exception(std::exchange(failure_, nullptr));
+}
+
+}  // namespace trifinger

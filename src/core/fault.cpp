@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/core/fault.hpp"
+
+#include "trifinger/core/errors.hpp"
+
+namespace trifinger {
+
+std::string_view name_of(Fault::Code code) noexcept {
+  switch (code) {
+    case Fault::Code::kNone:
+      return "none";
+    case Fault::Code::kFinished:
+      return "finished";
+    case Fault::Code::kDetached:
+      return "detached";
+    case Fault::Code::kControllerDied:
+      return "controller_died";
+    case Fault::Code::kStopped:
+      return "stopped";
+    case Fault::Code::kFirstActionLate:
+      return "first_action_late";
+    case Fault::Code::kActionLate:
+      return "action_late";
+    case Fault::Code::kBackendLate:
+      return "backend_late";
+    case Fault::Code::kActionsRejected:
+      return "actions_rejected";
+    case Fault::Code::kQueueDamaged:
+      return "queue_damaged";
+    case Fault::Code::kDriver:
+      return "driver";
+    case Fault::Code::kDriverHangs:
+      return "driver_hangs";
+    case Fault::Code::kBackendDied:
+      return "backend_died";
+  }
+  return "unknown";
+}
+
+std::string describe(const Fault& fault, std::string_view driver_text) {
+  const std::string step = std::to_string(fault.time_index);
+  const std::string detail = std::to_string(fault.detail);
+  switch (fault.code) {
+    case Fault::Code::kNone:
+      return "the session goes on";
+    case Fault::Code::kFinished:
+      return "the controller finished at step " + step;
+    case Fault::Code::kDetached:
+      return "the controller let go at step " + step + " without finish()";
+    case Fault::Code::kControllerDied:
+      return "the controlling process died before step " + step;
+    case Fault::Code::kStopped:
+      return "the back-end was asked to stop at step " + step;
+    case Fault::Code::kFirstActionLate:
+      return "no first action arrived within the first-action timeout";
+    case Fault::Code::kActionLate:
+      return "the action for step " + step + " was not there in time" +
+             (fault.detail > 0 ? ", after " + detail + " repeats of the one before" : "") +
+             "; append it earlier, or let the back-end repeat actions (late_action in its configuration)";
+    case Fault::Code::kBackendLate:
+      return "the back-end was late by " + detail + " periods at step " + step +
+             "; 'trifinger doctor' tells what this machine lacks for real time";
+    case Fault::Code::kActionsRejected:
+      return detail + " actions in a row up to step " + step + " were not fit to apply";
+    case Fault::Code::kQueueDamaged:
+      return "the queue of actions was damaged by its writer at step " + step;
+    case Fault::Code::kDriver:
+      return "the driver gave up at step " + step + ": " +
+             (driver_text.empty() ? "its code is " + detail : std::string(driver_text));
+    case Fault::Code::kDriverHangs:
+      return "a call of the driver did not return at step " + step + "; the robot's power was cut";
+    case Fault::Code::kBackendDied:
+      return "the back-end died; the last whole step is " + step;
+  }
+  return "unknown fault " + std::to_string(static_cast<int>(fault.code));
+}
+
+HistoryLost::HistoryLost(TimeIndex time_index, TimeIndex oldest)
+    : Error("step " + std::to_string(time_index) +
+            " has been overwritten; the oldest step still kept is " + std::to_string(oldest)),
+      oldest_(oldest) {}
+
+AcausalAction::AcausalAction(TimeIndex time_index)
+    : Error("the action for step " + std::to_string(time_index) + " comes after observation " +
+            std::to_string(time_index) +
+            " was read: on a real robot it would be late; compute a[t+1] from y[t]") {}
+
+}  // namespace trifinger

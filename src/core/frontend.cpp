@@ -1,0 +1,610 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/core/frontend.hpp"
+
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
+#include <cstring>
+#include <thread>
+#include <vector>
+
+#include "session_memory.hpp"
+#include "trifinger/core/backend.hpp"
+#include "trifinger/core/driver.hpp"
+#include "trifinger/ipc/file_lock.hpp"
+#include "trifinger/ipc/fork.hpp"
+#include "trifinger/ipc/futex.hpp"
+
+namespace trifinger {
+namespace {
+
+using detail::SessionMapping;
+using detail::Wanted;
+
+// Waits look at the other side's health, and call the interrupt, at least this often.
+constexpr Nanoseconds kSlice = std::chrono::milliseconds(100);
+// Sessions begin in files of their own, so there is no event to wait for between them.
+constexpr auto kPollPeriod = std::chrono::milliseconds(1);
+
+// Says in the action file what a thread of the controller waits for, as long as it waits.
+class WaitSlot {
+ public:
+  WaitSlot(layout::ActionHeader* header, const Wanted& wanted) noexcept {
+    if (header == nullptr) return;
+    for (auto& slot : header->wait_slots) {
+      std::uint64_t expected = 0;
+      // seq_cst, with a look at the event behind it: see SessionWriter::announce.
+      if (slot.compare_exchange_strong(expected, wanted.word(), std::memory_order_seq_cst)) {
+        slot_ = &slot;
+        return;
+      }
+    }
+  }
+  WaitSlot(const WaitSlot&) = delete;
+  WaitSlot& operator=(const WaitSlot&) = delete;
+  ~WaitSlot() {
+    // relaxed: if it is seen late, one wake is for nobody.
+    if (slot_ != nullptr) slot_->store(0, std::memory_order_relaxed);
+  }
+
+ private:
+  std::atomic<std::uint64_t>* slot_{nullptr};
+};
+
+}  // namespace
+
+class UntypedFrontend::Implementation {
+ public:
+  Implementation(std::shared_ptr<const SessionMapping> mapping,
+                 std::optional<ipc::SharedMemory> action, const FrontendOptions& options,
+                 Backend* inline_backend)
+      : mapping_(std::move(mapping)),
+        session_(mapping_),
+        action_(std::move(action)),
+        options_(options),
+        inline_backend_(inline_backend),
+        thread_(std::this_thread::get_id()) {
+    if (!action_) return;
+    const layout::RingPlace& queue = header().queue;
+    queue_ = ipc::Ring(action_->data() + queue.offset, queue.shape);
+    queue_entry_.resize((queue.shape.element_size + 7) / 8);
+  }
+
+  ~Implementation() {
+    if (!action_ || fork_.is_inherited()) return;
+    if (last_appended_ < 0) {
+      // release: the lock is given back with the file, behind this.
+      action_header()->controller_pid.store(0, std::memory_order_release);
+    } else {
+      // Also behind the end: who leaves without it has died.
+      request(layout::kDetach);
+      run_inline_to_end();
+    }
+  }
+  Implementation(const Implementation&) = delete;
+  Implementation& operator=(const Implementation&) = delete;
+
+  TimeIndex append(const void* action, Timeout timeout) {
+    require_own();
+    require_control();
+    while (true) {
+      if (mapping_->has_ended()) mapping_->throw_stopped();
+      // acquire: slots of indices taken before are free.
+      const TimeIndex open = header().next_action.load(std::memory_order_acquire);
+      const TimeIndex t = std::max(last_appended_ + 1, open);
+      const auto capacity = static_cast<TimeIndex>(queue_.shape().capacity);
+      if (t - open >= capacity) {
+        wait_for_queue_space(t - capacity, timeout);
+        continue;
+      }
+      // relaxed: set by this thread, or by one whose read is not ordered with this append anyway.
+      const bool is_acausal = t <= handed_out_.load(std::memory_order_relaxed);
+      if (is_acausal && options_.strict) throw AcausalAction(t);
+
+      queue_entry_[0] = is_acausal ? layout::QueueFlags::kAcausal : 0;
+      std::memcpy(queue_entry_.data() + 1, action, queue_.shape().element_size - 8);
+      auto& event = action_header()->event;
+      // relaxed, before the slot: a back-end that does not find the action does not sleep on the new word.
+      event.store(event.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
+      queue_.write(t, queue_entry_.data(), std::memory_order_seq_cst);
+      last_appended_ = t;
+      // seq_cst: either the back-end found the action above before it went to sleep, or we see that it sleeps.
+      if (header().backend_waits.load(std::memory_order_seq_cst) != 0) ipc::futex_wake_all(event);
+      // seq_cst: a back-end that closes t says so before it looks for the action once more, so if this is not closed,
+      // the action will be found.
+      if (header().is_real_time == 0 || header().next_action.load(std::memory_order_seq_cst) <= t ||
+          was_taken(t, timeout)) {
+        return t;
+      }
+    }
+  }
+
+  TimeIndex append(const void* actions, std::size_t count, Timeout timeout) {
+    if (count == 0) throw InvalidArgument("a burst needs at least one action");
+    const std::size_t size = description().action.size();
+    TimeIndex t = -1;
+    for (std::size_t i = 0; i < count; ++i) {
+      t = append(static_cast<const std::byte*>(actions) + i * size, timeout);
+    }
+    return t;
+  }
+
+  bool try_get(Series series, TimeIndex t, void* element) const {
+    require_own();
+    if (t < 0) throw InvalidArgument("step " + std::to_string(t) + " does not exist; steps begin at 0");
+    if (!mapping_->has(series)) static_cast<void>(mapping_->element(series));  // throws
+    switch (mapping_->ring(series).read(t, element)) {
+      case ipc::ReadResult::kDone:
+        if (series == Series::kObservation) hand_out(t);
+        return true;
+      case ipc::ReadResult::kLost:
+        throw HistoryLost(t, range(series).first);
+      case ipc::ReadResult::kNotYet:
+        break;
+    }
+    return false;
+  }
+
+  void get(Series series, TimeIndex t, void* element, Timeout timeout) const {
+    if (try_get(series, t, element)) return;
+    wait_for(series, t, timeout);
+    // It was there a moment ago: false means that the writer is a whole history further.
+    if (!try_get(series, t, element)) throw HistoryLost(t, range(series).first);
+  }
+
+  void get(Series series, TimeIndex first, std::size_t count, void* elements, Timeout timeout) const {
+    if (count == 0) return;
+    const std::size_t size = mapping_->element(series).size();
+    const auto capacity = mapping_->ring(series).shape().capacity;
+    if (count > capacity) {
+      throw InvalidArgument(std::to_string(count) + " steps at once are more than the history keeps (" +
+                            std::to_string(capacity) + ")");
+    }
+    auto* target = static_cast<std::byte*>(elements);
+    // The last first: once it is there, all are.
+    get(series, first + static_cast<TimeIndex>(count) - 1, target + (count - 1) * size, timeout);
+    for (std::size_t i = 0; i + 1 < count; ++i) {
+      const TimeIndex t = first + static_cast<TimeIndex>(i);
+      if (!try_get(series, t, target + i * size)) throw HistoryLost(t, range(series).first);
+    }
+  }
+
+  void wait_for(Series series, TimeIndex t, Timeout timeout) const {
+    require_own();
+    const auto kind = series == Series::kObservation ? Wanted::kObservation : Wanted::kStep;
+    wait([this, series, t] { return mapping_->end_of(series) > t; }, {kind, t}, timeout,
+         [series, t] { return "step " + std::to_string(t) + " of " + std::string(name_of(series)); });
+  }
+
+  void latest_observation(void* observation, Timeout timeout) const {
+    require_own();
+    const auto is_there = [&] {
+      // The writer may overtake us by a whole history between the two calls; then there is a newer one.
+      while (true) {
+        const TimeIndex end = mapping_->end_of(Series::kObservation);
+        const Series series =
+            end > 0 || !mapping_->has(Series::kHolding) ? Series::kObservation : Series::kHolding;
+        const TimeIndex newest = mapping_->end_of(series) - 1;
+        if (newest < 0) return false;
+        if (mapping_->ring(series).read(newest, observation) != ipc::ReadResult::kDone) continue;
+        if (series == Series::kObservation) hand_out(newest);
+        return true;
+      }
+    };
+    if (is_there()) return;
+    wait(is_there, {Wanted::kAnything, 0}, timeout, [] { return std::string("an observation"); });
+  }
+
+  bool get_latest_at(TimeIndex t, void* element, Timeout timeout) const {
+    require_own();
+    if (!mapping_->is_companion()) {
+      throw InvalidArgument("get_latest_at reads companions; robot '" + mapping_->name() +
+                            "' has one element per step: use get_observation");
+    }
+    const auto is_complete = [this, t] {
+      // acquire: all elements of that step were written before.
+      return header().complete_through.load(std::memory_order_acquire) >= t;
+    };
+    if (!is_complete()) {
+      wait(is_complete, {Wanted::kAnything, t}, timeout,
+           [t] { return "step " + std::to_string(t) + " of the robot"; });
+    }
+    const ipc::Ring& ring = mapping_->ring(Series::kObservation);
+    const TimeIndex end = mapping_->end_of(Series::kObservation);
+    for (TimeIndex i = end - 1; i >= 0; --i) {
+      if (ring.read(i, element) != ipc::ReadResult::kDone) {
+        throw HistoryLost(t, static_cast<const Stamp*>(element)->arrival_index);
+      }
+      if (static_cast<const Stamp*>(element)->arrival_index <= t) return true;
+    }
+    return false;
+  }
+
+  [[nodiscard]] TimeIndex current_time_index() const {
+    require_own();
+    return mapping_->end_of(Series::kObservation) - 1;
+  }
+
+  [[nodiscard]] std::pair<TimeIndex, TimeIndex> range(Series series) const {
+    const TimeIndex end = mapping_->end_of(series);
+    const auto capacity = static_cast<TimeIndex>(mapping_->ring(series).shape().capacity);
+    return {std::max<TimeIndex>(0, end - capacity), end};
+  }
+
+  [[nodiscard]] std::optional<Fault> fault() const {
+    if (mapping_->has_ended() || (inline_backend_ == nullptr && !mapping_->backend_is_alive())) {
+      return mapping_->fault();
+    }
+    return std::nullopt;
+  }
+
+  void finish(Timeout timeout) {
+    require_own();
+    require_control();
+    if (!mapping_->has_ended()) {
+      request(layout::kFinish);
+      wait([this] { return mapping_->has_ended(); }, {Wanted::kAnything, 0}, timeout,
+           [] { return std::string("the end of the session"); });
+      run_inline_to_end();
+    }
+    if (mapping_->fault().needs_recovery()) mapping_->throw_stopped();
+  }
+
+  void recover(Timeout timeout) {
+    require_own();
+    if (inline_backend_ != nullptr) {
+      inline_backend_->recover();
+      return;
+    }
+    const Deadline deadline(timeout);
+    if (!mapping_->has_ended()) return;
+    if (action_) request(layout::kRecover);
+    while (true) {
+      const SessionMapping current(mapping_->directory(), mapping_->name());
+      if (current.header().session_id != header().session_id) return;
+      if (!current.backend_is_alive()) mapping_->throw_stopped();
+      if (deadline.passed()) throw TimedOut("no new session has begun after the fault");
+      std::this_thread::sleep_for(kPollPeriod);
+    }
+  }
+
+  [[nodiscard]] std::unique_ptr<Implementation> companion(const std::string& name) const {
+    require_own();
+    const std::string full_name = mapping_->name() + "." + name;
+    std::shared_ptr<const SessionMapping> companion;
+    try {
+      companion = std::make_shared<SessionMapping>(mapping_->directory(), full_name);
+    } catch (const SystemError& error) {
+      if (error.error_number() != ENOENT) throw;
+      throw SessionNotFound("robot '" + mapping_->name() + "' has no companion '" + name + "'");
+    }
+    if (companion->header().robot_session_id != header().session_id) mapping_->throw_stopped();
+    auto implementation = std::make_unique<Implementation>(
+        std::move(companion), std::nullopt, FrontendOptions{.control = false}, inline_backend_);
+    implementation->interrupt_ = interrupt_;
+    return implementation;
+  }
+
+  [[nodiscard]] const Session& session() const { return session_; }
+  void set_interrupt(std::function<void()> interrupt) { interrupt_ = std::move(interrupt); }
+
+ private:
+  [[nodiscard]] const layout::StateHeader& header() const noexcept { return mapping_->header(); }
+  [[nodiscard]] layout::ActionHeader* action_header() const noexcept {
+    return action_ ? reinterpret_cast<layout::ActionHeader*>(action_->data()) : nullptr;
+  }
+  [[nodiscard]] const RobotDescription& description() const noexcept {
+    return mapping_->description();
+  }
+
+  void require_own() const {
+    if (fork_.is_inherited()) {
+      throw InheritedHandle("this handle of '" + mapping_->name() +
+                            "' was made before fork(); connect again in the child process");
+    }
+  }
+  void require_control() const {
+    if (!action_) {
+      throw InvalidArgument("this handle of '" + mapping_->name() +
+                            "' only observes; use connect() to control the robot");
+    }
+  }
+
+  void request(layout::Request what) const noexcept {
+    // release: actions appended before are seen with it.
+    action_header()->requests.fetch_or(what, std::memory_order_release);
+    action_header()->event.fetch_add(1, std::memory_order_seq_cst);
+    ipc::futex_wake_all(action_header()->event);
+  }
+
+  // Brings the robot of an inline back-end to rest.
+  void run_inline_to_end() const noexcept {
+    if (inline_backend_ == nullptr) return;
+    while (inline_backend_->advance() != Progress::kEnded) {
+    }
+  }
+
+  // Remembers that the user knows y_t.
+  void hand_out(TimeIndex t) const noexcept {
+    // relaxed: see append. Several readers may race here; the newest counts, one step more or less does not.
+    if (t > handed_out_.load(std::memory_order_relaxed)) {
+      handed_out_.store(t, std::memory_order_relaxed);
+    }
+  }
+
+  // True if the action appended for `t`, which the back-end has passed, was applied; false if it came too late.
+  [[nodiscard]] bool was_taken(TimeIndex t, Timeout timeout) const {
+    Status status;
+    try {
+      get(Series::kStatus, t, &status, timeout);
+    } catch (const HistoryLost&) {
+      return false;
+    }
+    if ((status.flags & Status::kEnd) != 0) mapping_->throw_stopped();
+    return (status.flags & Status::kActionRepeated) == 0;
+  }
+
+  void wait_for_queue_space(TimeIndex taken, Timeout timeout) const {
+    wait([this, taken] { return header().next_action.load(std::memory_order_acquire) > taken; },
+         {Wanted::kQueueSpace, taken}, timeout,
+         [] { return std::string("a free place in the queue of actions"); });
+  }
+
+  // Waits until `ready()`. `what` names the thing waited for, in case it does not come.
+  template <class Ready, class What>
+  void wait(const Ready& ready, const Wanted& wanted, Timeout timeout, const What& what) const {
+    if (inline_backend_ != nullptr && std::this_thread::get_id() == thread_) {
+      run_inline(ready, timeout, what);
+      return;
+    }
+    const Deadline deadline(timeout);
+    Deadline slice(kSlice);
+    while (true) {
+      // seq_cst: with the wait slot behind it, see SessionWriter::announce.
+      const std::uint32_t event = header().event.load(std::memory_order_seq_cst);
+      const bool has_ended = mapping_->has_ended();
+      if (ready()) return;
+      if (has_ended) mapping_->throw_stopped();
+      if (deadline.passed()) throw TimedOut(what() + " did not come in time");
+      {
+        const WaitSlot slot(action_header(), wanted);
+        if (header().event.load(std::memory_order_seq_cst) == event) {
+          ipc::futex_wait(header().event, event, deadline.remaining(kSlice));
+        }
+      }
+      if (!slice.passed()) continue;
+      slice = Deadline(kSlice);
+      if (interrupt_) interrupt_();
+      // Its lock is given back after its last word: look for that once more.
+      if (!mapping_->backend_is_alive() && !mapping_->has_ended() && !ready()) {
+        mapping_->throw_stopped();
+      }
+    }
+  }
+
+  // The wait itself runs the back-end.
+  template <class Ready, class What>
+  void run_inline(const Ready& ready, Timeout timeout, const What& what) const {
+    constexpr int kStepsPerLook = 64;
+    const Deadline deadline(timeout);
+    Deadline slice(kSlice);
+    int steps = 0;
+    while (true) {
+      const bool has_ended = mapping_->has_ended();
+      if (ready()) return;
+      if (has_ended) mapping_->throw_stopped();
+      if (inline_backend_->advance() == Progress::kWaiting && !ready()) {
+        throw ActionMissing(what() + " needs an action that has not been appended: step " +
+                            std::to_string(header().next_action.load(std::memory_order_relaxed)));
+      }
+      if (++steps % kStepsPerLook != 0) continue;
+      if (deadline.passed() && !ready()) throw TimedOut(what() + " did not come in time");
+      if (slice.passed()) {
+        slice = Deadline(kSlice);
+        if (interrupt_) interrupt_();
+      }
+    }
+  }
+
+  std::shared_ptr<const SessionMapping> mapping_;
+  Session session_;
+  std::optional<ipc::SharedMemory> action_;
+  FrontendOptions options_;
+  Backend* inline_backend_;
+  std::thread::id thread_;
+  std::function<void()> interrupt_;
+  ipc::ForkGuard fork_;
+  ipc::Ring queue_;
+  std::vector<std::uint64_t> queue_entry_;
+  TimeIndex last_appended_{-1};
+  mutable std::atomic<TimeIndex> handed_out_{-1};
+};
+
+namespace {
+
+// The queue of `mapping`, locked for this process. Nothing if the session is about to end or has just ended: look
+// for the next one. Throws ControlHeld.
+std::optional<ipc::SharedMemory> take_control(const SessionMapping& mapping) {
+  std::optional<ipc::SharedMemory> action;
+  try {
+    action.emplace(mapping.directory()->open(
+        detail::action_file(mapping.name(), mapping.header().session_id), ipc::Access::kReadWrite));
+  } catch (const SystemError& error) {
+    if (error.error_number() == ENOENT) return std::nullopt;
+    throw;
+  }
+  auto& header = *reinterpret_cast<layout::ActionHeader*>(action->data());
+  if (!ipc::try_lock(action->file())) {
+    const ipc::ProcessIdentity holder{header.controller_pid.load(std::memory_order_relaxed),
+                                      header.controller_start_time.load(std::memory_order_relaxed)};
+    const bool is_own = holder == ipc::ProcessIdentity::of_this_process();
+    throw ControlHeld("robot '" + mapping.name() + "' is controlled by " +
+                      (is_own ? "another handle in this process" : describe(holder)) +
+                      "; use observe() to look at it");
+  }
+  // A predecessor that died after its first action leaves a session that is about to end.
+  const ipc::Ring queue(action->data() + mapping.header().queue.offset, mapping.header().queue.shape);
+  if (mapping.has_ended() || queue.sequence_in_slot(0) != 0 ||
+      header.requests.load(std::memory_order_relaxed) != 0) {
+    return std::nullopt;
+  }
+  const auto self = ipc::ProcessIdentity::of_this_process();
+  header.controller_start_time.store(self.start_time, std::memory_order_relaxed);
+  // release: the watchdog that sees the number finds the lock taken.
+  header.controller_pid.store(self.pid, std::memory_order_release);
+  return action;
+}
+
+// Takes part in the session that `find` returns, or in the one that follows if that is at its end.
+template <class Find, class Make>
+auto attach(const Find& find, const FrontendOptions& options, const Make& make) {
+  const Deadline deadline(options.timeout);
+  const Deadline grace(std::min<Timeout>(options.timeout, std::chrono::milliseconds(500)));
+  while (true) {
+    const Session session = find();
+    const std::shared_ptr<const SessionMapping>& mapping = session.mapping();
+    if (!options.control || mapping->is_companion()) return make(mapping, std::nullopt);
+    if (!mapping->backend_is_alive()) {
+      throw SessionNotFound("the back-end of robot '" + mapping->name() + "', process " +
+                            std::to_string(mapping->header().backend_pid) +
+                            ", is gone; start it again with 'trifinger run'");
+    }
+    // A user who was killed leaves a late action behind; the back-end clears that by itself.
+    const bool may_clear = mapping->fault().code == Fault::Code::kActionLate && !grace.passed();
+    if (mapping->has_ended() && mapping->fault().needs_recovery() && !may_clear) {
+      throw RobotStopped(mapping->fault(), "robot '" + mapping->name() + "' has stopped: " +
+                                               mapping->fault_text() +
+                                               "; clear this with recover() when it is safe");
+    }
+    std::optional<ipc::SharedMemory> action = take_control(*mapping);
+    if (action) return make(mapping, std::move(action));
+    if (deadline.passed()) {
+      throw TimedOut("robot '" + mapping->name() + "' has not begun a new session in time");
+    }
+    std::this_thread::sleep_for(kPollPeriod);
+  }
+}
+
+}  // namespace
+
+UntypedFrontend::UntypedFrontend(std::unique_ptr<Implementation> implementation)
+    : implementation_(std::move(implementation)) {}
+
+UntypedFrontend::UntypedFrontend(const std::string& name, FrontendOptions options)
+    : implementation_(attach([&] { return Session::open(name); }, options,
+                             [&](auto mapping, auto action) {
+                               return std::make_unique<Implementation>(
+                                   std::move(mapping), std::move(action), options, nullptr);
+                             })) {}
+
+UntypedFrontend::UntypedFrontend(const SessionHost& host, FrontendOptions options)
+    : implementation_(attach(
+          [&] {
+            const Deadline deadline(options.timeout);
+            while (true) {
+              try {
+                return host.open();
+              } catch (const SessionNotFound&) {
+                if (deadline.passed()) throw;
+              }
+              std::this_thread::sleep_for(kPollPeriod);
+            }
+          },
+          options,
+          [&](auto mapping, auto action) {
+            return std::make_unique<Implementation>(std::move(mapping), std::move(action), options,
+                                                    nullptr);
+          })) {}
+
+UntypedFrontend::UntypedFrontend(Backend& backend, FrontendOptions options)
+    : implementation_(attach(
+          [&] {
+            if (backend.options().mode != BackendOptions::Mode::kNonRealTime) {
+              throw InvalidArgument("a back-end in real-time mode cannot run inline: its time goes on");
+            }
+            backend.begin_session();
+            return backend.host().open();
+          },
+          options,
+          [&](auto mapping, auto action) {
+            return std::make_unique<Implementation>(std::move(mapping), std::move(action), options,
+                                                    &backend);
+          })) {}
+
+UntypedFrontend::UntypedFrontend(UntypedFrontend&&) noexcept = default;
+UntypedFrontend& UntypedFrontend::operator=(UntypedFrontend&&) noexcept = default;
+UntypedFrontend::~UntypedFrontend() = default;
+
+TimeIndex UntypedFrontend::append_desired_action(const void* action, Timeout timeout) {
+  return implementation_->append(action, timeout);
+}
+TimeIndex UntypedFrontend::append_desired_actions(const void* actions, std::size_t count,
+                                                  Timeout timeout) {
+  return implementation_->append(actions, count, timeout);
+}
+void UntypedFrontend::get(Series series, TimeIndex t, void* element, Timeout timeout) const {
+  implementation_->get(series, t, element, timeout);
+}
+void UntypedFrontend::get(Series series, TimeIndex first, std::size_t count, void* elements,
+                          Timeout timeout) const {
+  implementation_->get(series, first, count, elements, timeout);
+}
+bool UntypedFrontend::try_get(Series series, TimeIndex t, void* element) const {
+  return implementation_->try_get(series, t, element);
+}
+void UntypedFrontend::wait_until_time_index(TimeIndex t, Timeout timeout) const {
+  implementation_->wait_for(Series::kObservation, t, timeout);
+}
+void UntypedFrontend::latest_observation(void* observation, Timeout timeout) const {
+  implementation_->latest_observation(observation, timeout);
+}
+bool UntypedFrontend::get_latest_at(TimeIndex t, void* element, Timeout timeout) const {
+  return implementation_->get_latest_at(t, element, timeout);
+}
+TimeIndex UntypedFrontend::current_time_index() const {
+  return implementation_->current_time_index();
+}
+std::pair<TimeIndex, TimeIndex> UntypedFrontend::range(Series series) const {
+  return implementation_->range(series);
+}
+std::optional<Fault> UntypedFrontend::fault() const { return implementation_->fault(); }
+void UntypedFrontend::finish(Timeout timeout) { implementation_->finish(timeout); }
+void UntypedFrontend::recover(Timeout timeout) { implementation_->recover(timeout); }
+UntypedFrontend UntypedFrontend::companion(const std::string& name) const {
+  return UntypedFrontend(implementation_->companion(name));
+}
+const Session& UntypedFrontend::session() const { return implementation_->session(); }
+void UntypedFrontend::set_interrupt(std::function<void()> interrupt) {
+  implementation_->set_interrupt(std::move(interrupt));
+}
+
+namespace {
+
+void require_same(const std::string& what, const ElementDescription& found,
+                  const ElementDescription& expected) {
+  if (found == expected) return;
+  const std::string found_text = found.text();
+  throw IncompatibleSession(what + " has other fields than this program expects.\nSession:\n" +
+                            found_text + "Program:\n" + expected.text() +
+                            "Build both from the same version.");
+}
+
+}  // namespace
+
+void require_same_robot(const Session& session, const RobotDescription& expected) {
+  const RobotDescription& found = session.description();
+  const std::string name = "session '" + session.info().name + "'";
+  if (found.type != expected.type) {
+    throw IncompatibleSession(name + " is a robot of type '" + found.type +
+                              "'; this program expects '" + expected.type + "'");
+  }
+  require_same("the action of " + name, found.action, expected.action);
+  require_same("the applied action of " + name, found.applied_action, expected.applied_action);
+  require_same("the observation of " + name, found.observation, expected.observation);
+}
+
+void require_same_companion(const Session& session, const ElementDescription& expected) {
+  require_same("session '" + session.info().name + "'", session.description().observation, expected);
+}
+
+}  // namespace trifinger

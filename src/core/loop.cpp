@@ -1,0 +1,328 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "loop.hpp"
+
+#include <cstring>
+
+#include "trifinger/ipc/ring.hpp"
+
+namespace trifinger::detail {
+namespace {
+
+std::vector<std::uint64_t> element_buffer(std::size_t size) {
+  return std::vector<std::uint64_t>((size + 7) / 8);
+}
+
+}  // namespace
+
+Loop::Loop(UntypedDriver& driver, SessionPlace::Writers& writers, const BackendOptions& options,
+           const std::atomic<bool>& stop_requested)
+    : driver_(driver),
+      writer_(*writers.robot),
+      companions_(writers.companions),
+      options_(options),
+      stop_requested_(stop_requested),
+      queue_entry_(element_buffer(8 + driver.description().action.size())),
+      desired_(element_buffer(driver.description().action.size())),
+      applied_(element_buffer(driver.description().applied_action.size())),
+      observation_(element_buffer(driver.description().observation.size())),
+      hold_action_(element_buffer(driver.description().action.size())) {
+  for (const CompanionDescription& companion : driver.companions()) {
+    companion_elements_.push_back(element_buffer(companion.element.size()));
+  }
+}
+
+Progress Loop::tick(const Tick& now) noexcept {
+  last_time_ = now.time;
+  beat(now.time);
+  // acquire: the watchdog has spoken the last word, nothing may follow it.
+  if (was_cut_.load(std::memory_order_acquire)) stage_ = Stage::kDone;
+  switch (stage_) {
+    case Stage::kPreparing:
+      return prepare(now);
+    case Stage::kHolding:
+      return hold(now);
+    case Stage::kRunning:
+      return run(now);
+    case Stage::kStopping:
+      return stop();
+    case Stage::kDone:
+      break;
+  }
+  return Progress::kEnded;
+}
+
+Progress Loop::prepare(const Tick& now) noexcept {
+  if (const Fault::Code request = end_request(); request != Fault::Code::kNone) {
+    return end(request, 0);
+  }
+  const DriverReport report = call_driver([&] { return driver_.prepare(count_); });
+  ++count_;
+  if (report.state == DriverReport::State::kFault) return end(Fault::Code::kDriver, report.fault_code);
+  if (report.state == DriverReport::State::kBusy) return Progress::kStepped;
+  stage_ = Stage::kHolding;
+  holding_since_ = now.time;
+  set_phase(layout::Phase::kHolding);
+  return hold(now);
+}
+
+Progress Loop::hold(const Tick& now) noexcept {
+  // Without deadlines nothing moves before step 0, so one measurement serves.
+  if (!is_measured_) {
+    if (!measure(now)) return Progress::kStepped;
+    writer_.append(Series::kHolding, observation_.data());
+    publish_companions(now, -1);
+    announce(true);
+  }
+
+  const std::uint32_t requests_before = requests();
+  if (writer_.queue().sequence_in_slot(0) == ipc::Ring::sequence_of(0)) {
+    stage_ = Stage::kRunning;
+    first_tick_ = now.number;
+    set_phase(layout::Phase::kRunning);
+    publish_companions(now, 0);
+    return run(now);
+  }
+  if (const Fault::Code request = end_request(); request != Fault::Code::kNone) {
+    return end(request, 0);
+  }
+  if ((requests_before & layout::kFinish) != 0) return end(Fault::Code::kFinished, 0);
+  if (!is_real_time()) return Progress::kWaiting;
+
+  if (options_.first_action_timeout != kForever &&
+      now.time - holding_since_ >= options_.first_action_timeout) {
+    return end(Fault::Code::kFirstActionLate, 0);
+  }
+  if (!has_hold_action_) {
+    // Once: the pose at the beginning is kept, not the pose into which the robot may creep.
+    driver_.hold(observation_.data(), hold_action_.data());
+    has_hold_action_ = true;
+  }
+  const DriverReport report = call_driver(
+      [&] { return driver_.apply_action(hold_action_.data(), applied_.data()); });
+  if (report.state == DriverReport::State::kFault) return end(Fault::Code::kDriver, report.fault_code);
+  is_measured_ = false;
+  return Progress::kStepped;
+}
+
+Progress Loop::run(const Tick& now) noexcept {
+  if (!is_measured_ && !measure(now)) return Progress::kStepped;
+  status_.tick = is_real_time() ? now.number - first_tick_ : time_index_;
+  status_.lateness = now.lateness.count();
+  status_.skipped_ticks = now.skipped;
+  if (now.skipped > options_.max_skipped_ticks && is_real_time()) {
+    return end(Fault::Code::kBackendLate, static_cast<std::int32_t>(now.skipped));
+  }
+  if (const Fault::Code request = end_request(); request != Fault::Code::kNone) {
+    return end(request, 0);
+  }
+
+  // Read before the queue: whatever was appended before finish() must be found.
+  const bool finish_requested = (requests() & layout::kFinish) != 0;
+  Take take = take_action();
+  if (take == Take::kMissing && finish_requested) return end(Fault::Code::kFinished, 0);
+  if (take == Take::kMissing && !is_real_time()) {
+    if (!is_published_) {
+      publish_observation();
+      announce(false);
+    }
+    return Progress::kWaiting;
+  }
+  if (take == Take::kMissing) take = close_index();
+  if (take == Take::kDamaged) return end(Fault::Code::kQueueDamaged, 0);
+  if (take == Take::kMissing) {
+    if (time_index_ == 0 || status_.action_repeats >= options_.max_action_repeats) {
+      return end(Fault::Code::kActionLate, static_cast<std::int32_t>(status_.action_repeats));
+    }
+    ++status_.action_repeats;
+    status_.flags |= Status::kActionRepeated;
+  } else {
+    status_.action_repeats = 0;
+  }
+
+  const DriverReport report =
+      call_driver([&] { return driver_.apply_action(desired_.data(), applied_.data()); });
+  if (report.state == DriverReport::State::kFault) return end(Fault::Code::kDriver, report.fault_code);
+  status_.rejected_actions = report.action_rejected ? status_.rejected_actions + 1 : 0;
+  if (report.action_rejected) status_.flags |= Status::kActionRejected;
+
+  if (!is_published_) publish_observation();
+  writer_.append(Series::kDesiredAction, desired_.data());
+  writer_.append(Series::kAppliedAction, applied_.data());
+  writer_.append(Series::kStatus, &status_);
+  announce(is_real_time());
+
+  ++time_index_;
+  is_measured_ = false;
+  is_published_ = false;
+  status_.flags = 0;
+  if (status_.rejected_actions > options_.max_rejected_actions) {
+    return end(Fault::Code::kActionsRejected, static_cast<std::int32_t>(status_.rejected_actions));
+  }
+  return Progress::kStepped;
+}
+
+Progress Loop::stop() noexcept {
+  const DriverReport report = call_driver([&] { return driver_.stop(count_); });
+  ++count_;
+  const bool takes_too_long = count_ * options_.period >= options_.max_stop_time;
+  if (report.state == DriverReport::State::kBusy && !takes_too_long) return Progress::kStepped;
+  if (report.state != DriverReport::State::kReady) driver_.cut();
+  stage_ = Stage::kDone;
+  return Progress::kEnded;
+}
+
+bool Loop::measure(const Tick& now) noexcept {
+  const DriverReport report =
+      call_driver([&] { return driver_.get_latest_observation(observation_.data()); });
+  if (report.state == DriverReport::State::kFault) {
+    end(Fault::Code::kDriver, report.fault_code);
+    return false;
+  }
+  status_.time = now.time.time_since_epoch().count();
+  status_.measurement_age = report.measurement_age;
+  status_.lost_frames = report.lost_frames;
+  is_measured_ = true;
+  if (stage_ == Stage::kRunning) publish_companions(now, time_index_);
+  return true;
+}
+
+Loop::Take Loop::take_action() noexcept {
+  if (writer_.queue_is_damaged()) return Take::kDamaged;
+  const ipc::Ring& queue = writer_.queue();
+  if (closed_index_ >= 0) {
+    if (queue.sequence_in_slot(closed_index_) == ipc::Ring::sequence_of(closed_index_)) {
+      ++status_.discarded_actions;
+    }
+    closed_index_ = -1;
+  }
+
+  const std::uint64_t sequence = queue.sequence_in_slot(time_index_);
+  // A later action cannot be here before this one was taken, unless the writer breaks the rules.
+  if (sequence > ipc::Ring::sequence_of(time_index_)) return Take::kDamaged;
+  if (sequence != ipc::Ring::sequence_of(time_index_)) return Take::kMissing;
+  if (queue.read(time_index_, queue_entry_.data()) != ipc::ReadResult::kDone) return Take::kDamaged;
+  // The driver gets this copy: what the writer does to the queue from now on changes nothing.
+  std::memcpy(desired_.data(), queue_entry_.data() + 1, queue.shape().element_size - 8);
+  if ((queue_entry_[0] & layout::QueueFlags::kAcausal) != 0) status_.flags |= Status::kAcausal;
+  // release: the slot is free for the writer.
+  writer_.header().next_action.store(time_index_ + 1, std::memory_order_release);
+  return Take::kTaken;
+}
+
+// The action of this step is missing. Says so, and looks once more: an append that does not see this word has made its
+// action visible to this second look (seq_cst on both sides), so it can rely on being taken.
+Loop::Take Loop::close_index() noexcept {
+  writer_.header().next_action.store(time_index_ + 1, std::memory_order_seq_cst);
+  const Take take = take_action();
+  if (take == Take::kMissing) closed_index_ = time_index_;
+  return take;
+}
+
+Fault::Code Loop::end_request() const noexcept {
+  // relaxed: flags without data behind them.
+  if (stop_requested_.load(std::memory_order_relaxed)) return Fault::Code::kStopped;
+  if (stage_ != Stage::kRunning) return Fault::Code::kNone;
+  if ((requests() & layout::kDetach) != 0) return Fault::Code::kDetached;
+  if (controller_died_.load(std::memory_order_relaxed)) return Fault::Code::kControllerDied;
+  return Fault::Code::kNone;
+}
+
+void Loop::set_phase(layout::Phase phase) noexcept {
+  for (const auto& companion : companions_) companion->set_phase(phase);
+  writer_.set_phase(phase);
+}
+
+void Loop::publish_observation() noexcept {
+  writer_.append(Series::kObservation, observation_.data());
+  is_published_ = true;
+}
+
+void Loop::publish_companions(const Tick& now, TimeIndex time_index) noexcept {
+  for (std::size_t i = 0; i < companions_.size(); ++i) {
+    SessionWriter& companion = *companions_[i];
+    Element& element = companion_elements_[i];
+    bool has_news = false;
+    while (driver_.get_companion_element(i, time_index, element.data())) {
+      // The buffer's first bytes are a Stamp: the description of every companion begins with one.
+      auto& stamp = *reinterpret_cast<Stamp*>(element.data());
+      stamp.arrival_time = now.time.time_since_epoch().count();
+      if (stamp.capture_time == 0) {
+        stamp.capture_time =
+            stamp.arrival_time -
+            (stamp.arrival_index - stamp.capture_index) * options_.period.count();
+      }
+      companion.append(Series::kObservation, element.data());
+      has_news = true;
+    }
+    // release: whoever sees the step finds its elements.
+    companion.header().complete_through.store(time_index, std::memory_order_release);
+    companion.announce(has_news || is_real_time() ? SessionWriter::Wake::kAlways
+                                                  : SessionWriter::Wake::kIfWanted);
+  }
+}
+
+void Loop::announce(bool always) noexcept {
+  // Observers cannot say that they wait. Without deadlines they are woken once a millisecond: a system call for
+  // nobody would be the dearest part of a step.
+  constexpr Nanoseconds kWakePeriod = std::chrono::milliseconds(1);
+  if (last_time_ - last_wake_ >= kWakePeriod) always = true;
+  if (always) last_wake_ = last_time_;
+  writer_.announce(always ? SessionWriter::Wake::kAlways : SessionWriter::Wake::kIfWanted);
+}
+
+Progress Loop::end(Fault::Code code, std::int32_t detail) noexcept {
+  const bool has_begun = stage_ == Stage::kRunning || code == Fault::Code::kFinished;
+  fault_ = {.code = code, .detail = detail, .time_index = has_begun ? time_index_ : -1};
+  if (has_begun) {
+    if (is_measured_ && !is_published_) publish_observation();
+    status_.flags |= Status::kEnd;
+    status_.fault_code = static_cast<std::int32_t>(code);
+    status_.fault_detail = detail;
+    writer_.append(Series::kStatus, &status_);
+  }
+  const std::string_view text =
+      code == Fault::Code::kDriver ? driver_.fault_text(detail) : std::string_view();
+  for (const auto& companion : companions_) companion->end(fault_, text);
+  writer_.end(fault_, text);
+  stage_ = Stage::kStopping;
+  count_ = 0;
+  return Progress::kStepped;
+}
+
+void Loop::cut() noexcept {
+  driver_.cut();
+  const Fault fault{.code = Fault::Code::kDriverHangs,
+                    .detail = 0,
+                    .time_index = writer_.header().next_action.load(std::memory_order_relaxed) - 1};
+  was_cut_.store(true, std::memory_order_release);
+  for (const auto& companion : companions_) companion->end(fault, {});
+  writer_.end(fault, {});
+}
+
+Fault Loop::fault() const noexcept {
+  if (!was_cut_.load(std::memory_order_acquire)) return fault_;
+  return {.code = Fault::Code::kDriverHangs, .detail = 0, .time_index = time_index_};
+}
+
+bool Loop::has_work() const noexcept {
+  return writer_.queue().sequence_in_slot(time_index_) >= ipc::Ring::sequence_of(time_index_) ||
+         requests() != 0 || stop_requested_.load(std::memory_order_relaxed) ||
+         controller_died_.load(std::memory_order_relaxed);
+}
+
+void Loop::beat(Instant now) noexcept {
+  // relaxed: a sign of life without data behind it.
+  writer_.header().heartbeat.store(now.time_since_epoch().count(), std::memory_order_relaxed);
+}
+
+template <class Call>
+DriverReport Loop::call_driver(const Call& call) noexcept {
+  // relaxed: the watchdog compares the number with its last look, nothing more.
+  const std::uint64_t count = driver_calls_.load(std::memory_order_relaxed);
+  driver_calls_.store(count + 1, std::memory_order_relaxed);
+  const DriverReport report = call();
+  driver_calls_.store(count + 2, std::memory_order_relaxed);
+  return report;
+}
+
+}  // namespace trifinger::detail

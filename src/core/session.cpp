@@ -1,0 +1,220 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/core/session.hpp"
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdlib>
+#include <thread>
+#include <utility>
+
+#include "session_memory.hpp"
+#include "trifinger/core/errors.hpp"
+#include "trifinger/ipc/file_lock.hpp"
+#include "trifinger/ipc/futex.hpp"
+
+namespace trifinger {
+namespace {
+
+std::shared_ptr<detail::Directory> session_directory() {
+  return std::make_shared<detail::FolderDirectory>(session_folder());
+}
+
+// The names of the sessions in the folder, robots and companions.
+std::vector<std::string> session_names() {
+  constexpr std::string_view kPrefix = "trifinger.";
+  constexpr std::string_view kSuffix = ".state";
+  std::vector<std::string> names;
+  std::error_code ignored;
+  for (const auto& entry : std::filesystem::directory_iterator(session_folder(), ignored)) {
+    const std::string file = entry.path().filename().string();
+    if (!file.starts_with(kPrefix) || !file.ends_with(kSuffix)) continue;
+    if (file.size() <= kPrefix.size() + kSuffix.size()) continue;
+    names.push_back(
+        file.substr(kPrefix.size(), file.size() - kPrefix.size() - kSuffix.size()));
+  }
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+std::string not_found_text(const std::string& name) {
+  std::string text = "there is no robot '" + name + "' on this machine";
+  std::string others;
+  for (const std::string& other : session_names()) {
+    others += (others.empty() ? "" : ", ") + other;
+  }
+  if (!others.empty()) text += "; running: " + others;
+  return text + "; start one with 'trifinger run sim --name " + name + "'";
+}
+
+}  // namespace
+
+std::string_view name_of(Series series) noexcept {
+  switch (series) {
+    case Series::kDesiredAction:
+      return "desired_action";
+    case Series::kAppliedAction:
+      return "applied_action";
+    case Series::kObservation:
+      return "observation";
+    case Series::kStatus:
+      return "status";
+    case Series::kHolding:
+      return "holding";
+  }
+  return "unknown";
+}
+
+std::string_view name_of(SessionInfo::Phase phase) noexcept {
+  switch (phase) {
+    case SessionInfo::Phase::kPreparing:
+      return "preparing";
+    case SessionInfo::Phase::kHolding:
+      return "holding";
+    case SessionInfo::Phase::kRunning:
+      return "running";
+    case SessionInfo::Phase::kEnded:
+      return "ended";
+  }
+  return "unknown";
+}
+
+std::filesystem::path session_folder() {
+  const char* const folder = std::getenv("TRIFINGER_SESSION_DIR");
+  return folder != nullptr && *folder != '\0' ? folder : "/dev/shm";
+}
+
+Session::Session(std::shared_ptr<const detail::SessionMapping> mapping)
+    : mapping_(std::move(mapping)) {}
+
+Session Session::open(const std::string& name) {
+  const std::size_t dot = name.find('.');
+  detail::require_valid_name(name.substr(0, dot));
+  if (dot != std::string::npos) detail::require_valid_name(name.substr(dot + 1));
+  try {
+    return Session(std::make_shared<detail::SessionMapping>(session_directory(), name));
+  } catch (const SystemError& error) {
+    if (error.error_number() == ENOENT) throw SessionNotFound(not_found_text(name));
+    if (error.error_number() == EACCES) {
+      throw SystemError("open session '" + name + "', which belongs to another user (its back-end " +
+                            "may share it with a group: option mode of its configuration)",
+                        EACCES);
+    }
+    throw;
+  }
+}
+
+SessionInfo Session::info() const {
+  const layout::StateHeader& header = mapping_->header();
+  SessionInfo info;
+  info.name = mapping_->name();
+  info.type = mapping_->description().type;
+  info.is_companion = mapping_->is_companion();
+  info.session_id = header.session_id;
+  info.is_real_time = header.is_real_time != 0;
+  info.period = Nanoseconds(header.period);
+  info.created = std::chrono::system_clock::time_point(
+      std::chrono::duration_cast<std::chrono::system_clock::duration>(
+          Nanoseconds(header.created_time)));
+  info.host = mapping_->host();
+  info.backend = {header.backend_pid, header.backend_start_time};
+  info.backend_is_alive = mapping_->backend_is_alive();
+  info.phase = static_cast<SessionInfo::Phase>(header.phase.load(std::memory_order_acquire));
+  info.steps = mapping_->end_of(mapping_->is_companion() ? Series::kObservation
+                                                         : Series::kAppliedAction);
+  const std::int64_t heartbeat = header.heartbeat.load(std::memory_order_relaxed);
+  if (heartbeat != 0) {
+    info.since_heartbeat =
+        std::chrono::steady_clock::now().time_since_epoch() - Nanoseconds(heartbeat);
+  }
+  if (mapping_->has_ended() || !info.backend_is_alive) {
+    info.fault = mapping_->fault();
+    info.fault_text = mapping_->fault_text();
+  }
+  if (!mapping_->is_companion()) {
+    try {
+      const ipc::SharedMemory action = mapping_->directory()->open(
+          detail::action_file(mapping_->name(), header.session_id), ipc::Access::kReadOnly);
+      if (action.size() >= sizeof(layout::ActionHeader) && ipc::is_locked_by_other(action.file())) {
+        const auto& controller = *reinterpret_cast<const layout::ActionHeader*>(action.data());
+        // relaxed: for people to read.
+        info.controller = {controller.controller_pid.load(std::memory_order_relaxed),
+                           controller.controller_start_time.load(std::memory_order_relaxed)};
+      }
+    } catch (const Error&) {
+      // Ended, or not ours to look at: nobody is named.
+    }
+  }
+  return info;
+}
+
+const RobotDescription& Session::description() const noexcept { return mapping_->description(); }
+
+const ElementDescription& Session::element(Series series) const { return mapping_->element(series); }
+
+std::vector<SessionInfo> list_sessions() {
+  std::vector<SessionInfo> sessions;
+  for (const std::string& name : session_names()) {
+    try {
+      sessions.push_back(Session::open(name).info());
+    } catch (const Error&) {
+      // Gone since we looked, or of another version or user: not ours to list.
+    }
+  }
+  return sessions;
+}
+
+void recover(const std::string& name, Timeout timeout) {
+  const Deadline deadline(timeout);
+  const Session stopped = Session::open(name);
+  const detail::SessionMapping& mapping = *stopped.mapping();
+  if (!mapping.has_ended() && mapping.backend_is_alive()) return;
+  if (!mapping.backend_is_alive()) mapping.throw_stopped();
+
+  const std::uint64_t stopped_id = mapping.header().session_id;
+  try {
+    const ipc::SharedMemory action = mapping.directory()->open(
+        detail::action_file(name, stopped_id), ipc::Access::kReadWrite);
+    auto& header = *reinterpret_cast<layout::ActionHeader*>(action.data());
+    // release: nothing belongs to it; the back-end acquires.
+    header.requests.fetch_or(layout::kRecover, std::memory_order_release);
+    header.event.fetch_add(1, std::memory_order_seq_cst);
+    ipc::futex_wake_all(header.event);
+  } catch (const SystemError& error) {
+    // No queue any more: the next session is about to begin.
+    if (error.error_number() != ENOENT) throw;
+  }
+  while (Session::open(name).info().session_id == stopped_id) {
+    if (deadline.passed()) {
+      throw TimedOut("robot '" + name + "' has not begun a new session after its fault");
+    }
+    // The next session is another file: there is no event to wait for.
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+}
+
+SessionHost::SessionHost(std::unique_ptr<detail::SessionPlace> place) : place_(std::move(place)) {}
+SessionHost::SessionHost(SessionHost&&) noexcept = default;
+SessionHost& SessionHost::operator=(SessionHost&&) noexcept = default;
+SessionHost::~SessionHost() = default;
+
+SessionHost SessionHost::anonymous(SessionOptions options) {
+  return SessionHost(std::make_unique<detail::SessionPlace>(
+      std::make_shared<detail::ProcessDirectory>(), "anonymous", options));
+}
+
+SessionHost SessionHost::named(const std::string& name, SessionOptions options) {
+  return SessionHost(std::make_unique<detail::SessionPlace>(session_directory(), name, options));
+}
+
+Session SessionHost::open(const std::string& companion) const {
+  const std::string name = place_->name() + (companion.empty() ? "" : "." + companion);
+  try {
+    return Session(std::make_shared<detail::SessionMapping>(place_->directory(), name));
+  } catch (const SystemError& error) {
+    if (error.error_number() != ENOENT) throw;
+    throw SessionNotFound("robot '" + place_->name() + "' has no session" +
+                          (companion.empty() ? " yet" : " '" + companion + "'"));
+  }
+}
+
+}  // namespace trifinger

@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+
+#include "trifinger/core/session.hpp"
+#include "trifinger/ipc/ring.hpp"
+
+// The bytes of a session, shared by all processes. Both files begin with a header; rings and texts follow at the
+// offsets that the header gives. A change of anything here is a new kLayoutVersion.
+namespace trifinger::layout {
+
+inline constexpr std::uint64_t kStateMagic = 0x3154532d52474654;   // "TFGR-ST1"
+inline constexpr std::uint64_t kActionMagic = 0x3143412d52474654;  // "TFGR-AC1"
+inline constexpr std::uint32_t kLayoutVersion = 1;
+
+inline constexpr std::size_t kNumSeries = 5;
+inline constexpr std::size_t kNumWaitSlots = 8;
+
+enum class Phase : std::uint32_t {
+  kPreparing,  // the driver is not ready to hold
+  kHolding,    // before step 0
+  kRunning,
+  kEnded,
+};
+
+struct RingPlace {
+  std::uint64_t offset;
+  ipc::RingShape shape;  // capacity 0: the session has no such series
+};
+
+struct TextPlace {
+  std::uint64_t offset;
+  std::uint64_t size;
+};
+
+// Written by the back-end alone; everybody else maps it read-only.
+struct StateHeader {
+  // Constant once the file is published.
+  std::uint64_t magic;
+  std::uint32_t layout_version;
+  std::uint32_t is_real_time;
+  std::uint64_t file_size;
+  std::uint64_t session_id;
+  std::uint64_t robot_session_id;  // of a companion: its robot's session; of a robot: its own
+  std::uint64_t description_hash;
+  std::int64_t period;        // [ns]
+  std::int64_t created_time;  // since 1970 [ns]
+  std::int64_t backend_pid;
+  std::uint64_t backend_start_time;
+  std::array<RingPlace, kNumSeries> rings;  // by Series
+  RingPlace queue;                          // in the action file
+  TextPlace name;
+  TextPlace type;
+  TextPlace host;
+  std::array<TextPlace, kNumSeries> descriptions;
+  TextPlace default_action;  // bytes
+
+  // What readers sleep on, and how far the series have come.
+  alignas(64) std::atomic<std::uint32_t> event;
+  std::atomic<std::uint32_t> phase;
+  std::array<std::atomic<std::int64_t>, kNumSeries> ends;  // first index not yet written
+  // Companions: everything that arrives at or before this step is in the series. -2 in the beginning.
+  std::atomic<std::int64_t> complete_through;
+
+  // What append looks at: the first index that has been neither taken nor closed, and whether the back-end sleeps.
+  alignas(64) std::atomic<std::int64_t> next_action;
+  std::atomic<std::uint32_t> backend_waits;
+
+  alignas(64) std::atomic<std::int64_t> heartbeat;  // monotonic [ns]
+  // Valid once the phase is kEnded.
+  std::atomic<std::int32_t> fault_code;
+  std::atomic<std::int32_t> fault_detail;
+  std::atomic<std::int64_t> fault_time_index;
+  std::array<char, 256> fault_text;
+};
+
+enum Request : std::uint32_t {
+  kFinish = 1,   // end when the queue is empty
+  kDetach = 2,   // end now
+  kRecover = 4,  // clear the fault of the ended session
+};
+
+// Written by the controlling front-end. The back-end believes nothing in it.
+struct ActionHeader {
+  std::uint64_t magic;
+  std::uint64_t session_id;
+  std::atomic<std::int64_t> controller_pid;  // 0: nobody has taken control since it was last given back
+  std::atomic<std::uint64_t> controller_start_time;
+
+  alignas(64) std::atomic<std::uint32_t> event;  // what the back-end sleeps on
+  std::atomic<std::uint32_t> requests;           // set of Request
+
+  // Steps that threads of the controller wait for; see WaitSlots.
+  alignas(64) std::array<std::atomic<std::uint64_t>, kNumWaitSlots> wait_slots;
+};
+
+// An entry of the queue: a word of flags, then the action.
+struct QueueFlags {
+  static constexpr std::uint64_t kAcausal = 1;
+};
+
+}  // namespace trifinger::layout

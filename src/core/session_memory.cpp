@@ -1,0 +1,516 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "session_memory.hpp"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <bit>
+#include <cerrno>
+#include <cstring>
+#include <random>
+
+#include "trifinger/core/errors.hpp"
+#include "trifinger/core/status.hpp"
+#include "trifinger/ipc/file_lock.hpp"
+#include "trifinger/ipc/futex.hpp"
+
+namespace trifinger::detail {
+namespace {
+
+constexpr std::string_view kPrefix = "trifinger.";
+
+std::size_t index_of(Series series) noexcept { return static_cast<std::size_t>(series); }
+
+constexpr std::uint64_t round_up(std::uint64_t size, std::uint64_t step) noexcept {
+  return (size + step - 1) / step * step;
+}
+
+std::uint64_t random_id() {
+  std::random_device device;
+  const std::uint64_t id = (std::uint64_t{device()} << 32U) | device();
+  return id == 0 ? 1 : id;
+}
+
+// FNV-1a, 64 bits: of the types' names and fields, so that a mismatch is seen in one comparison.
+std::uint64_t hash_of(std::string_view text, std::uint64_t hash = 0xcbf29ce484222325) noexcept {
+  for (const char character : text) {
+    hash = (hash ^ static_cast<unsigned char>(character)) * 0x100000001b3;
+  }
+  return hash;
+}
+
+std::string host_name() {
+  std::array<char, 256> name{};
+  ::gethostname(name.data(), name.size() - 1);
+  return name.data();
+}
+
+// Gives out places in a file, one behind the other.
+class FilePlan {
+ public:
+  explicit FilePlan(std::uint64_t header_size) : size_(round_up(header_size, 64)) {}
+
+  std::uint64_t add(std::uint64_t size) {
+    const std::uint64_t offset = size_;
+    size_ = round_up(size_ + size, 64);
+    return offset;
+  }
+  [[nodiscard]] std::uint64_t size() const noexcept { return size_; }
+
+ private:
+  std::uint64_t size_;
+};
+
+}  // namespace
+
+ipc::SharedMemory FolderDirectory::create(const std::string& file, std::size_t size, unsigned mode) {
+  return ipc::SharedMemory::create_file(folder_, file, size, mode);
+}
+
+ipc::SharedMemory FolderDirectory::publish(const std::string&, ipc::SharedMemory memory) {
+  memory.publish();
+  return memory;
+}
+
+ipc::SharedMemory FolderDirectory::open_or_create(const std::string& file, unsigned mode) {
+  while (true) {
+    try {
+      return ipc::SharedMemory::open(folder_ / file, ipc::Access::kReadWrite);
+    } catch (const SystemError& error) {
+      if (error.error_number() != ENOENT) throw;
+    }
+    ipc::SharedMemory memory = create(file, 1, mode);
+    if (memory.publish_if_absent()) return memory;
+  }
+}
+
+ipc::SharedMemory FolderDirectory::open(const std::string& file, ipc::Access access) {
+  return ipc::SharedMemory::open(folder_ / file, access);
+}
+
+void FolderDirectory::remove(const std::string& file) noexcept {
+  ::unlink((folder_ / file).c_str());
+}
+
+void FolderDirectory::remove_all(const std::string& prefix, const std::string& kept) noexcept {
+  std::error_code ignored;
+  for (const auto& entry : std::filesystem::directory_iterator(folder_, ignored)) {
+    const std::string file = entry.path().filename().string();
+    // Unpublished files of killed processes begin with a dot.
+    const bool is_ours = file.starts_with(prefix) || file.starts_with("." + prefix);
+    if (is_ours && file != kept) remove(file);
+  }
+}
+
+ipc::SharedMemory ProcessDirectory::create(const std::string&, std::size_t size, unsigned) {
+  return ipc::SharedMemory::create_anonymous(size);
+}
+
+ipc::SharedMemory ProcessDirectory::publish(const std::string& file, ipc::SharedMemory memory) {
+  const std::lock_guard lock(mutex_);
+  files_.insert_or_assign(file, memory.reopen(ipc::Access::kReadOnly));
+  return memory;
+}
+
+ipc::SharedMemory ProcessDirectory::open_or_create(const std::string& file, unsigned mode) {
+  return publish(file, create(file, 1, mode));
+}
+
+ipc::SharedMemory ProcessDirectory::open(const std::string& file, ipc::Access access) {
+  const std::lock_guard lock(mutex_);
+  const auto found = files_.find(file);
+  if (found == files_.end()) throw SystemError("open " + file + " of this process", ENOENT);
+  return found->second.reopen(access);
+}
+
+void ProcessDirectory::remove(const std::string& file) noexcept {
+  const std::lock_guard lock(mutex_);
+  files_.erase(file);
+}
+
+void ProcessDirectory::remove_all(const std::string& prefix, const std::string& kept) noexcept {
+  const std::lock_guard lock(mutex_);
+  std::erase_if(files_, [&](const auto& entry) {
+    return entry.first.starts_with(prefix) && entry.first != kept;
+  });
+}
+
+std::string state_file(const std::string& name) {
+  return std::string(kPrefix) + name + ".state";
+}
+
+std::string action_file(const std::string& name, std::uint64_t session_id) {
+  return std::string(kPrefix) + name + "." + std::to_string(session_id) + ".action";
+}
+
+std::string robot_of(const std::string& name) { return name.substr(0, name.find('.')); }
+
+std::string lock_file(const std::string& name) {
+  return std::string(kPrefix) + robot_of(name) + ".lock";
+}
+
+void require_valid_name(const std::string& name) {
+  const auto is_allowed = [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' ||
+           c == '-';
+  };
+  if (name.empty() || name.size() > 64 || !std::all_of(name.begin(), name.end(), is_allowed)) {
+    throw InvalidArgument("'" + name +
+                          "' cannot name a robot: use 1 to 64 letters, digits, '_' and '-'");
+  }
+}
+
+// --- SessionMapping ---------------------------------------------------------------------------------------
+
+SessionMapping::SessionMapping(std::shared_ptr<Directory> directory, const std::string& name)
+    : directory_(std::move(directory)),
+      memory_(directory_->open(state_file(name), ipc::Access::kReadOnly)),
+      header_(reinterpret_cast<const layout::StateHeader*>(memory_.data())),
+      name_(name) {
+  check();
+  try {
+    lock_.emplace(directory_->open(lock_file(name), ipc::Access::kReadOnly));
+  } catch (const SystemError& error) {
+    // Without its lock file nobody holds the name: the session reads as one whose back-end is gone.
+    if (error.error_number() != ENOENT) throw;
+  }
+}
+
+void SessionMapping::check() {
+  const auto incompatible = [this](const std::string& why) {
+    return IncompatibleSession("session '" + name_ + "' cannot be read: " + why);
+  };
+  if (memory_.size() < sizeof(layout::StateHeader) || header_->magic != layout::kStateMagic) {
+    throw incompatible("its file is not a session file");
+  }
+  if (header_->layout_version != layout::kLayoutVersion) {
+    throw incompatible("its layout is version " + std::to_string(header_->layout_version) +
+                       ", this program reads version " + std::to_string(layout::kLayoutVersion) +
+                       "; install the same version on both sides and start the back-end again");
+  }
+  if (header_->file_size != memory_.size()) {
+    throw incompatible("its file has " + std::to_string(memory_.size()) + " bytes instead of " +
+                       std::to_string(header_->file_size));
+  }
+  const auto is_inside = [this](std::uint64_t offset, std::uint64_t size) {
+    return offset <= memory_.size() && size <= memory_.size() - offset;
+  };
+  for (std::size_t i = 0; i < layout::kNumSeries; ++i) {
+    const layout::RingPlace& place = header_->rings[i];
+    if (place.shape.capacity == 0) continue;
+    if (!place.shape.is_valid() || place.offset % 8 != 0 ||
+        !is_inside(place.offset, place.shape.size())) {
+      throw incompatible("the series '" + std::string(trifinger::name_of(static_cast<Series>(i))) +
+                         "' lies outside of its file");
+    }
+    rings_[i] = ipc::Ring(memory_.data() + place.offset, place.shape);
+  }
+
+  try {
+    host_ = text(header_->host);
+    description_.type = text(header_->type);
+    const auto parse = [this](Series series) {
+      const std::size_t i = index_of(series);
+      ElementDescription element = ElementDescription::parse(text(header_->descriptions[i]));
+      if (element.size() != rings_[i].shape().element_size) {
+        throw InvalidArgument("the fields of '" + std::string(trifinger::name_of(series)) +
+                              "' do not fill its elements");
+      }
+      return element;
+    };
+    description_.observation = parse(Series::kObservation);
+    if (!is_companion()) {
+      description_.action = parse(Series::kDesiredAction);
+      description_.applied_action = parse(Series::kAppliedAction);
+      status_ = parse(Series::kStatus);
+    }
+    const std::string action = text(header_->default_action);
+    const auto* bytes = reinterpret_cast<const std::byte*>(action.data());
+    description_.default_action.assign(bytes, bytes + action.size());
+    if (action.size() != description_.action.size()) {
+      throw InvalidArgument("its default action has a wrong size");
+    }
+  } catch (const InvalidArgument& error) {
+    throw incompatible(error.what());
+  }
+}
+
+std::string SessionMapping::text(const layout::TextPlace& place) const {
+  if (place.offset > memory_.size() || place.size > memory_.size() - place.offset) {
+    throw InvalidArgument("a text lies outside of its file");
+  }
+  return {reinterpret_cast<const char*>(memory_.data() + place.offset), place.size};
+}
+
+const ElementDescription& SessionMapping::element(Series series) const {
+  if (!has(series)) {
+    throw InvalidArgument("session '" + name_ + "' has no series '" +
+                          std::string(trifinger::name_of(series)) + "'");
+  }
+  switch (series) {
+    case Series::kDesiredAction:
+      return description_.action;
+    case Series::kAppliedAction:
+      return description_.applied_action;
+    case Series::kStatus:
+      return status_;
+    case Series::kObservation:
+    case Series::kHolding:
+      break;
+  }
+  return description_.observation;
+}
+
+bool SessionMapping::backend_is_alive() const noexcept {
+  return lock_.has_value() && ipc::is_locked_by_other(lock_->file());
+}
+
+Fault SessionMapping::fault() const noexcept {
+  if (!has_ended()) {
+    return {.code = Fault::Code::kBackendDied, .detail = 0, .time_index = end_of(Series::kStatus) - 1};
+  }
+  // relaxed: written before the phase, which has_ended() acquired.
+  return {
+      .code = static_cast<Fault::Code>(header_->fault_code.load(std::memory_order_relaxed)),
+      .detail = header_->fault_detail.load(std::memory_order_relaxed),
+      .time_index = header_->fault_time_index.load(std::memory_order_relaxed),
+  };
+}
+
+std::string SessionMapping::fault_text() const {
+  const auto& text = header_->fault_text;
+  const auto* end = static_cast<const char*>(std::memchr(text.data(), 0, text.size()));
+  const auto size = end == nullptr ? text.size() : static_cast<std::size_t>(end - text.data());
+  return describe(fault(), has_ended() ? std::string_view(text.data(), size) : std::string_view());
+}
+
+void SessionMapping::throw_stopped() const {
+  throw RobotStopped(fault(), "robot '" + robot_of(name_) + "' has stopped: " + fault_text());
+}
+
+// --- SessionWriter ----------------------------------------------------------------------------------------
+
+SessionWriter::SessionWriter(std::shared_ptr<Directory> directory, const SessionPlan& plan)
+    : directory_(std::move(directory)), state_file_(state_file(plan.name)) {
+  std::uint64_t hash = hash_of(plan.type);
+  std::array<std::string, layout::kNumSeries> descriptions;
+  std::array<layout::RingPlace, layout::kNumSeries> rings{};
+  std::array<layout::TextPlace, layout::kNumSeries> texts{};
+  FilePlan file(sizeof(layout::StateHeader));
+  for (std::size_t i = 0; i < layout::kNumSeries; ++i) {
+    if (plan.elements[i] == nullptr) continue;
+    descriptions[i] = plan.elements[i]->text();
+    hash = hash_of(descriptions[i], hash);
+    const ipc::RingShape shape{.capacity = std::bit_ceil(plan.capacities[i]),
+                               .element_size = plan.elements[i]->size()};
+    if (!shape.is_valid()) {
+      throw InvalidArgument("a history of " + std::to_string(plan.capacities[i]) +
+                            " elements cannot be had; allowed are 1 to " +
+                            std::to_string(1U << 30U));
+    }
+    rings[i] = {.offset = file.add(shape.size()), .shape = shape};
+    texts[i] = {.offset = file.add(descriptions[i].size()), .size = descriptions[i].size()};
+  }
+  const std::string host = host_name();
+  const layout::TextPlace name_place{file.add(plan.name.size()), plan.name.size()};
+  const layout::TextPlace type_place{file.add(plan.type.size()), plan.type.size()};
+  const layout::TextPlace host_place{file.add(host.size()), host.size()};
+  const layout::TextPlace default_place{file.add(plan.default_action.size()),
+                                        plan.default_action.size()};
+
+  ipc::SharedMemory state = directory_->create(state_file_, file.size(), plan.mode);
+  std::byte* const data = state.data();
+  const auto write_text = [data](const layout::TextPlace& place, const void* text) {
+    std::memcpy(data + place.offset, text, place.size);
+  };
+  header_ = new (data) layout::StateHeader{};
+  header_->magic = layout::kStateMagic;
+  header_->layout_version = layout::kLayoutVersion;
+  header_->is_real_time = plan.is_real_time ? 1 : 0;
+  header_->file_size = file.size();
+  header_->session_id = plan.session_id;
+  header_->robot_session_id = plan.robot_session_id;
+  header_->description_hash = hash;
+  header_->period = plan.period.count();
+  header_->created_time = std::chrono::duration_cast<Nanoseconds>(
+                              std::chrono::system_clock::now().time_since_epoch())
+                              .count();
+  const auto backend = ipc::ProcessIdentity::of_this_process();
+  header_->backend_pid = backend.pid;
+  header_->backend_start_time = backend.start_time;
+  header_->rings = rings;
+  header_->name = name_place;
+  header_->type = type_place;
+  header_->host = host_place;
+  header_->descriptions = texts;
+  header_->default_action = default_place;
+  write_text(name_place, plan.name.data());
+  write_text(type_place, plan.type.data());
+  write_text(host_place, host.data());
+  write_text(default_place, plan.default_action.data());
+  for (std::size_t i = 0; i < layout::kNumSeries; ++i) {
+    write_text(texts[i], descriptions[i].data());
+    rings_[i] = ipc::Ring(data + rings[i].offset, rings[i].shape);
+  }
+  // relaxed: nobody sees the file before it is published.
+  header_->complete_through.store(-2, std::memory_order_relaxed);
+
+  if (plan.queue > 0) {
+    const ipc::RingShape shape{.capacity = std::bit_ceil(plan.queue),
+                               .element_size = 8 + plan.elements[0]->size()};
+    if (!shape.is_valid()) throw InvalidArgument("a queue of this length cannot be had");
+    FilePlan action_plan(sizeof(layout::ActionHeader));
+    header_->queue = {.offset = action_plan.add(shape.size()), .shape = shape};
+    action_file_ = action_file(plan.name, plan.session_id);
+    ipc::SharedMemory action = directory_->create(action_file_, action_plan.size(), plan.mode);
+    action_header_ = new (action.data()) layout::ActionHeader{};
+    action_header_->magic = layout::kActionMagic;
+    action_header_->session_id = plan.session_id;
+    queue_ = ipc::Ring(action.data() + header_->queue.offset, shape);
+    // Published first: whoever finds the state file finds the queue, too.
+    action_.emplace(directory_->publish(action_file_, std::move(action)));
+  }
+  state_.emplace(directory_->publish(state_file_, std::move(state)));
+}
+
+SessionWriter::~SessionWriter() {
+  // The state file stays for readers until the next session takes its name.
+  if (!action_file_.empty() && !fork_.is_inherited()) directory_->remove(action_file_);
+}
+
+bool SessionWriter::controller_died() const noexcept {
+  // acquire: the process number is written after the lock was taken.
+  const bool was_taken = action_header_->controller_pid.load(std::memory_order_acquire) != 0;
+  const std::uint32_t requests = action_header_->requests.load(std::memory_order_acquire);
+  return was_taken && (requests & layout::kDetach) == 0 &&
+         !ipc::is_locked_by_other(action_->file());
+}
+
+void SessionWriter::append(Series series, const void* element) noexcept {
+  const std::size_t i = index_of(series);
+  rings_[i].write(ends_[i], element);
+  ++ends_[i];
+  // release: whoever sees the new end finds the element.
+  header_->ends[i].store(ends_[i], std::memory_order_release);
+}
+
+void SessionWriter::announce(Wake wake) noexcept {
+  // seq_cst, with the load of the wait slots behind it: either a sleeper sees this, or we see the sleeper. The loop is
+  // the one thread that counts up here until `end`.
+  header_->event.store(header_->event.load(std::memory_order_relaxed) + 1,
+                       std::memory_order_seq_cst);
+  if (wake == Wake::kAlways || somebody_has_what_they_want()) ipc::futex_wake_all(header_->event);
+}
+
+bool SessionWriter::somebody_has_what_they_want() const noexcept {
+  if (action_header_ == nullptr) return false;
+  for (const auto& slot : action_header_->wait_slots) {
+    // seq_cst: see announce.
+    const std::uint64_t word = slot.load(std::memory_order_seq_cst);
+    if (word == 0) continue;
+    const Wanted wanted = Wanted::from(word);
+    switch (wanted.kind) {
+      case Wanted::kObservation:
+        if (end_of(Series::kObservation) > wanted.time_index) return true;
+        break;
+      case Wanted::kStep:
+        if (end_of(Series::kStatus) > wanted.time_index) return true;
+        break;
+      case Wanted::kQueueSpace:
+        // relaxed: our own store.
+        if (header_->next_action.load(std::memory_order_relaxed) > wanted.time_index) return true;
+        break;
+      case Wanted::kAnything:
+        return true;
+    }
+  }
+  return false;
+}
+
+void SessionWriter::set_phase(layout::Phase phase) noexcept {
+  header_->phase.store(static_cast<std::uint32_t>(phase), std::memory_order_release);
+}
+
+bool SessionWriter::end(const Fault& fault, std::string_view text) noexcept {
+  // relaxed: only decides who of the loop and its watchdog speaks.
+  if (ended_.test_and_set(std::memory_order_relaxed)) return false;
+  header_->fault_code.store(static_cast<std::int32_t>(fault.code), std::memory_order_relaxed);
+  header_->fault_detail.store(fault.detail, std::memory_order_relaxed);
+  header_->fault_time_index.store(fault.time_index, std::memory_order_relaxed);
+  const std::size_t size = std::min(text.size(), header_->fault_text.size() - 1);
+  std::memcpy(header_->fault_text.data(), text.data(), size);
+  set_phase(layout::Phase::kEnded);
+  header_->event.fetch_add(1, std::memory_order_seq_cst);
+  ipc::futex_wake_all(header_->event);
+  return true;
+}
+
+// --- SessionPlace -----------------------------------------------------------------------------------------
+
+SessionPlace::SessionPlace(std::shared_ptr<Directory> directory, std::string name,
+                           SessionOptions options)
+    : directory_(std::move(directory)),
+      name_((require_valid_name(name), std::move(name))),
+      options_(options),
+      lock_(directory_->open_or_create(lock_file(name_), options.mode)) {
+  if (!ipc::try_lock(lock_.file())) {
+    std::string owner = "another process";
+    try {
+      const SessionMapping session(directory_, name_);
+      owner = ipc::describe({session.header().backend_pid, session.header().backend_start_time}) +
+              " on " + session.host();
+    } catch (const Error&) {
+      // It has just taken the name and has no session yet.
+    }
+    throw RobotOwned("robot '" + name_ + "' is run by " + owner + "; stop it with 'trifinger stop " +
+                     name_ + "', or choose another name");
+  }
+  directory_->remove_all(std::string(kPrefix) + name_ + ".", lock_file(name_));
+}
+
+SessionPlace::~SessionPlace() {
+  if (fork_.is_inherited()) return;
+  directory_->remove_all(std::string(kPrefix) + name_ + ".", lock_file(name_));
+}
+
+SessionPlace::Writers SessionPlace::begin(const UntypedDriver& driver, bool is_real_time,
+                                          Nanoseconds period) {
+  const RobotDescription& robot = driver.description();
+  SessionPlan plan{
+      .name = name_,
+      .type = robot.type,
+      .session_id = random_id(),
+      .is_real_time = is_real_time,
+      .period = period,
+      .elements = {&robot.action, &robot.applied_action, &robot.observation, &describe<Status>(),
+                   &robot.observation},
+      .default_action = robot.default_action,
+      .queue = options_.queue,
+      .mode = options_.mode,
+  };
+  plan.robot_session_id = plan.session_id;
+  plan.capacities.fill(options_.history);
+  constexpr std::size_t kHoldingHistory = 16;
+  plan.capacities[index_of(Series::kHolding)] = kHoldingHistory;
+
+  Writers writers;
+  // Companions first: whoever finds the robot's session finds its companions, too.
+  for (const CompanionDescription& companion : driver.companions()) {
+    SessionPlan companion_plan{
+        .name = name_ + "." + companion.name,
+        .type = companion.type,
+        .session_id = random_id(),
+        .robot_session_id = plan.session_id,
+        .is_real_time = is_real_time,
+        .period = period,
+        .mode = options_.mode,
+    };
+    companion_plan.elements[index_of(Series::kObservation)] = &companion.element;
+    companion_plan.capacities[index_of(Series::kObservation)] = companion.history;
+    writers.companions.push_back(std::make_unique<SessionWriter>(directory_, companion_plan));
+  }
+  writers.robot = std::make_unique<SessionWriter>(directory_, plan);
+  return writers;
+}
+
+}  // namespace trifinger::detail

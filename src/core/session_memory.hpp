@@ -1,0 +1,241 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+#include <condition_variable>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "session_layout.hpp"
+#include "trifinger/core/driver.hpp"
+#include "trifinger/core/session.hpp"
+#include "trifinger/ipc/fork.hpp"
+#include "trifinger/ipc/ring.hpp"
+#include "trifinger/ipc/shared_memory.hpp"
+
+namespace trifinger::detail {
+
+// Where the files of sessions are, under which names. The one difference between sessions inside a process and
+// sessions across processes.
+class Directory {
+ public:
+  Directory() = default;
+  Directory(const Directory&) = delete;
+  Directory& operator=(const Directory&) = delete;
+  virtual ~Directory() = default;
+
+  [[nodiscard]] virtual ipc::SharedMemory create(const std::string& file, std::size_t size,
+                                                 unsigned mode) = 0;
+  // From now on `open` finds the file; returns the mapping to keep.
+  [[nodiscard]] virtual ipc::SharedMemory publish(const std::string& file,
+                                                  ipc::SharedMemory memory) = 0;
+  // A file that is never replaced: the one there is, or a new one.
+  [[nodiscard]] virtual ipc::SharedMemory open_or_create(const std::string& file, unsigned mode) = 0;
+  // Throws SystemError with ENOENT if there is no such file.
+  [[nodiscard]] virtual ipc::SharedMemory open(const std::string& file, ipc::Access access) = 0;
+  virtual void remove(const std::string& file) noexcept = 0;
+  // Removes the files whose names begin with `prefix`, but for `kept`.
+  virtual void remove_all(const std::string& prefix, const std::string& kept) noexcept = 0;
+};
+
+// Session files in `folder`.
+class FolderDirectory final : public Directory {
+ public:
+  explicit FolderDirectory(std::filesystem::path folder) : folder_(std::move(folder)) {}
+
+  ipc::SharedMemory create(const std::string& file, std::size_t size, unsigned mode) override;
+  ipc::SharedMemory publish(const std::string& file, ipc::SharedMemory memory) override;
+  ipc::SharedMemory open_or_create(const std::string& file, unsigned mode) override;
+  ipc::SharedMemory open(const std::string& file, ipc::Access access) override;
+  void remove(const std::string& file) noexcept override;
+  void remove_all(const std::string& prefix, const std::string& kept) noexcept override;
+
+ private:
+  std::filesystem::path folder_;
+};
+
+// Session "files" of this process.
+class ProcessDirectory final : public Directory {
+ public:
+  ipc::SharedMemory create(const std::string& file, std::size_t size, unsigned mode) override;
+  ipc::SharedMemory publish(const std::string& file, ipc::SharedMemory memory) override;
+  ipc::SharedMemory open_or_create(const std::string& file, unsigned mode) override;
+  ipc::SharedMemory open(const std::string& file, ipc::Access access) override;
+  void remove(const std::string& file) noexcept override;
+  void remove_all(const std::string& prefix, const std::string& kept) noexcept override;
+
+ private:
+  std::mutex mutex_;
+  std::map<std::string, ipc::SharedMemory> files_;
+};
+
+[[nodiscard]] std::string state_file(const std::string& name);
+[[nodiscard]] std::string action_file(const std::string& name, std::uint64_t session_id);
+[[nodiscard]] std::string lock_file(const std::string& name);
+// The robot's name in the name of a session: "sim" of "sim.object".
+[[nodiscard]] std::string robot_of(const std::string& name);
+// Throws InvalidArgument unless `name` can be the name of a robot.
+void require_valid_name(const std::string& name);
+
+// A session as everybody sees it: the state file, read-only, with its descriptions checked and parsed.
+class SessionMapping {
+ public:
+  // Throws SystemError (ENOENT), IncompatibleSession.
+  SessionMapping(std::shared_ptr<Directory> directory, const std::string& name);
+
+  [[nodiscard]] const layout::StateHeader& header() const noexcept { return *header_; }
+  [[nodiscard]] const ipc::Ring& ring(Series series) const noexcept {
+    return rings_[static_cast<std::size_t>(series)];
+  }
+  [[nodiscard]] bool has(Series series) const noexcept { return ring(series).shape().capacity > 0; }
+  [[nodiscard]] const std::string& name() const noexcept { return name_; }
+  [[nodiscard]] const std::string& host() const noexcept { return host_; }
+  [[nodiscard]] const RobotDescription& description() const noexcept { return description_; }
+  [[nodiscard]] const ElementDescription& element(Series series) const;
+  [[nodiscard]] bool is_companion() const noexcept { return !has(Series::kStatus); }
+  [[nodiscard]] const std::shared_ptr<Directory>& directory() const noexcept { return directory_; }
+
+  [[nodiscard]] bool has_ended() const noexcept {
+    // acquire: all elements and the fault were written before the phase.
+    return header_->phase.load(std::memory_order_acquire) ==
+           static_cast<std::uint32_t>(layout::Phase::kEnded);
+  }
+  [[nodiscard]] std::int64_t end_of(Series series) const noexcept {
+    return header_->ends[static_cast<std::size_t>(series)].load(std::memory_order_acquire);
+  }
+  // One system call.
+  [[nodiscard]] bool backend_is_alive() const noexcept;
+  // Valid once the session has ended, or its back-end died.
+  [[nodiscard]] Fault fault() const noexcept;
+  [[nodiscard]] std::string fault_text() const;
+  [[noreturn]] void throw_stopped() const;
+
+ private:
+  [[nodiscard]] std::string text(const layout::TextPlace& place) const;
+  void check();
+
+  std::shared_ptr<Directory> directory_;
+  ipc::SharedMemory memory_;
+  std::optional<ipc::SharedMemory> lock_;
+  const layout::StateHeader* header_;
+  std::array<ipc::Ring, layout::kNumSeries> rings_;
+  std::string name_;
+  std::string host_;
+  RobotDescription description_;
+  ElementDescription status_;
+};
+
+// What a session is made of.
+struct SessionPlan {
+  std::string name;
+  std::string type;
+  std::uint64_t session_id{0};
+  std::uint64_t robot_session_id{0};
+  bool is_real_time{false};
+  Nanoseconds period{0};
+  std::array<const ElementDescription*, layout::kNumSeries> elements{};  // nullptr: no such series
+  std::array<std::size_t, layout::kNumSeries> capacities{};
+  std::vector<std::byte> default_action{};
+  std::size_t queue{0};  // capacity; 0: no action file
+  unsigned mode{0600};
+};
+
+// A session as its back-end sees it. Made and destroyed outside the loop; the functions run in the loop.
+class SessionWriter {
+ public:
+  SessionWriter(std::shared_ptr<Directory> directory, const SessionPlan& plan);
+  SessionWriter(const SessionWriter&) = delete;
+  SessionWriter& operator=(const SessionWriter&) = delete;
+  ~SessionWriter();
+
+  [[nodiscard]] layout::StateHeader& header() const noexcept { return *header_; }
+  // The controller's file; only for robots.
+  [[nodiscard]] const layout::ActionHeader& action_header() const noexcept { return *action_header_; }
+  [[nodiscard]] const ipc::Ring& queue() const noexcept { return queue_; }
+  [[nodiscard]] bool queue_is_damaged() const noexcept {
+    return action_->is_damaged() || action_header_->magic != layout::kActionMagic;
+  }
+  // True if a process took control and ended without giving it back. One system call.
+  [[nodiscard]] bool controller_died() const noexcept;
+  [[nodiscard]] std::uint64_t session_id() const noexcept { return header_->session_id; }
+
+  // Writes the next element; readers find it at once, sleepers after `announce`.
+  void append(Series series, const void* element) noexcept;
+  [[nodiscard]] std::int64_t end_of(Series series) const noexcept {
+    return ends_[static_cast<std::size_t>(series)];
+  }
+
+  enum class Wake : std::uint8_t {
+    kAlways,     // whoever sleeps
+    kIfWanted,   // if the controller sleeps until something that is there now
+  };
+  // Tells sleepers that there is something new.
+  void announce(Wake wake) noexcept;
+  void set_phase(layout::Phase phase) noexcept;
+  // The last word: the fault, then the phase kEnded, then everybody wakes. Once; false if it had been said before.
+  bool end(const Fault& fault, std::string_view text) noexcept;
+
+ private:
+  [[nodiscard]] bool somebody_has_what_they_want() const noexcept;
+
+  std::shared_ptr<Directory> directory_;
+  std::string state_file_;
+  std::string action_file_;
+  std::optional<ipc::SharedMemory> state_;
+  std::optional<ipc::SharedMemory> action_;
+  layout::StateHeader* header_{nullptr};
+  layout::ActionHeader* action_header_{nullptr};
+  std::array<ipc::Ring, layout::kNumSeries> rings_;
+  std::array<std::int64_t, layout::kNumSeries> ends_{};
+  ipc::Ring queue_;
+  std::atomic_flag ended_;
+  ipc::ForkGuard fork_;
+};
+
+// A step or event that a thread of the controller waits for, as a word in the action file.
+struct Wanted {
+  enum Kind : std::uint64_t { kObservation = 0, kStep = 1, kQueueSpace = 2, kAnything = 3 };
+
+  Kind kind;
+  TimeIndex time_index;
+
+  [[nodiscard]] constexpr std::uint64_t word() const noexcept {
+    return (static_cast<std::uint64_t>(time_index + 2) << 2U) | kind;
+  }
+  [[nodiscard]] static constexpr Wanted from(std::uint64_t word) noexcept {
+    return {static_cast<Kind>(word & 3U), static_cast<TimeIndex>(word >> 2U) - 2};
+  }
+};
+
+// The right to make sessions under one name.
+class SessionPlace {
+ public:
+  // Throws RobotOwned, InvalidArgument.
+  SessionPlace(std::shared_ptr<Directory> directory, std::string name, SessionOptions options);
+  SessionPlace(const SessionPlace&) = delete;
+  SessionPlace& operator=(const SessionPlace&) = delete;
+  ~SessionPlace();
+
+  struct Writers {
+    std::unique_ptr<SessionWriter> robot;
+    std::vector<std::unique_ptr<SessionWriter>> companions;
+  };
+  // The next session and its companions.
+  [[nodiscard]] Writers begin(const UntypedDriver& driver, bool is_real_time, Nanoseconds period);
+
+  [[nodiscard]] const std::shared_ptr<Directory>& directory() const noexcept { return directory_; }
+  [[nodiscard]] const std::string& name() const noexcept { return name_; }
+
+ private:
+  std::shared_ptr<Directory> directory_;
+  std::string name_;
+  SessionOptions options_;
+  ipc::SharedMemory lock_;
+  ipc::ForkGuard fork_;
+};
+
+}  // namespace trifinger::detail

@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/ipc/file_descriptor.hpp"
+
+#include <pthread.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <mutex>
+#include <set>
+
+#include "trifinger/ipc/fork.hpp"
+
+namespace trifinger::ipc {
+namespace {
+
+// Never destroyed: descriptors may be closed by destructors that run after ours would.
+struct Registry {
+  std::mutex mutex;
+  std::set<int> descriptors;
+  std::atomic<std::uint64_t> generation{0};
+};
+
+Registry& registry() {
+  static Registry* const instance = [] {
+    auto* made = new Registry;
+    pthread_atfork([] { registry().mutex.lock(); }, [] { registry().mutex.unlock(); },
+                   [] {
+                     for (const int fd : registry().descriptors) ::close(fd);
+                     registry().descriptors.clear();
+                     // relaxed: a forked child has one thread.
+                     registry().generation.fetch_add(1, std::memory_order_relaxed);
+                     registry().mutex.unlock();
+                   });
+    return made;
+  }();
+  return *instance;
+}
+
+}  // namespace
+
+std::uint64_t fork_generation() noexcept {
+  // relaxed: the value changes only inside fork().
+  return registry().generation.load(std::memory_order_relaxed);
+}
+
+FileDescriptor::FileDescriptor(int fd) : fd_(fd) {
+  if (fd < 0) return;
+  const std::lock_guard lock(registry().mutex);
+  registry().descriptors.insert(fd);
+}
+
+FileDescriptor::~FileDescriptor() {
+  if (fd_ < 0) return;
+  const std::lock_guard lock(registry().mutex);
+  // In a forked child the number may belong to another file by now.
+  if (registry().descriptors.erase(fd_) > 0) ::close(fd_);
+}
+
+}  // namespace trifinger::ipc

@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/ipc/shared_memory.hpp"
+
+#include <fcntl.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <cstdio>
+#include <utility>
+
+#include "bus_error_guard.hpp"
+#include "trifinger/base/error.hpp"
+
+namespace trifinger::ipc {
+namespace {
+
+void allocate(const FileDescriptor& file, std::size_t size, const std::string& what) {
+  const int error = ::posix_fallocate(file.get(), 0, static_cast<off_t>(size));
+  if (error != 0) {
+    throw SystemError("reserve " + std::to_string(size) + " bytes for " + what, error);
+  }
+}
+
+int open_flags(Access access) {
+  return (access == Access::kReadOnly ? O_RDONLY : O_RDWR) | O_CLOEXEC | O_NOFOLLOW;
+}
+
+}  // namespace
+
+SharedMemory SharedMemory::create_anonymous(std::size_t size) {
+  SharedMemory memory;
+  memory.file_ = FileDescriptor(::memfd_create("trifinger", MFD_CLOEXEC));
+  if (!memory.file_) throw SystemError("make anonymous shared memory", errno);
+  allocate(memory.file_, size, "anonymous shared memory");
+  memory.map(Access::kReadWrite);
+  return memory;
+}
+
+SharedMemory SharedMemory::create_file(const std::filesystem::path& folder, const std::string& name,
+                                       std::size_t size, unsigned mode) {
+  static std::atomic<unsigned> count{0};
+  SharedMemory memory;
+  memory.path_ = folder / name;
+  // relaxed: only the numbers have to differ.
+  memory.temporary_path_ =
+      folder / ("." + name + "." + std::to_string(::getpid()) + "." +
+                std::to_string(count.fetch_add(1, std::memory_order_relaxed)));
+  // A file left by a killed process with our number.
+  ::unlink(memory.temporary_path_.c_str());
+  memory.file_ = FileDescriptor(::open(memory.temporary_path_.c_str(),
+                                       O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, S_IRUSR | S_IWUSR));
+  if (!memory.file_) throw SystemError("make " + memory.temporary_path_.string(), errno);
+  allocate(memory.file_, size, memory.path_.string());
+  // fchmod, not open: the mode asked for must not depend on the umask.
+  if (::fchmod(memory.file_.get(), mode) != 0) {
+    throw SystemError("set the mode of " + memory.path_.string(), errno);
+  }
+  memory.map(Access::kReadWrite);
+  return memory;
+}
+
+SharedMemory SharedMemory::open(const std::filesystem::path& path, Access access) {
+  SharedMemory memory;
+  memory.path_ = path;
+  memory.file_ = FileDescriptor(::open(path.c_str(), open_flags(access)));
+  if (!memory.file_) throw SystemError("open " + path.string(), errno);
+  memory.map(access);
+  return memory;
+}
+
+SharedMemory SharedMemory::reopen(Access access) const {
+  SharedMemory memory;
+  memory.path_ = path_;
+  // The link in /proc is the only other name of anonymous memory; it opens a new file description.
+  const std::string link = "/proc/self/fd/" + std::to_string(file_.get());
+  memory.file_ = FileDescriptor(::open(link.c_str(), open_flags(access) & ~O_NOFOLLOW));
+  if (!memory.file_) throw SystemError("open shared memory once more", errno);
+  memory.map(access);
+  return memory;
+}
+
+SharedMemory::SharedMemory(SharedMemory&& other) noexcept { *this = std::move(other); }
+
+SharedMemory& SharedMemory::operator=(SharedMemory&& other) noexcept {
+  std::swap(file_, other.file_);
+  std::swap(path_, other.path_);
+  std::swap(temporary_path_, other.temporary_path_);
+  std::swap(data_, other.data_);
+  std::swap(size_, other.size_);
+  std::swap(guard_, other.guard_);
+  return *this;
+}
+
+SharedMemory::~SharedMemory() {
+  if (guard_ >= 0) release_range(guard_);
+  if (data_ != nullptr) ::munmap(data_, size_);
+  if (!temporary_path_.empty()) ::unlink(temporary_path_.c_str());
+}
+
+void SharedMemory::publish() {
+  if (::rename(temporary_path_.c_str(), path_.c_str()) != 0) {
+    throw SystemError("publish " + path_.string(), errno);
+  }
+  temporary_path_.clear();
+}
+
+bool SharedMemory::publish_if_absent() {
+  if (::renameat2(AT_FDCWD, temporary_path_.c_str(), AT_FDCWD, path_.c_str(), RENAME_NOREPLACE) != 0) {
+    if (errno == EEXIST) return false;
+    throw SystemError("publish " + path_.string(), errno);
+  }
+  temporary_path_.clear();
+  return true;
+}
+
+bool SharedMemory::is_damaged() const noexcept { return is_range_damaged(guard_); }
+
+void SharedMemory::map(Access access) {
+  struct stat status {};
+  if (::fstat(file_.get(), &status) != 0) throw SystemError("inspect " + path_.string(), errno);
+  size_ = static_cast<std::size_t>(status.st_size);
+  if (size_ == 0) throw Error(path_.string() + " is empty: not a session file");
+
+  const int protection = access == Access::kReadOnly ? PROT_READ : PROT_READ | PROT_WRITE;
+  // MAP_POPULATE: the loop must not meet page faults.
+  void* const address =
+      ::mmap(nullptr, size_, protection, MAP_SHARED | MAP_POPULATE, file_.get(), 0);
+  if (address == MAP_FAILED) {
+    const int error = errno;
+    size_ = 0;
+    throw SystemError("map " + path_.string(), error);
+  }
+  data_ = static_cast<std::byte*>(address);
+  guard_ = guard_range(data_, size_);
+}
+
+}  // namespace trifinger::ipc
