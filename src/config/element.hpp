@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <set>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "trifinger/config/node.hpp"
+
+namespace trifinger::config::detail {
+
+struct Entry;
+
+// One value of a configuration, with the place where it was written.
+struct Element {
+  enum class Kind : std::uint8_t { kNull, kScalar, kList, kSection };
+
+  Kind kind{Kind::kNull};
+  Location location;
+  std::string scalar;
+  bool quoted{false};  // A quoted scalar is text, whatever it looks like.
+  std::vector<Element> items;
+  std::vector<Entry> entries;
+  // The keys that readers have asked for, there or not. Not a part of the value.
+  mutable std::set<std::string, std::less<>> asked;
+
+  [[nodiscard]] const Entry* find(std::string_view key) const noexcept;
+};
+
+struct Entry {
+  std::string key;
+  Location location;
+  Element value;
+};
+
+[[nodiscard]] inline Element make_element(Element::Kind kind, Location location) {
+  Element element;
+  element.kind = kind;
+  element.location = std::move(location);
+  return element;
+}
+
+// Reads one document; an empty one is an empty section. Throws ConfigError.
+// `source` alone is the location if `is_override`.
+[[nodiscard]] Element parse(const std::string& text, const std::string& source, bool is_override);
+
+// "fingers" and "height" make "fingers.height".
+[[nodiscard]] std::string join(const std::string& path, std::string_view key);
+
+}  // namespace trifinger::config::detail

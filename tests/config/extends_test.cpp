@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+#include "support/config_message.hpp"
+#include "trifinger/config/file.hpp"
+
+namespace trifinger::config {
+namespace {
+
+using test::message_of;
+using testing::EndsWith;
+using testing::HasSubstr;
+
+// A folder of its own for every test.
+class Extends : public testing::Test {
+ protected:
+  Extends() {
+    std::string name = testing::TempDir() + "trifinger_config_XXXXXX";
+    folder_ = mkdtemp(name.data());
+  }
+  ~Extends() override {
+    std::error_code ignored;
+    std::filesystem::remove_all(folder_, ignored);
+  }
+
+  // The path of a new file with `text`.
+  [[nodiscard]] std::filesystem::path write(const std::string& name,
+                                            const std::string& text) const {
+    std::ofstream(folder_ / name) << text;
+    return folder_ / name;
+  }
+
+  std::filesystem::path folder_;
+};
+
+TEST_F(Extends, TakesTheSectionsThatAreNotGiven) {
+  (void)write("base.yml", "name: base\nfingers:\n  height: 0.3\n");
+  const File file = File::load(write("sim.yml", "extends: base.yml\nname: sim\n"));
+  EXPECT_EQ(file.root().required<std::string>("name"), "sim");
+  EXPECT_EQ(file.root().section("fingers").required<double>("height"), 0.3);
+  EXPECT_NO_THROW(file.reject_unknown_keys());
+}
+
+TEST_F(Extends, ReplacesASectionAsAWhole) {
+  (void)write("base.yml", "safety:\n  max_torque: 0.3\n  safety_kd: 0.1\n");
+  const File file = File::load(write("sim.yml", "extends: base.yml\nsafety:\n  max_torque: 0.4\n"));
+  EXPECT_THAT(
+      message_of([&] { (void)file.root().section("safety").required<double>("safety_kd"); }),
+      EndsWith("sim.yml:3:3: safety.safety_kd is missing"));
+}
+
+TEST_F(Extends, NamesTheFileThatHoldsTheMistake) {
+  (void)write("base.yml", "fingers:\n  height: tall\n");
+  const File file = File::load(write("sim.yml", "extends: base.yml\n"));
+  EXPECT_THAT(message_of([&] { (void)file.root().section("fingers").required<double>("height"); }),
+              HasSubstr("base.yml:2:11: fingers.height is 'tall', must be a number"));
+}
+
+TEST_F(Extends, AppliesOverridesToTheResult) {
+  (void)write("base.yml", "fingers:\n  height: 0.3\n");
+  const File file = File::load(write("sim.yml", "extends: base.yml\n"), {"fingers.height=0.4"});
+  EXPECT_EQ(file.root().section("fingers").required<double>("height"), 0.4);
+}
+
+TEST_F(Extends, GoesOneLevelDeepOnly) {
+  (void)write("third.yml", "name: third\n");
+  (void)write("base.yml", "extends: third.yml\n");
+  EXPECT_THAT(message_of([&] { (void)File::load(write("sim.yml", "extends: base.yml\n")); }),
+              HasSubstr("base.yml:1:1: a file that others extend must not extend one itself"));
+  EXPECT_THAT(message_of([&] { (void)File::load(write("self.yml", "extends: self.yml\n")); }),
+              HasSubstr("self.yml:1:1: a file that others extend must not extend one itself"));
+}
+
+TEST_F(Extends, TellsWhichFileIsNotThere) {
+  EXPECT_THAT(message_of([&] { (void)File::load(write("sim.yml", "extends: bsae.yml\n")); }),
+              HasSubstr("sim.yml:1:10: extends is 'bsae.yml', but there is no file "));
+}
+
+TEST_F(Extends, RefusesANameThatIsNoText) {
+  EXPECT_THAT(message_of([&] { (void)File::load(write("sim.yml", "extends: [a.yml]\n")); }),
+              EndsWith("sim.yml:1:10: extends is a list, must be a text"));
+}
+
+TEST_F(Extends, ThrowsSystemErrorForAFileThatCannotBeRead) {
+  EXPECT_THROW((void)File::load(folder_ / "none.yml"), SystemError);
+  EXPECT_THROW((void)File::load(folder_), SystemError);
+}
+
+}  // namespace
+}  // namespace trifinger::config

@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "support/config_message.hpp"
+#include "trifinger/config/file.hpp"
+
+namespace trifinger::config {
+namespace {
+
+using test::message_of;
+
+// What reading `text` as the file robot.yml complains about.
+std::string problem_in(const std::string& text) {
+  return message_of([&] { (void)File::parse(text, "robot.yml"); });
+}
+
+TEST(Parser, ReadsSectionsListsAndValues) {
+  const File file = File::parse(
+      "name: sim\nfingers: {height: 0.3}\nobjects:\n  - mass: 0.1\n  - mass: 0.2\n", "robot.yml");
+  const Node root = file.root();
+  EXPECT_EQ(root.required<std::string>("name"), "sim");
+  EXPECT_EQ(root.section("fingers").required<double>("height"), 0.3);
+  EXPECT_EQ(root.at("objects").items().at(1).required<double>("mass"), 0.2);
+}
+
+TEST(Parser, TakesAnEmptyFileForOneWithoutKeys) {
+  for (const std::string text : {"", "# only a comment\n", "---\n"}) {
+    EXPECT_FALSE(File::parse(text, "robot.yml").root().find("name").has_value());
+  }
+}
+
+TEST(Parser, RefusesAKeyThatIsGivenTwice) {
+  EXPECT_EQ(problem_in("fingers:\n  height: 0.3\n  count: 3\n  height: 0.4\n"),
+            "robot.yml:4:3: 'height' is given twice, first in line 2");
+}
+
+TEST(Parser, TellsLineAndColumnOfMalformedYaml) {
+  EXPECT_EQ(problem_in("name: sim\nfingers: [1, 2\n"),
+            "robot.yml:3:1: malformed YAML: end of sequence flow not found");
+  EXPECT_EQ(problem_in("name: sim\n fingers: 3\n"),
+            "robot.yml:2:9: malformed YAML: illegal map value");
+}
+
+TEST(Parser, RefusesAnchorsAliasesAndTags) {
+  EXPECT_EQ(problem_in("a: &x 1\nb: 2\n"),
+            "robot.yml:1:4: anchors and aliases are not supported, write the value out");
+  EXPECT_EQ(problem_in("a: !!str 1\n"),
+            "robot.yml:1:4: tags are not supported: 'tag:yaml.org,2002:str'");
+}
+
+TEST(Parser, RefusesASecondDocument) {
+  EXPECT_EQ(problem_in("a: 1\n---\nb: 2\n"),
+            "robot.yml:2:1: a second document begins here, must be one");
+}
+
+TEST(Parser, RefusesAKeyThatIsNoWord) {
+  EXPECT_EQ(problem_in("? [a, b]\n: 1\n"),
+            "robot.yml:1:3: a key is a list or a section, must be a word");
+  EXPECT_EQ(problem_in("~: 1\n"), "robot.yml:1:1: a key is empty, must be a word");
+}
+
+TEST(Parser, RefusesAFileThatIsAListOrAValue) {
+  EXPECT_EQ(problem_in("- 1\n- 2\n"),
+            "robot.yml:1:1: the file must be made of sections, as in 'fingers:'");
+  EXPECT_EQ(problem_in("hello\n"),
+            "robot.yml:1:1: the file must be made of sections, as in 'fingers:'");
+}
+
+TEST(Parser, SurvivesNestingWithoutEnd) {
+  EXPECT_THROW((void)File::parse("a: " + std::string(100'000, '['), "robot.yml"), ConfigError);
+}
+
+TEST(Parser, GivesTheLocationAsData) {
+  try {
+    (void)File::parse("a: 1\na: 2\n", "robot.yml");
+    FAIL() << "nothing thrown";
+  } catch (const ConfigError& error) {
+    EXPECT_EQ(error.location(), (Location{.source = "robot.yml", .line = 2, .column = 1}));
+  }
+}
+
+}  // namespace
+}  // namespace trifinger::config
