@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/joint/read_limits.hpp"
+
+#include <string>
+#include <vector>
+
+namespace trifinger::detail {
+namespace {
+
+// "1, 3 or 9": the lengths of lists that can be repeated to `size` entries.
+std::string allowed_lengths(std::size_t size) {
+  std::string text;
+  for (std::size_t length = 1; length <= size; ++length) {
+    if (size % length != 0) continue;
+    if (!text.empty()) text += length == size ? " or " : ", ";
+    text += std::to_string(length);
+  }
+  return text;
+}
+
+void read_repeated(const config::Node& node, const config::Range& range, std::span<double> values) {
+  const std::vector<double> given =
+      node.is_list() ? node.as<std::vector<double>>(range) : std::vector{node.as<double>(range)};
+  if (given.empty() || values.size() % given.size() != 0) {
+    node.fail("has " + std::to_string(given.size()) + " entries, must have " +
+              allowed_lengths(values.size()));
+  }
+  for (std::size_t i = 0; i < values.size(); ++i) values[i] = given[i % given.size()];
+}
+
+}  // namespace
+
+void read_joint_limits(const config::Node& section,
+                       std::span<const std::span<double>, kJointLimitFields> values) {
+  const auto fields = joint_limit_fields();
+  // Ask for all first: then a key that is missing is not taken for a misspelling of its neighbour.
+  for (const JointLimitField& field : fields) (void)section.find(field.name);
+  JointLimitValues read;
+  for (std::size_t i = 0; i < kJointLimitFields; ++i) {
+    read_repeated(section.at(fields[i].name, fields[i].unit), {.unit = fields[i].unit}, values[i]);
+    read[i] = values[i];
+  }
+  if (const auto problem = find_problem(read)) {
+    section.at(problem->field)
+        .fail("of joint " + std::to_string(problem->joint) + " " + problem->text);
+  }
+}
+
+}  // namespace trifinger::detail

@@ -1,0 +1,272 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <limits>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "joint/limits_of_tests.hpp"
+#include "trifinger/joint/safety.hpp"
+
+namespace trifinger {
+namespace {
+
+using Chain = SafetyChain<TriFinger>;
+using Action = TriFinger::Action;
+using Observation = TriFinger::Observation;
+using Applied = TriFinger::AppliedAction;
+
+constexpr int kSteps = 1'000'000;
+
+// Random numbers as a hostile user and a broken sensor would send them.
+class Chance {
+ public:
+  explicit Chance(std::uint32_t seed) : engine_(seed) {}
+
+  [[nodiscard]] Action action() {
+    Action action;
+    for (std::size_t i = 0; i < 9; ++i) {
+      action.torque[i] = one_in(4) ? nasty() : between(-1.0, 1.0);
+      action.position[i] = one_in(4) ? nasty() : between(-2.0, 3.0);
+      action.position_kp[i] = one_in(4) ? nasty() : between(-1.0, 55.0);
+      action.position_kd[i] = one_in(4) ? nasty() : between(-0.1, 0.6);
+    }
+    return action;
+  }
+
+  // Mostly within the hard limits, at times beyond, rarely not a number.
+  [[nodiscard]] Observation observation() {
+    Observation observation;
+    const bool is_broken = one_in(8);
+    for (std::size_t i = 0; i < 9; ++i) {
+      observation.position[i] = is_broken && one_in(4) ? nasty() : between(-2.0, 2.5);
+      observation.velocity[i] = is_broken && one_in(4) ? nasty()
+                                : one_in(4)            ? 0.0
+                                                       : between(-20.0, 20.0);
+    }
+    return observation;
+  }
+
+ private:
+  [[nodiscard]] bool one_in(std::uint32_t count) { return engine_() % count == 0; }
+  [[nodiscard]] double between(double min, double max) {
+    return min + (max - min) * (static_cast<double>(engine_()) / 4294967296.0);
+  }
+  [[nodiscard]] double nasty() {
+    using Limits = std::numeric_limits<double>;
+    constexpr std::array kNasty{Limits::quiet_NaN(),
+                                Limits::infinity(),
+                                -Limits::infinity(),
+                                Limits::signaling_NaN(),
+                                1e300,
+                                -1e300,
+                                Limits::max(),
+                                Limits::lowest(),
+                                Limits::min(),
+                                -Limits::min(),
+                                Limits::denorm_min(),
+                                -Limits::denorm_min(),
+                                0.0,
+                                -0.0,
+                                1e6,
+                                -1e6,
+                                1e9};
+    return kNasty[engine_() % kNasty.size()];
+  }
+
+  std::mt19937 engine_;
+};
+
+bool is_same(double a, double b) { return a == b || (std::isnan(a) && std::isnan(b)); }
+
+// What joint `i` is asked to do, written once more and apart from the code under test: the torque
+// with the PD of the position, the gains given or the robot's own.
+struct Asked {
+  double torque;
+  double position;
+  double kp;
+  double kd;
+};
+Asked asked_of(const Action& action, const Observation& observation, const JointLimits<9>& limits,
+               std::size_t i) {
+  if (std::isnan(action.position[i])) return {action.torque[i], kNotGiven, kNotGiven, kNotGiven};
+  const double kp =
+      std::isnan(action.position_kp[i]) ? limits.default_kp[i] : action.position_kp[i];
+  const double kd =
+      std::isnan(action.position_kd[i]) ? limits.default_kd[i] : action.position_kd[i];
+  const double pd =
+      kp * (action.position[i] - observation.position[i]) - kd * observation.velocity[i];
+  return {action.torque[i] + pd, action.position[i], kp, kd};
+}
+
+bool is_fit(const Action& action, const JointLimits<9>& limits, std::size_t i) {
+  if (!std::isfinite(action.torque[i])) return false;
+  if (std::isnan(action.position[i])) return true;
+  const auto is_gain = [](double gain, double max) {
+    return std::isnan(gain) || (gain >= 0 && gain <= max);
+  };
+  return std::isfinite(action.position[i]) && is_gain(action.position_kp[i], limits.max_kp[i]) &&
+         is_gain(action.position_kd[i], limits.max_kd[i]);
+}
+
+TEST(SafetyProperty, HoldsForAMillionRandomActions) {
+  const JointLimits<9> limits = test::some_limits<9>();
+  const Chain chain(limits);
+  SafetyState<9> state;
+  Chance chance(20261120);
+  int faults = 0;
+  std::uint64_t seen = 0;
+
+  for (int step = 0; step < kSteps; ++step) {
+    const Action desired = chance.action();
+    const Observation observation = chance.observation();
+    Applied applied;
+    const SafetyReport report = chain.apply(desired, observation, state, applied);
+    const bool is_fault = report.fault != SafetyFault::kNone;
+    faults += is_fault ? 1 : 0;
+
+    bool is_any_unfit = false;
+    for (std::size_t i = 0; i < 9; ++i) {
+      // Not SCOPED_TRACE, which would write nine million messages.
+      const auto where = [&] {
+        return " at step " + std::to_string(step) + ", joint " + std::to_string(i);
+      };
+      const double max = limits.max_torque[i];
+      seen |= applied.reasons[i];
+
+      // Never beyond the limit, never a number that is none.
+      ASSERT_TRUE(std::isfinite(applied.torque[i])) << where();
+      ASSERT_LE(std::abs(applied.torque[i]), max) << where();
+      if (!std::isnan(applied.position[i])) {
+        ASSERT_GE(applied.position[i], limits.soft_lower[i]) << where();
+        ASSERT_LE(applied.position[i], limits.soft_upper[i]) << where();
+      }
+
+      // Zero reasons exactly if what was applied is what was asked.
+      const Asked asked = asked_of(desired, observation, limits, i);
+      const bool is_as_asked = std::isfinite(asked.torque) && asked.torque == applied.torque[i] &&
+                               is_same(asked.position, applied.position[i]) &&
+                               is_same(asked.kp, applied.position_kp[i]) &&
+                               is_same(asked.kd, applied.position_kd[i]);
+      if (is_fault) {
+        ASSERT_NE(applied.reasons[i], 0U) << where();
+        continue;
+      }
+      ASSERT_EQ(applied.reasons[i] == 0, is_as_asked) << names_of(applied.reasons[i]) << where();
+
+      const bool is_unfit = !is_fit(desired, limits, i);
+      is_any_unfit = is_any_unfit || is_unfit;
+      ASSERT_EQ((applied.reasons[i] & kRejected) != 0, is_unfit) << where();
+
+      // Clip, damp, clip, computed once more for joints that nothing else has changed.
+      const double position = observation.position[i];
+      const double velocity = observation.velocity[i];
+      const bool is_inside = position >= limits.soft_lower[i] && position <= limits.soft_upper[i];
+      const bool is_target_inside =
+          std::isnan(desired.position[i]) || (desired.position[i] >= limits.soft_lower[i] &&
+                                              desired.position[i] <= limits.soft_upper[i]);
+      if (is_inside && is_target_inside && !is_unfit) {
+        const double clipped = asked.torque > max ? max : asked.torque < -max ? -max : asked.torque;
+        const double damped = clipped - limits.safety_kd[i] * velocity;
+        ASSERT_EQ(applied.torque[i], damped > max ? max : damped < -max ? -max : damped) << where();
+      }
+
+      // Beyond a soft limit nothing pushes further out but the brake of a joint that comes back.
+      if (position > limits.soft_upper[i] && velocity >= 0) {
+        ASSERT_LE(applied.torque[i], 0.0) << where();
+      }
+      if (position < limits.soft_lower[i] && velocity <= 0) {
+        ASSERT_GE(applied.torque[i], 0.0) << where();
+      }
+    }
+    if (!is_fault) {
+      ASSERT_EQ(report.action_rejected, is_any_unfit);
+    }
+  }
+
+  // The random numbers have reached every rule.
+  EXPECT_GT(faults, kSteps / 100);
+  EXPECT_LT(faults, kSteps / 2);
+  for (const Reason reason : all_reasons()) {
+    if (reason == Reason::kOwnCheck || reason == Reason::kOwnCheckFailed) continue;
+    EXPECT_TRUE(has(seen, reason)) << name_of(reason);
+  }
+}
+
+TEST(SafetyProperty, NoRequestCancelsTheBrake) {
+  const JointLimits<9> limits = test::some_limits<9>();
+  const Chain chain(limits);
+  Chance chance(7);
+  for (int step = 0; step < 100'000; ++step) {
+    SafetyState<9> state;
+    Applied applied;
+    const Observation observation{.velocity = detail::filled<9>(5.0)};
+    (void)chain.apply(chance.action(), observation, state, applied);
+    for (std::size_t i = 0; i < 9; ++i) {
+      ASSERT_LE(applied.torque[i], limits.max_torque[i] - limits.safety_kd[i] * 5.0 + 1e-12);
+    }
+  }
+}
+
+TEST(SafetyProperty, HoldsWithAnOwnCheckThatDoesItsWorst) {
+  const JointLimits<9> limits = test::some_limits<9>();
+  Chain chain(limits);
+  Chance worst(1);
+  chain.add_check([&worst](const Observation&, Action& action) { action = worst.action(); });
+  SafetyState<9> state;
+  Chance chance(2);
+  for (int step = 0; step < 100'000; ++step) {
+    const Action desired = chance.action();
+    const Observation observation = chance.observation();
+    Applied applied;
+    const SafetyReport report = chain.apply(desired, observation, state, applied);
+    for (std::size_t i = 0; i < 9; ++i) {
+      ASSERT_TRUE(std::isfinite(applied.torque[i]));
+      ASSERT_LE(std::abs(applied.torque[i]), limits.max_torque[i]);
+      const Asked asked = asked_of(desired, observation, limits, i);
+      const bool is_as_asked = std::isfinite(asked.torque) && asked.torque == applied.torque[i] &&
+                               is_same(asked.position, applied.position[i]) &&
+                               is_same(asked.kp, applied.position_kp[i]) &&
+                               is_same(asked.kd, applied.position_kd[i]);
+      if (report.fault == SafetyFault::kNone && (applied.reasons[i] & kRejected) == 0) {
+        ASSERT_EQ(applied.reasons[i] == 0, is_as_asked);
+      }
+    }
+  }
+}
+
+TEST(SafetyProperty, AStateThatIsSavedAndRestoredContinuesIdentically) {
+  const Chain chain(test::some_limits<9>());
+  const auto run = [&](SafetyState<9>& state, std::uint32_t seed, int steps) {
+    Chance chance(seed);
+    std::vector<Applied> all(static_cast<std::size_t>(steps));
+    for (Applied& applied : all) {
+      const Action desired = chance.action();
+      (void)chain.apply(desired, chance.observation(), state, applied);
+    }
+    return all;
+  };
+
+  SafetyState<9> state;
+  (void)run(state, 1, 1000);
+  const SafetyState<9> saved = state;
+  const std::vector<Applied> first = run(state, 2, 1000);
+  (void)run(state, 3, 1000);
+  state = saved;
+  const std::vector<Applied> second = run(state, 2, 1000);
+  EXPECT_EQ(std::memcmp(first.data(), second.data(), first.size() * sizeof(Applied)), 0);
+
+  // The state matters: another one leads elsewhere.
+  SafetyState<9> fresh;
+  const std::vector<Applied> other = run(fresh, 2, 1000);
+  EXPECT_NE(std::memcmp(first.data(), other.data(), first.size() * sizeof(Applied)), 0);
+}
+
+}  // namespace
+}  // namespace trifinger
