@@ -1,0 +1,375 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/model/kinematics.hpp"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Eigenvalues>
+#include <cmath>
+#include <limits>
+#include <random>
+#include <span>
+#include <thread>
+
+#include "check_values.hpp"
+#include "scenes.hpp"
+#include "support/allocation_counter.hpp"
+
+namespace trifinger {
+namespace {
+
+using test::JacobianCheck;
+using test::label;
+using test::MixedCheck;
+using test::TipCheck;
+
+// The figures are printed to six decimals.
+constexpr double kPrinted = 1e-9 + 0.5e-6;
+
+struct Checks {
+  Variant variant;
+  std::span<const TipCheck> tips;
+  const MixedCheck& mixed;
+  std::span<const JacobianCheck> jacobians;
+};
+
+const Checks kChecks[] = {
+    {Variant::kEdu, test::kEduTips, test::kEduMixed, test::kEduJacobians},
+    {Variant::kPro, test::kProTips, test::kProMixed, test::kProJacobians},
+    {Variant::kOne, test::kOneTips, test::kOneMixed, test::kOneJacobians},
+};
+
+JointValues repeated(const std::array<double, 3>& finger, int fingers) {
+  return Eigen::Map<const Eigen::Vector3d>(finger.data()).replicate(fingers, 1);
+}
+
+void expect_near(const Eigen::Vector3d& actual, const std::array<double, 3>& expected,
+                 double tolerance) {
+  for (int i = 0; i < 3; ++i)
+    EXPECT_NEAR(actual[i], expected[static_cast<std::size_t>(i)], tolerance);
+}
+
+class RandomPoses {
+ public:
+  explicit RandomPoses(const RobotDescription& description) : figures_(figures(description)) {}
+
+  // Every joint anywhere within its hard limits.
+  JointValues next(int fingers) {
+    JointValues position(3 * fingers);
+    for (int i = 0; i < position.size(); ++i) {
+      const auto j = static_cast<std::size_t>(i % 3);
+      position[i] = std::uniform_real_distribution(figures_.hard_lower[j],
+                                                   figures_.hard_upper[j])(generator_);
+    }
+    return position;
+  }
+
+ private:
+  const VariantFigures& figures_;
+  std::mt19937_64 generator_{1};
+};
+
+TEST(TipPositions, AreThoseOfThePublishedDescriptionsForThreeFingers) {
+  for (const Checks& checks : kChecks) {
+    Kinematics kinematics({.variant = checks.variant});
+    for (const TipCheck& check : checks.tips) {
+      kinematics.update(repeated(check.position, 3));
+      for (int finger = 0; finger < 3; ++finger) {
+        SCOPED_TRACE(label(kinematics.description()));
+        expect_near(kinematics.tip_position(finger),
+                    check.tri_tips[static_cast<std::size_t>(finger)], kPrinted);
+      }
+    }
+  }
+}
+
+TEST(TipPositions, AreThoseOfThePublishedDescriptionsForASingleFinger) {
+  for (const Checks& checks : kChecks) {
+    Kinematics kinematics({.variant = checks.variant, .arrangement = Arrangement::kSingleFinger});
+    for (const TipCheck& check : checks.tips) {
+      SCOPED_TRACE(label(kinematics.description()));
+      kinematics.update(repeated(check.position, 1));
+      expect_near(kinematics.tip_position(0), check.single_tip, kPrinted);
+    }
+  }
+}
+
+TEST(TipPositions, DependOnTheirOwnFingersJointsInTheOrderOfTheJointVector) {
+  for (const Checks& checks : kChecks) {
+    Kinematics kinematics({.variant = checks.variant});
+    kinematics.update(Eigen::Map<const Eigen::Matrix<double, 9, 1>>(checks.mixed.position.data()));
+    const TipPositions tips = kinematics.tip_positions();
+    for (int finger = 0; finger < 3; ++finger) {
+      SCOPED_TRACE(label(kinematics.description()));
+      expect_near(tips.segment<3>(3 * finger), checks.mixed.tips[static_cast<std::size_t>(finger)],
+                  kPrinted);
+    }
+  }
+}
+
+TEST(TipPositions, RiseWithTheFingers) {
+  for (const Variant variant : test::kVariants) {
+    const Kinematics standard({.variant = variant});
+    const Kinematics raised(
+        {.variant = variant, .finger_height = variant_figures(variant).finger_height + 0.017});
+    const TipPositions difference = raised.tip_positions() - standard.tip_positions();
+    for (int finger = 0; finger < 3; ++finger)
+      expect_near(difference.segment<3>(3 * finger), {0, 0, 0.017}, 1e-12);
+  }
+}
+
+TEST(TipPositions, TurnUpsideDownWithThePlatform) {
+  for (const Variant variant : test::kVariants) {
+    const RobotDescription turned{.variant = variant, .flipped = true};
+    const TipPositions upright = Kinematics({.variant = variant}).tip_positions();
+    const TipPositions flipped = Kinematics(turned).tip_positions();
+    for (int finger = 0; finger < 3; ++finger) {
+      const Eigen::Vector3d tip = upright.segment<3>(3 * finger);
+      expect_near(flipped.segment<3>(3 * finger),
+                  {-tip.x(), tip.y(), flip_height(turned) - tip.z()}, 1e-12);
+    }
+  }
+}
+
+TEST(TipJacobians, AreThoseOfThePublishedDescriptions) {
+  for (const Checks& checks : kChecks) {
+    for (const JacobianCheck& check : checks.jacobians) {
+      Kinematics tri({.variant = checks.variant});
+      Kinematics single({.variant = checks.variant, .arrangement = Arrangement::kSingleFinger});
+      tri.update(repeated(check.position, 3));
+      single.update(repeated(check.position, 1));
+      const TipJacobian finger0 = tri.tip_jacobian(0);
+      const TipJacobian finger120 = tri.tip_jacobian(1);
+      const TipJacobian alone = single.tip_jacobian(0);
+      for (int row = 0; row < 3; ++row) {
+        for (int column = 0; column < 3; ++column) {
+          SCOPED_TRACE(label(tri.description()));
+          const auto at = static_cast<std::size_t>(3 * row + column);
+          EXPECT_NEAR(finger0(row, column), check.finger0[at], kPrinted);
+          EXPECT_NEAR(finger120(row, 3 + column), check.finger120[at], kPrinted);
+          EXPECT_NEAR(alone(row, column), check.single[at], kPrinted);
+        }
+      }
+    }
+  }
+}
+
+TEST(TipJacobians, AreTheDerivativesOfTheTipPositions) {
+  constexpr double kStep = 1e-5;
+  for (const RobotDescription& robot : test::all_robots()) {
+    Kinematics kinematics(robot);
+    RandomPoses poses(robot);
+    for (int sample = 0; sample < 50; ++sample) {
+      const JointValues position = poses.next(kinematics.num_fingers());
+      for (int finger = 0; finger < kinematics.num_fingers(); ++finger) {
+        kinematics.update(position);
+        const TipJacobian jacobian = kinematics.tip_jacobian(finger);
+        for (int joint = 0; joint < kinematics.num_joints(); ++joint) {
+          JointValues moved = position;
+          moved[joint] += kStep;
+          kinematics.update(moved);
+          const Eigen::Vector3d after = kinematics.tip_position(finger);
+          moved[joint] -= 2 * kStep;
+          kinematics.update(moved);
+          const Eigen::Vector3d before = kinematics.tip_position(finger);
+          EXPECT_LT((jacobian.col(joint) - (after - before) / (2 * kStep)).norm(), 1e-9)
+              << label(robot);
+        }
+      }
+    }
+  }
+}
+
+struct DynamicsCheck {
+  RobotDescription robot;
+  std::array<double, 3> hold_at_pose, hold_at_zero;
+  std::array<double, 3> position;
+  std::array<double, 6> mass;  // 00 01 02 11 12 22
+};
+
+const DynamicsCheck kDynamics[] = {
+    {{.variant = Variant::kOne},
+     {-0.054936, -0.133095, -0.026742},
+     {-0.054936, 0, 0},
+     {0, -0.9, -1.7},
+     {1.972122e-3, 3.509305e-4, 0, 2.809658e-3, -4.866625e-4, 5.65e-4}},
+    {{.variant = Variant::kOne, .arrangement = Arrangement::kSingleFinger},
+     {-0.054936, -0.131231, -0.006474},
+     {-0.054936, 0, 0},
+     {0, -0.9, -1.7},
+     {1.170971e-3, 3.509305e-4, 0, 2.006502e-3, -8.493409e-5, 1.039e-4}},
+    {{.variant = Variant::kEdu},
+     {0.072124, 0.109728, -0.030488},
+     {0.072124, 0, 0},
+     {0, 0.9, -1.7},
+     {2.178030e-3, 3.845569e-4, -1.867188e-4, 2.819678e-3, 5.300305e-4, 6.193414e-4}},
+    {{.variant = Variant::kPro},
+     {-0.218749, 0.234337, -0.026142},
+     {-0.218749, -0.000337, -0.000006},
+     {0, 0.9, -1.7},
+     {3.957752e-3, -1.469125e-3, 2.198430e-4, 4.920565e-3, 3.551826e-4, 4.318493e-4}},
+};
+
+TEST(GravityTorques, AreThoseOfThePublishedInertias) {
+  for (const DynamicsCheck& check : kDynamics) {
+    SCOPED_TRACE(label(check.robot));
+    Kinematics kinematics(check.robot);
+    kinematics.update(repeated(check.position, kinematics.num_fingers()));
+    expect_near(kinematics.gravity_torques().head<3>(), check.hold_at_pose, kPrinted);
+    kinematics.update(repeated({0, 0, 0}, kinematics.num_fingers()));
+    expect_near(kinematics.gravity_torques().head<3>(), check.hold_at_zero, kPrinted);
+  }
+}
+
+TEST(GravityTorques, AreOppositeWhenThePlatformIsFlipped) {
+  for (const Variant variant : test::kVariants) {
+    const JointValues upright = Kinematics({.variant = variant}).gravity_torques();
+    const JointValues flipped = Kinematics({.variant = variant, .flipped = true}).gravity_torques();
+    EXPECT_LT((upright + flipped).norm(), 1e-12);
+  }
+}
+
+TEST(MassMatrix, IsThatOfThePublishedInertias) {
+  for (const DynamicsCheck& check : kDynamics) {
+    SCOPED_TRACE(label(check.robot));
+    RobotDescription robot = check.robot;
+    robot.actuator = actuator(robot);
+    robot.actuator->rotor_inertia = 0;  // The published figures have none.
+    Kinematics kinematics(robot);
+    kinematics.update(repeated(check.position, kinematics.num_fingers()));
+    JointMatrix mass = kinematics.mass_matrix();
+    if (robot.variant == Variant::kEdu) {
+      // Our lower link is not infinitely thin: 2e-6 about its own axis, of which joint 0 feels this
+      // part.
+      const double lean = std::sin(check.position[1] + check.position[2]);
+      mass(0, 0) -= 2e-6 * lean * lean;
+    }
+    // Printed to seven digits.
+    const auto expect = [&](int row, int column, double printed) {
+      EXPECT_NEAR(mass(row, column), printed, 0.5e-6 * std::abs(printed) + 1e-9);
+    };
+    expect(0, 0, check.mass[0]);
+    expect(0, 1, check.mass[1]);
+    expect(0, 2, check.mass[2]);
+    expect(1, 1, check.mass[3]);
+    expect(1, 2, check.mass[4]);
+    expect(2, 2, check.mass[5]);
+  }
+}
+
+TEST(MassMatrix, IsSymmetricPositiveAndCarriesTheRotorsOnItsDiagonal) {
+  for (const RobotDescription& robot : test::all_robots()) {
+    RobotDescription bare = robot;
+    bare.actuator = actuator(robot);
+    bare.actuator->rotor_inertia = 0;
+    Kinematics kinematics(robot);
+    Kinematics without_rotors(bare);
+    RandomPoses poses(robot);
+    const double rotor = reflected_inertia(actuator(robot));
+    for (int sample = 0; sample < 50; ++sample) {
+      const JointValues position = poses.next(kinematics.num_fingers());
+      kinematics.update(position);
+      without_rotors.update(position);
+      const JointMatrix mass = kinematics.mass_matrix();
+      const JointMatrix links = without_rotors.mass_matrix();
+      EXPECT_LT((mass - mass.transpose()).norm(), 1e-15);
+      EXPECT_LT((mass - links - rotor * JointMatrix::Identity(mass.rows(), mass.cols())).norm(),
+                1e-12);
+      EXPECT_GT(Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(links).eigenvalues()[0], 0);
+    }
+  }
+}
+
+TEST(InverseKinematics, FindsThePoseThatItIsNear) {
+  for (const RobotDescription& robot : test::all_robots()) {
+    Kinematics kinematics(robot);
+    RandomPoses poses(robot);
+    for (int sample = 0; sample < 300; ++sample) {
+      const JointValues position = poses.next(kinematics.num_fingers());
+      kinematics.update(position);
+      const TipPositions tips = kinematics.tip_positions();
+      for (int finger = 0; finger < kinematics.num_fingers(); ++finger) {
+        const Eigen::Vector3d wanted = position.segment<3>(3 * finger);
+        const FingerPose found =
+            kinematics.inverse_kinematics(finger, tips.segment<3>(3 * finger), wanted);
+        ASSERT_EQ(found.reach, Reach::kYes) << label(robot) << ' ' << wanted.transpose();
+        // Near a stretched finger, rounding of the tip is worth its root in the knee.
+        EXPECT_LT((found.position - wanted).norm(), 1e-6)
+            << label(robot) << ' ' << wanted.transpose();
+      }
+    }
+  }
+}
+
+TEST(InverseKinematics, BringsTheTipToEveryPointThatItCallsReachable) {
+  for (const RobotDescription& robot : test::all_robots()) {
+    Kinematics kinematics(robot);
+    std::mt19937_64 generator(2);
+    std::uniform_real_distribution<double> aside(-0.3, 0.3);
+    std::uniform_real_distribution<double> up(0, 0.6);
+    int reached = 0;
+    for (int sample = 0; sample < 1000; ++sample) {
+      const Eigen::Vector3d tip(aside(generator), aside(generator), up(generator));
+      const int finger = sample % kinematics.num_fingers();
+      const FingerPose found = kinematics.inverse_kinematics(finger, tip);
+      for (int joint = 0; joint < 3; ++joint) {
+        const auto j = static_cast<std::size_t>(joint);
+        EXPECT_GE(found.position[joint], figures(robot).hard_lower[j] - 1e-12);
+        EXPECT_LE(found.position[joint], figures(robot).hard_upper[j] + 1e-12);
+      }
+      JointValues position = found.position.replicate(kinematics.num_fingers(), 1);
+      kinematics.update(position);
+      const double error = (kinematics.tip_position(finger) - tip).norm();
+      if (found) {
+        ++reached;
+        EXPECT_LT(error, 1e-7) << label(robot);
+      } else {
+        EXPECT_GT(error, 1e-7) << label(robot) << ": reached what it called out of reach";
+      }
+    }
+    EXPECT_GT(reached, 100) << label(robot);
+  }
+}
+
+TEST(InverseKinematics, SaysWhyAPointIsOutOfReach) {
+  Kinematics kinematics;
+  EXPECT_EQ(kinematics.inverse_kinematics(0, {0, 1, 0.1}).reach, Reach::kTooFar);
+  // On the joint-0 axis: the tip of an Edu finger is always 59 mm away from it.
+  EXPECT_EQ(kinematics.inverse_kinematics(0, {0, 0.1, 0.283}).reach, Reach::kTooClose);
+  // Above the finger base.
+  EXPECT_EQ(kinematics.inverse_kinematics(0, {0, 0.05, 0.55}).reach, Reach::kOutsideLimits);
+}
+
+TEST(InverseKinematics, StretchesTowardsAPointThatIsTooFar) {
+  Kinematics kinematics;
+  const FingerPose found = kinematics.inverse_kinematics(0, {-0.05945, 0.0455 + 0.3, 0.0});
+  EXPECT_EQ(found.reach, Reach::kTooFar);
+  EXPECT_NEAR(found.position[2], 0, 1e-9);
+  EXPECT_NEAR(found.position[1], std::atan2(0.3, 0.283), 1e-9);
+}
+
+TEST(InverseKinematics, AnswersNonsenseWithTheInitialPose) {
+  Kinematics kinematics;
+  for (const double bad : {std::nan(""), std::numeric_limits<double>::infinity(), 1e300}) {
+    const FingerPose found = kinematics.inverse_kinematics(1, {bad, 0, 0.1});
+    EXPECT_FALSE(found);
+    EXPECT_TRUE(found.position.allFinite());
+  }
+}
+
+TEST(Kinematics, DoesNotAllocateOnceItExists) {
+  for (const RobotDescription& robot : test::all_robots()) {
+    Kinematics kinematics(robot);
+    const JointValues position = JointValues::Constant(kinematics.num_joints(), 0.3);
+    const test::AllocationCounter allocations;
+    kinematics.update(position);
+    (void)kinematics.tip_positions();
+    (void)kinematics.tip_jacobian(0);
+    (void)kinematics.gravity_torques();
+    (void)kinematics.mass_matrix();
+    (void)kinematics.inverse_kinematics(0, {0.02, 0.03, 0.05});
+    EXPECT_EQ(allocations.count(), 0U) << label(robot);
+  }
+}
+
+}  // namespace
+}  // namespace trifinger

@@ -1,0 +1,254 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/model/robot_model.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <mujoco/mujoco.h>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+
+#include "scenes.hpp"
+#include "trifinger/base/error.hpp"
+
+namespace trifinger {
+namespace {
+
+using test::label;
+
+struct DeleteData {
+  void operator()(mjData* data) const { mj_deleteData(data); }
+};
+using Data = std::unique_ptr<mjData, DeleteData>;
+
+Data initial_data(const RobotModel& model) {
+  Data data(mj_makeData(model.mujoco()));
+  mj_resetDataKeyframe(model.mujoco(), data.get(), 0);
+  mj_forward(model.mujoco(), data.get());
+  return data;
+}
+
+std::string body_of(const mjModel* model, int geom) {
+  return mj_id2name(model, mjOBJ_BODY, model->geom_bodyid[geom]);
+}
+
+TEST(RobotModel, BuildsEveryVariantWithEveryOption) {
+  for (RobotDescription robot : test::all_robots()) {
+    for (const bool boundary : {false, true})
+      for (const bool soft_tips : {false, true})
+        for (const Detail detail : {Detail::kPhysics, Detail::kPictures}) {
+          robot.boundary = boundary;
+          robot.soft_tips = soft_tips;
+          const RobotModel model(robot, detail);
+          EXPECT_EQ(model.num_joints(), num_joints(robot));
+          EXPECT_EQ(model.camera_names().size(), detail == Detail::kPictures ? 3U : 0U);
+          EXPECT_EQ(static_cast<int>(model.mujoco()->ncam),
+                    static_cast<int>(model.camera_names().size()));
+        }
+  }
+}
+
+TEST(RobotModel, StartsWithNothingTouchingButObjectsOnTheTable) {
+  for (const RobotDescription& robot : test::all_robots()) {
+    const RobotModel model(robot);
+    const Data data = initial_data(model);
+    for (int i = 0; i < data->ncon; ++i) {
+      const mjContact& contact = data->contact[i];
+      EXPECT_EQ(body_of(model.mujoco(), contact.geom[0]), "world")
+          << label(robot) << ": " << body_of(model.mujoco(), contact.geom[0]) << " touches "
+          << body_of(model.mujoco(), contact.geom[1]);
+      EXPECT_GT(contact.dist, -1e-6) << label(robot);
+    }
+  }
+}
+
+TEST(RobotModel, PutsTheJointsFirstInStateAndControls) {
+  for (const RobotDescription& robot : test::all_robots()) {
+    const RobotModel model(robot);
+    const mjModel* mujoco = model.mujoco();
+    const std::vector<std::string> names = joint_names(robot);
+    for (int i = 0; i < model.num_joints(); ++i) {
+      const char* name = names[static_cast<std::size_t>(i)].c_str();
+      const int joint = mj_name2id(mujoco, mjOBJ_JOINT, name);
+      EXPECT_EQ(mujoco->jnt_qposadr[joint], i);
+      EXPECT_EQ(mujoco->jnt_dofadr[joint], i);
+      EXPECT_EQ(mj_name2id(mujoco, mjOBJ_ACTUATOR, name), i);
+    }
+    EXPECT_EQ(static_cast<int>(mujoco->nu), model.num_joints());
+  }
+}
+
+TEST(RobotModel, DrivesEachJointWithTheTorqueOfItsControl) {
+  const RobotModel model({.objects = {}});
+  const Data data = initial_data(model);
+  for (int i = 0; i < 9; ++i) data->ctrl[i] = 0.01 * (i + 1);
+  data->ctrl[8] = 5;  // Beyond the limit.
+  mj_forward(model.mujoco(), data.get());
+  for (int i = 0; i < 8; ++i) EXPECT_DOUBLE_EQ(data->qfrc_actuator[i], 0.01 * (i + 1));
+  EXPECT_DOUBLE_EQ(data->qfrc_actuator[8], 0.36);
+}
+
+TEST(RobotModel, TakesItsMotorsFromTheDescription) {
+  const ActuatorParameters drive{
+      .torque_limit = 0.25, .rotor_inertia = 1e-6, .damping = 0.02, .friction = 0.01};
+  const RobotModel model({.actuator = drive});
+  for (int i = 0; i < 9; ++i) {
+    EXPECT_DOUBLE_EQ(model.mujoco()->dof_armature[i], 81e-6);
+    EXPECT_DOUBLE_EQ(model.mujoco()->dof_damping[i], 0.02);
+    EXPECT_DOUBLE_EQ(model.mujoco()->dof_frictionloss[i], 0.01);
+    EXPECT_DOUBLE_EQ(model.mujoco()->actuator_ctrlrange[2 * i + 1], 0.25);
+  }
+}
+
+TEST(RobotModel, StopsTheJointsBeyondTheirHardLimits) {
+  for (const RobotDescription& robot : test::all_robots()) {
+    const RobotModel model(robot);
+    for (int i = 0; i < model.num_joints(); ++i) {
+      const auto j = static_cast<std::size_t>(i % 3);
+      EXPECT_DOUBLE_EQ(model.mujoco()->jnt_range[2 * i], figures(robot).hard_lower[j] - 0.2);
+      EXPECT_DOUBLE_EQ(model.mujoco()->jnt_range[2 * i + 1], figures(robot).hard_upper[j] + 0.2);
+    }
+  }
+}
+
+TEST(RobotModel, WeighsWhatThePublishedLinksWeigh) {
+  // Moving mass of one finger [kg].
+  const auto expected = [](const RobotDescription& robot) {
+    if (robot.variant == Variant::kEdu) return 0.33778;
+    if (robot.variant == Variant::kPro) return 0.60341;
+    return robot.arrangement == Arrangement::kSingleFinger ? 0.412 : 0.430;
+  };
+  for (RobotDescription robot : test::all_robots()) {
+    robot.objects.clear();
+    const RobotModel model(robot);
+    EXPECT_NEAR(mj_getTotalmass(model.mujoco()), num_fingers(robot) * expected(robot), 1e-5)
+        << label(robot);
+  }
+}
+
+TEST(RobotModel, GivesObjectsTheirMassAndSizeAndInertia) {
+  const RobotModel model({.objects = {cube(), ball(), stick()}});
+  const mjModel* mujoco = model.mujoco();
+  const int cube_body = model.object("cube").body;
+  EXPECT_DOUBLE_EQ(mujoco->body_mass[cube_body], 0.094);
+  for (int i = 0; i < 3; ++i) EXPECT_NEAR(mujoco->body_inertia[3 * cube_body + i], 6.619e-5, 1e-8);
+  const int ball_body = model.object("ball").body;
+  EXPECT_DOUBLE_EQ(mujoco->body_mass[ball_body], 0.05);
+  EXPECT_NEAR(mujoco->body_inertia[3 * ball_body], 0.4 * 0.05 * 0.03 * 0.03, 1e-12);
+  EXPECT_NEAR(mujoco->body_mass[model.object("stick").body], 0.012, 1e-15);
+}
+
+TEST(RobotModel, FindsObjectsByNameAndWhereTheyLiveInTheState) {
+  ObjectDescription placed = cube("placed");
+  placed.position = {{0.05, -0.04, 0.2}};
+  const RobotModel model({.objects = {cuboid(), placed}});
+  const Data data = initial_data(model);
+  const ObjectAddress& address = model.object("placed");
+  EXPECT_EQ(address.position, 9 + 7);
+  EXPECT_EQ(address.velocity, 9 + 6);
+  EXPECT_DOUBLE_EQ(data->qpos[address.position], 0.05);
+  EXPECT_DOUBLE_EQ(data->qpos[address.position + 1], -0.04);
+  EXPECT_DOUBLE_EQ(data->qpos[address.position + 2], 0.2);
+  EXPECT_DOUBLE_EQ(data->qpos[address.position + 3], 1);
+  EXPECT_DOUBLE_EQ(data->xpos[3 * address.body + 2], 0.2);
+}
+
+TEST(RobotModel, NamesTheObjectsThatExistWhenAskedForAnother) {
+  const RobotModel model({.objects = {cube("red"), ball("blue")}});
+  try {
+    (void)model.object("green");
+    FAIL() << "found an object that is not there";
+  } catch (const InvalidArgument& error) {
+    EXPECT_THAT(error.what(), ::testing::HasSubstr("'green'"));
+    EXPECT_THAT(error.what(), ::testing::HasSubstr("red, blue"));
+  }
+}
+
+TEST(RobotModel, MovesAlikeForPhysicsAndForPictures) {
+  for (const RobotDescription& robot : test::all_robots()) {
+    const RobotModel bare(robot, Detail::kPhysics);
+    const RobotModel full(robot, Detail::kPictures);
+    const Data first = initial_data(bare);
+    const Data second = initial_data(full);
+    ASSERT_EQ(bare.mujoco()->nq, full.mujoco()->nq);
+    std::mt19937_64 generator(3);
+    std::uniform_real_distribution<double> torque(-0.3, 0.3);
+    for (int step = 0; step < 500; ++step) {
+      for (int i = 0; i < bare.num_joints(); ++i)
+        first->ctrl[i] = second->ctrl[i] = torque(generator);
+      mj_step(bare.mujoco(), first.get());
+      mj_step(full.mujoco(), second.get());
+    }
+    EXPECT_TRUE(std::equal(first->qpos, first->qpos + bare.mujoco()->nq, second->qpos))
+        << label(robot);
+  }
+}
+
+TEST(RobotModel, KeepsObjectsInsideTheBoundary) {
+  for (const Variant variant : test::kVariants) {
+    const RobotModel model({.variant = variant, .objects = {ball()}});
+    for (double azimuth = 0; azimuth < 6.28; azimuth += 0.31) {
+      const Data data = initial_data(model);
+      const ObjectAddress& ball = model.object("ball");
+      // On the floor, under the fingers, at half a metre per second.
+      data->qvel[ball.velocity] = 0.5 * std::cos(azimuth);
+      data->qvel[ball.velocity + 1] = 0.5 * std::sin(azimuth);
+      double furthest = 0;
+      for (int step = 0; step < 1000; ++step) {
+        // The fingers stay out of the way.
+        for (int i = 0; i < model.num_joints(); ++i)
+          data->ctrl[i] =
+              10 * (model.initial_position()[static_cast<std::size_t>(i)] - data->qpos[i]) -
+              0.1 * data->qvel[i];
+        mj_step(model.mujoco(), data.get());
+        furthest = std::max(furthest,
+                            std::hypot(data->qpos[ball.position], data->qpos[ball.position + 1]));
+      }
+      EXPECT_LT(furthest, 0.250 - 0.02);
+      EXPECT_GT(furthest, 0.10) << "it never came near the wall";
+    }
+  }
+}
+
+// The collision masks leave out pairs that cannot meet. These hold the geometry that allows it.
+TEST(CollisionMasks, MayIgnoreMiddleAndUpperLinksAtTableAndBoundary) {
+  for (RobotDescription robot : test::all_robots()) {
+    robot.objects.clear();
+    robot.finger_height = robot.flipped ? 0.6 : 0.2;  // The lowest that is allowed.
+    for (const double height : {*robot.finger_height, figures(robot).finger_height}) {
+      robot.finger_height = height;
+      const RobotModel model(robot);
+      const mjModel* mujoco = model.mujoco();
+      const Data data = initial_data(model);
+      std::mt19937_64 generator(4);
+      std::vector<int> walls, links;
+      for (int geom = 0; geom < mujoco->ngeom; ++geom) {
+        const std::string body = body_of(mujoco, geom);
+        if (body == "platform" || body == "world") walls.push_back(geom);
+        if (body.starts_with("finger_upper") || body.starts_with("finger_middle"))
+          links.push_back(geom);
+      }
+      for (int sample = 0; sample < 400; ++sample) {
+        for (int i = 0; i < model.num_joints(); ++i)
+          data->qpos[i] = std::uniform_real_distribution(mujoco->jnt_range[2 * i],
+                                                         mujoco->jnt_range[2 * i + 1])(generator);
+        mj_kinematics(mujoco, data.get());
+        for (const int link : links) {
+          for (const int wall : walls) {
+            // Fingers lower than their standard height can come down to the boundary; that is
+            // documented.
+            if (mujoco->geom_type[wall] != mjGEOM_PLANE && height < figures(robot).finger_height)
+              continue;
+            double nearest[6];
+            EXPECT_GT(mj_geomDistance(mujoco, data.get(), link, wall, 0.05, nearest), 0)
+                << label(robot) << " height " << height << ' ' << body_of(mujoco, link);
+          }
+        }
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace trifinger
