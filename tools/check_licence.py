@@ -8,14 +8,14 @@ from tracked_files import ROOT, tracked_files
 
 LICENCE = "SPDX-License-Identifier: BSD-3-Clause"
 SUFFIXES = (".hpp", ".cpp", ".cmake", ".txt", ".py", ".pyi", ".sh", ".toml", ".yaml", ".yml")
-SCRIPTS = ("run", ".ci/run", ".clang-tidy")
+NAMES = ("run", ".clang-tidy")
 
 
 def main() -> int:
     """Checks all tracked source files and returns the exit status."""
     missing = []
     for path in tracked_files():
-        if path.suffix not in SUFFIXES and str(path) not in SCRIPTS:
+        if path.suffix not in SUFFIXES and path.name not in NAMES:
             continue
         with (ROOT / path).open() as file:
             # A script's first line names its interpreter.

@@ -67,7 +67,8 @@ def main(build: Path, jobs: int) -> int:
     ours = {str(ROOT / path) for path in tracked_files(".cpp")}
     database = json.loads((build / "compile_commands.json").read_text())
     entries = {entry["file"]: entry for entry in database if entry["file"] in ours}
-    config = (ROOT / ".clang-tidy").read_bytes()
+    configs = [path for path in tracked_files() if path.name == ".clang-tidy"]
+    config = b"".join((ROOT / path).read_bytes() for path in configs)
     version = subprocess.run([CLANG_TIDY, "--version"], check=True, capture_output=True).stdout
     listing = subprocess.run(
         [CLANG_TIDY, "--list-checks", f"--config-file={ROOT / '.clang-tidy'}"],
