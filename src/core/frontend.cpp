@@ -293,7 +293,7 @@ class UntypedFrontend::Implementation {
   [[nodiscard]] layout::ActionHeader* action_header() const noexcept {
     return action_ ? reinterpret_cast<layout::ActionHeader*>(action_->data()) : nullptr;
   }
-  [[nodiscard]] const RobotDescription& description() const noexcept {
+  [[nodiscard]] const RobotTypes& description() const noexcept {
     return mapping_->description();
   }
 
@@ -591,8 +591,8 @@ void require_same(const std::string& what, const ElementDescription& found,
 
 }  // namespace
 
-void require_same_robot(const Session& session, const RobotDescription& expected) {
-  const RobotDescription& found = session.description();
+void require_same_robot(const Session& session, const RobotTypes& expected) {
+  const RobotTypes& found = session.description();
   const std::string name = "session '" + session.info().name + "'";
   if (found.type != expected.type) {
     throw IncompatibleSession(name + " is a robot of type '" + found.type +

@@ -147,7 +147,7 @@ SessionInfo Session::info() const {
   return info;
 }
 
-const RobotDescription& Session::description() const noexcept { return mapping_->description(); }
+const RobotTypes& Session::description() const noexcept { return mapping_->description(); }
 
 const ElementDescription& Session::element(Series series) const { return mapping_->element(series); }
 

@@ -475,7 +475,7 @@ SessionPlace::~SessionPlace() {
 
 SessionPlace::Writers SessionPlace::begin(const UntypedDriver& driver, bool is_real_time,
                                           Nanoseconds period) {
-  const RobotDescription& robot = driver.description();
+  const RobotTypes& robot = driver.description();
   SessionPlan plan{
       .name = name_,
       .type = robot.type,

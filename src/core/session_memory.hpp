@@ -94,7 +94,7 @@ class SessionMapping {
   [[nodiscard]] bool has(Series series) const noexcept { return ring(series).shape().capacity > 0; }
   [[nodiscard]] const std::string& name() const noexcept { return name_; }
   [[nodiscard]] const std::string& host() const noexcept { return host_; }
-  [[nodiscard]] const RobotDescription& description() const noexcept { return description_; }
+  [[nodiscard]] const RobotTypes& description() const noexcept { return description_; }
   [[nodiscard]] const ElementDescription& element(Series series) const;
   [[nodiscard]] bool is_companion() const noexcept { return !has(Series::kStatus); }
   [[nodiscard]] const std::shared_ptr<Directory>& directory() const noexcept { return directory_; }
@@ -125,7 +125,7 @@ class SessionMapping {
   std::array<ipc::Ring, layout::kNumSeries> rings_;
   std::string name_;
   std::string host_;
-  RobotDescription description_;
+  RobotTypes description_;
   ElementDescription status_;
 };
 

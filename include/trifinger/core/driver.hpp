@@ -75,7 +75,7 @@ class UntypedDriver {
   UntypedDriver& operator=(const UntypedDriver&) = delete;
   virtual ~UntypedDriver() = default;
 
-  [[nodiscard]] virtual const RobotDescription& description() const noexcept = 0;
+  [[nodiscard]] virtual const RobotTypes& description() const noexcept = 0;
   /// Sensors with their own rate; the answer never changes.
   [[nodiscard]] virtual std::span<const CompanionDescription> companions() const noexcept {
     return {};
@@ -136,7 +136,7 @@ class Driver : public UntypedDriver {
   }
   void cut() noexcept override {}
 
-  [[nodiscard]] const RobotDescription& description() const noexcept final { return describe_robot<R>(); }
+  [[nodiscard]] const RobotTypes& description() const noexcept final { return describe_robot<R>(); }
   [[nodiscard]] DriverReport get_latest_observation(void* observation) noexcept
       TRIFINGER_REALTIME final {
     return get_latest_observation(*static_cast<Observation*>(observation));

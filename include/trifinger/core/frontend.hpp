@@ -81,7 +81,7 @@ class UntypedFrontend {
 };
 
 /// Throws IncompatibleSession with the first difference if `session` is not one of the robot `expected`.
-void require_same_robot(const Session& session, const RobotDescription& expected);
+void require_same_robot(const Session& session, const RobotTypes& expected);
 /// The same for the elements of a companion.
 void require_same_companion(const Session& session, const ElementDescription& expected);
 

@@ -43,7 +43,7 @@ concept Robot = Described<typename R::Action> && Described<typename R::Observati
                 std::convertible_to<decltype(R::kType), std::string_view>;
 
 /// The types of a robot, known at run time.
-struct RobotDescription {
+struct RobotTypes {
   std::string type;
   ElementDescription action;
   ElementDescription applied_action;
@@ -63,8 +63,8 @@ std::vector<std::byte> bytes_of(const T& value) {
 }  // namespace detail
 
 template <Robot R>
-[[nodiscard]] const RobotDescription& describe_robot() {
-  static const RobotDescription description{
+[[nodiscard]] const RobotTypes& describe_robot() {
+  static const RobotTypes description{
       .type = std::string(R::kType),
       .action = describe<typename R::Action>(),
       .applied_action = describe<AppliedActionOf<R>>(),

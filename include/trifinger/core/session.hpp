@@ -67,7 +67,7 @@ class Session {
 
   [[nodiscard]] SessionInfo info() const;
   /// The types of the robot; of a companion, only the observation.
-  [[nodiscard]] const RobotDescription& description() const noexcept;
+  [[nodiscard]] const RobotTypes& description() const noexcept;
   /// The layout of the elements of one series.
   [[nodiscard]] const ElementDescription& element(Series series) const;
 
