@@ -57,8 +57,9 @@ class UntypedFrontend::Implementation {
  public:
   Implementation(std::shared_ptr<const SessionMapping> mapping,
                  std::optional<ipc::SharedMemory> action, const FrontendOptions& options,
-                 Backend* inline_backend)
-      : mapping_(std::move(mapping)),
+                 Backend* inline_backend, std::shared_ptr<void> owner = nullptr)
+      : owner_(std::move(owner)),
+        mapping_(std::move(mapping)),
         session_(mapping_),
         action_(std::move(action)),
         options_(options),
@@ -280,7 +281,8 @@ class UntypedFrontend::Implementation {
     }
     if (companion->header().robot_session_id != header().session_id) mapping_->throw_stopped();
     auto implementation = std::make_unique<Implementation>(
-        std::move(companion), std::nullopt, FrontendOptions{.control = false}, inline_backend_);
+        std::move(companion), std::nullopt, FrontendOptions{.control = false}, inline_backend_,
+        owner_);
     implementation->interrupt_ = interrupt_;
     return implementation;
   }
@@ -406,6 +408,7 @@ class UntypedFrontend::Implementation {
     }
   }
 
+  std::shared_ptr<void> owner_;  // destroyed last: the inline back-end is in it
   std::shared_ptr<const SessionMapping> mapping_;
   Session session_;
   std::optional<ipc::SharedMemory> action_;
@@ -516,7 +519,8 @@ UntypedFrontend::UntypedFrontend(const SessionHost& host, FrontendOptions option
                                                     nullptr);
           })) {}
 
-UntypedFrontend::UntypedFrontend(Backend& backend, FrontendOptions options)
+UntypedFrontend::UntypedFrontend(Backend& backend, FrontendOptions options,
+                                 std::shared_ptr<void> owner)
     : implementation_(attach(
           [&] {
             if (backend.options().mode != BackendOptions::Mode::kNonRealTime) {
@@ -528,7 +532,7 @@ UntypedFrontend::UntypedFrontend(Backend& backend, FrontendOptions options)
           options,
           [&](auto mapping, auto action) {
             return std::make_unique<Implementation>(std::move(mapping), std::move(action), options,
-                                                    &backend);
+                                                    &backend, std::move(owner));
           })) {}
 
 UntypedFrontend::UntypedFrontend(UntypedFrontend&&) noexcept = default;

@@ -34,8 +34,10 @@ class UntypedFrontend {
   explicit UntypedFrontend(const std::string& name, FrontendOptions options = {});
   /// Takes part in the current session of `host`, whose back-end runs in a thread of this process.
   explicit UntypedFrontend(const SessionHost& host, FrontendOptions options = {});
-  /// Takes part in the current session of `backend`, which runs inside this front-end's waits.
-  explicit UntypedFrontend(Backend& backend, FrontendOptions options = {});
+  /// Takes part in the current session of `backend`, which runs inside this front-end's waits. `owner` is kept as
+  /// long as the front-end: whatever the back-end needs.
+  explicit UntypedFrontend(Backend& backend, FrontendOptions options = {},
+                           std::shared_ptr<void> owner = nullptr);
   UntypedFrontend(UntypedFrontend&&) noexcept;
   UntypedFrontend& operator=(UntypedFrontend&&) noexcept;
   /// Gives control back. If actions were appended and the session still runs, it ends (`kDetached`).
@@ -110,8 +112,9 @@ class Frontend {
       : Frontend(UntypedFrontend(host, options)) {}
   /// The same for a back-end that runs inside this front-end's waits: no threads, deterministic, fast. Waiting for a
   /// step whose action has not been appended throws ActionMissing.
-  explicit Frontend(Backend& backend, FrontendOptions options = {})
-      : Frontend(UntypedFrontend(backend, options)) {}
+  explicit Frontend(Backend& backend, FrontendOptions options = {},
+                    std::shared_ptr<void> owner = nullptr)
+      : Frontend(UntypedFrontend(backend, options, std::move(owner))) {}
 
   /// Appends `action` and returns the step it is scheduled for: the next one, or the first still open if the loop fell
   /// behind. The first call starts time 0. Waits only if the queue is full.
