@@ -168,7 +168,7 @@ constexpr Finger kPro{
 // One
 
 constexpr Solid kOneBase[] = {
-    box({-0.025, 0.266, -0.003}, {0.060, 0.080, 0.025}, Paint::kDark),
+    box({-0.025, 0.222, -0.003}, {0.060, 0.036, 0.025}, Paint::kDark),
     box({0, 0.215, 0.051}, {0.020, 0.020, 0.029}, Paint::kDark),
     box({0, -0.036, 0.028}, {0.012, 0.006, 0.052}, Paint::kDark),
 };

@@ -231,14 +231,16 @@ class Builder {
     set_colour(floor->rgba, {0.62F, 0.64F, 0.66F, 1});
     mjs_setString(floor->material, "matte");
 
-    add_light({0.9, -1.1, 1.9}, 0.50F, true);
+    add_light({1.1, -1.3, 2.3}, 0.52F, true);
     add_light({-1.4, 0.4, 1.5}, 0.20F, false);
     add_light({0.5, 1.5, 1.2}, 0.15F, false);
   }
 
   void add_light(const Eigen::Vector3d& position, float brightness, bool shadow) {
     mjsLight* light = mjs_addLight(world_, nullptr);
-    light->type = mjLIGHT_DIRECTIONAL;
+    light->type = shadow ? mjLIGHT_SPOT : mjLIGHT_DIRECTIONAL;
+    light->cutoff = 50;
+    light->exponent = 1;
     copy(light->pos, position);
     copy(light->dir, Eigen::Vector3d((Eigen::Vector3d(0, 0, 0.15) - position).normalized()));
     light->castshadow = shadow;
@@ -257,7 +259,7 @@ class Builder {
     plane->size[0] = plane->size[1] = kTableHalf;
     plane->size[2] = 0.1;
     touch(plane, kTableBit, 0);
-    const Colour top = description_.variant == Variant::kEdu   ? Colour{0.90F, 0.90F, 0.88F, 1}
+    const Colour top = description_.variant == Variant::kEdu   ? Colour{0.84F, 0.84F, 0.82F, 1}
                        : description_.variant == Variant::kPro ? Colour{0.21F, 0.23F, 0.20F, 1}
                                                                : Colour{0.20F, 0.17F, 0.21F, 1};
     plane->group = kTouchesGroup;
