@@ -103,7 +103,8 @@ class TreeBuilder final : public YAML::EventHandler {
             Element::Kind kind) {
     refuse_anchor(mark, anchor);
     refuse_tag(mark, tag);
-    if (expects_key()) fail(mark, "a key is a list or a section, must be a word");
+    if (expects_key())
+      fail(mark, "a key is a list or a section, must be a word; is a bracket not closed?");
     open_.push_back(make_element(kind, location(mark)));
     keys_.emplace_back();
   }
@@ -146,7 +147,9 @@ const Entry* Element::find(std::string_view key) const noexcept {
 }
 
 Element parse(const std::string& text, const std::string& source, bool is_override) {
-  std::istringstream stream(text);
+  // Without the comment at the end the parser would take a quote that is never closed for closed by
+  // the last newline.
+  std::istringstream stream(text + (text.ends_with('\n') ? "#" : "\n#"));
   TreeBuilder builder(source, is_override);
   try {
     YAML::Parser parser(stream);
