@@ -11,6 +11,7 @@
 
 #include "scenes.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/model/kinematics.hpp"
 
 namespace trifinger {
 namespace {
@@ -31,6 +32,22 @@ Data initial_data(const RobotModel& model) {
 
 std::string body_of(const mjModel* model, int geom) {
   return mj_id2name(model, mjOBJ_BODY, model->geom_bodyid[geom]);
+}
+
+void drive_towards(const RobotModel& model, mjData* data, const std::vector<double>& position) {
+  for (int i = 0; i < model.num_joints(); ++i)
+    data->ctrl[i] =
+        10 * (position[static_cast<std::size_t>(i)] - data->qpos[i]) - 0.1 * data->qvel[i];
+}
+
+bool touch(const RobotModel& model, const mjData* data, const std::string& first,
+           const std::string& second) {
+  for (int i = 0; i < data->ncon; ++i) {
+    const std::string one = body_of(model.mujoco(), data->contact[i].geom[0]);
+    const std::string other = body_of(model.mujoco(), data->contact[i].geom[1]);
+    if ((one == first && other == second) || (one == second && other == first)) return true;
+  }
+  return false;
 }
 
 TEST(RobotModel, BuildsEveryVariantWithEveryOption) {
@@ -197,10 +214,7 @@ TEST(RobotModel, KeepsObjectsInsideTheBoundary) {
       double furthest = 0;
       for (int step = 0; step < 1000; ++step) {
         // The fingers stay out of the way.
-        for (int i = 0; i < model.num_joints(); ++i)
-          data->ctrl[i] =
-              10 * (model.initial_position()[static_cast<std::size_t>(i)] - data->qpos[i]) -
-              0.1 * data->qvel[i];
+        drive_towards(model, data.get(), model.initial_position());
         mj_step(model.mujoco(), data.get());
         furthest = std::max(furthest,
                             std::hypot(data->qpos[ball.position], data->qpos[ball.position + 1]));
@@ -209,6 +223,79 @@ TEST(RobotModel, KeepsObjectsInsideTheBoundary) {
       EXPECT_GT(furthest, 0.10) << "it never came near the wall";
     }
   }
+}
+
+TEST(RobotModel, KeepsTipsInsideTheBoundary) {
+  // Outside the wall and low enough to meet it, for each variant.
+  for (const Variant variant : test::kVariants) {
+    const double outward = variant == Variant::kOne ? -0.785 : 0.785;
+    std::vector<double> target;
+    for (int finger = 0; finger < 3; ++finger) target.insert(target.end(), {0, outward, 0});
+    for (const bool boundary : {true, false}) {
+      // Raised, so that the tips do not meet the table on their way.
+      const RobotModel model({.variant = variant,
+                              .finger_height = variant_figures(variant).finger_height + 0.03,
+                              .boundary = boundary,
+                              .objects = {}});
+      const Data data = initial_data(model);
+      for (int step = 0; step < 2000; ++step) {
+        drive_towards(model, data.get(), target);
+        mj_step(model.mujoco(), data.get());
+      }
+      for (const int site : model.tip_sites()) {
+        const double* tip = data->site_xpos + 3 * site;
+        const double radius = std::hypot(tip[0], tip[1]);
+        EXPECT_EQ(radius < 0.245, boundary) << label(model.description()) << ' ' << radius;
+      }
+    }
+  }
+}
+
+TEST(RobotModel, LetsFingersTouchEachOtherTheObjectsAndTheTable) {
+  for (const Variant variant : test::kVariants) {
+    ObjectDescription held = ball();
+    held.position = {{0, 0, 0.15}};
+    const RobotModel model({.variant = variant, .objects = {held}});
+    const Kinematics kinematics(model.description());
+    const Data data = initial_data(model);
+    const auto move_tip = [&](int finger, const Eigen::Vector3d& tip) {
+      const FingerPose pose = kinematics.inverse_kinematics(finger, tip);
+      ASSERT_TRUE(pose) << label(model.description());
+      std::copy_n(pose.position.data(), 3, data->qpos + 3 * finger);
+      mj_forward(model.mujoco(), data.get());
+    };
+    move_tip(0, {0, 0, 0.1});
+    move_tip(1, {0.005, 0, 0.1});
+    EXPECT_TRUE(touch(model, data.get(), "finger_lower_link_0", "finger_lower_link_120"));
+    move_tip(0, {0, 0.03, 0.15});
+    EXPECT_TRUE(touch(model, data.get(), "finger_lower_link_0", "ball"));
+    move_tip(2, {-0.02, -0.02, 0.009});
+    EXPECT_TRUE(touch(model, data.get(), "finger_lower_link_240", "world"));
+  }
+}
+
+TEST(RobotModel, GivesContactsOfTheTipsTheTipsFriction) {
+  const RobotModel model(
+      {.contact = {.tip_friction = 0.8, .tip_torsional_friction = 0.003, .floor_friction = 0.3}});
+  const Kinematics kinematics(model.description());
+  const Data data = initial_data(model);
+  const FingerPose pose = kinematics.inverse_kinematics(0, {-0.06, 0.06, 0.009});
+  ASSERT_TRUE(pose);
+  std::copy_n(pose.position.data(), 3, data->qpos);
+  mj_forward(model.mujoco(), data.get());
+  int of_tips = 0;
+  int of_floor = 0;
+  for (int i = 0; i < data->ncon; ++i) {
+    const mjContact& contact = data->contact[i];
+    const int tip_geom = model.tip_geoms()[0];
+    const bool tip = contact.geom[0] == tip_geom || contact.geom[1] == tip_geom;
+    ++(tip ? of_tips : of_floor);
+    EXPECT_EQ(contact.dim, tip ? 4 : 3);
+    EXPECT_DOUBLE_EQ(contact.friction[0], tip ? 0.8 : 0.3);
+    EXPECT_DOUBLE_EQ(contact.friction[2], tip ? 0.003 : 0.005);
+  }
+  EXPECT_EQ(of_tips, 1);
+  EXPECT_EQ(of_floor, 4);
 }
 
 // The collision masks leave out pairs that cannot meet. These hold the geometry that allows it.
