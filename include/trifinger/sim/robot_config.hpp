@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "trifinger/config/file.hpp"
+#include "trifinger/core/backend.hpp"
+#include "trifinger/core/session.hpp"
+#include "trifinger/sim/simulated_robot.hpp"
+
+namespace trifinger {
+
+/// All that a configuration file says about a robot. config/trifinger_edu.yml documents every key.
+struct RobotConfig {
+  std::string name;  ///< Of the session.
+  std::variant<SimulationOptions<TriFinger>, SimulationOptions<Finger>> simulation;
+  BackendOptions backend;
+  SessionOptions session;
+};
+
+/// Finds the file of a configuration: a path, or the name of one that comes with the program, as in "sim" or
+/// "trifinger_pro". These are looked for in $TRIFINGER_CONFIG_DIR and where the program was installed.
+/// @throws InvalidArgument with the names there are
+[[nodiscard]] std::filesystem::path find_config(const std::string& name);
+
+/// The names of the configurations that come with the program.
+[[nodiscard]] std::vector<std::string> config_names();
+
+/// Reads the configuration `name`, see `find_config`, with `overrides` such as "fingers.height=0.3".
+/// @throws config::ConfigError at the value that is wrong, InvalidArgument, SystemError
+[[nodiscard]] RobotConfig load_robot_config(const std::string& name,
+                                            const std::vector<std::string>& overrides = {});
+
+}  // namespace trifinger

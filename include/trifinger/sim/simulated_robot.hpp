@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "trifinger/core/driver.hpp"
+#include "trifinger/joint/limits.hpp"
+#include "trifinger/joint/safety.hpp"
+#include "trifinger/joint/types.hpp"
+#include "trifinger/model/robot_description.hpp"
+#include "trifinger/model/robot_model.hpp"
+#include "trifinger/sim/object_observation.hpp"
+
+namespace trifinger {
+
+/// The limits of the real robot of this variant: those of its figures.
+/// @throws InvalidArgument if R has another number of joints than the arrangement
+template <class R>
+[[nodiscard]] JointLimits<R::kJoints> default_limits(const RobotDescription& description);
+
+/// What a simulated robot is made of. The default is the paper's robot with a cube on the table.
+template <class R>
+struct SimulationOptions {
+  RobotDescription description{};
+  /// Limits of the joints; default: `default_limits`.
+  std::optional<JointLimits<R::kJoints>> limits{};
+  /// Where every session begins [rad]; default: the variant's initial pose.
+  std::optional<JointVector<R::kJoints>> initial_position{};
+  /// Of all that is random: the same seed gives the same series.
+  std::uint64_t seed{0};
+  /// Length of a step; a whole number of milliseconds, the step of the physics.
+  Nanoseconds period{std::chrono::milliseconds(1)};
+  TimeIndex object_period{10};         ///< Steps between two poses of the objects.
+  TimeIndex object_delay{0};           ///< Steps from the capture of a pose to its arrival.
+  double object_position_noise{0.0};   ///< Standard deviation, per axis [m].
+  double object_orientation_noise{0.0};///< Standard deviation of the rotation, per axis [rad].
+
+  /// @throws InvalidArgument naming the option, the value found and the values allowed
+  void validate() const;
+};
+
+/// Everything that decides how a simulation goes on, as bytes. It belongs to the model that it was saved from.
+using SimulationState = std::vector<std::byte>;
+
+/// The robot R in MuJoCo, behind the same safety chain as the real one: a driver like any other.
+///
+/// One step of physics per action. Deterministic: options, state and actions decide the series, bit for bit, on one
+/// machine. Every session begins in the state that `reset`, `place_object` or `restore` have left, or else in the
+/// one in which the session before began.
+///
+/// `R` is TriFinger or Finger. The functions below the driver's own are for the owner of the simulation; they must not
+/// be called while another thread runs the back-end.
+template <class R>
+class SimulatedRobot final : public Driver<R> {
+ public:
+  using typename Driver<R>::Action;
+  using typename Driver<R>::AppliedAction;
+  using typename Driver<R>::Observation;
+  using Options = SimulationOptions<R>;
+  using Joints = JointVector<R::kJoints>;
+
+  /// Fault codes besides those of `SafetyFault`.
+  static constexpr std::int32_t kDiverged = 64;
+
+  /// @throws InvalidArgument
+  explicit SimulatedRobot(Options options = {});
+  ~SimulatedRobot() override;
+
+  using Driver<R>::apply_action;
+  using Driver<R>::get_latest_observation;
+  using Driver<R>::hold;
+
+  [[nodiscard]] DriverReport prepare(TimeIndex step) noexcept override;
+  [[nodiscard]] DriverReport get_latest_observation(Observation& observation) noexcept override;
+  [[nodiscard]] DriverReport apply_action(const Action& desired,
+                                          AppliedAction& applied) noexcept override;
+  void hold(const Observation& observation, Action& action) noexcept override;
+  [[nodiscard]] DriverReport stop(TimeIndex step) noexcept override;
+  [[nodiscard]] std::span<const CompanionDescription> companions() const noexcept override;
+  [[nodiscard]] bool get_companion_element(std::size_t index, TimeIndex time_index,
+                                           void* element) noexcept override;
+  [[nodiscard]] std::string_view fault_text(std::int32_t fault_code) const noexcept override;
+
+  [[nodiscard]] const Options& options() const noexcept;
+  [[nodiscard]] const RobotModel& model() const noexcept;
+  /// The checks between desired and applied actions: add your own here, before the first session.
+  [[nodiscard]] SafetyChain<R>& safety() noexcept;
+
+  /// Goes back to the beginning: initial pose, objects in their places, at rest; the seed, too.
+  void reset();
+  /// The same with the joints at `position` [rad] and another seed.
+  /// @throws InvalidArgument if a joint would be beyond its hard limit or is no number
+  void reset(const Joints& position, std::uint64_t seed);
+  /// Puts an object somewhere, at rest. The orientation is normalised.
+  /// @throws InvalidArgument naming the objects there are, or if the pose is no pose
+  void place_object(const std::string& name, const ObjectPose& pose);
+  /// Where an object is now, without delay and noise.
+  /// @throws InvalidArgument naming the objects there are
+  [[nodiscard]] ObjectPose object_pose(const std::string& name) const;
+
+  /// The state as it is: physics, safety chain, delays, random numbers.
+  [[nodiscard]] SimulationState save() const;
+  /// Goes on as it went on from `state`, bit for bit.
+  /// @throws InvalidArgument if it was saved from another model or by another version
+  void restore(std::span<const std::byte> state);
+  /// The last state before the simulation diverged, for a report or to try again; empty if it has not.
+  [[nodiscard]] const SimulationState& state_before_divergence() const noexcept;
+
+  /// Positions and velocities of joints and objects as MuJoCo has them, to draw the scene: `qpos`, then `qvel`.
+  [[nodiscard]] std::vector<double> configuration() const;
+
+ private:
+  class Implementation;
+  std::unique_ptr<Implementation> implementation_;
+};
+
+extern template class SimulatedRobot<TriFinger>;
+extern template class SimulatedRobot<Finger>;
+
+}  // namespace trifinger

@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <memory>
+#include <utility>
+
+#include "trifinger/core/backend.hpp"
+#include "trifinger/core/frontend.hpp"
+#include "trifinger/core/session.hpp"
+#include "trifinger/sim/simulated_robot.hpp"
+
+namespace trifinger {
+
+/// A simulated robot in this process, with its back-end inline: no threads, no waits, as fast as the physics.
+///
+///     trifinger::Simulation<trifinger::TriFinger> simulation;
+///     auto robot = simulation.connect();
+///     auto t = robot.append_desired_action(trifinger::hold_position(robot.latest_observation()));
+///     auto y = robot.get_observation(t);
+///
+/// Copies refer to the same simulation; it lives as long as one of them or one of its front-ends.
+template <class R>
+class Simulation {
+ public:
+  /// @throws InvalidArgument
+  explicit Simulation(SimulationOptions<R> options = {}, SessionOptions session = {})
+      : parts_(std::make_shared<Parts>(std::move(options), session)) {}
+
+  /// The robot itself: reset it, place objects, save and restore its state.
+  [[nodiscard]] SimulatedRobot<R>& robot() const noexcept { return parts_->robot; }
+
+  /// Controls the robot in a new session.
+  /// @throws ControlHeld while another front-end does
+  [[nodiscard]] Frontend<R> connect(FrontendOptions options = {}) const {
+    return Frontend<R>(parts_->backend, options, parts_);
+  }
+  /// For programs that do not know R.
+  [[nodiscard]] UntypedFrontend connect_untyped(FrontendOptions options = {}) const {
+    return UntypedFrontend(parts_->backend, options, parts_);
+  }
+
+ private:
+  struct Parts {
+    Parts(SimulationOptions<R> options, SessionOptions session)
+        : robot(std::move(options)),
+          host(SessionHost::anonymous(session)),
+          backend(robot, host, {.period = robot.options().period}) {}
+
+    SimulatedRobot<R> robot;
+    SessionHost host;
+    Backend backend;
+  };
+
+  std::shared_ptr<Parts> parts_;
+};
+
+/// Starts a simulated robot in this process and controls it. `connect` is for one that runs elsewhere.
+template <class R>
+[[nodiscard]] Frontend<R> simulate(SimulationOptions<R> options = {},
+                                   FrontendOptions frontend = {}) {
+  return Simulation<R>(std::move(options)).connect(frontend);
+}
+
+}  // namespace trifinger

@@ -1,0 +1,231 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/sim/robot_config.hpp"
+
+#include <dlfcn.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <utility>
+
+#include "trifinger/base/error.hpp"
+#include "trifinger/joint/read_limits.hpp"
+
+namespace trifinger {
+namespace {
+
+using config::Node;
+using config::Range;
+
+constexpr std::string_view kSuffix = ".yml";
+constexpr std::int64_t kMaxCount = 1000000;
+
+// Folders with the configurations that come with the program: beside the Python module that this code is linked
+// into, or in the share folder that belongs to the program.
+std::vector<std::filesystem::path> config_folders() {
+  std::vector<std::filesystem::path> folders;
+  if (const char* const folder = std::getenv("TRIFINGER_CONFIG_DIR");
+      folder != nullptr && *folder != '\0') {
+    folders.emplace_back(folder);
+  }
+  Dl_info info{};
+  std::error_code ignored;
+  if (::dladdr(reinterpret_cast<const void*>(&config_folders), &info) != 0) {
+    std::filesystem::path self = std::filesystem::canonical(info.dli_fname, ignored);
+    // A program is named as it was called, which need not be a path.
+    if (ignored) self = std::filesystem::canonical("/proc/self/exe", ignored);
+    folders.push_back(self.parent_path() / "config");
+    folders.push_back(self.parent_path().parent_path() / "share" / "trifinger" / "config");
+  }
+  return folders;
+}
+
+Variant read_variant(const Node& robot) {
+  return robot.required_choice<Variant>(
+      "variant", {{"edu", Variant::kEdu}, {"pro", Variant::kPro}, {"one", Variant::kOne}});
+}
+
+Arrangement read_arrangement(const Node& robot) {
+  return robot.required_choice<Arrangement>(
+      "arrangement",
+      {{"trifinger", Arrangement::kTriFinger}, {"finger", Arrangement::kSingleFinger}});
+}
+
+ObjectDescription read_object(const Node& node) {
+  const Range length{.unit = "m", .min = 0.005, .max = 0.3};
+  const auto name = node.required<std::string>("name");
+  const auto type = node.required_choice<ObjectDescription (*)(std::string)>(
+      "type", {{"cube", cube}, {"cuboid", cuboid}, {"stick", stick}, {"ball", ball}});
+  ObjectDescription object = type(name);
+  if (const auto size = node.find("size")) {
+    const auto lengths = size->as<std::vector<double>>(length);
+    const std::size_t expected = type == cuboid ? 3 : type == stick ? 2 : 1;
+    if (lengths.size() != expected) {
+      size->fail("has " + std::to_string(lengths.size()) + " lengths, must have " +
+                 std::to_string(expected));
+    }
+    for (std::size_t i = 0; i < object.size.size(); ++i) {
+      // A cube is given by its edge; a ball uses the first number alone.
+      object.size[i] = i < expected ? lengths[i] : type == cube ? lengths[0] : 0.0;
+    }
+  }
+  object.mass = node.optional<double>("mass", object.mass, {.unit = "kg", .min = 0.001, .max = 2});
+  if (const auto position = node.find("position")) {
+    object.position = position->as<Triple>({.unit = "m", .min = -2, .max = 2});
+  }
+  return object;
+}
+
+RobotDescription read_description(const Node& root) {
+  RobotDescription description;
+  const Node robot = root.section("robot");
+  description.variant = read_variant(robot);
+  description.arrangement = read_arrangement(robot);
+  description.finger_height =
+      root.section("fingers").required<double>("height", {.unit = "m", .min = 0.2, .max = 0.5});
+  description.flipped = root.section("platform").required_choice<bool>(
+      "orientation", {{"upright", false}, {"flipped", true}});
+  description.boundary = root.section("boundary").required<bool>("enabled");
+  description.objects.clear();
+  for (const Node& object : root.at("objects").items()) {
+    description.objects.push_back(read_object(object));
+  }
+  return description;
+}
+
+// A time as a whole number of steps.
+TimeIndex read_steps(const Node& section, std::string_view key, Nanoseconds period,
+                     const Range& range) {
+  const Node node = section.at(key, range.unit);
+  const double seconds = node.as<double>(range);
+  const double steps = seconds / std::chrono::duration<double>(period).count();
+  const double rounded = std::round(steps);
+  constexpr double kTolerance = 1e-6;
+  if (std::abs(steps - rounded) > kTolerance) {
+    node.fail("is no whole number of steps of " +
+              std::to_string(std::chrono::duration<double>(period).count()) + " s");
+  }
+  return static_cast<TimeIndex>(rounded);
+}
+
+BackendOptions read_backend(const Node& section, SessionOptions& session) {
+  BackendOptions options;
+  options.mode = section.required_choice<BackendOptions::Mode>(
+      "mode", {{"real_time", BackendOptions::Mode::kRealTime},
+               {"non_real_time", BackendOptions::Mode::kNonRealTime}});
+  const double period = section.required<double>("period", {.unit = "s", .min = 1e-4, .max = 0.1});
+  options.period = std::chrono::round<Nanoseconds>(std::chrono::duration<double>(period));
+
+  const Node late_action = section.section("late_action");
+  const bool repeats =
+      late_action.required_choice<bool>("policy", {{"stop", false}, {"repeat", true}});
+  const Range count{.min = 0, .max = static_cast<double>(kMaxCount)};
+  if (repeats) {
+    options.max_action_repeats = late_action.required<std::uint32_t>(
+        "max_repeats", {.min = 1, .max = static_cast<double>(kMaxCount)});
+  } else if (const auto max_repeats = late_action.find("max_repeats")) {
+    max_repeats->fail("has no meaning with policy: stop");
+  }
+  options.max_rejected_actions = section.required<std::uint32_t>("max_rejected", count);
+  options.max_skipped_ticks = section.required<std::uint32_t>("max_skipped", count);
+  session.history = section.required<std::size_t>("history", {.min = 16, .max = 1048576});
+  return options;
+}
+
+template <class R>
+SimulationOptions<R> read_simulation(const Node& root, RobotDescription description,
+                                     Nanoseconds period) {
+  SimulationOptions<R> options;
+  options.description = std::move(description);
+  options.limits = read_joint_limits<R::kJoints>(root.section("safety"));
+  options.period = period;
+
+  const Node position = root.section("fingers").at("initial_position", "rad");
+  const auto angles = position.as<std::vector<double>>({.unit = "rad"});
+  if (angles.empty() || R::kJoints % angles.size() != 0) {
+    position.fail("has " + std::to_string(angles.size()) + " angles, must have " +
+                  std::to_string(kJointsPerFinger) + " or " + std::to_string(R::kJoints));
+  }
+  options.initial_position.emplace();
+  for (std::size_t i = 0; i < R::kJoints; ++i) {
+    const double angle = angles[i % angles.size()];
+    if (angle < options.limits->soft_lower[i] || angle > options.limits->soft_upper[i]) {
+      position.fail("has " + std::to_string(angle) + " rad for joint " + std::to_string(i) +
+                    ", must be within its soft limits, " +
+                    std::to_string(options.limits->soft_lower[i]) + " to " +
+                    std::to_string(options.limits->soft_upper[i]) + " rad");
+    }
+    (*options.initial_position)[i] = angle;
+  }
+
+  const Node section = root.section("simulation");
+  options.seed = section.required<std::uint64_t>("seed", {.min = 0});
+  const Node rate = section.at("object_rate", "Hz");
+  const double object_steps =
+      1.0 / (rate.as<double>({.unit = "Hz", .min = 1, .max = 1000}) *
+             std::chrono::duration<double>(period).count());
+  options.object_period = static_cast<TimeIndex>(std::round(object_steps));
+  constexpr double kTolerance = 1e-6;
+  if (options.object_period < 1 ||
+      std::abs(object_steps - std::round(object_steps)) > kTolerance) {
+    rate.fail("is no whole number of steps apart");
+  }
+  options.object_delay =
+      read_steps(section, "object_delay", period, {.unit = "s", .min = 0, .max = 1});
+  options.object_position_noise =
+      section.required<double>("object_position_noise", {.unit = "m", .min = 0, .max = 0.1});
+  options.object_orientation_noise =
+      section.required<double>("object_orientation_noise", {.unit = "rad", .min = 0, .max = 1});
+  return options;
+}
+
+}  // namespace
+
+std::vector<std::string> config_names() {
+  std::vector<std::string> names;
+  for (const std::filesystem::path& folder : config_folders()) {
+    std::error_code ignored;
+    for (const auto& entry : std::filesystem::directory_iterator(folder, ignored)) {
+      if (entry.path().extension() == kSuffix) names.push_back(entry.path().stem().string());
+    }
+  }
+  std::sort(names.begin(), names.end());
+  names.erase(std::unique(names.begin(), names.end()), names.end());
+  return names;
+}
+
+std::filesystem::path find_config(const std::string& name) {
+  const bool is_path = name.find('/') != std::string::npos || name.ends_with(kSuffix);
+  if (is_path) return name;
+  for (const std::filesystem::path& folder : config_folders()) {
+    const std::filesystem::path path = folder / (name + std::string(kSuffix));
+    if (std::filesystem::exists(path)) return path;
+  }
+  std::string known;
+  for (const std::string& other : config_names()) known += (known.empty() ? "" : ", ") + other;
+  throw InvalidArgument("there is no configuration '" + name + "'; " +
+                        (known.empty() ? "none is installed" : "there are " + known) +
+                        ", or give the path of a file");
+}
+
+RobotConfig load_robot_config(const std::string& name, const std::vector<std::string>& overrides) {
+  const config::File file = config::File::load(find_config(name), overrides);
+  const Node root = file.root();
+  RobotConfig config;
+  config.name = root.required<std::string>("name");
+  // One driver so far; the key is there so that a file for hardware cannot be taken for one of these.
+  static_cast<void>(root.required_choice<bool>("driver", {{"simulation", true}}));
+  RobotDescription description = read_description(root);
+  config.backend = read_backend(root.section("backend"), config.session);
+  if (description.arrangement == Arrangement::kTriFinger) {
+    config.simulation =
+        read_simulation<TriFinger>(root, std::move(description), config.backend.period);
+  } else {
+    config.simulation = read_simulation<Finger>(root, std::move(description), config.backend.period);
+  }
+  file.reject_unknown_keys();
+  std::visit([](const auto& options) { options.validate(); }, config.simulation);
+  return config;
+}
+
+}  // namespace trifinger
