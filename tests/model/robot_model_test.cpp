@@ -67,15 +67,19 @@ TEST(RobotModel, BuildsEveryVariantWithEveryOption) {
 }
 
 TEST(RobotModel, StartsWithNothingTouchingButObjectsOnTheTable) {
-  for (const RobotDescription& robot : test::all_robots()) {
-    const RobotModel model(robot);
-    const Data data = initial_data(model);
-    for (int i = 0; i < data->ncon; ++i) {
-      const mjContact& contact = data->contact[i];
-      EXPECT_EQ(body_of(model.mujoco(), contact.geom[0]), "world")
-          << label(robot) << ": " << body_of(model.mujoco(), contact.geom[0]) << " touches "
-          << body_of(model.mujoco(), contact.geom[1]);
-      EXPECT_GT(contact.dist, -1e-6) << label(robot);
+  for (RobotDescription robot : test::all_robots()) {
+    const std::vector<ObjectDescription> all_kinds = robot.objects;
+    for (const auto& objects : {all_kinds, {cube("a"), cube("b"), cube("c"), cube("d")}}) {
+      robot.objects = objects;
+      const RobotModel model(robot);
+      const Data data = initial_data(model);
+      for (int i = 0; i < data->ncon; ++i) {
+        const mjContact& contact = data->contact[i];
+        EXPECT_EQ(body_of(model.mujoco(), contact.geom[0]), "world")
+            << label(robot) << ": " << body_of(model.mujoco(), contact.geom[0]) << " touches "
+            << body_of(model.mujoco(), contact.geom[1]);
+        EXPECT_GT(contact.dist, -1e-6) << label(robot);
+      }
     }
   }
 }
