@@ -331,6 +331,7 @@ std::vector<Profile> frame_profiles(const RobotDescription& description) {
   const double beam_height = finger_height(description) + 0.08 + 0.02;
   constexpr double kPostRadius = 0.32;
   std::vector<Profile> profiles;
+  profiles.reserve(2 * kMaxFingers + camera_figures().size());
   const auto on_post = [&](int index, double radius, double height) {
     const double azimuth = finger_azimuth(description, index);
     return Eigen::Vector3d(radius * std::cos(azimuth), radius * std::sin(azimuth), height);

@@ -100,8 +100,8 @@ template <typename... Parts>
 }
 
 void require_in(std::string_view what, double value, double lowest, double highest) {
-  if (!(value >= lowest && value <= highest))
-    reject(what, " is ", value, "; allowed is ", lowest, " to ", highest, ".");
+  const bool allowed = value >= lowest && value <= highest;  // NaN is not.
+  if (!allowed) reject(what, " is ", value, "; allowed is ", lowest, " to ", highest, ".");
 }
 
 void validate_actuator(const ActuatorParameters& actuator) {

@@ -37,8 +37,7 @@ RobotModel& RobotModel::operator=(RobotModel&&) noexcept = default;
 RobotModel::~RobotModel() = default;
 
 const ObjectAddress& RobotModel::object(const std::string& name) const {
-  const auto found = std::find_if(objects_.begin(), objects_.end(),
-                                  [&](const ObjectAddress& object) { return object.name == name; });
+  const auto found = std::ranges::find(objects_, name, &ObjectAddress::name);
   if (found != objects_.end()) return *found;
   std::string known;
   for (const ObjectAddress& object : objects_) known += (known.empty() ? "" : ", ") + object.name;

@@ -15,7 +15,7 @@ namespace {
 
 // Who can touch whom, as MuJoCo's bit masks. Pairs that cannot meet are not even looked at: links
 // and table when the link hangs too high, upper links among themselves, middle links and the
-// boundary. Tests hold the geometry that this relies on.
+// boundary unless the fingers hang low. A test holds the geometry that this relies on.
 enum Bit : int {
   kTableBit = 1,
   kBoundaryBit = 2,
@@ -46,7 +46,7 @@ void copy(double (&to)[size], const Eigen::Matrix<double, static_cast<int>(size)
 
 template <std::size_t size>
 void copy(double (&to)[size], const Triple& from) {
-  std::copy(from.begin(), from.end(), to);
+  std::ranges::copy(from, to);
 }
 
 void set_pose(double (&position)[3], double (&quaternion)[4], const Eigen::Isometry3d& pose) {
@@ -111,8 +111,8 @@ class Builder {
     // Solving groups of contacts apart pays only where several objects lie about.
     if (description_.objects.size() < 2) option.disableflags |= mjDSBL_ISLAND;
 
-    spec_->compiler.degree = 0;
-    spec_->compiler.autolimits = 1;
+    spec_->compiler.degree = false;
+    spec_->compiler.autolimits = true;
     spec_->stat.extent = 0.6;
     spec_->stat.center[2] = 0.2;
     spec_->stat.meansize = 0.03;
@@ -170,8 +170,8 @@ class Builder {
       case Form::kCylinder:
       case Form::kCapsule:
         geom = add_geom(body, solid.form == Form::kCapsule ? mjGEOM_CAPSULE : mjGEOM_CYLINDER);
-        std::copy(solid.from.begin(), solid.from.end(), geom->fromto);
-        std::copy(solid.to.begin(), solid.to.end(), geom->fromto + 3);
+        std::ranges::copy(solid.from, geom->fromto);
+        std::ranges::copy(solid.to, geom->fromto + 3);
         geom->size[0] = solid.radius;
         break;
     }
@@ -179,7 +179,7 @@ class Builder {
     return geom;
   }
 
-  void paint(mjsGeom* geom, Paint paint, int finger = 0) {
+  void paint(mjsGeom* geom, Paint paint, int finger = 0) const {
     set_colour(geom->rgba, colour(paint, description_.variant, finger));
     if (pictures_)
       mjs_setString(geom->material, paint == Paint::kProfile || paint == Paint::kGroove ? "metal"
@@ -189,7 +189,7 @@ class Builder {
 
   void name(mjsElement* element, const std::string& text) { mjs_setName(element, text.c_str()); }
 
-  void touch(mjsGeom* geom, int own, int meets) {
+  void touch(mjsGeom* geom, int own, int meets) const {
     geom->contype = own;
     geom->conaffinity = meets;
     geom->condim = 3;
@@ -221,8 +221,8 @@ class Builder {
     sky->height = 1536;
     const double high[] = {0.70, 0.76, 0.82};
     const double low[] = {0.93, 0.94, 0.95};
-    std::copy(high, high + 3, sky->rgb1);
-    std::copy(low, low + 3, sky->rgb2);
+    std::ranges::copy(high, sky->rgb1);
+    std::ranges::copy(low, sky->rgb2);
 
     mjsGeom* floor = add_geom(world_, mjGEOM_PLANE);
     floor->pos[2] = kFloorHeight;
@@ -307,7 +307,7 @@ class Builder {
           add_box(platform_, pose, {kPanelThickness / 2, half_width, slope.norm() / 2});
       touch(panel, kBoundaryBit, 0);
       paint(panel, Paint::kWall);
-      panel->castshadow = 0;
+      panel->castshadow = false;
     }
   }
 
@@ -393,7 +393,8 @@ class Builder {
         body = mjs_addBody(body, nullptr);
         name(body->element, kLinkNames[j] + suffix);
         add_link(body, finger, i, j);
-        const std::string& joint = joints[static_cast<std::size_t>(i * kJointsPerFinger + j)];
+        const std::string& joint =
+            joints[static_cast<std::size_t>(i) * kJointsPerFinger + static_cast<std::size_t>(j)];
         add_joint(body, finger.links[static_cast<std::size_t>(j)], joint, j);
       }
       add_tip(body, finger, i, tips[static_cast<std::size_t>(i)]);
@@ -409,10 +410,10 @@ class Builder {
     const Link& link = finger.links[static_cast<std::size_t>(joint)];
     copy(body->pos, link.origin);
     const Inertia inertia = joint == 2 ? lower_with_tip(finger) : link.inertia;
-    body->explicitinertial = 1;
+    body->explicitinertial = true;
     body->mass = inertia.mass;
     copy(body->ipos, inertia.centre);
-    std::copy(inertia.moment.begin(), inertia.moment.end(), body->fullinertia);
+    std::ranges::copy(inertia.moment, body->fullinertia);
 
     constexpr Bit kOwn[] = {kUpperBit, kMiddleBit, kLowerBit};
     constexpr int kMeets[] = {kUpperMeets, kMiddleMeets, kLowerMeets};

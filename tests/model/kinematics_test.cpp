@@ -143,7 +143,8 @@ TEST(TipJacobians, AreThoseOfThePublishedDescriptions) {
       for (int row = 0; row < 3; ++row) {
         for (int column = 0; column < 3; ++column) {
           SCOPED_TRACE(label(tri.description()));
-          const auto at = static_cast<std::size_t>(3 * row + column);
+          const std::size_t at =
+              static_cast<std::size_t>(row) * 3 + static_cast<std::size_t>(column);
           EXPECT_NEAR(finger0(row, column), check.finger0[at], kPrinted);
           EXPECT_NEAR(finger120(row, 3 + column), check.finger120[at], kPrinted);
           EXPECT_NEAR(alone(row, column), check.single[at], kPrinted);
