@@ -109,7 +109,7 @@ class Backend::Implementation {
     if (!run_ || fork_.is_inherited()) return;
     request_stop();
     // The clock may be a test's that nobody moves any more: the stop does not wait for it.
-    while (run_->loop.tick(next_tick_number()) != Progress::kEnded) {
+    while (run_->loop.tick(tick_now()) != Progress::kEnded) {
     }
   }
 
@@ -141,13 +141,13 @@ class Backend::Implementation {
     }
     begin();
     // Brings the driver to where it holds, so that the session can be looked at.
-    while (run_->loop.tick(next_tick_number()) == Progress::kStepped) {
+    while (run_->loop.tick(tick_now()) == Progress::kStepped) {
     }
   }
 
   Progress advance() noexcept {
     if (!run_) return Progress::kEnded;
-    const Progress progress = run_->loop.tick(next_tick_number());
+    const Progress progress = run_->loop.tick(tick_now());
     if (progress == Progress::kEnded && !has_ended_) {
       has_ended_ = true;
       last_fault_ = run_->loop.fault();
@@ -176,7 +176,7 @@ class Backend::Implementation {
     last_fault_ = {};
   }
 
-  [[nodiscard]] detail::Tick next_tick_number() const noexcept { return {.time = clock_.now()}; }
+  [[nodiscard]] detail::Tick tick_now() const noexcept { return {.time = clock_.now()}; }
 
   void run_with_deadlines() noexcept {
     Instant deadline = clock_.now();
@@ -200,7 +200,7 @@ class Backend::Implementation {
 
   void run_without_deadlines() noexcept {
     while (true) {
-      const Progress progress = run_->loop.tick(next_tick_number());
+      const Progress progress = run_->loop.tick(tick_now());
       if (progress == Progress::kEnded) return;
       if (progress == Progress::kWaiting) wait_for_work();
     }
