@@ -120,8 +120,8 @@ class Builder {
     mjVisual& visual = spec_->visual;
     visual.global.offwidth = 1920;
     visual.global.offheight = 1440;
-    visual.global.azimuth = 60;
-    visual.global.elevation = -22;
+    visual.global.azimuth = 75;
+    visual.global.elevation = -20;
     visual.global.fovy = 38;
     visual.quality.shadowsize = 4096;
     visual.map.znear = 0.01F;
