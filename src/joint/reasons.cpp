@@ -3,8 +3,6 @@
 
 #include <array>
 
-#include "trifinger/joint/safety.hpp"
-
 namespace trifinger {
 namespace {
 
@@ -91,20 +89,6 @@ std::string_view describe(Reason reason) noexcept {
       return "the robot brakes because of a fault";
   }
   return "unknown reason";
-}
-
-std::string_view describe(SafetyFault fault) noexcept {
-  switch (fault) {
-    case SafetyFault::kNone:
-      return "no fault";
-    case SafetyFault::kHardLimit:
-      return "a joint is beyond its hard limit";
-    case SafetyFault::kBadMeasurement:
-      return "a measured position or velocity is no plausible number";
-    case SafetyFault::kOwnCheck:
-      return "a check that was added for this robot or task threw an exception";
-  }
-  return "unknown fault";
 }
 
 }  // namespace trifinger

@@ -2,6 +2,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cstddef>
+#include <random>
 #include <string>
 
 #include "support/config_message.hpp"
@@ -82,6 +84,34 @@ TEST(Parser, RefusesAFileThatIsAListOrAValue) {
 
 TEST(Parser, SurvivesNestingWithoutEnd) {
   EXPECT_THROW((void)File::parse("a: " + std::string(100'000, '['), "robot.yml"), ConfigError);
+}
+
+TEST(Parser, AnswersEveryDamagedFileWithAConfigurationOrAConfigError) {
+  const std::string whole =
+      "# A robot\nextends_not: 'x'\nfingers: {height: 0.283 m, pose: [0, 0.9, -1.7]}\nobjects:\n"
+      "  - name: \"cube\"\n    mass: 0.094\n  - name: ball\ntext: |\n  two\n  lines\n";
+  const std::string nasty = "{}[]:,#&*!|>'\"%@`-?~ \n\t\\0a\xff\xc3";
+  std::mt19937 random(7);
+  int refused = 0;
+  for (int i = 0; i < 5000; ++i) {
+    std::string text = whole;
+    for (auto count = 1 + random() % 3; count > 0; --count) {
+      const std::size_t place = random() % text.size();
+      if (random() % 4 == 0) {
+        text.erase(place, 1 + random() % 5);
+      } else {
+        text.insert(place, 1, nasty[random() % nasty.size()]);
+      }
+    }
+    SCOPED_TRACE(text);
+    try {
+      (void)File::parse(text, "robot.yml");
+    } catch (const ConfigError& error) {
+      ++refused;
+      ASSERT_GT(error.location().line, 0) << error.what();
+    }
+  }
+  EXPECT_GT(refused, 1000);
 }
 
 TEST(Parser, GivesTheLocationAsData) {

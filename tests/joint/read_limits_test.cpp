@@ -14,7 +14,6 @@
 namespace trifinger {
 namespace {
 
-using config::ConfigError;
 using config::File;
 using test::message_of;
 using testing::Each;

@@ -308,6 +308,21 @@ TEST(SafetyChain, StopsOnAMeasurementThatIsNoNumber) {
   EXPECT_THAT(applied.torque, testing::ElementsAre(0.0, -0.09, 0.0));
 }
 
+TEST(SafetyReport, BecomesAFaultCodeWhoseTextNamesTheJoint) {
+  const auto text_of = [](const SafetyReport& report) {
+    return fault_text_of(fault_code_of(report));
+  };
+  EXPECT_EQ(text_of({.fault = SafetyFault::kHardLimit, .joint = 4}),
+            "joint 4 is beyond its hard limit");
+  EXPECT_EQ(text_of({.fault = SafetyFault::kBadMeasurement, .joint = 0}),
+            "joint 0 has measured a position or velocity that is no plausible number");
+  EXPECT_EQ(text_of({.fault = SafetyFault::kHardLimit, .joint = 1000}),
+            "a joint is beyond its hard limit");
+  EXPECT_EQ(text_of({.fault = SafetyFault::kOwnCheck}), describe(SafetyFault::kOwnCheck));
+  EXPECT_EQ(fault_code_of({}), 0);
+  for (const int other : {0, 4, 64, -1, 256}) EXPECT_EQ(fault_text_of(other), "") << other;
+}
+
 // --- A user's own checks ---
 
 TEST(OwnCheck, ChangesTheActionAndIsNamedAsTheReason) {

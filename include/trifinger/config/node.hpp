@@ -50,7 +50,7 @@ class ConfigError : public Error {
 /// What a number may be. A file may write the unit behind the number, "0.3 m"; any other unit is an
 /// error.
 struct Range {
-  std::string_view unit{""};  ///< SI; empty without dimension.
+  std::string_view unit{};  ///< SI; empty without dimension.
   double min{-std::numeric_limits<double>::infinity()};
   double max{std::numeric_limits<double>::infinity()};
   bool above_min{false};  ///< `min` itself is not allowed.
@@ -172,6 +172,7 @@ class Node {
   [[nodiscard]] Choice as_choice(
       const std::vector<std::pair<std::string_view, Choice>>& choices) const {
     std::vector<std::string_view> names;
+    names.reserve(choices.size());
     for (const auto& choice : choices) names.push_back(choice.first);
     return choices[index_of_choice(names)].second;
   }

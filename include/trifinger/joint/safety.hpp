@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -47,6 +48,15 @@ struct SafetyReport {
   std::int32_t joint{-1};       ///< The first joint at fault, -1 if it is none in particular.
   bool action_rejected{false};  ///< The action was not fit to apply at some joint.
 };
+
+/// What a driver reports as its fault code: the fault and, above the lowest 8 bits, the joint
+/// counted from 1. The driver's own codes need the lowest 8 bits to be 64 or more.
+[[nodiscard]] constexpr std::int32_t fault_code_of(const SafetyReport& report) noexcept {
+  return static_cast<std::int32_t>(report.fault) + ((report.joint + 1) << 8);
+}
+/// "joint 4 is beyond its hard limit"; empty if `fault_code` is not from `fault_code_of`. Lives for
+/// ever. Not for the loop: the first call makes the texts.
+[[nodiscard]] std::string_view fault_text_of(std::int32_t fault_code) noexcept;
 
 /// Larger measured positions [rad] and velocities [rad/s] are no measurements. The bound also keeps
 /// every sum below finite, whatever is asked.
