@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <nanobind/nanobind.h>
+#include <nanobind/stl/chrono.h>
+#include <nanobind/stl/string.h>
+
+#include <chrono>
+#include <string_view>
+
+#include "bindings.hpp"
+#include "errors.hpp"
+#include "session_info.hpp"
+#include "timeout.hpp"
+#include "trifinger/core/session.hpp"
+#include "trifinger/core/status.hpp"
+
+namespace nb = nanobind;
+using namespace nanobind::literals;
+
+namespace trifinger::python {
+namespace {
+
+constexpr Nanoseconds kSlice = std::chrono::milliseconds(100);  // [between looks at Ctrl-C]
+
+nb::str to_str(std::string_view text) { return nb::str(text.data(), text.size()); }
+
+nb::object pid_or_none(const ipc::ProcessIdentity& process) {
+  return process.pid == 0 ? nb::none() : nb::cast(process.pid);
+}
+
+}  // namespace
+
+nb::object to_python(const SessionInfo& info) {
+  const double created = std::chrono::duration<double>(info.created.time_since_epoch()).count();
+  return nb::module_::import_("trifinger.session_info")
+      .attr("SessionInfo")(
+          "name"_a = info.name, "type"_a = info.type, "is_companion"_a = info.is_companion,
+          "session_id"_a = info.session_id, "is_real_time"_a = info.is_real_time,
+          "period"_a = to_seconds(info.period), "created"_a = created, "host"_a = info.host,
+          "backend_pid"_a = info.backend.pid, "controller_pid"_a = pid_or_none(info.controller),
+          "backend_is_alive"_a = info.backend_is_alive,
+          "since_heartbeat"_a = to_seconds(info.since_heartbeat),
+          "phase"_a = to_str(name_of(info.phase)), "steps"_a = info.steps,
+          "fault"_a = to_python(std::optional(info.fault)), "fault_text"_a = info.fault_text);
+}
+
+void bind_session(nb::module_& m) {
+  nb::enum_<Status::Flag>(m, "StatusFlag", nb::is_flag(), nb::is_arithmetic(),
+                          "What happened in a step: bits of the field `flags` of its status.")
+      .value("ACTION_REPEATED", Status::kActionRepeated,
+             "The action for this step was missing, the previous one was applied again.")
+      .value("ACAUSAL", Status::kAcausal,
+             "The action was appended by someone who had already read y_t.")
+      .value("ACTION_REJECTED", Status::kActionRejected,
+             "The action was not fit to apply; something safe was applied instead.")
+      .value("END", Status::kEnd,
+             "The last status of the session: no action was applied at this step.");
+
+  m.def(
+      "list_sessions",
+      [] {
+        nb::list sessions;
+        for (const SessionInfo& info : list_sessions()) sessions.append(to_python(info));
+        return sessions;
+      },
+      nb::sig("def list_sessions() -> list[SessionInfo]"),
+      "What runs on this machine, robots and companions, in the order of their names. Sessions "
+      "whose\n"
+      "back-end died are included.");
+
+  m.def(
+      "recover",
+      [](const std::string& name, nb::handle timeout) {
+        in_slices(to_timeout(timeout), kSlice, [&](Timeout slice) { recover(name, slice); });
+      },
+      "name"_a, "timeout"_a = 5.0,
+      nb::sig("def recover(name: str, timeout: float | None = 5.0) -> None"),
+      "Clears the fault of the robot `name`, as the operator who has looked at it; the next "
+      "session begins.\n\n"
+      "Raises SessionNotFound, TimedOut, or RobotStopped if the back-end is gone.");
+}
+
+}  // namespace trifinger::python

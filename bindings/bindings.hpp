@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+namespace trifinger::python {
+
+/// Frontend, connect, observe.
+void bind_frontend(nanobind::module_& m);
+/// Backend, fake, run_fake.
+void bind_backend(nanobind::module_& m);
+/// list_sessions, recover, StatusFlag.
+void bind_session(nanobind::module_& m);
+
+}  // namespace trifinger::python

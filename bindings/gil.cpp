@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "gil.hpp"
+
+#include <nanobind/nanobind.h>
+#include <pthread.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <thread>
+
+namespace nb = nanobind;
+
+namespace trifinger::python {
+namespace {
+
+// The thread that ends the interpreter; nobody before.
+std::atomic<std::thread::id> exiting_thread{};
+// How many threads may be about to take the GIL.
+std::atomic<int> takers{0};
+
+// Announces for its lifetime that this thread takes the GIL, or never returns.
+class Taking {
+ public:
+  Taking() noexcept {
+    // seq_cst, both: either we see the exit, or the exit sees us and lets us through first.
+    takers.fetch_add(1, std::memory_order_seq_cst);
+    const std::thread::id exiting = exiting_thread.load(std::memory_order_seq_cst);
+    if (exiting == std::thread::id{} || exiting == std::this_thread::get_id()) return;
+    takers.fetch_sub(1, std::memory_order_seq_cst);
+    while (true) ::pause();
+  }
+  Taking(const Taking&) = delete;
+  Taking& operator=(const Taking&) = delete;
+  ~Taking() { takers.fetch_sub(1, std::memory_order_seq_cst); }
+};
+
+}  // namespace
+
+GilRelease::~GilRelease() {
+  const Taking taking;
+  PyEval_RestoreThread(state_);
+}
+
+void check_signals() {
+  PyGILState_STATE state{};
+  {
+    const Taking taking;
+    state = PyGILState_Ensure();
+  }
+  if (PyErr_CheckSignals() == 0) {
+    PyGILState_Release(state);
+    return;
+  }
+  nb::python_error error;
+  PyGILState_Release(state);
+  throw error;
+}
+
+void park_threads_at_exit() {
+  // A forked child has one thread, and that one holds the GIL.
+  pthread_atfork(nullptr, nullptr, [] { takers.store(0, std::memory_order_relaxed); });
+  nb::module_::import_("atexit").attr("register")(nb::cpp_function([] {
+    exiting_thread.store(std::this_thread::get_id(), std::memory_order_seq_cst);
+    nb::gil_scoped_release release;
+    while (takers.load(std::memory_order_seq_cst) != 0) std::this_thread::yield();
+  }));
+}
+
+}  // namespace trifinger::python

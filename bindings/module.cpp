@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#define TRIFINGER_IMPORTS_NUMPY
+#include "bindings.hpp"
+#include "errors.hpp"
+#include "gil.hpp"
+#include "numpy.hpp"
+
+namespace nb = nanobind;
+
+NB_MODULE(_trifinger, m) {
+  if (PyArray_ImportNumPyAPI() < 0) throw nb::python_error();
+  m.attr("__version__") = TRIFINGER_VERSION;
+  trifinger::python::register_errors();
+  trifinger::python::bind_session(m);
+  trifinger::python::bind_frontend(m);
+  trifinger::python::bind_backend(m);
+  trifinger::python::park_threads_at_exit();
+}

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "trifinger/core/backend.hpp"
+#include "trifinger/core/frontend.hpp"
+#include "trifinger/ipc/fork.hpp"
+
+namespace trifinger::python {
+
+/// Starts the robot of `driver` inside the waits of the front-end that is returned.
+[[nodiscard]] UntypedFrontend start_inline(std::unique_ptr<UntypedDriver> driver,
+                                           const BackendOptions& backend_options,
+                                           const SessionOptions& session_options,
+                                           const FrontendOptions& frontend_options);
+
+/// A back-end in a thread of this process, offered to all processes under a name. Its functions are
+/// called with the GIL held and release it while they wait.
+class RunningBackend {
+ public:
+  /// Returns when the first session can be found.
+  /// @throws RobotOwned, InvalidArgument, SystemError
+  RunningBackend(const std::string& name, std::unique_ptr<UntypedDriver> driver,
+                 const BackendOptions& backend_options, const SessionOptions& session_options);
+  RunningBackend(const RunningBackend&) = delete;
+  RunningBackend& operator=(const RunningBackend&) = delete;
+  ~RunningBackend();
+
+  [[nodiscard]] const std::string& name() const noexcept { return name_; }
+  /// Waits until the back-end has ended. @throws what ended it, TimedOut
+  void wait(Timeout timeout) const;
+  /// Ends the session, brings the robot to rest and gives the name back. Does nothing when called
+  /// again.
+  void stop();
+
+ private:
+  struct Parts;
+  [[nodiscard]] std::shared_ptr<Parts> own_parts() const;
+
+  std::string name_;
+  ipc::ForkGuard fork_;
+  std::shared_ptr<Parts> parts_;  // none once stopped; replaced under the GIL only
+};
+
+}  // namespace trifinger::python

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""A robot behind time series: append desired actions, read back observations.
+
+with trifinger.connect("sim") as robot:
+    t = robot.append_desired_action(robot.new_action())
+    while True:
+        y = robot.get_observation(t)
+        t = robot.append_desired_action(policy(y))
+"""
+
+from trifinger._trifinger import (
+    Backend,
+    Frontend,
+    StatusFlag,
+    __version__,
+    connect,
+    fake,
+    list_sessions,
+    observe,
+    recover,
+    run_fake,
+)
+from trifinger.errors import (
+    AcausalAction,
+    ActionMissing,
+    ControlHeld,
+    Error,
+    HistoryLost,
+    IncompatibleSession,
+    InheritedHandle,
+    InvalidArgument,
+    RobotOwned,
+    RobotStopped,
+    SessionNotFound,
+    TimedOut,
+)
+from trifinger.session_info import Fault, SessionInfo
+
+__all__ = [
+    "AcausalAction",
+    "ActionMissing",
+    "Backend",
+    "ControlHeld",
+    "Error",
+    "Fault",
+    "Frontend",
+    "HistoryLost",
+    "IncompatibleSession",
+    "InheritedHandle",
+    "InvalidArgument",
+    "RobotOwned",
+    "RobotStopped",
+    "SessionInfo",
+    "SessionNotFound",
+    "StatusFlag",
+    "TimedOut",
+    "__version__",
+    "connect",
+    "fake",
+    "list_sessions",
+    "observe",
+    "recover",
+    "run_fake",
+]
