@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The program `trifinger`: starts back-ends and looks after them.
+#include <fmt/core.h>
+#include <fmt/ranges.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <exception>
+#include <string>
+#include <vector>
+
+#include "commands.hpp"
+#include "external_command.hpp"
+#include "suggestion.hpp"
+#include "trifinger/base/error.hpp"
+#include "trifinger/config/node.hpp"
+
+namespace trifinger::apps {
+namespace {
+
+std::string footer() {
+  std::string text =
+      "Example:\n"
+      "  trifinger run sim           a simulated robot, in one terminal\n"
+      "  trifinger status sim        how it is doing, in another\n"
+      "'trifinger COMMAND --help' tells more.";
+  if (const std::vector<std::string> verbs = external_verbs(); !verbs.empty()) {
+    text += fmt::format("\nFrom other packages: {}", fmt::join(verbs, ", "));
+  }
+  return text;
+}
+
+[[noreturn]] void refuse_verb(const CLI::App& program, const std::string& verb) {
+  std::vector<std::string> known = external_verbs();
+  for (const CLI::App* command : program.get_subcommands({})) known.push_back(command->get_name());
+  std::string_view near = config::detail::closest(verb, {known.begin(), known.end()});
+  for (const std::string& name : known) {
+    if (near.empty() && name.starts_with(verb)) near = name;
+  }
+  throw UsageError(
+      fmt::format("there is no command '{}', and no program trifinger-{} on the PATH{} 'trifinger "
+                  "--help' lists "
+                  "the commands.",
+                  verb, verb, near.empty() ? "." : fmt::format("; did you mean '{}'?", near)));
+}
+
+// The command called `verb`; nullptr if there is none.
+const CLI::App* find_command(const CLI::App& program, const std::string& verb) {
+  for (const CLI::App* command : program.get_subcommands({})) {
+    if (command->get_name() == verb) return command;
+  }
+  return nullptr;
+}
+
+int run_program(int argument_count, char** arguments) {
+  CLI::App program("Robots behind time series: starts back-ends and looks after them.",
+                   "trifinger");
+  program.set_version_flag("--version", "trifinger " TRIFINGER_VERSION, "Print the version");
+  program.set_help_flag("-h,--help", "Print this help");
+  program.require_subcommand(1);
+  program.footer(footer);
+
+  Action action;
+  add_run(program, action);
+  add_list(program, action);
+  add_status(program, action);
+  add_read(program, action);
+  add_stop(program, action);
+  add_recover(program, action);
+  add_model(program, action);
+  add_doctor(program, action);
+
+  if (argument_count < 2) {
+    fmt::print(stderr, "{}", program.help());
+    return kWrongUsage;
+  }
+  const std::string verb = arguments[1];
+  const bool is_known = find_command(program, verb) != nullptr;
+  if (!verb.starts_with('-') && !is_known) {
+    run_external(verb, arguments + 2);
+    refuse_verb(program, verb);
+  }
+
+  try {
+    program.parse(argument_count, arguments);
+  } catch (const CLI::Success& wish) {  // help or version
+    return program.exit(wish);
+  } catch (const CLI::ParseError& error) {
+    throw UsageError(fmt::format("{}; 'trifinger {}--help' tells more", error.what(),
+                                 is_known ? verb + " " : ""));
+  }
+  return action();
+}
+
+int run_and_report(int argument_count, char** arguments) {
+  std::string problem;
+  int exit_code = kFailed;
+  try {
+    return run_program(argument_count, arguments);
+  } catch (const UsageError& error) {
+    problem = error.what();
+    exit_code = kWrongUsage;
+  } catch (const InvalidArgument& error) {
+    problem = error.what();
+    exit_code = kWrongUsage;
+  } catch (const config::ConfigError& error) {
+    problem = error.what();
+    // Line 0: not in the file, but in what was typed behind --set.
+    exit_code = error.location().line == 0 ? kWrongUsage : kFailed;
+  } catch (const std::exception& error) {
+    problem = error.what();
+  }
+  std::fflush(stdout);
+  fmt::print(stderr, "trifinger: {}\n", problem);
+  return exit_code;
+}
+
+}  // namespace
+}  // namespace trifinger::apps
+
+int main(int argument_count, char** arguments) {
+  return trifinger::apps::run_and_report(argument_count, arguments);
+}

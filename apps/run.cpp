@@ -1,0 +1,280 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/core.h>
+
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <exception>
+#include <future>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "commands.hpp"
+#include "loop_figures.hpp"
+#include "robots.hpp"
+#include "session_state.hpp"
+#include "signals.hpp"
+#include "terminal.hpp"
+#include "text.hpp"
+#include "trifinger/core/backend.hpp"
+#include "trifinger/core/frontend.hpp"
+#include "trifinger/realtime/thread.hpp"
+
+namespace trifinger::apps {
+namespace {
+
+constexpr Nanoseconds kRefresh = std::chrono::milliseconds(200);
+
+struct Options {
+  std::string robot;
+  std::optional<std::string> name;
+  std::vector<std::string> overrides;
+  bool real_time{false};
+  bool non_real_time{false};
+  RealtimeOptions realtime;
+};
+
+// The back-end in a thread of its own. When it returns, for whatever reason, it notifies `Signals`.
+class LoopThread {
+ public:
+  // Throws Error if the machine refuses what is required.
+  LoopThread(Backend& backend, const RealtimeOptions& realtime) : backend_(backend) {
+    std::promise<std::vector<std::string>> entered;
+    std::future<std::vector<std::string>> refused = entered.get_future();
+    result_ = std::async(std::launch::async,
+                         [&backend, realtime, entered = std::move(entered)]() mutable {
+                           struct Notifier {
+                             ~Notifier() { Signals::notify(); }
+                           } notifier;
+                           try {
+                             entered.set_value(enter_realtime(realtime));
+                           } catch (...) {
+                             entered.set_exception(std::current_exception());
+                             return;
+                           }
+                           backend.run();
+                         });
+    refused_ = refused.get();
+  }
+  LoopThread(const LoopThread&) = delete;
+  LoopThread& operator=(const LoopThread&) = delete;
+  // Brings the robot to rest and waits for that.
+  ~LoopThread() { backend_.request_stop(); }
+
+  // What the machine refused, a sentence each.
+  [[nodiscard]] const std::vector<std::string>& refused() const noexcept { return refused_; }
+  [[nodiscard]] bool has_ended() const {
+    return result_.wait_for(std::chrono::seconds(0)) == std::future_status::ready;
+  }
+  // Throws what has ended the loop.
+  void get_result() { result_.get(); }
+
+ private:
+  Backend& backend_;
+  std::vector<std::string> refused_;
+  std::future<void> result_;
+};
+
+// Tells the user how the robot is doing: a line for each event, and on a terminal one line that is
+// always up to date.
+class Reporter {
+ public:
+  Reporter(std::string name, const SessionHost& host)
+      : name_(std::move(name)), host_(host), live_(terminal_) {}
+
+  void print(const std::string& text, Style style = Style::kPlain) {
+    live_.clear();
+    fmt::print("{}: {}\n", terminal_.paint(name_, Style::kBold), terminal_.paint(text, style));
+    std::fflush(stdout);
+  }
+
+  // Looks at the current session.
+  void look(bool is_stopping) {
+    std::optional<UntypedFrontend> session;
+    try {
+      session.emplace(host_, FrontendOptions{.control = false, .timeout = Timeout::zero()});
+    } catch (const SessionNotFound&) {
+      return;  // not begun yet
+    }
+    const SessionInfo info = session->session().info();
+    if (info.session_id != session_id_) {
+      session_id_ = info.session_id;
+      phase_.reset();
+    }
+    figures_.update(*session);
+    if (info.phase != phase_) {
+      report(info);
+      phase_ = info.phase;
+    }
+    if (terminal_.is_live()) live_.draw({status_line(info, is_stopping)});
+  }
+
+ private:
+  void report(const SessionInfo& info) {
+    switch (info.phase) {
+      case SessionInfo::Phase::kPreparing:
+        print("prepares");
+        break;
+      case SessionInfo::Phase::kHolding:
+        print("holds its pose and waits for a user");
+        break;
+      case SessionInfo::Phase::kRunning:
+        print("runs, controlled by " + controller_text(info));
+        break;
+      case SessionInfo::Phase::kEnded:
+        report_end(info);
+        break;
+    }
+  }
+
+  void report_end(const SessionInfo& info) {
+    const bool is_fault = info.fault.needs_recovery();
+    print(info.fault_text, is_fault ? Style::kBad : Style::kPlain);
+    if (figures_.total().steps > 0) print(summary(info));
+    if (is_fault) print(fmt::format("waits for 'trifinger recover {}'", name_), Style::kWarning);
+  }
+
+  // What the session came to.
+  [[nodiscard]] std::string summary(const SessionInfo& info) const {
+    const LoopFigures::Counts& total = figures_.total();
+    std::string text =
+        fmt::format("{}, {} at the end", counted(info.steps, "step"), rate_text(figures_.rate()));
+    if (info.is_real_time) {
+      text += fmt::format(", worst lateness {}, {}, {} skipped", text_of(figures_.worst_lateness()),
+                          counted(total.repeats, "repeat"), total.skipped);
+    }
+    return text;
+  }
+
+  [[nodiscard]] std::string status_line(const SessionInfo& info, bool is_stopping) const {
+    const Health health = health_of(info);
+    const std::string state = is_stopping ? "stopping, Ctrl-C kills" : state_text(info);
+    std::vector<Segment> segments{{name_, 10, Style::kBold},
+                                  {state, 11, is_stopping ? Style::kWarning : style_of(health)}};
+    if (info.phase == SessionInfo::Phase::kRunning) {
+      const LoopFigures::Counts recent = figures_.last_second();
+      segments.push_back({rate_text(figures_.rate()), 9, Style::kPlain});
+      segments.push_back({fmt::format("step {}", info.steps), 8, Style::kPlain});
+      if (info.is_real_time) {
+        const LoopFigures::Lateness lateness = figures_.lateness();
+        segments.push_back(
+            {fmt::format("late p99 {} max {}", text_of(lateness.p99), text_of(lateness.max)), 6,
+             Style::kPlain});
+        segments.push_back({fmt::format("repeats {}", figures_.total().repeats), 7,
+                            recent.repeats > 0 ? Style::kWarning : Style::kPlain});
+      }
+      segments.push_back({controller_text(info), 5, Style::kDim});
+    }
+    return fit(std::move(segments), terminal_.width(), terminal_);
+  }
+
+  std::string name_;
+  const SessionHost& host_;
+  Terminal terminal_;
+  LiveLines live_;
+  LoopFigures figures_;
+  std::uint64_t session_id_{0};
+  std::optional<SessionInfo::Phase> phase_;
+};
+
+// What the back-end was told, in a sentence.
+std::string timing_text(const BackendOptions& options) {
+  if (options.mode == BackendOptions::Mode::kNonRealTime) {
+    return fmt::format(
+        "non-real-time mode, steps of {}: time stands still until the next action is there",
+        text_of(options.period));
+  }
+  const std::string late = options.max_action_repeats == 0
+                               ? "a late action ends the session with a fault"
+                               : fmt::format(
+                                     "late actions are repeated at most {} times in a row, then "
+                                     "the session ends with a fault",
+                                     options.max_action_repeats);
+  return fmt::format("real-time mode, {}; {}",
+                     rate_text(1e9 / static_cast<double>(options.period.count())), late);
+}
+
+// A robot cannot be paused, and must not fall because nobody reads its messages any more.
+void ignore_signals_of_terminals() {
+  for (const int signal : {SIGTSTP, SIGTTOU, SIGPIPE}) std::signal(signal, SIG_IGN);
+}
+
+int run(const Options& options) {
+  const Signals signals;
+  ignore_signals_of_terminals();
+  RunnableRobot robot = make_robot(options.robot, options.overrides);
+  const std::string name = options.name.value_or(robot.name);
+  if (options.real_time) robot.backend.mode = BackendOptions::Mode::kRealTime;
+  if (options.non_real_time) robot.backend.mode = BackendOptions::Mode::kNonRealTime;
+  RealtimeOptions realtime = options.realtime;
+  if (robot.backend.mode == BackendOptions::Mode::kNonRealTime) realtime.demand = Demand::kOff;
+
+  SessionHost host = SessionHost::named(name, robot.session);
+  Backend backend(*robot.driver, host, robot.backend);
+  Reporter reporter(name, host);
+  reporter.print(timing_text(robot.backend));
+  LoopThread loop(backend, realtime);
+  for (const std::string& sentence : loop.refused()) reporter.print(sentence, Style::kWarning);
+
+  bool is_stopping = false;
+  while (!loop.has_ended()) {
+    if (const std::optional<int> signal = signals.wait(kRefresh)) {
+      if (is_stopping) Signals::die_of(*signal);
+      is_stopping = true;
+      backend.request_stop();
+    }
+    reporter.look(is_stopping);
+  }
+  loop.get_result();
+  reporter.print("stopped");
+  return kDone;
+}
+
+}  // namespace
+
+void add_run(CLI::App& program, Action& action) {
+  auto options = std::make_shared<Options>();
+  CLI::App* const command =
+      program.add_subcommand("run", "Start the back-end of a robot and keep it running");
+  command
+      ->add_option("ROBOT", options->robot,
+                   "\"sim\", \"fake\", another configuration by name, or the file of one")
+      ->required();
+  command->add_option("--name", options->name, "Name of the session; default: the configuration's");
+  command
+      ->add_option("--set", options->overrides,
+                   "Change a value of the configuration, as in fingers.height=0.3")
+      ->allow_extra_args(false)
+      ->option_text("KEY=VALUE ...");
+  CLI::Option* const real_time = command->add_flag("--real-time", options->real_time,
+                                                   "One step per period, whatever the user does");
+  command
+      ->add_flag("--non-real-time", options->non_real_time,
+                 "Wait for every action, as long as it takes")
+      ->excludes(real_time);
+  command
+      ->add_option("--scheduling", options->realtime.demand,
+                   "Real-time scheduling: require it, try to get it (default), or do without")
+      ->transform(
+          CLI::CheckedTransformer(
+              std::vector<std::pair<std::string, Demand>>{
+                  {"require", Demand::kRequire}, {"try", Demand::kTry}, {"off", Demand::kOff}})
+              .description(""))
+      ->option_text("require|try|off");
+  command->add_option("--priority", options->realtime.priority, "SCHED_FIFO priority of the loop")
+      ->check(CLI::Range(1, 99))
+      ->capture_default_str();
+  command->add_option("--cpu", options->realtime.cpu, "Processor on which the loop stays")
+      ->check(CLI::NonNegativeNumber);
+  command->footer(
+      "Ctrl-C, SIGTERM and SIGHUP bring the robot to rest; a second Ctrl-C kills.\n"
+      "Example:\n"
+      "  trifinger run sim --set fingers.height=0.3\n"
+      "  trifinger run ./my_robot.yml --name left --scheduling require --cpu 3");
+  command->callback([&action, options] { action = [options] { return run(*options); }; });
+}
+
+}  // namespace trifinger::apps

@@ -1,0 +1,179 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/core.h>
+
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "commands.hpp"
+#include "loop_figures.hpp"
+#include "session_state.hpp"
+#include "signals.hpp"
+#include "terminal.hpp"
+#include "text.hpp"
+#include "trifinger/core/frontend.hpp"
+
+namespace trifinger::apps {
+namespace {
+
+constexpr Nanoseconds kRefresh = std::chrono::milliseconds(250);
+constexpr std::size_t kLabelWidth = 12;
+
+struct Options {
+  std::string name;
+  bool once{false};
+};
+
+// Lines of a label and a text, as wide as the window.
+class Sheet {
+ public:
+  Sheet(const Terminal& terminal, std::size_t width) : terminal_(terminal), width_(width) {}
+
+  // The text is wrapped, since it may be a sentence.
+  void add(const std::string& label, const std::string& text, Style style = Style::kPlain) {
+    const std::size_t room = width_ > kLabelWidth + 1 ? width_ - kLabelWidth : 1;
+    std::string shown_label = label;
+    for (const std::string& line : wrap(text, room)) {
+      lines_.push_back(terminal_.paint(clip(pad(shown_label, kLabelWidth), width_), Style::kDim) +
+                       terminal_.paint(line, style));
+      shown_label.clear();
+    }
+  }
+  void add_line(const std::string& line) { lines_.push_back(line); }
+
+  [[nodiscard]] const std::vector<std::string>& lines() const noexcept { return lines_; }
+
+ private:
+  const Terminal& terminal_;
+  std::size_t width_;
+  std::vector<std::string> lines_;
+};
+
+// "3 in the last second, 12 since step 0"
+std::string count_text(std::int64_t last_second, std::int64_t total, TimeIndex first) {
+  if (total == 0) return "0";
+  return fmt::format("{} in the last second, {} since step {}", last_second, total, first);
+}
+
+Style warn_if(bool condition) { return condition ? Style::kWarning : Style::kPlain; }
+
+// What is to be seen of the session `name`, whichever is the current one at each look.
+class Observer {
+ public:
+  explicit Observer(std::string name) : name_(std::move(name)) {}
+
+  [[nodiscard]] std::vector<std::string> look(const Terminal& terminal, std::size_t width) {
+    const UntypedFrontend session(name_, {.control = false});
+    const SessionInfo info = session.session().info();
+    Sheet sheet(terminal, width);
+    sheet.add_line(fit({{info.name, 3, Style::kBold},
+                        {state_text(info), 2, style_of(health_of(info))},
+                        {info.is_companion ? "companion" : "robot", 0, Style::kDim},
+                        {info.type, 1, Style::kDim}},
+                       width, terminal));
+    if (info.is_companion) {
+      sheet.add("rate", rate_text(arrival_rate(session)));
+      sheet.add("elements", std::to_string(info.steps));
+    } else {
+      add_loop(sheet, session, info);
+      sheet.add("controller", controller_text(info));
+    }
+    sheet.add("back-end", fmt::format("{} on {}", ipc::describe(info.backend), info.host));
+    if (!info.fault_text.empty()) {
+      sheet.add("end", info.fault_text, info.fault.needs_recovery() ? Style::kBad : Style::kPlain);
+    }
+    if (health_of(info) == Health::kFault) {
+      sheet.add("remedy", fmt::format("trifinger recover {}", info.name));
+    }
+    return sheet.lines();
+  }
+
+ private:
+  void add_loop(Sheet& sheet, const UntypedFrontend& session, const SessionInfo& info) {
+    figures_.update(session);
+    const double wanted_rate = 1e9 / static_cast<double>(info.period.count());
+    sheet.add("mode", info.is_real_time ? "real-time, " + rate_text(wanted_rate)
+                                        : "non-real-time, steps of " + text_of(info.period));
+    sheet.add("steps", std::to_string(info.steps));
+    if (figures_.total().steps == 0) return;
+
+    const LoopFigures::Counts recent = figures_.last_second();
+    const LoopFigures::Counts& total = figures_.total();
+    const TimeIndex first = figures_.first_step();
+    sheet.add("rate", rate_text(figures_.rate()));
+    if (info.is_real_time) {
+      const LoopFigures::Lateness lateness = figures_.lateness();
+      sheet.add("lateness", fmt::format("p50 {}, p99 {}, max {}", text_of(lateness.p50),
+                                        text_of(lateness.p99), text_of(lateness.max)));
+      sheet.add("repeats", count_text(recent.repeats, total.repeats, first),
+                warn_if(recent.repeats > 0));
+      sheet.add("skipped", count_text(recent.skipped, total.skipped, first),
+                warn_if(recent.skipped > 0));
+      sheet.add("discarded", std::to_string(figures_.newest().discarded_actions));
+    }
+    sheet.add("rejected", count_text(recent.rejected, total.rejected, first),
+              warn_if(recent.rejected > 0));
+    sheet.add("acausal", count_text(recent.acausal, total.acausal, first),
+              warn_if(recent.acausal > 0));
+    if (figures_.newest().lost_frames > 0) {
+      sheet.add("lost frames", std::to_string(figures_.newest().lost_frames), Style::kWarning);
+    }
+  }
+
+  std::string name_;
+  LoopFigures figures_;
+};
+
+int status(const Options& options) {
+  const Terminal terminal;
+  Observer observer(options.name);
+  if (options.once || !terminal.is_live()) {
+    const std::size_t width = terminal.is_live() ? terminal.width() : std::string::npos;
+    for (const std::string& line : observer.look(terminal, width)) fmt::print("{}\n", line);
+    return kDone;
+  }
+
+  const Signals signals;
+  LiveLines live(terminal);
+  bool was_seen = false;
+  while (true) {
+    const std::size_t width = terminal.width();
+    std::vector<std::string> lines;
+    try {
+      lines = observer.look(terminal, width);
+    } catch (const SessionNotFound&) {
+      // Seen before: its back-end is being started again.
+      if (!was_seen) throw;
+      lines.push_back(clip(options.name + " is gone; waiting for its next session", width));
+    }
+    was_seen = true;
+    lines.push_back(terminal.paint(clip("Ctrl-C leaves", width), Style::kDim));
+    live.draw(lines);
+    if (signals.wait(kRefresh)) return kDone;
+  }
+}
+
+}  // namespace
+
+void add_status(CLI::App& program, Action& action) {
+  auto options = std::make_shared<Options>();
+  CLI::App* const command = program.add_subcommand(
+      "status", "Show how a session is doing: live on a terminal, otherwise once");
+  command->add_option("NAME", options->name, "Name of the session, \"sim\" or \"sim.object\"")
+      ->required();
+  command->add_flag("--once", options->once, "Look once, also on a terminal");
+  command->footer(
+      "It only reads and never slows the robot.\n"
+      "  lateness   how long after their deadlines the steps of the last second began\n"
+      "  repeats    actions that were not there in time, so that the one before was repeated\n"
+      "  skipped    steps left out because the back-end itself was late\n"
+      "  discarded  actions that came for a step already closed\n"
+      "  rejected   actions that were not fit to apply\n"
+      "  acausal    actions appended by who had already read the observation of their step\n"
+      "Example:\n"
+      "  trifinger status sim");
+  command->callback([&action, options] { action = [options] { return status(*options); }; });
+}
+
+}  // namespace trifinger::apps

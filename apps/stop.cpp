@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/core.h>
+#include <poll.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <csignal>
+#include <memory>
+#include <string>
+
+#include "commands.hpp"
+#include "session_state.hpp"
+#include "trifinger/base/error.hpp"
+#include "trifinger/core/session.hpp"
+#include "trifinger/ipc/file_descriptor.hpp"
+
+namespace trifinger::apps {
+namespace {
+
+struct Options {
+  std::string name;
+  double timeout{15.0};  // [s]
+};
+
+int stop(const Options& options) {
+  const SessionInfo info = robot_info(options.name);
+  const auto already_gone = [&] {
+    fmt::print("{}: its back-end is already gone.\n", info.name);
+    return kDone;
+  };
+  if (!info.backend_is_alive) return already_gone();
+
+  // The descriptor stays with this one process, however its number is used later.
+  const auto pid = static_cast<pid_t>(info.backend.pid);
+  const std::string who = ipc::describe(info.backend);
+  const auto descriptor = static_cast<int>(::syscall(SYS_pidfd_open, pid, 0));
+  if (descriptor < 0 && errno == ESRCH) return already_gone();
+  if (descriptor < 0) throw SystemError("find " + who, errno);
+  const ipc::FileDescriptor process(descriptor);
+  if (!info.backend.is_alive()) return already_gone();
+  if (::syscall(SYS_pidfd_send_signal, process.get(), SIGTERM, nullptr, 0) != 0) {
+    if (errno == ESRCH) return already_gone();
+    throw SystemError("stop " + who, errno);
+  }
+
+  const Deadline deadline(Nanoseconds(static_cast<std::int64_t>(options.timeout * 1e9)));
+  pollfd wanted{.fd = process.get(), .events = POLLIN, .revents = 0};
+  while (::poll(&wanted, 1, 100) == 0) {
+    if (deadline.passed()) {
+      throw Error(fmt::format(
+          "{} has not ended within {:g} s, it is still bringing the robot to rest or hangs; "
+          "'kill -KILL {}' ends it at once, without an orderly stop",
+          who, options.timeout, pid));
+    }
+  }
+  fmt::print("{}: stopped {}.\n", info.name, who);
+  return kDone;
+}
+
+}  // namespace
+
+void add_stop(CLI::App& program, Action& action) {
+  auto options = std::make_shared<Options>();
+  CLI::App* const command =
+      program.add_subcommand("stop", "Bring a robot to rest and end its back-end");
+  command->add_option("NAME", options->name, "Name of the session")->required();
+  command->add_option("--timeout", options->timeout, "How long to wait for the end [s]")
+      ->check(CLI::Range(0.0, 3600.0))
+      ->capture_default_str();
+  command->footer(
+      "Example:\n"
+      "  trifinger stop sim");
+  command->callback([&action, options] { action = [options] { return stop(*options); }; });
+}
+
+}  // namespace trifinger::apps

@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace trifinger::apps {
+
+enum class Style : unsigned char { kPlain, kBold, kDim, kGood, kWarning, kBad };
+
+// What standard output is and can show.
+class Terminal {
+ public:
+  // Looks at standard output and at NO_COLOR and TERM.
+  Terminal();
+
+  // Somebody watches, and lines may be drawn over: not a file, and not a terminal that shows
+  // another program.
+  [[nodiscard]] bool is_live() const noexcept { return is_live_; }
+  // Of the window, now; 80 where there is none.
+  [[nodiscard]] std::size_t width() const noexcept;
+  // `text` in colour, where colours are wanted.
+  [[nodiscard]] std::string paint(std::string_view text, Style style) const;
+
+ private:
+  bool is_live_;
+  bool has_colours_;
+};
+
+// Columns that `text` (UTF-8) takes on a terminal.
+[[nodiscard]] std::size_t columns_of(std::string_view text) noexcept;
+// The beginning of `text`, at most `width` columns; what was cut off ends in "…".
+[[nodiscard]] std::string clip(std::string_view text, std::size_t width);
+// `text` filled up with spaces.
+[[nodiscard]] std::string pad(std::string_view text, std::size_t width);
+// `text` in lines of at most `width` columns, broken at spaces where there are some.
+[[nodiscard]] std::vector<std::string> wrap(std::string_view text, std::size_t width);
+
+// One thing in a line that should fit in a window.
+struct Segment {
+  std::string text;
+  int importance{0};  // The least important ones are left out first.
+  Style style{Style::kPlain};
+};
+
+// The segments that fit into `width` columns, in their order and two spaces apart.
+[[nodiscard]] std::string fit(std::vector<Segment> segments, std::size_t width,
+                              const Terminal& terminal);
+
+// A few lines at the end of the output that are drawn again and again in the same place.
+class LiveLines {
+ public:
+  explicit LiveLines(const Terminal& terminal) : terminal_(terminal) {}
+  LiveLines(const LiveLines&) = delete;
+  LiveLines& operator=(const LiveLines&) = delete;
+  // Leaves the last lines where they are.
+  ~LiveLines();
+
+  // Shows `lines`, none of them wider than the window.
+  void draw(const std::vector<std::string>& lines);
+  // Takes the lines away, so that others can be printed in their place.
+  void clear();
+
+ private:
+  const Terminal& terminal_;
+  std::size_t drawn_{0};
+};
+
+}  // namespace trifinger::apps

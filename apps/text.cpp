@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "text.hpp"
+
+#include <fmt/format.h>
+
+namespace trifinger::apps {
+
+std::string text_of(Nanoseconds duration) {
+  const auto count = static_cast<double>(duration.count());
+  if (count < 1e3) return fmt::format("{:.0f} ns", count);
+  if (count < 999.5e3) return fmt::format("{:.0f} µs", count / 1e3);
+  if (count < 999.5e6) return fmt::format("{:.{}f} ms", count / 1e6, count < 99.95e6 ? 1 : 0);
+  return fmt::format("{:.1f} s", count / 1e9);
+}
+
+std::string rate_text(double rate) {
+  if (rate < 9.95) return fmt::format("{:.1f} Hz", rate);
+  if (rate < 99.95e3) return fmt::format("{:.0f} Hz", rate);
+  if (rate < 999.5e3) return fmt::format("{:.0f} kHz", rate / 1e3);
+  return fmt::format("{:.1f} MHz", rate / 1e6);
+}
+
+std::string counted(std::int64_t count, const std::string& what) {
+  return fmt::format("{} {}{}", count, what, count == 1 ? "" : "s");
+}
+
+}  // namespace trifinger::apps
