@@ -41,11 +41,11 @@ std::string_view fault_text_of(std::int32_t fault_code) noexcept {
   const std::int32_t low_bits = fault_code & 0xFF;
   if (low_bits <= 0 || low_bits > static_cast<std::int32_t>(SafetyFault::kOwnCheck)) return {};
   const auto fault = static_cast<SafetyFault>(low_bits);
-  const std::int32_t joint = (fault_code >> 8) - 1;
-  if (joint >= 0 && static_cast<std::size_t>(joint) < kNamedJoints) {
-    const auto index = static_cast<std::size_t>(joint);
-    if (fault == SafetyFault::kHardLimit) return hard_limit[index];
-    if (fault == SafetyFault::kBadMeasurement) return bad_measurement[index];
+  // A joint of -1, which is none, wraps around to more than there are.
+  const auto joint = static_cast<std::size_t>((fault_code >> 8) - 1);
+  if (joint < kNamedJoints) {
+    if (fault == SafetyFault::kHardLimit) return hard_limit[joint];
+    if (fault == SafetyFault::kBadMeasurement) return bad_measurement[joint];
   }
   return describe(fault);
 }
