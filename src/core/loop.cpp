@@ -112,6 +112,10 @@ Progress Loop::run(const Tick& now) noexcept {
   if (now.skipped > options_.max_skipped_ticks && is_real_time()) {
     return end(Fault::Code::kBackendLate, static_cast<std::int32_t>(now.skipped));
   }
+  // Here, not behind the step: the last step has an observation.
+  if (status_.rejected_actions > options_.max_rejected_actions) {
+    return end(Fault::Code::kActionsRejected, static_cast<std::int32_t>(status_.rejected_actions));
+  }
   if (const Fault::Code request = end_request(); request != Fault::Code::kNone) {
     return end(request, 0);
   }
@@ -155,9 +159,6 @@ Progress Loop::run(const Tick& now) noexcept {
   is_measured_ = false;
   is_published_ = false;
   status_.flags = 0;
-  if (status_.rejected_actions > options_.max_rejected_actions) {
-    return end(Fault::Code::kActionsRejected, static_cast<std::int32_t>(status_.rejected_actions));
-  }
   return Progress::kStepped;
 }
 
