@@ -141,7 +141,7 @@ class Backend::Implementation {
     }
     begin();
     // Brings the driver to where it holds, so that the session can be looked at.
-    while (run_->loop.tick(tick_now()) == Progress::kStepped) {
+    while (advance() == Progress::kStepped) {
     }
   }
 
@@ -155,7 +155,12 @@ class Backend::Implementation {
     return progress;
   }
 
-  void recover() noexcept { last_fault_ = {}; }
+  void recover() noexcept {
+    // The orderly stop comes first.
+    while (run_ && run_->loop.fault() && advance() != Progress::kEnded) {
+    }
+    last_fault_ = {};
+  }
 
   [[nodiscard]] const SessionHost& host() const noexcept { return host_; }
   [[nodiscard]] const BackendOptions& options() const noexcept { return options_; }

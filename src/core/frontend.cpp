@@ -319,10 +319,10 @@ class UntypedFrontend::Implementation {
     ipc::futex_wake_all(action_header()->event);
   }
 
-  // Brings the robot of an inline back-end to rest.
+  // Brings the robot of an inline back-end to rest. It waits only if it is in a later session, by no business of ours.
   void run_inline_to_end() const noexcept {
     if (inline_backend_ == nullptr) return;
-    while (inline_backend_->advance() != Progress::kEnded) {
+    while (inline_backend_->advance() == Progress::kStepped) {
     }
   }
 
@@ -440,6 +440,8 @@ std::optional<ipc::SharedMemory> take_control(const SessionMapping& mapping) {
   }
   auto& header = *reinterpret_cast<layout::ActionHeader*>(action->data());
   if (!ipc::try_lock(action->file())) {
+    // The handle that ended it still lives; the next session is about to begin.
+    if (mapping.has_ended()) return std::nullopt;
     const ipc::ProcessIdentity holder{header.controller_pid.load(std::memory_order_relaxed),
                                       header.controller_start_time.load(std::memory_order_relaxed)};
     const bool is_own = holder == ipc::ProcessIdentity::of_this_process();
