@@ -1,0 +1,588 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <functional>
+#include <optional>
+#include <span>
+#include <string>
+#include <thread>
+#include <tuple>
+#include <vector>
+
+#include "core/transports.hpp"
+#include "trifinger/core/errors.hpp"
+
+// The timing contract, as tests that every driver passes on every transport. A layer with a driver
+// of its own writes the traits that transports.hpp asks for, lists them, and has its driver tested:
+//
+//     using namespace trifinger::test;
+//     INSTANTIATE_TYPED_TEST_SUITE_P(Sim, TimingContract, AllTransports<SimDriverTraits>,
+//     CaseName); INSTANTIATE_TYPED_TEST_SUITE_P(Sim, RealTimeContract,
+//     ThreadedTransports<SimDriverTraits>, CaseName);
+
+namespace trifinger::test {
+
+/// A driver on a transport.
+template <class DriverTraits, class TransportType>
+struct Case {
+  using Traits = DriverTraits;
+  using Transport = TransportType;
+  using Robot = typename Traits::Robot;
+  using Rig = typename Transport::template Rig<Traits>;
+};
+
+template <class... Traits>
+using AllTransports = ::testing::Types<Case<Traits, Inline>..., Case<Traits, InProcess>...,
+                                       Case<Traits, AcrossProcesses>...>;
+template <class... Traits>
+using ThreadedTransports =
+    ::testing::Types<Case<Traits, InProcess>..., Case<Traits, AcrossProcesses>...>;
+
+struct CaseName {
+  template <class T>
+  static std::string GetName(int) {  // NOLINT(readability-identifier-naming): GoogleTest's
+    return std::string(T::Traits::kName) + T::Transport::kName.data();
+  }
+};
+
+template <class T>
+[[nodiscard]] std::vector<std::byte> bytes_of(const T& element) {
+  std::vector<std::byte> bytes(sizeof(T));
+  std::memcpy(bytes.data(), &element, sizeof(T));
+  return bytes;
+}
+
+/// The fault with which `call` raises RobotStopped; nothing if it returns.
+template <class Call>
+[[nodiscard]] std::optional<Fault> fault_of(const Call& call) {
+  try {
+    static_cast<void>(call());
+  } catch (const RobotStopped& stopped) {
+    return stopped.fault();
+  }
+  return std::nullopt;
+}
+
+template <class R>
+[[nodiscard]] bool has_flag(const Frontend<R>& robot, TimeIndex t, Status::Flag flag) {
+  return (robot.get_status(t).flags & flag) != 0;
+}
+
+/// Appends the actions `first` to `last` of the driver's traits, each behind the observation before
+/// it.
+template <class Traits, class R>
+void run_steps(Frontend<R>& robot, TimeIndex first, TimeIndex last) {
+  for (TimeIndex t = first; t <= last; ++t) {
+    if (t > 0) static_cast<void>(robot.get_observation(t - 1));
+    ASSERT_EQ(robot.append_desired_action(Traits::action(t)), t);
+  }
+}
+
+/// The law of every end: with N actions applied, the steps 0 to N - 1 are whole; step N has the
+/// last observation and the status with the reason, and nothing follows.
+template <class R>
+void expect_end(const Frontend<R>& robot, TimeIndex steps, const Fault& expected,
+                bool has_last_observation = true) {
+  // Waits for the end.
+  const std::optional<Fault> fault = fault_of([&] { return robot.get_status(steps + 1); });
+  ASSERT_TRUE(fault.has_value());
+  EXPECT_EQ(name_of(fault->code), name_of(expected.code));
+  EXPECT_EQ(fault->detail, expected.detail);
+  EXPECT_EQ(fault->time_index, steps);
+  EXPECT_EQ(robot.fault(), fault);
+
+  for (TimeIndex t = 0; t < steps; ++t) {
+    static_cast<void>(robot.get_observation(t));
+    static_cast<void>(robot.get_desired_action(t));
+    static_cast<void>(robot.get_applied_action(t));
+    const Status status = robot.get_status(t);
+    ASSERT_EQ(status.flags & Status::kEnd, 0U) << t;
+    ASSERT_EQ(status.fault_code, 0) << t;
+  }
+  const Status end = robot.get_status(steps);
+  EXPECT_NE(end.flags & Status::kEnd, 0U);
+  EXPECT_EQ(end.fault_code, static_cast<std::int32_t>(expected.code));
+  EXPECT_EQ(end.fault_detail, expected.detail);
+
+  EXPECT_EQ(robot.current_time_index(), has_last_observation ? steps : steps - 1);
+  const TimeIndex observations = steps + (has_last_observation ? 1 : 0);
+  // For ever, not once.
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_EQ(fault_of([&] { return robot.get_observation(observations); }), fault);
+    EXPECT_EQ(fault_of([&] { return robot.get_desired_action(steps); }), fault);
+    EXPECT_EQ(fault_of([&] { return robot.get_applied_action(steps); }), fault);
+    EXPECT_EQ(fault_of([&] { return robot.get_status(steps + 1); }), fault);
+    EXPECT_EQ(fault_of([&] {
+                robot.wait_until_time_index(observations);
+                return 0;
+              }),
+              fault);
+  }
+}
+
+/// The same, with what the user sent, in order.
+template <class Traits, class R>
+void expect_actions(const Frontend<R>& robot, TimeIndex steps) {
+  for (TimeIndex t = 0; t < steps; ++t) {
+    ASSERT_EQ(bytes_of(robot.get_desired_action(t)), bytes_of(Traits::action(t))) << t;
+  }
+}
+
+/// The observation is measured before the action of its step acts, in every step.
+inline void expect_measured_before_acting(const CallLog& log) {
+  const std::int64_t count = std::min<std::int64_t>(log.observations, CallLog::kSize);
+  for (std::int64_t i = 0; i < count; ++i) {
+    ASSERT_EQ(log.actions_before_observation[static_cast<std::size_t>(i)], i);
+  }
+}
+
+// --- What holds with and without deadlines is tried without: the back-end waits for every action
+// -----------------
+
+template <class T>
+class TimingContract : public ::testing::Test {};
+TYPED_TEST_SUITE_P(TimingContract);
+
+TYPED_TEST_P(TimingContract, NamesTheStepsOfActionsOneByOne) {
+  typename TypeParam::Rig rig;
+  auto robot = rig.connect();
+  for (TimeIndex t = 0; t < 20; ++t) {
+    EXPECT_EQ(robot.append_desired_action(TypeParam::Traits::action(t)), t);
+  }
+}
+
+TYPED_TEST_P(TimingContract, ShowsTheRobotBeforeStepZero) {
+  typename TypeParam::Rig rig;
+  auto robot = rig.connect();
+  const auto holding = robot.latest_observation();
+  EXPECT_EQ(robot.current_time_index(), -1);
+  robot.append_desired_action(TypeParam::Traits::action(0));
+  // Nothing moved in between.
+  EXPECT_EQ(bytes_of(robot.get_observation(0)), bytes_of(holding));
+}
+
+TYPED_TEST_P(TimingContract, MeasuresBeforeTheActionOfTheStepActs) {
+  typename TypeParam::Rig rig;
+  auto robot = rig.connect();
+  run_steps<typename TypeParam::Traits>(robot, 0, 50);
+  robot.finish();
+  expect_measured_before_acting(rig.log());
+}
+
+TYPED_TEST_P(TimingContract, ObservationDoesNotDependOnTheActionOfItsStep) {
+  constexpr TimeIndex kChanged = 7;
+  std::vector<std::vector<std::byte>> observations[2];
+  for (int run = 0; run < 2; ++run) {
+    typename TypeParam::Rig rig;
+    auto robot = rig.connect();
+    for (TimeIndex t = 0; t <= 10; ++t) {
+      robot.append_desired_action(
+          TypeParam::Traits::action(run == 1 && t >= kChanged ? 100 + t : t));
+    }
+    for (TimeIndex t = 0; t <= 10; ++t)
+      observations[run].push_back(bytes_of(robot.get_observation(t)));
+    robot.finish();
+  }
+  for (std::size_t t = 0; t <= kChanged; ++t)
+    EXPECT_EQ(observations[0][t], observations[1][t]) << t;
+  EXPECT_NE(observations[0].back(), observations[1].back()) << "the driver answers to no action";
+}
+
+TYPED_TEST_P(TimingContract, ShowsTheNextObservationBeforeItsAction) {
+  typename TypeParam::Rig rig;
+  auto robot = rig.connect();
+  robot.append_desired_action(TypeParam::Traits::action(0));
+  static_cast<void>(robot.get_observation(1));
+  EXPECT_EQ(robot.current_time_index(), 1);
+}
+
+TYPED_TEST_P(TimingContract, WaitsForAnActionAsLongAsItTakes) {
+  typename TypeParam::Rig rig;
+  auto robot = rig.connect();
+  run_steps<typename TypeParam::Traits>(robot, 0, 3);
+  robot.wait_until_time_index(4);
+  // Days, to the back-end's clock.
+  rig.clock().advance(std::chrono::hours(100));
+  EXPECT_EQ(robot.current_time_index(), 4);
+  EXPECT_FALSE(robot.fault().has_value());
+  robot.append_desired_action(TypeParam::Traits::action(4));
+  robot.wait_until_time_index(5);
+  robot.finish();
+  expect_end(robot, 5, {.code = Fault::Code::kFinished});
+}
+
+TYPED_TEST_P(TimingContract, MarksAnActionThatCameAfterItsObservation) {
+  typename TypeParam::Rig rig;
+  auto robot = rig.connect({.strict = false});
+  robot.append_desired_action(TypeParam::Traits::action(0));
+  static_cast<void>(robot.get_observation(1));
+  EXPECT_EQ(robot.append_desired_action(TypeParam::Traits::action(1)), 1);
+  EXPECT_EQ(robot.append_desired_action(TypeParam::Traits::action(2)), 2);
+  EXPECT_FALSE(has_flag(robot, 0, Status::kAcausal));
+  EXPECT_TRUE(has_flag(robot, 1, Status::kAcausal));
+  EXPECT_FALSE(has_flag(robot, 2, Status::kAcausal));
+}
+
+TYPED_TEST_P(TimingContract, RefusesAnActionThatCameAfterItsObservationIfStrict) {
+  typename TypeParam::Rig rig;
+  auto robot = rig.connect({.strict = true});
+  robot.append_desired_action(TypeParam::Traits::action(0));
+  static_cast<void>(robot.get_observation(1));
+  EXPECT_THROW(robot.append_desired_action(TypeParam::Traits::action(1)), AcausalAction);
+  // Also if many were read at once, or the latest.
+  EXPECT_THROW(robot.append_desired_action(TypeParam::Traits::action(1)), AcausalAction);
+}
+
+TYPED_TEST_P(TimingContract, CountsEveryWayToReadAsKnowing) {
+  using Robot = typename TypeParam::Robot;
+  using Observation = typename Robot::Observation;
+  const std::vector<std::function<void(const Frontend<Robot>&)>> ways{
+      [](const Frontend<Robot>& robot) { static_cast<void>(robot.get_observation(1)); },
+      [](const Frontend<Robot>& robot) {
+        std::array<Observation, 2> both;
+        robot.get_observations(0, both);
+      },
+      [](const Frontend<Robot>& robot) {
+        robot.wait_until_time_index(1);
+        static_cast<void>(robot.latest_observation());
+      }};
+  for (const auto& read : ways) {
+    typename TypeParam::Rig rig;
+    auto robot = rig.connect({.strict = true});
+    robot.append_desired_action(TypeParam::Traits::action(0));
+    read(robot);
+    EXPECT_THROW(robot.append_desired_action(TypeParam::Traits::action(1)), AcausalAction);
+  }
+}
+
+TYPED_TEST_P(TimingContract, TakesABurst) {
+  typename TypeParam::Rig rig;
+  auto robot = rig.connect();
+  std::vector<typename TypeParam::Robot::Action> burst;
+  for (TimeIndex t = 0; t < 30; ++t) burst.push_back(TypeParam::Traits::action(t));
+  EXPECT_EQ(robot.append_desired_actions(burst), 29);
+  EXPECT_EQ(robot.append_desired_action(TypeParam::Traits::action(30)), 30);
+  robot.finish();
+  expect_end(robot, 31, {.code = Fault::Code::kFinished});
+  expect_actions<typename TypeParam::Traits>(robot, 31);
+}
+
+TYPED_TEST_P(TimingContract, ReadsManyStepsInOneCall) {
+  using Robot = typename TypeParam::Robot;
+  typename TypeParam::Rig rig;
+  auto robot = rig.connect();
+  run_steps<typename TypeParam::Traits>(robot, 0, 19);
+  std::array<typename Robot::Observation, 15> observations;
+  robot.get_observations(4, observations);
+  std::array<typename Robot::Action, 15> desired;
+  robot.get_desired_actions(4, desired);
+  std::array<AppliedActionOf<Robot>, 15> applied;
+  robot.get_applied_actions(4, applied);
+  std::array<Status, 15> statuses;
+  robot.get_statuses(4, statuses);
+  for (std::size_t i = 0; i < 15; ++i) {
+    const TimeIndex t = 4 + static_cast<TimeIndex>(i);
+    EXPECT_EQ(bytes_of(observations[i]), bytes_of(robot.get_observation(t)));
+    EXPECT_EQ(bytes_of(desired[i]), bytes_of(robot.get_desired_action(t)));
+    EXPECT_EQ(bytes_of(applied[i]), bytes_of(robot.get_applied_action(t)));
+    EXPECT_EQ(statuses[i].tick, t);
+  }
+  robot.get_observations(4, std::span<typename Robot::Observation>());
+}
+
+TYPED_TEST_P(TimingContract, RefusesARangeThatTheHistoryCannotHold) {
+  typename TypeParam::Rig rig({.session = {.history = 16}});
+  auto robot = rig.connect();
+  std::vector<typename TypeParam::Robot::Observation> many(17);
+  EXPECT_THROW(robot.get_observations(0, many), InvalidArgument);
+  EXPECT_THROW(static_cast<void>(robot.get_observation(-1)), InvalidArgument);
+}
+
+TYPED_TEST_P(TimingContract, NamesTheOldestStepWhenHistoryIsLost) {
+  typename TypeParam::Rig rig({.session = {.history = 16, .queue = 16}});
+  auto robot = rig.connect();
+  run_steps<typename TypeParam::Traits>(robot, 0, 40);
+  // y_41 is there, so 26 to 41 are kept.
+  robot.wait_until_time_index(41);
+  try {
+    static_cast<void>(robot.get_observation(3));
+    ADD_FAILURE() << "step 3 was kept";
+  } catch (const HistoryLost& lost) {
+    EXPECT_EQ(lost.oldest(), 26);
+  }
+  EXPECT_THROW(static_cast<void>(robot.get_observation(25)), HistoryLost);
+  static_cast<void>(robot.get_observation(26));
+  std::array<typename TypeParam::Robot::Observation, 4> range;
+  EXPECT_THROW(robot.get_observations(24, range), HistoryLost);
+  robot.get_observations(26, range);
+}
+
+TYPED_TEST_P(TimingContract, AppendWaitsWhileTheQueueIsFull) {
+  typename TypeParam::Rig rig({.session = {.history = 256, .queue = 4}});
+  auto robot = rig.connect();
+  // Nothing is lost and all is in order, though the queue is much too short.
+  for (TimeIndex t = 0; t < 100; ++t) {
+    EXPECT_EQ(robot.append_desired_action(TypeParam::Traits::action(t)), t);
+  }
+  robot.finish();
+  expect_end(robot, 100, {.code = Fault::Code::kFinished});
+  expect_actions<typename TypeParam::Traits>(robot, 100);
+}
+
+TYPED_TEST_P(TimingContract, EndsBehindTheLastActionWhenFinished) {
+  typename TypeParam::Rig rig;
+  auto robot = rig.connect();
+  run_steps<typename TypeParam::Traits>(robot, 0, 9);
+  robot.finish();
+  expect_end(robot, 10, {.code = Fault::Code::kFinished});
+  expect_actions<typename TypeParam::Traits>(robot, 10);
+  EXPECT_TRUE(fault_of([&] { return robot.append_desired_action(TypeParam::Traits::action(0)); }));
+  // No fault, however often it is said.
+  robot.finish();
+}
+
+TYPED_TEST_P(TimingContract, EndsWhenFinishedBeforeAnyAction) {
+  typename TypeParam::Rig rig;
+  auto robot = rig.connect();
+  static_cast<void>(robot.latest_observation());
+  robot.finish();
+  expect_end(robot, 0, {.code = Fault::Code::kFinished});
+}
+
+TYPED_TEST_P(TimingContract, EndsWhenTheControllerLetsGo) {
+  typename TypeParam::Rig rig;
+  std::optional<Frontend<typename TypeParam::Robot>> robot(rig.connect());
+  const auto observer = rig.observe();
+  run_steps<typename TypeParam::Traits>(*robot, 0, 9);
+  robot->wait_until_time_index(10);
+  robot.reset();
+  expect_end(observer, 10, {.code = Fault::Code::kDetached});
+}
+
+TYPED_TEST_P(TimingContract, StaysWhenAControllerWithoutActionsLetsGo) {
+  typename TypeParam::Rig rig;
+  const auto id = rig.connect().session().info().session_id;
+  auto second = rig.connect();
+  EXPECT_EQ(second.session().info().session_id, id);
+  EXPECT_EQ(second.append_desired_action(TypeParam::Traits::action(0)), 0);
+  static_cast<void>(second.get_observation(0));
+}
+
+TYPED_TEST_P(TimingContract, EndsWhenTheDriverFaultsWhileMeasuring) {
+  typename TypeParam::Rig rig({.injection = {.observation_fault_at = 5}});
+  auto robot = rig.connect();
+  for (TimeIndex t = 0; t < 5; ++t) robot.append_desired_action(TypeParam::Traits::action(t));
+  expect_end(robot, 5, {.code = Fault::Code::kDriver, .detail = DriverUnderTest::kFaultCode},
+             false);
+  expect_actions<typename TypeParam::Traits>(robot, 5);
+}
+
+TYPED_TEST_P(TimingContract, EndsWhenTheDriverFaultsWhileApplying) {
+  typename TypeParam::Rig rig({.injection = {.action_fault_at = 5}});
+  auto robot = rig.connect();
+  for (TimeIndex t = 0; t < 6; ++t) robot.append_desired_action(TypeParam::Traits::action(t));
+  expect_end(robot, 5, {.code = Fault::Code::kDriver, .detail = DriverUnderTest::kFaultCode});
+}
+
+TYPED_TEST_P(TimingContract, EndsWhenTooManyActionsInARowAreRejected) {
+  typename TypeParam::Rig rig(
+      {.backend = {.max_rejected_actions = 3}, .injection = {.reject_from = 5}});
+  auto robot = rig.connect();
+  for (TimeIndex t = 0; t < 12; ++t) robot.append_desired_action(TypeParam::Traits::action(t));
+  expect_end(robot, 9, {.code = Fault::Code::kActionsRejected, .detail = 4});
+  for (TimeIndex t = 0; t < 9; ++t) {
+    EXPECT_EQ(has_flag(robot, t, Status::kActionRejected), t >= 5);
+    EXPECT_EQ(robot.get_status(t).rejected_actions, t >= 5 ? t - 4 : 0);
+  }
+}
+
+TYPED_TEST_P(TimingContract, EndsWhenTheBackendIsAskedToStop) {
+  typename TypeParam::Rig rig;
+  auto robot = rig.connect();
+  run_steps<typename TypeParam::Traits>(robot, 0, 9);
+  robot.wait_until_time_index(10);
+  rig.request_stop();
+  expect_end(robot, 10, {.code = Fault::Code::kStopped});
+}
+
+TYPED_TEST_P(TimingContract, SaysWhyInTheText) {
+  typename TypeParam::Rig rig({.injection = {.action_fault_at = 2}});
+  auto robot = rig.connect();
+  for (TimeIndex t = 0; t < 3; ++t) robot.append_desired_action(TypeParam::Traits::action(t));
+  try {
+    static_cast<void>(robot.get_observation(3));
+    ADD_FAILURE() << "the robot did not stop";
+  } catch (const RobotStopped& stopped) {
+    EXPECT_THAT(stopped.what(), ::testing::HasSubstr("step 2"));
+    EXPECT_THAT(stopped.what(), ::testing::HasSubstr("a test injected this"));
+  }
+}
+
+TYPED_TEST_P(TimingContract, BeginsTheNextSessionAtOnceAfterACleanEnd) {
+  typename TypeParam::Rig rig;
+  auto first = rig.connect();
+  run_steps<typename TypeParam::Traits>(first, 0, 4);
+  first.finish();
+  auto second = rig.connect();
+  EXPECT_NE(second.session().info().session_id, first.session().info().session_id);
+  run_steps<typename TypeParam::Traits>(second, 0, 2);
+  static_cast<void>(second.get_observation(3));
+  // The old handle still tells its own story.
+  expect_end(first, 5, {.code = Fault::Code::kFinished});
+}
+
+TYPED_TEST_P(TimingContract, NeedsRecoveryAfterAFault) {
+  typename TypeParam::Rig rig({.injection = {.stop_periods = 3, .action_fault_at = 2}});
+  auto first = rig.connect();
+  for (TimeIndex t = 0; t < 3; ++t) first.append_desired_action(TypeParam::Traits::action(t));
+  const Fault fault{.code = Fault::Code::kDriver, .detail = DriverUnderTest::kFaultCode};
+  expect_end(first, 2, fault);
+  EXPECT_EQ(fault_of([&] { return rig.connect(); }).value_or(Fault{}).code, Fault::Code::kDriver);
+
+  first.recover();
+  auto second = rig.connect();
+  run_steps<typename TypeParam::Traits>(second, 0, 9);
+  second.finish();
+  expect_end(second, 10, {.code = Fault::Code::kFinished});
+  expect_end(first, 2, fault);
+}
+
+TYPED_TEST_P(TimingContract, NeedsRecoveryWhenTheDriverCannotBePrepared) {
+  typename TypeParam::Rig rig({.injection = {.prepare_faults = true}});
+  const auto stopped = [&] {
+    const auto fault = fault_of([&] {
+      // Whoever is quick attaches before the fault and meets it here.
+      auto robot = rig.connect();
+      return robot.latest_observation();
+    });
+    return fault.value_or(Fault{});
+  };
+  EXPECT_EQ(stopped(),
+            (Fault{.code = Fault::Code::kDriver, .detail = DriverUnderTest::kFaultCode}));
+  EXPECT_EQ(stopped().code, Fault::Code::kDriver);
+}
+
+TYPED_TEST_P(TimingContract, PreparesAndStopsInSmallSteps) {
+  typename TypeParam::Rig rig({.injection = {.prepare_periods = 3, .stop_periods = 4}});
+  auto robot = rig.connect();
+  run_steps<typename TypeParam::Traits>(robot, 0, 2);
+  EXPECT_EQ(rig.log().prepares, 4);
+  robot.finish();
+  // What the stop does is not part of the series.
+  expect_end(robot, 3, {.code = Fault::Code::kFinished});
+  // The next session is there only when the robot is at rest.
+  static_cast<void>(rig.connect());
+  EXPECT_EQ(rig.log().stops, 5);
+}
+
+TYPED_TEST_P(TimingContract, LetsNobodyWaitLongerThanTheyWant) {
+  using Robot = typename TypeParam::Robot;
+  typename TypeParam::Rig rig({.session = {.history = 64, .queue = 4}});
+  auto robot = rig.connect();
+  robot.append_desired_action(TypeParam::Traits::action(0));
+  robot.wait_until_time_index(1);
+  // Inline, a wait that nobody can satisfy is a mistake that is named at once.
+  const auto expect_gives_up = [](const auto& call) {
+    if constexpr (TypeParam::Transport::kIsInline) {
+      EXPECT_THROW(call(), ActionMissing);
+    } else {
+      EXPECT_THROW(call(), TimedOut);
+    }
+  };
+  for (const Timeout timeout : {Timeout::zero(), Timeout(std::chrono::milliseconds(5))}) {
+    expect_gives_up([&] { static_cast<void>(robot.get_observation(2, timeout)); });
+    expect_gives_up([&] { static_cast<void>(robot.get_desired_action(1, timeout)); });
+    expect_gives_up([&] { static_cast<void>(robot.get_applied_action(1, timeout)); });
+    expect_gives_up([&] { static_cast<void>(robot.get_status(1, timeout)); });
+    expect_gives_up([&] { robot.wait_until_time_index(2, timeout); });
+    std::array<typename Robot::Observation, 3> range;
+    expect_gives_up([&] { robot.get_observations(0, range, timeout); });
+    std::array<Status, 3> statuses;
+    expect_gives_up([&] { robot.get_statuses(0, statuses, timeout); });
+  }
+}
+
+TYPED_TEST_P(TimingContract, HasEverythingOfACompanionThatArrivedByThatStep) {
+  const auto driver = TypeParam::Traits::make_driver();
+  if (driver->companions().empty()) GTEST_SKIP() << "no companions";
+  const CompanionDescription& description = driver->companions()[0];
+  typename TypeParam::Rig rig;
+  auto robot = rig.connect();
+  const UntypedFrontend companion = robot.companion(description.name);
+  std::vector<std::byte> element(description.element.size());
+  const auto arrival_at = [&](TimeIndex t, Timeout timeout) -> std::optional<Stamp> {
+    if (!companion.get_latest_at(t, element.data(), timeout)) return std::nullopt;
+    Stamp stamp;
+    std::memcpy(&stamp, element.data(), sizeof(stamp));
+    return stamp;
+  };
+
+  std::vector<TimeIndex> known;
+  for (TimeIndex t = 0; t < 40; ++t) {
+    robot.append_desired_action(TypeParam::Traits::action(t));
+    static_cast<void>(robot.get_observation(t));
+    // y_t is there, so this needs no wait.
+    const auto stamp = arrival_at(t, Timeout::zero());
+    known.push_back(stamp ? stamp->arrival_index : -1);
+    if (!stamp) continue;
+    EXPECT_LE(stamp->arrival_index, t);
+    EXPECT_LE(stamp->capture_index, stamp->arrival_index);
+    EXPECT_EQ(stamp->arrival_time - stamp->capture_time,
+              (stamp->arrival_index - stamp->capture_index) * kPeriod.count());
+  }
+  EXPECT_TRUE(std::is_sorted(known.begin(), known.end()));
+  EXPECT_GT(known.back(), 0);
+  // Later, the answer is the same.
+  for (TimeIndex t = 0; t < 40; ++t) {
+    const auto stamp = arrival_at(t, kForever);
+    ASSERT_EQ(stamp ? stamp->arrival_index : -1, known[static_cast<std::size_t>(t)]) << t;
+  }
+  robot.finish();
+  EXPECT_EQ(fault_of([&] { return arrival_at(1000, kForever); }).value_or(Fault{}).code,
+            Fault::Code::kFinished);
+}
+
+TYPED_TEST_P(TimingContract, GivesTheSameSeriesEveryTime) {
+  using Robot = typename TypeParam::Robot;
+  std::vector<std::byte> series[2];
+  for (auto& bytes : series) {
+    typename TypeParam::Rig rig;
+    auto robot = rig.connect();
+    run_steps<typename TypeParam::Traits>(robot, 0, 99);
+    robot.finish();
+    for (TimeIndex t = 0; t < 100; ++t) {
+      const typename Robot::Observation observation = robot.get_observation(t);
+      const AppliedActionOf<Robot> applied = robot.get_applied_action(t);
+      for (const auto& part : {bytes_of(observation), bytes_of(applied)}) {
+        bytes.insert(bytes.end(), part.begin(), part.end());
+      }
+    }
+  }
+  EXPECT_EQ(series[0], series[1]);
+}
+
+REGISTER_TYPED_TEST_SUITE_P(
+    TimingContract, NamesTheStepsOfActionsOneByOne, ShowsTheRobotBeforeStepZero,
+    MeasuresBeforeTheActionOfTheStepActs, ObservationDoesNotDependOnTheActionOfItsStep,
+    ShowsTheNextObservationBeforeItsAction, WaitsForAnActionAsLongAsItTakes,
+    MarksAnActionThatCameAfterItsObservation, RefusesAnActionThatCameAfterItsObservationIfStrict,
+    CountsEveryWayToReadAsKnowing, TakesABurst, ReadsManyStepsInOneCall,
+    RefusesARangeThatTheHistoryCannotHold, NamesTheOldestStepWhenHistoryIsLost,
+    AppendWaitsWhileTheQueueIsFull, EndsBehindTheLastActionWhenFinished,
+    EndsWhenFinishedBeforeAnyAction, EndsWhenTheControllerLetsGo,
+    StaysWhenAControllerWithoutActionsLetsGo, EndsWhenTheDriverFaultsWhileMeasuring,
+    EndsWhenTheDriverFaultsWhileApplying, EndsWhenTooManyActionsInARowAreRejected,
+    EndsWhenTheBackendIsAskedToStop, SaysWhyInTheText, BeginsTheNextSessionAtOnceAfterACleanEnd,
+    NeedsRecoveryAfterAFault, NeedsRecoveryWhenTheDriverCannotBePrepared,
+    PreparesAndStopsInSmallSteps, LetsNobodyWaitLongerThanTheyWant,
+    HasEverythingOfACompanionThatArrivedByThatStep, GivesTheSameSeriesEveryTime);
+
+}  // namespace trifinger::test

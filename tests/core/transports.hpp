@@ -1,0 +1,212 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <csignal>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <thread>
+#include <utility>
+
+#include "core/driver_under_test.hpp"
+#include "support/child_process.hpp"
+#include "support/session_folder.hpp"
+#include "support/shared_value.hpp"
+#include "trifinger/core/backend.hpp"
+#include "trifinger/core/frontend.hpp"
+#include "trifinger/realtime/clock.hpp"
+
+namespace trifinger::test {
+
+/// A back-end to be tested.
+struct Plan {
+  BackendOptions backend{};
+  SessionOptions session{.history = 256, .queue = 64};
+  Injection injection{};
+};
+
+inline constexpr Nanoseconds kPeriod = std::chrono::milliseconds(1);
+/// A wait that only a fault of ours could use up.
+inline constexpr Timeout kLong = std::chrono::seconds(120);
+
+// Three ways to have a back-end and a user. Each is a class template over the traits of a driver,
+//
+//     struct FakeDriverTraits {
+//       static constexpr std::string_view kName = "FakeDriver";
+//       using Robot = FakeRobot;
+//       static std::unique_ptr<UntypedDriver> make_driver();
+//       static FakeAction action(TimeIndex k);  // fit to apply; another one for every k
+//     };
+//
+// with the functions connect, observe, request_stop, clock and log. All run on a manual clock.
+
+/// What the three have in common.
+template <class Traits>
+class Rig {
+ public:
+  using Robot = typename Traits::Robot;
+
+  explicit Rig(const Plan& plan) : plan_(plan) {}
+
+  [[nodiscard]] ManualClock& clock() noexcept { return clock_; }
+  [[nodiscard]] const CallLog& log() const noexcept { return *log_; }
+
+  /// Real-time mode: lets `count` periods pass, with all that is due in them.
+  void tick(int count = 1) { clock_.tick(kPeriod, count); }
+  /// Real-time mode: lets one period pass behind which the back-end sleeps no more.
+  void last_tick() {
+    clock_.wait_for_sleeper();
+    clock_.advance(kPeriod);
+  }
+
+ protected:
+  [[nodiscard]] std::unique_ptr<UntypedDriver> make_driver() {
+    return std::make_unique<DriverUnderTest>(Traits::make_driver(), plan_.injection, *log_);
+  }
+  [[nodiscard]] static FrontendOptions with_long_timeout(FrontendOptions options) {
+    options.timeout = kLong;
+    return options;
+  }
+
+  Plan plan_;
+  ManualClock clock_;
+
+ private:
+  SharedValue<CallLog> log_;
+};
+
+/// The user's waits run the back-end.
+struct Inline {
+  static constexpr std::string_view kName = "Inline";
+  static constexpr bool kIsInline = true;
+
+  template <class Traits>
+  class Rig : public test::Rig<Traits> {
+   public:
+    using Robot = typename Traits::Robot;
+
+    explicit Rig(const Plan& plan = {})
+        : test::Rig<Traits>(plan),
+          driver_(this->make_driver()),
+          host_(SessionHost::anonymous(plan.session)),
+          backend_(*driver_, host_, plan.backend, this->clock_) {}
+
+    [[nodiscard]] Frontend<Robot> connect(FrontendOptions options = {.strict = true}) {
+      return Frontend<Robot>(backend_, this->with_long_timeout(options));
+    }
+    [[nodiscard]] Frontend<Robot> observe() { return connect({.control = false}); }
+    void request_stop() { backend_.request_stop(); }
+
+   private:
+    std::unique_ptr<UntypedDriver> driver_;
+    SessionHost host_;
+    Backend backend_;
+  };
+};
+
+/// The back-end is a thread of the user's process, the session is anonymous.
+struct InProcess {
+  static constexpr std::string_view kName = "InProcess";
+  static constexpr bool kIsInline = false;
+
+  template <class Traits>
+  class Rig : public test::Rig<Traits> {
+   public:
+    using Robot = typename Traits::Robot;
+
+    explicit Rig(const Plan& plan = {})
+        : test::Rig<Traits>(plan),
+          driver_(this->make_driver()),
+          host_(SessionHost::anonymous(plan.session)),
+          backend_(*driver_, host_, plan.backend, this->clock_),
+          thread_(backend_) {}
+    ~Rig() { this->clock_.run_free(); }
+
+    [[nodiscard]] Frontend<Robot> connect(FrontendOptions options = {.strict = true}) {
+      return Frontend<Robot>(host_, this->with_long_timeout(options));
+    }
+    [[nodiscard]] Frontend<Robot> observe() { return connect({.control = false}); }
+    void request_stop() { backend_.request_stop(); }
+
+   private:
+    std::unique_ptr<UntypedDriver> driver_;
+    SessionHost host_;
+    Backend backend_;
+    BackendThread thread_;
+  };
+};
+
+/// The back-end is a process of its own, the session has a name.
+struct AcrossProcesses {
+  static constexpr std::string_view kName = "AcrossProcesses";
+  static constexpr bool kIsInline = false;
+
+  template <class Traits>
+  class Rig : public test::Rig<Traits> {
+   public:
+    using Robot = typename Traits::Robot;
+
+    explicit Rig(const Plan& plan = {})
+        : test::Rig<Traits>(plan), process_([this] { return run(); }) {}
+    ~Rig() {
+      request_stop();
+      this->clock_.run_free();
+      EXPECT_EQ(process_.wait(), 0) << "exit of the back-end's process";
+    }
+
+    [[nodiscard]] Frontend<Robot> connect(FrontendOptions options = {.strict = true}) {
+      const Deadline deadline(kLong);
+      while (true) {
+        try {
+          return Frontend<Robot>("robot", this->with_long_timeout(options));
+        } catch (const SessionNotFound&) {
+          if (deadline.passed()) throw;
+        }
+        std::this_thread::yield();
+      }
+    }
+    [[nodiscard]] Frontend<Robot> observe() { return connect({.control = false}); }
+    void request_stop() { process_.send(SIGTERM); }
+    [[nodiscard]] ChildProcess& process() noexcept { return process_; }
+
+   private:
+    // Blocks SIGTERM around the fork, so that the child is asked to stop only when it can hear it.
+    class BlockedSignal {
+     public:
+      BlockedSignal() {
+        ::sigemptyset(&set_);
+        ::sigaddset(&set_, SIGTERM);
+        ::sigprocmask(SIG_BLOCK, &set_, nullptr);
+      }
+      BlockedSignal(const BlockedSignal&) = delete;
+      BlockedSignal& operator=(const BlockedSignal&) = delete;
+      ~BlockedSignal() { unblock(); }
+
+      void unblock() const { ::sigprocmask(SIG_UNBLOCK, &set_, nullptr); }
+
+     private:
+      sigset_t set_{};
+    };
+
+    int run() {
+      const auto driver = this->make_driver();
+      SessionHost host = SessionHost::named("robot", this->plan_.session);
+      Backend backend(*driver, host, this->plan_.backend, this->clock_);
+      static Backend* running = nullptr;
+      running = &backend;
+      std::signal(SIGTERM, [](int) { running->request_stop(); });
+      blocked_.unblock();
+      backend.run();
+      return 0;
+    }
+
+    SessionFolder folder_;
+    BlockedSignal blocked_;
+    ChildProcess process_;
+  };
+};
+
+}  // namespace trifinger::test

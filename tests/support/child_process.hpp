@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <sys/prctl.h>
+#include <sys/types.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <csignal>
+#include <cstdio>
+#include <exception>
+
+#include "trifinger/base/error.hpp"
+
+namespace trifinger::test {
+
+/// A forked child that runs a function. Make it before the test starts threads: a sanitizer wants
+/// that.
+class ChildProcess {
+ public:
+  /// `function` returns the exit code; what it throws is printed and makes the code 1.
+  template <class Function>
+  explicit ChildProcess(const Function& function) : pid_(::fork()) {
+    if (pid_ < 0) throw SystemError("fork", errno);
+    if (pid_ > 0) return;
+    ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+    int code = 1;
+    try {
+      code = function();
+    } catch (const std::exception& error) {
+      std::fprintf(stderr, "child process: %s\n", error.what());
+    }
+    // Nothing that belongs to the parent may be cleaned up here.
+    ::_exit(code);
+  }
+  ChildProcess(const ChildProcess&) = delete;
+  ChildProcess& operator=(const ChildProcess&) = delete;
+  ~ChildProcess() { kill(); }
+
+  [[nodiscard]] pid_t pid() const noexcept { return pid_; }
+
+  void send(int signal) const noexcept {
+    if (is_running_) ::kill(pid_, signal);
+  }
+  /// SIGKILL; returns when the process is gone.
+  void kill() noexcept {
+    send(SIGKILL);
+    static_cast<void>(wait());
+  }
+  /// Returns the exit code, or minus the number of the signal that ended the process.
+  int wait() noexcept {
+    if (!is_running_) return result_;
+    int status = 0;
+    while (::waitpid(pid_, &status, 0) < 0 && errno == EINTR) {
+    }
+    is_running_ = false;
+    result_ = WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
+    return result_;
+  }
+
+ private:
+  pid_t pid_;
+  bool is_running_{true};
+  int result_{0};
+};
+
+}  // namespace trifinger::test
