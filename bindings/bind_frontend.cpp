@@ -181,14 +181,14 @@ void bind_frontend(nb::module_& m) {
            "handle remains stopped: connect again.")
       .def(
           "fault", [](const PythonFrontend& frontend) { return to_python(frontend.fault()); },
-          nb::sig("def fault(self) -> Fault | None"),
+          nb::sig("def fault(self) -> trifinger.session_info.Fault | None"),
           "Why the session ended; None while it goes on.")
       .def("companion", &PythonFrontend::companion, "name"_a,
            "Reads the companion `name` of this robot, as in \"object\".")
       .def(
           "session_info",
           [](const PythonFrontend& frontend) { return to_python(frontend.session_info()); },
-          nb::sig("def session_info(self) -> SessionInfo"),
+          nb::sig("def session_info(self) -> trifinger.session_info.SessionInfo"),
           "What anybody may know about the session: name, type, period, who takes part.")
       .def("close", &PythonFrontend::close,
            "Lets go of the session. If actions were appended and it still runs, it ends "

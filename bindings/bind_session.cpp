@@ -44,7 +44,7 @@ nb::object to_python(const SessionInfo& info) {
 }
 
 void bind_session(nb::module_& m) {
-  nb::enum_<Status::Flag>(m, "StatusFlag", nb::is_flag(), nb::is_arithmetic(),
+  nb::enum_<Status::Flag>(m, "Status", nb::is_flag(), nb::is_arithmetic(),
                           "What happened in a step: bits of the field `flags` of its status.")
       .value("ACTION_REPEATED", Status::kActionRepeated,
              "The action for this step was missing, the previous one was applied again.")
@@ -62,7 +62,7 @@ void bind_session(nb::module_& m) {
         for (const SessionInfo& info : list_sessions()) sessions.append(to_python(info));
         return sessions;
       },
-      nb::sig("def list_sessions() -> list[SessionInfo]"),
+      nb::sig("def list_sessions() -> list[trifinger.session_info.SessionInfo]"),
       "What runs on this machine, robots and companions, in the order of their names. Sessions "
       "whose\n"
       "back-end died are included.");

@@ -9,7 +9,7 @@ namespace trifinger::python {
 void bind_frontend(nanobind::module_& m);
 /// Backend, fake, run_fake.
 void bind_backend(nanobind::module_& m);
-/// list_sessions, recover, StatusFlag.
+/// list_sessions, recover, Status.
 void bind_session(nanobind::module_& m);
 
 }  // namespace trifinger::python

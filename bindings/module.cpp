@@ -9,7 +9,7 @@ namespace nb = nanobind;
 
 NB_MODULE(_trifinger, m) {
   if (PyArray_ImportNumPyAPI() < 0) throw nb::python_error();
-  m.attr("__version__") = TRIFINGER_VERSION;
+  m.attr("version") = TRIFINGER_VERSION;
   trifinger::python::register_errors();
   trifinger::python::bind_session(m);
   trifinger::python::bind_frontend(m);

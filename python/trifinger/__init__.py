@@ -1,18 +1,19 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A robot behind time series: append desired actions, read back observations.
 
-with trifinger.connect("sim") as robot:
-    t = robot.append_desired_action(robot.new_action())
-    while True:
-        y = robot.get_observation(t)
-        t = robot.append_desired_action(policy(y))
+The basic control loop, paced by the robot:
+
+    with trifinger.connect("sim") as robot:
+        t = robot.append_desired_action(robot.new_action())
+        while True:
+            y = robot.get_observation(t)
+            t = robot.append_desired_action(policy(y))
 """
 
 from trifinger._trifinger import (
     Backend,
     Frontend,
-    StatusFlag,
-    __version__,
+    Status,
     connect,
     fake,
     list_sessions,
@@ -20,6 +21,7 @@ from trifinger._trifinger import (
     recover,
     run_fake,
 )
+from trifinger._trifinger import version as __version__
 from trifinger.errors import (
     AcausalAction,
     ActionMissing,
@@ -52,7 +54,7 @@ __all__ = [
     "RobotStopped",
     "SessionInfo",
     "SessionNotFound",
-    "StatusFlag",
+    "Status",
     "TimedOut",
     "__version__",
     "connect",

@@ -10,7 +10,8 @@ from trifinger.session_info import Fault
 class Error(RuntimeError):
     """Base of everything that this package raises.
 
-    The text is a sentence that names the thing, the value found and the value allowed, or the remedy.
+    The text is a sentence that names the thing, the value found and the value allowed, or the
+    remedy.
     """
 
 
@@ -34,7 +35,10 @@ class RobotStopped(Error):
 
 
 class HistoryLost(Error):
-    """The element was overwritten by newer ones. `oldest` is the oldest step that can still be read."""
+    """The element was overwritten by newer ones.
+
+    `oldest` is the oldest step that can still be read.
+    """
 
     def __init__(self, text: str, oldest: int = 0) -> None:
         super().__init__(text)
@@ -49,7 +53,7 @@ class AcausalAction(Error):
 
 
 class ActionMissing(Error):
-    """A wait that only a further action could satisfy, in a program where nobody else can append it."""
+    """A wait that only a further action could satisfy, and nobody else can append it."""
 
 
 class SessionNotFound(Error):

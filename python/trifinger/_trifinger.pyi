@@ -1,0 +1,234 @@
+import enum
+import types
+
+import numpy
+import numpy.typing
+
+import trifinger.session_info
+
+
+version: str = ...
+
+class Status(enum.IntFlag):
+    """What happened in a step: bits of the field `flags` of its status."""
+
+    ACTION_REPEATED = 1
+    """
+    The action for this step was missing, the previous one was applied again.
+    """
+
+    ACAUSAL = 2
+    """The action was appended by someone who had already read y_t."""
+
+    ACTION_REJECTED = 4
+    """The action was not fit to apply; something safe was applied instead."""
+
+    END = 8
+    """The last status of the session: no action was applied at this step."""
+
+def list_sessions() -> list[trifinger.session_info.SessionInfo]:
+    """
+    What runs on this machine, robots and companions, in the order of their names. Sessions whose
+    back-end died are included.
+    """
+
+def recover(name: str, timeout: float | None = 5.0) -> None:
+    """
+    Clears the fault of the robot `name`, as the operator who has looked at it; the next session begins.
+
+    Raises SessionNotFound, TimedOut, or RobotStopped if the back-end is gone.
+    """
+
+class Frontend:
+    """
+    The user's view of a running robot: append desired actions, read back what happened.
+
+    Reading step t waits until the back-end has filled it in, so a loop that reads y[t] and appends
+    a[t+1] is paced by the robot and needs no sleep of its own.
+
+    Elements are records of NumPy: `y.position` and `y["position"]` (three times as fast) read a field,
+    `y.stamp.capture_time` a nested one. Ranges of steps are arrays of the same dtype.
+
+    Any number of threads may read; one appends. Every wait ends: with the value, with TimedOut (`timeout`
+    is in seconds, None for as long as it takes), with RobotStopped once the session has ended and the value
+    will never come, or with Ctrl-C. A handle that went through os.fork() raises InheritedHandle.
+
+    As a context manager it calls finish() after a clean end of the block and lets go after an exception.
+    """
+
+    def append_desired_action(self, action: numpy.record, timeout: float | None = None) -> int:
+        """
+        Appends `action` and returns the step it is scheduled for: the next one, or the first still open if
+        the loop fell behind. The first call starts time 0. Waits only if the queue is full.
+
+        Raises RobotStopped, TimedOut, AcausalAction if strict, InvalidArgument for anything but an action
+        of this robot: see new_action.
+        """
+
+    def append_desired_actions(self, actions: numpy.typing.NDArray[numpy.void], timeout: float | None = None) -> int:
+        """
+        Appends a burst: the elements of a one-dimensional array of `action_dtype`, one behind the other.
+        Returns the step of the last one.
+        """
+
+    def new_action(self, **fields: numpy.typing.ArrayLike) -> numpy.record:
+        """
+        Returns the robot's default action with `fields` filled in; a number fills the whole field.
+        It can be changed and appended as often as you like.
+        """
+
+    def get_observation(self, t: int, timeout: float | None = None) -> numpy.record:
+        """
+        Returns y[t], waiting for it if `t` lies in the future.
+
+        Raises HistoryLost if y[t] was already overwritten, RobotStopped if it will never come, TimedOut.
+        """
+
+    def get_desired_action(self, t: int, timeout: float | None = None) -> numpy.record:
+        """
+        Returns a[t] as the back-end took it; raises as get_observation, like all below.
+        """
+
+    def get_applied_action(self, t: int, timeout: float | None = None) -> numpy.record:
+        """Returns a'[t]: what was applied."""
+
+    def get_status(self, t: int, timeout: float | None = None) -> numpy.record:
+        """Returns what the back-end has to say about step t."""
+
+    def get_observations(self, first: int, last: int, timeout: float | None = None) -> numpy.typing.NDArray[numpy.void]:
+        """
+        Returns the steps from `first` to before `last`, waiting for the last one.
+        """
+
+    def get_desired_actions(self, first: int, last: int, timeout: float | None = None) -> numpy.typing.NDArray[numpy.void]: ...
+
+    def get_applied_actions(self, first: int, last: int, timeout: float | None = None) -> numpy.typing.NDArray[numpy.void]: ...
+
+    def get_statuses(self, first: int, last: int, timeout: float | None = None) -> numpy.typing.NDArray[numpy.void]: ...
+
+    def latest_observation(self, timeout: float | None = None) -> numpy.record:
+        """
+        Returns the newest observation, before step 0 too: nobody has to act in order to look.
+        """
+
+    def get_latest_at(self, t: int, timeout: float | None = None) -> numpy.record | None:
+        """
+        Companions: returns the newest element that arrived at or before the robot's step `t`, waiting for
+        that step. None if there was none by then.
+        """
+
+    def wait_until_time_index(self, t: int, timeout: float | None = None) -> None:
+        """Waits until y[t] is there."""
+
+    def current_time_index(self) -> int:
+        """The newest step whose observation is there, -1 before step 0."""
+
+    def range(self, series: str) -> tuple[int, int]:
+        """
+        The first step of `series` that can still be read, and the first that has not been written: as in
+        `robot.get_observations(*robot.range("observation"))`. Series are "desired_action",
+        "applied_action", "observation" and "status".
+        """
+
+    def finish(self, timeout: float | None = None) -> None:
+        """
+        Says that no further action will come: the session ends, without a fault, behind the last action
+        appended. Returns when it has ended.
+        """
+
+    def recover(self, timeout: float | None = None) -> None:
+        """
+        Clears the fault that ended the session and waits until the back-end has begun the next one. This
+        handle remains stopped: connect again.
+        """
+
+    def fault(self) -> trifinger.session_info.Fault | None:
+        """Why the session ended; None while it goes on."""
+
+    def companion(self, name: str) -> Frontend:
+        """Reads the companion `name` of this robot, as in "object"."""
+
+    def session_info(self) -> trifinger.session_info.SessionInfo:
+        """
+        What anybody may know about the session: name, type, period, who takes part.
+        """
+
+    def close(self) -> None:
+        """
+        Lets go of the session. If actions were appended and it still runs, it ends ("detached").
+        """
+
+    @property
+    def action_dtype(self) -> numpy.dtype[numpy.record]:
+        """The layout of an action."""
+
+    @property
+    def applied_action_dtype(self) -> numpy.dtype[numpy.record]:
+        """The layout of what the robot says it has applied."""
+
+    @property
+    def observation_dtype(self) -> numpy.dtype[numpy.record]:
+        """The layout of an observation."""
+
+    @property
+    def status_dtype(self) -> numpy.dtype[numpy.record]:
+        """The layout of a status, the same for every robot."""
+
+    def __enter__(self) -> Frontend: ...
+
+    def __exit__(self, type: type[BaseException] | None, value: BaseException | None, traceback: types.TracebackType | None) -> None: ...
+
+def connect(name: str, *, strict: bool = False, timeout: float | None = 5.0) -> Frontend:
+    """
+    Takes control of the robot `name`, which runs in a back-end of its own: `trifinger run`.
+
+    `strict` makes an action that comes after its step was read an error (AcausalAction) instead of a mark
+    in the status. `timeout` is how long to wait for a session that is about to begin.
+
+    Raises SessionNotFound with the names there are, ControlHeld naming the process that controls it,
+    RobotStopped if a fault must be cleared with recover() first.
+    """
+
+def observe(name: str) -> Frontend:
+    """Looks at the robot or companion `name` without controlling it."""
+
+class Backend:
+    """
+    A back-end in a thread of this process, offered to all processes under a name.
+
+    It runs session after session until stop(), or until the end of its `with` block.
+    """
+
+    @property
+    def name(self) -> str:
+        """For connect() and observe()."""
+
+    def wait(self, timeout: float | None = None) -> None:
+        """Waits until the back-end has ended or Ctrl-C is pressed."""
+
+    def stop(self) -> None:
+        """Ends the session, brings the robot to rest and gives the name back."""
+
+    def __enter__(self) -> Backend: ...
+
+    def __exit__(self, type: type[BaseException] | None, value: BaseException | None, traceback: types.TracebackType | None) -> None: ...
+
+def fake(*, strict: bool = ..., history: int = ..., sensor_period: int = ..., sensor_delay: int = ..., observation_fault_after: int = ..., action_fault_after: int = ...) -> Frontend:
+    """
+    Starts the fake robot inside this program: no physics and no joints, for tests of your own code.
+
+    It runs in the waits of the front-end that is returned: without threads, deterministic and fast. An action
+    has the field `setpoint`, an observation `setpoint` (the last one applied) and `applied_actions` (how many
+    there were). `history` is the number of steps kept. With a `sensor_period` [steps] it has the companion
+    "sensor". `observation_fault_after` and `action_fault_after` inject a fault after that many calls.
+    """
+
+def run_fake(name: str, *, real_time: bool = False, period: float = 0.001, max_action_repeats: int = 0, max_skipped_ticks: int = 5, first_action_timeout: float | None = None, history: int = 16384, sensor_period: int = 0, sensor_delay: int = 0, observation_fault_after: int = -1, action_fault_after: int = -1) -> Backend:
+    """
+    Runs the fake robot (see fake()) in a thread of this process, for every process of this machine.
+
+    In real-time mode a step takes `period` [s] and a missing action is replaced up to `max_action_repeats`
+    times in a row; otherwise the robot waits for every action.
+
+    Raises RobotOwned if another back-end has this name.
+    """
