@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// What was asked for, what was applied and why it differs: the series keep all of it.
+#include <cstdlib>
+#include <iostream>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "trifinger/joint/reasons.hpp"
+#include "trifinger/sim/simulation.hpp"
+
+int main() {
+  // A short history, to see its end below. The default is 16384 steps.
+  const trifinger::Simulation<trifinger::TriFinger> simulation({}, {.history = 256});
+  auto robot = simulation.connect();
+
+  auto good = trifinger::hold_position(robot.latest_observation());
+  auto strong = good;
+  strong.torque[2] = 5.0;  // more than the motor can do
+  auto wrong = good;
+  wrong.position_kp[0] =
+      1e6;  // no gain that the robot accepts: joint 0 keeps its last target instead
+  for (int i = 0; i < 300; ++i) robot.append_desired_action(good);
+  for (int i = 0; i < 5; ++i) robot.append_desired_action(strong);
+  robot.append_desired_action(wrong);
+  const auto last = robot.append_desired_action(good);
+  robot.finish();
+
+  // A range of steps is one call that fills memory of ours.
+  const auto first = last - 99;
+  std::vector<trifinger::TriFinger::AppliedAction> applied(100);
+  std::vector<trifinger::Status> statuses(100);
+  robot.get_applied_actions(first, applied);
+  robot.get_statuses(first, statuses);
+
+  // Every joint of an applied action says why it differs from the desired one.
+  std::map<std::string, int> counts;
+  for (const auto& action : applied) {
+    for (const trifinger::Reason reason : trifinger::all_reasons()) {
+      for (const std::uint64_t reasons : action.reasons) {
+        if (has(reasons, reason)) ++counts[std::string(name_of(reason))];
+      }
+    }
+  }
+  for (const auto& [name, count] : counts) std::cout << name << ": " << count << "\n";
+
+  int rejected = 0;
+  for (std::size_t i = 0; i < statuses.size(); ++i) {
+    if ((statuses[i].flags & trifinger::Status::kActionRejected) == 0) continue;
+    ++rejected;
+    std::cout << "the action of step " << first + static_cast<trifinger::TimeIndex>(i)
+              << " was rejected: " << trifinger::names_of(applied[i].reasons[0]) << "\n";
+  }
+
+  // Steps that were overwritten are not made up.
+  trifinger::TimeIndex oldest = -1;
+  try {
+    static_cast<void>(robot.get_observation(0));
+  } catch (const trifinger::HistoryLost& error) {
+    oldest = error.oldest();
+    std::cout << error.what() << "\n";
+  }
+  return rejected == 1 && counts["kp_out_of_bounds"] == 1 && counts["torque_clipped"] >= 5 &&
+                 oldest > 0
+             ? EXIT_SUCCESS
+             : EXIT_FAILURE;
+}
