@@ -12,7 +12,8 @@
 namespace trifinger::sim {
 namespace {
 
-// MuJoCo writes warnings to a file in the working directory. Ours are faults: the counters in mjData tell.
+// MuJoCo writes warnings to a file in the working directory. Ours are faults: the counters in
+// mjData tell.
 void silence_warnings() {
   static std::once_flag once;
   std::call_once(once, [] { mju_user_warning = [](const char*) {}; });
@@ -76,7 +77,8 @@ void Physics::measure_tip_forces() noexcept {
 
 void Physics::gravity_torques(std::span<double> torque) noexcept {
   const mjModel* const model = model_.mujoco();
-  // Only what the inverse dynamics of a robot at rest needs; the warm start of the solver stays untouched.
+  // Only what the inverse dynamics of a robot at rest needs; the warm start of the solver stays
+  // untouched.
   mj_kinematics(model, data_.get());
   mj_comPos(model, data_.get());
   mj_comVel(model, data_.get());
@@ -107,6 +109,12 @@ void Physics::get_state(std::span<double> state) const noexcept {
 void Physics::set_state(std::span<const double> state) noexcept {
   mj_setState(model_.mujoco(), data_.get(), state.data(), mjSTATE_INTEGRATION);
   data_->warning[mjWARN_BADQACC].number = 0;
+}
+
+std::vector<std::byte> Physics::model_bytes() const {
+  std::vector<std::byte> bytes(static_cast<std::size_t>(mj_sizeModel(model_.mujoco())));
+  mj_saveModel(model_.mujoco(), nullptr, bytes.data(), static_cast<int>(bytes.size()));
+  return bytes;
 }
 
 std::vector<double> Physics::configuration() const {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstddef>
 #include <memory>
 #include <span>
 #include <string>
@@ -13,8 +14,8 @@ struct mjData_;
 
 namespace trifinger::sim {
 
-// The scene in motion: MuJoCo's data, with the few things that a robot asks of it. Allocates when it is made, never
-// later.
+// The scene in motion: MuJoCo's data, with the few things that a robot asks of it. Allocates when
+// it is made, never later.
 class Physics {
  public:
   Physics(const RobotDescription& description, int substeps);
@@ -32,18 +33,22 @@ class Physics {
   // Applies joint torques [Nm] for one step. False if the state is no longer finite.
   [[nodiscard]] bool step(std::span<const double> torque) noexcept;
   // Normal force on the tip of one finger in the last step [N].
-  [[nodiscard]] double tip_force(int finger) const noexcept { return tip_forces_[static_cast<std::size_t>(finger)]; }
+  [[nodiscard]] double tip_force(int finger) const noexcept {
+    return tip_forces_[static_cast<std::size_t>(finger)];
+  }
   // Torques that hold the joints where they are, at rest [Nm].
   void gravity_torques(std::span<double> torque) noexcept;
 
   [[nodiscard]] ObjectPose object_pose(const ObjectAddress& object) const noexcept;
   void place_object(const ObjectAddress& object, const ObjectPose& pose) noexcept;
 
-  // The state from which MuJoCo goes on bit for bit: mjSTATE_INTEGRATION, since mjSTATE_FULLPHYSICS lacks the warm
-  // start of the solver.
+  // The state from which MuJoCo goes on bit for bit: mjSTATE_INTEGRATION, since mjSTATE_FULLPHYSICS
+  // lacks the warm start of the solver.
   [[nodiscard]] std::size_t state_size() const noexcept { return state_size_; }
   void get_state(std::span<double> state) const noexcept;
   void set_state(std::span<const double> state) noexcept;
+  // The compiled model as MuJoCo stores it: what tells one model from another.
+  [[nodiscard]] std::vector<std::byte> model_bytes() const;
   // qpos, then qvel.
   [[nodiscard]] std::vector<double> configuration() const;
 

@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <utility>
 
+#include "text.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/joint/read_limits.hpp"
 
@@ -18,10 +19,14 @@ using config::Node;
 using config::Range;
 
 constexpr std::string_view kSuffix = ".yml";
-constexpr std::int64_t kMaxCount = 1000000;
+constexpr double kMaxCount = 1e6;
 
-// Folders with the configurations that come with the program: beside the Python module that this code is linked
-// into, or in the share folder that belongs to the program.
+using sim::text_of;
+
+double in_seconds(Nanoseconds time) { return std::chrono::duration<double>(time).count(); }
+
+// Folders with the configurations that come with the program: beside the Python module that this
+// code is linked into, or in the share folder that belongs to the program.
 std::vector<std::filesystem::path> config_folders() {
   std::vector<std::filesystem::path> folders;
   if (const char* const folder = std::getenv("TRIFINGER_CONFIG_DIR");
@@ -81,11 +86,19 @@ RobotDescription read_description(const Node& root) {
   const Node robot = root.section("robot");
   description.variant = read_variant(robot);
   description.arrangement = read_arrangement(robot);
+  const Node fingers = root.section("fingers");
   description.finger_height =
-      root.section("fingers").required<double>("height", {.unit = "m", .min = 0.2, .max = 0.5});
-  description.flipped = root.section("platform").required_choice<bool>(
-      "orientation", {{"upright", false}, {"flipped", true}});
-  description.boundary = root.section("boundary").required<bool>("enabled");
+      fingers.required<double>("height", {.unit = "m", .min = 0.2, .max = 0.6});
+  description.soft_tips = fingers.required<bool>("soft_tips");
+  description.flipped =
+      root.required_choice<bool>("platform", {{"upright", false}, {"flipped", true}});
+  description.boundary = root.required<bool>("boundary");
+  const Node contact = root.section("contact");
+  const Range friction{.min = 0.001, .max = 5};
+  description.contact = {.tip_friction = contact.required<double>("tip_friction", friction),
+                         .tip_torsional_friction = contact.required<double>(
+                             "tip_torsional_friction", {.unit = "m", .min = 0, .max = 0.1}),
+                         .floor_friction = contact.required<double>("floor_friction", friction)};
   description.objects.clear();
   for (const Node& object : root.at("objects").items()) {
     description.objects.push_back(read_object(object));
@@ -98,12 +111,12 @@ TimeIndex read_steps(const Node& section, std::string_view key, Nanoseconds peri
                      const Range& range) {
   const Node node = section.at(key, range.unit);
   const double seconds = node.as<double>(range);
-  const double steps = seconds / std::chrono::duration<double>(period).count();
+  const double steps = seconds / in_seconds(period);
   const double rounded = std::round(steps);
   constexpr double kTolerance = 1e-6;
   if (std::abs(steps - rounded) > kTolerance) {
-    node.fail("is no whole number of steps of " +
-              std::to_string(std::chrono::duration<double>(period).count()) + " s");
+    node.fail("is " + text_of(seconds) + " s, must be a whole number of steps of " +
+              text_of(in_seconds(period)) + " s");
   }
   return static_cast<TimeIndex>(rounded);
 }
@@ -113,21 +126,34 @@ BackendOptions read_backend(const Node& section, SessionOptions& session) {
   options.mode = section.required_choice<BackendOptions::Mode>(
       "mode", {{"real_time", BackendOptions::Mode::kRealTime},
                {"non_real_time", BackendOptions::Mode::kNonRealTime}});
-  const double period = section.required<double>("period", {.unit = "s", .min = 1e-4, .max = 0.1});
-  options.period = std::chrono::round<Nanoseconds>(std::chrono::duration<double>(period));
+  const Node period = section.at("period", "s");
+  options.period = std::chrono::round<Nanoseconds>(
+      std::chrono::duration<double>(period.as<double>({.unit = "s", .min = 1e-4, .max = 0.1})));
+  if (options.period % std::chrono::milliseconds(1) != Nanoseconds::zero()) {
+    period.fail("is " + text_of(in_seconds(options.period)) +
+                " s, must be a whole number of milliseconds in a simulation");
+  }
 
   const Node late_action = section.section("late_action");
   const bool repeats =
       late_action.required_choice<bool>("policy", {{"stop", false}, {"repeat", true}});
-  const Range count{.min = 0, .max = static_cast<double>(kMaxCount)};
+  const Range count{.min = 0, .max = kMaxCount};
   if (repeats) {
-    options.max_action_repeats = late_action.required<std::uint32_t>(
-        "max_repeats", {.min = 1, .max = static_cast<double>(kMaxCount)});
+    options.max_action_repeats =
+        late_action.required<std::uint32_t>("max_repeats", {.min = 1, .max = kMaxCount});
   } else if (const auto max_repeats = late_action.find("max_repeats")) {
     max_repeats->fail("has no meaning with policy: stop");
   }
-  options.max_rejected_actions = section.required<std::uint32_t>("max_rejected", count);
-  options.max_skipped_ticks = section.required<std::uint32_t>("max_skipped", count);
+  options.max_rejected_actions = section.required<std::uint32_t>("max_rejected_actions", count);
+  options.max_skipped_ticks = section.required<std::uint32_t>("max_skipped_ticks", count);
+  const double first_action_timeout = section.required<double>(
+      "first_action_timeout", {.unit = "s", .min = 0, .above_min = true, .allow_infinite = true});
+  // In nanoseconds; more than 30 years is for ever.
+  constexpr double kLongest = 1e9;
+  options.first_action_timeout =
+      first_action_timeout > kLongest
+          ? kForever
+          : std::chrono::ceil<Nanoseconds>(std::chrono::duration<double>(first_action_timeout));
   session.history = section.required<std::size_t>("history", {.min = 16, .max = 1048576});
   return options;
 }
@@ -150,26 +176,17 @@ SimulationOptions<R> read_simulation(const Node& root, RobotDescription descript
   for (std::size_t i = 0; i < R::kJoints; ++i) {
     const double angle = angles[i % angles.size()];
     if (angle < options.limits->soft_lower[i] || angle > options.limits->soft_upper[i]) {
-      position.fail("has " + std::to_string(angle) + " rad for joint " + std::to_string(i) +
-                    ", must be within its soft limits, " +
-                    std::to_string(options.limits->soft_lower[i]) + " to " +
-                    std::to_string(options.limits->soft_upper[i]) + " rad");
+      position.fail("has " + text_of(angle) + " rad for joint " + std::to_string(i) +
+                    ", must be within its soft limits, " + text_of(options.limits->soft_lower[i]) +
+                    " to " + text_of(options.limits->soft_upper[i]) + " rad");
     }
     (*options.initial_position)[i] = angle;
   }
 
   const Node section = root.section("simulation");
   options.seed = section.required<std::uint64_t>("seed", {.min = 0});
-  const Node rate = section.at("object_rate", "Hz");
-  const double object_steps =
-      1.0 / (rate.as<double>({.unit = "Hz", .min = 1, .max = 1000}) *
-             std::chrono::duration<double>(period).count());
-  options.object_period = static_cast<TimeIndex>(std::round(object_steps));
-  constexpr double kTolerance = 1e-6;
-  if (options.object_period < 1 ||
-      std::abs(object_steps - std::round(object_steps)) > kTolerance) {
-    rate.fail("is no whole number of steps apart");
-  }
+  options.object_period =
+      read_steps(section, "object_period", period, {.unit = "s", .min = 0.001, .max = 1});
   options.object_delay =
       read_steps(section, "object_delay", period, {.unit = "s", .min = 0, .max = 1});
   options.object_position_noise =
@@ -213,7 +230,8 @@ RobotConfig load_robot_config(const std::string& name, const std::vector<std::st
   const Node root = file.root();
   RobotConfig config;
   config.name = root.required<std::string>("name");
-  // One driver so far; the key is there so that a file for hardware cannot be taken for one of these.
+  // One driver so far; the key is there so that a file for hardware cannot be taken for one of
+  // these.
   static_cast<void>(root.required_choice<bool>("driver", {{"simulation", true}}));
   RobotDescription description = read_description(root);
   config.backend = read_backend(root.section("backend"), config.session);
@@ -221,10 +239,16 @@ RobotConfig load_robot_config(const std::string& name, const std::vector<std::st
     config.simulation =
         read_simulation<TriFinger>(root, std::move(description), config.backend.period);
   } else {
-    config.simulation = read_simulation<Finger>(root, std::move(description), config.backend.period);
+    config.simulation =
+        read_simulation<Finger>(root, std::move(description), config.backend.period);
   }
   file.reject_unknown_keys();
-  std::visit([](const auto& options) { options.validate(); }, config.simulation);
+  try {
+    std::visit([](const auto& options) { options.validate(); }, config.simulation);
+  } catch (const InvalidArgument& error) {
+    // Single values were checked where they were read. What is left is how objects go together.
+    throw config::ConfigError(root.at("objects").location(), error.what());
+  }
   return config;
 }
 

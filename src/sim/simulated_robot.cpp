@@ -2,29 +2,59 @@
 #include "trifinger/sim/simulated_robot.hpp"
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <random>
+#include <string_view>
 #include <type_traits>
 #include <utility>
 
 #include "physics.hpp"
+#include "text.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace trifinger {
 namespace {
 
+using sim::text_of;
+
 constexpr Nanoseconds kPhysicsStep = std::chrono::milliseconds(1);
 
-// The user's bounds on gains are ours, no source has any: well inside what is stable at 1 kHz for the lightest link.
+// The user's bounds on gains are ours, no source has any: well inside what is stable at 1 kHz for
+// the lightest link.
 constexpr double kMaxKp = 50.0;
 constexpr double kMaxKd = 0.5;
 
 // How long the robot brakes at the end of a session before it is released.
 constexpr TimeIndex kStopSteps = 200;
 
-// Begins every saved state: another version or model is told apart from this one.
+// Begins every saved state: one of another version is told apart.
 constexpr std::uint64_t kStateMagic = 0x31534d4953465254;  // "TRFSIMS1"
+
+// Random bits from a counter (SplitMix64). Small, so that it is saved at every step, and any bits
+// are a valid state.
+class Random {
+ public:
+  using result_type = std::uint64_t;
+
+  explicit Random(std::uint64_t seed = 0) noexcept : counter_(seed) {}
+
+  static constexpr result_type min() { return 0; }
+  static constexpr result_type max() { return std::numeric_limits<result_type>::max(); }
+
+  result_type operator()() noexcept {
+    counter_ += 0x9e3779b97f4a7c15;
+    std::uint64_t bits = counter_;
+    bits = (bits ^ (bits >> 30U)) * 0xbf58476d1ce4e5b9;
+    bits = (bits ^ (bits >> 27U)) * 0x94d049bb133111eb;
+    return bits ^ (bits >> 31U);
+  }
+
+ private:
+  std::uint64_t counter_;
+};
 
 void require(bool holds, const std::string& text) {
   if (!holds) throw InvalidArgument(text);
@@ -96,6 +126,15 @@ JointLimits<R::kJoints> default_limits(const RobotDescription& description) {
 template <class R>
 void SimulationOptions<R>::validate() const {
   trifinger::validate(description);
+  for (const ObjectDescription& object : description.objects) {
+    // Names become names of fields in the session "object".
+    const bool is_name = std::all_of(object.name.begin(), object.name.end(), [](char letter) {
+      return std::isalnum(static_cast<unsigned char>(letter)) != 0 || letter == '_';
+    });
+    require(is_name && object.name != "stamp",
+            "an object cannot be called '" + object.name +
+                "': names are letters, digits and '_', and 'stamp' is taken");
+  }
   const auto used = limits ? *limits : default_limits<R>(description);
   require(num_joints(description) == static_cast<int>(R::kJoints),
           "a robot of type '" + std::string(R::kType) + "' has " + std::to_string(R::kJoints) +
@@ -110,10 +149,11 @@ void SimulationOptions<R>::validate() const {
   require(object_delay >= 0 && object_delay <= kMaxDelay,
           "object_delay is " + std::to_string(object_delay) + " steps, must be 0 to " +
               std::to_string(kMaxDelay));
-  for (const auto& [name, noise] : {std::pair{"object_position_noise", object_position_noise},
-                                    std::pair{"object_orientation_noise", object_orientation_noise}}) {
+  for (const auto& [name, noise] :
+       {std::pair{"object_position_noise", object_position_noise},
+        std::pair{"object_orientation_noise", object_orientation_noise}}) {
     require(std::isfinite(noise) && noise >= 0.0,
-            std::string(name) + " is " + std::to_string(noise) + ", must be at least 0");
+            std::string(name) + " is " + text_of(noise) + ", must be at least 0");
   }
 }
 
@@ -131,36 +171,25 @@ class SimulatedRobot<R>::Implementation {
         pending_(static_cast<std::size_t>(options_.object_delay / options_.object_period) + 2,
                  Pose(num_objects())),
         before_step_(physics_.state_size()) {
-    begin_at_ = Joints{};
     for (std::size_t i = 0; i < R::kJoints; ++i) {
       begin_at_[i] = physics_.model().initial_position()[i];
     }
     if (options_.initial_position) begin_at_ = checked(*options_.initial_position);
-    reset(begin_at_, options_.seed);
     begin_state_.resize(state_size());
+    spare_state_.resize(state_size());
+    reset(begin_at_, options_.seed);
   }
 
   DriverReport prepare() noexcept {
-    // A session begins where the owner has put the robot, or where the session before began.
-    if (has_moved_) {
-      read_state(begin_state_);
-    } else {
-      write_state(begin_state_);
-    }
-    has_moved_ = false;
-    shift_to_step_zero();
+    read_state(begin_state_);
+    move_to_step(0);
     has_initial_pose_ = false;
     return DriverReport::ready();
   }
 
   DriverReport get_latest_observation(Observation& observation) noexcept {
-    for (std::size_t i = 0; i < R::kJoints; ++i) {
-      observation.position[i] = physics_.position(static_cast<int>(i));
-      observation.velocity[i] = physics_.velocity(static_cast<int>(i));
-    }
-    observation.torque = memory_.torque;
-    observation.tip_force = memory_.tip_force;
-    observation_ = observation;
+    observe();
+    observation = observation_;
     return DriverReport::ready();
   }
 
@@ -206,11 +235,16 @@ class SimulatedRobot<R>::Implementation {
     // Steps count from the beginning of the session: holding does not.
     memory_.step = std::max<TimeIndex>(time_index, 0);
     if (time_index < 0) {
-      // One pose before step 0, so that there is always one.
+      // One pose before step 0, so that there is always one. In a session that goes on from a saved
+      // state it is the one that was known there.
       if (std::exchange(has_initial_pose_, true)) return false;
-      Pose& pose = pending_[pending_slot(memory_.pending_count)];
-      capture(pose);
-      write_element({-1, -1}, pose, element);
+      Pose& newest = pending_[pending_slot(pending_.size() - 1)];
+      if (!memory_.has_delivered) {
+        newest.when = {-1, -1};
+        capture(newest);
+        memory_.has_delivered = true;
+      }
+      write_element({newest.when.capture_index, -1}, newest, element);
       return true;
     }
     if (time_index >= memory_.next_capture) {
@@ -226,6 +260,7 @@ class SimulatedRobot<R>::Implementation {
     write_element(oldest.when, oldest, element);
     memory_.pending_begin = pending_slot(1);
     --memory_.pending_count;
+    memory_.has_delivered = true;
     return true;
   }
 
@@ -234,9 +269,11 @@ class SimulatedRobot<R>::Implementation {
     for (std::size_t i = 0; i < R::kJoints; ++i) {
       physics_.set_joint(static_cast<int>(i), position[i]);
     }
+    const TimeIndex now = memory_.step;
     memory_ = {};
-    random_.seed(seed);
-    has_moved_ = false;
+    random_ = Random(seed);
+    move_to_step(now);
+    begin_here();
   }
   void reset() noexcept { reset(begin_at_, options_.seed); }
 
@@ -244,9 +281,9 @@ class SimulatedRobot<R>::Implementation {
     const auto& limits = safety_.limits();
     for (std::size_t i = 0; i < R::kJoints; ++i) {
       require(position[i] >= limits.hard_lower[i] && position[i] <= limits.hard_upper[i],
-              "joint " + std::to_string(i) + " cannot begin at " + std::to_string(position[i]) +
-                  " rad, its hard limits are " + std::to_string(limits.hard_lower[i]) + " and " +
-                  std::to_string(limits.hard_upper[i]));
+              "joint " + std::to_string(i) + " cannot begin at " + text_of(position[i]) +
+                  " rad, its hard limits are " + text_of(limits.hard_lower[i]) + " and " +
+                  text_of(limits.hard_upper[i]) + " rad");
     }
     return position;
   }
@@ -260,11 +297,16 @@ class SimulatedRobot<R>::Implementation {
     constexpr double kSmallestNorm = 1e-6;
     bool is_pose = std::isfinite(norm) && norm > kSmallestNorm;
     for (const double value : pose.position) is_pose = is_pose && std::isfinite(value);
-    require(is_pose, "object '" + name + "' cannot be placed: its pose is not finite, or its "
-                     "quaternion is zero");
+    require(is_pose, "object '" + name +
+                         "' cannot be placed: its pose is not finite, or its "
+                         "quaternion is zero");
     for (double& value : placed.orientation) value /= norm;
     physics_.place_object(object, placed);
-    has_moved_ = false;
+    // What is under way shows where it was.
+    memory_.pending_count = 0;
+    memory_.has_delivered = false;
+    memory_.next_capture = memory_.step;
+    begin_here();
   }
 
   [[nodiscard]] ObjectPose object_pose(const std::string& name) const {
@@ -278,14 +320,19 @@ class SimulatedRobot<R>::Implementation {
   }
 
   void restore(std::span<const std::byte> state) {
-    std::uint64_t magic = 0;
-    if (state.size() >= sizeof(magic)) std::memcpy(&magic, state.data(), sizeof(magic));
-    require(magic == kStateMagic, "this is not the saved state of a simulation, or one of another version");
-    require(state.size() == state_size(),
-            "the saved state has " + std::to_string(state.size()) + " bytes, this simulation's has " +
-                std::to_string(state_size()) + ": it was saved from another model");
+    Header header{};
+    if (state.size() >= sizeof(header)) std::memcpy(&header, state.data(), sizeof(header));
+    require(header.magic == kStateMagic,
+            "this is not the saved state of a simulation, or one of another version");
+    require(header.model == header_.model && state.size() == state_size(),
+            "this state was saved from another model: another robot, other objects, or another "
+            "object_period or object_delay");
+    const TimeIndex now = memory_.step;
     read_state(state);
-    has_moved_ = false;
+    // A damaged state must not lead out of the ring.
+    memory_.pending_count = std::min(memory_.pending_count, pending_.size());
+    move_to_step(now);
+    begin_here();
   }
 
   [[nodiscard]] const SimulationState& state_before_divergence() const noexcept {
@@ -297,6 +344,12 @@ class SimulatedRobot<R>::Implementation {
   [[nodiscard]] std::vector<double> configuration() const { return physics_.configuration(); }
 
  private:
+  // Begins every saved state.
+  struct Header {
+    std::uint64_t magic{0};
+    std::uint64_t model{0};
+  };
+
   // All poses of one instant.
   struct Pose {
     explicit Pose(std::size_t num_objects) : objects(num_objects) {}
@@ -308,23 +361,55 @@ class SimulatedRobot<R>::Implementation {
   // What goes into a saved state besides the physics, the random numbers and the poses under way.
   struct Memory {
     SafetyState<R::kJoints> safety;
-    Joints torque{};                             // delivered in the last step
-    std::array<double, R::kTips> tip_force{};    // likewise
-    TimeIndex step{0};                           // since the session began
+    Joints torque{};                           // delivered in the last step
+    std::array<double, R::kTips> tip_force{};  // likewise
+    TimeIndex step{0};                         // since the session began
     TimeIndex next_capture{0};
     std::size_t pending_begin{0};
     std::size_t pending_count{0};
+    bool has_delivered{false};  // the pose in front of the pending ones is known to the readers
   };
-  using Random = std::mt19937_64;
   static_assert(std::is_trivially_copyable_v<Random> && std::is_trivially_copyable_v<Memory>);
 
-  [[nodiscard]] std::size_t num_objects() const noexcept { return physics_.model().objects().size(); }
+  [[nodiscard]] std::size_t num_objects() const noexcept {
+    return physics_.model().objects().size();
+  }
   [[nodiscard]] std::size_t pending_slot(std::size_t position) const noexcept {
     return (memory_.pending_begin + position) % pending_.size();
   }
 
+  void observe() noexcept {
+    for (std::size_t i = 0; i < R::kJoints; ++i) {
+      observation_.position[i] = physics_.position(static_cast<int>(i));
+      observation_.velocity[i] = physics_.velocity(static_cast<int>(i));
+    }
+    observation_.torque = memory_.torque;
+    observation_.tip_force = memory_.tip_force;
+  }
+
+  // The owner has put the robot somewhere: the next session begins here, and a session that goes on
+  // must not judge its next action by what it saw before.
+  void begin_here() noexcept {
+    observe();
+    write_state(begin_state_);
+  }
+
+  // Of the model and of what else decides the layout of a saved state (FNV-1a).
+  [[nodiscard]] std::uint64_t fingerprint() const {
+    std::uint64_t hash = 0xcbf29ce484222325;
+    const auto add = [&hash](const auto* bytes, std::size_t size) {
+      for (const std::byte byte : std::as_bytes(std::span(bytes, size))) {
+        hash = (hash ^ std::to_integer<std::uint64_t>(byte)) * 0x100000001b3;
+      }
+    };
+    const std::vector<std::byte> model = physics_.model_bytes();
+    add(model.data(), model.size());
+    add(&options_.object_period, 1);
+    add(&options_.object_delay, 1);
+    return hash;
+  }
+
   [[nodiscard]] bool step(const Joints& torque) noexcept {
-    has_moved_ = true;
     ++memory_.step;
     for (std::size_t i = 0; i < R::kJoints; ++i) {
       memory_.torque[i] =
@@ -343,7 +428,8 @@ class SimulatedRobot<R>::Implementation {
       object = physics_.object_pose(physics_.model().objects()[i]);
       std::normal_distribution<double> normal;
       if (options_.object_position_noise > 0.0) {
-        for (double& value : object.position) value += options_.object_position_noise * normal(random_);
+        for (double& value : object.position)
+          value += options_.object_position_noise * normal(random_);
       }
       if (options_.object_orientation_noise > 0.0) {
         std::array<double, 3> rotation{};
@@ -357,22 +443,24 @@ class SimulatedRobot<R>::Implementation {
     const Stamp stamp{.arrival_index = when.arrival_index, .capture_index = when.capture_index};
     auto* target = static_cast<std::byte*>(element);
     std::memcpy(target, &stamp, sizeof(stamp));
-    std::memcpy(target + sizeof(stamp), pose.objects.data(), pose.objects.size() * sizeof(ObjectPose));
+    std::memcpy(target + sizeof(stamp), pose.objects.data(),
+                pose.objects.size() * sizeof(ObjectPose));
   }
 
-  // Indices in the memory count from the beginning of the session: a state that was saved at step n goes on at 0.
-  void shift_to_step_zero() noexcept {
-    const TimeIndex offset = std::exchange(memory_.step, 0);
-    memory_.next_capture -= offset;
+  // Indices in the memory count from the beginning of the session: a state that was saved at step n
+  // goes on at `step`.
+  void move_to_step(TimeIndex step) noexcept {
+    const TimeIndex offset = step - std::exchange(memory_.step, step);
+    memory_.next_capture += offset;
     for (Pose& pose : pending_) {
-      pose.when.capture_index -= offset;
-      pose.when.arrival_index -= offset;
+      pose.when.capture_index += offset;
+      pose.when.arrival_index += offset;
     }
   }
 
-  // A saved state: magic, physics, random numbers, memory, poses under way.
+  // A saved state: header, physics, random numbers, memory, poses under way.
   [[nodiscard]] std::size_t state_size() const noexcept {
-    return sizeof(kStateMagic) + physics_.state_size() * sizeof(double) + sizeof(Random) +
+    return sizeof(Header) + physics_.state_size() * sizeof(double) + sizeof(Random) +
            sizeof(Memory) +
            pending_.size() * (sizeof(Capture) + num_objects() * sizeof(ObjectPose));
   }
@@ -389,7 +477,7 @@ class SimulatedRobot<R>::Implementation {
       std::memcpy(target, source, size);
       target += size;
     };
-    write(&kStateMagic, sizeof(kStateMagic));
+    write(&header_, sizeof(header_));
     write(physics.data(), physics.size_bytes());
     write(&random_, sizeof(random_));
     write(&memory, sizeof(memory));
@@ -400,7 +488,7 @@ class SimulatedRobot<R>::Implementation {
   }
 
   void read_state(std::span<const std::byte> state) noexcept {
-    const std::byte* source = state.data() + sizeof(kStateMagic);
+    const std::byte* source = state.data() + sizeof(Header);
     const auto read = [&source](void* target, std::size_t size) {
       std::memcpy(target, source, size);
       source += size;
@@ -415,14 +503,10 @@ class SimulatedRobot<R>::Implementation {
     }
   }
 
-  // Off the fast path of a robot that goes on: the session ends here.
   void keep_state_before_divergence() noexcept {
-    try {
-      state_before_divergence_.resize(state_size());
-      write_state(state_before_divergence_, before_step_, memory_before_step_);
-    } catch (...) {
-      state_before_divergence_.clear();
-    }
+    // No memory is taken here: this runs in the loop.
+    if (state_before_divergence_.empty()) state_before_divergence_.swap(spare_state_);
+    write_state(state_before_divergence_, before_step_, memory_before_step_);
   }
 
   [[nodiscard]] std::span<double> scratch() const noexcept { return scratch_; }
@@ -433,18 +517,19 @@ class SimulatedRobot<R>::Implementation {
   SafetyChain<R> safety_;
   std::array<CompanionDescription, 1> companion_;
   Joints begin_at_{};
+  Header header_{.magic = kStateMagic, .model = fingerprint()};
 
   Memory memory_;
   Random random_;
-  std::vector<Pose> pending_;  // a ring
+  std::vector<Pose> pending_;  // a ring, with the newest pose that has been delivered in front
   Observation observation_;    // the newest one, which the safety chain looks at
-  bool has_moved_{false};
   bool has_initial_pose_{false};
 
   SimulationState begin_state_;
   std::vector<double> before_step_;
   Memory memory_before_step_;
   SimulationState state_before_divergence_;
+  SimulationState spare_state_;  // memory for the one above
   mutable std::vector<double> scratch_ = std::vector<double>(physics_.state_size());
 };
 
@@ -463,7 +548,8 @@ DriverReport SimulatedRobot<R>::get_latest_observation(Observation& observation)
   return implementation_->get_latest_observation(observation);
 }
 template <class R>
-DriverReport SimulatedRobot<R>::apply_action(const Action& desired, AppliedAction& applied) noexcept {
+DriverReport SimulatedRobot<R>::apply_action(const Action& desired,
+                                             AppliedAction& applied) noexcept {
   return implementation_->apply_action(desired, applied);
 }
 template <class R>

@@ -9,8 +9,8 @@ namespace trifinger {
 
 /// Where a loose object is, in the world frame: z up, origin on the table.
 struct ObjectPose {
-  std::array<double, 3> position{};                        ///< Of the centre [m].
-  std::array<double, 4> orientation{1.0, 0.0, 0.0, 0.0};   ///< Unit quaternion w, x, y, z.
+  std::array<double, 3> position{};                       ///< Of the centre [m].
+  std::array<double, 4> orientation{1.0, 0.0, 0.0, 0.0};  ///< Unit quaternion w, x, y, z.
 
   static constexpr auto fields() {
     return std::tuple{field("position", &ObjectPose::position, "m"),
@@ -18,16 +18,18 @@ struct ObjectPose {
   }
 };
 
-/// An element of the companion "object" of a robot whose one object is called "cube", as the default scene's is.
+/// An element of the companion "object" of a robot whose one object is called "cube", as the
+/// default scene's is.
 ///
-/// With other objects an element has one `ObjectPose` for each of them, under their names and in the order of the
-/// scene; a struct like this one reads it.
+/// With other objects an element has one `ObjectPose` for each of them, under their names and in
+/// the order of the scene; a struct like this one reads it.
 struct CubeObservation {
   Stamp stamp;
   ObjectPose cube;
 
   static constexpr auto fields() {
-    return std::tuple{field("stamp", &CubeObservation::stamp), field("cube", &CubeObservation::cube)};
+    return std::tuple{field("stamp", &CubeObservation::stamp),
+                      field("cube", &CubeObservation::cube)};
   }
 };
 

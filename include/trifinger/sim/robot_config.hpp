@@ -21,15 +21,17 @@ struct RobotConfig {
   SessionOptions session;
 };
 
-/// Finds the file of a configuration: a path, or the name of one that comes with the program, as in "sim" or
-/// "trifinger_pro". These are looked for in $TRIFINGER_CONFIG_DIR and where the program was installed.
+/// Finds the file of a configuration: a path, or the name of one that comes with the program, as in
+/// "sim" or "trifinger_pro". These are looked for in $TRIFINGER_CONFIG_DIR and where the program
+/// was installed.
 /// @throws InvalidArgument with the names there are
 [[nodiscard]] std::filesystem::path find_config(const std::string& name);
 
 /// The names of the configurations that come with the program.
 [[nodiscard]] std::vector<std::string> config_names();
 
-/// Reads the configuration `name`, see `find_config`, with `overrides` such as "fingers.height=0.3".
+/// Reads the configuration `name`, see `find_config`, with `overrides` such as
+/// "fingers.height=0.3".
 /// @throws config::ConfigError at the value that is wrong, InvalidArgument, SystemError
 [[nodiscard]] RobotConfig load_robot_config(const std::string& name,
                                             const std::vector<std::string>& overrides = {});

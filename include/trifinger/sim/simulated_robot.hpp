@@ -37,26 +37,28 @@ struct SimulationOptions {
   std::uint64_t seed{0};
   /// Length of a step; a whole number of milliseconds, the step of the physics.
   Nanoseconds period{std::chrono::milliseconds(1)};
-  TimeIndex object_period{10};         ///< Steps between two poses of the objects.
-  TimeIndex object_delay{0};           ///< Steps from the capture of a pose to its arrival.
-  double object_position_noise{0.0};   ///< Standard deviation, per axis [m].
-  double object_orientation_noise{0.0};///< Standard deviation of the rotation, per axis [rad].
+  TimeIndex object_period{10};           ///< Steps between two poses of the objects.
+  TimeIndex object_delay{0};             ///< Steps from the capture of a pose to its arrival.
+  double object_position_noise{0.0};     ///< Standard deviation, per axis [m].
+  double object_orientation_noise{0.0};  ///< Standard deviation of the rotation, per axis [rad].
 
   /// @throws InvalidArgument naming the option, the value found and the values allowed
   void validate() const;
 };
 
-/// Everything that decides how a simulation goes on, as bytes. It belongs to the model that it was saved from.
+/// Everything that decides how a simulation goes on, as bytes. It belongs to the model that it was
+/// saved from.
 using SimulationState = std::vector<std::byte>;
 
 /// The robot R in MuJoCo, behind the same safety chain as the real one: a driver like any other.
 ///
-/// One step of physics per action. Deterministic: options, state and actions decide the series, bit for bit, on one
-/// machine. Every session begins in the state that `reset`, `place_object` or `restore` have left, or else in the
-/// one in which the session before began.
+/// One step of physics per action. Deterministic: options, state and actions decide the series, bit
+/// for bit, on one machine.
 ///
-/// `R` is TriFinger or Finger. The functions below the driver's own are for the owner of the simulation; they must not
-/// be called while another thread runs the back-end.
+/// `R` is TriFinger or Finger. The functions below the driver's own are for the owner of the
+/// simulation; they must not be called while another thread runs the back-end. Every session begins
+/// in the state that the last `reset`, `place_object` or `restore` has left. In a session that goes
+/// on they take effect at once, to be seen from the next observation on.
 template <class R>
 class SimulatedRobot final : public Driver<R> {
  public:
@@ -110,10 +112,12 @@ class SimulatedRobot final : public Driver<R> {
   /// Goes on as it went on from `state`, bit for bit.
   /// @throws InvalidArgument if it was saved from another model or by another version
   void restore(std::span<const std::byte> state);
-  /// The last state before the simulation diverged, for a report or to try again; empty if it has not.
+  /// The last state before the simulation diverged, for a report or to try again; empty if it has
+  /// not.
   [[nodiscard]] const SimulationState& state_before_divergence() const noexcept;
 
-  /// Positions and velocities of joints and objects as MuJoCo has them, to draw the scene: `qpos`, then `qvel`.
+  /// Positions and velocities of joints and objects as MuJoCo has them, to draw the scene: `qpos`,
+  /// then `qvel`.
   [[nodiscard]] std::vector<double> configuration() const;
 
  private:

@@ -11,7 +11,8 @@
 
 namespace trifinger {
 
-/// A simulated robot in this process, with its back-end inline: no threads, no waits, as fast as the physics.
+/// A simulated robot in this process, with its back-end inline: no threads, no waits, as fast as
+/// the physics.
 ///
 ///     trifinger::Simulation<trifinger::TriFinger> simulation;
 ///     auto robot = simulation.connect();
@@ -22,9 +23,11 @@ namespace trifinger {
 template <class R>
 class Simulation {
  public:
+  /// Of `backend`, the mode and the period are set by the simulation: it waits for every action.
   /// @throws InvalidArgument
-  explicit Simulation(SimulationOptions<R> options = {}, SessionOptions session = {})
-      : parts_(std::make_shared<Parts>(std::move(options), session)) {}
+  explicit Simulation(SimulationOptions<R> options = {}, SessionOptions session = {},
+                      BackendOptions backend = {})
+      : parts_(std::make_shared<Parts>(std::move(options), session, backend)) {}
 
   /// The robot itself: reset it, place objects, save and restore its state.
   [[nodiscard]] SimulatedRobot<R>& robot() const noexcept { return parts_->robot; }
@@ -41,10 +44,16 @@ class Simulation {
 
  private:
   struct Parts {
-    Parts(SimulationOptions<R> options, SessionOptions session)
+    Parts(SimulationOptions<R> options, SessionOptions session, BackendOptions backend_options)
         : robot(std::move(options)),
           host(SessionHost::anonymous(session)),
-          backend(robot, host, {.period = robot.options().period}) {}
+          backend(robot, host, without_deadlines(backend_options, robot.options().period)) {}
+
+    static BackendOptions without_deadlines(BackendOptions options, Nanoseconds period) noexcept {
+      options.mode = BackendOptions::Mode::kNonRealTime;
+      options.period = period;
+      return options;
+    }
 
     SimulatedRobot<R> robot;
     SessionHost host;
@@ -54,7 +63,8 @@ class Simulation {
   std::shared_ptr<Parts> parts_;
 };
 
-/// Starts a simulated robot in this process and controls it. `connect` is for one that runs elsewhere.
+/// Starts a simulated robot in this process and controls it. `connect` is for one that runs
+/// elsewhere.
 template <class R>
 [[nodiscard]] Frontend<R> simulate(SimulationOptions<R> options = {},
                                    FrontendOptions frontend = {}) {
