@@ -276,6 +276,7 @@ class SimulatedRobot<R>::Implementation {
     begin_here();
   }
   void reset() noexcept { reset(begin_at_, options_.seed); }
+  [[nodiscard]] const Joints& initial_position() const noexcept { return begin_at_; }
 
   [[nodiscard]] Joints checked(const Joints& position) const {
     const auto& limits = safety_.limits();
@@ -585,6 +586,10 @@ const RobotModel& SimulatedRobot<R>::model() const noexcept {
 template <class R>
 SafetyChain<R>& SimulatedRobot<R>::safety() noexcept {
   return implementation_->safety();
+}
+template <class R>
+auto SimulatedRobot<R>::initial_position() const noexcept -> const Joints& {
+  return implementation_->initial_position();
 }
 template <class R>
 void SimulatedRobot<R>::reset() {

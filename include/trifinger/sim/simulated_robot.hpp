@@ -95,6 +95,8 @@ class SimulatedRobot final : public Driver<R> {
   /// The checks between desired and applied actions: add your own here, before the first session.
   [[nodiscard]] SafetyChain<R>& safety() noexcept;
 
+  /// Where every session begins unless it is told otherwise [rad].
+  [[nodiscard]] const Joints& initial_position() const noexcept;
   /// Goes back to the beginning: initial pose, objects in their places, at rest; the seed, too.
   void reset();
   /// The same with the joints at `position` [rad] and another seed.
