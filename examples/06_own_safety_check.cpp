@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A safety check for one task: a plain function behind which the robot's own limits still hold.
+// A safety check for one task: a plain function; behind it the robot's own limits still hold.
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>

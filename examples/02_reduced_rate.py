@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""A policy at 100 Hz on a robot at 1 kHz: every action is appended ten times."""
+
+import numpy as np
+import trifinger
+
+FACTOR = 10
+
+robot = trifinger.simulate()
+hold = robot.new_action(position=robot.latest_observation().position)
+
+
+def policy(y: np.record) -> np.record:
+    """Swings joint 0 of each finger about zero; the robot's PD follows at 1 kHz."""
+    action = hold.copy()
+    action.position[0::3] = np.where(y.position[0::3] < 0.0, 0.2, -0.2)
+    return action
+
+
+# As in the paper, t counts the policy's cycles and FACTOR * t the robot's steps. y[FACTOR * t]
+# belongs to the last step that has an action: in real time the policy has one period to answer, not
+# FACTOR.
+robot.append_desired_action(hold)
+for t in range(100):
+    action = policy(robot.get_observation(FACTOR * t))
+    for _ in range(FACTOR):
+        robot.append_desired_action(action)
+robot.finish()
+
+# One row per cycle: all its steps have the same action.
+targets = robot.get_desired_actions(1, 1001)["position"][:, 0].reshape(100, FACTOR)
+swings = np.count_nonzero(np.diff(targets[:, 0]))
+print(f"{robot.current_time_index()} steps, 100 actions, {swings} changes of direction")
+assert (targets == targets[:, :1]).all()
+assert swings > 4

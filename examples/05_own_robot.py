@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Drives the cart of 05_own_robot.cpp, a robot that Python has never heard of.
+
+Its session says which fields there are. Needs the built examples on the path.
+"""
+
+import subprocess
+
+import numpy as np
+import trifinger
+
+# Elsewhere the cart would just be there: this starts the C++ program and waits for its first line.
+with subprocess.Popen(
+    ["05_own_robot", "--serve", "cart"],
+    stdin=subprocess.PIPE,
+    stdout=subprocess.PIPE,
+    text=True,
+) as cart:
+    print(cart.stdout.readline().strip())
+
+    with trifinger.connect("cart") as robot:
+        print("an action has the fields", robot.action_dtype.names)
+        print("an observation has the fields", robot.observation_dtype.names)
+
+        # Two seconds of a curve; the right wheel is asked for more than it can do.
+        action = robot.new_action(wheel_speed=[10.0, 25.0])
+        for _ in range(2000):
+            t = robot.append_desired_action(action)
+        applied = robot.get_applied_action(t)
+        y = robot.get_observation(t)
+
+    cart.communicate("\n")  # Enter stops it
+
+print(f"after {t} steps at {y.place} m, heading {y.heading:.3f} rad")
+assert applied.wheel_speed[1] == 20.0
+assert np.isclose(y.heading, 3.0, atol=0.01)
+assert cart.returncode == 0
