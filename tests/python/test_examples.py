@@ -5,33 +5,24 @@ import sys
 from pathlib import Path
 
 import pytest
-
 import trifinger
 
-EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("*.py"))
+# The package is build/PRESET/python/trifinger, the C++ examples are in build/PRESET/examples.
+PROGRAMS = Path(trifinger.__file__).parents[2] / "examples"
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
-@pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
-def test_shows_what_it_says(example: Path, tmp_path: Path) -> None:
-    # build/PRESET/python/trifinger is where the package is, the C++ programs are in build/PRESET/examples.
-    programs = Path(trifinger.__file__).parents[2] / "examples"
-    environment = os.environ | {
-        "PATH": f"{programs}:{os.environ['PATH']}",
-        "TRIFINGER_SESSION_DIR": str(tmp_path),
-    }
-    result = subprocess.run(
-        [sys.executable, "-W", "error", example],
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=100,
-        check=False,
+@pytest.mark.parametrize("name", sorted(path.stem for path in EXAMPLES.glob("*.py")))
+def test_shows_what_it_says(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", f"{PROGRAMS}:{os.environ['PATH']}")
+    example = subprocess.run(
+        [sys.executable, "-W", "error", EXAMPLES / f"{name}.py"], capture_output=True, text=True
     )
-    assert result.returncode == 0, result.stdout + result.stderr
-    assert result.stdout
-    assert result.stderr == ""
+    assert example.returncode == 0, example.stdout + example.stderr
+    assert example.stdout
+    assert example.stderr == ""
 
 
 def test_comes_in_both_languages() -> None:
-    in_cpp = {path.stem for path in EXAMPLES[0].parent.glob("*.cpp")}
-    assert {path.stem for path in EXAMPLES} == in_cpp
+    in_cpp = {path.stem for path in EXAMPLES.glob("*.cpp")}
+    assert {path.stem for path in EXAMPLES.glob("*.py")} == in_cpp
