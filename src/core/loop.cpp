@@ -105,10 +105,11 @@ Progress Loop::hold(const Tick& now) noexcept {
 }
 
 Progress Loop::run(const Tick& now) noexcept {
-  if (!is_measured_ && !measure(now)) return Progress::kStepped;
+  // First of all: the last status tells of its tick, too, if the driver can measure no more.
   status_.tick = is_real_time() ? now.number - first_tick_ : time_index_;
   status_.lateness = now.lateness.count();
   status_.skipped_ticks = now.skipped;
+  if (!is_measured_ && !measure(now)) return Progress::kStepped;
   if (now.skipped > options_.max_skipped_ticks && is_real_time()) {
     return end(Fault::Code::kBackendLate, static_cast<std::int32_t>(now.skipped));
   }
@@ -173,13 +174,13 @@ Progress Loop::stop() noexcept {
 }
 
 bool Loop::measure(const Tick& now) noexcept {
+  status_.time = now.time.time_since_epoch().count();
   const DriverReport report =
       call_driver([&] { return driver_.get_latest_observation(observation_.data()); });
   if (report.state == DriverReport::State::kFault) {
     end(Fault::Code::kDriver, report.fault_code);
     return false;
   }
-  status_.time = now.time.time_since_epoch().count();
   status_.measurement_age = report.measurement_age;
   status_.lost_frames = report.lost_frames;
   is_measured_ = true;
