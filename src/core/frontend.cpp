@@ -104,11 +104,12 @@ class UntypedFrontend::Implementation {
 
       queue_entry_[0] = is_acausal ? layout::QueueFlags::kAcausal : 0;
       std::memcpy(queue_entry_.data() + 1, action, queue_.shape().element_size - 8);
-      auto& event = action_header()->event;
-      // relaxed, before the slot: a back-end that does not find the action does not sleep on the new word.
-      event.store(event.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
       queue_.write(t, queue_entry_.data(), std::memory_order_seq_cst);
       last_appended_ = t;
+      auto& event = action_header()->event;
+      // release, behind the slot: a back-end that has seen the new word finds the action, so whoever did not find it
+      // sleeps on the old word, if at all.
+      event.store(event.load(std::memory_order_relaxed) + 1, std::memory_order_release);
       // seq_cst: either the back-end found the action above before it went to sleep, or we see that it sleeps.
       if (header().backend_waits.load(std::memory_order_seq_cst) != 0) ipc::futex_wake_all(event);
       // seq_cst: a back-end that closes t says so before it looks for the action once more, so if this is not closed,
