@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -584,5 +585,447 @@ REGISTER_TYPED_TEST_SUITE_P(
     NeedsRecoveryAfterAFault, NeedsRecoveryWhenTheDriverCannotBePrepared,
     PreparesAndStopsInSmallSteps, LetsNobodyWaitLongerThanTheyWant,
     HasEverythingOfACompanionThatArrivedByThatStep, GivesTheSameSeriesEveryTime);
+
+// --- What holds with deadlines: time is the manual clock's, one period after the other
+// ---------------------------
+
+/// A plan with deadlines.
+[[nodiscard]] inline Plan with_deadlines(std::uint32_t max_action_repeats = 0,
+                                         const Injection& injection = {}) {
+  return {.backend = {.mode = BackendOptions::Mode::kRealTime,
+                      .period = kPeriod,
+                      .max_action_repeats = max_action_repeats},
+          .injection = injection};
+}
+
+/// Appends actions of the driver's traits without waiting for anything, as far as the queue takes
+/// them.
+template <class Traits, class R>
+void append_ahead(Frontend<R>& robot, TimeIndex first, TimeIndex last) {
+  for (TimeIndex t = first; t <= last; ++t) {
+    ASSERT_EQ(robot.append_desired_action(Traits::action(t), Timeout::zero()), t);
+  }
+}
+
+template <class T>
+class RealTimeContract : public ::testing::Test {};
+TYPED_TEST_SUITE_P(RealTimeContract);
+
+TYPED_TEST_P(RealTimeContract, HoldsUntilTheFirstAction) {
+  typename TypeParam::Rig rig(with_deadlines());
+  auto robot = rig.connect();
+  rig.tick(10);
+  static_cast<void>(robot.latest_observation(Timeout::zero()));
+  EXPECT_EQ(robot.current_time_index(), -1);
+  EXPECT_FALSE(robot.fault().has_value());
+  // The pose at the beginning is held, in every period.
+  EXPECT_EQ(rig.log().holds, 1);
+  EXPECT_GE(rig.log().actions, 10);
+  EXPECT_EQ(rig.log().actions, rig.log().observations);
+}
+
+TYPED_TEST_P(RealTimeContract, BeginsWithTheFirstTickThatFindsAnAction) {
+  typename TypeParam::Rig rig(with_deadlines());
+  auto robot = rig.connect();
+  rig.tick(7);
+  EXPECT_EQ(robot.append_desired_action(TypeParam::Traits::action(0)), 0);
+  EXPECT_EQ(robot.current_time_index(), -1);
+  const Instant time_zero = rig.clock().now() + kPeriod;
+  rig.tick();
+  EXPECT_EQ(robot.current_time_index(), 0);
+  const Status status = robot.get_status(0);
+  EXPECT_EQ(status.tick, 0);
+  EXPECT_EQ(status.time, time_zero.time_since_epoch().count());
+}
+
+TYPED_TEST_P(RealTimeContract, DoesOneStepPerPeriod) {
+  typename TypeParam::Rig rig(with_deadlines());
+  auto robot = rig.connect();
+  rig.tick();
+  append_ahead<typename TypeParam::Traits>(robot, 0, 19);
+  for (TimeIndex t = 0; t < 20; ++t) {
+    rig.tick();
+    ASSERT_EQ(robot.current_time_index(), t);
+    const Status status = robot.get_status(t, Timeout::zero());
+    EXPECT_EQ(status.tick, t);
+    EXPECT_EQ(status.time, (rig.clock().now()).time_since_epoch().count());
+    EXPECT_EQ(status.lateness, 0);
+    EXPECT_EQ(status.flags, 0U);
+  }
+  expect_actions<typename TypeParam::Traits>(robot, 20);
+  expect_measured_before_acting(rig.log());
+}
+
+TYPED_TEST_P(RealTimeContract, StopsWhenAnActionIsLate) {
+  typename TypeParam::Rig rig(with_deadlines());
+  auto robot = rig.connect();
+  rig.tick();
+  append_ahead<typename TypeParam::Traits>(robot, 0, 4);
+  rig.tick(6);
+  expect_end(robot, 5, {.code = Fault::Code::kActionLate});
+  EXPECT_EQ(robot.get_status(5).tick, 5);
+  EXPECT_EQ(fault_of([&] { return robot.append_desired_action(TypeParam::Traits::action(5)); }),
+            robot.fault());
+}
+
+TYPED_TEST_P(RealTimeContract, RepeatsALateActionOnlySoOften) {
+  typename TypeParam::Rig rig(with_deadlines(3));
+  auto robot = rig.connect();
+  rig.tick();
+  append_ahead<typename TypeParam::Traits>(robot, 0, 1);
+  rig.tick(2 + 3 + 1);
+  expect_end(robot, 5, {.code = Fault::Code::kActionLate, .detail = 3});
+  for (TimeIndex t = 0; t < 5; ++t) {
+    EXPECT_EQ(has_flag(robot, t, Status::kActionRepeated), t >= 2);
+    EXPECT_EQ(robot.get_status(t).action_repeats, t >= 2 ? t - 1 : 0);
+    EXPECT_EQ(bytes_of(robot.get_desired_action(t)),
+              bytes_of(TypeParam::Traits::action(std::min<TimeIndex>(t, 1))));
+  }
+}
+
+TYPED_TEST_P(RealTimeContract, CountsRepetitionsInARow) {
+  typename TypeParam::Rig rig(with_deadlines(2));
+  auto robot = rig.connect();
+  rig.tick();
+  // Twice late, in time again, twice late: never more than twice in a row.
+  for (int i = 0; i < 10; ++i) {
+    ASSERT_EQ(robot.append_desired_action(TypeParam::Traits::action(i)), 3 * i);
+    rig.tick(3);
+  }
+  EXPECT_EQ(robot.current_time_index(), 29);
+  EXPECT_FALSE(robot.fault().has_value());
+}
+
+TYPED_TEST_P(RealTimeContract, AppendGoesOnAtTheFirstOpenStepAfterRepetitions) {
+  typename TypeParam::Rig rig(with_deadlines(100));
+  auto robot = rig.connect();
+  rig.tick();
+  append_ahead<typename TypeParam::Traits>(robot, 0, 0);
+  rig.tick(4);
+  // Steps 1 to 3 are closed. A loop that fell behind is in step again at once, and blamed for
+  // nothing.
+  static_cast<void>(robot.get_observation(0));
+  EXPECT_EQ(robot.append_desired_action(TypeParam::Traits::action(4)), 4);
+  EXPECT_EQ(robot.append_desired_action(TypeParam::Traits::action(5)), 5);
+  rig.tick(2);
+  EXPECT_EQ(bytes_of(robot.get_desired_action(4)), bytes_of(TypeParam::Traits::action(4)));
+  EXPECT_EQ(bytes_of(robot.get_desired_action(5)), bytes_of(TypeParam::Traits::action(5)));
+  EXPECT_EQ(robot.get_status(4).flags, 0U);
+  EXPECT_EQ(robot.get_status(4).action_repeats, 0U);
+}
+
+TYPED_TEST_P(RealTimeContract, AnAppendThatReturnsAStepWasAppliedAtThatStep) {
+  typename TypeParam::Rig rig(with_deadlines(1'000'000'000));
+  constexpr TimeIndex kActions = 500;
+  constexpr TimeIndex kCount = 200;
+  auto robot = rig.connect();
+  // Time races against the user, who is sometimes late.
+  std::array<TimeIndex, kActions> step{};
+  std::atomic<bool> done{false};
+  std::thread time([&] {
+    rig.clock().wait_for_sleeper();
+    while (!done) rig.clock().advance(kPeriod);
+  });
+  const auto checked = [&](TimeIndex k) {
+    const TimeIndex t = step[static_cast<std::size_t>(k)];
+    EXPECT_FALSE(has_flag(robot, t, Status::kActionRepeated)) << t;
+    EXPECT_FALSE(has_flag(robot, t, Status::kAcausal)) << t;
+    EXPECT_EQ(bytes_of(robot.get_desired_action(t)),
+              bytes_of(TypeParam::Traits::action(k % kCount)));
+  };
+  for (TimeIndex k = 0; k < kActions; ++k) {
+    try {
+      step[static_cast<std::size_t>(k)] =
+          robot.append_desired_action(TypeParam::Traits::action(k % kCount));
+      if (k > 0) {
+        EXPECT_GT(step[static_cast<std::size_t>(k)], step[static_cast<std::size_t>(k - 1)]);
+      }
+      checked(k);
+    } catch (const HistoryLost&) {
+      // Time is that much faster than this machine: then there is nothing to compare.
+    } catch (const RobotStopped& stopped) {
+      // The back-end itself may be late here by any number of periods.
+      EXPECT_EQ(stopped.fault().code, Fault::Code::kBackendLate);
+      break;
+    }
+  }
+  done = true;
+  time.join();
+}
+
+TYPED_TEST_P(RealTimeContract, SkipsTheTicksThatALateBackendMissed) {
+  typename TypeParam::Rig rig(with_deadlines());
+  auto robot = rig.connect();
+  rig.tick();
+  append_ahead<typename TypeParam::Traits>(robot, 0, 19);
+  rig.tick(3);
+  // The machine stalls: two ticks pass unseen, the third is seen in time.
+  rig.clock().advance(3 * kPeriod);
+  rig.clock().wait_for_sleeper();
+  rig.tick(2);
+  EXPECT_EQ(robot.current_time_index(), 5) << "steps are consecutive, whatever the time";
+  for (TimeIndex t = 0; t <= 5; ++t) {
+    const Status status = robot.get_status(t);
+    EXPECT_EQ(status.tick, t < 3 ? t : t + 2);
+    EXPECT_EQ(status.skipped_ticks, t == 3 ? 2U : 0U);
+  }
+  expect_actions<typename TypeParam::Traits>(robot, 6);
+  EXPECT_FALSE(robot.fault().has_value()) << "the user is not to blame";
+}
+
+TYPED_TEST_P(RealTimeContract, KeepsThePhaseHoweverLateItWas) {
+  typename TypeParam::Rig rig(with_deadlines());
+  auto robot = rig.connect();
+  rig.tick();
+  append_ahead<typename TypeParam::Traits>(robot, 0, 39);
+  rig.tick();
+  for (const int percent : {150, 30, 420, 70, 199, 1, 250, 100, 510, 20}) {
+    rig.clock().wait_for_sleeper();
+    rig.clock().advance(percent * kPeriod / 100);
+  }
+  rig.clock().wait_for_sleeper();
+  const Status first = robot.get_status(0);
+  ASSERT_GE(robot.current_time_index(), 6);
+  for (TimeIndex t = 0; t <= robot.current_time_index(); ++t) {
+    const Status status = robot.get_status(t);
+    EXPECT_EQ(status.time - status.lateness, first.time + status.tick * kPeriod.count()) << t;
+    EXPECT_GE(status.lateness, 0);
+    EXPECT_LT(status.lateness, kPeriod.count());
+  }
+}
+
+TYPED_TEST_P(RealTimeContract, TooManySkippedTicksAreAFault) {
+  typename TypeParam::Rig rig(with_deadlines());
+  auto robot = rig.connect();
+  rig.tick();
+  append_ahead<typename TypeParam::Traits>(robot, 0, 9);
+  rig.tick(2);
+  rig.clock().advance(6 * kPeriod);
+  rig.clock().wait_for_sleeper();
+  EXPECT_EQ(robot.get_status(2).skipped_ticks, 5U);
+  rig.clock().advance(7 * kPeriod);
+  rig.clock().wait_for_sleeper();
+  expect_end(robot, 3, {.code = Fault::Code::kBackendLate, .detail = 6});
+  EXPECT_EQ(robot.get_status(3).skipped_ticks, 6U);
+}
+
+TYPED_TEST_P(RealTimeContract, EndsWhenTheFirstActionDoesNotCome) {
+  Plan plan = with_deadlines();
+  plan.backend.first_action_timeout = 10 * kPeriod;
+  typename TypeParam::Rig rig(plan);
+  auto robot = rig.connect();
+  rig.tick(9);
+  EXPECT_FALSE(robot.fault().has_value());
+  rig.tick();
+  EXPECT_EQ(fault_of([&] { return robot.get_observation(0); }).value_or(Fault{}),
+            Fault{.code = Fault::Code::kFirstActionLate});
+  EXPECT_EQ(fault_of([&] { return robot.append_desired_action(TypeParam::Traits::action(0)); }),
+            robot.fault());
+}
+
+TYPED_TEST_P(RealTimeContract, EndsWhenTheDriverFaultsWhileHolding) {
+  typename TypeParam::Rig rig(with_deadlines(0, {.observation_fault_at = 3}));
+  auto robot = rig.connect();
+  rig.tick(3);
+  EXPECT_EQ(fault_of([&] { return robot.get_observation(0); }).value_or(Fault{}),
+            (Fault{.code = Fault::Code::kDriver, .detail = DriverUnderTest::kFaultCode}));
+}
+
+TYPED_TEST_P(RealTimeContract, EndsWhenTheDriverFaults) {
+  for (const bool while_measuring : {true, false}) {
+    typename TypeParam::Rig rig(while_measuring ? with_deadlines(0, {.observation_fault_at = 7})
+                                                : with_deadlines(0, {.action_fault_at = 7}));
+    auto robot = rig.connect();
+    rig.tick();
+    append_ahead<typename TypeParam::Traits>(robot, 0, 9);
+    const TimeIndex held = rig.log().actions;  // holding needs calls, too
+    rig.tick(static_cast<int>(8 - held));
+    expect_end(robot, 7 - held,
+               {.code = Fault::Code::kDriver, .detail = DriverUnderTest::kFaultCode},
+               !while_measuring);
+    EXPECT_EQ(robot.get_status(7 - held).tick, 7 - held);
+  }
+}
+
+TYPED_TEST_P(RealTimeContract, EndsWhenTheControllerLetsGo) {
+  typename TypeParam::Rig rig(with_deadlines(100));
+  std::optional<Frontend<typename TypeParam::Robot>> robot(rig.connect());
+  const auto observer = rig.observe();
+  rig.tick();
+  append_ahead<typename TypeParam::Traits>(*robot, 0, 4);
+  rig.tick(5);
+  robot.reset();
+  rig.tick();
+  expect_end(observer, 5, {.code = Fault::Code::kDetached});
+}
+
+TYPED_TEST_P(RealTimeContract, EndsWhenTheBackendIsAskedToStop) {
+  Plan plan = with_deadlines(1'000'000'000);
+  plan.session.history = 1 << 16;
+  typename TypeParam::Rig rig(plan);
+  auto robot = rig.connect();
+  rig.tick();
+  append_ahead<typename TypeParam::Traits>(robot, 0, 4);
+  rig.tick(5);
+  rig.request_stop();
+  rig.clock().run_free();
+  const auto fault = fault_of([&] { return robot.get_status(1'000'000'000); });
+  EXPECT_EQ(fault.value_or(Fault{}).code, Fault::Code::kStopped);
+}
+
+TYPED_TEST_P(RealTimeContract, FinishesBehindTheActionsThatWait) {
+  typename TypeParam::Rig rig(with_deadlines(0, {.stop_periods = 4}));
+  auto robot = rig.connect();
+  rig.tick();
+  append_ahead<typename TypeParam::Traits>(robot, 0, 4);
+  EXPECT_THROW(robot.finish(Timeout::zero()), TimedOut);
+  rig.tick(6);
+  expect_end(robot, 5, {.code = Fault::Code::kFinished});
+  robot.finish();
+  EXPECT_EQ(rig.log().stops, 0) << "the orderly stop takes periods of its own";
+  rig.tick(5);
+  EXPECT_EQ(rig.log().stops, 5);
+  // A whole new session, at once.
+  auto second = rig.connect();
+  rig.tick(2);
+  EXPECT_EQ(second.append_desired_action(TypeParam::Traits::action(0)), 0);
+  rig.tick();
+  EXPECT_EQ(second.current_time_index(), 0);
+}
+
+TYPED_TEST_P(RealTimeContract, NeedsRecoveryAfterALateAction) {
+  typename TypeParam::Rig rig(with_deadlines());
+  auto first = rig.connect();
+  rig.tick();
+  append_ahead<typename TypeParam::Traits>(first, 0, 1);
+  rig.tick(3);
+  rig.last_tick();  // of the orderly stop
+  expect_end(first, 2, {.code = Fault::Code::kActionLate});
+  first.recover();
+
+  auto second = rig.connect();
+  rig.tick();
+  append_ahead<typename TypeParam::Traits>(second, 0, 3);
+  rig.tick(4);
+  EXPECT_EQ(second.current_time_index(), 3);
+  EXPECT_EQ(second.get_status(3).tick, 3);
+  expect_end(first, 2, {.code = Fault::Code::kActionLate});
+}
+
+TYPED_TEST_P(RealTimeContract, PreparesOncePerPeriod) {
+  typename TypeParam::Rig rig(with_deadlines(0, {.prepare_periods = 5}));
+  auto robot = rig.connect();
+  rig.clock().wait_for_sleeper();
+  rig.tick(3);
+  EXPECT_EQ(rig.log().prepares, 4);
+  EXPECT_EQ(rig.log().observations, 0);
+  EXPECT_THROW(static_cast<void>(robot.latest_observation(Timeout::zero())), TimedOut);
+  // Whoever is early waits for the robot.
+  append_ahead<typename TypeParam::Traits>(robot, 0, 2);
+  rig.tick();
+  EXPECT_EQ(robot.current_time_index(), -1);
+  rig.tick();
+  EXPECT_EQ(robot.current_time_index(), 0);
+}
+
+TYPED_TEST_P(RealTimeContract, AFullQueueRefusesAndForgetsNothing) {
+  Plan plan = with_deadlines();
+  plan.session.queue = 8;
+  typename TypeParam::Rig rig(plan);
+  auto robot = rig.connect();
+  rig.tick();
+  append_ahead<typename TypeParam::Traits>(robot, 0, 7);
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_THROW(robot.append_desired_action(TypeParam::Traits::action(8), Timeout::zero()),
+                 TimedOut);
+  }
+  rig.tick();
+  append_ahead<typename TypeParam::Traits>(robot, 8, 8);
+  rig.tick(8);
+  expect_actions<typename TypeParam::Traits>(robot, 9);
+}
+
+TYPED_TEST_P(RealTimeContract, WakesEveryWaiterAtTheEnd) {
+  typename TypeParam::Rig rig(with_deadlines());
+  auto robot = rig.connect();
+  const auto observer = rig.observe();
+  rig.tick();
+  append_ahead<typename TypeParam::Traits>(robot, 0, 2);
+  std::vector<std::optional<Fault>> faults(12);
+  std::vector<std::thread> waiters;
+  for (std::size_t i = 0; i < faults.size(); ++i) {
+    // More than there are wait slots; half of them can only look.
+    waiters.emplace_back([&, i] {
+      const auto& handle = i % 2 == 0 ? robot : observer;
+      faults[i] = fault_of([&] { return handle.get_status(100); });
+    });
+  }
+  rig.tick(4);
+  for (std::thread& waiter : waiters) waiter.join();
+  const Fault late{.code = Fault::Code::kActionLate, .detail = 0, .time_index = 3};
+  EXPECT_THAT(faults, ::testing::Each(late));
+}
+
+TYPED_TEST_P(RealTimeContract, WakesReadersStepByStep) {
+  typename TypeParam::Rig rig(with_deadlines());
+  auto robot = rig.connect();
+  rig.tick();
+  append_ahead<typename TypeParam::Traits>(robot, 0, 49);
+  std::thread reader([&] {
+    for (TimeIndex t = 0; t < 50; ++t) robot.wait_until_time_index(t);
+  });
+  rig.tick(50);
+  reader.join();
+}
+
+TYPED_TEST_P(RealTimeContract, LetsNobodyWaitLongerThanTheyWant) {
+  using Robot = typename TypeParam::Robot;
+  typename TypeParam::Rig rig(with_deadlines(100));
+  auto robot = rig.connect();
+  rig.tick();
+  EXPECT_THROW(static_cast<void>(robot.get_observation(0, Timeout::zero())), TimedOut);
+  append_ahead<typename TypeParam::Traits>(robot, 0, 0);
+  rig.tick();
+  // The manual clock stands still; the timeout counts the user's time.
+  for (const Timeout timeout : {Timeout::zero(), Timeout(std::chrono::milliseconds(5))}) {
+    EXPECT_THROW(static_cast<void>(robot.get_observation(1, timeout)), TimedOut);
+    EXPECT_THROW(static_cast<void>(robot.get_desired_action(1, timeout)), TimedOut);
+    EXPECT_THROW(static_cast<void>(robot.get_applied_action(1, timeout)), TimedOut);
+    EXPECT_THROW(static_cast<void>(robot.get_status(1, timeout)), TimedOut);
+    EXPECT_THROW(robot.wait_until_time_index(1, timeout), TimedOut);
+    std::array<typename Robot::Observation, 3> range;
+    EXPECT_THROW(robot.get_observations(0, range, timeout), TimedOut);
+    EXPECT_THROW(robot.finish(timeout), TimedOut);
+  }
+}
+
+TYPED_TEST_P(RealTimeContract, ClosesNoStepBeforeItsTick) {
+  typename TypeParam::Rig rig(with_deadlines(100));
+  auto robot = rig.connect();
+  rig.tick();
+  append_ahead<typename TypeParam::Traits>(robot, 0, 0);
+  rig.tick();
+  // The user works within the period, as a program in step does.
+  for (TimeIndex t = 1; t < 30; ++t) {
+    static_cast<void>(robot.get_observation(t - 1));
+    EXPECT_EQ(robot.append_desired_action(TypeParam::Traits::action(t)), t);
+    rig.tick();
+    EXPECT_EQ(robot.get_status(t).flags, 0U);
+  }
+}
+
+REGISTER_TYPED_TEST_SUITE_P(RealTimeContract, HoldsUntilTheFirstAction,
+                            BeginsWithTheFirstTickThatFindsAnAction, DoesOneStepPerPeriod,
+                            StopsWhenAnActionIsLate, RepeatsALateActionOnlySoOften,
+                            CountsRepetitionsInARow, AppendGoesOnAtTheFirstOpenStepAfterRepetitions,
+                            AnAppendThatReturnsAStepWasAppliedAtThatStep,
+                            SkipsTheTicksThatALateBackendMissed, KeepsThePhaseHoweverLateItWas,
+                            TooManySkippedTicksAreAFault, EndsWhenTheFirstActionDoesNotCome,
+                            EndsWhenTheDriverFaultsWhileHolding, EndsWhenTheDriverFaults,
+                            EndsWhenTheControllerLetsGo, EndsWhenTheBackendIsAskedToStop,
+                            FinishesBehindTheActionsThatWait, NeedsRecoveryAfterALateAction,
+                            PreparesOncePerPeriod, AFullQueueRefusesAndForgetsNothing,
+                            WakesEveryWaiterAtTheEnd, WakesReadersStepByStep,
+                            LetsNobodyWaitLongerThanTheyWant, ClosesNoStepBeforeItsTick);
 
 }  // namespace trifinger::test

@@ -6,8 +6,11 @@
 namespace trifinger::test {
 namespace {
 
-using Drivers = AllTransports<FakeDriverTraits, OddDriverTraits>;
-INSTANTIATE_TYPED_TEST_SUITE_P(Core, TimingContract, Drivers, CaseName);
+using Everywhere = AllTransports<FakeDriverTraits, OddDriverTraits>;
+INSTANTIATE_TYPED_TEST_SUITE_P(Core, TimingContract, Everywhere, CaseName);
+
+using WithTime = ThreadedTransports<FakeDriverTraits, OddDriverTraits>;
+INSTANTIATE_TYPED_TEST_SUITE_P(Core, RealTimeContract, WithTime, CaseName);
 
 }  // namespace
 }  // namespace trifinger::test
