@@ -20,8 +20,9 @@ namespace trifinger::python {
 void bind_backend(nb::module_& m) {
   nb::class_<RunningBackend>(
       m, "Backend",
-      "A back-end in a thread of this process, offered to all processes under a name.\n\n"
-      "It runs session after session until stop(), or until the end of its `with` block.")
+      R"(A back-end in a thread of this process, offered to all processes under a name.
+
+It runs session after session until stop(), or until the end of its `with` block.)")
       .def_prop_ro("name", &RunningBackend::name, "For connect() and observe().")
       .def(
           "wait",
@@ -58,16 +59,13 @@ void bind_backend(nb::module_& m) {
       nb::kw_only(), "strict"_a = false, "history"_a = SessionOptions{}.history,
       "sensor_period"_a = 0, "sensor_delay"_a = 0, "observation_fault_after"_a = -1,
       "action_fault_after"_a = -1,
-      "Starts the fake robot inside this program: no physics and no joints, for tests of your own "
-      "code.\n\n"
-      "It runs in the waits of the front-end that is returned: without threads, deterministic and "
-      "fast. An action\n"
-      "has the field `setpoint`, an observation `setpoint` (the last one applied) and "
-      "`applied_actions` (how many\n"
-      "there were). `history` is the number of steps kept. With a `sensor_period` [steps] it has "
-      "the companion\n"
-      "\"sensor\". `observation_fault_after` and `action_fault_after` inject a fault after that "
-      "many calls.");
+      R"(Starts the fake robot inside this program: no physics and no joints, for tests of your own code.
+
+It runs in the waits of the front-end that is returned: without threads, deterministic and fast.
+An action has the field `setpoint`, an observation `setpoint` (the last one applied) and
+`applied_actions` (how many there were). `history` is the number of steps kept. With a
+`sensor_period` [steps] it has the companion "sensor". `observation_fault_after` and
+`action_fault_after` inject a fault after that many calls.)");
 
   m.def(
       "run_fake",
@@ -102,12 +100,12 @@ void bind_backend(nb::module_& m) {
           "0, "
           "sensor_delay: int = 0, observation_fault_after: int = -1, action_fault_after: int = -1) "
           "-> Backend"),
-      "Runs the fake robot (see fake()) in a thread of this process, for every process of this "
-      "machine.\n\n"
-      "In real-time mode a step takes `period` [s] and a missing action is replaced up to "
-      "`max_action_repeats`\n"
-      "times in a row; otherwise the robot waits for every action.\n\n"
-      "Raises RobotOwned if another back-end has this name.");
+      R"(Runs the fake robot (see fake()) in a thread of this process, for every process of this machine.
+
+In real-time mode a step takes `period` [s] and a missing action is replaced up to
+`max_action_repeats` times in a row; otherwise the robot waits for every action.
+
+Raises RobotOwned if another back-end has this name.)");
 }
 
 }  // namespace trifinger::python

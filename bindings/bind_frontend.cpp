@@ -66,92 +66,87 @@ void bind_frontend(nb::module_& m) {
 
   nb::class_<PythonFrontend>(
       m, "Frontend",
-      "The user's view of a running robot: append desired actions, read back what happened.\n\n"
-      "Reading step t waits until the back-end has filled it in, so a loop that reads y[t] and "
-      "appends\n"
-      "a[t+1] is paced by the robot and needs no sleep of its own.\n\n"
-      "Elements are records of NumPy: `y.position` and `y[\"position\"]` (three times as fast) "
-      "read a field,\n"
-      "`y.stamp.capture_time` a nested one. Ranges of steps are arrays of the same dtype.\n\n"
-      "Any number of threads may read; one appends. Every wait ends: with the value, with TimedOut "
-      "(`timeout`\n"
-      "is in seconds, None for as long as it takes), with RobotStopped once the session has ended "
-      "and the value\n"
-      "will never come, or with Ctrl-C. A handle that went through os.fork() raises "
-      "InheritedHandle.\n\n"
-      "As a context manager it calls finish() after a clean end of the block and lets go after an "
-      "exception.")
+      R"(The user's view of a running robot: append desired actions, read back what happened.
+
+Reading step t waits until the back-end has filled it in, so a loop that reads y[t] and appends
+a[t+1] is paced by the robot and needs no sleep of its own.
+
+`y.position` and `y["position"]` read a field of an Element. Ranges of steps are structured
+arrays of NumPy, `ys["position"]` is their field.
+
+Any number of threads may read; one appends. Every wait ends: with the value, with TimedOut
+(`timeout` is in seconds, None for as long as it takes), with RobotStopped once the session has
+ended and the value will never come, or with Ctrl-C. A handle that went through os.fork() raises
+InheritedHandle.
+
+As a context manager it calls finish() after a clean end of the block and lets go after an
+exception.)")
       .def(
-          "append_desired_action", &PythonFrontend::append_desired_action, "action"_a,
+          "append_desired_action", &PythonFrontend::append_desired_action, "action"_a.none(),
           "timeout"_a = nb::none(),
-          nb::sig(
-              "def append_desired_action(self, action: numpy.record, timeout: float | None = None) "
-              "-> int"),
-          "Appends `action` and returns the step it is scheduled for: the next one, or the first "
-          "still open if\n"
-          "the loop fell behind. The first call starts time 0. Waits only if the queue is full.\n\n"
-          "Raises RobotStopped, TimedOut, AcausalAction if strict, InvalidArgument for anything "
-          "but an action\n"
-          "of this robot: see new_action.")
-      .def("append_desired_actions", &PythonFrontend::append_desired_actions, "actions"_a,
-           "timeout"_a = nb::none(),
-           nb::sig("def append_desired_actions(self, actions: numpy.typing.NDArray[numpy.void], "
-                   "timeout: float | None = None) -> int"),
-           "Appends a burst: the elements of a one-dimensional array of `action_dtype`, one behind "
-           "the other.\n"
-           "Returns the step of the last one.")
-      .def("new_action", &PythonFrontend::new_action, "fields"_a,
-           nb::sig("def new_action(self, **fields: numpy.typing.ArrayLike) -> numpy.record"),
-           "Returns the robot's default action with `fields` filled in; a number fills the whole "
-           "field.\n"
-           "It can be changed and appended as often as you like.")
+          nb::sig("def append_desired_action(self, action: Element, timeout: float | None = None) "
+                  "-> int"),
+          R"(Appends `action` and returns the step it is scheduled for: the next one, or the first still open
+if the loop fell behind. The first call starts time 0. Waits only if the queue is full.
+
+Raises RobotStopped, TimedOut, AcausalAction if strict, InvalidArgument for anything but an
+action of this robot: see new_action.)")
+      .def(
+          "append_desired_actions", &PythonFrontend::append_desired_actions, "actions"_a.none(),
+          "timeout"_a = nb::none(),
+          nb::sig("def append_desired_actions(self, actions: numpy.typing.NDArray[Element], "
+                  "timeout: float | None = None) -> int"),
+          R"(Appends a burst: the elements of a one-dimensional array of `action_dtype`, one behind the
+other. Returns the step of the last one.)")
+      .def(
+          "new_action", &PythonFrontend::new_action, "fields"_a,
+          nb::sig("def new_action(self, **fields: numpy.typing.ArrayLike) -> Element"),
+          R"(Returns the robot's default action with `fields` filled in; a number fills the whole field. It
+can be changed and appended as often as you like.)")
       .def("get_observation", get(Series::kObservation), "t"_a, "timeout"_a = nb::none(),
-           nb::sig(
-               "def get_observation(self, t: int, timeout: float | None = None) -> numpy.record"),
-           "Returns y[t], waiting for it if `t` lies in the future.\n\n"
-           "Raises HistoryLost if y[t] was already overwritten, RobotStopped if it will never "
-           "come, TimedOut.")
-      .def(
-          "get_desired_action", get(Series::kDesiredAction), "t"_a, "timeout"_a = nb::none(),
-          nb::sig(
-              "def get_desired_action(self, t: int, timeout: float | None = None) -> numpy.record"),
-          "Returns a[t] as the back-end took it; raises as get_observation, like all below.")
-      .def(
-          "get_applied_action", get(Series::kAppliedAction), "t"_a, "timeout"_a = nb::none(),
-          nb::sig(
-              "def get_applied_action(self, t: int, timeout: float | None = None) -> numpy.record"),
-          "Returns a'[t]: what was applied.")
+           nb::sig("def get_observation(self, t: int, timeout: float | None = None) -> Element"),
+           R"(Returns y[t], waiting for it if `t` lies in the future.
+
+Raises HistoryLost if y[t] was already overwritten, RobotStopped if it will never come,
+TimedOut.)")
+      .def("get_desired_action", get(Series::kDesiredAction), "t"_a, "timeout"_a = nb::none(),
+           nb::sig("def get_desired_action(self, t: int, timeout: float | None = None) -> Element"),
+           R"(Returns a[t] as the back-end took it; raises as get_observation, like all below.)")
+      .def("get_applied_action", get(Series::kAppliedAction), "t"_a, "timeout"_a = nb::none(),
+           nb::sig("def get_applied_action(self, t: int, timeout: float | None = None) -> Element"),
+           "Returns a'[t]: what was applied.")
       .def("get_status", get(Series::kStatus), "t"_a, "timeout"_a = nb::none(),
-           nb::sig("def get_status(self, t: int, timeout: float | None = None) -> numpy.record"),
+           nb::sig("def get_status(self, t: int, timeout: float | None = None) -> Element"),
            "Returns what the back-end has to say about step t.")
       .def(
           "get_observations", get_many(Series::kObservation), "first"_a, "last"_a,
           "timeout"_a = nb::none(),
           nb::sig("def get_observations(self, first: int, last: int, timeout: float | None = None) "
-                  "-> numpy.typing.NDArray[numpy.void]"),
+                  "-> numpy.typing.NDArray[Element]"),
           "Returns the steps from `first` to before `last`, waiting for the last one.")
       .def("get_desired_actions", get_many(Series::kDesiredAction), "first"_a, "last"_a,
            "timeout"_a = nb::none(),
            nb::sig(
                "def get_desired_actions(self, first: int, last: int, timeout: float | None = None) "
-               "-> numpy.typing.NDArray[numpy.void]"))
+               "-> numpy.typing.NDArray[Element]"))
       .def("get_applied_actions", get_many(Series::kAppliedAction), "first"_a, "last"_a,
            "timeout"_a = nb::none(),
            nb::sig(
                "def get_applied_actions(self, first: int, last: int, timeout: float | None = None) "
-               "-> numpy.typing.NDArray[numpy.void]"))
+               "-> numpy.typing.NDArray[Element]"))
       .def("get_statuses", get_many(Series::kStatus), "first"_a, "last"_a, "timeout"_a = nb::none(),
            nb::sig("def get_statuses(self, first: int, last: int, timeout: float | None = None) "
-                   "-> numpy.typing.NDArray[numpy.void]"))
-      .def("latest_observation", &PythonFrontend::latest_observation, "timeout"_a = nb::none(),
-           nb::sig("def latest_observation(self, timeout: float | None = None) -> numpy.record"),
-           "Returns the newest observation, before step 0 too: nobody has to act in order to look.")
-      .def("get_latest_at", &PythonFrontend::get_latest_at, "t"_a, "timeout"_a = nb::none(),
-           nb::sig("def get_latest_at(self, t: int, timeout: float | None = None) -> numpy.record "
-                   "| None"),
-           "Companions: returns the newest element that arrived at or before the robot's step `t`, "
-           "waiting for\n"
-           "that step. None if there was none by then.")
+                   "-> numpy.typing.NDArray[Element]"))
+      .def(
+          "latest_observation", &PythonFrontend::latest_observation, "timeout"_a = nb::none(),
+          nb::sig("def latest_observation(self, timeout: float | None = None) -> Element"),
+          R"(Returns the newest observation, before step 0 too: nobody has to act in order to look.)")
+      .def(
+          "get_latest_at", &PythonFrontend::get_latest_at, "t"_a, "timeout"_a = nb::none(),
+          nb::sig("def get_latest_at(self, t: int, timeout: float | None = None) -> Element "
+                  "| None"),
+          R"(Companions: returns the newest element that arrived at or before the robot's step `t`, waiting
+for that step. None if there was none by then.)")
       .def("wait_until_time_index", &PythonFrontend::wait_until_time_index, "t"_a,
            "timeout"_a = nb::none(),
            nb::sig("def wait_until_time_index(self, t: int, timeout: float | None = None) -> None"),
@@ -164,21 +159,19 @@ void bind_frontend(nb::module_& m) {
             return frontend.range(series_of(series));
           },
           "series"_a, nb::sig("def range(self, series: str) -> tuple[int, int]"),
-          "The first step of `series` that can still be read, and the first that has not been "
-          "written: as in\n"
-          "`robot.get_observations(*robot.range(\"observation\"))`. Series are "
-          "\"desired_action\",\n"
-          "\"applied_action\", \"observation\" and \"status\".")
-      .def("finish", &PythonFrontend::finish, "timeout"_a = nb::none(),
-           nb::sig("def finish(self, timeout: float | None = None) -> None"),
-           "Says that no further action will come: the session ends, without a fault, behind the "
-           "last action\n"
-           "appended. Returns when it has ended.")
-      .def("recover", &PythonFrontend::recover, "timeout"_a = nb::none(),
-           nb::sig("def recover(self, timeout: float | None = None) -> None"),
-           "Clears the fault that ended the session and waits until the back-end has begun the "
-           "next one. This\n"
-           "handle remains stopped: connect again.")
+          R"(The first step of `series` that can still be read, and the first that has not been written: as
+in `robot.get_observations(*robot.range("observation"))`. Series are "desired_action",
+"applied_action", "observation" and "status".)")
+      .def(
+          "finish", &PythonFrontend::finish, "timeout"_a = nb::none(),
+          nb::sig("def finish(self, timeout: float | None = None) -> None"),
+          R"(Says that no further action will come: the session ends, without a fault, behind the last action
+appended. Returns when it has ended.)")
+      .def(
+          "recover", &PythonFrontend::recover, "timeout"_a = nb::none(),
+          nb::sig("def recover(self, timeout: float | None = None) -> None"),
+          R"(Clears the fault that ended the session and waits until the back-end has begun the next one.
+This handle remains stopped: connect again.)")
       .def(
           "fault", [](const PythonFrontend& frontend) { return to_python(frontend.fault()); },
           nb::sig("def fault(self) -> trifinger.session_info.Fault | None"),
@@ -189,21 +182,21 @@ void bind_frontend(nb::module_& m) {
           "session_info",
           [](const PythonFrontend& frontend) { return to_python(frontend.session_info()); },
           nb::sig("def session_info(self) -> trifinger.session_info.SessionInfo"),
-          "What anybody may know about the session: name, type, period, who takes part.")
-      .def("close", &PythonFrontend::close,
-           "Lets go of the session. If actions were appended and it still runs, it ends "
-           "(\"detached\").")
+          R"(What anybody may know about the session: name, type, period, who takes part.)")
+      .def(
+          "close", &PythonFrontend::close,
+          R"(Lets go of the session. If actions were appended and it still runs, it ends ("detached").)")
       .def_prop_ro("action_dtype", dtype(Series::kDesiredAction),
-                   nb::sig("def action_dtype(self) -> numpy.dtype[numpy.record]"),
+                   nb::sig("def action_dtype(self) -> numpy.dtype[Element]"),
                    "The layout of an action.")
       .def_prop_ro("applied_action_dtype", dtype(Series::kAppliedAction),
-                   nb::sig("def applied_action_dtype(self) -> numpy.dtype[numpy.record]"),
+                   nb::sig("def applied_action_dtype(self) -> numpy.dtype[Element]"),
                    "The layout of what the robot says it has applied.")
       .def_prop_ro("observation_dtype", dtype(Series::kObservation),
-                   nb::sig("def observation_dtype(self) -> numpy.dtype[numpy.record]"),
+                   nb::sig("def observation_dtype(self) -> numpy.dtype[Element]"),
                    "The layout of an observation.")
       .def_prop_ro("status_dtype", dtype(Series::kStatus),
-                   nb::sig("def status_dtype(self) -> numpy.dtype[numpy.record]"),
+                   nb::sig("def status_dtype(self) -> numpy.dtype[Element]"),
                    "The layout of a status, the same for every robot.")
       .def(
           "__enter__", [](nb::object self) { return self; },
@@ -225,13 +218,13 @@ void bind_frontend(nb::module_& m) {
       "name"_a, nb::kw_only(), "strict"_a = false, "timeout"_a = 5.0,
       nb::sig("def connect(name: str, *, strict: bool = False, timeout: float | None = 5.0) -> "
               "Frontend"),
-      "Takes control of the robot `name`, which runs in a back-end of its own: `trifinger run`.\n\n"
-      "`strict` makes an action that comes after its step was read an error (AcausalAction) "
-      "instead of a mark\n"
-      "in the status. `timeout` is how long to wait for a session that is about to begin.\n\n"
-      "Raises SessionNotFound with the names there are, ControlHeld naming the process that "
-      "controls it,\n"
-      "RobotStopped if a fault must be cleared with recover() first.");
+      R"(Takes control of the robot `name`, which runs in a back-end of its own: `trifinger run`.
+
+`strict` makes an action that comes after its step was read an error (AcausalAction) instead of
+a mark in the status. `timeout` is how long to wait for a session that is about to begin.
+
+Raises SessionNotFound with the names there are, ControlHeld naming the process that controls
+it, RobotStopped if a fault must be cleared with recover() first.)");
 
   m.def(
       "observe",

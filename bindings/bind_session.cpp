@@ -63,9 +63,8 @@ void bind_session(nb::module_& m) {
         return sessions;
       },
       nb::sig("def list_sessions() -> list[trifinger.session_info.SessionInfo]"),
-      "What runs on this machine, robots and companions, in the order of their names. Sessions "
-      "whose\n"
-      "back-end died are included.");
+      R"(What runs on this machine, robots and companions, in the order of their names. Sessions whose
+back-end died are included.)");
 
   m.def(
       "recover",
@@ -74,9 +73,10 @@ void bind_session(nb::module_& m) {
       },
       "name"_a, "timeout"_a = 5.0,
       nb::sig("def recover(name: str, timeout: float | None = 5.0) -> None"),
-      "Clears the fault of the robot `name`, as the operator who has looked at it; the next "
-      "session begins.\n\n"
-      "Raises SessionNotFound, TimedOut, or RobotStopped if the back-end is gone.");
+      R"(Clears the fault of the robot `name`, as the operator who has looked at it; the next session
+begins.
+
+Raises SessionNotFound, TimedOut, or RobotStopped if the back-end is gone.)");
 }
 
 }  // namespace trifinger::python

@@ -53,8 +53,8 @@ nb::object record_dtype(const nb::object& numpy, Fields fields, std::size_t pref
   layout["formats"] = formats;
   layout["offsets"] = offsets;
   layout["itemsize"] = size;
-  // numpy.record lets fields be read as attributes.
-  return numpy.attr("dtype")(nb::make_tuple(numpy.attr("record"), layout));
+  const nb::object element = nb::module_::import_("trifinger._trifinger").attr("Element");
+  return numpy.attr("dtype")(nb::make_tuple(element, layout));
 }
 
 PyArray_Descr* descr_of(const nb::object& dtype) {

@@ -52,8 +52,9 @@ void assign(const nb::object& action, const nb::object& name, const nb::object& 
   const auto kind = nb::cast<std::string>(dtype.attr("base").attr("kind"));
   if (kind != "i" && kind != "u") return;
   const nb::object is_kept =
-      nb::module_::import_("numpy").attr("all")(nb::object(action[name]).equal(value));
-  if (!nb::cast<bool>(is_kept.attr("__bool__")())) {
+      nb::steal(PyObject_RichCompare(nb::object(action[name]).ptr(), value.ptr(), Py_EQ));
+  if (!is_kept.is_valid()) throw nb::python_error();
+  if (!nb::cast<bool>(nb::bool_(nb::module_::import_("numpy").attr("all")(is_kept)))) {
     throw InvalidArgument(text(std::string(nb::repr(value).c_str()) + " does not fit"));
   }
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #define TRIFINGER_IMPORTS_NUMPY
 #include "bindings.hpp"
+#include "element.hpp"
 #include "errors.hpp"
 #include "gil.hpp"
 #include "numpy.hpp"
@@ -11,8 +12,10 @@ NB_MODULE(_trifinger, m) {
   if (PyArray_ImportNumPyAPI() < 0) throw nb::python_error();
   m.attr("version") = TRIFINGER_VERSION;
   trifinger::python::register_errors();
+  trifinger::python::bind_element(m);
   trifinger::python::bind_session(m);
   trifinger::python::bind_frontend(m);
   trifinger::python::bind_backend(m);
+  trifinger::python::bind_simulation(m);
   trifinger::python::park_threads_at_exit();
 }

@@ -18,6 +18,8 @@ function(trifinger_target_options target)
             -Wold-style-cast
             -Woverloaded-virtual
             -Wdouble-promotion
+            # g++ 12 sees overlaps in std::string's operator+ that are not there (GCC bug 105651).
+            $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>
             $<$<BOOL:${TRIFINGER_WARNINGS_AS_ERRORS}>:-Werror>)
   if(TRIFINGER_SANITIZE)
     target_compile_options(${target} PRIVATE -fsanitize=${TRIFINGER_SANITIZE}
@@ -28,7 +30,8 @@ endfunction()
 
 # trifinger_layer(NAME SOURCES a.cpp ... [PUBLIC lib ...] [PRIVATE lib ...])
 #
-# Defines the library trifinger_NAME with the alias trifinger::NAME and installs it with its headers.
+# Defines the library trifinger_NAME with the alias trifinger::NAME and installs it with its headers, as the component NAME
+# of the CMake package: cmake/TrifingerInstall.cmake.
 function(trifinger_layer name)
   cmake_parse_arguments(PARSE_ARGV 1 layer "" "" "SOURCES;PUBLIC;PRIVATE")
   set(target trifinger_${name})
@@ -43,6 +46,7 @@ function(trifinger_layer name)
   install(TARGETS ${target} EXPORT trifinger-targets ARCHIVE DESTINATION lib/trifinger COMPONENT development)
   install(DIRECTORY ${PROJECT_SOURCE_DIR}/include/trifinger/${name} DESTINATION include/trifinger
           COMPONENT development)
+  set_property(GLOBAL APPEND PROPERTY TRIFINGER_LAYERS ${name})
 endfunction()
 
 # trifinger_test(NAME SOURCES a_test.cpp ... LIBRARIES lib ...)

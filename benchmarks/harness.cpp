@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "harness.hpp"
+
+#include <sched.h>
+#include <signal.h>
+#include <sys/mman.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+
+#include "trifinger/base/error.hpp"
+
+#include <fmt/format.h>
+
+namespace trifinger::benchmarks {
+namespace {
+
+std::string quoted(const std::string& text) {
+  std::string result = "\"";
+  for (const char character : text) {
+    if (character == '"' || character == '\\') result += '\\';
+    result += character;
+  }
+  return result + "\"";
+}
+
+}  // namespace
+
+double Samples::quantile(double p) const {
+  std::vector<double> sorted = values_;
+  std::sort(sorted.begin(), sorted.end());
+  if (sorted.empty()) return std::nan("");
+  const double position = p * static_cast<double>(sorted.size() - 1);
+  return sorted[static_cast<std::size_t>(std::lround(position))];
+}
+
+Paired alternate(int rounds, const std::function<double()>& measure,
+                 const std::function<double()>& reference) {
+  Paired paired;
+  // One of each that does not count: pages and caches are there afterwards.
+  static_cast<void>(measure());
+  static_cast<void>(reference());
+  for (int i = 0; i < rounds; ++i) {
+    const double a = measure();
+    const double b = reference();
+    paired.measure.add(a);
+    paired.reference.add(b);
+    paired.ratio.add(a / b);
+  }
+  return paired;
+}
+
+Row make_row(std::string measure, std::string unit, const Paired& paired, std::string reference,
+             std::string reach, bool holds) {
+  Row row;
+  row.measure = std::move(measure);
+  row.value = paired.measure.median();
+  row.low = paired.measure.quantile(0.0);
+  row.high = paired.measure.quantile(1.0);
+  row.unit = std::move(unit);
+  row.reference = fmt::format("{} ({:.4g} {})", reference, paired.reference.median(), row.unit);
+  row.ratio = paired.ratio.median();
+  row.reach = std::move(reach);
+  row.holds = holds;
+  return row;
+}
+
+std::string to_json(const std::vector<Row>& rows) {
+  std::string text = "[";
+  for (const Row& row : rows) {
+    text += fmt::format(
+        "{}\n  {{\"measure\": {}, \"value\": {:.6g}, \"low\": {:.6g}, \"high\": {:.6g}, \"unit\": {}, "
+        "\"reference\": {}, \"ratio\": {}, \"reach\": {}, \"holds\": {}, \"remark\": {}}}",
+        text.size() > 1 ? "," : "", quoted(row.measure), row.value, row.low, row.high,
+        quoted(row.unit), row.reference.empty() ? "null" : quoted(row.reference),
+        row.ratio ? fmt::format("{:.4g}", *row.ratio) : "null", quoted(row.reach),
+        row.holds ? "true" : "false", quoted(row.remark));
+  }
+  return text + "\n]\n";
+}
+
+bool pin(int cpu) {
+  cpu_set_t set;
+  CPU_ZERO(&set);
+  CPU_SET(static_cast<std::size_t>(cpu), &set);
+  return ::sched_setaffinity(0, sizeof(set), &set) == 0;
+}
+
+Child::Child(const std::function<void()>& body) : pid_(::fork()) {
+  if (pid_ < 0) throw SystemError("fork", errno);
+  if (pid_ != 0) return;
+  try {
+    body();
+  } catch (const std::exception& error) {
+    fmt::print(stderr, "child: {}\n", error.what());
+    ::_exit(1);
+  }
+  ::_exit(0);
+}
+
+Child::~Child() {
+  ::kill(pid_, SIGKILL);
+  ::waitpid(pid_, nullptr, 0);
+}
+
+void* make_shared_memory(std::size_t size) {
+  void* const memory =
+      ::mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+  if (memory == MAP_FAILED) throw SystemError("map shared memory", errno);
+  return memory;
+}
+
+}  // namespace trifinger::benchmarks

@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace trifinger::benchmarks {
+
+/// Samples of one figure.
+class Samples {
+ public:
+  void add(double value) { values_.push_back(value); }
+  [[nodiscard]] bool empty() const noexcept { return values_.empty(); }
+  /// The value below which the fraction `p` of the samples lies.
+  [[nodiscard]] double quantile(double p) const;
+  [[nodiscard]] double median() const { return quantile(0.5); }
+
+ private:
+  std::vector<double> values_;
+};
+
+/// One line of the table.
+struct Row {
+  std::string measure;
+  double value{0.0};  ///< Median.
+  double low{0.0};    ///< Smallest and largest of the rounds.
+  double high{0.0};
+  std::string unit;
+  std::string reference;           ///< What was measured beside it; empty for nothing.
+  std::optional<double> ratio;     ///< Of the measure to its reference, median of the rounds.
+  std::string reach;               ///< In words, as in "<= 80 ns".
+  bool holds{false};
+  std::string remark;
+};
+
+/// Measures both sides in turn, so that both see the same machine. Returns samples of each and of their ratio.
+struct Paired {
+  Samples measure;
+  Samples reference;
+  Samples ratio;
+};
+[[nodiscard]] Paired alternate(int rounds, const std::function<double()>& measure,
+                               const std::function<double()>& reference);
+
+[[nodiscard]] Row make_row(std::string measure, std::string unit, const Paired& paired,
+                           std::string reference, std::string reach, bool holds);
+
+/// The rows as a JSON list.
+[[nodiscard]] std::string to_json(const std::vector<Row>& rows);
+
+/// Keeps the calling thread on one processor. False if there is no such processor.
+bool pin(int cpu);
+
+/// A child process that runs `body` and exits; killed and awaited at the end of its life here.
+class Child {
+ public:
+  explicit Child(const std::function<void()>& body);
+  Child(const Child&) = delete;
+  Child& operator=(const Child&) = delete;
+  ~Child();
+
+ private:
+  int pid_;
+};
+
+/// Memory shared with children forked later.
+template <class T>
+class Shared;
+void* make_shared_memory(std::size_t size);
+template <class T>
+class Shared {
+ public:
+  Shared() : value_(new (make_shared_memory(sizeof(T))) T{}) {}
+  T& operator*() const noexcept { return *value_; }
+  T* operator->() const noexcept { return value_; }
+
+ private:
+  T* value_;  // the pages end with the process
+};
+
+struct Effort {
+  int rounds;           ///< Of each paired measure.
+  int windows;          ///< Pairs of windows of the lateness.
+  double window_time;   ///< [s]
+};
+
+[[nodiscard]] std::vector<Row> core_rows(const Effort& effort);
+[[nodiscard]] std::vector<Row> realtime_rows(const Effort& effort);
+[[nodiscard]] std::vector<Row> simulation_rows(const Effort& effort);
+
+}  // namespace trifinger::benchmarks

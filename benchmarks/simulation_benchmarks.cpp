@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <mujoco/mujoco.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <memory>
+#include <numbers>
+
+#include "harness.hpp"
+#include "trifinger/sim/simulation.hpp"
+
+namespace trifinger::benchmarks {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr TimeIndex kSteps = 8000;
+
+// A slow motion of all joints around the initial pose, tips clear of the table.
+TriFinger::Action motion(const TriFinger::Observation& begin, TimeIndex t) {
+  TriFinger::Action action = hold_position(begin);
+  const double phase = 2.0 * std::numbers::pi * static_cast<double>(t) / 2000.0;
+  for (double& position : action.position) position += 0.1 * std::sin(phase);
+  return action;
+}
+
+}  // namespace
+
+std::vector<Row> simulation_rows(const Effort& effort) {
+  const Simulation<TriFinger> simulation;
+  std::vector<TriFinger::Observation> observations;
+
+  const auto frontend = [&] {
+    auto robot = simulation.connect();
+    const auto pose = robot.latest_observation();
+    const auto begin = Clock::now();
+    TimeIndex t = robot.append_desired_action(motion(pose, 0));
+    while (t < kSteps) {
+      static_cast<void>(robot.get_observation(t));
+      t = robot.append_desired_action(motion(pose, t + 1));
+    }
+    const double time = std::chrono::duration<double>(Clock::now() - begin).count();
+    observations.resize(static_cast<std::size_t>(kSteps));
+    robot.get_observations(1, observations);
+    robot.finish();
+    return static_cast<double>(kSteps) / time;
+  };
+
+  const RobotModel model;
+  const std::unique_ptr<mjData, decltype(&mj_deleteData)> data(mj_makeData(model.mujoco()),
+                                                               &mj_deleteData);
+  // The same controls: the torques that the motors delivered above.
+  const auto bare = [&] {
+    mj_resetDataKeyframe(model.mujoco(), data.get(), 0);
+    const auto begin = Clock::now();
+    for (const TriFinger::Observation& y : observations) {
+      std::copy(y.torque.begin(), y.torque.end(), data->ctrl);
+      mj_step(model.mujoco(), data.get());
+    }
+    return static_cast<double>(kSteps) /
+           std::chrono::duration<double>(Clock::now() - begin).count();
+  };
+
+  const Paired paired = alternate(effort.rounds, frontend, bare);
+  Row row = make_row("simulated robot with cube, inline front-end", "steps/s", paired,
+                     "bare mj_step of the same model and controls",
+                     ">= 0.9x and >= 60000 steps/s",
+                     paired.ratio.median() >= 0.9 && paired.measure.median() >= 60000.0);
+  const auto& last = observations.back();
+  const bool is_same = std::equal(last.position.begin(), last.position.end(), data->qpos);
+  row.remark = is_same ? "both end in the same state, bit for bit" : "the two end in different states";
+  return {row};
+}
+
+}  // namespace trifinger::benchmarks

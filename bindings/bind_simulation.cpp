@@ -1,0 +1,234 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <nanobind/eigen/dense.h>
+#include <nanobind/nanobind.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/unique_ptr.h>
+#include <nanobind/stl/vector.h>
+
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "bindings.hpp"
+#include "numpy.hpp"
+#include "simulation.hpp"
+#include "trifinger/model/export.hpp"
+#include "trifinger/model/kinematics.hpp"
+
+namespace nb = nanobind;
+using namespace nanobind::literals;
+
+namespace trifinger::python {
+namespace {
+
+RobotConfig load(const std::string& config, const nb::dict& overrides) {
+  return load_robot_config(config, to_overrides(overrides));
+}
+
+RobotDescription description_of(const RobotConfig& config) {
+  return std::visit([](const auto& options) { return options.description; }, config.simulation);
+}
+
+using Values = Eigen::VectorXd;
+
+// Whatever NumPy takes for a list of `size` numbers.
+Values to_values(nb::handle object, Eigen::Index size, const char* what) {
+  const nb::object array = nb::steal(PyArray_FROM_OTF(object.ptr(), NPY_DOUBLE, NPY_ARRAY_IN_ARRAY));
+  if (!array.is_valid()) throw nb::python_error();
+  auto* const numbers = reinterpret_cast<PyArrayObject*>(array.ptr());
+  if (PyArray_NDIM(numbers) != 1 || PyArray_DIM(numbers, 0) != size) {
+    throw InvalidArgument(std::string(what) + " has shape " +
+                          nb::str(nb::handle(array).attr("shape")).c_str() + ", must have (" +
+                          std::to_string(size) + ",)");
+  }
+  return Eigen::Map<const Values>(static_cast<const double*>(PyArray_DATA(numbers)), size);
+}
+
+JointValues joints(const Kinematics& kinematics, nb::handle position) {
+  return to_values(position, kinematics.num_joints(), "position");
+}
+
+int checked_finger(const Kinematics& kinematics, int finger) {
+  if (finger < 0 || finger >= kinematics.num_fingers()) {
+    throw InvalidArgument("finger is " + std::to_string(finger) + ", must be 0 to " +
+                          std::to_string(kinematics.num_fingers() - 1));
+  }
+  return finger;
+}
+
+std::string_view name_of(Reach reach) {
+  switch (reach) {
+    case Reach::kYes:
+      return "yes";
+    case Reach::kTooFar:
+      return "too_far";
+    case Reach::kTooClose:
+      return "too_close";
+    case Reach::kOutsideLimits:
+      return "outside_limits";
+  }
+  return "";
+}
+
+using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+void bind_kinematics(nb::module_& m) {
+  nb::class_<Kinematics>(
+      m, "Kinematics",
+      "Kinematics and dynamics of the fingers, without contacts and objects, in the world frame: z up, "
+      "origin on the\ntable. Not for several threads at once: make one each.")
+      .def(
+          "__init__",
+          [](Kinematics* self, const std::string& config, const nb::dict& overrides) {
+            new (self) Kinematics(description_of(load(config, overrides)));
+          },
+          "config"_a = "sim", "overrides"_a = nb::dict(),
+          nb::sig("def __init__(self, config: str = 'sim', overrides: dict[str, object] = {}) -> None"),
+          "Of the robot of a configuration: the name of one that comes with the package, or a file.")
+      .def_prop_ro("num_fingers", &Kinematics::num_fingers, "1 or 3.")
+      .def_prop_ro("num_joints", &Kinematics::num_joints, "Three for each finger.")
+      .def(
+          "tip_positions",
+          [](Kinematics& kinematics, nb::handle position) {
+            kinematics.update(joints(kinematics, position));
+            return RowMajor(kinematics.tip_positions().reshaped<Eigen::RowMajor>(
+                kinematics.num_fingers(), 3));
+          },
+          "position"_a,
+          nb::sig("def tip_positions(self, position: numpy.typing.ArrayLike) -> "
+                  "numpy.typing.NDArray[numpy.float64]"),
+          "Centres of the tip spheres at the joint positions `position` [rad]: a row x, y, z for each finger [m].")
+      .def(
+          "tip_jacobian",
+          [](Kinematics& kinematics, int finger, nb::handle position) {
+            kinematics.update(joints(kinematics, position));
+            return RowMajor(kinematics.tip_jacobian(checked_finger(kinematics, finger)));
+          },
+          "finger"_a, "position"_a,
+          nb::sig("def tip_jacobian(self, finger: int, position: numpy.typing.ArrayLike) -> "
+                  "numpy.typing.NDArray[numpy.float64]"),
+          "Derivative of one tip's position by all joints [m/rad]: 3 rows, `num_joints` columns.")
+      .def(
+          "gravity_torques",
+          [](Kinematics& kinematics, nb::handle position) {
+            kinematics.update(joints(kinematics, position));
+            return Values(kinematics.gravity_torques());
+          },
+          "position"_a,
+          nb::sig("def gravity_torques(self, position: numpy.typing.ArrayLike) -> "
+                  "numpy.typing.NDArray[numpy.float64]"), "Torques that hold the pose against gravity [Nm].")
+      .def(
+          "mass_matrix",
+          [](Kinematics& kinematics, nb::handle position) {
+            kinematics.update(joints(kinematics, position));
+            return RowMajor(kinematics.mass_matrix());
+          },
+          "position"_a,
+          nb::sig("def mass_matrix(self, position: numpy.typing.ArrayLike) -> "
+                  "numpy.typing.NDArray[numpy.float64]"), "Inertia seen by the joints, with that of the rotors [kg m^2].")
+      .def(
+          "inverse_kinematics",
+          [](const Kinematics& kinematics, int finger, nb::handle tip, nb::handle near) {
+            checked_finger(kinematics, finger);
+            const Eigen::Vector3d point = to_values(tip, 3, "tip");
+            const FingerPose pose =
+                near.is_none()
+                    ? kinematics.inverse_kinematics(finger, point)
+                    : kinematics.inverse_kinematics(finger, point, to_values(near, 3, "near"));
+            const std::string_view reach = name_of(pose.reach);
+            return std::pair(pose.position, nb::str(reach.data(), reach.size()));
+          },
+          "finger"_a, "tip"_a, "near"_a = nb::none(),
+          nb::sig("def inverse_kinematics(self, finger: int, tip: numpy.typing.ArrayLike, "
+                  "near: numpy.typing.ArrayLike | None = None) -> "
+                  "tuple[numpy.typing.NDArray[numpy.float64], str]"),
+          "Joint positions of `finger` [rad] that bring its tip to `tip` [m], and whether it can reach it: 'yes',\n"
+          "'too_far', 'too_close' or 'outside_limits'. Where it cannot, the pose comes near it. Of several poses it "
+          "is the\none nearest to `near` [rad], by default to the initial pose.");
+}
+
+}  // namespace
+
+void bind_simulation(nb::module_& m) {
+  nb::class_<PythonSimulation>(
+      m, "Simulation",
+      "A simulated robot in this process, with its back-end inside the waits of its front-end: no threads, "
+      "deterministic,\nas fast as the physics. simulate() is the short form.\n\n"
+      "Every session begins in the state that the last reset(), place_object() or restore() has left. During a "
+      "session\nthey take effect at once.")
+      .def(
+          "__init__",
+          [](PythonSimulation* self, const std::string& config, const nb::dict& overrides) {
+            new (self) PythonSimulation(load(config, overrides));
+          },
+          "config"_a = "sim", "overrides"_a = nb::dict(),
+          nb::sig("def __init__(self, config: str = 'sim', overrides: dict[str, object] = {}) -> None"),
+          "`config` is the name of a configuration that comes with the package, or a file; `overrides` changes "
+          "single\nvalues: {\"fingers.height\": 0.3, \"simulation.seed\": 7}.")
+      .def("connect", &PythonSimulation::connect, nb::kw_only(), "strict"_a = true,
+           "Controls the robot in a new session. Raises ControlHeld while another front-end does.")
+      .def("reset", &PythonSimulation::reset, "position"_a = nb::none(), "seed"_a = nb::none(),
+           "Goes back to the beginning: joints at `position` [rad] (default: the configuration's), objects in their "
+           "places,\nat rest, random numbers from `seed` (default: the configuration's).")
+      .def("place_object", &PythonSimulation::place_object, "name"_a, "position"_a,
+           "orientation"_a = std::vector<double>{1.0, 0.0, 0.0, 0.0},
+           "Puts an object somewhere, at rest: x, y, z [m] and a quaternion w, x, y, z.")
+      .def(
+          "object_pose",
+          [](const PythonSimulation& simulation, const std::string& name) {
+            const ObjectPose pose = simulation.object_pose(name);
+            return std::pair(Eigen::Vector3d(pose.position.data()),
+                             Eigen::Vector4d(pose.orientation.data()));
+          },
+          "name"_a,
+          "Where an object is now, without delay and noise: position [m] and quaternion w, x, y, z.")
+      .def("save", &PythonSimulation::save,
+           "The whole state: physics, safety chain, delays, random numbers.")
+      .def("restore", &PythonSimulation::restore, "state"_a,
+           "Goes on as it went on from `state`, bit for bit.")
+      .def("state_before_divergence", &PythonSimulation::state_before_divergence,
+           "The last state before the simulation diverged; empty if it has not.")
+      .def(
+          "configuration",
+          [](const PythonSimulation& simulation) {
+            const std::vector<double> values = simulation.configuration();
+            return Values(Eigen::Map<const Values>(values.data(), static_cast<Eigen::Index>(values.size())));
+          },
+          "MuJoCo's qpos, then qvel, to draw the scene of mjcf().")
+      .def("mjcf", &PythonSimulation::mjcf, "The scene in MuJoCo's format.");
+
+  m.def(
+      "simulate",
+      [](const std::string& config, const nb::dict& overrides, bool strict) {
+        return PythonSimulation(load(config, overrides)).connect(strict);
+      },
+      "config"_a = "sim", "overrides"_a = nb::dict(), nb::kw_only(), "strict"_a = true,
+      nb::sig("def simulate(config: str = 'sim', overrides: dict[str, object] = {}, *, strict: bool = True) "
+              "-> Frontend"),
+      "Starts a simulated robot in this process and controls it; see Simulation. connect() is for one that runs "
+      "elsewhere.");
+
+  m.def(
+      "export_mjcf",
+      [](const std::string& config, const nb::dict& overrides) {
+        return export_mjcf(description_of(load(config, overrides)));
+      },
+      "config"_a = "sim", "overrides"_a = nb::dict(),
+      nb::sig("def export_mjcf(config: str = 'sim', overrides: dict[str, object] = {}) -> str"),
+      "The scene of a configuration in MuJoCo's format, with objects, cameras and lights.");
+  m.def(
+      "export_urdf",
+      [](const std::string& config, const nb::dict& overrides) {
+        return export_urdf(description_of(load(config, overrides)));
+      },
+      "config"_a = "sim", "overrides"_a = nb::dict(),
+      nb::sig("def export_urdf(config: str = 'sim', overrides: dict[str, object] = {}) -> str"),
+      "The robot of a configuration as URDF.");
+
+  bind_kinematics(m);
+}
+
+}  // namespace trifinger::python

@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "simulation.hpp"
+
+#include <algorithm>
+#include <array>
+#include <span>
+#include <utility>
+
+#include "gil.hpp"
+#include "trifinger/model/export.hpp"
+
+namespace nb = nanobind;
+
+namespace trifinger::python {
+namespace {
+
+template <std::size_t N>
+std::array<double, N> to_array(const std::vector<double>& values, const char* what) {
+  if (values.size() != N) {
+    throw InvalidArgument(std::string(what) + " has " + std::to_string(values.size()) +
+                          " numbers, must have " + std::to_string(N));
+  }
+  std::array<double, N> array{};
+  std::copy(values.begin(), values.end(), array.begin());
+  return array;
+}
+
+nb::bytes to_bytes(const SimulationState& state) { return nb::bytes(state.data(), state.size()); }
+
+}  // namespace
+
+std::vector<std::string> to_overrides(const nb::dict& overrides) {
+  // JSON is YAML, and Python writes it.
+  const nb::object dumps = nb::module_::import_("json").attr("dumps");
+  std::vector<std::string> texts;
+  for (const auto& [key, value] : overrides) {
+    texts.push_back(std::string(nb::str(key).c_str()) + "=" + nb::str(dumps(value)).c_str());
+  }
+  return texts;
+}
+
+PythonSimulation::PythonSimulation(const RobotConfig& config)
+    : simulation_(std::visit(
+          [&](const auto& options) -> decltype(simulation_) {
+            if constexpr (std::is_same_v<std::decay_t<decltype(options)>, SimulationOptions<Finger>>) {
+              return Simulation<Finger>(options, config.session, config.backend);
+            } else {
+              return Simulation<TriFinger>(options, config.session, config.backend);
+            }
+          },
+          config.simulation)) {}
+
+std::unique_ptr<PythonFrontend> PythonSimulation::connect(bool strict) const {
+  return std::visit(
+      [&](const auto& simulation) {
+        return std::make_unique<PythonFrontend>(
+            simulation.connect_untyped({.strict = strict}),
+            PythonFrontend::Role{.controls = true, .is_inline = true});
+      },
+      simulation_);
+}
+
+void PythonSimulation::reset(const std::optional<std::vector<double>>& position,
+                             std::optional<std::uint64_t> seed) const {
+  std::visit(
+      [&]<class R>(const Simulation<R>& simulation) {
+        SimulatedRobot<R>& robot = simulation.robot();
+        if (!position && !seed) {
+          robot.reset();
+        } else {
+          robot.reset(position ? to_array<R::kJoints>(*position, "position")
+                               : robot.initial_position(),
+                      seed.value_or(robot.options().seed));
+        }
+      },
+      simulation_);
+}
+
+void PythonSimulation::place_object(const std::string& name, const std::vector<double>& position,
+                                    const std::vector<double>& orientation) const {
+  const ObjectPose pose{.position = to_array<3>(position, "position"),
+                        .orientation = to_array<4>(orientation, "orientation")};
+  std::visit([&](const auto& simulation) { simulation.robot().place_object(name, pose); },
+             simulation_);
+}
+
+ObjectPose PythonSimulation::object_pose(const std::string& name) const {
+  return std::visit([&](const auto& simulation) { return simulation.robot().object_pose(name); },
+                    simulation_);
+}
+
+nb::bytes PythonSimulation::save() const {
+  return std::visit([](const auto& simulation) { return to_bytes(simulation.robot().save()); },
+                    simulation_);
+}
+
+void PythonSimulation::restore(const nb::bytes& state) const {
+  const std::span bytes(static_cast<const std::byte*>(state.data()), state.size());
+  std::visit([&](const auto& simulation) { simulation.robot().restore(bytes); }, simulation_);
+}
+
+nb::bytes PythonSimulation::state_before_divergence() const {
+  return std::visit(
+      [](const auto& simulation) { return to_bytes(simulation.robot().state_before_divergence()); },
+      simulation_);
+}
+
+std::vector<double> PythonSimulation::configuration() const {
+  return std::visit([](const auto& simulation) { return simulation.robot().configuration(); },
+                    simulation_);
+}
+
+std::string PythonSimulation::mjcf() const {
+  return std::visit(
+      [](const auto& simulation) { return export_mjcf(simulation.robot().options().description); },
+      simulation_);
+}
+
+}  // namespace trifinger::python

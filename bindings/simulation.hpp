@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "frontend.hpp"
+#include "trifinger/sim/robot_config.hpp"
+#include "trifinger/sim/simulation.hpp"
+
+namespace trifinger::python {
+
+/// "a.b=value" for each entry of a dict {"a.b": value}, the values as YAML.
+[[nodiscard]] std::vector<std::string> to_overrides(const nanobind::dict& overrides);
+
+/// A simulated robot in this process, whatever its number of fingers.
+class PythonSimulation {
+ public:
+  explicit PythonSimulation(const RobotConfig& config);
+
+  [[nodiscard]] std::unique_ptr<PythonFrontend> connect(bool strict) const;
+  void reset(const std::optional<std::vector<double>>& position, std::optional<std::uint64_t> seed) const;
+  void place_object(const std::string& name, const std::vector<double>& position,
+                    const std::vector<double>& orientation) const;
+  [[nodiscard]] ObjectPose object_pose(const std::string& name) const;
+  [[nodiscard]] nanobind::bytes save() const;
+  void restore(const nanobind::bytes& state) const;
+  [[nodiscard]] nanobind::bytes state_before_divergence() const;
+  [[nodiscard]] std::vector<double> configuration() const;
+  [[nodiscard]] std::string mjcf() const;
+
+ private:
+  std::variant<Simulation<TriFinger>, Simulation<Finger>> simulation_;
+};
+
+}  // namespace trifinger::python
