@@ -12,6 +12,7 @@ import contextlib
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -43,8 +44,8 @@ def rotated(finger: int, point: Array) -> Array:
     return np.array([cosine * x - sine * y, sine * x + cosine * y, z])
 
 
-def waypoints(start: Array, cube: Array) -> list[Waypoint]:
-    """Circles with all tips, then a push of the cube by the first finger, and back to `start`."""
+def waypoints(cube: Array) -> list[Waypoint]:
+    """Circles with all tips, then a push of the cube by the first finger."""
     path = []
     for angle in np.linspace(0.0, 4.0 * np.pi, 25):
         point = np.array([0.03 * np.sin(angle), 0.13, 0.09 - 0.03 * np.cos(angle)])
@@ -61,7 +62,7 @@ def waypoints(start: Array, cube: Array) -> list[Waypoint]:
         (behind + [0.0, 0.0, 0.06], 0.5),
     ):
         path.append(Waypoint(duration, np.stack([tip, aside[1], aside[2]])))
-    path.append(Waypoint(0.8, start))
+    path.append(Waypoint(0.8, aside))
     return path
 
 
@@ -85,11 +86,12 @@ def back_end(name: str) -> Iterator[None]:
     command = ["trifinger", "run", "sim", "--name", name]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
         try:
+            while name not in (session.name for session in trifinger.list_sessions()):
+                if process.poll() is not None:
+                    output = process.stdout.read() if process.stdout else ""
+                    raise trifinger.Error(f"`{' '.join(command)}` ended at once and said:\n{output}")
+                time.sleep(0.01)
             yield
-        except trifinger.SessionNotFound as error:
-            process.terminate()
-            output = process.stdout.read() if process.stdout else ""
-            raise trifinger.Error(f"{error}\n`{' '.join(command)}` said:\n{output}") from error
         finally:
             process.terminate()
             process.wait()
@@ -114,7 +116,7 @@ def drive(name: str) -> Run:
         cubes = robot.companion("object")
         start = kinematics.tip_positions(pose.position)
         cube_before = cubes.get_latest_at(-1).cube.position.copy()
-        targets = tip_targets(start, waypoints(start, cube_before))
+        targets = tip_targets(start, waypoints(cube_before))
 
         near = pose.position.copy()
         t = robot.append_desired_action(robot.new_action(position=near, torque=kinematics.gravity_torques(near)))
@@ -122,7 +124,7 @@ def drive(name: str) -> Run:
             y = robot.get_observation(t)
             for finger in range(3):
                 joints = slice(3 * finger, 3 * finger + 3)
-                near[joints] = kinematics.inverse_kinematics(finger, tips[finger], near[joints])
+                near[joints], _ = kinematics.inverse_kinematics(finger, tips[finger], near[joints])
             action = robot.new_action(position=near, torque=kinematics.gravity_torques(y.position))
             t = robot.append_desired_action(action)
         robot.wait_until_time_index(t)
@@ -166,8 +168,9 @@ def save_scene(run: Run, path: Path) -> None:
     data.qpos[:] = np.concatenate([run.observations["position"][-1], cube.position, cube.orientation])
     mujoco.mj_forward(model, data)
     camera = mujoco.MjvCamera()
-    camera.lookat[:] = (0.0, 0.0, 0.12)
-    camera.distance, camera.azimuth, camera.elevation = 1.05, 60.0, -22.0
+    mujoco.mjv_defaultFreeCamera(model, camera)
+    camera.lookat[:] = (0.0, 0.0, 0.13)
+    camera.distance = 1.05
     with Renderer(model, height=720, width=960) as renderer:
         renderer.update_scene(data, camera)
         pixels = renderer.render()
@@ -184,15 +187,15 @@ def save_plot(run: Run, path: Path) -> None:
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
-    time = np.arange(len(run.observations)) / RATE
+    times = np.arange(len(run.observations)) / RATE
     figure, axes = pyplot.subplots(3, 1, sharex=True, figsize=(9.0, 7.5), layout="constrained")
     for finger, axis in enumerate(axes):
         for joint in range(3):
             index = 3 * finger + joint
             color = f"C{joint}"
-            axis.plot(time, run.desired_actions["position"][:, index], color=color, linestyle=":", linewidth=1.0)
+            axis.plot(times, run.desired_actions["position"][:, index], color=color, linestyle=":", linewidth=1.0)
             axis.plot(
-                time, run.observations["position"][:, index], color=color, linewidth=1.2, label=f"joint {joint}"
+                times, run.observations["position"][:, index], color=color, linewidth=1.2, label=f"joint {joint}"
             )
         axis.set_title(FINGERS[finger], loc="left", fontsize=10)
         axis.set_ylabel("angle [rad]")
