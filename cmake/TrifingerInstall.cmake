@@ -1,0 +1,25 @@
+# SPDX-License-Identifier: BSD-3-Clause
+# Installs what belongs to no single layer: the CMake package `trifinger` and MuJoCo. Nothing installed names a folder of
+# this machine, so the tree can be moved.
+include(CMakePackageConfigHelpers)
+set(package_folder lib/cmake/trifinger)
+
+if(TRIFINGER_BUILD_ROBOT)
+  install(IMPORTED_RUNTIME_ARTIFACTS MuJoCo::MuJoCo LIBRARY DESTINATION lib/trifinger)
+  get_filename_component(TRIFINGER_MUJOCO_FILE ${MuJoCo_LIBRARY} NAME)
+  # MuJoCo's licence asks that it goes with every copy.
+  file(GLOB licences ${MuJoCo_ROOT}/../mujoco_core-${MuJoCo_VERSION}.dist-info/licenses/*)
+  install(FILES ${licences} DESTINATION share/trifinger/licences/mujoco)
+endif()
+
+get_property(TRIFINGER_LAYERS GLOBAL PROPERTY TRIFINGER_LAYERS)
+configure_file(cmake/trifingerConfig.cmake.in ${PROJECT_BINARY_DIR}/trifingerConfig.cmake @ONLY)
+# Before version 1 a new minor version may break what was built for the one before.
+write_basic_package_version_file(
+  ${PROJECT_BINARY_DIR}/trifingerConfigVersion.cmake COMPATIBILITY SameMinorVersion)
+install(
+  FILES ${PROJECT_BINARY_DIR}/trifingerConfig.cmake ${PROJECT_BINARY_DIR}/trifingerConfigVersion.cmake
+  DESTINATION ${package_folder}
+  COMPONENT development)
+install(EXPORT trifinger-targets NAMESPACE trifinger:: DESTINATION ${package_folder}
+        COMPONENT development)

@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What `cmake --install` leaves behind, moved elsewhere and used without the build folder."""
+
+import re
+import subprocess
+import sysconfig
+import tomllib
+from pathlib import Path
+
+import pytest
+from conftest import BUILD
+
+pytestmark = pytest.mark.release
+
+SOURCES = Path(__file__).parents[2]
+CONSUMERS = SOURCES / "tests" / "consumer"
+VERSION = tomllib.loads((SOURCES / "pyproject.toml").read_text())["project"]["version"]
+# No search path of this test may lead what was installed back to where it was built.
+ENVIRONMENT = {"PATH": "/usr/bin:/bin", "LC_ALL": "C.UTF-8"}
+
+
+def run(*command: str | Path, succeeds: bool = True) -> str:
+    """Runs a command and returns what it said."""
+    done = subprocess.run(
+        command,
+        env=ENVIRONMENT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode == 0) == succeeds, f"{command}\n{done.stdout}"
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def first_prefix(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where it was installed, and is no longer."""
+    return tmp_path_factory.mktemp("install") / "first"
+
+
+@pytest.fixture(scope="module")
+def prefix(first_prefix: Path) -> Path:
+    """Where it was moved to."""
+    run("cmake", "--install", BUILD, "--prefix", first_prefix)
+    return first_prefix.rename(first_prefix.with_name("moved here"))
+
+
+def test_names_no_folder_of_the_machine_that_built_it(prefix: Path, first_prefix: Path) -> None:
+    packages = Path(sysconfig.get_path("purelib"))
+    folders = [str(folder).encode() for folder in (SOURCES, BUILD, packages, first_prefix)]
+    files = [path for path in prefix.rglob("*") if path.is_file()]
+    assert files
+    assert [path for path in files if any(folder in path.read_bytes() for folder in folders)] == []
+    assert [path for path in prefix.rglob("*") if path.is_symlink()] == []
+
+
+def test_holds_nothing_of_the_python_package(prefix: Path) -> None:
+    assert {path.name for path in prefix.iterdir()} == {"bin", "include", "lib", "share"}
+    assert list(prefix.rglob("_trifinger*")) == []
+
+
+def test_program_uses_the_mujoco_that_was_installed_with_it(prefix: Path) -> None:
+    libraries = run("ldd", prefix / "bin" / "trifinger")
+    mujoco = re.search(r"libmujoco\S* => (.*) \(", libraries)
+    assert mujoco, libraries
+    assert Path(mujoco[1]).resolve().parent == prefix / "lib" / "trifinger"
+
+
+def test_program_says_its_version(prefix: Path) -> None:
+    assert run(prefix / "bin" / "trifinger", "--version") == f"trifinger {VERSION}\n"
+
+
+def test_program_exports_the_model(prefix: Path) -> None:
+    mjcf = run(prefix / "bin" / "trifinger", "model", "export", "--format", "mjcf")
+    assert mjcf.startswith("<mujoco")
+
+
+def test_program_knows_the_configurations_that_were_installed_with_it(prefix: Path) -> None:
+    refusal = run(prefix / "bin" / "trifinger", "run", "nonsense", succeeds=False)
+    for file in (SOURCES / "config").glob("*.yml"):
+        assert (prefix / "share" / "trifinger" / "config" / file.name).is_file()
+        assert file.stem in refusal
+
+
+def test_public_headers_do_not_include_mujoco(prefix: Path) -> None:
+    headers = list((prefix / "include").rglob("*.hpp"))
+    assert headers
+    assert [path for path in headers if re.search(r"#\s*include.*mujoco", path.read_text())] == []
+
+
+def build_consumer(source: Path, build: Path, prefix: Path, *options: str) -> Path:
+    """Builds a project of somebody who uses the package and returns the program."""
+    run("cmake", "-S", source, "-B", build, f"-DCMAKE_PREFIX_PATH={prefix}", *options)
+    run("cmake", "--build", build)
+    return build / "consumer"
+
+
+def test_others_build_a_robot_of_their_own_on_the_core_alone(prefix: Path, tmp_path: Path) -> None:
+    without = [
+        f"-DCMAKE_DISABLE_FIND_PACKAGE_{name}=ON" for name in ("yaml-cpp", "Eigen3", "MuJoCo")
+    ]
+    program = build_consumer(CONSUMERS / "core", tmp_path, prefix, *without)
+    assert run(program) == "at step 100 the wheel is at 0.200 rad\n"
+    assert "mujoco" not in run("ldd", program)
+
+
+def test_others_build_programs_that_simulate(prefix: Path, tmp_path: Path) -> None:
+    program = build_consumer(CONSUMERS / "sim", tmp_path, prefix)
+    assert run(program) == "at step 100 the cube is 0.032 m above the table\n"
+
+
+@pytest.mark.parametrize(
+    ("wish", "answer"),
+    [
+        ("99.0", f"version: {VERSION}"),
+        ("COMPONENTS gripper", "there is no layer 'gripper', only base, ipc,"),
+    ],
+)
+def test_package_says_why_it_is_not_what_was_asked_for(
+    prefix: Path, tmp_path: Path, wish: str, answer: str
+) -> None:
+    (tmp_path / "CMakeLists.txt").write_text(
+        f"""cmake_minimum_required(VERSION 3.25)
+        project(consumer LANGUAGES NONE)
+        find_package(trifinger {wish} REQUIRED)
+        """
+    )
+    refusal = run(
+        "cmake", "-S", tmp_path, "-B", tmp_path, f"-DCMAKE_PREFIX_PATH={prefix}", succeeds=False
+    )
+    assert answer in " ".join(refusal.split())
