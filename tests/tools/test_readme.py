@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: BSD-3-Clause
+import re
+from pathlib import Path
+from textwrap import dedent
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+SUFFIXES = {"cpp": ".cpp", "python": ".py"}
+BLOCK = re.compile(r"^```(cpp|python)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+BLOCKS = BLOCK.findall((ROOT / "README.md").read_text())
+
+
+def contains(program: str, block: str) -> bool:
+    """Says whether the lines of `block` stand in `program`, one behind the other, at any depth."""
+    wanted = block.splitlines()
+    lines = program.splitlines()
+    return any(
+        dedent("\n".join(lines[first : first + len(wanted)])).splitlines() == wanted
+        for first in range(len(lines) - len(wanted) + 1)
+    )
+
+
+def test_has_the_control_loop_in_both_languages() -> None:
+    loops = [language for language, block in BLOCKS if "while t < 1000" in block.replace("(", "")]
+    assert sorted(loops) == ["cpp", "python"]
+
+
+@pytest.mark.parametrize(("language", "block"), BLOCKS)
+def test_shows_only_lines_of_examples_that_run(language: str, block: str) -> None:
+    examples = (ROOT / "examples").glob(f"*{SUFFIXES[language]}")
+    assert any(contains(path.read_text(), block) for path in examples), block
+
+
+def test_finds_lines_at_another_depth_only_as_a_whole() -> None:
+    program = "def f():\n    a = 1\n\n    b = 2\n"
+    assert contains(program, "a = 1\n\nb = 2\n")
+    assert not contains(program, "a = 1\nb = 2\n")
+    assert not contains(program, "a = 1\n\nb = 3\n")
