@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/ipc/file_lock.hpp"
+
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <array>
+#include <csignal>
+#include <filesystem>
+#include <optional>
+
+#include "support/child_process.hpp"
+#include "support/session_folder.hpp"
+#include "support/shared_value.hpp"
+#include "trifinger/base/error.hpp"
+
+namespace trifinger::ipc {
+namespace {
+
+class FileLock : public ::testing::Test {
+ protected:
+  [[nodiscard]] FileDescriptor open(int flags = O_RDWR) const {
+    return FileDescriptor(::open(path_.c_str(), flags | O_CREAT | O_CLOEXEC, 0600));
+  }
+
+  test::SessionFolder folder_;
+  std::filesystem::path path_{folder_.path() / "lock"};
+};
+
+// Two ends of a pipe: a child says that it has come to a point, the parent waits for that.
+class Signal {
+ public:
+  Signal() { EXPECT_EQ(::pipe(ends_.data()), 0); }
+  Signal(const Signal&) = delete;
+  Signal& operator=(const Signal&) = delete;
+  ~Signal() {
+    ::close(ends_[0]);
+    ::close(ends_[1]);
+  }
+  void give() const { EXPECT_EQ(::write(ends_[1], "x", 1), 1); }
+  void wait() const {
+    char byte = 0;
+    EXPECT_EQ(::read(ends_[0], &byte, 1), 1);
+  }
+
+ private:
+  std::array<int, 2> ends_{};
+};
+
+TEST_F(FileLock, IsHeldByOneDescriptorAtATime) {
+  const FileDescriptor first = open();
+  const FileDescriptor second = open();
+  EXPECT_FALSE(is_locked_by_other(second));
+  EXPECT_TRUE(try_lock(first));
+  EXPECT_TRUE(try_lock(first)) << "who has it has it";
+  EXPECT_FALSE(try_lock(second));
+  EXPECT_TRUE(is_locked_by_other(second));
+  EXPECT_FALSE(is_locked_by_other(first)) << "its own lock";
+  unlock(first);
+  EXPECT_FALSE(is_locked_by_other(second));
+  EXPECT_TRUE(try_lock(second));
+}
+
+TEST_F(FileLock, SurvivesTheClosingOfAnotherDescriptor) {
+  const FileDescriptor holder = open();
+  const FileDescriptor prober = open();
+  ASSERT_TRUE(try_lock(holder));
+  {
+    const FileDescriptor other = open();
+  }
+  EXPECT_TRUE(is_locked_by_other(prober)) << "POSIX locks are lost here";
+}
+
+TEST_F(FileLock, CanBeProbedWithoutWritePermission) {
+  const FileDescriptor holder = open();
+  const FileDescriptor prober = open(O_RDONLY);
+  EXPECT_FALSE(is_locked_by_other(prober));
+  ASSERT_TRUE(try_lock(holder));
+  EXPECT_TRUE(is_locked_by_other(prober));
+}
+
+TEST_F(FileLock, CannotBeTakenWithoutWritePermission) {
+  const FileDescriptor writer = open();
+  const FileDescriptor reader = open(O_RDONLY);
+  EXPECT_THROW(static_cast<void>(try_lock(reader)), SystemError);
+}
+
+TEST_F(FileLock, EndsWithItsHolderHoweverItEnds) {
+  const FileDescriptor prober = open();
+  const Signal locked;
+  test::ChildProcess child([&] {
+    const FileDescriptor file = open();
+    if (!try_lock(file)) return 1;
+    locked.give();
+    while (true) ::pause();
+  });
+  locked.wait();
+  EXPECT_TRUE(is_locked_by_other(prober));
+  EXPECT_FALSE(try_lock(prober));
+  child.kill();
+  EXPECT_FALSE(is_locked_by_other(prober));
+  EXPECT_TRUE(try_lock(prober));
+}
+
+TEST_F(FileLock, IsNotKeptByAForkedChildOfItsHolder) {
+  const FileDescriptor prober = open();
+  const Signal grandchild_lives;
+  const test::SharedValue<pid_t> grandchild;
+  test::ChildProcess holder([&] {
+    const FileDescriptor file = open();
+    if (!try_lock(file)) return 1;
+    if (::fork() == 0) {
+      *grandchild = ::getpid();
+      grandchild_lives.give();
+    }
+    while (true) ::pause();
+  });
+  grandchild_lives.wait();
+  EXPECT_TRUE(is_locked_by_other(prober));
+  holder.kill();
+  EXPECT_FALSE(is_locked_by_other(prober)) << "the grandchild keeps the lock of the dead";
+  ::kill(*grandchild, SIGKILL);
+}
+
+}  // namespace
+}  // namespace trifinger::ipc

@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/ipc/futex.hpp"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <thread>
+
+#include "support/child_process.hpp"
+#include "support/shared_value.hpp"
+#include "trifinger/ipc/shared_memory.hpp"
+
+namespace trifinger::ipc {
+namespace {
+
+constexpr Nanoseconds kDays = std::chrono::hours(100);
+
+TEST(Futex, DoesNotSleepIfTheWordHasChanged) {
+  const std::atomic<std::uint32_t> word{1};
+  futex_wait(word, 0, kDays);
+}
+
+TEST(Futex, DoesNotSleepWithoutTime) {
+  const std::atomic<std::uint32_t> word{0};
+  futex_wait(word, 0, Nanoseconds::zero());
+  futex_wait(word, 0, Nanoseconds(-1));
+}
+
+TEST(Futex, ReturnsWhenItsTimeIsOver) {
+  const std::atomic<std::uint32_t> word{0};
+  futex_wait(word, 0, std::chrono::milliseconds(1));
+}
+
+struct Words {
+  std::atomic<std::uint32_t> ping{0};
+  std::atomic<std::uint32_t> pong{0};
+};
+
+// Waits, without any limit of time, until `word` is `value`.
+void wait_for(const std::atomic<std::uint32_t>& word, std::uint32_t value) {
+  while (true) {
+    const std::uint32_t seen = word.load(std::memory_order_acquire);
+    if (seen == value) return;
+    futex_wait(word, seen, kDays);
+  }
+}
+
+// Every wake is needed: one that is lost leaves both asleep for days, and the watchdog of the tests
+// ends that.
+void play(Words& words, std::uint32_t rounds, bool is_first) {
+  for (std::uint32_t i = 1; i <= rounds; ++i) {
+    if (!is_first) wait_for(words.ping, i);
+    auto& mine = is_first ? words.ping : words.pong;
+    mine.store(i, std::memory_order_release);
+    futex_wake_all(mine);
+    if (is_first) wait_for(words.pong, i);
+  }
+}
+
+TEST(Futex, LosesNoWakeBetweenThreads) {
+  Words words;
+  std::thread other([&] { play(words, 20'000, false); });
+  play(words, 20'000, true);
+  other.join();
+}
+
+TEST(Futex, LosesNoWakeBetweenProcesses) {
+  test::SharedValue<Words> words;
+  test::ChildProcess other([&] {
+    play(*words, 20'000, false);
+    return 0;
+  });
+  play(*words, 20'000, true);
+  EXPECT_EQ(other.wait(), 0);
+}
+
+TEST(Futex, WakesSleepersOnAReadOnlyMapping) {
+  SharedMemory writable = SharedMemory::create_anonymous(4096);
+  const SharedMemory read_only = writable.reopen(Access::kReadOnly);
+  auto& word = *reinterpret_cast<std::atomic<std::uint32_t>*>(writable.data());
+  const auto& seen = *reinterpret_cast<const std::atomic<std::uint32_t>*>(read_only.data());
+  std::thread sleeper([&] { wait_for(seen, 1); });
+  word.store(1, std::memory_order_release);
+  futex_wake_all(word);
+  sleeper.join();
+}
+
+}  // namespace
+}  // namespace trifinger::ipc

@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/ipc/process.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <string>
+
+#include "support/child_process.hpp"
+#include "support/shared_value.hpp"
+
+namespace trifinger::ipc {
+namespace {
+
+TEST(ProcessIdentity, OfThisProcessIsAlive) {
+  const auto self = ProcessIdentity::of_this_process();
+  EXPECT_EQ(self.pid, ::getpid());
+  EXPECT_TRUE(self.is_alive());
+  EXPECT_EQ(self, ProcessIdentity::of_this_process());
+}
+
+TEST(ProcessIdentity, IsNotAliveIfTheNumberBelongsToALaterProcess) {
+  auto identity = ProcessIdentity::of_this_process();
+  --identity.start_time;
+  EXPECT_FALSE(identity.is_alive());
+}
+
+TEST(ProcessIdentity, OfNobodyIsNotAlive) {
+  EXPECT_FALSE((ProcessIdentity{.pid = 0, .start_time = 0}.is_alive()));
+  EXPECT_FALSE((ProcessIdentity{.pid = -5, .start_time = 7}.is_alive()));
+  EXPECT_FALSE((ProcessIdentity{.pid = 1LL << 40U, .start_time = 7}.is_alive()));
+}
+
+TEST(ProcessIdentity, IsNotAliveOnceTheProcessIsAZombie) {
+  test::SharedValue<ProcessIdentity> identity;
+  const pid_t pid = ::fork();
+  if (pid == 0) {
+    *identity = ProcessIdentity::of_this_process();
+    ::_exit(0);
+  }
+  // Waits for the end but leaves the zombie.
+  siginfo_t info{};
+  ASSERT_EQ(::waitid(P_PID, static_cast<id_t>(pid), &info, WEXITED | WNOWAIT), 0);
+  EXPECT_EQ(identity->pid, pid);
+  EXPECT_FALSE(identity->is_alive());
+  ::waitpid(pid, nullptr, 0);
+  EXPECT_FALSE(identity->is_alive());
+}
+
+TEST(ProcessIdentity, SurvivesANameThatLooksLikeTheEndOfIt) {
+  // The kernel shows the name in parentheses and does not escape it.
+  test::ChildProcess child([] {
+    ::prctl(PR_SET_NAME, ") R 1 2 (");
+    const auto self = ProcessIdentity::of_this_process();
+    return self.is_alive() && self.start_time > 1000 ? 0 : 2;
+  });
+  EXPECT_EQ(child.wait(), 0);
+}
+
+TEST(DescribeProcess, NamesTheProgramOfALivingProcess) {
+  const auto self = ProcessIdentity::of_this_process();
+  EXPECT_EQ(describe(self), "ipc_test (process " + std::to_string(::getpid()) + ")");
+}
+
+TEST(DescribeProcess, GivesTheNumberOfADeadProcess) {
+  EXPECT_EQ(describe({.pid = 4711, .start_time = 1}), "process 4711");
+}
+
+}  // namespace
+}  // namespace trifinger::ipc

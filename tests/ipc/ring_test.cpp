@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/ipc/ring.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <random>
+#include <thread>
+#include <vector>
+
+namespace trifinger::ipc {
+namespace {
+
+// A ring with memory of its own.
+class OwnedRing {
+ public:
+  explicit OwnedRing(const RingShape& shape)
+      : memory_(shape.size() / 8), ring_(reinterpret_cast<std::byte*>(memory_.data()), shape) {}
+
+  const Ring* operator->() const noexcept { return &ring_; }
+  const Ring& operator*() const noexcept { return ring_; }
+
+ private:
+  std::vector<std::uint64_t> memory_;
+  Ring ring_;
+};
+
+// The bytes of element `index`: every byte follows from the index and its place, so any mixture is
+// seen.
+std::vector<std::byte> element_of(std::int64_t index, std::size_t size) {
+  std::vector<std::byte> element(size);
+  std::minstd_rand random(static_cast<std::uint32_t>(index) + 1);
+  for (std::byte& byte : element) byte = static_cast<std::byte>(random() >> 8U);
+  return element;
+}
+
+TEST(RingShape, CountsASequenceNumberAndWholeWordsPerSlot) {
+  const RingShape shape{.capacity = 4, .element_size = 9};
+  EXPECT_EQ(shape.words(), 2U);
+  EXPECT_EQ(shape.slot_size(), 24U);
+  EXPECT_EQ(shape.size(), 96U);
+}
+
+TEST(RingShape, IsInvalidIfItIsNoPowerOfTwoOrEmptyOrCouldOverflow) {
+  EXPECT_TRUE((RingShape{.capacity = 1, .element_size = 1}.is_valid()));
+  EXPECT_TRUE((RingShape{.capacity = 1U << 30U, .element_size = 1U << 30U}.is_valid()));
+  EXPECT_FALSE((RingShape{.capacity = 0, .element_size = 8}.is_valid()));
+  EXPECT_FALSE((RingShape{.capacity = 3, .element_size = 8}.is_valid()));
+  EXPECT_FALSE((RingShape{.capacity = 4, .element_size = 0}.is_valid()));
+  EXPECT_FALSE((RingShape{.capacity = 1ULL << 31U, .element_size = 8}.is_valid()));
+  EXPECT_FALSE((RingShape{.capacity = 4, .element_size = (1ULL << 30U) + 1}.is_valid()));
+  EXPECT_FALSE((RingShape{.capacity = 1ULL << 63U, .element_size = 8}.is_valid()));
+}
+
+TEST(Ring, HasNothingInTheBeginning) {
+  const OwnedRing ring({.capacity = 4, .element_size = 8});
+  std::uint64_t element = 0;
+  for (std::int64_t i = 0; i < 10; ++i) EXPECT_EQ(ring->read(i, &element), ReadResult::kNotYet);
+}
+
+TEST(Ring, KeepsTheNewestElementsWhateverItsShape) {
+  std::mt19937 random(1);
+  for (int round = 0; round < 200; ++round) {
+    const RingShape shape{.capacity = std::uint64_t{1} << (random() % 7),
+                          .element_size = 1 + random() % 70};
+    const OwnedRing ring(shape);
+    const auto count = static_cast<std::int64_t>(random() % 200);
+    for (std::int64_t i = 0; i < count; ++i)
+      ring->write(i, element_of(i, shape.element_size).data());
+
+    for (std::int64_t i = 0; i < count + 3; ++i) {
+      // A byte more than the element: it must not be touched.
+      std::vector<std::byte> element(shape.element_size + 1, std::byte{0xA5});
+      const ReadResult result = ring->read(i, element.data());
+      EXPECT_EQ(element.back(), std::byte{0xA5});
+      if (i >= count) {
+        EXPECT_EQ(result, ReadResult::kNotYet);
+      } else if (i < count - static_cast<std::int64_t>(shape.capacity)) {
+        EXPECT_EQ(result, ReadResult::kLost);
+      } else {
+        ASSERT_EQ(result, ReadResult::kDone);
+        element.pop_back();
+        EXPECT_EQ(element, element_of(i, shape.element_size));
+      }
+    }
+  }
+}
+
+TEST(Ring, HidesAnElementWhileItIsWritten) {
+  const OwnedRing ring({.capacity = 2, .element_size = 8});
+  const std::uint64_t element = 42;
+  ring->write(0, &element);
+  EXPECT_EQ(ring->sequence_in_slot(0), Ring::sequence_of(0));
+  EXPECT_EQ(ring->sequence_in_slot(2), Ring::sequence_of(0)) << "the same slot";
+}
+
+// One writer, several readers, random shapes: whatever a reader is told to have is whole and is the
+// element it asked for. Under the thread sanitizer this also shows that the words are ordered by
+// nothing but themselves.
+TEST(Ring, NeverShowsATornElement) {
+  std::mt19937 random(2);
+  for (int round = 0; round < 8; ++round) {
+    const RingShape shape{.capacity = std::uint64_t{1} << (random() % 5),
+                          .element_size = 1 + random() % 200};
+    const OwnedRing ring(shape);
+    constexpr std::int64_t kCount = 5'000;
+    std::atomic<std::int64_t> end{0};
+    std::vector<std::thread> readers;
+    for (std::uint32_t reader = 0; reader < 3; ++reader) {
+      readers.emplace_back([&, reader] {
+        std::minstd_rand choice(reader + 1);
+        std::vector<std::byte> element(shape.element_size);
+        bool has_read = false;
+        while (true) {
+          const std::int64_t last = end.load(std::memory_order_acquire);
+          const std::int64_t back = static_cast<std::int64_t>(choice() % (2 * shape.capacity));
+          const std::int64_t index = std::max<std::int64_t>(0, last - back);
+          switch (ring->read(index, element.data())) {
+            case ReadResult::kDone:
+              ASSERT_EQ(element, element_of(index, shape.element_size)) << index;
+              has_read = true;
+              break;
+            case ReadResult::kNotYet:
+              ASSERT_GE(index, last) << "an element that was published is missing";
+              break;
+            case ReadResult::kLost:
+              break;
+          }
+          if (last == kCount && has_read) return;
+        }
+      });
+    }
+    for (std::int64_t i = 0; i < kCount; ++i) {
+      ring->write(i, element_of(i, shape.element_size).data());
+      end.store(i + 1, std::memory_order_release);
+    }
+    for (std::thread& reader : readers) reader.join();
+  }
+}
+
+}  // namespace
+}  // namespace trifinger::ipc

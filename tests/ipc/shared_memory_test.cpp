@@ -1,0 +1,198 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/ipc/shared_memory.hpp"
+
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstddef>
+#include <filesystem>
+#include <string>
+#include <utility>
+
+#include "support/child_process.hpp"
+#include "support/session_folder.hpp"
+#include "trifinger/base/error.hpp"
+#include "trifinger/ipc/file_lock.hpp"
+
+namespace trifinger::ipc {
+namespace {
+
+constexpr std::size_t kPage = 4096;
+constexpr std::size_t kSize = 4 * kPage;
+
+class SharedMemoryFile : public ::testing::Test {
+ protected:
+  [[nodiscard]] SharedMemory create(const std::string& name = "memory",
+                                    unsigned mode = 0600) const {
+    return SharedMemory::create_file(folder_.path(), name, kSize, mode);
+  }
+  [[nodiscard]] std::size_t files() const {
+    return static_cast<std::size_t>(
+        std::distance(std::filesystem::directory_iterator(folder_.path()), {}));
+  }
+
+  test::SessionFolder folder_;
+  std::filesystem::path path_{folder_.path() / "memory"};
+};
+
+int error_of(const auto& call) {
+  try {
+    static_cast<void>(call());
+  } catch (const SystemError& error) {
+    return error.error_number();
+  }
+  return 0;
+}
+
+TEST(AnonymousMemory, BeginsWithZeros) {
+  const SharedMemory memory = SharedMemory::create_anonymous(kSize);
+  EXPECT_EQ(memory.size(), kSize);
+  EXPECT_TRUE(std::all_of(memory.data(), memory.data() + kSize,
+                          [](std::byte b) { return b == std::byte{0}; }));
+}
+
+TEST(AnonymousMemory, IsSeenByEveryMapping) {
+  SharedMemory memory = SharedMemory::create_anonymous(kSize);
+  const SharedMemory other = memory.reopen(Access::kReadOnly);
+  EXPECT_NE(other.data(), memory.data());
+  memory.data()[kSize - 1] = std::byte{42};
+  EXPECT_EQ(other.data()[kSize - 1], std::byte{42});
+}
+
+TEST(AnonymousMemory, HasALockPerMapping) {
+  const SharedMemory memory = SharedMemory::create_anonymous(kSize);
+  const SharedMemory other = memory.reopen(Access::kReadWrite);
+  ASSERT_TRUE(try_lock(memory.file()));
+  EXPECT_FALSE(try_lock(other.file()));
+}
+
+TEST_F(SharedMemoryFile, CannotBeFoundBeforeItIsPublished) {
+  SharedMemory memory = create();
+  memory.data()[0] = std::byte{1};
+  EXPECT_EQ(error_of([&] { return SharedMemory::open(path_, Access::kReadOnly); }), ENOENT);
+  memory.publish();
+  EXPECT_EQ(SharedMemory::open(path_, Access::kReadOnly).data()[0], std::byte{1});
+}
+
+TEST_F(SharedMemoryFile, LeavesNothingBehindIfItIsNeverPublished) {
+  {
+    const SharedMemory memory = create();
+  }
+  EXPECT_EQ(files(), 0U);
+}
+
+TEST_F(SharedMemoryFile, TakesThePlaceOfAnOlderFileWhoseReadersKeepTheirs) {
+  SharedMemory older = create();
+  older.data()[0] = std::byte{1};
+  older.publish();
+  const SharedMemory reader = SharedMemory::open(path_, Access::kReadOnly);
+  SharedMemory newer = create();
+  newer.data()[0] = std::byte{2};
+  newer.publish();
+  EXPECT_EQ(reader.data()[0], std::byte{1});
+  EXPECT_EQ(SharedMemory::open(path_, Access::kReadOnly).data()[0], std::byte{2});
+  EXPECT_EQ(files(), 1U);
+}
+
+TEST_F(SharedMemoryFile, IsAlwaysThereWhileItIsReplaced) {
+  SharedMemory first = create();
+  first.publish();
+  // Somebody replaces the file all the time; whoever opens it finds a whole one.
+  test::ChildProcess writer([&] {
+    while (true) {
+      SharedMemory memory = create();
+      std::fill(memory.data(), memory.data() + kSize, std::byte{7});
+      memory.publish();
+    }
+    return 0;
+  });
+  for (int i = 0; i < 2000; ++i) {
+    const SharedMemory memory = SharedMemory::open(path_, Access::kReadOnly);
+    ASSERT_EQ(memory.size(), kSize);
+    ASSERT_EQ(memory.data()[0], memory.data()[kSize - 1]);
+  }
+}
+
+TEST_F(SharedMemoryFile, IsPublishedOnceIfAbsent) {
+  SharedMemory first = create();
+  SharedMemory second = create();
+  EXPECT_TRUE(first.publish_if_absent());
+  second.data()[0] = std::byte{2};
+  EXPECT_FALSE(second.publish_if_absent());
+  EXPECT_EQ(SharedMemory::open(path_, Access::kReadOnly).data()[0], std::byte{0});
+}
+
+TEST_F(SharedMemoryFile, HasTheModeAskedForWhateverTheUmask) {
+  const mode_t umask = ::umask(0777);
+  create("memory", 0640).publish();
+  ::umask(umask);
+  struct stat status{};
+  ASSERT_EQ(::stat(path_.c_str(), &status), 0);
+  EXPECT_EQ(status.st_mode & 0777U, 0640U);
+}
+
+TEST_F(SharedMemoryFile, SaysWhyItCannotBeOpened) {
+  EXPECT_EQ(error_of([&] { return SharedMemory::open(path_, Access::kReadOnly); }), ENOENT);
+  std::filesystem::create_symlink("/dev/zero", path_);
+  EXPECT_EQ(error_of([&] { return SharedMemory::open(path_, Access::kReadOnly); }), ELOOP)
+      << "a link may lead anywhere";
+}
+
+TEST_F(SharedMemoryFile, RefusesAnEmptyFile) {
+  create().publish();
+  ASSERT_EQ(::truncate(path_.c_str(), 0), 0);
+  EXPECT_THROW(static_cast<void>(SharedMemory::open(path_, Access::kReadOnly)), Error);
+}
+
+TEST_F(SharedMemoryFile, ReadsAsZerosWhereItWasCutOff) {
+  SharedMemory memory = create();
+  std::fill(memory.data(), memory.data() + kSize, std::byte{7});
+  memory.publish();
+  const SharedMemory other = create("other");
+  EXPECT_FALSE(memory.is_damaged());
+
+  ASSERT_EQ(::truncate(path_.c_str(), kPage), 0);
+  EXPECT_EQ(memory.data()[kPage - 1], std::byte{7});
+  EXPECT_FALSE(memory.is_damaged()) << "nobody has missed anything yet";
+  EXPECT_EQ(memory.data()[2 * kPage], std::byte{0});
+  EXPECT_TRUE(memory.is_damaged());
+  EXPECT_FALSE(other.is_damaged());
+  // Writing goes nowhere, but it goes on.
+  memory.data()[kSize - 1] = std::byte{1};
+  memory.data()[kPage] = std::byte{1};
+}
+
+TEST_F(SharedMemoryFile, StaysGuardedWhenItMoves) {
+  SharedMemory memory = create();
+  memory.publish();
+  const SharedMemory moved = std::move(memory);
+  ASSERT_EQ(::truncate(path_.c_str(), 0), 0);
+  EXPECT_EQ(moved.data()[0], std::byte{0});
+  EXPECT_TRUE(moved.is_damaged());
+}
+
+TEST_F(SharedMemoryFile, GivesGuardsBack) {
+  create().publish();
+  // More than the table of guards holds.
+  for (int i = 0; i < 10'000; ++i) {
+    static_cast<void>(SharedMemory::open(path_, Access::kReadOnly));
+  }
+}
+
+TEST(BusError, StillEndsAProcessThatTouchesSomebodyElsesMemory) {
+  const test::SessionFolder folder;
+  test::ChildProcess child([&] {
+    const SharedMemory guarded = SharedMemory::create_anonymous(kPage);
+    ::raise(SIGBUS);
+    // The handler lets the next one through.
+    ::raise(SIGBUS);
+    return 0;
+  });
+  EXPECT_NE(child.wait(), 0);
+}
+
+}  // namespace
+}  // namespace trifinger::ipc
