@@ -262,7 +262,7 @@ void add_doctor(CLI::App& program, Action& action) {
   command
       ->add_option("--root", options->root,
                    "Look at the copy of another machine's /proc, /sys and /dev in this folder")
-      ->check(CLI::ExistingDirectory.description(""))
+      ->check(CLI::ExistingDirectory)
       ->option_text("FOLDER");
   command->footer(
       "Exit code 0 if nothing is lacking, 1 otherwise. Notes do not count.\n"

@@ -107,6 +107,7 @@ double arrival_rate(const UntypedFrontend& companion) {
   const std::int64_t now = monotonic_now();
   std::vector<std::byte> element(description.size());
   std::int64_t count = 0;
+  std::int64_t oldest_time = now;
   const auto [first, end] = companion.range(Series::kObservation);
   for (TimeIndex i = end - 1; i >= first; --i) {
     try {
@@ -116,10 +117,13 @@ double arrival_rate(const UntypedFrontend& companion) {
     }
     std::int64_t time = 0;
     std::memcpy(&time, element.data() + arrival->offset, sizeof(time));
-    if (time < now - kSecond) break;
+    if (time < now - kSecond) return static_cast<double>(count);
+    oldest_time = time;
     ++count;
   }
-  return static_cast<double>(count);
+  // All that is kept came in less than a second.
+  return count < 2 ? 0.0
+                   : static_cast<double>(count) * 1e9 / static_cast<double>(now - oldest_time);
 }
 
 }  // namespace trifinger::apps

@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "choice.hpp"
 #include "commands.hpp"
 #include "terminal.hpp"
 #include "trifinger/base/error.hpp"
@@ -21,8 +22,8 @@ namespace trifinger::apps {
 namespace {
 
 using MakeObject = ObjectDescription (*)(std::string);
-constexpr std::array<std::pair<std::string_view, MakeObject>, 4> kObjects{
-    {{"cube", cube}, {"cuboid", cuboid}, {"stick", stick}, {"ball", ball}}};
+const Choices<MakeObject> kObjects{
+    {"cube", cube}, {"cuboid", cuboid}, {"stick", stick}, {"ball", ball}};
 
 enum class Format : unsigned char { kMjcf, kUrdf };
 
@@ -45,9 +46,7 @@ RobotDescription description_of(const Options& options) {
   robot.soft_tips = !options.hard_tips;
   if (!options.objects.empty()) robot.objects.clear();
   for (const std::string& name : options.objects) {
-    for (const auto& [known, make] : kObjects) {
-      if (name == known) robot.objects.push_back(make(name));
-    }
+    robot.objects.push_back(choose(kObjects, "--object", name)(name));
   }
   validate(robot);
   return robot;
@@ -114,21 +113,18 @@ int print_info(const Options& options) {
 }
 
 void add_description(CLI::App& command, Options& options) {
-  const std::vector<std::pair<std::string, Variant>> variants{
-      {"edu", Variant::kEdu}, {"pro", Variant::kPro}, {"one", Variant::kOne}};
-  command.add_option("--variant", options.robot.variant, "Which hardware; default: edu")
-      ->transform(CLI::CheckedTransformer(variants).description(""))
-      ->option_text("edu|pro|one");
+  add_choice<Variant>(command, "--variant", options.robot.variant,
+                      {{"edu", Variant::kEdu}, {"pro", Variant::kPro}, {"one", Variant::kOne}},
+                      "Which hardware; default: edu");
   command.add_flag("--single-finger", options.single_finger, "One finger on a stand");
-  command.add_option("--finger-height", options.robot.finger_height,
-                     "Height of the joint-0 axes above the table [m]; default: the variant's");
+  command
+      .add_option("--finger-height", options.robot.finger_height,
+                  "Height of the joint-0 axes above the table [m]; default: the variant's")
+      ->option_text("METRES");
   command.add_flag("--flipped", options.robot.flipped, "Turn the platform upside down");
   command.add_flag("--no-boundary", options.no_boundary, "Leave out the wall around the table");
   command.add_flag("--hard-tips", options.hard_tips, "Make the tips hard");
-  std::vector<std::string> objects;
-  for (const auto& [name, make] : kObjects) objects.emplace_back(name);
   command.add_option("--object", options.objects, "What lies on the table; default: a cube")
-      ->check(CLI::IsMember(objects).description(""))
       ->option_text("cube|cuboid|stick|ball ...");
 }
 
@@ -145,13 +141,11 @@ void add_model(CLI::App& program, Action& action) {
       "  trifinger model export --format urdf -o trifinger.urdf");
 
   CLI::App* const export_command = command->add_subcommand("export", "Write the model to a file");
-  const std::vector<std::pair<std::string, Format>> formats{{"mjcf", Format::kMjcf},
-                                                            {"urdf", Format::kUrdf}};
-  export_command->add_option("--format", options->format, "What to write")
-      ->required()
-      ->transform(CLI::CheckedTransformer(formats).description(""))
-      ->option_text("mjcf|urdf");
-  export_command->add_option("-o,--output", options->file, "The file; default: standard output");
+  add_choice<Format>(*export_command, "--format", options->format,
+                     {{"mjcf", Format::kMjcf}, {"urdf", Format::kUrdf}}, "What to write")
+      ->required();
+  export_command->add_option("-o,--output", options->file, "The file; default: standard output")
+      ->option_text("FILE");
   export_command->add_flag("--physics-only", options->physics_only,
                            "MJCF without what is only seen: frame, shells, lights, cameras");
   add_description(*export_command, *options);

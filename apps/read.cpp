@@ -3,13 +3,16 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <array>
 #include <cstring>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "choice.hpp"
 #include "commands.hpp"
 #include "terminal.hpp"
 #include "trifinger/core/frontend.hpp"
@@ -180,14 +183,14 @@ void add_read(CLI::App& program, Action& action) {
       ->required();
   CLI::Option* const step =
       command->add_option("STEP", options->time_index, "The step to print; default: the newest")
-          ->check(CLI::NonNegativeNumber);
+          ->check(CLI::Range(TimeIndex{0}, std::numeric_limits<TimeIndex>::max()))
+          ->option_text(" ");
   std::vector<std::pair<std::string, Series>> names;
   for (const Series series : kAllSeries) names.emplace_back(name_of(series), series);
-  command->add_option("--series", options->series, "Default: observation")
-      ->transform(CLI::CheckedTransformer(names).description(""))
-      ->option_text("desired_action|applied_action|observation|status|holding");
+  add_choice<Series>(*command, "--series", options->series, names, "Default: observation");
   command->add_option("--last", options->last, "How many steps to print, up to the newest")
-      ->check(CLI::PositiveNumber)
+      ->check(CLI::Range(TimeIndex{1}, std::numeric_limits<TimeIndex>::max()))
+      ->option_text("N")
       ->excludes(step);
   command->add_flag("--csv", options->csv, "Print a table, numbers in full, for other programs");
   command->add_flag("--fields", options->fields, "Print what the elements consist of instead");

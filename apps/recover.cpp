@@ -37,9 +37,11 @@ void add_recover(CLI::App& program, Action& action) {
   CLI::App* const command = program.add_subcommand(
       "recover", "Clear the fault of a robot, so that its next session begins");
   command->add_option("NAME", options->name, "Name of the session")->required();
-  command->add_option("--timeout", options->timeout, "How long to wait for the next session [s]")
+  command
+      ->add_option("--timeout", options->timeout,
+                   "How long to wait for the next session; default: 5")
       ->check(CLI::Range(0.0, 3600.0))
-      ->capture_default_str();
+      ->option_text("SECONDS");
   command->footer(
       "Look at the robot first: it may move when the next session begins.\n"
       "Example:\n"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/core.h>
+#include <sched.h>
 
 #include <chrono>
 #include <csignal>
@@ -12,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "choice.hpp"
 #include "commands.hpp"
 #include "loop_figures.hpp"
 #include "robots.hpp"
@@ -87,32 +89,52 @@ class Reporter {
 
   void print(const std::string& text, Style style = Style::kPlain) {
     live_.clear();
-    fmt::print("{}: {}\n", terminal_.paint(name_, Style::kBold), terminal_.paint(text, style));
+    const std::string head = name_ + ": ";
+    const std::size_t indent = columns_of(head);
+    const std::size_t room = terminal_.is_live() && terminal_.width() > 2 * indent
+                                 ? terminal_.width() - indent
+                                 : std::string::npos;
+    bool is_first = true;
+    for (const std::string& line : wrap(text, room)) {
+      const std::string start =
+          is_first ? terminal_.paint(head, Style::kBold) : std::string(indent, ' ');
+      fmt::print("{}{}\n", start, terminal_.paint(line, style));
+      is_first = false;
+    }
     std::fflush(stdout);
   }
 
   // Looks at the current session.
   void look(bool is_stopping) {
-    std::optional<UntypedFrontend> session;
-    try {
-      session.emplace(host_, FrontendOptions{.control = false, .timeout = Timeout::zero()});
-    } catch (const SessionNotFound&) {
-      return;  // not begun yet
-    }
-    const SessionInfo info = session->session().info();
-    if (info.session_id != session_id_) {
-      session_id_ = info.session_id;
-      phase_.reset();
-    }
-    figures_.update(*session);
-    if (info.phase != phase_) {
-      report(info);
-      phase_ = info.phase;
-    }
-    if (terminal_.is_live()) live_.draw({status_line(info, is_stopping)});
+    if (session_) observe(*session_);
+    // The next one is looked for only when there may be one: in the process of the loop a mapping
+    // is not free.
+    if (!session_ || phase_ == SessionInfo::Phase::kEnded) find_next_session();
+    if (session_ && terminal_.is_live()) live_.draw({status_line(is_stopping)});
   }
 
  private:
+  void find_next_session() {
+    try {
+      UntypedFrontend found(host_, {.control = false, .timeout = Timeout::zero()});
+      const std::uint64_t id = found.session().info().session_id;
+      if (session_ && id == session_->session().info().session_id) return;
+      session_.emplace(std::move(found));
+      phase_.reset();
+      observe(*session_);
+    } catch (const SessionNotFound&) {
+      return;  // not begun yet
+    }
+  }
+
+  // Says what has changed.
+  void observe(const UntypedFrontend& session) {
+    const SessionInfo info = session.session().info();
+    figures_.update(session);
+    if (info.phase != phase_) report(info);
+    phase_ = info.phase;
+  }
+
   void report(const SessionInfo& info) {
     switch (info.phase) {
       case SessionInfo::Phase::kPreparing:
@@ -149,7 +171,8 @@ class Reporter {
     return text;
   }
 
-  [[nodiscard]] std::string status_line(const SessionInfo& info, bool is_stopping) const {
+  [[nodiscard]] std::string status_line(bool is_stopping) const {
+    const SessionInfo info = session_->session().info();
     const Health health = health_of(info);
     const std::string state = is_stopping ? "stopping, Ctrl-C kills" : state_text(info);
     std::vector<Segment> segments{{name_, 10, Style::kBold},
@@ -176,8 +199,8 @@ class Reporter {
   Terminal terminal_;
   LiveLines live_;
   LoopFigures figures_;
-  std::uint64_t session_id_{0};
-  std::optional<SessionInfo::Phase> phase_;
+  std::optional<UntypedFrontend> session_;
+  std::optional<SessionInfo::Phase> phase_;  // that was reported
 };
 
 // What the back-end was told, in a sentence.
@@ -190,7 +213,7 @@ std::string timing_text(const BackendOptions& options) {
   const std::string late = options.max_action_repeats == 0
                                ? "a late action ends the session with a fault"
                                : fmt::format(
-                                     "late actions are repeated at most {} times in a row, then "
+                                     "a late action is repeated at most {} times in a row, then "
                                      "the session ends with a fault",
                                      options.max_action_repeats);
   return fmt::format("real-time mode, {}; {}",
@@ -243,7 +266,8 @@ void add_run(CLI::App& program, Action& action) {
       ->add_option("ROBOT", options->robot,
                    "\"sim\", \"fake\", another configuration by name, or the file of one")
       ->required();
-  command->add_option("--name", options->name, "Name of the session; default: the configuration's");
+  command->add_option("--name", options->name, "Name of the session; default: the configuration's")
+      ->option_text("NAME");
   command
       ->add_option("--set", options->overrides,
                    "Change a value of the configuration, as in fingers.height=0.3")
@@ -255,20 +279,19 @@ void add_run(CLI::App& program, Action& action) {
       ->add_flag("--non-real-time", options->non_real_time,
                  "Wait for every action, as long as it takes")
       ->excludes(real_time);
+  add_choice<Demand>(*command, "--scheduling", options->realtime.demand,
+                     {{"require", Demand::kRequire}, {"try", Demand::kTry}, {"off", Demand::kOff}},
+                     "Real-time scheduling; default: try, and go on without");
   command
-      ->add_option("--scheduling", options->realtime.demand,
-                   "Real-time scheduling: require it, try to get it (default), or do without")
-      ->transform(
-          CLI::CheckedTransformer(
-              std::vector<std::pair<std::string, Demand>>{
-                  {"require", Demand::kRequire}, {"try", Demand::kTry}, {"off", Demand::kOff}})
-              .description(""))
-      ->option_text("require|try|off");
-  command->add_option("--priority", options->realtime.priority, "SCHED_FIFO priority of the loop")
+      ->add_option("--priority", options->realtime.priority,
+                   "SCHED_FIFO priority of the loop, 1 to 99; default: 80")
       ->check(CLI::Range(1, 99))
-      ->capture_default_str();
-  command->add_option("--cpu", options->realtime.cpu, "Processor on which the loop stays")
-      ->check(CLI::NonNegativeNumber);
+      ->option_text("N");
+  command
+      ->add_option("--cpu", options->realtime.cpu,
+                   "Processor on which the loop stays; default: any")
+      ->check(CLI::Range(0, CPU_SETSIZE - 1))
+      ->option_text("N");
   command->footer(
       "Ctrl-C, SIGTERM and SIGHUP bring the robot to rest; a second Ctrl-C kills.\n"
       "Example:\n"

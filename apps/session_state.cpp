@@ -57,11 +57,13 @@ std::string controller_text(const SessionInfo& info) {
   return info.controller.pid == 0 ? "nobody" : ipc::describe(info.controller);
 }
 
+std::string robot_of(const std::string& session) { return session.substr(0, session.find('.')); }
+
 SessionInfo robot_info(const std::string& name) {
   SessionInfo info = Session::open(name).info();
   if (info.is_companion) {
-    throw UsageError(fmt::format("'{}' is a companion of the robot '{}': name the robot", name,
-                                 name.substr(0, name.find('.'))));
+    throw UsageError(
+        fmt::format("'{}' is a companion of the robot '{}': name the robot", name, robot_of(name)));
   }
   return info;
 }

@@ -23,6 +23,8 @@ enum class Health : unsigned char {
 // Who controls: "python3 (process 4711)" or "nobody".
 [[nodiscard]] std::string controller_text(const SessionInfo& info);
 
+// The robot of a session: "sim" of "sim.object".
+[[nodiscard]] std::string robot_of(const std::string& session);
 // What is known about the robot `name`; refuses companions, which live and die with their robot.
 // Throws SessionNotFound, UsageError.
 [[nodiscard]] SessionInfo robot_info(const std::string& name);

@@ -84,7 +84,7 @@ class Observer {
       sheet.add("end", info.fault_text, info.fault.needs_recovery() ? Style::kBad : Style::kPlain);
     }
     if (health_of(info) == Health::kFault) {
-      sheet.add("remedy", fmt::format("trifinger recover {}", info.name));
+      sheet.add("remedy", fmt::format("trifinger recover {}", robot_of(info.name)));
     }
     return sheet.lines();
   }

@@ -65,9 +65,9 @@ void add_stop(CLI::App& program, Action& action) {
   CLI::App* const command =
       program.add_subcommand("stop", "Bring a robot to rest and end its back-end");
   command->add_option("NAME", options->name, "Name of the session")->required();
-  command->add_option("--timeout", options->timeout, "How long to wait for the end [s]")
+  command->add_option("--timeout", options->timeout, "How long to wait for the end; default: 15")
       ->check(CLI::Range(0.0, 3600.0))
-      ->capture_default_str();
+      ->option_text("SECONDS");
   command->footer(
       "Example:\n"
       "  trifinger stop sim");

@@ -65,7 +65,14 @@ std::string Terminal::paint(std::string_view text, Style style) const {
 }
 
 std::size_t columns_of(std::string_view text) noexcept {
-  return static_cast<std::size_t>(std::count_if(text.begin(), text.end(), is_first_byte));
+  std::size_t columns = 0;
+  bool is_escape = false;
+  for (const char byte : text) {
+    if (byte == '\x1b') is_escape = true;
+    if (!is_escape && is_first_byte(byte)) ++columns;
+    if (byte == 'm') is_escape = false;
+  }
+  return columns;
 }
 
 std::string clip(std::string_view text, std::size_t width) {
@@ -125,28 +132,35 @@ std::string fit(std::vector<Segment> segments, std::size_t width, const Terminal
 }
 
 LiveLines::~LiveLines() {
-  if (drawn_ > 0) fmt::print("\n");
+  if (!drawn_.empty()) fmt::print("\n");
 }
 
 void LiveLines::draw(const std::vector<std::string>& lines) {
   // In one write, so that nobody sees half of it.
-  std::string text;
-  if (drawn_ > 1) text += fmt::format("\x1b[{}A", drawn_ - 1);
-  text += "\r";
+  std::string text = to_first_line();
   for (std::size_t i = 0; i < lines.size(); ++i) {
     text += (i > 0 ? "\n" : "") + lines[i] + "\x1b[K";
   }
   text += "\x1b[J";
-  drawn_ = lines.size();
+  drawn_ = lines;
   fmt::print("{}", text);
   std::fflush(stdout);
 }
 
 void LiveLines::clear() {
-  if (drawn_ == 0) return;
-  if (drawn_ > 1) fmt::print("\x1b[{}A", drawn_ - 1);
-  fmt::print("\r\x1b[J");
-  drawn_ = 0;
+  if (drawn_.empty()) return;
+  fmt::print("{}\x1b[J", to_first_line());
+  drawn_.clear();
+}
+
+std::string LiveLines::to_first_line() const {
+  // In a window that has become narrower the lines have been broken.
+  const std::size_t width = std::max<std::size_t>(terminal_.width(), 1);
+  std::size_t rows = 0;
+  for (const std::string& line : drawn_) {
+    rows += std::max<std::size_t>((columns_of(line) + width - 1) / width, 1);
+  }
+  return rows > 1 ? fmt::format("\r\x1b[{}A", rows - 1) : "\r";
 }
 
 }  // namespace trifinger::apps

@@ -29,7 +29,7 @@ class Terminal {
   bool has_colours_;
 };
 
-// Columns that `text` (UTF-8) takes on a terminal.
+// Columns that `text` (UTF-8, painted or not) takes on a terminal.
 [[nodiscard]] std::size_t columns_of(std::string_view text) noexcept;
 // The beginning of `text`, at most `width` columns; what was cut off ends in "…".
 [[nodiscard]] std::string clip(std::string_view text, std::size_t width);
@@ -64,8 +64,11 @@ class LiveLines {
   void clear();
 
  private:
+  // What takes the cursor to the beginning of the first line.
+  [[nodiscard]] std::string to_first_line() const;
+
   const Terminal& terminal_;
-  std::size_t drawn_{0};
+  std::vector<std::string> drawn_;
 };
 
 }  // namespace trifinger::apps

@@ -9,8 +9,8 @@ std::string text_of(Nanoseconds duration) {
   const auto count = static_cast<double>(duration.count());
   if (count < 1e3) return fmt::format("{:.0f} ns", count);
   if (count < 999.5e3) return fmt::format("{:.0f} µs", count / 1e3);
-  if (count < 999.5e6) return fmt::format("{:.{}f} ms", count / 1e6, count < 99.95e6 ? 1 : 0);
-  return fmt::format("{:.1f} s", count / 1e9);
+  if (count < 999.5e6) return fmt::format("{:.3g} ms", count / 1e6);
+  return fmt::format("{:.3g} s", count / 1e9);
 }
 
 std::string rate_text(double rate) {

@@ -9,7 +9,7 @@
 // Figures in words, the same in every command.
 namespace trifinger::apps {
 
-// "850 ns", "12 µs", "1.3 ms", "2.0 s".
+// "850 ns", "12 µs", "1.28 ms", "2 s".
 [[nodiscard]] std::string text_of(Nanoseconds duration);
 // "1000 Hz", "184 kHz".
 [[nodiscard]] std::string rate_text(double rate);
