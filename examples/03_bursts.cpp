@@ -10,16 +10,16 @@
 
 namespace {
 
-// One second from `start` to `end`, at rest at both ends.
-std::vector<trifinger::TriFinger::Action> plan(const trifinger::JointVector<9>& start,
-                                               const trifinger::JointVector<9>& end) {
+// One second between two poses, at rest at both ends.
+std::vector<trifinger::TriFinger::Action> plan(const trifinger::JointVector<9>& from,
+                                               const trifinger::JointVector<9>& to) {
   std::vector<trifinger::TriFinger::Action> actions;
   for (int step = 1; step <= 1000; ++step) {
     const double s = step / 1000.0;
     const double progress = s * s * s * (10.0 - 15.0 * s + 6.0 * s * s);
     trifinger::JointVector<9> target;
     for (std::size_t i = 0; i < target.size(); ++i) {
-      target[i] = start[i] + progress * (end[i] - start[i]);
+      target[i] = from[i] + progress * (to[i] - from[i]);
     }
     actions.push_back(trifinger::TriFinger::Action::of_position(target));
   }

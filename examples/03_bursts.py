@@ -9,12 +9,12 @@ start = robot.latest_observation().position.copy()
 end = start + np.array([0.3, 0.0, 0.0] * 3)
 
 
-def plan(begin: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """One second from `begin` to `end`, at rest at both ends."""
+def plan(origin: np.ndarray, goal: np.ndarray) -> np.ndarray:
+    """One second between two poses, at rest at both ends."""
     s = np.arange(1, 1001) / 1000
     progress = s**3 * (10 - 15 * s + 6 * s**2)
     actions = np.repeat(np.array([robot.new_action()]), len(s))
-    actions["position"] = begin + progress[:, None] * (end - begin)
+    actions["position"] = origin + progress[:, None] * (goal - origin)
     return actions
 
 

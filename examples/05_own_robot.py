@@ -11,7 +11,7 @@ import trifinger
 
 # Elsewhere the cart would just be there: this starts the C++ program and waits for its first line.
 with subprocess.Popen(
-    ["05_own_robot", "--serve", "cart"],
+    ["05_own_robot", "cart"],
     stdin=subprocess.PIPE,
     stdout=subprocess.PIPE,
     text=True,
@@ -23,7 +23,7 @@ with subprocess.Popen(
         print("an observation has the fields", robot.observation_dtype.names)
 
         # Two seconds of a curve; the right wheel is asked for more than it can do.
-        action = robot.new_action(wheel_speed=[10.0, 25.0])
+        action = robot.new_action(speed=[10.0, 25.0])
         for _ in range(2000):
             t = robot.append_desired_action(action)
         applied = robot.get_applied_action(t)
@@ -32,6 +32,6 @@ with subprocess.Popen(
     cart.communicate("\n")  # Enter stops it
 
 print(f"after {t} steps at {y.place} m, heading {y.heading:.3f} rad")
-assert applied.wheel_speed[1] == 20.0
+assert applied.speed[1] == 20.0
 assert np.isclose(y.heading, 3.0, atol=0.01)
 assert cart.returncode == 0
