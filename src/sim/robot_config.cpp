@@ -36,9 +36,12 @@ std::vector<std::filesystem::path> config_folders() {
   Dl_info info{};
   std::error_code ignored;
   if (::dladdr(reinterpret_cast<const void*>(&config_folders), &info) != 0) {
-    std::filesystem::path self = std::filesystem::canonical(info.dli_fname, ignored);
-    // A program is named as it was called, which need not be a path.
-    if (ignored) self = std::filesystem::canonical("/proc/self/exe", ignored);
+    // A program is named as it was called: without a slash it was found on the PATH, and is not
+    // what has that name in the working directory.
+    const std::string_view name = info.dli_fname;
+    std::filesystem::path self;
+    if (name.find('/') != name.npos) self = std::filesystem::canonical(name, ignored);
+    if (self.empty()) self = std::filesystem::canonical("/proc/self/exe", ignored);
     folders.push_back(self.parent_path() / "config");
     folders.push_back(self.parent_path().parent_path() / "share" / "trifinger" / "config");
   }

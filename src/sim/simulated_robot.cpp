@@ -27,9 +27,6 @@ constexpr Nanoseconds kPhysicsStep = std::chrono::milliseconds(1);
 constexpr double kMaxKp = 50.0;
 constexpr double kMaxKd = 0.5;
 
-// How long the robot brakes at the end of a session before it is released.
-constexpr TimeIndex kStopSteps = 200;
-
 // Begins every saved state: one of another version is told apart.
 constexpr std::uint64_t kStateMagic = 0x31534d4953465254;  // "TRFSIMS1"
 
@@ -211,20 +208,6 @@ class SimulatedRobot<R>::Implementation {
     action = hold_position(observation);
     // Without these the fingers would sink until the position controller carries their weight.
     physics_.gravity_torques(action.torque);
-  }
-
-  DriverReport stop(TimeIndex count) noexcept {
-    if (count >= kStopSteps) return DriverReport::ready();
-    Joints torque{};
-    for (std::size_t i = 0; i < R::kJoints; ++i) {
-      const double velocity = physics_.velocity(static_cast<int>(i));
-      const auto& limits = safety_.limits();
-      const double brake = -limits.safety_kd[i] * velocity;
-      torque[i] = std::clamp(brake, -limits.max_torque[i], limits.max_torque[i]);
-      // Diverged: there is nothing left to bring to rest.
-      if (!std::isfinite(torque[i])) return DriverReport::ready();
-    }
-    return step(torque) ? DriverReport::busy() : DriverReport::ready();
   }
 
   std::span<const CompanionDescription> companions() const noexcept {
@@ -556,10 +539,6 @@ DriverReport SimulatedRobot<R>::apply_action(const Action& desired,
 template <class R>
 void SimulatedRobot<R>::hold(const Observation& observation, Action& action) noexcept {
   implementation_->hold(observation, action);
-}
-template <class R>
-DriverReport SimulatedRobot<R>::stop(TimeIndex step) noexcept {
-  return implementation_->stop(step);
 }
 template <class R>
 std::span<const CompanionDescription> SimulatedRobot<R>::companions() const noexcept {

@@ -159,7 +159,8 @@ TEST(SimulatedRobot, BeginsASessionWhereItWasPutDuringTheOneBefore) {
     auto robot = simulation.connect();
     robot.wait_until_time_index(robot.append_desired_action({}));
     simulation.robot().reset(position, 0);
-    // Now the session ends, and the robot falls while it is stopped.
+    // The session goes on from there before it ends.
+    robot.wait_until_time_index(robot.append_desired_action({}) + 1);
   }
   EXPECT_EQ(simulation.connect().latest_observation().position, position);
   EXPECT_EQ(simulation.connect().latest_observation().velocity, JointVector<9>{});

@@ -58,7 +58,8 @@ using SimulationState = std::vector<std::byte>;
 /// `R` is TriFinger or Finger. The functions below the driver's own are for the owner of the
 /// simulation; they must not be called while another thread runs the back-end. Every session begins
 /// in the state that the last `reset`, `place_object` or `restore` has left. In a session that goes
-/// on they take effect at once, to be seen from the next observation on.
+/// on they take effect at once, to be seen from the next observation on. The end of a session moves
+/// nothing: what `save` returns behind it goes on behind the last action.
 template <class R>
 class SimulatedRobot final : public Driver<R> {
  public:
@@ -84,7 +85,6 @@ class SimulatedRobot final : public Driver<R> {
   [[nodiscard]] DriverReport apply_action(const Action& desired,
                                           AppliedAction& applied) noexcept override;
   void hold(const Observation& observation, Action& action) noexcept override;
-  [[nodiscard]] DriverReport stop(TimeIndex step) noexcept override;
   [[nodiscard]] std::span<const CompanionDescription> companions() const noexcept override;
   [[nodiscard]] bool get_companion_element(std::size_t index, TimeIndex time_index,
                                            void* element) noexcept override;
