@@ -174,7 +174,7 @@ class Reporter {
   [[nodiscard]] std::string status_line(bool is_stopping) const {
     const SessionInfo info = session_->session().info();
     const Health health = health_of(info);
-    const std::string state = is_stopping ? "stopping, Ctrl-C kills" : state_text(info);
+    const std::string state = is_stopping ? "stopping" : state_text(info);
     std::vector<Segment> segments{{name_, 10, Style::kBold},
                                   {state, 11, is_stopping ? Style::kWarning : style_of(health)}};
     if (info.phase == SessionInfo::Phase::kRunning) {
@@ -248,6 +248,7 @@ int run(const Options& options) {
       if (is_stopping) Signals::die_of(*signal);
       is_stopping = true;
       backend.request_stop();
+      reporter.print("comes to rest; a second Ctrl-C kills");
     }
     reporter.look(is_stopping);
   }

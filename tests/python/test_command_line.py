@@ -1,0 +1,604 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The program `trifinger`, as its users see it: what it prints, and its exit codes."""
+
+import fcntl
+import os
+import pty
+import re
+import signal
+import struct
+import subprocess
+import termios
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trifinger
+from conftest import BUILD, StartChild
+
+PROGRAM = os.environ.get("TRIFINGER_PROGRAM", str(BUILD / "apps/trifinger"))
+COMMANDS = ("run", "list", "status", "read", "stop", "recover", "model", "doctor")
+ESCAPE = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
+
+
+def run(*arguments: str, expect: int = 0) -> str:
+    """Runs the program to its end and returns all that it printed."""
+    result = subprocess.run([PROGRAM, *arguments], capture_output=True, text=True, check=False)
+    assert result.returncode == expect, result.stdout + result.stderr
+    assert "\x1b" not in result.stdout + result.stderr  # nobody asked for colours
+    return result.stdout + result.stderr
+
+
+class Running:
+    """The program at work. Its output is read line by line."""
+
+    def __init__(self, *arguments: str) -> None:
+        self.process = subprocess.Popen(
+            [PROGRAM, *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+        )
+
+    def wait_for(self, text: str) -> str:
+        """Reads up to the line that contains `text` and returns that line."""
+        assert self.process.stdout is not None
+        seen = []
+        for line in self.process.stdout:
+            seen.append(line)
+            if text in line:
+                return line
+        raise AssertionError(f"it ended without {text!r}:\n{''.join(seen)}")
+
+    def end(self, number: signal.Signals = signal.SIGTERM) -> tuple[int, str]:
+        """Sends a signal, waits for the end, returns the exit status and the rest of the output."""
+        self.process.send_signal(number)
+        output, _ = self.process.communicate()
+        return self.process.returncode, output
+
+
+StartProgram = Callable[..., Running]
+
+
+@pytest.fixture
+def start() -> Iterator[StartProgram]:
+    """Starts the program; it does not outlive the test."""
+    started: list[Running] = []
+
+    def start(*arguments: str) -> Running:
+        started.append(Running(*arguments))
+        return started[-1]
+
+    yield start
+    for program in started:
+        with program.process:  # closes what is left open, and waits
+            program.process.kill()
+
+
+class Screen:
+    """The program on a terminal with `columns` columns."""
+
+    def __init__(self, columns: int, *arguments: str) -> None:
+        self.pid, self.terminal = pty.fork()
+        if self.pid == 0:
+            fcntl.ioctl(1, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
+            os.environ["TERM"] = "xterm"
+            os.execv(PROGRAM, [PROGRAM, *arguments])
+        self.text = ""
+
+    def wait_for(self, text: str) -> None:
+        """Reads until `text` has been shown."""
+        while text not in ESCAPE.sub("", self.text):
+            self.text += os.read(self.terminal, 4096).decode(errors="replace")
+
+    def press(self, key: str) -> None:
+        os.write(self.terminal, key.encode())
+
+    def end(self) -> int:
+        """Waits for the end and returns the exit status."""
+        try:
+            while part := os.read(self.terminal, 4096):
+                self.text += part.decode(errors="replace")
+        except OSError:
+            pass  # the other side has closed the terminal
+        os.close(self.terminal)
+        return os.waitstatus_to_exitcode(os.waitpid(self.pid, 0)[1])
+
+    def drawn_lines(self) -> list[str]:
+        return re.split(r"[\r\n]+", ESCAPE.sub("", self.text))
+
+
+# ---- usage ----
+
+
+@pytest.mark.parametrize("command", [*COMMANDS, "model export", "model info"])
+def test_every_command_has_help_with_an_example(command: str) -> None:
+    assert re.search(
+        rf"Example:\n(  .*\n)*  trifinger {command}\b", run(*command.split(), "--help")
+    )
+
+
+def test_the_help_lists_every_command() -> None:
+    text = run("--help")
+    assert all(re.search(rf"^  {command} ", text, re.MULTILINE) for command in COMMANDS)
+
+
+def test_the_version_is_that_of_the_package() -> None:
+    assert run("--version") == f"trifinger {trifinger.__version__}\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "problem"),
+    [
+        ("lisst", "did you mean 'list'?"),
+        ("stat", "did you mean 'status'?"),
+        ("run", "ROBOT is required; 'trifinger run --help' tells more"),
+        ("run nobody", "there is no configuration 'nobody'; there are .*trifinger_pro"),
+        ("run sim --priority 100", "--priority: Value 100 not in range 1 to 99"),
+        (
+            "run sim --scheduling never",
+            "--scheduling is 'never', must be 'require', 'try' or 'off'",
+        ),
+        ("run sim --real-time --non-real-time", "--real-time excludes --non-real-time"),
+        ("run sim --set fingers.height=3", "fingers.height is 3 m, must be 0.2 to 0.6 m"),
+        ("run sim --set fingers.heigth=0.3", "did you mean 'height'?"),
+        ("run fake --set periot=0.01", "periot is not a known key; did you mean 'period'?"),
+        ("run fake --name a/b", "'a/b' cannot name a robot"),
+        ("read sim --series images", "--series is 'images', must be 'desired_action', "),
+        ("read sim 3 --last 5", "--last excludes STEP|STEP excludes --last"),
+        ("model export", "--format is required"),
+        ("model export --format stl", "--format is 'stl', must be 'mjcf' or 'urdf'"),
+        ("model info --finger-height 3", "finger_height.*3.*0.2 to 0.6"),
+        (
+            "model info --object bal",
+            "--object is 'bal', must be 'cube', 'cuboid', 'stick' or 'ball'",
+        ),
+    ],
+)
+def test_wrong_usage_names_the_thing_and_what_is_allowed(arguments: str, problem: str) -> None:
+    assert re.search(problem, run(*arguments.split(), expect=2))
+
+
+@pytest.mark.parametrize("command", ["status", "read", "stop", "recover"])
+def test_an_unknown_session_is_an_error_that_names_those_there_are(
+    command: str, start_fake: StartChild
+) -> None:
+    start_fake("left")
+    message = run(command, "lift", expect=1)
+    assert "there is no robot 'lift' on this machine; running: left" in message
+
+
+def test_an_unknown_verb_is_a_program_on_the_path(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    program = tmp_path / "trifinger-greet"
+    program.write_text('#!/bin/sh\necho "hello $1 $2"\nexit 7\n')
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    assert run("greet", "--to", "you", expect=7) == "hello --to you\n"
+    assert "greet" in run("--help")
+    assert "did you mean 'greet'?" in run("gret", expect=2)
+
+
+# ---- run ----
+
+
+def test_a_robot_is_told_apart_by_its_name_and_says_what_happens_to_late_actions(
+    start: StartProgram,
+) -> None:
+    left = start("run", "fake", "--name", "left")
+    right = start("run", "fake", "--name", "right", "--set", "max_repeats=0")
+    assert "a late action is repeated at most 100 times in a row" in left.wait_for("real-time mode")
+    assert "a late action ends the session with a fault" in right.wait_for("real-time mode")
+    left.wait_for("left: holds")
+    right.wait_for("right: holds")
+    assert [session.name for session in trifinger.list_sessions() if not session.is_companion] == [
+        "left",
+        "right",
+    ]
+
+
+def test_the_life_of_each_session_is_told(start: StartProgram) -> None:
+    program = start("run", "fake", "--non-real-time")
+    program.wait_for("holds its pose")
+    for _ in range(2):
+        with trifinger.connect("fake") as robot:
+            robot.append_desired_actions(np.repeat(robot.new_action(), 30))
+            robot.wait_until_time_index(29)
+            program.wait_for(f"(process {os.getpid()})")
+            robot.finish()
+        program.wait_for("the controller finished at step 30")
+        program.wait_for("30 steps")
+        program.wait_for("holds its pose")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_brings_the_robot_to_rest(start: StartProgram, number: signal.Signals) -> None:
+    program = start("run", "fake")
+    program.wait_for("holds its pose")
+    status, output = program.end(number)
+    assert status == 0
+    assert output.endswith("fake: stopped\n")
+    assert not any(session.backend_is_alive for session in trifinger.list_sessions())
+
+
+def test_a_second_signal_kills(start: StartProgram) -> None:
+    program = start("run", "fake", "--set", "stop_periods=1000000")
+    program.wait_for("holds its pose")
+    program.process.send_signal(signal.SIGINT)
+    program.wait_for("comes to rest")
+    assert program.end(signal.SIGINT)[0] == -signal.SIGINT
+
+
+def test_a_reader_that_goes_away_does_not_end_the_robot(start: StartProgram) -> None:
+    program = start("run", "fake")
+    program.wait_for("holds its pose")
+    assert program.process.stdout is not None
+    program.process.stdout.close()
+    with trifinger.connect("fake") as robot:  # what happens now is printed for nobody
+        robot.append_desired_action(robot.new_action())
+    assert "stopped" in run("stop", "fake")
+    assert program.process.wait() == 0
+
+
+def test_two_back_ends_cannot_have_one_name(start: StartProgram) -> None:
+    program = start("run", "fake")
+    program.wait_for("holds its pose")
+    message = run("run", "fake", expect=1)
+    assert f"robot 'fake' is run by trifinger (process {program.process.pid})" in message
+
+
+def test_what_the_machine_refuses_is_said_or_ends_the_program(start: StartProgram) -> None:
+    start("run", "fake", "--cpu", "1023").wait_for("cannot stay on processor 1023")
+    message = run(
+        "run", "fake", "--name", "b", "--cpu", "1023", "--scheduling", "require", expect=1
+    )
+    assert "the machine refuses what real time requires" in message
+    assert "cannot stay on processor 1023" in message
+
+
+def test_a_mistake_in_a_file_is_named_with_its_place(tmp_path: Path) -> None:
+    file = tmp_path / "robot.yml"
+    file.write_text("name: robot\ndriver: simulation\nrobot:\n  variant: edu2\n")
+    assert f"{file}:4:12: robot.variant is 'edu2'" in run("run", str(file), expect=1)
+
+
+def test_a_simulated_robot_runs_with_its_objects(start: StartProgram) -> None:
+    program = start("run", "sim", "--non-real-time", "--set", "fingers.height=0.3")
+    program.wait_for("holds its pose")
+    with trifinger.connect("sim") as robot:
+        action = robot.new_action(position=robot.latest_observation().position)
+        robot.append_desired_actions(np.repeat(action, 101))
+        robot.wait_until_time_index(100)
+        assert "trifinger" in run("list")
+        assert re.search(r"arrival_index +100\n", run("read", "sim.object"))
+    assert program.end()[0] == 0
+
+
+# ---- looking at sessions ----
+
+
+def test_nothing_is_listed_where_nothing_runs(session_folder: Path) -> None:
+    assert (
+        run("list") == f"There is no session in {session_folder}; 'trifinger run sim' starts one.\n"
+    )
+
+
+def test_sessions_are_listed_with_who_is_who(start_foreign: StartChild) -> None:
+    child = start_foreign("odd", "cart")
+    header, robot, companion = run("list").splitlines()
+    assert header.split() == ["NAME", "STATE", "RATE", "STEPS", "TYPE", "BACK-END", "CONTROLLER"]
+    assert re.fullmatch(rf"cart +holding +- +0 +odd +\S+ \(process {child.pid}\) +nobody", robot)
+    assert re.match(r"cart.lamp +holding +- +0 +odd_lamp ", companion)
+    with trifinger.connect("cart") as cart:
+        cart.wait_until_time_index(cart.append_desired_action(cart.new_action()))
+        assert re.search(rf"^cart +running .*\(process {os.getpid()}\)$", run("list"), re.MULTILINE)
+
+
+def test_a_dead_back_end_is_called_dead(start_fake: StartChild) -> None:
+    child = start_fake("robot")
+    child.kill()
+    assert re.search(r"^robot +dead +- ", run("list"), re.MULTILINE)
+    assert "the back-end died" in run("status", "robot")
+    assert run("stop", "robot") == "robot: its back-end is already gone.\n"
+    assert "the back-end died" in run("recover", "robot", expect=1)
+
+
+def test_a_stopped_back_end_is_called_silent(start: StartProgram) -> None:
+    program = start("run", "fake")
+    program.wait_for("holds its pose")
+    program.process.send_signal(signal.SIGSTOP)
+    while "silent for" not in run("list"):
+        pass
+    assert "silent for" in run("status", "fake")
+
+
+def test_the_status_counts_what_the_back_end_has_noted(start: StartProgram) -> None:
+    start("run", "fake", "--set", "max_repeats=1000000").wait_for("holds its pose")
+    with trifinger.connect("fake") as robot:
+        t = robot.append_desired_action(robot.new_action())
+        robot.wait_until_time_index(t + 50)
+        status = run("status", "fake")
+    assert int(re.search(r"repeats +\d+ in the last second, (\d+) since step 0", status)[1]) >= 49
+    assert re.search(r"lateness +p50 \d.*, p99 \d.*, max \d", status)
+    assert re.search(r"rate +\d+ Hz", status)
+    assert re.search(r"mode +real-time, 1000 Hz", status)
+
+
+def test_a_fault_is_shown_with_its_remedy_which_works(start: StartProgram) -> None:
+    program = start("run", "fake", "--set", "max_repeats=0")
+    program.wait_for("holds its pose")
+    assert "there is nothing to recover from, it is holding" in run("recover", "fake")
+    robot = trifinger.connect("fake")
+    t = robot.append_desired_action(robot.new_action())
+    with pytest.raises(trifinger.RobotStopped, match="was not there in time"):
+        robot.get_observation(t + 2)
+    program.wait_for("waits for 'trifinger recover fake'")
+    assert "fault: action_late" in run("list")
+    assert re.search(r"end +the action for step \d+ was not there in time", run("status", "fake"))
+    assert "remedy      trifinger recover fake\n" in run("status", "fake.sensor")
+    assert "recovered; now " in run("recover", "fake")
+    program.wait_for("holds its pose")
+
+
+def test_companions_have_no_life_of_their_own(start_fake: StartChild) -> None:
+    start_fake("robot", sensor_period=1)
+    for command in ("stop", "recover"):
+        assert "name the robot" in run(command, "robot.sensor", expect=2)
+
+
+def test_stop_waits_until_the_back_end_is_gone(start: StartProgram) -> None:
+    program = start("run", "fake", "--set", "stop_periods=200")
+    program.wait_for("holds its pose")
+    assert run("stop", "fake") == f"fake: stopped trifinger (process {program.process.pid}).\n"
+    assert not any(session.backend_is_alive for session in trifinger.list_sessions())
+    assert program.process.wait() == 0
+
+
+# ---- on a terminal ----
+
+
+def test_the_status_is_live_on_a_terminal_until_ctrl_c(start_fake: StartChild) -> None:
+    start_fake("robot")
+    screen = Screen(80, "status", "robot")
+    screen.wait_for("holding")
+    with trifinger.connect("robot") as robot:
+        robot.wait_until_time_index(robot.append_desired_action(robot.new_action()))
+        screen.wait_for("running")
+    screen.wait_for("holding")
+    screen.press("\x03")
+    assert screen.end() == 0
+
+
+@pytest.mark.parametrize("columns", [20, 40, 80])
+def test_live_lines_fit_in_the_window(start_fake: StartChild, columns: int) -> None:
+    start_fake("a_robot_with_a_long_name")
+    with trifinger.connect("a_robot_with_a_long_name") as robot:
+        robot.wait_until_time_index(robot.append_desired_action(robot.new_action()))
+        screen = Screen(columns, "status", "a_robot_with_a_long_name")
+        screen.wait_for("Ctrl-C leaves")
+        screen.press("\x03")
+        assert screen.end() == 0
+    assert max(map(len, screen.drawn_lines())) <= columns
+
+
+def test_a_running_back_end_has_one_line_on_a_terminal() -> None:
+    screen = Screen(100, "run", "fake", "--set", "max_repeats=1000000")
+    screen.wait_for("fake: holds")
+    with trifinger.connect("fake") as robot:
+        for _ in range(50):
+            robot.wait_until_time_index(robot.append_desired_action(robot.new_action()))
+        screen.wait_for("running  ")
+        screen.wait_for("repeats")
+    screen.press("\x03")
+    assert screen.end() == 0
+    lines = screen.drawn_lines()
+    assert max(map(len, lines)) <= 100
+    assert "fake: stopped" in lines
+
+
+def test_colours_are_for_terminals_and_can_be_refused(
+    start_fake: StartChild, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    start_fake("robot")
+    colour = re.compile(r"\x1b\[[0-9;]+m")
+    screen = Screen(80, "list")
+    assert screen.end() == 0
+    assert colour.search(screen.text)
+    monkeypatch.setenv("NO_COLOR", "1")
+    screen = Screen(80, "list")
+    assert screen.end() == 0
+    assert "robot" in screen.text
+    assert not colour.search(screen.text)
+
+
+# ---- read ----
+
+
+def test_elements_of_an_unknown_robot_are_read_by_their_description(
+    start_foreign: StartChild,
+) -> None:
+    start_foreign("odd", "cart")
+    with trifinger.connect("cart") as cart:
+        for k in range(20):
+            action = cart.new_action(speed=[0.1 * k, -k], gear=[k, 2])
+            t = cart.append_desired_action(action)
+        cart.wait_until_time_index(t + 1)
+        observations = cart.get_observations(11, 21)
+        header, *rows = run("read", "cart", "--last", "10", "--csv").splitlines()
+        table = np.array([row.split(",") for row in rows])
+        element = run("read", "cart", "12", "--series", "desired_action")
+
+    assert header == (
+        "time_index,left.angle,left.speed,right.angle,right.speed,"
+        "gears[0][0],gears[0][1],gears[1][0],gears[1][1]"
+    )
+    assert table[:, 0].tolist() == [str(t) for t in range(11, 21)]
+    assert table[:, 3].astype(np.float32).tolist() == observations["right"]["angle"].tolist()
+    assert table[:, 5].astype(int).tolist() == observations["gears"][:, 0, 0].tolist()
+    assert element == (
+        "cart desired_action 12\n  speed   1.2 -12 rad/s\n  gear    12 2\n  colour  0\n"
+    )
+
+
+def test_the_fields_of_a_session_can_be_printed(start_foreign: StartChild) -> None:
+    start_foreign("odd", "cart")
+    assert run("read", "cart", "--fields", "--series", "desired_action") == (
+        "speed float32[2] rad/s\ngear int8[2]\ncolour uint16\n"
+    )
+
+
+def test_steps_that_cannot_be_read_are_named(start_fake: StartChild) -> None:
+    start_fake("robot", history=16)
+    assert "has no observation yet, it is holding" in run("read", "robot", expect=1)
+    assert run("read", "robot", "--series", "holding").startswith("robot holding 0\n")
+    with trifinger.connect("robot") as robot:
+        for _ in range(30):
+            t = robot.append_desired_action(robot.new_action())
+        robot.wait_until_time_index(t + 1)
+        assert "step 31 has not come yet: the newest observation of 'robot' is 30" in run(
+            "read", "robot", "31", expect=1
+        )
+        assert "step 14 has been overwritten; the oldest step still kept is 15" in run(
+            "read", "robot", "14", expect=1
+        )
+
+
+def test_the_last_session_of_a_dead_back_end_can_be_read(start_fake: StartChild) -> None:
+    child = start_fake("robot")
+    robot = trifinger.connect("robot")
+    robot.wait_until_time_index(robot.append_desired_action(robot.new_action(setpoint=2.5)))
+    child.kill()
+    assert "setpoint  2.5\n" in run("read", "robot", "--series", "applied_action")
+
+
+# ---- model ----
+
+
+def test_an_exported_scene_is_one_that_mujoco_can_read(tmp_path: Path) -> None:
+    mujoco = pytest.importorskip("mujoco")
+    file = tmp_path / "scene.xml"
+    run(
+        "model",
+        "export",
+        "--format",
+        "mjcf",
+        "--variant",
+        "pro",
+        "--object",
+        "ball",
+        "-o",
+        str(file),
+    )
+    model = mujoco.MjModel.from_xml_path(str(file))
+    assert model.nu == 9
+    assert model.body("ball").id > 0
+
+
+def test_an_exported_urdf_has_the_joints_that_info_names() -> None:
+    robot = ET.fromstring(run("model", "export", "--format", "urdf", "--single-finger"))  # noqa: S314
+    moving = [joint.get("name") for joint in robot.iter("joint") if joint.get("type") == "revolute"]
+    joints = re.search(r"^joints +(.*)$", run("model", "info", "--single-finger"), re.MULTILINE)
+    assert joints is not None
+    assert sorted(joints[1].split()) == sorted(str(name) for name in moving)
+
+
+def test_a_file_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    file = tmp_path / "nowhere" / "robot.urdf"
+    message = run("model", "export", "--format", "urdf", "-o", str(file), expect=1)
+    assert f"write {file}: No such file or directory" in message
+
+
+# ---- doctor ----
+
+# A machine with all that real time needs.
+GOOD_MACHINE = {
+    "proc/version": "Linux version 6.1.0-rt (gcc) #1 SMP PREEMPT_RT Debian",
+    "proc/sys/kernel/osrelease": "6.1.0-rt",
+    "proc/self/status": "Name:\ttrifinger\nCapEff:\t0000000000000000\n",
+    "proc/self/limits": (
+        "Limit                     Soft Limit           Hard Limit           Units\n"
+        "Max locked memory         unlimited            unlimited            bytes\n"
+        "Max realtime priority     99                   99\n"
+    ),
+    "proc/stat": "cpu  1000 0 1000 100000 0 0 0 0 0 0\n",
+    "proc/sys/fs/protected_regular": "2",
+    "sys/devices/system/cpu/isolated": "3",
+    "sys/devices/system/cpu/cpu0/cpufreq/scaling_governor": "performance",
+    "sys/devices/system/clocksource/clocksource0/current_clocksource": "tsc",
+    "dev/shm/.keep": "",
+}
+
+
+def examine(folder: Path, changes: dict[str, str], expect: int) -> str:
+    for path, text in (GOOD_MACHINE | changes).items():
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+        (folder / path).write_text(text + "\n")
+    return run("doctor", "--root", str(folder), expect=expect)
+
+
+def test_the_doctor_finds_nothing_on_a_good_machine(tmp_path: Path) -> None:
+    report = examine(tmp_path, {}, expect=0)
+    assert "note" not in report
+    assert "lacks" not in report
+
+
+@pytest.mark.parametrize(
+    ("path", "text", "what", "remedy"),
+    [
+        ("proc/version", "Linux version 6.1.0 #1 SMP", "kernel", "linux-image-rt-amd64"),
+        (
+            "proc/self/limits",
+            "Max locked memory  unlimited  unlimited  bytes\nMax realtime priority  0  0",
+            "real-time priority",
+            "rtprio 99",
+        ),
+        (
+            "proc/self/limits",
+            "Max locked memory  8388608  8388608  bytes\nMax realtime priority  99  99",
+            "locked memory",
+            "memlock unlimited",
+        ),
+        (
+            "sys/devices/system/cpu/cpu1/cpufreq/scaling_governor",
+            "powersave",
+            "frequency governor",
+            "cpupower frequency-set",
+        ),
+        ("proc/stat", "cpu  1000 0 1000 1000 0 0 0 500 0 0", "stolen time", "hypervisor"),
+    ],
+)
+def test_the_doctor_tells_what_is_lacking_and_the_remedy(
+    tmp_path: Path, path: str, text: str, what: str, remedy: str
+) -> None:
+    report = examine(tmp_path, {path: text}, expect=1)
+    assert re.search(rf"^lacks  {what} .*\n +.*{remedy}", report, re.MULTILINE)
+    assert "lacks 1 of 9 things" in report
+
+
+@pytest.mark.parametrize(
+    ("path", "text", "what"),
+    [
+        ("proc/version", "Linux version 6.1.0 #1 SMP PREEMPT_DYNAMIC", "kernel"),
+        ("sys/devices/system/cpu/isolated", "", "isolated processors"),
+        (
+            "sys/devices/system/clocksource/clocksource0/current_clocksource",
+            "hpet",
+            "clock source",
+        ),
+        ("proc/sys/fs/protected_regular", "0", "fs.protected_regular"),
+    ],
+)
+def test_what_could_be_better_is_no_failure(
+    tmp_path: Path, path: str, text: str, what: str
+) -> None:
+    assert re.search(rf"^note   {what} ", examine(tmp_path, {path: text}, expect=0), re.MULTILINE)
+
+
+def test_capabilities_stand_above_limits(tmp_path: Path) -> None:
+    changes = {
+        "proc/self/status": "CapEff:\t0000000000804000",
+        "proc/self/limits": "Max locked memory  0  0  bytes\nMax realtime priority  0  0",
+    }
+    report = examine(tmp_path, changes, expect=0)
+    assert "CAP_SYS_NICE" in report
+    assert "CAP_IPC_LOCK" in report
