@@ -222,10 +222,10 @@ class SimulatedRobot<R>::Implementation {
       // state it is the one that was known there.
       if (std::exchange(has_initial_pose_, true)) return false;
       Pose& newest = pending_[pending_slot(pending_.size() - 1)];
-      if (!memory_.has_delivered) {
+      if (memory_.has_delivered == 0) {
         newest.when = {-1, -1};
         capture(newest);
-        memory_.has_delivered = true;
+        memory_.has_delivered = 1;
       }
       write_element({newest.when.capture_index, -1}, newest, element);
       return true;
@@ -243,7 +243,7 @@ class SimulatedRobot<R>::Implementation {
     write_element(oldest.when, oldest, element);
     memory_.pending_begin = pending_slot(1);
     --memory_.pending_count;
-    memory_.has_delivered = true;
+    memory_.has_delivered = 1;
     return true;
   }
 
@@ -288,7 +288,7 @@ class SimulatedRobot<R>::Implementation {
     physics_.place_object(object, placed);
     // What is under way shows where it was.
     memory_.pending_count = 0;
-    memory_.has_delivered = false;
+    memory_.has_delivered = 0;
     memory_.next_capture = memory_.step;
     begin_here();
   }
@@ -351,9 +351,13 @@ class SimulatedRobot<R>::Implementation {
     TimeIndex next_capture{0};
     std::size_t pending_begin{0};
     std::size_t pending_count{0};
-    bool has_delivered{false};  // the pose in front of the pending ones is known to the readers
+    // 1 if the pose in front of the pending ones is known to the readers. A whole word: bytes
+    // between members would make equal states differ.
+    std::uint64_t has_delivered{0};
   };
   static_assert(std::is_trivially_copyable_v<Random> && std::is_trivially_copyable_v<Memory>);
+  static_assert(sizeof(Memory) == sizeof(SafetyState<R::kJoints>) + sizeof(Joints) +
+                                      sizeof(Memory::tip_force) + 5 * sizeof(std::uint64_t));
 
   [[nodiscard]] std::size_t num_objects() const noexcept {
     return physics_.model().objects().size();
