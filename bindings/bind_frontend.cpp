@@ -215,7 +215,7 @@ This handle remains stopped: connect again.)")
       [](const std::string& name, bool strict, nb::handle timeout) {
         return attach(name, {.control = true, .strict = strict}, timeout);
       },
-      "name"_a, nb::kw_only(), "strict"_a = false, "timeout"_a = 5.0,
+      "name"_a, nb::kw_only(), "strict"_a = false, "timeout"_a.none() = 5.0,
       nb::sig("def connect(name: str, *, strict: bool = False, timeout: float | None = 5.0) -> "
               "Frontend"),
       R"(Takes control of the robot `name`, which runs in a back-end of its own: `trifinger run`.

@@ -71,7 +71,7 @@ back-end died are included.)");
       [](const std::string& name, nb::handle timeout) {
         in_slices(to_timeout(timeout), kSlice, [&](Timeout slice) { recover(name, slice); });
       },
-      "name"_a, "timeout"_a = 5.0,
+      "name"_a, "timeout"_a.none() = 5.0,
       nb::sig("def recover(name: str, timeout: float | None = 5.0) -> None"),
       R"(Clears the fault of the robot `name`, as the operator who has looked at it; the next session
 begins.

@@ -3,6 +3,7 @@
 
 #include <nanobind/stl/string.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstring>
 
@@ -132,16 +133,24 @@ TimeIndex PythonFrontend::append_desired_action(nb::handle action, nb::handle ti
 }
 
 TimeIndex PythonFrontend::append_desired_actions(nb::handle actions, nb::handle timeout) {
-  std::shared_ptr<Handle> handle = open();
+  // A burst is many waits, each too short for the core to look at Ctrl-C.
+  constexpr std::size_t kActionsPerLook = 4096;
+  const std::shared_ptr<Handle> handle = open();
   const ElementType& type = type_of(Series::kDesiredAction);
   const auto [array, bytes, count] = type.contiguous(actions);
   for (std::size_t i = 0; i < count; ++i) nan_check_.require_numbers(bytes + i * type.size());
   const Timeout limit = to_timeout(timeout);
   const Appending appending(*this);
-  return without_gil(std::move(handle),
-                     [&, source = bytes, length = count](UntypedFrontend& frontend) {
-                       return frontend.append_desired_actions(source, length, limit);
-                     });
+  TimeIndex t = -1;
+  for (std::size_t i = 0; i == 0 || i < count; i += kActionsPerLook) {
+    const std::byte* const first = bytes + i * type.size();
+    const std::size_t length = std::min(kActionsPerLook, count - i);
+    t = without_gil(handle, [&](UntypedFrontend& frontend) {
+      return frontend.append_desired_actions(first, length, limit);
+    });
+    check_signals();
+  }
+  return t;
 }
 
 nb::object PythonFrontend::new_action(const nb::kwargs& fields) const {

@@ -60,6 +60,9 @@ void park_threads_at_exit() {
   // A forked child has one thread, and that one holds the GIL.
   pthread_atfork(nullptr, nullptr, [] { takers.store(0, std::memory_order_relaxed); });
   nb::module_::import_("atexit").attr("register")(nb::cpp_function([] {
+    // What the stacks of daemon threads hold is never given back.
+    const nb::object threads = nb::module_::import_("threading").attr("active_count")();
+    if (nb::cast<int>(threads) > 1) nb::set_leak_warnings(false);
     exiting_thread.store(std::this_thread::get_id(), std::memory_order_seq_cst);
     nb::gil_scoped_release release;
     while (takers.load(std::memory_order_seq_cst) != 0) std::this_thread::yield();

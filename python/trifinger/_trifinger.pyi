@@ -1,13 +1,27 @@
+from collections.abc import Sequence
 import enum
 import types
+from typing import Annotated, Any
 
 import numpy
 import numpy.typing
+from numpy.typing import NDArray
 
 import trifinger.session_info
 
 
 version: str = ...
+
+class Element(numpy.void):
+    """
+    One element of a series: a record of NumPy whose fields are attributes, too.
+
+    `y.position` and `y["position"]` are the same, `y.stamp.capture_time` is a field of a field.
+    """
+
+    def __getattr__(self, name: str) -> Any: ...
+
+    def __setattr__(self, name: str, value: object) -> None: ...
 
 class Status(enum.IntFlag):
     """What happened in a step: bits of the field `flags` of its status."""
@@ -34,7 +48,8 @@ def list_sessions() -> list[trifinger.session_info.SessionInfo]:
 
 def recover(name: str, timeout: float | None = 5.0) -> None:
     """
-    Clears the fault of the robot `name`, as the operator who has looked at it; the next session begins.
+    Clears the fault of the robot `name`, as the operator who has looked at it; the next session
+    begins.
 
     Raises SessionNotFound, TimedOut, or RobotStopped if the back-end is gone.
     """
@@ -46,75 +61,78 @@ class Frontend:
     Reading step t waits until the back-end has filled it in, so a loop that reads y[t] and appends
     a[t+1] is paced by the robot and needs no sleep of its own.
 
-    Elements are records of NumPy: `y.position` and `y["position"]` (three times as fast) read a field,
-    `y.stamp.capture_time` a nested one. Ranges of steps are arrays of the same dtype.
+    `y.position` and `y["position"]` read a field of an Element. Ranges of steps are structured
+    arrays of NumPy, `ys["position"]` is their field.
 
-    Any number of threads may read; one appends. Every wait ends: with the value, with TimedOut (`timeout`
-    is in seconds, None for as long as it takes), with RobotStopped once the session has ended and the value
-    will never come, or with Ctrl-C. A handle that went through os.fork() raises InheritedHandle.
+    Any number of threads may read; one appends. Every wait ends: with the value, with TimedOut
+    (`timeout` is in seconds, None for as long as it takes), with RobotStopped once the session has
+    ended and the value will never come, or with Ctrl-C. A handle that went through os.fork() raises
+    InheritedHandle.
 
-    As a context manager it calls finish() after a clean end of the block and lets go after an exception.
+    As a context manager it calls finish() after a clean end of the block and lets go after an
+    exception.
     """
 
-    def append_desired_action(self, action: numpy.record, timeout: float | None = None) -> int:
+    def append_desired_action(self, action: Element, timeout: float | None = None) -> int:
         """
-        Appends `action` and returns the step it is scheduled for: the next one, or the first still open if
-        the loop fell behind. The first call starts time 0. Waits only if the queue is full.
+        Appends `action` and returns the step it is scheduled for: the next one, or the first still open
+        if the loop fell behind. The first call starts time 0. Waits only if the queue is full.
 
-        Raises RobotStopped, TimedOut, AcausalAction if strict, InvalidArgument for anything but an action
-        of this robot: see new_action.
-        """
-
-    def append_desired_actions(self, actions: numpy.typing.NDArray[numpy.void], timeout: float | None = None) -> int:
-        """
-        Appends a burst: the elements of a one-dimensional array of `action_dtype`, one behind the other.
-        Returns the step of the last one.
+        Raises RobotStopped, TimedOut, AcausalAction if strict, InvalidArgument for anything but an
+        action of this robot: see new_action.
         """
 
-    def new_action(self, **fields: numpy.typing.ArrayLike) -> numpy.record:
+    def append_desired_actions(self, actions: numpy.typing.NDArray[Element], timeout: float | None = None) -> int:
         """
-        Returns the robot's default action with `fields` filled in; a number fills the whole field.
-        It can be changed and appended as often as you like.
+        Appends a burst: the elements of a one-dimensional array of `action_dtype`, one behind the
+        other. Returns the step of the last one.
         """
 
-    def get_observation(self, t: int, timeout: float | None = None) -> numpy.record:
+    def new_action(self, **fields: numpy.typing.ArrayLike) -> Element:
+        """
+        Returns the robot's default action with `fields` filled in; a number fills the whole field. It
+        can be changed and appended as often as you like.
+        """
+
+    def get_observation(self, t: int, timeout: float | None = None) -> Element:
         """
         Returns y[t], waiting for it if `t` lies in the future.
 
-        Raises HistoryLost if y[t] was already overwritten, RobotStopped if it will never come, TimedOut.
+        Raises HistoryLost if y[t] was already overwritten, RobotStopped if it will never come,
+        TimedOut.
         """
 
-    def get_desired_action(self, t: int, timeout: float | None = None) -> numpy.record:
+    def get_desired_action(self, t: int, timeout: float | None = None) -> Element:
         """
         Returns a[t] as the back-end took it; raises as get_observation, like all below.
         """
 
-    def get_applied_action(self, t: int, timeout: float | None = None) -> numpy.record:
+    def get_applied_action(self, t: int, timeout: float | None = None) -> Element:
         """Returns a'[t]: what was applied."""
 
-    def get_status(self, t: int, timeout: float | None = None) -> numpy.record:
+    def get_status(self, t: int, timeout: float | None = None) -> Element:
         """Returns what the back-end has to say about step t."""
 
-    def get_observations(self, first: int, last: int, timeout: float | None = None) -> numpy.typing.NDArray[numpy.void]:
+    def get_observations(self, first: int, last: int, timeout: float | None = None) -> numpy.typing.NDArray[Element]:
         """
         Returns the steps from `first` to before `last`, waiting for the last one.
         """
 
-    def get_desired_actions(self, first: int, last: int, timeout: float | None = None) -> numpy.typing.NDArray[numpy.void]: ...
+    def get_desired_actions(self, first: int, last: int, timeout: float | None = None) -> numpy.typing.NDArray[Element]: ...
 
-    def get_applied_actions(self, first: int, last: int, timeout: float | None = None) -> numpy.typing.NDArray[numpy.void]: ...
+    def get_applied_actions(self, first: int, last: int, timeout: float | None = None) -> numpy.typing.NDArray[Element]: ...
 
-    def get_statuses(self, first: int, last: int, timeout: float | None = None) -> numpy.typing.NDArray[numpy.void]: ...
+    def get_statuses(self, first: int, last: int, timeout: float | None = None) -> numpy.typing.NDArray[Element]: ...
 
-    def latest_observation(self, timeout: float | None = None) -> numpy.record:
+    def latest_observation(self, timeout: float | None = None) -> Element:
         """
         Returns the newest observation, before step 0 too: nobody has to act in order to look.
         """
 
-    def get_latest_at(self, t: int, timeout: float | None = None) -> numpy.record | None:
+    def get_latest_at(self, t: int, timeout: float | None = None) -> Element | None:
         """
-        Companions: returns the newest element that arrived at or before the robot's step `t`, waiting for
-        that step. None if there was none by then.
+        Companions: returns the newest element that arrived at or before the robot's step `t`, waiting
+        for that step. None if there was none by then.
         """
 
     def wait_until_time_index(self, t: int, timeout: float | None = None) -> None:
@@ -125,8 +143,8 @@ class Frontend:
 
     def range(self, series: str) -> tuple[int, int]:
         """
-        The first step of `series` that can still be read, and the first that has not been written: as in
-        `robot.get_observations(*robot.range("observation"))`. Series are "desired_action",
+        The first step of `series` that can still be read, and the first that has not been written: as
+        in `robot.get_observations(*robot.range("observation"))`. Series are "desired_action",
         "applied_action", "observation" and "status".
         """
 
@@ -138,8 +156,8 @@ class Frontend:
 
     def recover(self, timeout: float | None = None) -> None:
         """
-        Clears the fault that ended the session and waits until the back-end has begun the next one. This
-        handle remains stopped: connect again.
+        Clears the fault that ended the session and waits until the back-end has begun the next one.
+        This handle remains stopped: connect again.
         """
 
     def fault(self) -> trifinger.session_info.Fault | None:
@@ -159,19 +177,19 @@ class Frontend:
         """
 
     @property
-    def action_dtype(self) -> numpy.dtype[numpy.record]:
+    def action_dtype(self) -> numpy.dtype[Element]:
         """The layout of an action."""
 
     @property
-    def applied_action_dtype(self) -> numpy.dtype[numpy.record]:
+    def applied_action_dtype(self) -> numpy.dtype[Element]:
         """The layout of what the robot says it has applied."""
 
     @property
-    def observation_dtype(self) -> numpy.dtype[numpy.record]:
+    def observation_dtype(self) -> numpy.dtype[Element]:
         """The layout of an observation."""
 
     @property
-    def status_dtype(self) -> numpy.dtype[numpy.record]:
+    def status_dtype(self) -> numpy.dtype[Element]:
         """The layout of a status, the same for every robot."""
 
     def __enter__(self) -> Frontend: ...
@@ -182,11 +200,11 @@ def connect(name: str, *, strict: bool = False, timeout: float | None = 5.0) -> 
     """
     Takes control of the robot `name`, which runs in a back-end of its own: `trifinger run`.
 
-    `strict` makes an action that comes after its step was read an error (AcausalAction) instead of a mark
-    in the status. `timeout` is how long to wait for a session that is about to begin.
+    `strict` makes an action that comes after its step was read an error (AcausalAction) instead of
+    a mark in the status. `timeout` is how long to wait for a session that is about to begin.
 
-    Raises SessionNotFound with the names there are, ControlHeld naming the process that controls it,
-    RobotStopped if a fault must be cleared with recover() first.
+    Raises SessionNotFound with the names there are, ControlHeld naming the process that controls
+    it, RobotStopped if a fault must be cleared with recover() first.
     """
 
 def observe(name: str) -> Frontend:
@@ -217,18 +235,125 @@ def fake(*, strict: bool = ..., history: int = ..., sensor_period: int = ..., se
     """
     Starts the fake robot inside this program: no physics and no joints, for tests of your own code.
 
-    It runs in the waits of the front-end that is returned: without threads, deterministic and fast. An action
-    has the field `setpoint`, an observation `setpoint` (the last one applied) and `applied_actions` (how many
-    there were). `history` is the number of steps kept. With a `sensor_period` [steps] it has the companion
-    "sensor". `observation_fault_after` and `action_fault_after` inject a fault after that many calls.
+    It runs in the waits of the front-end that is returned: without threads, deterministic and fast.
+    An action has the field `setpoint`, an observation `setpoint` (the last one applied) and
+    `applied_actions` (how many there were). `history` is the number of steps kept. With a
+    `sensor_period` [steps] it has the companion "sensor". `observation_fault_after` and
+    `action_fault_after` inject a fault after that many calls.
     """
 
 def run_fake(name: str, *, real_time: bool = False, period: float = 0.001, max_action_repeats: int = 0, max_skipped_ticks: int = 5, first_action_timeout: float | None = None, history: int = 16384, sensor_period: int = 0, sensor_delay: int = 0, observation_fault_after: int = -1, action_fault_after: int = -1) -> Backend:
     """
     Runs the fake robot (see fake()) in a thread of this process, for every process of this machine.
 
-    In real-time mode a step takes `period` [s] and a missing action is replaced up to `max_action_repeats`
-    times in a row; otherwise the robot waits for every action.
+    In real-time mode a step takes `period` [s] and a missing action is replaced up to
+    `max_action_repeats` times in a row; otherwise the robot waits for every action.
 
     Raises RobotOwned if another back-end has this name.
     """
+
+class Simulation:
+    """
+    A simulated robot in this process, with its back-end inside the waits of its front-end: no threads, deterministic,
+    as fast as the physics. simulate() is the short form.
+
+    Every session begins in the state that the last reset(), place_object() or restore() has left. During a session
+    they take effect at once.
+    """
+
+    def __init__(self, config: str = 'sim', overrides: dict[str, object] = {}) -> None:
+        """
+        `config` is the name of a configuration that comes with the package, or a file; `overrides` changes single
+        values: {"fingers.height": 0.3, "simulation.seed": 7}.
+        """
+
+    def connect(self, *, strict: bool = ...) -> Frontend:
+        """
+        Controls the robot in a new session. Raises ControlHeld while another front-end does.
+        """
+
+    def reset(self, position: Sequence[float] | None = ..., seed: int | None = ...) -> None:
+        """
+        Goes back to the beginning: joints at `position` [rad] (default: the configuration's), objects in their places,
+        at rest, random numbers from `seed` (default: the configuration's).
+        """
+
+    def place_object(self, name: str, position: Sequence[float], orientation: Sequence[float] = ...) -> None:
+        """
+        Puts an object somewhere, at rest: x, y, z [m] and a quaternion w, x, y, z.
+        """
+
+    def object_pose(self, name: str) -> tuple[Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], Annotated[NDArray[numpy.float64], dict(shape=(4), order='C')]]:
+        """
+        Where an object is now, without delay and noise: position [m] and quaternion w, x, y, z.
+        """
+
+    def save(self) -> bytes:
+        """The whole state: physics, safety chain, delays, random numbers."""
+
+    def restore(self, state: bytes) -> None:
+        """Goes on as it went on from `state`, bit for bit."""
+
+    def state_before_divergence(self) -> bytes:
+        """The last state before the simulation diverged; empty if it has not."""
+
+    def configuration(self) -> Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C')]:
+        """MuJoCo's qpos, then qvel, to draw the scene of mjcf()."""
+
+    def mjcf(self) -> str:
+        """The scene in MuJoCo's format."""
+
+def simulate(config: str = 'sim', overrides: dict[str, object] = {}, *, strict: bool = True) -> Frontend:
+    """
+    Starts a simulated robot in this process and controls it; see Simulation. connect() is for one that runs elsewhere.
+    """
+
+def export_mjcf(config: str = 'sim', overrides: dict[str, object] = {}) -> str:
+    """
+    The scene of a configuration in MuJoCo's format, with objects, cameras and lights.
+    """
+
+def export_urdf(config: str = 'sim', overrides: dict[str, object] = {}) -> str:
+    """The robot of a configuration as URDF."""
+
+class Kinematics:
+    """
+    Kinematics and dynamics of the fingers, without contacts and objects, in the world frame: z up, origin on the
+    table. Not for several threads at once: make one each.
+    """
+
+    def __init__(self, config: str = 'sim', overrides: dict[str, object] = {}) -> None:
+        """
+        Of the robot of a configuration: the name of one that comes with the package, or a file.
+        """
+
+    @property
+    def num_fingers(self) -> int:
+        """1 or 3."""
+
+    @property
+    def num_joints(self) -> int:
+        """Three for each finger."""
+
+    def tip_positions(self, position: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Centres of the tip spheres at the joint positions `position` [rad]: a row x, y, z for each finger [m].
+        """
+
+    def tip_jacobian(self, finger: int, position: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Derivative of one tip's position by all joints [m/rad]: 3 rows, `num_joints` columns.
+        """
+
+    def gravity_torques(self, position: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
+        """Torques that hold the pose against gravity [Nm]."""
+
+    def mass_matrix(self, position: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
+        """Inertia seen by the joints, with that of the rotors [kg m^2]."""
+
+    def inverse_kinematics(self, finger: int, tip: numpy.typing.ArrayLike, near: numpy.typing.ArrayLike | None = None) -> tuple[numpy.typing.NDArray[numpy.float64], str]:
+        """
+        Joint positions of `finger` [rad] that bring its tip to `tip` [m], and whether it can reach it: 'yes',
+        'too_far', 'too_close' or 'outside_limits'. Where it cannot, the pose comes near it. Of several poses it is the
+        one nearest to `near` [rad], by default to the initial pose.
+        """

@@ -1,0 +1,266 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Elements as NumPy has them, and what is no action."""
+
+import pickle
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import trifinger
+from conftest import StartChild
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+NOT_ACTIONS: dict[str, Callable[[trifinger.Frontend], object]] = {
+    "a number": lambda _: 1.0,
+    "nothing": lambda _: None,
+    "a tuple": lambda _: (1.0,),
+    "a dict": lambda _: {"setpoint": 1.0},
+    "an array of numbers": lambda _: np.zeros(1),
+    "an observation": lambda robot: robot.latest_observation(),
+    "another width": lambda _: np.zeros((), [("setpoint", "f4")])[()],
+    "another name": lambda _: np.zeros((), [("position", "f8")])[()],
+    "another byte order": lambda _: np.zeros((), [("setpoint", ">f8")])[()],
+    "another type of the same size": lambda _: np.zeros((), [("setpoint", "i8")])[()],
+    "a field more": lambda _: np.zeros((), [("setpoint", "f8"), ("more", "f8")])[()],
+    "a gap": lambda _: np.zeros(
+        (), {"names": ["setpoint"], "formats": ["f8"], "offsets": [8], "itemsize": 16}
+    )[()],
+    "many": lambda robot: np.zeros(2, robot.action_dtype),
+    "an array of one": lambda robot: np.zeros(1, robot.action_dtype),
+    "raw bytes": lambda _: np.zeros((), "V8")[()],
+}
+
+NOT_BURSTS: dict[str, Callable[[trifinger.Frontend], object]] = {
+    "one action": lambda robot: robot.new_action(),
+    "a list of actions": lambda robot: [robot.new_action()],
+    "two dimensions": lambda robot: np.zeros((2, 2), robot.action_dtype),
+    "no dimension": lambda robot: np.zeros((), robot.action_dtype),
+    "no action": lambda robot: np.zeros(0, robot.action_dtype),
+    "numbers": lambda _: np.zeros(3),
+    "observations": lambda robot: np.zeros(3, robot.observation_dtype),
+}
+
+
+@pytest.mark.parametrize("kind", NOT_ACTIONS)
+def test_only_an_action_of_the_robot_is_appended(robot: trifinger.Frontend, kind: str) -> None:
+    with pytest.raises(trifinger.InvalidArgument):
+        robot.append_desired_action(NOT_ACTIONS[kind](robot))  # type: ignore[arg-type]
+    assert robot.session_info().phase == "holding", "nothing has reached the robot"
+    assert robot.append_desired_action(robot.new_action()) == 0
+
+
+@pytest.mark.parametrize("kind", NOT_BURSTS)
+def test_only_actions_of_the_robot_are_a_burst(robot: trifinger.Frontend, kind: str) -> None:
+    with pytest.raises(trifinger.InvalidArgument):
+        robot.append_desired_actions(NOT_BURSTS[kind](robot))  # type: ignore[arg-type]
+    assert robot.append_desired_action(robot.new_action()) == 0
+
+
+def test_a_wrong_dtype_is_named_beside_the_right_one(robot: trifinger.Frontend) -> None:
+    with pytest.raises(ValueError, match=r"float32.*expected.*'setpoint', '<f8'"):
+        robot.append_desired_action(np.float32(3))  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match=r"'setpoint', '<f4'.*expected.*'setpoint', '<f8'"):
+        robot.append_desired_actions(np.zeros(3, [("setpoint", "f4")]))
+
+
+def test_a_wrong_shape_is_named_beside_the_right_one(robot: trifinger.Frontend) -> None:
+    with pytest.raises(ValueError, match=r"shape \(2, 3\); expected is one dimension"):
+        robot.append_desired_actions(np.zeros((2, 3), robot.action_dtype))
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda robot: robot.new_action(setpoint=3.0),
+        lambda robot: np.array((3.0,), robot.action_dtype),
+        lambda robot: np.array([(3.0,)], robot.action_dtype)[0],
+        lambda _: np.array((3.0,), [("setpoint", "f8")])[()],
+        lambda robot: pickle.loads(pickle.dumps(robot.new_action(setpoint=3.0))),  # noqa: S301
+        lambda robot: robot.new_action(setpoint=3.0).copy(),
+    ],
+)
+def test_whatever_has_the_dtype_of_an_action_is_one(
+    robot: trifinger.Frontend, make: Callable[[trifinger.Frontend], np.record]
+) -> None:
+    robot.append_desired_action(make(robot))
+    robot.wait_until_time_index(0)
+    assert robot.get_desired_action(0).setpoint == 3.0
+
+
+def test_an_action_can_be_changed_and_appended_again(robot: trifinger.Frontend) -> None:
+    action = robot.new_action()
+    for setpoint in (1.0, 2.0):
+        action["setpoint"] = setpoint
+        robot.append_desired_action(action)
+    action.setpoint = 3.0
+    robot.append_desired_action(action)
+    robot.finish()
+    assert robot.get_desired_actions(0, 3)["setpoint"].tolist() == [1.0, 2.0, 3.0]
+
+
+def test_an_unknown_field_is_an_error_with_a_suggestion(robot: trifinger.Frontend) -> None:
+    with pytest.raises(trifinger.InvalidArgument, match=r"'setpont'.*Did you mean 'setpoint'\?"):
+        robot.new_action(setpont=1.0)
+    with pytest.raises(trifinger.InvalidArgument, match=r"'zzz'; its fields are setpoint$"):
+        robot.new_action(zzz=1.0)
+
+
+@pytest.mark.parametrize("value", [[1.0, 2.0], "x", {}, 1j])
+def test_what_a_field_cannot_hold_is_an_error(robot: trifinger.Frontend, value: object) -> None:
+    with pytest.raises(trifinger.InvalidArgument, match="field 'setpoint' holds float64"):
+        robot.new_action(setpoint=value)  # type: ignore[arg-type]
+
+
+def test_nan_is_refused_where_it_does_not_stand_for_not_given(robot: trifinger.Frontend) -> None:
+    with pytest.raises(trifinger.InvalidArgument, match="number 0 of field 'setpoint' is NaN"):
+        robot.append_desired_action(robot.new_action(setpoint=np.nan))
+    burst = np.zeros(3, robot.action_dtype)
+    burst["setpoint"][2] = np.nan
+    with pytest.raises(trifinger.InvalidArgument, match="NaN"):
+        robot.append_desired_actions(burst)
+    assert robot.session_info().phase == "holding", "not even the first two have been appended"
+
+
+@given(st.floats(allow_nan=False))
+def test_every_other_number_arrives_bit_for_bit(setpoint: float) -> None:
+    robot = trifinger.fake()
+    robot.append_desired_action(robot.new_action(setpoint=setpoint))
+    robot.wait_until_time_index(0)
+    assert robot.get_desired_action(0).setpoint.tobytes() == np.float64(setpoint).tobytes()
+
+
+def test_elements_are_independent_copies(robot: trifinger.Frontend) -> None:
+    robot.append_desired_action(robot.new_action(setpoint=1.0))
+    robot.wait_until_time_index(0)
+    first = robot.get_desired_action(0)
+    first.setpoint = 5.0
+    assert first.setpoint == 5.0
+    assert robot.get_desired_action(0).setpoint == 1.0
+
+
+def test_a_field_is_an_attribute_even_if_numpy_has_one_of_that_name(
+    robot: trifinger.Frontend,
+) -> None:
+    robot.append_desired_action(robot.new_action())
+    robot.wait_until_time_index(0)
+    status = robot.get_status(0)
+    assert np.void.flags.__get__(status) is not None, "every record has this one"
+    assert status.flags == status["flags"] == 0
+    status.flags = 3
+    assert status["flags"] == 3
+
+
+def test_a_misspelt_attribute_is_an_error(robot: trifinger.Frontend) -> None:
+    action = robot.new_action()
+    with pytest.raises(AttributeError, match="setpont"):
+        action.setpont = 1.0
+    with pytest.raises(AttributeError, match="setpont"):
+        _ = action.setpont
+
+
+def test_elements_of_arrays_are_elements(robot: trifinger.Frontend) -> None:
+    robot.append_desired_action(robot.new_action(setpoint=4.0))
+    robot.wait_until_time_index(0)
+    assert type(robot.get_desired_actions(0, 1)[0]) is trifinger.Element
+    assert robot.get_desired_actions(0, 1)[0].setpoint == 4.0
+
+
+def test_elements_survive_a_trip_to_another_process(robot: trifinger.Frontend) -> None:
+    action = pickle.loads(pickle.dumps(robot.new_action(setpoint=4.0)))  # noqa: S301
+    assert type(action) is trifinger.Element
+    assert action.dtype == robot.action_dtype
+    assert action.setpoint == 4.0
+
+
+# ---- robots that Python has never heard of ----
+
+
+def test_a_robot_never_seen_is_described_by_its_session(start_foreign: StartChild) -> None:
+    start_foreign("odd", "odd")
+    robot = trifinger.observe("odd")
+    assert robot.session_info().type == "odd"
+    assert robot.action_dtype == np.dtype([("speed", "f4", 2), ("gear", "i1", 2), ("colour", "u2")])
+    assert robot.applied_action_dtype == np.dtype([("gear", "i1", 2), ("was_clipped", "u1")])
+    wheel = [("angle", "f4"), ("speed", "f4")]
+    assert robot.observation_dtype == np.dtype(
+        [("left", wheel), ("right", wheel), ("gears", "i1", (2, 2))]
+    )
+
+
+def test_a_robot_never_seen_is_driven_by_its_description(start_foreign: StartChild) -> None:
+    start_foreign("odd", "odd")
+    with trifinger.connect("odd") as robot:
+        lamp = robot.companion("lamp")
+        for k in range(6):
+            action = robot.new_action(speed=[1.0, -1.0], gear=k + 1, colour=100 + k)
+            t = robot.append_desired_action(action)
+            robot.wait_until_time_index(t)
+        y = robot.get_observation(5)
+        assert y.left.angle > 0 > y.right.angle
+        assert y.left.speed == -y.right.speed == robot.get_observations(0, 6)["left"]["speed"][5]
+        assert y.gears.tolist() == [[5, 5], [4, 4]]
+        assert robot.get_applied_action(5).was_clipped == 1
+        assert robot.get_applied_action(5).gear.tolist() == [5, 5]
+        reading = lamp.get_latest_at(5)
+        assert reading is not None
+        assert reading.stamp.capture_index == 3
+        assert reading.colour.tolist() == [102, 0, 0]
+
+
+@given(
+    speed=st.lists(st.floats(width=32, allow_nan=False), min_size=2, max_size=2),
+    gear=st.lists(st.integers(-128, 127), min_size=2, max_size=2),
+    colour=st.integers(0, 65535),
+)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_the_fields_of_any_action_are_what_was_filled_in(
+    odd: trifinger.Frontend, speed: list[float], gear: list[int], colour: int
+) -> None:
+    action = odd.new_action(speed=speed, gear=gear, colour=colour)
+    t = odd.append_desired_action(action)
+    odd.wait_until_time_index(t)
+    taken = odd.get_desired_action(t)
+    assert taken.tobytes() == action.tobytes()
+    assert taken.speed.tolist() == speed
+    assert taken.gear.tolist() == gear
+    assert taken.colour == colour
+
+
+@given(st.integers())
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_an_integer_is_kept_or_refused(odd: trifinger.Frontend, colour: int) -> None:
+    if 0 <= colour <= 65535:
+        assert odd.new_action(colour=colour).colour == colour
+    else:
+        with pytest.raises(trifinger.InvalidArgument, match="field 'colour' holds uint16"):
+            odd.new_action(colour=colour)
+
+
+@pytest.mark.parametrize("value", [1.5, [1, 2, 3], [[1, 2]] * 2, "3x", np.nan])
+def test_an_integer_field_is_not_cut(odd: trifinger.Frontend, value: object) -> None:
+    with pytest.raises(trifinger.InvalidArgument, match="field 'gear' holds"):
+        odd.new_action(gear=value)  # type: ignore[arg-type]
+
+
+@pytest.fixture
+def odd(start_foreign: StartChild) -> trifinger.Frontend:
+    start_foreign("odd", "odd")
+    return trifinger.connect("odd")
+
+
+def test_nan_says_not_given_where_the_default_action_has_it(start_foreign: StartChild) -> None:
+    start_foreign("aiming", "aiming")
+    with trifinger.connect("aiming") as robot:
+        default = robot.new_action()
+        assert robot.new_action(target=None).tobytes() == robot.new_action(target=np.nan).tobytes()
+        assert np.isnan(default.target).tolist() == [True, True, False]
+        robot.append_desired_action(default)
+        robot.append_desired_action(robot.new_action(target=[1.0, np.nan, 2.0]))
+        for fields, place in (
+            ({"target": [1.0, 2.0, np.nan]}, "number 2 of field 'target'"),
+            ({"force": [0.0, np.nan]}, "number 1 of field 'force'"),
+            ({"target": np.nan}, "number 2 of field 'target'"),
+        ):
+            with pytest.raises(trifinger.InvalidArgument, match=place):
+                robot.append_desired_action(robot.new_action(**fields))
