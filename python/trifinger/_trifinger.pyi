@@ -12,15 +12,13 @@ import trifinger.session_info
 
 version: str = ...
 
-class Element(numpy.void):
+class Element(numpy.void):  # type: ignore[misc]  # final in NumPy's own stub, not in NumPy
     """
     One element of a series: a record of NumPy whose fields are attributes, too.
 
     `y.position` and `y["position"]` are the same, `y.stamp.capture_time` is a field of a field.
     """
-
     def __getattr__(self, name: str) -> Any: ...
-
     def __setattr__(self, name: str, value: object) -> None: ...
 
 class Status(enum.IntFlag):
