@@ -16,7 +16,7 @@ def without_deadlines() -> None:
     Here it even runs inside of `get_observation`: no thread, nothing to wait for.
     """
 
-    def policy(y: np.record) -> np.record:
+    def policy(y: trifinger.Element) -> trifinger.Element:
         """a[t+1] as a function of y[t]: a target that the robot's own PD follows."""
         target = y.position + np.clip(GOAL - y.position, -0.1, 0.1)
         return robot.new_action(position=target)
@@ -41,7 +41,7 @@ def in_real_time() -> None:
     before. This machine may be busy with other things, so here it may.
     """
 
-    def policy(y: np.record) -> np.record:
+    def policy(y: trifinger.Element) -> trifinger.Element:
         return robot.new_action(setpoint=0.5 * y.setpoint)
 
     with (
