@@ -19,11 +19,17 @@ VERSION = tomllib.loads((SOURCES / "pyproject.toml").read_text())["project"]["ve
 ENVIRONMENT = {"PATH": "/usr/bin:/bin", "LC_ALL": "C.UTF-8"}
 
 
-def run(*command: str | Path, succeeds: bool = True) -> str:
+def run(
+    *command: str | Path,
+    succeeds: bool = True,
+    cwd: Path | None = None,
+    path: str = ENVIRONMENT["PATH"],
+) -> str:
     """Runs a command and returns what it said."""
     done = subprocess.run(
         command,
-        env=ENVIRONMENT,
+        cwd=cwd,
+        env=ENVIRONMENT | {"PATH": path},
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
@@ -81,6 +87,15 @@ def test_program_knows_the_configurations_that_were_installed_with_it(prefix: Pa
     for file in (SOURCES / "config").glob("*.yml"):
         assert (prefix / "share" / "trifinger" / "config" / file.name).is_file()
         assert file.stem in refusal
+
+
+def test_program_is_not_mistaken_for_what_has_its_name_in_the_working_directory(
+    prefix: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "trifinger").mkdir()
+    path = f"{prefix / 'bin'}:{ENVIRONMENT['PATH']}"
+    refusal = run("trifinger", "run", "nonsense", succeeds=False, cwd=tmp_path, path=path)
+    assert "trifinger_pro" in refusal
 
 
 def test_public_headers_do_not_include_mujoco(prefix: Path) -> None:
