@@ -141,11 +141,12 @@ BackendOptions read_backend(const Node& section, SessionOptions& session) {
   const bool repeats =
       late_action.required_choice<bool>("policy", {{"stop", false}, {"repeat", true}});
   const Range count{.min = 0, .max = kMaxCount};
+  // Read in either case: a policy that is set for once must not demand more changes.
+  const auto max_repeats =
+      late_action.optional<std::uint32_t>("max_repeats", 0, {.min = 1, .max = kMaxCount});
   if (repeats) {
-    options.max_action_repeats =
-        late_action.required<std::uint32_t>("max_repeats", {.min = 1, .max = kMaxCount});
-  } else if (const auto max_repeats = late_action.find("max_repeats")) {
-    max_repeats->fail("has no meaning with policy: stop");
+    static_cast<void>(late_action.at("max_repeats"));
+    options.max_action_repeats = max_repeats;
   }
   options.max_rejected_actions = section.required<std::uint32_t>("max_rejected_actions", count);
   options.max_skipped_ticks = section.required<std::uint32_t>("max_skipped_ticks", count);

@@ -9,6 +9,7 @@
 #include <random>
 
 #include "sim/robots.hpp"
+#include "support/allocation_counter.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/sim/simulation.hpp"
 
@@ -217,6 +218,14 @@ TEST(Divergence, HappensAgainFromTheStateBefore) {
   const SimulationState before = other.robot.save();
   EXPECT_EQ(other.step({}).fault_code, SimulatedRobot<TriFinger>::kDiverged);
   EXPECT_TRUE(other.robot.state_before_divergence() == before);
+}
+
+TEST(Divergence, TakesNoMemory) {
+  BareDriver<TriFinger> driver({});
+  driver.robot.restore(tampered(driver.robot, 1e300));
+  const AllocationCounter allocations;
+  ASSERT_EQ(driver.fault_after({}, 1000).fault_code, SimulatedRobot<TriFinger>::kDiverged);
+  EXPECT_EQ(allocations.count(), 0U);
 }
 
 TEST(Divergence, IsOverAfterAReset) {

@@ -1,0 +1,278 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/sim/robot_config.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <regex>
+#include <string>
+#include <vector>
+
+#include "sim/robots.hpp"
+#include "support/config_message.hpp"
+#include "trifinger/sim/simulation.hpp"
+
+namespace trifinger::test {
+namespace {
+
+using testing::AllOf;
+using testing::Contains;
+using testing::EndsWith;
+using testing::HasSubstr;
+using testing::StartsWith;
+using testing::ThrowsMessage;
+
+class RobotConfigFile : public testing::Test {
+ protected:
+  RobotConfigFile() {
+    ::setenv("TRIFINGER_CONFIG_DIR", TRIFINGER_CONFIG_DIR, 1);
+    std::string name = testing::TempDir() + "trifinger_config_XXXXXX";
+    folder_ = ::mkdtemp(name.data());
+  }
+  ~RobotConfigFile() override {
+    std::error_code ignored;
+    std::filesystem::remove_all(folder_, ignored);
+  }
+
+  // A file that extends the documented one.
+  [[nodiscard]] std::string extended(const std::string& text) const {
+    const auto base = std::filesystem::path(TRIFINGER_CONFIG_DIR) / "trifinger_edu.yml";
+    std::filesystem::copy_file(base, folder_ / "trifinger_edu.yml",
+                               std::filesystem::copy_options::overwrite_existing);
+    std::ofstream(folder_ / "my.yml") << "extends: trifinger_edu.yml\n" << text;
+    return (folder_ / "my.yml").string();
+  }
+  // What is said about it, from the name of the file on.
+  [[nodiscard]] std::string message(const std::string& text) const {
+    return shortened(message_of([&] { (void)load_robot_config(extended(text)); }));
+  }
+  // What is said about an override.
+  [[nodiscard]] static std::string message_of_override(const std::string& override) {
+    return message_of([&] { (void)load_robot_config("sim", {override}); });
+  }
+  [[nodiscard]] std::string shortened(std::string message) const {
+    const std::string folder = folder_.string() + "/";
+    if (message.starts_with(folder)) message.erase(0, folder.size());
+    return message;
+  }
+
+  std::filesystem::path folder_;
+};
+
+// One simulated step of whatever robot it is.
+template <class R>
+void run_ten_steps(const SimulationOptions<R>& options, const SessionOptions& session) {
+  const Simulation<R> simulation(options, session);
+  Frontend<R> robot = simulation.connect();
+  const auto hold = hold_position(robot.latest_observation());
+  EXPECT_EQ(hold.position, *options.initial_position);
+  for (int i = 0; i < 10; ++i) (void)robot.get_observation(robot.append_desired_action(hold));
+  EXPECT_FALSE(robot.fault());
+}
+
+TEST_F(RobotConfigFile, EveryOneThatComesWithTheProgramRuns) {
+  int count = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(TRIFINGER_CONFIG_DIR)) {
+    if (entry.path().extension() != ".yml") continue;
+    ++count;
+    SCOPED_TRACE(entry.path().filename());
+    const RobotConfig config = load_robot_config(entry.path().string());
+    EXPECT_THAT(config_names(), Contains(entry.path().stem().string()));
+    EXPECT_EQ(find_config(entry.path().stem().string()), entry.path());
+    std::visit([&](const auto& options) { run_ten_steps(options, config.session); },
+               config.simulation);
+  }
+  EXPECT_EQ(count, 7);
+}
+
+TEST_F(RobotConfigFile, SaysTheSameAsTheFiguresOfTheRobot) {
+  // Limits are written down twice: in the model, for programs without a file, and in the files.
+  const auto expect_same = [](const auto& options) {
+    const auto of_figures = default_limits<std::conditional_t<
+        std::is_same_v<std::decay_t<decltype(options)>, SimulationOptions<Finger>>, Finger,
+        TriFinger>>(options.description);
+    const auto values = detail::joint_limit_values(*options.limits);
+    const auto expected = detail::joint_limit_values(of_figures);
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      EXPECT_TRUE(std::equal(values[i].begin(), values[i].end(), expected[i].begin()))
+          << detail::joint_limit_fields()[i].name;
+    }
+    EXPECT_EQ(*options.description.finger_height, figures(options.description).finger_height);
+    for (std::size_t i = 0; i < options.initial_position->size(); ++i) {
+      EXPECT_EQ((*options.initial_position)[i],
+                figures(options.description).initial_position[i % kJointsPerFinger]);
+    }
+  };
+  for (const std::string& name : config_names()) {
+    SCOPED_TRACE(name);
+    std::visit(expect_same, load_robot_config(name).simulation);
+  }
+}
+
+TEST_F(RobotConfigFile, FillsEveryOption) {
+  const RobotConfig config =
+      load_robot_config("trifinger_pro", {"name=mine",
+                                          "fingers.height=0.3",
+                                          "fingers.soft_tips=false",
+                                          "platform=flipped",
+                                          "boundary=false",
+                                          "contact.tip_friction=0.7",
+                                          "contact.tip_torsional_friction=0.01",
+                                          "contact.floor_friction=0.4",
+                                          "backend.mode=non_real_time",
+                                          "backend.period=0.002",
+                                          "backend.history=1024",
+                                          "backend.late_action.max_repeats=7",
+                                          "backend.max_skipped_ticks=8",
+                                          "backend.max_rejected_actions=9",
+                                          "backend.first_action_timeout=1.5",
+                                          "simulation.seed=42",
+                                          "simulation.object_period=0.02",
+                                          "simulation.object_delay=0.03",
+                                          "simulation.object_position_noise=0.001",
+                                          "simulation.object_orientation_noise=0.02"});
+  EXPECT_EQ(config.name, "mine");
+  EXPECT_EQ(config.backend.mode, BackendOptions::Mode::kNonRealTime);
+  EXPECT_EQ(config.backend.period, std::chrono::milliseconds(2));
+  EXPECT_EQ(config.backend.max_action_repeats, 7U);
+  EXPECT_EQ(config.backend.max_skipped_ticks, 8U);
+  EXPECT_EQ(config.backend.max_rejected_actions, 9U);
+  EXPECT_EQ(config.backend.first_action_timeout, std::chrono::milliseconds(1500));
+  EXPECT_EQ(config.session.history, 1024U);
+  const auto& options = std::get<SimulationOptions<TriFinger>>(config.simulation);
+  EXPECT_EQ(options.description.variant, Variant::kPro);
+  EXPECT_EQ(options.description.finger_height, 0.3);
+  EXPECT_FALSE(options.description.soft_tips);
+  EXPECT_TRUE(options.description.flipped);
+  EXPECT_FALSE(options.description.boundary);
+  EXPECT_EQ(options.description.contact.tip_friction, 0.7);
+  EXPECT_EQ(options.description.contact.tip_torsional_friction, 0.01);
+  EXPECT_EQ(options.description.contact.floor_friction, 0.4);
+  EXPECT_TRUE(options.description.objects.empty());
+  EXPECT_EQ(options.limits->max_torque[8], 0.396);
+  EXPECT_EQ(options.period, std::chrono::milliseconds(2));
+  EXPECT_EQ(options.seed, 42U);
+  EXPECT_EQ(options.object_period, 10);
+  EXPECT_EQ(options.object_delay, 15);
+  EXPECT_EQ(options.object_position_noise, 0.001);
+  EXPECT_EQ(options.object_orientation_noise, 0.02);
+}
+
+TEST_F(RobotConfigFile, ReadsObjects) {
+  const RobotConfig config =
+      load_robot_config(extended("objects:\n"
+                                 "  - {name: box, type: cuboid, size: [0.02, 0.08, 0.03], mass: "
+                                 "0.02, position: [0.1, 0, 0.1]}\n"
+                                 "  - {name: pen, type: stick, size: [0.14, 0.01]}\n"
+                                 "  - {name: ball, type: ball, size: [0.05]}\n"
+                                 "  - {name: dice, type: cube, size: [0.04]}\n"));
+  const auto& objects =
+      std::get<SimulationOptions<TriFinger>>(config.simulation).description.objects;
+  ASSERT_EQ(objects.size(), 4U);
+  EXPECT_EQ(objects[0].size, (Triple{0.02, 0.08, 0.03}));
+  EXPECT_EQ(objects[0].mass, 0.02);
+  EXPECT_EQ(objects[0].position, (Triple{0.1, 0, 0.1}));
+  EXPECT_EQ(objects[1].shape, ObjectShape::kStick);
+  EXPECT_EQ(objects[1].size[0], 0.14);
+  EXPECT_EQ(objects[1].mass, stick().mass);
+  EXPECT_EQ(objects[2].shape, ObjectShape::kBall);
+  EXPECT_EQ(objects[2].size[0], 0.05);
+  EXPECT_FALSE(objects[2].position);
+  EXPECT_EQ(objects[3].size, (Triple{0.04, 0.04, 0.04}));
+}
+
+TEST_F(RobotConfigFile, WaitsForTheFirstActionForEverUnlessTold) {
+  EXPECT_EQ(load_robot_config("sim").backend.first_action_timeout, kForever);
+}
+
+// --- Mistakes: one sentence each, with its place.
+
+TEST_F(RobotConfigFile, NamesAnUnknownKey) {
+  EXPECT_EQ(message("boundry: true\n"),
+            "my.yml:2:1: boundry is not a known key; did you mean 'boundary'?");
+}
+
+TEST_F(RobotConfigFile, NamesAMissingKey) {
+  EXPECT_EQ(message("robot:\n  variant: pro\n"), "my.yml:3:3: robot.arrangement is missing");
+}
+
+TEST_F(RobotConfigFile, NamesMalformedYaml) {
+  EXPECT_THAT(message("robot: [1, 2\n"), StartsWith("my.yml:"));
+}
+
+TEST_F(RobotConfigFile, NamesAValueThatIsNoChoice) {
+  EXPECT_EQ(message("platform: sideways\n"),
+            "my.yml:2:11: platform is 'sideways', must be 'upright' or 'flipped'");
+}
+
+TEST_F(RobotConfigFile, NamesReversedLimits) {
+  const std::string safety =
+      "safety: {max_torque: 0.36, safety_kd: 0.09, soft_lower: 1.2, soft_upper: 1.0, "
+      "hard_lower: -2, hard_upper: 2, default_kp: 7, default_kd: 0.01, max_kp: 50, max_kd: 0.5}\n";
+  EXPECT_THAT(message(safety), AllOf(StartsWith("my.yml:2:"), HasSubstr("soft_lower"),
+                                     HasSubstr("1.2 rad"), HasSubstr("soft_upper (1 rad)")));
+}
+
+TEST_F(RobotConfigFile, NamesAPeriodThatThePhysicsCannotKeep) {
+  EXPECT_EQ(message_of_override("backend.period=0.0015"),
+            "--set backend.period: backend.period is 0.0015 s, must be a whole number of "
+            "milliseconds in a simulation");
+}
+
+TEST_F(RobotConfigFile, NamesATimeThatIsNoWholeNumberOfSteps) {
+  EXPECT_EQ(message_of_override("simulation.object_period=0.0025"),
+            "--set simulation.object_period: simulation.object_period is 0.0025 s, must be a whole "
+            "number of steps of 0.001 s");
+  EXPECT_EQ(message_of_override("simulation.object_delay=0.0004"),
+            "--set simulation.object_delay: simulation.object_delay is 0.0004 s, must be a whole "
+            "number of steps of 0.001 s");
+}
+
+TEST_F(RobotConfigFile, NamesAValueOutOfRange) {
+  EXPECT_EQ(message_of_override("fingers.height=3"),
+            "--set fingers.height: fingers.height is 3 m, must be 0.2 to 0.6 m");
+}
+
+TEST_F(RobotConfigFile, NamesAnInitialPositionBeyondTheSoftLimits) {
+  EXPECT_EQ(
+      message_of_override("fingers.initial_position=[0, 0.9, 1, 0, 0.9, 1, 0, 1.7, 1]"),
+      "--set fingers.initial_position: fingers.initial_position has 1.7 rad for joint 7, must "
+      "be within its soft limits, -1.2 to 1.6 rad");
+  EXPECT_EQ(message_of_override("fingers.initial_position=[0, 0.9]"),
+            "--set fingers.initial_position: fingers.initial_position has 2 angles, must have 3 or "
+            "9");
+}
+
+TEST_F(RobotConfigFile, NamesObjectsThatDoNotGoTogether) {
+  EXPECT_EQ(message("objects:\n  - {name: a, type: cube}\n  - {name: a, type: ball}\n"),
+            "my.yml:3:3: Two objects are called 'a'; names must differ.");
+  EXPECT_EQ(message("objects:\n  - {name: a, type: stick, size: [0.01, 0.02]}\n"),
+            "my.yml:3:3: object 'a': a stick of length 0.01 m must be longer than its diameter of "
+            "0.02 m.");
+  EXPECT_EQ(message("objects:\n  - {name: a, type: cuboid, size: [0.01]}\n"),
+            "my.yml:3:35: objects.0.size has 1 lengths, must have 3");
+}
+
+TEST_F(RobotConfigFile, StopsAtALateActionIfToldSo) {
+  const RobotConfig config = load_robot_config("sim", {"backend.late_action.policy=stop"});
+  EXPECT_EQ(config.backend.max_action_repeats, 0U);
+  EXPECT_EQ(load_robot_config("sim").backend.max_action_repeats, 100U);
+}
+
+TEST_F(RobotConfigFile, NamesTheConfigurationsThereAre) {
+  EXPECT_THAT([] { (void)load_robot_config("trifinger_max"); },
+              ThrowsMessage<InvalidArgument>(AllOf(HasSubstr("'trifinger_max'"), HasSubstr("sim"),
+                                                   HasSubstr("trifinger_pro"))));
+}
+
+TEST_F(RobotConfigFile, NamesAFileThatIsNotThere) {
+  EXPECT_THAT([] { (void)load_robot_config("./nowhere.yml"); },
+              ThrowsMessage<SystemError>(HasSubstr("nowhere.yml")));
+}
+
+}  // namespace
+}  // namespace trifinger::test
