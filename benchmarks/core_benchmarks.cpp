@@ -52,11 +52,12 @@ Row append_row(const Effort& effort) {
   const Child backend([bursts] {
     pin(0);
     SimpleDriver<NineJoints, NineJointsDriver> driver;
-    SessionHost host =
-        SessionHost::named("benchmark-append", {.queue = 2 * bursts * kBurst});
+    SessionHost host = SessionHost::named("benchmark-append", {.queue = 2 * bursts * kBurst});
     // In real-time mode the back-end never sleeps until an action comes: nobody has to be woken.
-    Backend(driver, host, {.mode = BackendOptions::Mode::kRealTime, .max_action_repeats = 1000000,
-                           .max_skipped_ticks = 1000000})
+    Backend(driver, host,
+            {.mode = BackendOptions::Mode::kRealTime,
+             .max_action_repeats = 1000000,
+             .max_skipped_ticks = 1000000})
         .run();
   });
   pin(1);
@@ -87,8 +88,8 @@ Row append_row(const Effort& effort) {
                   "<= 80 ns", paired.measure.median() <= 80.0);
 }
 
-// Both sides do the same: a loop with absolute deadlines on one CPU notes the time and wakes a process that sleeps on
-// the other; that one says how long the way was.
+// Both sides do the same: a loop with absolute deadlines on one CPU notes the time and wakes a
+// process that sleeps on the other; that one says how long the way was.
 struct WakeBoard {
   std::atomic<std::uint32_t> word;
   std::atomic<std::int64_t> time;
@@ -129,8 +130,10 @@ Row wake_row(const Effort& effort) {
     SimpleDriver<NineJoints, NineJointsDriver> driver;
     SessionHost host = SessionHost::named("benchmark-wake");
     Backend(driver, host,
-            {.mode = BackendOptions::Mode::kRealTime, .period = kWakePeriod,
-             .max_action_repeats = 100000000, .max_skipped_ticks = 1000000})
+            {.mode = BackendOptions::Mode::kRealTime,
+             .period = kWakePeriod,
+             .max_action_repeats = 100000000,
+             .max_skipped_ticks = 1000000})
         .run();
   });
   pin(1);
@@ -146,8 +149,7 @@ Row wake_row(const Effort& effort) {
     }
     return samples.median();
   };
-  const Paired paired =
-      alternate(effort.rounds, read, [&] { return futex_wake_latency(*board); });
+  const Paired paired = alternate(effort.rounds, read, [&] { return futex_wake_latency(*board); });
   return make_row("blocked reader wakes on the other CPU, p50", "us", paired, "bare shared futex",
                   "<= 1.15x", paired.ratio.median() <= 1.15);
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "harness.hpp"
 
+#include <fmt/format.h>
 #include <sched.h>
 #include <signal.h>
 #include <sys/mman.h>
@@ -12,8 +13,6 @@
 #include <cmath>
 
 #include "trifinger/base/error.hpp"
-
-#include <fmt/format.h>
 
 namespace trifinger::benchmarks {
 namespace {
@@ -72,7 +71,8 @@ std::string to_json(const std::vector<Row>& rows) {
   std::string text = "[";
   for (const Row& row : rows) {
     text += fmt::format(
-        "{}\n  {{\"measure\": {}, \"value\": {:.6g}, \"low\": {:.6g}, \"high\": {:.6g}, \"unit\": {}, "
+        "{}\n  {{\"measure\": {}, \"value\": {:.6g}, \"low\": {:.6g}, \"high\": {:.6g}, \"unit\": "
+        "{}, "
         "\"reference\": {}, \"ratio\": {}, \"reach\": {}, \"holds\": {}, \"remark\": {}}}",
         text.size() > 1 ? "," : "", quoted(row.measure), row.value, row.low, row.high,
         quoted(row.unit), row.reference.empty() ? "null" : quoted(row.reference),

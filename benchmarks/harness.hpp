@@ -28,14 +28,15 @@ struct Row {
   double low{0.0};    ///< Smallest and largest of the rounds.
   double high{0.0};
   std::string unit;
-  std::string reference;           ///< What was measured beside it; empty for nothing.
-  std::optional<double> ratio;     ///< Of the measure to its reference, median of the rounds.
-  std::string reach;               ///< In words, as in "<= 80 ns".
+  std::string reference;        ///< What was measured beside it; empty for nothing.
+  std::optional<double> ratio;  ///< Of the measure to its reference, median of the rounds.
+  std::string reach;            ///< In words, as in "<= 80 ns".
   bool holds{false};
   std::string remark;
 };
 
-/// Measures both sides in turn, so that both see the same machine. Returns samples of each and of their ratio.
+/// Measures both sides in turn, so that both see the same machine. Returns samples of each and of
+/// their ratio.
 struct Paired {
   Samples measure;
   Samples reference;
@@ -81,9 +82,9 @@ class Shared {
 };
 
 struct Effort {
-  int rounds;           ///< Of each paired measure.
-  int windows;          ///< Pairs of windows of the lateness.
-  double window_time;   ///< [s]
+  int rounds;          ///< Of each paired measure.
+  int windows;         ///< Pairs of windows of the lateness.
+  double window_time;  ///< [s]
 };
 
 [[nodiscard]] std::vector<Row> core_rows(const Effort& effort);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Measures the figures of the C++ side, each beside its reference, and prints them as JSON. `./run bench` calls it.
+// Measures the figures of the C++ side, each beside its reference, and prints them as JSON. `./run
+// bench` calls it.
 #include <fmt/format.h>
 
 #include <cstdlib>

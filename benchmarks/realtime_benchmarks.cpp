@@ -36,8 +36,8 @@ Samples bare_window(double window_time) {
     enter_realtime(kRealtime);
     MonotonicClock& clock = MonotonicClock::instance();
     Instant deadline = clock.now();
-    const Instant end = deadline + std::chrono::round<Nanoseconds>(
-                                       std::chrono::duration<double>(window_time));
+    const Instant end =
+        deadline + std::chrono::round<Nanoseconds>(std::chrono::duration<double>(window_time));
     while (deadline < end) {
       deadline += kPeriod;
       clock.sleep_until(deadline);
@@ -51,7 +51,7 @@ Samples bare_window(double window_time) {
 }
 
 struct Window {
-  Samples lateness;  // [us]
+  Samples lateness;   // [us]
   double drift{0.0};  // [ns]
 };
 
@@ -60,12 +60,15 @@ Window backend_window(double window_time) {
   FakeDriver driver;
   SessionHost host = SessionHost::anonymous();
   Backend backend(driver, host,
-                  {.mode = BackendOptions::Mode::kRealTime, .period = kPeriod,
-                   .max_action_repeats = 1000000, .max_skipped_ticks = 1000000});
+                  {.mode = BackendOptions::Mode::kRealTime,
+                   .period = kPeriod,
+                   .max_action_repeats = 1000000,
+                   .max_skipped_ticks = 1000000});
   const BackendThread thread(backend, kRealtime);
   Frontend<FakeRobot> robot(host);
   robot.append_desired_action({});
-  const auto steps = static_cast<TimeIndex>(window_time * 1e9 / static_cast<double>(kPeriod.count()));
+  const auto steps =
+      static_cast<TimeIndex>(window_time * 1e9 / static_cast<double>(kPeriod.count()));
   std::vector<Status> statuses;
   TimeIndex t = 0;
   std::vector<Status> part(100);
@@ -81,8 +84,8 @@ Window backend_window(double window_time) {
     window.lateness.add(1e-3 * static_cast<double>(status.lateness));
     const std::int64_t expected =
         deadline_of(statuses.front()) + (status.tick - statuses.front().tick) * kPeriod.count();
-    window.drift = std::max(window.drift,
-                            std::abs(static_cast<double>(deadline_of(status) - expected)));
+    window.drift =
+        std::max(window.drift, std::abs(static_cast<double>(deadline_of(status) - expected)));
   }
   return window;
 }

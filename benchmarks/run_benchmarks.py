@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Measures all figures, each beside its reference in the same run, and prints them as a table: `./run bench`."""
+"""`./run bench`: measures all figures, each beside its reference in the same run."""
 
 from __future__ import annotations
 
@@ -34,6 +34,7 @@ def python_loop(robot: Any, steps: int) -> float:
 
 
 def row(measure: str, samples: list[float], reach: float, reference: Row | None = None) -> Row:
+    """One line of the table, of the same form as those of the C++ side."""
     value = statistics.median(samples)
     return {
         "measure": measure,
@@ -50,13 +51,15 @@ def row(measure: str, samples: list[float], reach: float, reference: Row | None 
 
 
 def inline_samples(rounds: int) -> list[float]:
+    """Back-end and user in one thread."""
     with trifinger.fake() as robot:
         return [python_loop(robot, 200_000) for _ in range(rounds)]
 
 
 def across_processes_samples(rounds: int) -> list[float]:
+    """The back-end is a process of its own, on the same CPU, which it inherits."""
     name = f"benchmark-{os.getpid()}"
-    os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})  # and so of the back-end: both on one CPU
+    os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
     with subprocess.Popen(
         ["trifinger", "run", "fake", "--name", name, "--non-real-time"], stdout=subprocess.DEVNULL
     ) as process:
@@ -74,11 +77,18 @@ def across_processes_samples(rounds: int) -> list[float]:
 
 
 def python_rows(rows: list[Row], rounds: int) -> list[Row]:
+    """What the Python side measures, beside the `rows` of the C++ side."""
+
     def find(measure: str) -> Row:
         return next(row for row in rows if row["measure"] == measure)
 
     measures: list[tuple[str, Callable[[int], list[float]], float, str]] = [
-        ("inline loop of the fake robot, Python", inline_samples, 700_000, "inline loop of the fake robot, C++"),
+        (
+            "inline loop of the fake robot, Python",
+            inline_samples,
+            700_000,
+            "inline loop of the fake robot, C++",
+        ),
         (
             "loop of the fake robot across processes, one CPU, Python",
             across_processes_samples,
@@ -86,28 +96,40 @@ def python_rows(rows: list[Row], rounds: int) -> list[Row]:
             "loop of the fake robot across processes, one CPU",
         ),
     ]
-    return [row(name, samples(rounds), reach, find(reference)) for name, samples, reach, reference in measures]
+    return [
+        row(name, samples(rounds), reach, find(reference))
+        for name, samples, reach, reference in measures
+    ]
 
 
 def print_table(rows: list[Row]) -> None:
+    """Prints the rows for people; what was measured beside a figure stands below it."""
     width = max(len(row["measure"]) for row in rows)
-    print(f"{'measure':<{width}}  {'median':>10} {'(low .. high)':>24} {'unit':<8} {'ratio':>6}  {'reach':<32} holds")
+    print(
+        f"{'measure':<{width}}  {'median':>10} {'(low .. high)':>24} {'unit':<8} {'ratio':>6}  "
+        f"{'reach':<32} holds"
+    )
     for row in rows:
         spread = f"({row['low']:.4g} .. {row['high']:.4g})"
         ratio = f"{row['ratio']:.2f}x" if row["ratio"] is not None else ""
         holds = "yes" if row["holds"] else "NO"
         print(
-            f"{row['measure']:<{width}}  {row['value']:>10.4g} {spread:>24} {row['unit']:<8} {ratio:>6}  "
-            f"{row['reach']:<32} {holds}"
+            f"{row['measure']:<{width}}  {row['value']:>10.4g} {spread:>24} {row['unit']:<8} "
+            f"{ratio:>6}  {row['reach']:<32} {holds}"
         )
-        for note in filter(None, (row["reference"] and f"beside {row['reference']}", row["remark"])):
+        for note in filter(
+            None, (row["reference"] and f"beside {row['reference']}", row["remark"])
+        ):
             print(f"{'':<{width}}  {note}")
 
 
 def main() -> int:
+    """Measures, prints, and writes what was asked for."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the rows to FILE")
-    parser.add_argument("--quick", action="store_true", help="a look in seconds: fewer rounds, not to be quoted")
+    parser.add_argument(
+        "--quick", action="store_true", help="a look in seconds: fewer rounds, not to be quoted"
+    )
     arguments = parser.parse_args()
 
     command = [str(PROGRAM), *(["--quick"] if arguments.quick else [])]

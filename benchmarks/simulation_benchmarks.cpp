@@ -64,12 +64,12 @@ std::vector<Row> simulation_rows(const Effort& effort) {
 
   const Paired paired = alternate(effort.rounds, frontend, bare);
   Row row = make_row("simulated robot with cube, inline front-end", "steps/s", paired,
-                     "bare mj_step of the same model and controls",
-                     ">= 0.9x and >= 60000 steps/s",
+                     "bare mj_step of the same model and controls", ">= 0.9x and >= 60000 steps/s",
                      paired.ratio.median() >= 0.9 && paired.measure.median() >= 60000.0);
   const auto& last = observations.back();
   const bool is_same = std::equal(last.position.begin(), last.position.end(), data->qpos);
-  row.remark = is_same ? "both end in the same state, bit for bit" : "the two end in different states";
+  row.remark =
+      is_same ? "both end in the same state, bit for bit" : "the two end in different states";
   return {row};
 }
 

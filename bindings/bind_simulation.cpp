@@ -7,14 +7,17 @@
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
 
+#include <cctype>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
 #include "bindings.hpp"
 #include "numpy.hpp"
 #include "simulation.hpp"
+#include "trifinger/joint/reasons.hpp"
 #include "trifinger/model/export.hpp"
 #include "trifinger/model/kinematics.hpp"
 
@@ -36,7 +39,8 @@ using Values = Eigen::VectorXd;
 
 // Whatever NumPy takes for a list of `size` numbers.
 Values to_values(nb::handle object, Eigen::Index size, const char* what) {
-  const nb::object array = nb::steal(PyArray_FROM_OTF(object.ptr(), NPY_DOUBLE, NPY_ARRAY_IN_ARRAY));
+  const nb::object array =
+      nb::steal(PyArray_FROM_OTF(object.ptr(), NPY_DOUBLE, NPY_ARRAY_IN_ARRAY));
   if (!array.is_valid()) throw nb::python_error();
   auto* const numbers = reinterpret_cast<PyArrayObject*>(array.ptr());
   if (PyArray_NDIM(numbers) != 1 || PyArray_DIM(numbers, 0) != size) {
@@ -73,34 +77,71 @@ std::string_view name_of(Reach reach) {
   return "";
 }
 
+// `arg` is the name that Py_VISIT expects.
+int traverse_simulation(PyObject* self, visitproc visit, void* arg) {
+  Py_VISIT(Py_TYPE(self));
+  if (!nb::inst_ready(self)) return 0;
+  return nb::inst_ptr<PythonSimulation>(self)->traverse(visit, arg);
+}
+
+int clear_simulation(PyObject* self) {
+  nb::inst_ptr<PythonSimulation>(self)->clear();
+  return 0;
+}
+
+PyType_Slot simulation_slots[] = {
+    {Py_tp_traverse, reinterpret_cast<void*>(traverse_simulation)},
+    {Py_tp_clear, reinterpret_cast<void*>(clear_simulation)},
+    {0, nullptr},
+};
+
+// "OWN_CHECK" for "own_check".
+std::string constant_name(std::string_view name) {
+  std::string constant(name);
+  for (char& letter : constant) letter = static_cast<char>(std::toupper(letter));
+  return constant;
+}
+
+void bind_reasons(nb::module_& m) {
+  nb::enum_<Reason> reasons(
+      m, "Reason", nb::is_flag(), nb::is_arithmetic(),
+      "Why a joint was not given what was asked of it: bits of `reasons` in an applied action.");
+  for (const Reason reason : all_reasons()) {
+    reasons.value(constant_name(name_of(reason)).c_str(), reason, describe(reason).data());
+  }
+}
+
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 void bind_kinematics(nb::module_& m) {
-  nb::class_<Kinematics>(
-      m, "Kinematics",
-      "Kinematics and dynamics of the fingers, without contacts and objects, in the world frame: z up, "
-      "origin on the\ntable. Not for several threads at once: make one each.")
+  nb::class_<Kinematics>(m, "Kinematics",
+                         "Kinematics and dynamics of the fingers, without contacts and objects, in "
+                         "the world frame: z up, "
+                         "origin on the\ntable. Not for several threads at once: make one each.")
       .def(
           "__init__",
           [](Kinematics* self, const std::string& config, const nb::dict& overrides) {
             new (self) Kinematics(description_of(load(config, overrides)));
           },
           "config"_a = "sim", "overrides"_a = nb::dict(),
-          nb::sig("def __init__(self, config: str = 'sim', overrides: dict[str, object] = {}) -> None"),
-          "Of the robot of a configuration: the name of one that comes with the package, or a file.")
+          nb::sig(
+              "def __init__(self, config: str = 'sim', overrides: dict[str, object] = {}) -> None"),
+          "Of the robot of a configuration: the name of one that comes with the package, or a "
+          "file.")
       .def_prop_ro("num_fingers", &Kinematics::num_fingers, "1 or 3.")
       .def_prop_ro("num_joints", &Kinematics::num_joints, "Three for each finger.")
       .def(
           "tip_positions",
           [](Kinematics& kinematics, nb::handle position) {
             kinematics.update(joints(kinematics, position));
-            return RowMajor(kinematics.tip_positions().reshaped<Eigen::RowMajor>(
-                kinematics.num_fingers(), 3));
+            return RowMajor(
+                kinematics.tip_positions().reshaped<Eigen::RowMajor>(kinematics.num_fingers(), 3));
           },
           "position"_a,
           nb::sig("def tip_positions(self, position: numpy.typing.ArrayLike) -> "
                   "numpy.typing.NDArray[numpy.float64]"),
-          "Centres of the tip spheres at the joint positions `position` [rad]: a row x, y, z for each finger [m].")
+          "Centres of the tip spheres at the joint positions `position` [rad]: a row x, y, z for "
+          "each finger [m].")
       .def(
           "tip_jacobian",
           [](Kinematics& kinematics, int finger, nb::handle position) {
@@ -119,7 +160,8 @@ void bind_kinematics(nb::module_& m) {
           },
           "position"_a,
           nb::sig("def gravity_torques(self, position: numpy.typing.ArrayLike) -> "
-                  "numpy.typing.NDArray[numpy.float64]"), "Torques that hold the pose against gravity [Nm].")
+                  "numpy.typing.NDArray[numpy.float64]"),
+          "Torques that hold the pose against gravity [Nm].")
       .def(
           "mass_matrix",
           [](Kinematics& kinematics, nb::handle position) {
@@ -128,16 +170,16 @@ void bind_kinematics(nb::module_& m) {
           },
           "position"_a,
           nb::sig("def mass_matrix(self, position: numpy.typing.ArrayLike) -> "
-                  "numpy.typing.NDArray[numpy.float64]"), "Inertia seen by the joints, with that of the rotors [kg m^2].")
+                  "numpy.typing.NDArray[numpy.float64]"),
+          "Inertia seen by the joints, with that of the rotors [kg m^2].")
       .def(
           "inverse_kinematics",
           [](const Kinematics& kinematics, int finger, nb::handle tip, nb::handle near) {
             checked_finger(kinematics, finger);
             const Eigen::Vector3d point = to_values(tip, 3, "tip");
-            const FingerPose pose =
-                near.is_none()
-                    ? kinematics.inverse_kinematics(finger, point)
-                    : kinematics.inverse_kinematics(finger, point, to_values(near, 3, "near"));
+            const FingerPose pose = near.is_none() ? kinematics.inverse_kinematics(finger, point)
+                                                   : kinematics.inverse_kinematics(
+                                                         finger, point, to_values(near, 3, "near"));
             const std::string_view reach = name_of(pose.reach);
             return std::pair(pose.position, nb::str(reach.data(), reach.size()));
           },
@@ -145,19 +187,24 @@ void bind_kinematics(nb::module_& m) {
           nb::sig("def inverse_kinematics(self, finger: int, tip: numpy.typing.ArrayLike, "
                   "near: numpy.typing.ArrayLike | None = None) -> "
                   "tuple[numpy.typing.NDArray[numpy.float64], str]"),
-          "Joint positions of `finger` [rad] that bring its tip to `tip` [m], and whether it can reach it: 'yes',\n"
-          "'too_far', 'too_close' or 'outside_limits'. Where it cannot, the pose comes near it. Of several poses it "
+          "Joint positions of `finger` [rad] that bring its tip to `tip` [m], and whether it can "
+          "reach it: 'yes',\n"
+          "'too_far', 'too_close' or 'outside_limits'. Where it cannot, the pose comes near it. Of "
+          "several poses it "
           "is the\none nearest to `near` [rad], by default to the initial pose.");
 }
 
 }  // namespace
 
 void bind_simulation(nb::module_& m) {
+  bind_reasons(m);
   nb::class_<PythonSimulation>(
-      m, "Simulation",
-      "A simulated robot in this process, with its back-end inside the waits of its front-end: no threads, "
+      m, "Simulation", nb::type_slots(simulation_slots),
+      "A simulated robot in this process, with its back-end inside the waits of its front-end: no "
+      "threads, "
       "deterministic,\nas fast as the physics. simulate() is the short form.\n\n"
-      "Every session begins in the state that the last reset(), place_object() or restore() has left. During a "
+      "Every session begins in the state that the last reset(), place_object() or restore() has "
+      "left. During a "
       "session\nthey take effect at once.")
       .def(
           "__init__",
@@ -165,13 +212,16 @@ void bind_simulation(nb::module_& m) {
             new (self) PythonSimulation(load(config, overrides));
           },
           "config"_a = "sim", "overrides"_a = nb::dict(),
-          nb::sig("def __init__(self, config: str = 'sim', overrides: dict[str, object] = {}) -> None"),
-          "`config` is the name of a configuration that comes with the package, or a file; `overrides` changes "
+          nb::sig(
+              "def __init__(self, config: str = 'sim', overrides: dict[str, object] = {}) -> None"),
+          "`config` is the name of a configuration that comes with the package, or a file; "
+          "`overrides` changes "
           "single\nvalues: {\"fingers.height\": 0.3, \"simulation.seed\": 7}.")
       .def("connect", &PythonSimulation::connect, nb::kw_only(), "strict"_a = true,
            "Controls the robot in a new session. Raises ControlHeld while another front-end does.")
       .def("reset", &PythonSimulation::reset, "position"_a = nb::none(), "seed"_a = nb::none(),
-           "Goes back to the beginning: joints at `position` [rad] (default: the configuration's), objects in their "
+           "Goes back to the beginning: joints at `position` [rad] (default: the configuration's), "
+           "objects in their "
            "places,\nat rest, random numbers from `seed` (default: the configuration's).")
       .def("place_object", &PythonSimulation::place_object, "name"_a, "position"_a,
            "orientation"_a = std::vector<double>{1.0, 0.0, 0.0, 0.0},
@@ -184,7 +234,8 @@ void bind_simulation(nb::module_& m) {
                              Eigen::Vector4d(pose.orientation.data()));
           },
           "name"_a,
-          "Where an object is now, without delay and noise: position [m] and quaternion w, x, y, z.")
+          "Where an object is now, without delay and noise: position [m] and quaternion w, x, y, "
+          "z.")
       .def("save", &PythonSimulation::save,
            "The whole state: physics, safety chain, delays, random numbers.")
       .def("restore", &PythonSimulation::restore, "state"_a,
@@ -195,9 +246,17 @@ void bind_simulation(nb::module_& m) {
           "configuration",
           [](const PythonSimulation& simulation) {
             const std::vector<double> values = simulation.configuration();
-            return Values(Eigen::Map<const Values>(values.data(), static_cast<Eigen::Index>(values.size())));
+            return Values(
+                Eigen::Map<const Values>(values.data(), static_cast<Eigen::Index>(values.size())));
           },
           "MuJoCo's qpos, then qvel, to draw the scene of mjcf().")
+      .def("add_check", &PythonSimulation::add_check, "function"_a,
+           nb::sig("def add_check(self, function: collections.abc.Callable[[Element, Element], "
+                   "None]) -> None"),
+           "Adds a safety check of your own, between sessions: `function(observation, action)` "
+           "changes the action in "
+           "place.\nThe robot's own limits hold behind it. An exception in it ends the session "
+           "with a fault.")
       .def("mjcf", &PythonSimulation::mjcf, "The scene in MuJoCo's format.");
 
   m.def(
@@ -206,9 +265,11 @@ void bind_simulation(nb::module_& m) {
         return PythonSimulation(load(config, overrides)).connect(strict);
       },
       "config"_a = "sim", "overrides"_a = nb::dict(), nb::kw_only(), "strict"_a = true,
-      nb::sig("def simulate(config: str = 'sim', overrides: dict[str, object] = {}, *, strict: bool = True) "
+      nb::sig("def simulate(config: str = 'sim', overrides: dict[str, object] = {}, *, strict: "
+              "bool = True) "
               "-> Frontend"),
-      "Starts a simulated robot in this process and controls it; see Simulation. connect() is for one that runs "
+      "Starts a simulated robot in this process and controls it; see Simulation. connect() is for "
+      "one that runs "
       "elsewhere.");
 
   m.def(

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstring>
 #include <span>
 #include <utility>
 
@@ -29,6 +30,32 @@ nb::bytes to_bytes(const SimulationState& state) { return nb::bytes(state.data()
 
 }  // namespace
 
+// A user's check. It is called with or without the GIL: inline waits give it back.
+struct PythonSimulation::Check {
+  nb::object function;
+  ElementType observation;
+  ElementType action;
+
+  template <class Observation, class Action>
+  void call(const Observation& y, Action& changed) const {
+    const nb::gil_scoped_acquire gil;
+    try {
+      const auto [observation_element, observation_bytes] = observation.new_element();
+      std::memcpy(observation_bytes, &y, sizeof(y));
+      const auto [action_element, action_bytes] = action.new_element();
+      std::memcpy(action_bytes, &changed, sizeof(changed));
+      function(observation_element, action_element);
+      std::memcpy(&changed, action_bytes, sizeof(changed));
+    } catch (nb::python_error& error) {
+      // The chain turns whatever is thrown into a fault and has no place for a text: the traceback
+      // goes where Python's go.
+      error.restore();
+      PyErr_WriteUnraisable(function.ptr());
+      throw Error("a safety check has thrown");
+    }
+  }
+};
+
 std::vector<std::string> to_overrides(const nb::dict& overrides) {
   // JSON is YAML, and Python writes it.
   const nb::object dumps = nb::module_::import_("json").attr("dumps");
@@ -42,7 +69,8 @@ std::vector<std::string> to_overrides(const nb::dict& overrides) {
 PythonSimulation::PythonSimulation(const RobotConfig& config)
     : simulation_(std::visit(
           [&](const auto& options) -> decltype(simulation_) {
-            if constexpr (std::is_same_v<std::decay_t<decltype(options)>, SimulationOptions<Finger>>) {
+            if constexpr (std::is_same_v<std::decay_t<decltype(options)>,
+                                         SimulationOptions<Finger>>) {
               return Simulation<Finger>(options, config.session, config.backend);
             } else {
               return Simulation<TriFinger>(options, config.session, config.backend);
@@ -68,9 +96,9 @@ void PythonSimulation::reset(const std::optional<std::vector<double>>& position,
         if (!position && !seed) {
           robot.reset();
         } else {
-          robot.reset(position ? to_array<R::kJoints>(*position, "position")
-                               : robot.initial_position(),
-                      seed.value_or(robot.options().seed));
+          robot.reset(
+              position ? to_array<R::kJoints>(*position, "position") : robot.initial_position(),
+              seed.value_or(robot.options().seed));
         }
       },
       simulation_);
@@ -108,6 +136,35 @@ nb::bytes PythonSimulation::state_before_divergence() const {
 std::vector<double> PythonSimulation::configuration() const {
   return std::visit([](const auto& simulation) { return simulation.robot().configuration(); },
                     simulation_);
+}
+
+void PythonSimulation::add_check(nb::object function) {
+  if (PyCallable_Check(function.ptr()) == 0) {
+    throw InvalidArgument("a check is a function of an observation and an action");
+  }
+  std::visit(
+      [&]<class R>(const Simulation<R>& simulation) {
+        auto check = std::make_shared<Check>(Check{std::move(function),
+                                                   ElementType(describe<typename R::Observation>()),
+                                                   ElementType(describe<typename R::Action>())});
+        simulation.robot().safety().add_check(
+            [check](const typename R::Observation& y, typename R::Action& action) {
+              check->call(y, action);
+            });
+        checks_.push_back(std::move(check));
+      },
+      simulation_);
+}
+
+int PythonSimulation::traverse(visitproc visit, void* argument) const noexcept {
+  for (const auto& check : checks_) {
+    if (const int result = visit(check->function.ptr(), argument); result != 0) return result;
+  }
+  return 0;
+}
+
+void PythonSimulation::clear() noexcept {
+  for (const auto& check : checks_) check->function.reset();
 }
 
 std::string PythonSimulation::mjcf() const {

@@ -25,7 +25,8 @@ class PythonSimulation {
   explicit PythonSimulation(const RobotConfig& config);
 
   [[nodiscard]] std::unique_ptr<PythonFrontend> connect(bool strict) const;
-  void reset(const std::optional<std::vector<double>>& position, std::optional<std::uint64_t> seed) const;
+  void reset(const std::optional<std::vector<double>>& position,
+             std::optional<std::uint64_t> seed) const;
   void place_object(const std::string& name, const std::vector<double>& position,
                     const std::vector<double>& orientation) const;
   [[nodiscard]] ObjectPose object_pose(const std::string& name) const;
@@ -34,8 +35,17 @@ class PythonSimulation {
   [[nodiscard]] nanobind::bytes state_before_divergence() const;
   [[nodiscard]] std::vector<double> configuration() const;
   [[nodiscard]] std::string mjcf() const;
+  /// Adds `function(observation, action)` to the safety checks; it changes the action in place.
+  void add_check(nanobind::object function);
+
+  /// For Python's garbage collector: a check may refer to its simulation.
+  int traverse(visitproc visit, void* argument) const noexcept;
+  void clear() noexcept;
 
  private:
+  struct Check;
+
+  std::vector<std::shared_ptr<Check>> checks_;
   std::variant<Simulation<TriFinger>, Simulation<Finger>> simulation_;
 };
 

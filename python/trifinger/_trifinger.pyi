@@ -1,4 +1,5 @@
-from collections.abc import Sequence
+# SPDX-License-Identifier: BSD-3-Clause
+from collections.abc import Callable, Sequence
 import enum
 import types
 from typing import Annotated, Any
@@ -250,6 +251,58 @@ def run_fake(name: str, *, real_time: bool = False, period: float = 0.001, max_a
     Raises RobotOwned if another back-end has this name.
     """
 
+class Reason(enum.IntFlag):
+    """
+    Why a joint was not given what was asked of it: bits of `reasons` in an applied action.
+    """
+
+    TORQUE_NOT_FINITE = 1
+    """
+    the torque asked for is NaN or infinite; the joint holds its last accepted target
+    """
+
+    POSITION_NOT_FINITE = 2
+    """
+    the position asked for is infinite; the joint holds its last accepted target
+    """
+
+    KP_OUT_OF_BOUNDS = 4
+    """
+    position_kp is not between 0 and max_kp; the joint holds its last accepted target
+    """
+
+    KD_OUT_OF_BOUNDS = 8
+    """
+    position_kd is not between 0 and max_kd; the joint holds its last accepted target
+    """
+
+    OWN_CHECK = 16
+    """a check that was added for this robot or task changed the action"""
+
+    TARGET_CLAMPED = 32
+    """the position asked for was beyond a soft limit and was moved to it"""
+
+    PUSHED_BACK = 64
+    """the joint is beyond a soft limit and is pushed back"""
+
+    TORQUE_CLIPPED = 128
+    """the torque was clipped to the joint's maximum"""
+
+    DAMPED = 256
+    """the safety damping acts against the joint's velocity"""
+
+    HARD_LIMIT = 512
+    """the joint is beyond its hard limit"""
+
+    BAD_MEASUREMENT = 1024
+    """the measured position or velocity is no plausible number"""
+
+    OWN_CHECK_FAILED = 2048
+    """a check that was added for this robot or task threw an exception"""
+
+    BRAKING = 4096
+    """the robot brakes because of a fault"""
+
 class Simulation:
     """
     A simulated robot in this process, with its back-end inside the waits of its front-end: no threads, deterministic,
@@ -297,6 +350,12 @@ class Simulation:
 
     def configuration(self) -> Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C')]:
         """MuJoCo's qpos, then qvel, to draw the scene of mjcf()."""
+
+    def add_check(self, function: Callable[[Element, Element], None]) -> None:
+        """
+        Adds a safety check of your own, between sessions: `function(observation, action)` changes the action in place.
+        The robot's own limits hold behind it. An exception in it ends the session with a fault.
+        """
 
     def mjcf(self) -> str:
         """The scene in MuJoCo's format."""

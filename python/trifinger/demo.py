@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""`trifinger demo`: a simulated TriFinger at 1 kHz, driven by this program from a process of its own.
+"""`trifinger demo`: a simulated TriFinger at 1 kHz, driven by a program in another process.
 
-Starts a back-end in real-time mode, draws circles with the three finger tips, pushes the cube, and leaves a picture
-of the scene and a plot of the joints in a folder.
+Starts a back-end in real-time mode, draws circles with the three finger tips, pushes the cube, and
+leaves a picture of the scene and a plot of the joints in a folder.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 import trifinger
+from trifinger import program
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -37,7 +38,7 @@ class Waypoint:
 
 
 def rotated(finger: int, point: Array) -> Array:
-    """A point given for finger 0, at the same place for another finger: they stand at -120 and -240 degrees."""
+    """A point given for finger 0, the same for another one: at -120 and -240 degrees."""
     angle = -2.0 * np.pi / 3.0 * finger
     cosine, sine = np.cos(angle), np.sin(angle)
     x, y, z = point
@@ -54,12 +55,14 @@ def waypoints(cube: Array) -> list[Waypoint]:
 
     aside = path[-1].tips
     behind = cube + np.array([0.0, 0.07, 0.0])
+    above = behind + np.array([0.0, 0.0, 0.06])
+    pushed = behind - np.array([0.0, 0.09, 0.0])
     for tip, duration in (
-        (behind + [0.0, 0.0, 0.06], 0.8),
+        (above, 0.8),
         (behind, 0.5),
-        (behind - [0.0, 0.09, 0.0], 1.2),
+        (pushed, 1.2),
         (behind, 0.6),
-        (behind + [0.0, 0.0, 0.06], 0.5),
+        (above, 0.5),
     ):
         path.append(Waypoint(duration, np.stack([tip, aside[1], aside[2]])))
     path.append(Waypoint(0.8, aside))
@@ -67,7 +70,7 @@ def waypoints(cube: Array) -> list[Waypoint]:
 
 
 def tip_targets(start: Array, path: list[Waypoint]) -> Array:
-    """One row of tips per step along the path; at rest at every waypoint of at least half a second."""
+    """One row of tips per step along the path; at rest at waypoints of half a second or more."""
     rows = []
     last = start
     for waypoint in path:
@@ -83,13 +86,17 @@ def tip_targets(start: Array, path: list[Waypoint]) -> Array:
 @contextlib.contextmanager
 def back_end(name: str) -> Iterator[None]:
     """A simulated robot called `name` in a process of its own, for as long as the block lasts."""
-    command = ["trifinger", "run", "sim", "--name", name]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
+    command = [program.path(), "run", "sim", "--name", name]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    ) as process:
         try:
             while name not in (session.name for session in trifinger.list_sessions()):
                 if process.poll() is not None:
                     output = process.stdout.read() if process.stdout else ""
-                    raise trifinger.Error(f"`{' '.join(command)}` ended at once and said:\n{output}")
+                    raise trifinger.Error(
+                        f"`{' '.join(command)}` ended at once and said:\n{output}"
+                    )
                 time.sleep(0.01)
             yield
         finally:
@@ -104,22 +111,32 @@ class Run:
     observations: Any
     desired_actions: Any
     statuses: Any
-    cube_before: Array
+    cube_before: Any
     cube_after: Any
 
 
+def cube_at(cubes: trifinger.Frontend, t: int) -> Any:
+    """The newest pose of the cube that had arrived at step t; there is one before step 0."""
+    latest = cubes.get_latest_at(t)
+    if latest is None:
+        raise trifinger.Error(f"no pose of the cube had arrived at step {t}")
+    return latest.cube.copy()
+
+
 def drive(name: str) -> Run:
-    """Controls the robot along the path, with a policy that is nothing but inverse kinematics and gravity."""
+    """Controls the robot along the path: inverse kinematics, and torques against gravity."""
     kinematics = trifinger.Kinematics("sim")
     with trifinger.connect(name) as robot:
         pose = robot.latest_observation()
         cubes = robot.companion("object")
         start = kinematics.tip_positions(pose.position)
-        cube_before = cubes.get_latest_at(-1).cube.position.copy()
-        targets = tip_targets(start, waypoints(cube_before))
+        cube_before = cube_at(cubes, -1)
+        targets = tip_targets(start, waypoints(cube_before.position))
 
         near = pose.position.copy()
-        t = robot.append_desired_action(robot.new_action(position=near, torque=kinematics.gravity_torques(near)))
+        t = robot.append_desired_action(
+            robot.new_action(position=near, torque=kinematics.gravity_torques(near))
+        )
         for tips in targets:
             y = robot.get_observation(t)
             for finger in range(3):
@@ -128,14 +145,13 @@ def drive(name: str) -> Run:
             action = robot.new_action(position=near, torque=kinematics.gravity_torques(y.position))
             t = robot.append_desired_action(action)
         robot.wait_until_time_index(t)
-        run = Run(
+        return Run(
             observations=robot.get_observations(0, t),
             desired_actions=robot.get_desired_actions(0, t),
             statuses=robot.get_statuses(0, t),
             cube_before=cube_before,
-            cube_after=cubes.get_latest_at(t).copy(),
+            cube_after=cube_at(cubes, t),
         )
-    return run
 
 
 def table(run: Run) -> str:
@@ -144,7 +160,7 @@ def table(run: Run) -> str:
     duration = (statuses["time"][-1] - statuses["time"][0]) * 1e-9
     repeats = int(np.count_nonzero(statuses["flags"] & trifinger.Status.ACTION_REPEATED))
     lateness = statuses["lateness"] * 1e-6
-    moved = np.linalg.norm(run.cube_after.cube.position - run.cube_before)
+    moved = np.linalg.norm(run.cube_after.position - run.cube_before.position)
     rows = [
         ("steps", f"{len(statuses)}"),
         ("rate", f"{(len(statuses) - 1) / duration:.2f} Hz"),
@@ -164,8 +180,10 @@ def save_scene(run: Run, path: Path) -> None:
 
     model = mujoco.MjModel.from_xml_string(trifinger.export_mjcf("sim"))
     data = mujoco.MjData(model)
-    cube = run.cube_after.cube
-    data.qpos[:] = np.concatenate([run.observations["position"][-1], cube.position, cube.orientation])
+    cube = run.cube_after
+    data.qpos[:] = np.concatenate(
+        [run.observations["position"][-1], cube.position, cube.orientation]
+    )
     mujoco.mj_forward(model, data)
     camera = mujoco.MjvCamera()
     mujoco.mjv_defaultFreeCamera(model, camera)
@@ -193,9 +211,19 @@ def save_plot(run: Run, path: Path) -> None:
         for joint in range(3):
             index = 3 * finger + joint
             color = f"C{joint}"
-            axis.plot(times, run.desired_actions["position"][:, index], color=color, linestyle=":", linewidth=1.0)
             axis.plot(
-                times, run.observations["position"][:, index], color=color, linewidth=1.2, label=f"joint {joint}"
+                times,
+                run.desired_actions["position"][:, index],
+                color=color,
+                linestyle=":",
+                linewidth=1.0,
+            )
+            axis.plot(
+                times,
+                run.observations["position"][:, index],
+                color=color,
+                linewidth=1.2,
+                label=f"joint {joint}",
             )
         axis.set_title(FINGERS[finger], loc="left", fontsize=10)
         axis.set_ylabel("angle [rad]")
@@ -209,14 +237,19 @@ def save_plot(run: Run, path: Path) -> None:
 def main() -> int:
     """Runs the demo."""
     parser = argparse.ArgumentParser(prog="trifinger demo", description=__doc__.splitlines()[0])
-    parser.add_argument("--output", type=Path, default=Path("demo_output"), help="folder of the pictures")
+    parser.add_argument(
+        "--output", type=Path, default=Path("demo_output"), help="folder of the pictures"
+    )
     arguments = parser.parse_args()
     arguments.output.mkdir(parents=True, exist_ok=True)
 
     name = f"demo-{os.getpid()}"
     try:
         with back_end(name):
-            print(f"The robot '{name}' runs at 1 kHz in a process of its own; this program moves it.", flush=True)
+            print(
+                f"The robot '{name}' runs at 1 kHz in a process of its own; this program moves it.",
+                flush=True,
+            )
             run = drive(name)
     except trifinger.Error as error:
         print(f"trifinger demo: {error}", file=sys.stderr)

@@ -9,7 +9,13 @@ from typing import NoReturn
 from trifinger import _trifinger
 
 
+def path() -> str:
+    """Where the program is: beside the module where it was installed, else found by its name."""
+    installed = Path(_trifinger.__file__).with_name("trifinger")
+    return str(installed) if installed.exists() else "trifinger"
+
+
 def main() -> NoReturn:
     """Becomes the program."""
-    program = str(Path(_trifinger.__file__).with_name("trifinger"))
-    os.execv(program, [program, *sys.argv[1:]])
+    program = path()
+    os.execvp(program, [program, *sys.argv[1:]])
