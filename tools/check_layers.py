@@ -19,7 +19,7 @@ DIRECTLY_BELOW = {
     "config": ("base",),
     "core": ("ipc", "realtime"),
     "joint": ("core", "config"),
-    "model": ("core", "config"),
+    "model": ("base",),
     "sim": ("joint", "model"),
     "apps": ("sim",),
     "bindings": ("sim",),

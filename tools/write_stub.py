@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Writes the type stub of the C++ module: `python tools/write_stub.py`, with the module on the path."""
+"""Writes the type stub of the C++ module, which must be on Python's path."""
 
 import contextlib
 import io
@@ -17,10 +17,8 @@ HEADER = "# SPDX-License-Identifier: BSD-3-Clause\n"
 def write(path: Path) -> None:
     """Writes the stub of the module that Python finds to `path`."""
     with contextlib.redirect_stdout(io.StringIO()):
-        stubgen.main(
-            ["--quiet", "--exclude-values", "-m", "trifinger._trifinger"]
-            + ["-p", str(PATTERNS), "-o", str(path)]
-        )
+        what = ["--quiet", "--exclude-values", "-m", "trifinger._trifinger"]
+        stubgen.main([*what, "-p", str(PATTERNS), "-o", str(path)])
     path.write_text(HEADER + path.read_text())
 
 

@@ -75,7 +75,12 @@ Progress Loop::hold(const Tick& now) noexcept {
   }
 
   const std::uint32_t requests_before = requests();
-  if (writer_.queue().sequence_in_slot(0) == ipc::Ring::sequence_of(0)) {
+  const std::uint64_t sequence = writer_.queue().sequence_in_slot(0);
+  // Behind the look at the slot, which notices what was cut off.
+  if (writer_.queue_is_damaged() || sequence > ipc::Ring::sequence_of(0)) {
+    return end(Fault::Code::kQueueDamaged, 0);
+  }
+  if (sequence == ipc::Ring::sequence_of(0)) {
     stage_ = Stage::kRunning;
     first_tick_ = now.number;
     set_phase(layout::Phase::kRunning);
@@ -243,7 +248,6 @@ void Loop::publish_companions(const Tick& now, TimeIndex time_index) noexcept {
   for (std::size_t i = 0; i < companions_.size(); ++i) {
     SessionWriter& companion = *companions_[i];
     Element& element = companion_elements_[i];
-    bool has_news = false;
     while (driver_.get_companion_element(i, time_index, element.data())) {
       // The buffer's first bytes are a Stamp: the description of every companion begins with one.
       auto& stamp = *reinterpret_cast<Stamp*>(element.data());
@@ -254,22 +258,21 @@ void Loop::publish_companions(const Tick& now, TimeIndex time_index) noexcept {
             (stamp.arrival_index - stamp.capture_index) * options_.period.count();
       }
       companion.append(Series::kObservation, element.data());
-      has_news = true;
     }
     // release: whoever sees the step finds its elements.
     companion.header().complete_through.store(time_index, std::memory_order_release);
-    companion.announce(has_news || is_real_time() ? SessionWriter::Wake::kAlways
-                                                  : SessionWriter::Wake::kIfWanted);
   }
 }
 
 void Loop::announce(bool always) noexcept {
-  // Observers cannot say that they wait. Without deadlines they are woken once a millisecond: a system call for
-  // nobody would be the dearest part of a step.
+  // Observers cannot say that they wait. Without deadlines they are woken once a millisecond: a
+  // system call for nobody would be the dearest part of a step.
   constexpr Nanoseconds kWakePeriod = std::chrono::milliseconds(1);
   if (last_time_ - last_wake_ >= kWakePeriod) always = true;
   if (always) last_wake_ = last_time_;
-  writer_.announce(always ? SessionWriter::Wake::kAlways : SessionWriter::Wake::kIfWanted);
+  const auto wake = always ? SessionWriter::Wake::kAlways : SessionWriter::Wake::kIfWanted;
+  for (const auto& companion : companions_) companion->announce(wake);
+  writer_.announce(wake);
 }
 
 Progress Loop::end(Fault::Code code, std::int32_t detail) noexcept {
@@ -308,7 +311,8 @@ Fault Loop::fault() const noexcept {
 
 bool Loop::has_work() const noexcept {
   return writer_.queue().sequence_in_slot(time_index_) >= ipc::Ring::sequence_of(time_index_) ||
-         requests() != 0 || stop_requested_.load(std::memory_order_relaxed) ||
+         requests() != 0 || writer_.queue_is_damaged() ||
+         stop_requested_.load(std::memory_order_relaxed) ||
          controller_died_.load(std::memory_order_relaxed);
 }
 

@@ -34,11 +34,11 @@ class Simulation {
 
   /// Controls the robot in a new session.
   /// @throws ControlHeld while another front-end does
-  [[nodiscard]] Frontend<R> connect(FrontendOptions options = {}) const {
+  [[nodiscard]] Frontend<R> connect(FrontendOptions options = {.strict = true}) const {
     return Frontend<R>(parts_->backend, options, parts_);
   }
   /// For programs that do not know R.
-  [[nodiscard]] UntypedFrontend connect_untyped(FrontendOptions options = {}) const {
+  [[nodiscard]] UntypedFrontend connect_untyped(FrontendOptions options = {.strict = true}) const {
     return UntypedFrontend(parts_->backend, options, parts_);
   }
 
@@ -63,11 +63,11 @@ class Simulation {
   std::shared_ptr<Parts> parts_;
 };
 
-/// Starts a simulated robot in this process and controls it. `connect` is for one that runs
-/// elsewhere.
+/// Starts a simulated robot in this process and controls it, strictly: an action that could not be
+/// in time on a real robot throws. `connect` is for one that runs elsewhere.
 template <class R>
 [[nodiscard]] Frontend<R> simulate(SimulationOptions<R> options = {},
-                                   FrontendOptions frontend = {}) {
+                                   FrontendOptions frontend = {.strict = true}) {
   return Simulation<R>(std::move(options)).connect(frontend);
 }
 
