@@ -39,7 +39,10 @@ FieldDescription parse_field(std::string_view line) {
     std::size_t length = 0;
     const auto [end, error] = std::from_chars(shape.data(), shape.data() + shape.size(), length);
     constexpr std::size_t kMaxLength = std::size_t{1} << 30U;
-    if (error != std::errc{} || length == 0 || length > kMaxLength) throw malformed();
+    if (error != std::errc{} || length == 0 ||
+        length > kMaxLength / field.count()) {
+      throw malformed();
+    }
     field.shape.push_back(length);
     shape.remove_prefix(static_cast<std::size_t>(end - shape.data()));
     if (!shape.empty() && shape.front() != ',') throw malformed();
@@ -106,6 +109,7 @@ ElementDescription::ElementDescription(std::vector<FieldDescription> fields)
 }
 
 ElementDescription ElementDescription::parse(std::string_view text) {
+  const std::string_view whole = text;
   std::vector<FieldDescription> fields;
   std::size_t offset = 0;
   while (!text.empty()) {
@@ -115,7 +119,11 @@ ElementDescription ElementDescription::parse(std::string_view text) {
     offset += fields.back().count() * size_of(fields.back().type);
     text.remove_prefix(end == std::string_view::npos ? text.size() : end + 1);
   }
-  return ElementDescription(std::move(fields));
+  ElementDescription description(std::move(fields));
+  if (description.text() != whole) {
+    throw InvalidArgument("not the description of an element: '" + std::string(whole) + "'");
+  }
+  return description;
 }
 
 const FieldDescription* ElementDescription::find(std::string_view name) const noexcept {
