@@ -140,7 +140,7 @@ class UntypedFrontend::Implementation {
         if (series == Series::kObservation) hand_out(t);
         return true;
       case ipc::ReadResult::kLost:
-        throw HistoryLost(t, range(series).first);
+        throw_lost(series, t);
       case ipc::ReadResult::kNotYet:
         break;
     }
@@ -151,7 +151,7 @@ class UntypedFrontend::Implementation {
     if (try_get(series, t, element)) return;
     wait_for(series, t, timeout);
     // It was there a moment ago: false means that the writer is a whole history further.
-    if (!try_get(series, t, element)) throw HistoryLost(t, range(series).first);
+    if (!try_get(series, t, element)) throw_lost(series, t);
   }
 
   void get(Series series, TimeIndex first, std::size_t count, void* elements, Timeout timeout) const {
@@ -167,7 +167,7 @@ class UntypedFrontend::Implementation {
     get(series, first + static_cast<TimeIndex>(count) - 1, target + (count - 1) * size, timeout);
     for (std::size_t i = 0; i + 1 < count; ++i) {
       const TimeIndex t = first + static_cast<TimeIndex>(i);
-      if (!try_get(series, t, target + i * size)) throw HistoryLost(t, range(series).first);
+      if (!try_get(series, t, target + i * size)) throw_lost(series, t);
     }
   }
 
@@ -188,7 +188,10 @@ class UntypedFrontend::Implementation {
             end > 0 || !mapping_->has(Series::kHolding) ? Series::kObservation : Series::kHolding;
         const TimeIndex newest = mapping_->end_of(series) - 1;
         if (newest < 0) return false;
-        if (mapping_->ring(series).read(newest, observation) != ipc::ReadResult::kDone) continue;
+        if (mapping_->ring(series).read(newest, observation) != ipc::ReadResult::kDone) {
+          if (mapping_->end_of(series) - 1 == newest) return false;  // damaged
+          continue;
+        }
         if (series == Series::kObservation) hand_out(newest);
         return true;
       }
@@ -213,11 +216,14 @@ class UntypedFrontend::Implementation {
     }
     const ipc::Ring& ring = mapping_->ring(Series::kObservation);
     const TimeIndex end = mapping_->end_of(Series::kObservation);
+    TimeIndex oldest = t + 1;
     for (TimeIndex i = end - 1; i >= 0; --i) {
-      if (ring.read(i, element) != ipc::ReadResult::kDone) {
-        throw HistoryLost(t, static_cast<const Stamp*>(element)->arrival_index);
-      }
-      if (static_cast<const Stamp*>(element)->arrival_index <= t) return true;
+      if (ring.read(i, element) != ipc::ReadResult::kDone) throw HistoryLost(t, oldest);
+      // The caller's buffer may lie anywhere.
+      Stamp stamp;
+      std::memcpy(&stamp, element, sizeof(stamp));
+      if (stamp.arrival_index <= t) return true;
+      oldest = stamp.arrival_index;
     }
     return false;
   }
@@ -234,6 +240,7 @@ class UntypedFrontend::Implementation {
   }
 
   [[nodiscard]] std::optional<Fault> fault() const {
+    require_own();
     if (mapping_->has_ended() || (inline_backend_ == nullptr && !mapping_->backend_is_alive())) {
       return mapping_->fault();
     }
@@ -259,7 +266,10 @@ class UntypedFrontend::Implementation {
       return;
     }
     const Deadline deadline(timeout);
-    if (!mapping_->has_ended()) return;
+    if (!mapping_->has_ended()) {
+      if (!mapping_->backend_is_alive()) mapping_->throw_stopped();
+      return;
+    }
     if (action_) request(layout::kRecover);
     while (true) {
       const SessionMapping current(mapping_->directory(), mapping_->name());
@@ -311,6 +321,11 @@ class UntypedFrontend::Implementation {
       throw InvalidArgument("this handle of '" + mapping_->name() +
                             "' only observes; use connect() to control the robot");
     }
+  }
+
+  [[noreturn]] void throw_lost(Series series, TimeIndex t) const {
+    // The writer may be at work in the slot of t and count it later.
+    throw HistoryLost(t, std::max(t + 1, range(series).first));
   }
 
   void request(layout::Request what) const noexcept {
@@ -439,6 +454,9 @@ std::optional<ipc::SharedMemory> take_control(const SessionMapping& mapping) {
     if (error.error_number() == ENOENT) return std::nullopt;
     throw;
   }
+  const layout::RingPlace& place = mapping.header().queue;
+  // Cut off by somebody: the back-end notices that, too.
+  if (action->size() < place.offset + place.shape.size()) return std::nullopt;
   auto& header = *reinterpret_cast<layout::ActionHeader*>(action->data());
   if (!ipc::try_lock(action->file())) {
     // The handle that ended it still lives; the next session is about to begin.
@@ -451,7 +469,7 @@ std::optional<ipc::SharedMemory> take_control(const SessionMapping& mapping) {
                       "; use observe() to look at it");
   }
   // A predecessor that died after its first action leaves a session that is about to end.
-  const ipc::Ring queue(action->data() + mapping.header().queue.offset, mapping.header().queue.shape);
+  const ipc::Ring queue(action->data() + place.offset, place.shape);
   if (mapping.has_ended() || queue.sequence_in_slot(0) != 0 ||
       header.requests.load(std::memory_order_relaxed) != 0) {
     return std::nullopt;

@@ -45,6 +45,9 @@ std::string host_name() {
   return name.data();
 }
 
+// Far beyond any header, far from overflow.
+constexpr std::uint64_t kMaxQueueOffset = 1U << 20U;
+
 // Gives out places in a file, one behind the other.
 class FilePlan {
  public:
@@ -205,24 +208,57 @@ void SessionMapping::check() {
     }
     rings_[i] = ipc::Ring(memory_.data() + place.offset, place.shape);
   }
+  // relaxed: healthy at any time, or damaged.
+  constexpr std::int64_t kEndless = std::int64_t{1} << 62U;
+  const auto is_sound = [](const std::atomic<std::int64_t>& value, std::int64_t smallest) {
+    const std::int64_t found = value.load(std::memory_order_relaxed);
+    return found >= smallest && found < kEndless;
+  };
+  const auto& ends = header_->ends;
+  if (!std::all_of(ends.begin(), ends.end(), [&](const auto& end) { return is_sound(end, 0); }) ||
+      !is_sound(header_->next_action, 0) || !is_sound(header_->complete_through, -2) ||
+      !is_sound(header_->heartbeat, 0)) {
+    throw incompatible("a counter in its header is out of range");
+  }
 
   try {
     host_ = text(header_->host);
     description_.type = text(header_->type);
+    std::uint64_t hash = hash_of(description_.type);
+    for (std::size_t i = 0; i < layout::kNumSeries; ++i) {
+      if (rings_[i].shape().capacity > 0) hash = hash_of(text(header_->descriptions[i]), hash);
+    }
+    if (hash != header_->description_hash) {
+      throw InvalidArgument("its type and fields do not have the hash that its header gives");
+    }
     const auto parse = [this](Series series) {
       const std::size_t i = index_of(series);
       ElementDescription element = ElementDescription::parse(text(header_->descriptions[i]));
-      if (element.size() != rings_[i].shape().element_size) {
+      if (element.size() == 0 || element.size() != rings_[i].shape().element_size) {
         throw InvalidArgument("the fields of '" + std::string(trifinger::name_of(series)) +
                               "' do not fill its elements");
       }
       return element;
     };
     description_.observation = parse(Series::kObservation);
-    if (!is_companion()) {
+    if (is_companion()) {
+      const FieldDescription* const first = description_.observation.find("stamp.arrival_index");
+      if (first == nullptr || first->offset != 0 ||
+          description_.observation.size() < sizeof(Stamp)) {
+        throw InvalidArgument("its elements do not begin with a stamp");
+      }
+    } else {
       description_.action = parse(Series::kDesiredAction);
       description_.applied_action = parse(Series::kAppliedAction);
       status_ = parse(Series::kStatus);
+      if (parse(Series::kHolding) != description_.observation) {
+        throw InvalidArgument("its observations before step 0 have other fields than later ones");
+      }
+      const layout::RingPlace& queue = header_->queue;
+      if (!queue.shape.is_valid() || queue.offset % 8 != 0 || queue.offset > kMaxQueueOffset ||
+          queue.shape.element_size != sizeof(std::uint64_t) + description_.action.size()) {
+        throw InvalidArgument("its queue has a wrong size");
+      }
     }
     const std::string action = text(header_->default_action);
     const auto* bytes = reinterpret_cast<const std::byte*>(action.data());
@@ -262,6 +298,10 @@ const ElementDescription& SessionMapping::element(Series series) const {
 }
 
 bool SessionMapping::backend_is_alive() const noexcept {
+  // A back-end ends its session before the file goes. One without an end was removed by a later back-end, whose lock
+  // says nothing about ours.
+  const bool is_named = !memory_.path().empty();
+  if (is_named && !memory_.has_name() && !has_ended()) return false;
   return lock_.has_value() && ipc::is_locked_by_other(lock_->file());
 }
 
@@ -379,6 +419,12 @@ SessionWriter::~SessionWriter() {
 }
 
 bool SessionWriter::controller_died() const noexcept {
+  // acquire, before the look at the lock: until the first action another controller may take the place of a dead one, and
+  // the session is not to end for that. Later, nobody can.
+  if (header_->phase.load(std::memory_order_acquire) <
+      static_cast<std::uint32_t>(layout::Phase::kRunning)) {
+    return false;
+  }
   // acquire: the process number is written after the lock was taken.
   const bool was_taken = action_header_->controller_pid.load(std::memory_order_acquire) != 0;
   const std::uint32_t requests = action_header_->requests.load(std::memory_order_acquire);
@@ -387,6 +433,8 @@ bool SessionWriter::controller_died() const noexcept {
 }
 
 void SessionWriter::append(Series series, const void* element) noexcept {
+  // relaxed: a driver's call that comes back after its session was ended from outside adds nothing to it.
+  if (ended_.test(std::memory_order_relaxed)) return;
   const std::size_t i = index_of(series);
   rings_[i].write(ends_[i], element);
   ++ends_[i];
@@ -437,8 +485,7 @@ bool SessionWriter::end(const Fault& fault, std::string_view text) noexcept {
   header_->fault_code.store(static_cast<std::int32_t>(fault.code), std::memory_order_relaxed);
   header_->fault_detail.store(fault.detail, std::memory_order_relaxed);
   header_->fault_time_index.store(fault.time_index, std::memory_order_relaxed);
-  const std::size_t size = std::min(text.size(), header_->fault_text.size() - 1);
-  std::memcpy(header_->fault_text.data(), text.data(), size);
+  text.copy(header_->fault_text.data(), header_->fault_text.size() - 1);
   set_phase(layout::Phase::kEnded);
   header_->event.fetch_add(1, std::memory_order_seq_cst);
   ipc::futex_wake_all(header_->event);

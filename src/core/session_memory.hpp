@@ -107,7 +107,7 @@ class SessionMapping {
   [[nodiscard]] std::int64_t end_of(Series series) const noexcept {
     return header_->ends[static_cast<std::size_t>(series)].load(std::memory_order_acquire);
   }
-  // One system call.
+  // Two system calls.
   [[nodiscard]] bool backend_is_alive() const noexcept;
   // Valid once the session has ended, or its back-end died.
   [[nodiscard]] Fault fault() const noexcept;
@@ -159,7 +159,7 @@ class SessionWriter {
   [[nodiscard]] bool queue_is_damaged() const noexcept {
     return action_->is_damaged() || action_header_->magic != layout::kActionMagic;
   }
-  // True if a process took control and ended without giving it back. One system call.
+  // True if the process whose actions are applied ended without giving control back. One system call.
   [[nodiscard]] bool controller_died() const noexcept;
   [[nodiscard]] std::uint64_t session_id() const noexcept { return header_->session_id; }
 

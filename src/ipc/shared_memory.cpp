@@ -118,6 +118,11 @@ bool SharedMemory::publish_if_absent() {
 
 bool SharedMemory::is_damaged() const noexcept { return is_range_damaged(guard_); }
 
+bool SharedMemory::has_name() const noexcept {
+  struct stat status {};
+  return ::fstat(file_.get(), &status) == 0 && status.st_nlink > 0;
+}
+
 void SharedMemory::map(Access access) {
   struct stat status {};
   if (::fstat(file_.get(), &status) != 0) throw SystemError("inspect " + path_.string(), errno);

@@ -49,6 +49,8 @@ class SharedMemory {
   /// Where the file is, empty for anonymous memory.
   [[nodiscard]] const std::filesystem::path& path() const noexcept { return path_; }
   [[nodiscard]] bool is_damaged() const noexcept;
+  /// False once the file was removed or replaced by another of its name. One system call.
+  [[nodiscard]] bool has_name() const noexcept;
 
  private:
   SharedMemory() = default;
