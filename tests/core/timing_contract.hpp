@@ -72,6 +72,12 @@ template <class Call>
   return std::nullopt;
 }
 
+/// Its code alone.
+template <class Call>
+[[nodiscard]] Fault::Code code_of(const Call& call) {
+  return fault_of(call).value_or(Fault{}).code;
+}
+
 template <class R>
 [[nodiscard]] bool has_flag(const Frontend<R>& robot, TimeIndex t, Status::Flag flag) {
   return (robot.get_status(t).flags & flag) != 0;
@@ -397,7 +403,11 @@ TYPED_TEST_P(TimingContract, EndsWhenTooManyActionsInARowAreRejected) {
   typename TypeParam::Rig rig(
       {.backend = {.max_rejected_actions = 3}, .injection = {.reject_from = 5}});
   auto robot = rig.connect();
-  for (TimeIndex t = 0; t < 12; ++t) robot.append_desired_action(TypeParam::Traits::action(t));
+  // The session may end while the last actions are on their way.
+  static_cast<void>(fault_of([&] {
+    for (TimeIndex t = 0; t < 12; ++t) robot.append_desired_action(TypeParam::Traits::action(t));
+    return 0;
+  }));
   expect_end(robot, 9, {.code = Fault::Code::kActionsRejected, .detail = 4});
   for (TimeIndex t = 0; t < 9; ++t) {
     EXPECT_EQ(has_flag(robot, t, Status::kActionRejected), t >= 5);
@@ -446,7 +456,7 @@ TYPED_TEST_P(TimingContract, NeedsRecoveryAfterAFault) {
   for (TimeIndex t = 0; t < 3; ++t) first.append_desired_action(TypeParam::Traits::action(t));
   const Fault fault{.code = Fault::Code::kDriver, .detail = DriverUnderTest::kFaultCode};
   expect_end(first, 2, fault);
-  EXPECT_EQ(fault_of([&] { return rig.connect(); }).value_or(Fault{}).code, Fault::Code::kDriver);
+  EXPECT_EQ(code_of([&] { return rig.connect(); }), Fault::Code::kDriver);
 
   first.recover();
   auto second = rig.connect();
@@ -547,8 +557,7 @@ TYPED_TEST_P(TimingContract, HasEverythingOfACompanionThatArrivedByThatStep) {
     ASSERT_EQ(stamp ? stamp->arrival_index : -1, known[static_cast<std::size_t>(t)]) << t;
   }
   robot.finish();
-  EXPECT_EQ(fault_of([&] { return arrival_at(1000, kForever); }).value_or(Fault{}).code,
-            Fault::Code::kFinished);
+  EXPECT_EQ(code_of([&] { return arrival_at(1000, kForever); }), Fault::Code::kFinished);
 }
 
 TYPED_TEST_P(TimingContract, GivesTheSameSeriesEveryTime) {

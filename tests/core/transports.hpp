@@ -149,9 +149,9 @@ struct AcrossProcesses {
    public:
     using Robot = typename Traits::Robot;
 
-    explicit Rig(const Plan& plan = {})
-        : test::Rig<Traits>(plan), process_([this] { return run(); }) {}
+    explicit Rig(const Plan& plan = {}) : test::Rig<Traits>(plan), process_(start()) {}
     ~Rig() {
+      if (was_killed_) return;
       request_stop();
       this->clock_.run_free();
       EXPECT_EQ(process_.wait(), 0) << "exit of the back-end's process";
@@ -170,26 +170,38 @@ struct AcrossProcesses {
     }
     [[nodiscard]] Frontend<Robot> observe() { return connect({.control = false}); }
     void request_stop() { process_.send(SIGTERM); }
-    [[nodiscard]] ChildProcess& process() noexcept { return process_; }
+    [[nodiscard]] const ChildProcess& process() const noexcept { return process_; }
+    /// SIGKILL.
+    void kill() noexcept {
+      was_killed_ = true;
+      process_.kill();
+    }
 
    private:
-    // Blocks SIGTERM around the fork, so that the child is asked to stop only when it can hear it.
+    // SIGTERM is blocked around the fork, so that the child is asked to stop only when it can hear
+    // it.
     class BlockedSignal {
      public:
-      BlockedSignal() {
-        ::sigemptyset(&set_);
-        ::sigaddset(&set_, SIGTERM);
-        ::sigprocmask(SIG_BLOCK, &set_, nullptr);
-      }
+      BlockedSignal() { change(SIG_BLOCK); }
       BlockedSignal(const BlockedSignal&) = delete;
       BlockedSignal& operator=(const BlockedSignal&) = delete;
       ~BlockedSignal() { unblock(); }
 
-      void unblock() const { ::sigprocmask(SIG_UNBLOCK, &set_, nullptr); }
+      static void unblock() { change(SIG_UNBLOCK); }
 
      private:
-      sigset_t set_{};
+      static void change(int how) {
+        sigset_t set;
+        ::sigemptyset(&set);
+        ::sigaddset(&set, SIGTERM);
+        ::sigprocmask(how, &set, nullptr);
+      }
     };
+
+    [[nodiscard]] ChildProcess start() {
+      const BlockedSignal blocked;
+      return ChildProcess([this] { return run(); });
+    }
 
     int run() {
       const auto driver = this->make_driver();
@@ -198,14 +210,14 @@ struct AcrossProcesses {
       static Backend* running = nullptr;
       running = &backend;
       std::signal(SIGTERM, [](int) { running->request_stop(); });
-      blocked_.unblock();
+      BlockedSignal::unblock();
       backend.run();
       return 0;
     }
 
     SessionFolder folder_;
-    BlockedSignal blocked_;
     ChildProcess process_;
+    bool was_killed_{false};
   };
 };
 

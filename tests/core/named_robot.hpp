@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+
+#include "trifinger/core/backend.hpp"
+#include "trifinger/core/fake_robot.hpp"
+#include "trifinger/core/frontend.hpp"
+
+namespace trifinger::test {
+
+/// A fake robot with a name, whose back-end runs in a thread of this process.
+class NamedRobot {
+ public:
+  explicit NamedRobot(const std::string& name = "robot",
+                      const SessionOptions& session = {.history = 64, .queue = 64})
+      : host_(SessionHost::named(name, session)), backend_(driver_, host_), thread_(backend_) {
+    // The session is there when this returns.
+    const Frontend<FakeRobot> looker(host_, {.control = false});
+    static_cast<void>(looker.latest_observation());
+  }
+
+  [[nodiscard]] const SessionHost& host() const noexcept { return host_; }
+
+ private:
+  FakeDriver driver_{{.sensor_period = 4, .sensor_delay = 2}};
+  SessionHost host_;
+  Backend backend_;
+  BackendThread thread_;
+};
+
+/// What `call` throws as an `Exception`; "nothing" if it returns.
+template <class Exception, class Call>
+[[nodiscard]] std::string message_of(const Call& call) {
+  try {
+    static_cast<void>(call());
+  } catch (const Exception& error) {
+    return error.what();
+  }
+  return "nothing";
+}
+
+}  // namespace trifinger::test
