@@ -23,28 +23,36 @@ template <class T>
 [[nodiscard]] const T& choose(const Choices<T>& choices, const std::string& option,
                               const std::string& word) {
   std::vector<std::string_view> words;
+  words.reserve(choices.size());
   for (const auto& [known, value] : choices) {
     if (word == known) return value;
-    words.push_back(known);
+    words.emplace_back(known);
   }
   throw UsageError(fmt::format("{} is '{}', must be {}", option, word,
                                config::detail::quoted_list(words, "or")));
 }
 
-// Adds an option whose value is one of a few words.
+// An option whose value is one of a few words.
 template <class T>
-CLI::Option* add_choice(CLI::App& command, const std::string& option, T& value,
-                        const Choices<T>& choices, const std::string& description) {
-  std::string words;
-  for (const auto& choice : choices) words += (words.empty() ? "" : "|") + choice.first;
-  return command
-      .add_option_function<std::string>(
-          option,
-          [&value, option, choices](const std::string& word) {
-            value = choose(choices, option, word);
-          },
-          description)
-      ->option_text(words);
-}
+class Choice {
+ public:
+  // `word` is what holds if the option is not given.
+  Choice(std::string option, std::string word, Choices<T> choices)
+      : option_(std::move(option)), word_(std::move(word)), choices_(std::move(choices)) {}
+
+  CLI::Option* add_to(CLI::App& command, const std::string& description) {
+    std::string words;
+    for (const auto& choice : choices_) words += (words.empty() ? "" : "|") + choice.first;
+    return command.add_option(option_, word_, description)->option_text(words);
+  }
+
+  // Throws UsageError.
+  [[nodiscard]] const T& value() const { return choose(choices_, option_, word_); }
+
+ private:
+  std::string option_;
+  std::string word_;
+  Choices<T> choices_;
+};
 
 }  // namespace trifinger::apps

@@ -105,7 +105,7 @@ Finding check_priority(const Machine& machine) {
     return {"real-time priority", Verdict::kGood, "allowed: CAP_SYS_NICE", ""};
   }
   const std::string limit = soft_limit(machine, "Max realtime priority");
-  const bool is_enough = limit == "unlimited" || std::atoi(limit.c_str()) >= 80;
+  const bool is_enough = limit == "unlimited" || std::strtol(limit.c_str(), nullptr, 10) >= 80;
   return {
       "real-time priority", is_enough ? Verdict::kGood : Verdict::kLacks,
       "limit " + limit + ", 80 is wanted",

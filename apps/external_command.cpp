@@ -37,10 +37,11 @@ std::vector<std::string> external_verbs() {
   return {verbs.begin(), verbs.end()};
 }
 
-void run_external(const std::string& verb, char** arguments) {
+void run_external(const std::string& verb, const std::vector<std::string>& arguments) {
   const std::string program = std::string(kPrefix) + verb;
   std::vector<char*> words{const_cast<char*>(program.c_str())};
-  for (; *arguments != nullptr; ++arguments) words.push_back(*arguments);
+  for (const std::string& argument : arguments)
+    words.push_back(const_cast<char*>(argument.c_str()));
   words.push_back(nullptr);
   ::execvp(program.c_str(), words.data());
   // EACCES: a folder on the PATH that is not ours to search.

@@ -12,6 +12,6 @@ namespace trifinger::apps {
 
 // Becomes the program trifinger-`verb` with the further `arguments`. Returns if there is none.
 // Throws SystemError if there is one that cannot be started.
-void run_external(const std::string& verb, char** arguments);
+void run_external(const std::string& verb, const std::vector<std::string>& arguments);
 
 }  // namespace trifinger::apps

@@ -86,7 +86,7 @@ LoopFigures::Lateness LoopFigures::lateness() const {
   std::vector<std::int64_t> sorted;
   sorted.reserve(recent_.size());
   for (const Step& step : recent_) sorted.push_back(step.lateness);
-  std::sort(sorted.begin(), sorted.end());
+  std::ranges::sort(sorted);
   const auto quantile = [&sorted](std::size_t percent) {
     return Nanoseconds(sorted[(sorted.size() - 1) * percent / 100]);
   };

@@ -52,7 +52,7 @@ const CLI::App* find_command(const CLI::App& program, const std::string& verb) {
   return nullptr;
 }
 
-int run_program(int argument_count, char** arguments) {
+int run_program(const std::vector<std::string>& words) {
   CLI::App program("Robots behind time series: starts back-ends and looks after them.",
                    "trifinger");
   program.set_version_flag("--version", "trifinger " TRIFINGER_VERSION, "Print the version");
@@ -70,20 +70,20 @@ int run_program(int argument_count, char** arguments) {
   add_model(program, action);
   add_doctor(program, action);
 
-  if (argument_count < 2) {
+  if (words.empty()) {
     fmt::print(stderr, "{}", program.help());
     return kWrongUsage;
   }
-  const std::string verb = arguments[1];
+  const std::string& verb = words.front();
   const bool is_known = find_command(program, verb) != nullptr;
   if (!verb.starts_with('-') && !is_known) {
-    run_external(verb, arguments + 2);
+    run_external(verb, {words.begin() + 1, words.end()});
     refuse_verb(program, verb);
   }
 
   try {
-    program.parse(argument_count, arguments);
-  } catch (const CLI::Success& wish) {  // help or version
+    program.parse(std::vector<std::string>(words.rbegin(), words.rend()));  // wants them backwards
+  } catch (const CLI::Success& wish) {                                      // help or version
     return program.exit(wish);
   } catch (const CLI::ParseError& error) {
     throw UsageError(fmt::format("{}; 'trifinger {}--help' tells more", error.what(),
@@ -92,11 +92,11 @@ int run_program(int argument_count, char** arguments) {
   return action();
 }
 
-int run_and_report(int argument_count, char** arguments) {
+int run_and_report(const std::vector<std::string>& words) {
   std::string problem;
   int exit_code = kFailed;
   try {
-    return run_program(argument_count, arguments);
+    return run_program(words);
   } catch (const UsageError& error) {
     problem = error.what();
     exit_code = kWrongUsage;
@@ -119,5 +119,5 @@ int run_and_report(int argument_count, char** arguments) {
 }  // namespace trifinger::apps
 
 int main(int argument_count, char** arguments) {
-  return trifinger::apps::run_and_report(argument_count, arguments);
+  return trifinger::apps::run_and_report({arguments + 1, arguments + argument_count});
 }

@@ -29,18 +29,21 @@ enum class Format : unsigned char { kMjcf, kUrdf };
 
 struct Options {
   RobotDescription robot;
+  Choice<Variant> variant{
+      "--variant", "edu", {{"edu", Variant::kEdu}, {"pro", Variant::kPro}, {"one", Variant::kOne}}};
   bool single_finger{false};
   bool no_boundary{false};
   bool hard_tips{false};
   std::vector<std::string> objects;
   // export
-  Format format{Format::kMjcf};
+  Choice<Format> format{"--format", "mjcf", {{"mjcf", Format::kMjcf}, {"urdf", Format::kUrdf}}};
   std::string file{"-"};
   bool physics_only{false};
 };
 
 RobotDescription description_of(const Options& options) {
   RobotDescription robot = options.robot;
+  robot.variant = options.variant.value();
   if (options.single_finger) robot.arrangement = Arrangement::kSingleFinger;
   robot.boundary = !options.no_boundary;
   robot.soft_tips = !options.hard_tips;
@@ -55,7 +58,7 @@ RobotDescription description_of(const Options& options) {
 int export_model(const Options& options) {
   const RobotDescription robot = description_of(options);
   const std::string text =
-      options.format == Format::kUrdf
+      options.format.value() == Format::kUrdf
           ? export_urdf(robot)
           : export_mjcf(robot, options.physics_only ? Detail::kPhysics : Detail::kPictures);
   if (options.file == "-") {
@@ -79,6 +82,7 @@ int print_info(const Options& options) {
   const VariantFigures& known = figures(robot);
   const ActuatorParameters motor = actuator(robot);
   std::vector<std::string> objects;
+  objects.reserve(robot.objects.size());
   for (const ObjectDescription& object : robot.objects) {
     objects.push_back(fmt::format("{} ({:g} g)", object.name, object.mass * 1e3));
   }
@@ -113,9 +117,7 @@ int print_info(const Options& options) {
 }
 
 void add_description(CLI::App& command, Options& options) {
-  add_choice<Variant>(command, "--variant", options.robot.variant,
-                      {{"edu", Variant::kEdu}, {"pro", Variant::kPro}, {"one", Variant::kOne}},
-                      "Which hardware; default: edu");
+  options.variant.add_to(command, "Which hardware; default: edu");
   command.add_flag("--single-finger", options.single_finger, "One finger on a stand");
   command
       .add_option("--finger-height", options.robot.finger_height,
@@ -141,9 +143,7 @@ void add_model(CLI::App& program, Action& action) {
       "  trifinger model export --format urdf -o trifinger.urdf");
 
   CLI::App* const export_command = command->add_subcommand("export", "Write the model to a file");
-  add_choice<Format>(*export_command, "--format", options->format,
-                     {{"mjcf", Format::kMjcf}, {"urdf", Format::kUrdf}}, "What to write")
-      ->required();
+  options->format.add_to(*export_command, "What to write")->required();
   export_command->add_option("-o,--output", options->file, "The file; default: standard output")
       ->option_text("FILE");
   export_command->add_flag("--physics-only", options->physics_only,

@@ -3,11 +3,11 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <array>
 #include <cstring>
 #include <limits>
 #include <memory>
 #include <optional>
+#include <ranges>
 #include <string>
 #include <utility>
 #include <vector>
@@ -20,17 +20,24 @@
 namespace trifinger::apps {
 namespace {
 
+Choice<Series> choice_of_series() {
+  Choices<Series> choices;
+  choices.reserve(5);
+  for (const Series series : {Series::kDesiredAction, Series::kAppliedAction, Series::kObservation,
+                              Series::kStatus, Series::kHolding}) {
+    choices.emplace_back(name_of(series), series);
+  }
+  return {"--series", "observation", std::move(choices)};
+}
+
 struct Options {
   std::string name;
   std::optional<TimeIndex> time_index;
-  Series series{Series::kObservation};
+  Choice<Series> series{choice_of_series()};
   TimeIndex last{1};
   bool csv{false};
   bool fields{false};
 };
-
-constexpr std::array kAllSeries{Series::kDesiredAction, Series::kAppliedAction,
-                                Series::kObservation, Series::kStatus, Series::kHolding};
 
 template <class T>
 std::string number_at(const std::byte* place, bool exact) {
@@ -74,9 +81,9 @@ std::string number_text(ScalarType type, const std::byte* place, bool exact) {
 // "position[0][2]": the name of one number of a field.
 std::string number_name(const FieldDescription& field, std::size_t index) {
   std::string subscripts;
-  for (auto extent = field.shape.rbegin(); extent != field.shape.rend(); ++extent) {
-    subscripts.insert(0, fmt::format("[{}]", index % *extent));
-    index /= *extent;
+  for (const std::size_t extent : std::views::reverse(field.shape)) {
+    subscripts.insert(0, fmt::format("[{}]", index % extent));
+    index /= extent;
   }
   return field.name + subscripts;
 }
@@ -85,6 +92,7 @@ std::string number_name(const FieldDescription& field, std::size_t index) {
 std::vector<std::string> numbers_of(const FieldDescription& field, const std::byte* element,
                                     bool exact) {
   std::vector<std::string> numbers;
+  numbers.reserve(field.count());
   for (std::size_t i = 0; i < field.count(); ++i) {
     numbers.push_back(
         number_text(field.type, element + field.offset + i * size_of(field.type), exact));
@@ -124,30 +132,31 @@ void print_for_people(const std::string& title, const ElementDescription& descri
 }
 
 // The steps [first, second) that the options ask for.
-std::pair<TimeIndex, TimeIndex> wanted_range(const Options& options,
+std::pair<TimeIndex, TimeIndex> wanted_range(const Options& options, Series series,
                                              const UntypedFrontend& session) {
-  const auto [oldest, end] = session.range(options.series);
+  const auto [oldest, end] = session.range(series);
   if (!options.time_index) return {std::max(oldest, end - options.last), end};
 
   const TimeIndex t = *options.time_index;
   if (t < oldest) throw HistoryLost(t, oldest);
   if (t >= end) {
     throw Error(fmt::format("step {} has not come yet: the newest {} of '{}' is {}", t,
-                            name_of(options.series), options.name, end - 1));
+                            name_of(series), options.name, end - 1));
   }
   return {t, t + 1};
 }
 
 int read(const Options& options) {
+  const Series series = options.series.value();
   const UntypedFrontend session(options.name, {.control = false});
-  const ElementDescription& description = session.session().element(options.series);
+  const ElementDescription& description = session.session().element(series);
   if (options.fields) {
     fmt::print("{}", description.text());
     return kDone;
   }
-  const auto [first, end] = wanted_range(options, session);
+  const auto [first, end] = wanted_range(options, series, session);
   if (first == end) {
-    throw Error(fmt::format("'{}' has no {} yet, it is {}", options.name, name_of(options.series),
+    throw Error(fmt::format("'{}' has no {} yet, it is {}", options.name, name_of(series),
                             name_of(session.session().info().phase)));
   }
 
@@ -156,7 +165,7 @@ int read(const Options& options) {
   if (options.csv) print_csv_header(description);
   for (TimeIndex t = first; t < end; ++t) {
     try {
-      if (!session.try_get(options.series, t, element.data())) break;
+      if (!session.try_get(series, t, element.data())) break;
     } catch (const HistoryLost& lost) {
       // Overwritten while those before it were printed. Of a single step that is the answer.
       if (options.time_index) throw;
@@ -166,7 +175,7 @@ int read(const Options& options) {
     if (options.csv) {
       print_csv(t, description, element.data());
     } else {
-      const std::string title = fmt::format("{} {} {}", options.name, name_of(options.series), t);
+      const std::string title = fmt::format("{} {} {}", options.name, name_of(series), t);
       print_for_people(title, description, element.data(), terminal);
     }
   }
@@ -179,15 +188,13 @@ void add_read(CLI::App& program, Action& action) {
   auto options = std::make_shared<Options>();
   CLI::App* const command =
       program.add_subcommand("read", "Print elements of a session, of whatever robot");
-  command->add_option("NAME", options->name, "Name of the session, \"sim\" or \"sim.object\"")
+  command->add_option("NAME", options->name, "Name of the session, as in sim or sim.object")
       ->required();
   CLI::Option* const step =
       command->add_option("STEP", options->time_index, "The step to print; default: the newest")
           ->check(CLI::Range(TimeIndex{0}, std::numeric_limits<TimeIndex>::max()))
           ->option_text(" ");
-  std::vector<std::pair<std::string, Series>> names;
-  for (const Series series : kAllSeries) names.emplace_back(name_of(series), series);
-  add_choice<Series>(*command, "--series", options->series, names, "Default: observation");
+  options->series.add_to(*command, "Default: observation");
   command->add_option("--last", options->last, "How many steps to print, up to the newest")
       ->check(CLI::Range(TimeIndex{1}, std::numeric_limits<TimeIndex>::max()))
       ->option_text("N")

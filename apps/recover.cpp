@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/core.h>
 
+#include <chrono>
 #include <memory>
 #include <string>
 
@@ -24,7 +25,8 @@ int recover_session(const Options& options) {
                state_text(before));
     return kDone;
   }
-  recover(options.name, Nanoseconds(static_cast<std::int64_t>(options.timeout * 1e9)));
+  recover(options.name,
+          std::chrono::round<Nanoseconds>(std::chrono::duration<double>(options.timeout)));
   fmt::print("{}: recovered; now {}. The fault was: {}.\n", before.name,
              state_text(Session::open(options.name).info()), before.fault_text);
   return kDone;

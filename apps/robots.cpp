@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "robots.hpp"
 
-#include <type_traits>
+#include <chrono>
 #include <utility>
 #include <variant>
 
@@ -23,9 +23,9 @@ RunnableRobot make_fake_robot(const std::vector<std::string>& overrides) {
   RunnableRobot robot;
   robot.name = root.required<std::string>("name");
   robot.backend.mode = BackendOptions::Mode::kRealTime;
-  const double period =
+  const auto period =
       root.optional<double>("period", 0.001, {.unit = "s", .min = 1e-5, .max = 0.1});
-  robot.backend.period = Nanoseconds(static_cast<std::int64_t>(period * 1e9 + 0.5));
+  robot.backend.period = std::chrono::round<Nanoseconds>(std::chrono::duration<double>(period));
   robot.backend.max_action_repeats = root.optional<std::uint32_t>("max_repeats", 100, count);
   robot.backend.max_skipped_ticks = root.optional<std::uint32_t>("max_skipped", 100, count);
   robot.session.history = root.optional<std::size_t>("history", 16384, {.min = 16, .max = 1048576});

@@ -2,6 +2,7 @@
 #include <fmt/core.h>
 #include <sched.h>
 
+#include <atomic>
 #include <chrono>
 #include <csignal>
 #include <cstdio>
@@ -10,6 +11,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -36,7 +38,12 @@ struct Options {
   std::vector<std::string> overrides;
   bool real_time{false};
   bool non_real_time{false};
-  RealtimeOptions realtime;
+  Choice<Demand> scheduling{
+      "--scheduling",
+      "try",
+      {{"require", Demand::kRequire}, {"try", Demand::kTry}, {"off", Demand::kOff}}};
+  int priority{80};
+  std::optional<int> cpu;
 };
 
 // The back-end in a thread of its own. When it returns, for whatever reason, it notifies `Signals`.
@@ -44,21 +51,14 @@ class LoopThread {
  public:
   // Throws Error if the machine refuses what is required.
   LoopThread(Backend& backend, const RealtimeOptions& realtime) : backend_(backend) {
-    std::promise<std::vector<std::string>> entered;
-    std::future<std::vector<std::string>> refused = entered.get_future();
-    result_ = std::async(std::launch::async,
-                         [&backend, realtime, entered = std::move(entered)]() mutable {
-                           struct Notifier {
-                             ~Notifier() { Signals::notify(); }
-                           } notifier;
-                           try {
-                             entered.set_value(enter_realtime(realtime));
-                           } catch (...) {
-                             entered.set_exception(std::current_exception());
-                             return;
-                           }
-                           backend.run();
-                         });
+    std::promise<Refused> entered;
+    std::future<Refused> refused = entered.get_future();
+    thread_ = std::jthread([this, realtime, entered = std::move(entered)]() mutable {
+      run(realtime, std::move(entered));
+      // release: the failure was noted before.
+      has_ended_.store(true, std::memory_order_release);
+      Signals::notify();
+    });
     refused_ = refused.get();
   }
   LoopThread(const LoopThread&) = delete;
@@ -68,16 +68,34 @@ class LoopThread {
 
   // What the machine refused, a sentence each.
   [[nodiscard]] const std::vector<std::string>& refused() const noexcept { return refused_; }
-  [[nodiscard]] bool has_ended() const {
-    return result_.wait_for(std::chrono::seconds(0)) == std::future_status::ready;
+  [[nodiscard]] bool has_ended() const noexcept {
+    return has_ended_.load(std::memory_order_acquire);
   }
-  // Throws what has ended the loop.
-  void get_result() { result_.get(); }
+  // What ended the loop before it was asked to; nothing if all went well. To be called at the end.
+  [[nodiscard]] std::exception_ptr failure() const noexcept { return failure_; }
 
  private:
+  using Refused = std::vector<std::string>;
+
+  void run(const RealtimeOptions& realtime, std::promise<Refused> entered) noexcept {
+    try {
+      entered.set_value(enter_realtime(realtime));
+    } catch (...) {
+      entered.set_exception(std::current_exception());
+      return;
+    }
+    try {
+      backend_.run();
+    } catch (...) {
+      failure_ = std::current_exception();
+    }
+  }
+
   Backend& backend_;
-  std::vector<std::string> refused_;
-  std::future<void> result_;
+  Refused refused_;
+  std::exception_ptr failure_;
+  std::atomic<bool> has_ended_{false};
+  std::jthread thread_;  // last: it uses the others
 };
 
 // Tells the user how the robot is doing: a line for each event, and on a terminal one line that is
@@ -232,7 +250,8 @@ int run(const Options& options) {
   const std::string name = options.name.value_or(robot.name);
   if (options.real_time) robot.backend.mode = BackendOptions::Mode::kRealTime;
   if (options.non_real_time) robot.backend.mode = BackendOptions::Mode::kNonRealTime;
-  RealtimeOptions realtime = options.realtime;
+  RealtimeOptions realtime{
+      .demand = options.scheduling.value(), .priority = options.priority, .cpu = options.cpu};
   if (robot.backend.mode == BackendOptions::Mode::kNonRealTime) realtime.demand = Demand::kOff;
 
   SessionHost host = SessionHost::named(name, robot.session);
@@ -252,7 +271,7 @@ int run(const Options& options) {
     }
     reporter.look(is_stopping);
   }
-  loop.get_result();
+  if (loop.failure() != nullptr) std::rethrow_exception(loop.failure());
   reporter.print("stopped");
   return kDone;
 }
@@ -265,7 +284,7 @@ void add_run(CLI::App& program, Action& action) {
       program.add_subcommand("run", "Start the back-end of a robot and keep it running");
   command
       ->add_option("ROBOT", options->robot,
-                   "\"sim\", \"fake\", another configuration by name, or the file of one")
+                   "sim, fake, another configuration by name, or the file of one")
       ->required();
   command->add_option("--name", options->name, "Name of the session; default: the configuration's")
       ->option_text("NAME");
@@ -280,17 +299,13 @@ void add_run(CLI::App& program, Action& action) {
       ->add_flag("--non-real-time", options->non_real_time,
                  "Wait for every action, as long as it takes")
       ->excludes(real_time);
-  add_choice<Demand>(*command, "--scheduling", options->realtime.demand,
-                     {{"require", Demand::kRequire}, {"try", Demand::kTry}, {"off", Demand::kOff}},
-                     "Real-time scheduling; default: try, and go on without");
+  options->scheduling.add_to(*command, "Real-time scheduling; default: try, and go on without");
   command
-      ->add_option("--priority", options->realtime.priority,
+      ->add_option("--priority", options->priority,
                    "SCHED_FIFO priority of the loop, 1 to 99; default: 80")
       ->check(CLI::Range(1, 99))
       ->option_text("N");
-  command
-      ->add_option("--cpu", options->realtime.cpu,
-                   "Processor on which the loop stays; default: any")
+  command->add_option("--cpu", options->cpu, "Processor on which the loop stays; default: any")
       ->check(CLI::Range(0, CPU_SETSIZE - 1))
       ->option_text("N");
   command->footer(

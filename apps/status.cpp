@@ -160,7 +160,7 @@ void add_status(CLI::App& program, Action& action) {
   auto options = std::make_shared<Options>();
   CLI::App* const command = program.add_subcommand(
       "status", "Show how a session is doing: live on a terminal, otherwise once");
-  command->add_option("NAME", options->name, "Name of the session, \"sim\" or \"sim.object\"")
+  command->add_option("NAME", options->name, "Name of the session, as in sim or sim.object")
       ->required();
   command->add_flag("--once", options->once, "Look once, also on a terminal");
   command->footer(

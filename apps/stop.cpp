@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <chrono>
 #include <csignal>
 #include <memory>
 #include <string>
@@ -44,7 +45,8 @@ int stop(const Options& options) {
     throw SystemError("stop " + who, errno);
   }
 
-  const Deadline deadline(Nanoseconds(static_cast<std::int64_t>(options.timeout * 1e9)));
+  const Deadline deadline(
+      std::chrono::round<Nanoseconds>(std::chrono::duration<double>(options.timeout)));
   pollfd wanted{.fd = process.get(), .events = POLLIN, .revents = 0};
   while (::poll(&wanted, 1, 100) == 0) {
     if (deadline.passed()) {

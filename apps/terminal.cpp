@@ -119,9 +119,7 @@ std::string fit(std::vector<Segment> segments, std::size_t width, const Terminal
     return sum == 0 ? 0 : sum - 2;
   };
   while (segments.size() > 1 && columns() > width) {
-    segments.erase(std::min_element(
-        segments.begin(), segments.end(),
-        [](const Segment& a, const Segment& b) { return a.importance < b.importance; }));
+    segments.erase(std::ranges::min_element(segments, {}, &Segment::importance));
   }
   std::string line;
   for (const Segment& segment : segments) {
