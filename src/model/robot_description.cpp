@@ -138,6 +138,12 @@ void validate_object(const ObjectDescription& object) {
   if (object.position)
     for (const double coordinate : *object.position)
       require_in(name + "position [m]", coordinate, -10, 10);
+  double norm = 0;
+  for (const double number : object.orientation) {
+    require_in(name + "orientation", number, -1e3, 1e3);
+    norm = std::hypot(norm, number);
+  }
+  if (norm < 1e-3) reject(name, "its orientation is zero; a quaternion w x y z is needed.");
 }
 
 }  // namespace

@@ -493,6 +493,7 @@ class Builder {
       mjsBody* body = mjs_addBody(world_, nullptr);
       name(body->element, object.name);
       copy(body->pos, object.position ? *object.position : resting_place(object, place++));
+      std::ranges::copy(unit_quaternion(object), body->quat);
       mjsJoint* joint = mjs_addFreeJoint(body);
       name(joint->element, object.name);
       switch (object.shape) {
@@ -507,6 +508,14 @@ class Builder {
           break;
       }
     }
+  }
+
+  static std::array<double, 4> unit_quaternion(const ObjectDescription& object) {
+    std::array<double, 4> unit = object.orientation;
+    double norm = 0;
+    for (const double number : unit) norm = std::hypot(norm, number);
+    for (double& number : unit) number /= norm;
+    return unit;
   }
 
   // Clear of the initial pose of every variant's fingers.
@@ -603,7 +612,8 @@ class Builder {
     for (const ObjectDescription& object : description_.objects) {
       const Triple at = object.position ? *object.position : resting_place(object, place++);
       positions.insert(positions.end(), at.begin(), at.end());
-      positions.insert(positions.end(), {1, 0, 0, 0});
+      const std::array<double, 4> orientation = unit_quaternion(object);
+      positions.insert(positions.end(), orientation.begin(), orientation.end());
     }
     mjsKey* key = mjs_addKey(spec_.get());
     name(key->element, "initial");

@@ -81,6 +81,8 @@ ObjectDescription read_object(const Node& node) {
   if (const auto position = node.find("position")) {
     object.position = position->as<Triple>({.unit = "m", .min = -2, .max = 2});
   }
+  object.orientation = node.optional<std::array<double, 4>>("orientation", object.orientation,
+                                                            {.min = -10, .max = 10});
   return object;
 }
 

@@ -43,6 +43,14 @@ TEST(ObjectSession, ShowsThePoseBeforeStepZero) {
   EXPECT_THAT(first.cube.orientation, ElementsAre(1, 0, 0, 0));
 }
 
+TEST(ObjectSession, ShowsAnObjectAsItIsTurnedAtTheStart) {
+  SimulationOptions<TriFinger> options;
+  options.description.objects[0].orientation = {3, 0, 0, 4};
+  auto robot = simulate(options);
+  const Companion<CubeObservation> cube(robot.companion("object"));
+  EXPECT_THAT(cube.get_latest_at(-1).value().cube.orientation, ElementsAre(0.6, 0, 0, 0.8));
+}
+
 TEST(ObjectSession, ShowsAPoseAHundredTimesASecond) {
   const auto poses = poses_of({}, 200);
   for (TimeIndex t = 0; t < 200; ++t) {

@@ -163,13 +163,13 @@ TEST_F(RobotConfigFile, FillsEveryOption) {
 }
 
 TEST_F(RobotConfigFile, ReadsObjects) {
-  const RobotConfig config =
-      load_robot_config(extended("objects:\n"
-                                 "  - {name: box, type: cuboid, size: [0.02, 0.08, 0.03], mass: "
-                                 "0.02, position: [0.1, 0, 0.1]}\n"
-                                 "  - {name: pen, type: stick, size: [0.14, 0.01]}\n"
-                                 "  - {name: ball, type: ball, size: [0.05]}\n"
-                                 "  - {name: dice, type: cube, size: [0.04]}\n"));
+  const RobotConfig config = load_robot_config(
+      extended("objects:\n"
+               "  - {name: box, type: cuboid, size: [0.02, 0.08, 0.03], mass: "
+               "0.02, position: [0.1, 0, 0.1]}\n"
+               "  - {name: pen, type: stick, size: [0.14, 0.01]}\n"
+               "  - {name: ball, type: ball, size: [0.05]}\n"
+               "  - {name: dice, type: cube, size: [0.04], orientation: [1, 0, 0, 1]}\n"));
   const auto& objects =
       std::get<SimulationOptions<TriFinger>>(config.simulation).description.objects;
   ASSERT_EQ(objects.size(), 4U);
@@ -183,6 +183,7 @@ TEST_F(RobotConfigFile, ReadsObjects) {
   EXPECT_EQ(objects[2].size[0], 0.05);
   EXPECT_FALSE(objects[2].position);
   EXPECT_EQ(objects[3].size, (Triple{0.04, 0.04, 0.04}));
+  EXPECT_EQ(objects[3].orientation, (std::array<double, 4>{1, 0, 0, 1}));
 }
 
 TEST_F(RobotConfigFile, WaitsForTheFirstActionForEverUnlessTold) {
@@ -253,6 +254,8 @@ TEST_F(RobotConfigFile, NamesObjectsThatDoNotGoTogether) {
   EXPECT_EQ(message("objects:\n  - {name: a, type: stick, size: [0.01, 0.02]}\n"),
             "my.yml:3:3: object 'a': a stick of length 0.01 m must be longer than its diameter of "
             "0.02 m.");
+  EXPECT_EQ(message("objects:\n  - {name: a, type: ball, orientation: [0, 0, 0, 0]}\n"),
+            "my.yml:3:3: object 'a': its orientation is zero; a quaternion w x y z is needed.");
   EXPECT_EQ(message("objects:\n  - {name: a, type: cuboid, size: [0.01]}\n"),
             "my.yml:3:35: objects.0.size has 1 lengths, must have 3");
 }

@@ -93,6 +93,8 @@ struct ObjectDescription {
   /// Where the centre starts [m]. Without a value the first four objects have places of their own,
   /// at rest on the table and clear of the fingers' initial pose.
   std::optional<Triple> position{};
+  /// How it is turned at the start: a quaternion w, x, y, z of any length but zero.
+  std::array<double, 4> orientation{1.0, 0.0, 0.0, 0.0};
 };
 
 /// The cube of 65 mm and 94 g with a colour on each face.
