@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "running_backend.hpp"
 
+#include <nanobind/nanobind.h>
+
 #include <chrono>
 #include <future>
+#include <set>
 #include <utility>
 
 #include "gil.hpp"
@@ -27,6 +30,9 @@ struct Robot {
   SessionHost host;
   Backend backend;
 };
+
+// All that there are; changed under the GIL only.
+std::set<RunningBackend*> backends;
 
 }  // namespace
 
@@ -69,15 +75,19 @@ RunningBackend::RunningBackend(const std::string& name, std::unique_ptr<UntypedD
                                const BackendOptions& backend_options,
                                const SessionOptions& session_options)
     : name_(name) {
-  const GilRelease release;
-  auto parts = std::make_shared<Parts>(name, std::move(driver), backend_options, session_options);
-  while (!parts->has_session()) {
-    if (parts->has_ended_within(kPollPeriod)) parts->end.get();
+  {
+    const GilRelease release;
+    auto parts = std::make_shared<Parts>(name, std::move(driver), backend_options, session_options);
+    while (!parts->has_session()) {
+      if (parts->has_ended_within(kPollPeriod)) parts->end.get();
+    }
+    parts_ = std::move(parts);
   }
-  parts_ = std::move(parts);
+  backends.insert(this);
 }
 
 RunningBackend::~RunningBackend() {
+  backends.erase(this);
   if (parts_ == nullptr) return;
   if (fork_.is_inherited()) {
     // A forked child has no thread to wait for, and the session belongs to its parent: the parts
@@ -117,6 +127,16 @@ void RunningBackend::stop() {
   end.wait();
   parts.reset();  // gives the name back
   end.get();
+}
+
+void stop_backends_at_exit() {
+  nanobind::module_::import_("atexit").attr("register")(nanobind::cpp_function([] {
+    while (!backends.empty()) {
+      RunningBackend* const backend = *backends.begin();
+      backends.erase(backends.begin());
+      if (!backend->fork_.is_inherited()) backend->stop();
+    }
+  }));
 }
 
 }  // namespace trifinger::python

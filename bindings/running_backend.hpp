@@ -37,11 +37,15 @@ class RunningBackend {
 
  private:
   struct Parts;
+  friend void stop_backends_at_exit();
   [[nodiscard]] std::shared_ptr<Parts> own_parts() const;
 
   std::string name_;
   ipc::ForkGuard fork_;
   std::shared_ptr<Parts> parts_;  // none once stopped; replaced under the GIL only
 };
+
+/// From now on a program that ends without stopping its back-ends brings their robots to rest, too.
+void stop_backends_at_exit();
 
 }  // namespace trifinger::python

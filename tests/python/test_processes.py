@@ -327,6 +327,22 @@ def test_a_program_ends_silently_whatever_it_holds(start_python: StartChild, pro
     assert start_python(program).finish() == (0, "")
 
 
+def test_a_program_that_ends_brings_its_robots_to_rest(start_python: StartChild) -> None:
+    child = start_python(
+        """
+import sys, trifinger
+import os
+os.backend = trifinger.run_fake("robot")  # a place that is not cleared before the end
+print("ready", flush=True)
+sys.stdin.read()
+"""
+    )
+    observer = trifinger.observe("robot")
+    assert child.finish() == (0, "")
+    assert observer.fault() == trifinger.Fault("stopped")
+    assert trifinger.list_sessions() == []
+
+
 def test_ctrl_c_ends_a_back_end_in_an_orderly_way(start_python: StartChild) -> None:
     child = start_python(
         """
