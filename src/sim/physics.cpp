@@ -37,7 +37,7 @@ Physics::Physics(const RobotDescription& description, int substeps)
 
 void Physics::reset() noexcept {
   mj_resetDataKeyframe(model_.mujoco(), data_.get(), 0);
-  std::fill(tip_forces_.begin(), tip_forces_.end(), 0.0);
+  std::ranges::fill(tip_forces_, 0.0);
 }
 
 void Physics::set_joint(int joint, double position) noexcept { data_->qpos[joint] = position; }
@@ -45,7 +45,7 @@ double Physics::position(int joint) const noexcept { return data_->qpos[joint]; 
 double Physics::velocity(int joint) const noexcept { return data_->qvel[joint]; }
 
 bool Physics::step(std::span<const double> torque) noexcept {
-  std::copy(torque.begin(), torque.end(), data_->ctrl);
+  std::ranges::copy(torque, data_->ctrl);
   for (int i = 0; i < substeps_; ++i) mj_step(model_.mujoco(), data_.get());
   measure_tip_forces();
   return is_finite();
@@ -61,9 +61,9 @@ bool Physics::is_finite() const noexcept {
 }
 
 void Physics::measure_tip_forces() noexcept {
-  std::fill(tip_forces_.begin(), tip_forces_.end(), 0.0);
+  std::ranges::fill(tip_forces_, 0.0);
   const std::vector<int>& tips = model_.tip_geoms();
-  for (int i = 0; i < static_cast<int>(data_->ncon); ++i) {
+  for (int i = 0; i < data_->ncon; ++i) {
     const mjContact& contact = data_->contact[i];
     for (std::size_t finger = 0; finger < tips.size(); ++finger) {
       if (contact.geom[0] != tips[finger] && contact.geom[1] != tips[finger]) continue;
@@ -96,8 +96,8 @@ ObjectPose Physics::object_pose(const ObjectAddress& object) const noexcept {
 
 void Physics::place_object(const ObjectAddress& object, const ObjectPose& pose) noexcept {
   double* const values = data_->qpos + object.position;
-  std::copy(pose.position.begin(), pose.position.end(), values);
-  std::copy(pose.orientation.begin(), pose.orientation.end(), values + pose.position.size());
+  std::ranges::copy(pose.position, values);
+  std::ranges::copy(pose.orientation, values + pose.position.size());
   constexpr int kFreeJointSpeeds = 6;
   std::fill_n(data_->qvel + object.velocity, kFreeJointSpeeds, 0.0);
 }

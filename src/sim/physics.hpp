@@ -21,6 +21,7 @@ class Physics {
   Physics(const RobotDescription& description, int substeps);
   Physics(const Physics&) = delete;
   Physics& operator=(const Physics&) = delete;
+  ~Physics() = default;
 
   [[nodiscard]] const RobotModel& model() const noexcept { return model_; }
 

@@ -40,7 +40,7 @@ std::vector<std::filesystem::path> config_folders() {
     // what has that name in the working directory.
     const std::string_view name = info.dli_fname;
     std::filesystem::path self;
-    if (name.find('/') != name.npos) self = std::filesystem::canonical(name, ignored);
+    if (name.find('/') != std::string_view::npos) self = std::filesystem::canonical(name, ignored);
     if (self.empty()) self = std::filesystem::canonical("/proc/self/exe", ignored);
     folders.push_back(self.parent_path() / "config");
     folders.push_back(self.parent_path().parent_path() / "share" / "trifinger" / "config");
@@ -115,7 +115,7 @@ RobotDescription read_description(const Node& root) {
 TimeIndex read_steps(const Node& section, std::string_view key, Nanoseconds period,
                      const Range& range) {
   const Node node = section.at(key, range.unit);
-  const double seconds = node.as<double>(range);
+  const auto seconds = node.as<double>(range);
   const double steps = seconds / in_seconds(period);
   const double rounded = std::round(steps);
   constexpr double kTolerance = 1e-6;
@@ -152,7 +152,7 @@ BackendOptions read_backend(const Node& section, SessionOptions& session) {
   }
   options.max_rejected_actions = section.required<std::uint32_t>("max_rejected_actions", count);
   options.max_skipped_ticks = section.required<std::uint32_t>("max_skipped_ticks", count);
-  const double first_action_timeout = section.required<double>(
+  const auto first_action_timeout = section.required<double>(
       "first_action_timeout", {.unit = "s", .min = 0, .above_min = true, .allow_infinite = true});
   // In nanoseconds; more than 30 years is for ever.
   constexpr double kLongest = 1e9;
@@ -212,8 +212,9 @@ std::vector<std::string> config_names() {
       if (entry.path().extension() == kSuffix) names.push_back(entry.path().stem().string());
     }
   }
-  std::sort(names.begin(), names.end());
-  names.erase(std::unique(names.begin(), names.end()), names.end());
+  std::ranges::sort(names);
+  const auto repeated = std::ranges::unique(names);
+  names.erase(repeated.begin(), repeated.end());
   return names;
 }
 

@@ -34,7 +34,7 @@ constexpr std::uint64_t kStateMagic = 0x31534d4953465254;  // "TRFSIMS1"
 // are a valid state.
 class Random {
  public:
-  using result_type = std::uint64_t;
+  using result_type = std::uint64_t;  // NOLINT(readability-identifier-naming): the standard's
 
   explicit Random(std::uint64_t seed = 0) noexcept : counter_(seed) {}
 
@@ -258,7 +258,6 @@ class SimulatedRobot<R>::Implementation {
     move_to_step(now);
     begin_here();
   }
-  void reset() noexcept { reset(begin_at_, options_.seed); }
   [[nodiscard]] const Joints& initial_position() const noexcept { return begin_at_; }
 
   [[nodiscard]] Joints checked(const Joints& position) const {
@@ -576,7 +575,7 @@ auto SimulatedRobot<R>::initial_position() const noexcept -> const Joints& {
 }
 template <class R>
 void SimulatedRobot<R>::reset() {
-  implementation_->reset();
+  implementation_->reset(initial_position(), options().seed);
 }
 template <class R>
 void SimulatedRobot<R>::reset(const Joints& position, std::uint64_t seed) {

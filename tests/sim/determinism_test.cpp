@@ -34,7 +34,6 @@ Recording<TriFinger> reference(const SimulationOptions<TriFinger>& options) {
 }
 
 struct NoisyTriFinger {
-  static constexpr std::string_view kName = "TriFinger";
   using Robot = TriFinger;
   static std::unique_ptr<UntypedDriver> make_driver() {
     return std::make_unique<SimulatedRobot<TriFinger>>(noisy_options());

@@ -66,7 +66,7 @@ class Grasp {
                  kDamping * (jacobian * velocity));
     }
     JointAction<9> action;
-    std::copy(torque.begin(), torque.end(), action.torque.begin());
+    std::ranges::copy(torque, action.torque.begin());
     return action;
   }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <numbers>
@@ -49,14 +50,13 @@ class Poking {
 
  private:
   void choose_targets() {
-    for (int finger = 0; finger < static_cast<int>(R::kTips); ++finger) {
+    for (std::size_t finger = 0; finger < R::kTips; ++finger) {
       const Eigen::Vector3d tip =
           centre_ + Eigen::Vector3d(0.06 * uniform_(random_), 0.06 * uniform_(random_),
                                     0.03 * uniform_(random_));
-      const Eigen::Vector3d pose = kinematics_.inverse_kinematics(finger, tip).position;
-      for (int joint = 0; joint < kJointsPerFinger; ++joint) {
-        target_[static_cast<std::size_t>(finger * kJointsPerFinger + joint)] = pose[joint];
-      }
+      const Eigen::Vector3d pose =
+          kinematics_.inverse_kinematics(static_cast<int>(finger), tip).position;
+      std::copy_n(pose.data(), kJointsPerFinger, &target_[finger * kJointsPerFinger]);
     }
   }
 

@@ -43,16 +43,10 @@ class SavedState : public testing::Test {
  public:
   static constexpr int kSteps = 400;
 
-  SavedState() {
-    options_ = noisy_options<R>();
-    const SimulatedRobot<R> robot(options_);
-    centre_ = robot.object_pose("cube").position;
-  }
+  Poking<R> poking() const { return Poking<R>(options.description, centre, 1); }
 
-  Poking<R> poking() const { return Poking<R>(options_.description, centre_, 1); }
-
-  SimulationOptions<R> options_;
-  Triple centre_{};
+  const SimulationOptions<R> options = noisy_options<R>();
+  const Triple centre = SimulatedRobot<R>(options).object_pose("cube").position;
 };
 
 using Robots = testing::Types<TriFinger, Finger>;
@@ -75,7 +69,7 @@ std::string first_difference_from(const Recording<R>& whole, int first, const Re
 TYPED_TEST(SavedState, GoesOnBitForBitInANewSession) {
   using R = TypeParam;
   for (const int first : {1, 6, 7, 8, 23, 150, 399}) {
-    const Simulation<R> simulation(this->options_);
+    const Simulation<R> simulation(this->options);
     auto policy = this->poking();
     Recording<R> whole;
     SimulationState state;
@@ -97,7 +91,7 @@ TYPED_TEST(SavedState, GoesOnBitForBitInANewSession) {
 TYPED_TEST(SavedState, GoesOnBitForBitInAnotherSimulation) {
   using R = TypeParam;
   constexpr int kFirst = 200;
-  const Simulation<R> simulation(this->options_);
+  const Simulation<R> simulation(this->options);
   auto robot = simulation.connect();
   auto policy = this->poking();
   Recording<R> whole;
@@ -106,7 +100,7 @@ TYPED_TEST(SavedState, GoesOnBitForBitInAnotherSimulation) {
   auto same_policy = policy;
   record(robot, same_policy, this->kSteps, whole);
 
-  const Simulation<R> other(this->options_);
+  const Simulation<R> other(this->options);
   other.robot().restore(state);
   auto other_robot = other.connect();
   Recording<R> rest;
@@ -117,7 +111,7 @@ TYPED_TEST(SavedState, GoesOnBitForBitInAnotherSimulation) {
 TYPED_TEST(SavedState, TakesEffectAtOnceInASessionThatGoesOn) {
   using R = TypeParam;
   constexpr int kFirst = 200;
-  const Simulation<R> simulation(this->options_);
+  const Simulation<R> simulation(this->options);
   auto robot = simulation.connect({.strict = false});
   auto policy = this->poking();
   Recording<R> before;
@@ -140,7 +134,7 @@ TYPED_TEST(SavedState, TakesEffectAtOnceInASessionThatGoesOn) {
 
 TYPED_TEST(SavedState, IsTheSameHoweverOftenItIsRestored) {
   using R = TypeParam;
-  const Simulation<R> simulation(this->options_);
+  const Simulation<R> simulation(this->options);
   {
     auto robot = simulation.connect();
     auto policy = this->poking();
@@ -207,9 +201,7 @@ TEST(SimulatedRobot, RefusesBytesThatAreNoState) {
 TEST(SimulatedRobot, RefusesToBeginBeyondAHardLimit) {
   SimulatedRobot<TriFinger> robot;
   for (const double bad : {2.0, -2.1, kNan, kInfinity}) {
-    JointVector<9> position = robot.model().initial_position() == std::vector<double>()
-                                  ? JointVector<9>{}
-                                  : JointVector<9>{0, 0.9, -1.7, 0, 0.9, -1.7, 0, 0.9, -1.7};
+    JointVector<9> position{0, 0.9, -1.7, 0, 0.9, -1.7, 0, 0.9, -1.7};
     position[3] = bad;
     EXPECT_THAT([&] { robot.reset(position, 0); },
                 ThrowsMessage<InvalidArgument>(
