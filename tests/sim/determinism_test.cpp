@@ -46,7 +46,7 @@ class Determinism : public testing::Test {};
 class Names {
  public:
   template <class Transport>
-  static std::string GetName(int) {
+  static std::string GetName(int) {  // NOLINT(readability-identifier-naming): GoogleTest's
     return std::string(Transport::kName);
   }
 };

@@ -13,13 +13,8 @@
 namespace trifinger::test {
 namespace {
 
-using testing::AllOf;
 using testing::DoubleNear;
 using testing::ElementsAre;
-using testing::Ge;
-using testing::Le;
-
-using Actions = std::vector<JointAction<9>>;
 
 // What a reader knows of the cube at every step while the fingers stay where they are.
 std::vector<CubeObservation> poses_of(const SimulationOptions<TriFinger>& options, int steps) {
@@ -27,6 +22,7 @@ std::vector<CubeObservation> poses_of(const SimulationOptions<TriFinger>& option
   const Companion<CubeObservation> cube(robot.companion("object"));
   const auto hold = hold_position(robot.latest_observation());
   std::vector<CubeObservation> poses;
+  poses.reserve(static_cast<std::size_t>(steps));
   for (int i = 0; i < steps; ++i) {
     poses.push_back(cube.get_latest_at(robot.append_desired_action(hold)).value());
   }

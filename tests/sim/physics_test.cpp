@@ -48,7 +48,8 @@ TYPED_TEST(Physics, TorqueOfAnObservationBelongsToThePeriodBefore) {
   TimeIndex t = -1;
   for (int k = 0; k < 50; ++k) {
     typename R::Action action;
-    for (std::size_t i = 0; i < R::kJoints; ++i) action.torque[i] = 0.1 * std::sin(k + double(i));
+    for (std::size_t i = 0; i < R::kJoints; ++i)
+      action.torque[i] = 0.1 * std::sin(k + static_cast<double>(i));
     t = robot.append_desired_action(action);
     if (t == 0) continue;
     // Slow joints get what was applied.
