@@ -5,8 +5,9 @@
 
 namespace trifinger::python {
 
-/// Makes the class Element: NumPy's record with attributes of its own. numpy.record prefers what every scalar has, so that
-/// the field `flags` of a status could not be read, and takes three times as long.
+/// Makes the class Element: NumPy's record with attributes of its own. numpy.record prefers what
+/// every scalar has, so that the field `flags` of a status could not be read, and takes three times
+/// as long.
 void bind_element(nanobind::module_& m);
 
 }  // namespace trifinger::python

@@ -24,14 +24,16 @@ constexpr Nanoseconds kWaitSlice = std::chrono::milliseconds(50);
 struct Run {
   Run(UntypedDriver& driver, detail::SessionPlace& place, const BackendOptions& options,
       const std::atomic<bool>& stop_requested)
-      : writers(place.begin(driver, options.mode == BackendOptions::Mode::kRealTime, options.period)),
+      : writers(
+            place.begin(driver, options.mode == BackendOptions::Mode::kRealTime, options.period)),
         loop(driver, writers, options, stop_requested) {}
 
   detail::SessionPlace::Writers writers;
   detail::Loop loop;
 };
 
-// Looks at what the loop cannot see: whether the controlling process lives, whether a call of the driver returns.
+// Looks at what the loop cannot see: whether the controlling process lives, whether a call of the
+// driver returns.
 class Watchdog {
  public:
   Watchdog(Run& run, Timeout driver_timeout)
@@ -214,15 +216,18 @@ class Backend::Implementation {
   void wait_for_work() noexcept {
     detail::SessionWriter& robot = *run_->writers.robot;
     const std::atomic<std::uint32_t>& event = robot.action_header().event;
-    // Observers have not been told of the last steps; for nobody who waits this is one cheap call before a long one.
+    // Observers have not been told of the last steps; for nobody who waits this is one cheap call
+    // before a long one.
     ipc::futex_wake_all(robot.header().event);
     for (const auto& companion : run_->writers.companions) {
       ipc::futex_wake_all(companion->header().event);
     }
     while (true) {
-      // acquire, before the look at the queue: an append in between changes the word, and the sleep ends at once.
+      // acquire, before the look at the queue: an append in between changes the word, and the sleep
+      // ends at once.
       const std::uint32_t seen = event.load(std::memory_order_acquire);
-      // seq_cst, with the look at the queue behind it: either we see the action, or append sees that we sleep.
+      // seq_cst, with the look at the queue behind it: either we see the action, or append sees
+      // that we sleep.
       robot.header().backend_waits.store(1, std::memory_order_seq_cst);
       const bool has_work = run_->loop.has_work();
       if (!has_work) ipc::futex_wait(event, seen, kWaitSlice);
@@ -244,9 +249,9 @@ class Backend::Implementation {
     while (!stop_requested()) {
       const std::uint32_t seen = event.load(std::memory_order_acquire);
       if (was_recovered()) return;
-      // Whose action was late because the process was killed cannot recover; the next user shall not have to.
-      if (last_fault_.code == Fault::Code::kActionLate &&
-          run_->writers.robot->controller_died()) {
+      // Whose action was late because the process was killed cannot recover; the next user shall
+      // not have to.
+      if (last_fault_.code == Fault::Code::kActionLate && run_->writers.robot->controller_died()) {
         return;
       }
       run_->loop.beat(clock_.now());
@@ -277,7 +282,8 @@ void Backend::recover() noexcept { implementation_->recover(); }
 const SessionHost& Backend::host() const noexcept { return implementation_->host(); }
 const BackendOptions& Backend::options() const noexcept { return implementation_->options(); }
 
-BackendThread::BackendThread(Backend& backend, const RealtimeOptions& realtime) : backend_(backend) {
+BackendThread::BackendThread(Backend& backend, const RealtimeOptions& realtime)
+    : backend_(backend) {
   std::exception_ptr failure;
   std::mutex mutex;
   std::condition_variable changed;

@@ -14,7 +14,8 @@ namespace {
 constexpr std::array<std::string_view, 10> kScalarNames{
     "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "float32", "float64"};
 
-// One line of ElementDescription::text(): "NAME TYPE[SHAPE] UNIT", shape and unit as far as there are any.
+// One line of ElementDescription::text(): "NAME TYPE[SHAPE] UNIT", shape and unit as far as there
+// are any.
 FieldDescription parse_field(std::string_view line) {
   const auto malformed = [line] {
     return InvalidArgument("not the description of a field: '" + std::string(line) + "'");
@@ -39,8 +40,7 @@ FieldDescription parse_field(std::string_view line) {
     std::size_t length = 0;
     const auto [end, error] = std::from_chars(shape.data(), shape.data() + shape.size(), length);
     constexpr std::size_t kMaxLength = std::size_t{1} << 30U;
-    if (error != std::errc{} || length == 0 ||
-        length > kMaxLength / field.count()) {
+    if (error != std::errc{} || length == 0 || length > kMaxLength / field.count()) {
       throw malformed();
     }
     field.shape.push_back(length);

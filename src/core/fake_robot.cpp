@@ -7,9 +7,8 @@ namespace trifinger {
 
 FakeDriver::FakeDriver(const Options& options)
     : options_(options),
-      companion_{CompanionDescription{.name = "sensor",
-                                      .type = "fake_sensor",
-                                      .element = describe<FakeSensorReading>()}} {}
+      companion_{CompanionDescription{
+          .name = "sensor", .type = "fake_sensor", .element = describe<FakeSensorReading>()}} {}
 
 DriverReport FakeDriver::prepare(TimeIndex step) noexcept {
   state_ = {};
@@ -19,13 +18,15 @@ DriverReport FakeDriver::prepare(TimeIndex step) noexcept {
 }
 
 DriverReport FakeDriver::get_latest_observation(FakeObservation& observation) noexcept {
-  if (observations_++ == options_.observation_fault_after) return DriverReport::fault(kInjectedFault);
+  if (observations_++ == options_.observation_fault_after)
+    return DriverReport::fault(kInjectedFault);
   observation = state_;
   return DriverReport::ready();
 }
 
 DriverReport FakeDriver::apply_action(const FakeAction& desired, FakeAction& applied) noexcept {
-  if (state_.applied_actions == options_.action_fault_after) return DriverReport::fault(kInjectedFault);
+  if (state_.applied_actions == options_.action_fault_after)
+    return DriverReport::fault(kInjectedFault);
   const bool is_rejected = desired.setpoint == options_.rejected_setpoint;
   applied.setpoint = is_rejected ? 0.0 : desired.setpoint;
   state_.setpoint = applied.setpoint;

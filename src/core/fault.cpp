@@ -56,7 +56,8 @@ std::string describe(const Fault& fault, std::string_view driver_text) {
     case Fault::Code::kActionLate:
       return "the action for step " + step + " was not there in time" +
              (fault.detail > 0 ? ", after " + detail + " repeats of the one before" : "") +
-             "; append it earlier, or let the back-end repeat actions (late_action in its configuration)";
+             "; append it earlier, or let the back-end repeat actions (late_action in its "
+             "configuration)";
     case Fault::Code::kBackendLate:
       return "the back-end was late by " + detail + " periods at step " + step +
              "; 'trifinger doctor' tells what this machine lacks for real time";

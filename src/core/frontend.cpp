@@ -107,13 +107,14 @@ class UntypedFrontend::Implementation {
       queue_.write(t, queue_entry_.data(), std::memory_order_seq_cst);
       last_appended_ = t;
       auto& event = action_header()->event;
-      // release, behind the slot: a back-end that has seen the new word finds the action, so whoever did not find it
-      // sleeps on the old word, if at all.
+      // release, behind the slot: a back-end that has seen the new word finds the action, so
+      // whoever did not find it sleeps on the old word, if at all.
       event.store(event.load(std::memory_order_relaxed) + 1, std::memory_order_release);
-      // seq_cst: either the back-end found the action above before it went to sleep, or we see that it sleeps.
+      // seq_cst: either the back-end found the action above before it went to sleep, or we see that
+      // it sleeps.
       if (header().backend_waits.load(std::memory_order_seq_cst) != 0) ipc::futex_wake_all(event);
-      // seq_cst: a back-end that closes t says so before it looks for the action once more, so if this is not closed,
-      // the action will be found.
+      // seq_cst: a back-end that closes t says so before it looks for the action once more, so if
+      // this is not closed, the action will be found.
       if (header().is_real_time == 0 || header().next_action.load(std::memory_order_seq_cst) <= t ||
           was_taken(t, timeout)) {
         return t;
@@ -133,7 +134,8 @@ class UntypedFrontend::Implementation {
 
   bool try_get(Series series, TimeIndex t, void* element) const {
     require_own();
-    if (t < 0) throw InvalidArgument("step " + std::to_string(t) + " does not exist; steps begin at 0");
+    if (t < 0)
+      throw InvalidArgument("step " + std::to_string(t) + " does not exist; steps begin at 0");
     if (!mapping_->has(series)) static_cast<void>(mapping_->element(series));  // throws
     switch (mapping_->ring(series).read(t, element)) {
       case ipc::ReadResult::kDone:
@@ -154,12 +156,14 @@ class UntypedFrontend::Implementation {
     if (!try_get(series, t, element)) throw_lost(series, t);
   }
 
-  void get(Series series, TimeIndex first, std::size_t count, void* elements, Timeout timeout) const {
+  void get(Series series, TimeIndex first, std::size_t count, void* elements,
+           Timeout timeout) const {
     if (count == 0) return;
     const std::size_t size = mapping_->element(series).size();
     const auto capacity = mapping_->ring(series).shape().capacity;
     if (count > capacity) {
-      throw InvalidArgument(std::to_string(count) + " steps at once are more than the history keeps (" +
+      throw InvalidArgument(std::to_string(count) +
+                            " steps at once are more than the history keeps (" +
                             std::to_string(capacity) + ")");
     }
     auto* target = static_cast<std::byte*>(elements);
@@ -175,13 +179,16 @@ class UntypedFrontend::Implementation {
     require_own();
     const auto kind = series == Series::kObservation ? Wanted::kObservation : Wanted::kStep;
     wait([this, series, t] { return mapping_->end_of(series) > t; }, {kind, t}, timeout,
-         [series, t] { return "step " + std::to_string(t) + " of " + std::string(name_of(series)); });
+         [series, t] {
+           return "step " + std::to_string(t) + " of " + std::string(name_of(series));
+         });
   }
 
   void latest_observation(void* observation, Timeout timeout) const {
     require_own();
     const auto is_there = [&] {
-      // The writer may overtake us by a whole history between the two calls; then there is a newer one.
+      // The writer may overtake us by a whole history between the two calls; then there is a newer
+      // one.
       while (true) {
         const TimeIndex end = mapping_->end_of(Series::kObservation);
         const Series series =
@@ -291,9 +298,9 @@ class UntypedFrontend::Implementation {
       throw SessionNotFound("robot '" + mapping_->name() + "' has no companion '" + name + "'");
     }
     if (companion->header().robot_session_id != header().session_id) mapping_->throw_stopped();
-    auto implementation = std::make_unique<Implementation>(
-        std::move(companion), std::nullopt, FrontendOptions{.control = false}, inline_backend_,
-        owner_);
+    auto implementation = std::make_unique<Implementation>(std::move(companion), std::nullopt,
+                                                           FrontendOptions{.control = false},
+                                                           inline_backend_, owner_);
     implementation->interrupt_ = interrupt_;
     return implementation;
   }
@@ -306,9 +313,7 @@ class UntypedFrontend::Implementation {
   [[nodiscard]] layout::ActionHeader* action_header() const noexcept {
     return action_ ? reinterpret_cast<layout::ActionHeader*>(action_->data()) : nullptr;
   }
-  [[nodiscard]] const RobotTypes& description() const noexcept {
-    return mapping_->description();
-  }
+  [[nodiscard]] const RobotTypes& description() const noexcept { return mapping_->description(); }
 
   void require_own() const {
     if (fork_.is_inherited()) {
@@ -335,7 +340,8 @@ class UntypedFrontend::Implementation {
     ipc::futex_wake_all(action_header()->event);
   }
 
-  // Brings the robot of an inline back-end to rest. It waits only if it is in a later session, by no business of ours.
+  // Brings the robot of an inline back-end to rest. It waits only if it is in a later session, by
+  // no business of ours.
   void run_inline_to_end() const noexcept {
     if (inline_backend_ == nullptr) return;
     while (inline_backend_->advance() == Progress::kStepped) {
@@ -344,13 +350,15 @@ class UntypedFrontend::Implementation {
 
   // Remembers that the user knows y_t.
   void hand_out(TimeIndex t) const noexcept {
-    // relaxed: see append. Several readers may race here; the newest counts, one step more or less does not.
+    // relaxed: see append. Several readers may race here; the newest counts, one step more or less
+    // does not.
     if (t > handed_out_.load(std::memory_order_relaxed)) {
       handed_out_.store(t, std::memory_order_relaxed);
     }
   }
 
-  // True if the action appended for `t`, which the back-end has passed, was applied; false if it came too late.
+  // True if the action appended for `t`, which the back-end has passed, was applied; false if it
+  // came too late.
   [[nodiscard]] bool was_taken(TimeIndex t, Timeout timeout) const {
     Status status;
     try {
@@ -443,8 +451,8 @@ class UntypedFrontend::Implementation {
 
 namespace {
 
-// The queue of `mapping`, locked for this process. Nothing if the session is about to end or has just ended: look
-// for the next one. Throws ControlHeld.
+// The queue of `mapping`, locked for this process. Nothing if the session is about to end or has
+// just ended: look for the next one. Throws ControlHeld.
 std::optional<ipc::SharedMemory> take_control(const SessionMapping& mapping) {
   std::optional<ipc::SharedMemory> action;
   try {
@@ -498,8 +506,8 @@ auto attach(const Find& find, const FrontendOptions& options, const Make& make) 
     // A user who was killed leaves a late action behind; the back-end clears that by itself.
     const bool may_clear = mapping->fault().code == Fault::Code::kActionLate && !grace.passed();
     if (mapping->has_ended() && mapping->fault().needs_recovery() && !may_clear) {
-      throw RobotStopped(mapping->fault(), "robot '" + mapping->name() + "' has stopped: " +
-                                               mapping->fault_text() +
+      throw RobotStopped(mapping->fault(), "robot '" + mapping->name() +
+                                               "' has stopped: " + mapping->fault_text() +
                                                "; clear this with recover() when it is safe");
     }
     std::optional<ipc::SharedMemory> action = take_control(*mapping);
@@ -547,7 +555,8 @@ UntypedFrontend::UntypedFrontend(Backend& backend, FrontendOptions options,
     : implementation_(attach(
           [&] {
             if (backend.options().mode != BackendOptions::Mode::kNonRealTime) {
-              throw InvalidArgument("a back-end in real-time mode cannot run inline: its time goes on");
+              throw InvalidArgument(
+                  "a back-end in real-time mode cannot run inline: its time goes on");
             }
             backend.begin_session();
             return backend.host().open();
@@ -631,7 +640,8 @@ void require_same_robot(const Session& session, const RobotTypes& expected) {
 }
 
 void require_same_companion(const Session& session, const ElementDescription& expected) {
-  require_same("session '" + session.info().name + "'", session.description().observation, expected);
+  require_same("session '" + session.info().name + "'", session.description().observation,
+               expected);
 }
 
 }  // namespace trifinger

@@ -57,7 +57,8 @@ Progress Loop::prepare(const Tick& now) noexcept {
   }
   const DriverReport report = call_driver([&] { return driver_.prepare(count_); });
   ++count_;
-  if (report.state == DriverReport::State::kFault) return end(Fault::Code::kDriver, report.fault_code);
+  if (report.state == DriverReport::State::kFault)
+    return end(Fault::Code::kDriver, report.fault_code);
   if (report.state == DriverReport::State::kBusy) return Progress::kStepped;
   stage_ = Stage::kHolding;
   holding_since_ = now.time;
@@ -102,9 +103,10 @@ Progress Loop::hold(const Tick& now) noexcept {
     driver_.hold(observation_.data(), hold_action_.data());
     has_hold_action_ = true;
   }
-  const DriverReport report = call_driver(
-      [&] { return driver_.apply_action(hold_action_.data(), applied_.data()); });
-  if (report.state == DriverReport::State::kFault) return end(Fault::Code::kDriver, report.fault_code);
+  const DriverReport report =
+      call_driver([&] { return driver_.apply_action(hold_action_.data(), applied_.data()); });
+  if (report.state == DriverReport::State::kFault)
+    return end(Fault::Code::kDriver, report.fault_code);
   is_measured_ = false;
   return Progress::kStepped;
 }
@@ -151,7 +153,8 @@ Progress Loop::run(const Tick& now) noexcept {
 
   const DriverReport report =
       call_driver([&] { return driver_.apply_action(desired_.data(), applied_.data()); });
-  if (report.state == DriverReport::State::kFault) return end(Fault::Code::kDriver, report.fault_code);
+  if (report.state == DriverReport::State::kFault)
+    return end(Fault::Code::kDriver, report.fault_code);
   status_.rejected_actions = report.action_rejected ? status_.rejected_actions + 1 : 0;
   if (report.action_rejected) status_.flags |= Status::kActionRejected;
 
@@ -216,8 +219,9 @@ Loop::Take Loop::take_action() noexcept {
   return Take::kTaken;
 }
 
-// The action of this step is missing. Says so, and looks once more: an append that does not see this word has made its
-// action visible to this second look (seq_cst on both sides), so it can rely on being taken.
+// The action of this step is missing. Says so, and looks once more: an append that does not see
+// this word has made its action visible to this second look (seq_cst on both sides), so it can rely
+// on being taken.
 Loop::Take Loop::close_index() noexcept {
   writer_.header().next_action.store(time_index_ + 1, std::memory_order_seq_cst);
   const Take take = take_action();
@@ -253,9 +257,8 @@ void Loop::publish_companions(const Tick& now, TimeIndex time_index) noexcept {
       auto& stamp = *reinterpret_cast<Stamp*>(element.data());
       stamp.arrival_time = now.time.time_since_epoch().count();
       if (stamp.capture_time == 0) {
-        stamp.capture_time =
-            stamp.arrival_time -
-            (stamp.arrival_index - stamp.capture_index) * options_.period.count();
+        stamp.capture_time = stamp.arrival_time -
+                             (stamp.arrival_index - stamp.capture_index) * options_.period.count();
       }
       companion.append(Series::kObservation, element.data());
     }

@@ -19,8 +19,8 @@ struct Tick {
   std::uint32_t skipped{0};
 };
 
-// One session's way through its stages, tick by tick. No function here allocates, locks, throws or waits; the only
-// system call is the wake of sleeping readers.
+// One session's way through its stages, tick by tick. No function here allocates, locks, throws or
+// waits; the only system call is the wake of sleeping readers.
 class Loop {
  public:
   Loop(UntypedDriver& driver, SessionPlace::Writers& writers, const BackendOptions& options,
@@ -31,7 +31,8 @@ class Loop {
 
   // From the watchdog: the controlling process has died.
   void note_controller_died() noexcept { controller_died_.store(true, std::memory_order_relaxed); }
-  // From the watchdog: counts up when a call of the driver begins and when it ends; odd while one lasts.
+  // From the watchdog: counts up when a call of the driver begins and when it ends; odd while one
+  // lasts.
   [[nodiscard]] std::uint64_t driver_calls() const noexcept {
     return driver_calls_.load(std::memory_order_relaxed);
   }

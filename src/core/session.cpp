@@ -29,8 +29,7 @@ std::vector<std::string> session_names() {
     const std::string file = entry.path().filename().string();
     if (!file.starts_with(kPrefix) || !file.ends_with(kSuffix)) continue;
     if (file.size() <= kPrefix.size() + kSuffix.size()) continue;
-    names.push_back(
-        file.substr(kPrefix.size(), file.size() - kPrefix.size() - kSuffix.size()));
+    names.push_back(file.substr(kPrefix.size(), file.size() - kPrefix.size() - kSuffix.size()));
   }
   std::sort(names.begin(), names.end());
   return names;
@@ -39,8 +38,8 @@ std::vector<std::string> session_names() {
 std::string not_found_text(const std::string& name) {
   std::string text = "there is no robot '" + name + "' on this machine";
   std::string others;
-  for (const std::string& other : session_names()) {
-    others += (others.empty() ? "" : ", ") + other;
+  for (const SessionInfo& other : list_sessions()) {
+    if (other.backend_is_alive) others += (others.empty() ? "" : ", ") + other.name;
   }
   if (!others.empty()) text += "; running: " + others;
   return text + "; start one with 'trifinger run sim --name " + name + "'";
@@ -95,7 +94,8 @@ Session Session::open(const std::string& name) {
   } catch (const SystemError& error) {
     if (error.error_number() == ENOENT) throw SessionNotFound(not_found_text(name));
     if (error.error_number() == EACCES) {
-      throw SystemError("open session '" + name + "', which belongs to another user (its back-end " +
+      throw SystemError("open session '" + name +
+                            "', which belongs to another user (its back-end " +
                             "may share it with a group: option mode of its configuration)",
                         EACCES);
     }
@@ -119,8 +119,8 @@ SessionInfo Session::info() const {
   info.backend = {header.backend_pid, header.backend_start_time};
   info.backend_is_alive = mapping_->backend_is_alive();
   info.phase = static_cast<SessionInfo::Phase>(header.phase.load(std::memory_order_acquire));
-  info.steps = mapping_->end_of(mapping_->is_companion() ? Series::kObservation
-                                                         : Series::kAppliedAction);
+  info.steps =
+      mapping_->end_of(mapping_->is_companion() ? Series::kObservation : Series::kAppliedAction);
   const std::int64_t heartbeat = header.heartbeat.load(std::memory_order_relaxed);
   if (heartbeat != 0) {
     info.since_heartbeat =
@@ -149,7 +149,9 @@ SessionInfo Session::info() const {
 
 const RobotTypes& Session::description() const noexcept { return mapping_->description(); }
 
-const ElementDescription& Session::element(Series series) const { return mapping_->element(series); }
+const ElementDescription& Session::element(Series series) const {
+  return mapping_->element(series);
+}
 
 std::vector<SessionInfo> list_sessions() {
   std::vector<SessionInfo> sessions;
@@ -172,8 +174,8 @@ void recover(const std::string& name, Timeout timeout) {
 
   const std::uint64_t stopped_id = mapping.header().session_id;
   try {
-    const ipc::SharedMemory action = mapping.directory()->open(
-        detail::action_file(name, stopped_id), ipc::Access::kReadWrite);
+    const ipc::SharedMemory action =
+        mapping.directory()->open(detail::action_file(name, stopped_id), ipc::Access::kReadWrite);
     auto& header = *reinterpret_cast<layout::ActionHeader*>(action.data());
     // release: nothing belongs to it; the back-end acquires.
     header.requests.fetch_or(layout::kRecover, std::memory_order_release);

@@ -9,8 +9,8 @@
 #include "trifinger/core/session.hpp"
 #include "trifinger/ipc/ring.hpp"
 
-// The bytes of a session, shared by all processes. Both files begin with a header; rings and texts follow at the
-// offsets that the header gives. A change of anything here is a new kLayoutVersion.
+// The bytes of a session, shared by all processes. Both files begin with a header; rings and texts
+// follow at the offsets that the header gives. A change of anything here is a new kLayoutVersion.
 namespace trifinger::layout {
 
 inline constexpr std::uint64_t kStateMagic = 0x3154532d52474654;   // "TFGR-ST1"
@@ -63,10 +63,12 @@ struct StateHeader {
   alignas(64) std::atomic<std::uint32_t> event;
   std::atomic<std::uint32_t> phase;
   std::array<std::atomic<std::int64_t>, kNumSeries> ends;  // first index not yet written
-  // Companions: everything that arrives at or before this step is in the series. -2 in the beginning.
+  // Companions: everything that arrives at or before this step is in the series. -2 in the
+  // beginning.
   std::atomic<std::int64_t> complete_through;
 
-  // What append looks at: the first index that has been neither taken nor closed, and whether the back-end sleeps.
+  // What append looks at: the first index that has been neither taken nor closed, and whether the
+  // back-end sleeps.
   alignas(64) std::atomic<std::int64_t> next_action;
   std::atomic<std::uint32_t> backend_waits;
 
@@ -88,7 +90,8 @@ enum Request : std::uint32_t {
 struct ActionHeader {
   std::uint64_t magic;
   std::uint64_t session_id;
-  std::atomic<std::int64_t> controller_pid;  // 0: nobody has taken control since it was last given back
+  std::atomic<std::int64_t>
+      controller_pid;  // 0: nobody has taken control since it was last given back
   std::atomic<std::uint64_t> controller_start_time;
 
   alignas(64) std::atomic<std::uint32_t> event;  // what the back-end sleeps on

@@ -66,7 +66,8 @@ class FilePlan {
 
 }  // namespace
 
-ipc::SharedMemory FolderDirectory::create(const std::string& file, std::size_t size, unsigned mode) {
+ipc::SharedMemory FolderDirectory::create(const std::string& file, std::size_t size,
+                                          unsigned mode) {
   return ipc::SharedMemory::create_file(folder_, file, size, mode);
 }
 
@@ -138,9 +139,7 @@ void ProcessDirectory::remove_all(const std::string& prefix, const std::string& 
   });
 }
 
-std::string state_file(const std::string& name) {
-  return std::string(kPrefix) + name + ".state";
-}
+std::string state_file(const std::string& name) { return std::string(kPrefix) + name + ".state"; }
 
 std::string action_file(const std::string& name, std::uint64_t session_id) {
   return std::string(kPrefix) + name + "." + std::to_string(session_id) + ".action";
@@ -163,7 +162,8 @@ void require_valid_name(const std::string& name) {
   }
 }
 
-// --- SessionMapping ---------------------------------------------------------------------------------------
+// --- SessionMapping
+// ---------------------------------------------------------------------------------------
 
 SessionMapping::SessionMapping(std::shared_ptr<Directory> directory, const std::string& name)
     : directory_(std::move(directory)),
@@ -298,8 +298,8 @@ const ElementDescription& SessionMapping::element(Series series) const {
 }
 
 bool SessionMapping::backend_is_alive() const noexcept {
-  // A back-end ends its session before the file goes. One without an end was removed by a later back-end, whose lock
-  // says nothing about ours.
+  // A back-end ends its session before the file goes. One without an end was removed by a later
+  // back-end, whose lock says nothing about ours.
   const bool is_named = !memory_.path().empty();
   if (is_named && !memory_.has_name() && !has_ended()) return false;
   return lock_.has_value() && ipc::is_locked_by_other(lock_->file());
@@ -307,7 +307,8 @@ bool SessionMapping::backend_is_alive() const noexcept {
 
 Fault SessionMapping::fault() const noexcept {
   if (!has_ended()) {
-    return {.code = Fault::Code::kBackendDied, .detail = 0, .time_index = end_of(Series::kStatus) - 1};
+    return {
+        .code = Fault::Code::kBackendDied, .detail = 0, .time_index = end_of(Series::kStatus) - 1};
   }
   // relaxed: written before the phase, which has_ended() acquired.
   return {
@@ -328,7 +329,8 @@ void SessionMapping::throw_stopped() const {
   throw RobotStopped(fault(), "robot '" + robot_of(name_) + "' has stopped: " + fault_text());
 }
 
-// --- SessionWriter ----------------------------------------------------------------------------------------
+// --- SessionWriter
+// ----------------------------------------------------------------------------------------
 
 SessionWriter::SessionWriter(std::shared_ptr<Directory> directory, const SessionPlan& plan)
     : directory_(std::move(directory)), state_file_(state_file(plan.name)) {
@@ -372,9 +374,9 @@ SessionWriter::SessionWriter(std::shared_ptr<Directory> directory, const Session
   header_->robot_session_id = plan.robot_session_id;
   header_->description_hash = hash;
   header_->period = plan.period.count();
-  header_->created_time = std::chrono::duration_cast<Nanoseconds>(
-                              std::chrono::system_clock::now().time_since_epoch())
-                              .count();
+  header_->created_time =
+      std::chrono::duration_cast<Nanoseconds>(std::chrono::system_clock::now().time_since_epoch())
+          .count();
   const auto backend = ipc::ProcessIdentity::of_this_process();
   header_->backend_pid = backend.pid;
   header_->backend_start_time = backend.start_time;
@@ -419,8 +421,8 @@ SessionWriter::~SessionWriter() {
 }
 
 bool SessionWriter::controller_died() const noexcept {
-  // acquire, before the look at the lock: until the first action another controller may take the place of a dead one, and
-  // the session is not to end for that. Later, nobody can.
+  // acquire, before the look at the lock: until the first action another controller may take the
+  // place of a dead one, and the session is not to end for that. Later, nobody can.
   if (header_->phase.load(std::memory_order_acquire) <
       static_cast<std::uint32_t>(layout::Phase::kRunning)) {
     return false;
@@ -433,7 +435,8 @@ bool SessionWriter::controller_died() const noexcept {
 }
 
 void SessionWriter::append(Series series, const void* element) noexcept {
-  // relaxed: a driver's call that comes back after its session was ended from outside adds nothing to it.
+  // relaxed: a driver's call that comes back after its session was ended from outside adds nothing
+  // to it.
   if (ended_.test(std::memory_order_relaxed)) return;
   const std::size_t i = index_of(series);
   rings_[i].write(ends_[i], element);
@@ -443,8 +446,8 @@ void SessionWriter::append(Series series, const void* element) noexcept {
 }
 
 void SessionWriter::announce(Wake wake) noexcept {
-  // seq_cst, with the load of the wait slots behind it: either a sleeper sees this, or we see the sleeper. The loop is
-  // the one thread that counts up here until `end`.
+  // seq_cst, with the load of the wait slots behind it: either a sleeper sees this, or we see the
+  // sleeper. The loop is the one thread that counts up here until `end`.
   header_->event.store(header_->event.load(std::memory_order_relaxed) + 1,
                        std::memory_order_seq_cst);
   if (wake == Wake::kAlways || somebody_has_what_they_want()) ipc::futex_wake_all(header_->event);
@@ -492,7 +495,8 @@ bool SessionWriter::end(const Fault& fault, std::string_view text) noexcept {
   return true;
 }
 
-// --- SessionPlace -----------------------------------------------------------------------------------------
+// --- SessionPlace
+// -----------------------------------------------------------------------------------------
 
 SessionPlace::SessionPlace(std::shared_ptr<Directory> directory, std::string name,
                            SessionOptions options)
@@ -509,8 +513,8 @@ SessionPlace::SessionPlace(std::shared_ptr<Directory> directory, std::string nam
     } catch (const Error&) {
       // It has just taken the name and has no session yet.
     }
-    throw RobotOwned("robot '" + name_ + "' is run by " + owner + "; stop it with 'trifinger stop " +
-                     name_ + "', or choose another name");
+    throw RobotOwned("robot '" + name_ + "' is run by " + owner +
+                     "; stop it with 'trifinger stop " + name_ + "', or choose another name");
   }
   directory_->remove_all(std::string(kPrefix) + name_ + ".", lock_file(name_));
 }

@@ -19,8 +19,8 @@
 
 namespace trifinger::detail {
 
-// Where the files of sessions are, under which names. The one difference between sessions inside a process and
-// sessions across processes.
+// Where the files of sessions are, under which names. The one difference between sessions inside a
+// process and sessions across processes.
 class Directory {
  public:
   Directory() = default;
@@ -34,7 +34,8 @@ class Directory {
   [[nodiscard]] virtual ipc::SharedMemory publish(const std::string& file,
                                                   ipc::SharedMemory memory) = 0;
   // A file that is never replaced: the one there is, or a new one.
-  [[nodiscard]] virtual ipc::SharedMemory open_or_create(const std::string& file, unsigned mode) = 0;
+  [[nodiscard]] virtual ipc::SharedMemory open_or_create(const std::string& file,
+                                                         unsigned mode) = 0;
   // Throws SystemError with ENOENT if there is no such file.
   [[nodiscard]] virtual ipc::SharedMemory open(const std::string& file, ipc::Access access) = 0;
   virtual void remove(const std::string& file) noexcept = 0;
@@ -81,7 +82,8 @@ class ProcessDirectory final : public Directory {
 // Throws InvalidArgument unless `name` can be the name of a robot.
 void require_valid_name(const std::string& name);
 
-// A session as everybody sees it: the state file, read-only, with its descriptions checked and parsed.
+// A session as everybody sees it: the state file, read-only, with its descriptions checked and
+// parsed.
 class SessionMapping {
  public:
   // Throws SystemError (ENOENT), IncompatibleSession.
@@ -144,7 +146,8 @@ struct SessionPlan {
   unsigned mode{0600};
 };
 
-// A session as its back-end sees it. Made and destroyed outside the loop; the functions run in the loop.
+// A session as its back-end sees it. Made and destroyed outside the loop; the functions run in the
+// loop.
 class SessionWriter {
  public:
   SessionWriter(std::shared_ptr<Directory> directory, const SessionPlan& plan);
@@ -154,12 +157,15 @@ class SessionWriter {
 
   [[nodiscard]] layout::StateHeader& header() const noexcept { return *header_; }
   // The controller's file; only for robots.
-  [[nodiscard]] const layout::ActionHeader& action_header() const noexcept { return *action_header_; }
+  [[nodiscard]] const layout::ActionHeader& action_header() const noexcept {
+    return *action_header_;
+  }
   [[nodiscard]] const ipc::Ring& queue() const noexcept { return queue_; }
   [[nodiscard]] bool queue_is_damaged() const noexcept {
     return action_->is_damaged() || action_header_->magic != layout::kActionMagic;
   }
-  // True if the process whose actions are applied ended without giving control back. One system call.
+  // True if the process whose actions are applied ended without giving control back. One system
+  // call.
   [[nodiscard]] bool controller_died() const noexcept;
   [[nodiscard]] std::uint64_t session_id() const noexcept { return header_->session_id; }
 
@@ -170,13 +176,14 @@ class SessionWriter {
   }
 
   enum class Wake : std::uint8_t {
-    kAlways,     // whoever sleeps
-    kIfWanted,   // if the controller sleeps until something that is there now
+    kAlways,    // whoever sleeps
+    kIfWanted,  // if the controller sleeps until something that is there now
   };
   // Tells sleepers that there is something new.
   void announce(Wake wake) noexcept;
   void set_phase(layout::Phase phase) noexcept;
-  // The last word: the fault, then the phase kEnded, then everybody wakes. Once; false if it had been said before.
+  // The last word: the fault, then the phase kEnded, then everybody wakes. Once; false if it had
+  // been said before.
   bool end(const Fault& fault, std::string_view text) noexcept;
 
  private:

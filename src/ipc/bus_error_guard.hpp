@@ -5,8 +5,9 @@
 
 namespace trifinger::ipc {
 
-// Touching a page of a mapped file that another process has cut off raises SIGBUS. Inside a guarded range the
-// handler puts a page of zeros there and notes the damage; elsewhere the signal goes where it went before.
+// Touching a page of a mapped file that another process has cut off raises SIGBUS. Inside a guarded
+// range the handler puts a page of zeros there and notes the damage; elsewhere the signal goes
+// where it went before.
 
 // Returns the entry of the range, to be given to the functions below.
 // Throws Error if there are more mappings than the table holds.

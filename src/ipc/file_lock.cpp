@@ -11,7 +11,7 @@ namespace trifinger::ipc {
 namespace {
 
 struct flock whole_file(short type) noexcept {
-  struct flock lock {};
+  struct flock lock{};
   lock.l_type = type;
   lock.l_whence = SEEK_SET;
   return lock;

@@ -16,8 +16,8 @@ struct Stat {
   std::uint64_t start_time{0};
 };
 
-// /proc/PID/stat: the second field is the program's name in parentheses and may hold anything, so read on from
-// the last parenthesis. State is field 3, start time field 22.
+// /proc/PID/stat: the second field is the program's name in parentheses and may hold anything, so
+// read on from the last parenthesis. State is field 3, start time field 22.
 Stat read_stat(std::int64_t pid) {
   std::ifstream file("/proc/" + std::to_string(pid) + "/stat");
   std::string text;

@@ -45,9 +45,8 @@ SharedMemory SharedMemory::create_file(const std::filesystem::path& folder, cons
   SharedMemory memory;
   memory.path_ = folder / name;
   // relaxed: only the numbers have to differ.
-  memory.temporary_path_ =
-      folder / ("." + name + "." + std::to_string(::getpid()) + "." +
-                std::to_string(count.fetch_add(1, std::memory_order_relaxed)));
+  memory.temporary_path_ = folder / ("." + name + "." + std::to_string(::getpid()) + "." +
+                                     std::to_string(count.fetch_add(1, std::memory_order_relaxed)));
   // A file left by a killed process with our number.
   ::unlink(memory.temporary_path_.c_str());
   memory.file_ = FileDescriptor(::open(memory.temporary_path_.c_str(),
@@ -108,7 +107,8 @@ void SharedMemory::publish() {
 }
 
 bool SharedMemory::publish_if_absent() {
-  if (::renameat2(AT_FDCWD, temporary_path_.c_str(), AT_FDCWD, path_.c_str(), RENAME_NOREPLACE) != 0) {
+  if (::renameat2(AT_FDCWD, temporary_path_.c_str(), AT_FDCWD, path_.c_str(), RENAME_NOREPLACE) !=
+      0) {
     if (errno == EEXIST) return false;
     throw SystemError("publish " + path_.string(), errno);
   }
@@ -119,12 +119,12 @@ bool SharedMemory::publish_if_absent() {
 bool SharedMemory::is_damaged() const noexcept { return is_range_damaged(guard_); }
 
 bool SharedMemory::has_name() const noexcept {
-  struct stat status {};
+  struct stat status{};
   return ::fstat(file_.get(), &status) == 0 && status.st_nlink > 0;
 }
 
 void SharedMemory::map(Access access) {
-  struct stat status {};
+  struct stat status{};
   if (::fstat(file_.get(), &status) != 0) throw SystemError("inspect " + path_.string(), errno);
   size_ = static_cast<std::size_t>(status.st_size);
   if (size_ == 0) throw Error(path_.string() + " is empty: not a session file");

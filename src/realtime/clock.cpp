@@ -55,8 +55,8 @@ struct ManualClock::State {
 };
 
 ManualClock::ManualClock(Instant start) {
-  void* const memory = ::mmap(nullptr, sizeof(State), PROT_READ | PROT_WRITE,
-                              MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+  void* const memory =
+      ::mmap(nullptr, sizeof(State), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
   if (memory == MAP_FAILED) throw SystemError("map a manual clock", errno);
   state_ = new (memory) State{};
   state_->now = start;

@@ -16,7 +16,8 @@ namespace {
 
 std::string because(int error) { return ": " + std::generic_category().message(error); }
 
-// Touches the part of the stack that the loop may use, so that it is there before the first deadline.
+// Touches the part of the stack that the loop may use, so that it is there before the first
+// deadline.
 [[gnu::noinline]] void touch_stack() {
   constexpr std::size_t kStackUsed = 256 * 1024;
   unsigned char stack[kStackUsed];
@@ -32,7 +33,8 @@ std::vector<std::string> enter_realtime(const RealtimeOptions& options) {
   if (options.demand == Demand::kOff) return refused;
 
   const sched_param parameters{.sched_priority = options.priority};
-  if (const int error = pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameters); error != 0) {
+  if (const int error = pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameters);
+      error != 0) {
     refused.push_back("no real-time priority " + std::to_string(options.priority) + because(error) +
                       "; allow it with 'rtprio 99' in /etc/security/limits.conf");
   }
@@ -41,7 +43,8 @@ std::vector<std::string> enter_realtime(const RealtimeOptions& options) {
     CPU_ZERO(&set);
     CPU_SET(static_cast<std::size_t>(*options.cpu), &set);
     if (const int error = pthread_setaffinity_np(pthread_self(), sizeof(set), &set); error != 0) {
-      refused.push_back("cannot stay on processor " + std::to_string(*options.cpu) + because(error));
+      refused.push_back("cannot stay on processor " + std::to_string(*options.cpu) +
+                        because(error));
     }
   }
   if (options.lock_memory && ::mlockall(MCL_CURRENT | MCL_FUTURE) != 0) {

@@ -6,8 +6,8 @@
 
 namespace trifinger {
 
-/// Base of everything that this library throws. The text is a sentence that names the thing, the value found
-/// and the value allowed, or the remedy.
+/// Base of everything that this library throws. The text is a sentence that names the thing, the
+/// value found and the value allowed, or the remedy.
 class Error : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
@@ -28,7 +28,8 @@ class TimedOut : public Error {
 /// A call to the operating system failed.
 class SystemError : public Error {
  public:
-  /// `doing` is what was tried, as in "open /dev/shm/trifinger.sim.state"; the text of `error_number` follows.
+  /// `doing` is what was tried, as in "open /dev/shm/trifinger.sim.state"; the text of
+  /// `error_number` follows.
   SystemError(const std::string& doing, int error_number);
 
   [[nodiscard]] int error_number() const noexcept { return error_number_; }

@@ -29,13 +29,17 @@ struct BackendOptions {
   Nanoseconds period{std::chrono::milliseconds(1)};
 
   // Real-time mode only:
-  std::uint32_t max_action_repeats{0};    ///< How often in a row a missing action may be replaced by the one before.
-  std::uint32_t max_skipped_ticks{5};     ///< By how many periods at once the back-end itself may be late.
-  Timeout first_action_timeout{kForever}; ///< How long to hold before step 0.
-  Timeout driver_timeout{std::chrono::seconds(1)};  ///< After this time in one call of the driver the power is cut.
+  std::uint32_t max_action_repeats{
+      0};  ///< How often in a row a missing action may be replaced by the one before.
+  std::uint32_t max_skipped_ticks{
+      5};  ///< By how many periods at once the back-end itself may be late.
+  Timeout first_action_timeout{kForever};  ///< How long to hold before step 0.
+  Timeout driver_timeout{
+      std::chrono::seconds(1)};  ///< After this time in one call of the driver the power is cut.
 
   std::uint32_t max_rejected_actions{10};  ///< How many actions in a row the driver may reject.
-  Timeout max_stop_time{std::chrono::seconds(10)};  ///< How long the orderly stop may take before the power is cut.
+  Timeout max_stop_time{
+      std::chrono::seconds(10)};  ///< How long the orderly stop may take before the power is cut.
 
   /// @throws InvalidArgument naming the option, the value found and the values allowed.
   void validate() const;
@@ -48,12 +52,14 @@ enum class Progress : std::uint8_t {
   kEnded,    ///< The session has ended and the robot is at rest.
 };
 
-/// Owns the robot: takes the actions that the user appends, lets the driver check and apply them, and fills the series.
+/// Owns the robot: takes the actions that the user appends, lets the driver check and apply them,
+/// and fills the series.
 ///
-/// One function does one tick; three ways call it: `run` in a real-time thread, `run` in an ordinary thread, or inline,
-/// where the waits of a front-end in the same thread call `advance`.
+/// One function does one tick; three ways call it: `run` in a real-time thread, `run` in an
+/// ordinary thread, or inline, where the waits of a front-end in the same thread call `advance`.
 ///
-/// Sessions follow each other. After a clean end the next one begins at once, after a fault when it is recovered.
+/// Sessions follow each other. After a clean end the next one begins at once, after a fault when it
+/// is recovered.
 class Backend {
  public:
   /// `driver`, `host` and `clock` must outlive the back-end.
@@ -91,7 +97,8 @@ class Backend {
 class BackendThread {
  public:
   /// @throws Error if `realtime` requires what the machine refuses
-  explicit BackendThread(Backend& backend, const RealtimeOptions& realtime = {.demand = Demand::kOff});
+  explicit BackendThread(Backend& backend,
+                         const RealtimeOptions& realtime = {.demand = Demand::kOff});
   BackendThread(const BackendThread&) = delete;
   BackendThread& operator=(const BackendThread&) = delete;
   /// Stops the back-end in an orderly way and waits for it.

@@ -27,13 +27,23 @@ namespace trifinger {
 //       }
 //     };
 //
-// From this list come the layout of the session, the NumPy dtype, the log schema and the labels of plots.
-// Allowed are fixed-width integers, float, double, std::array of these (nested: more dimensions) and other
-// described structs (flattened with dots). The compiler checks that the list is complete and in order.
+// From this list come the layout of the session, the NumPy dtype, the log schema and the labels of
+// plots. Allowed are fixed-width integers, float, double, std::array of these (nested: more
+// dimensions) and other described structs (flattened with dots). The compiler checks that the list
+// is complete and in order.
 
 /// Type of the numbers in a field.
 enum class ScalarType : std::uint8_t {
-  kInt8, kUint8, kInt16, kUint16, kInt32, kUint32, kInt64, kUint64, kFloat32, kFloat64
+  kInt8,
+  kUint8,
+  kInt16,
+  kUint16,
+  kInt32,
+  kUint32,
+  kInt64,
+  kUint64,
+  kFloat32,
+  kFloat64
 };
 
 /// NumPy's name of the type, such as "float64".
@@ -43,7 +53,7 @@ enum class ScalarType : std::uint8_t {
 
 /// One field of an element, known at run time.
 struct FieldDescription {
-  std::string name;                ///< Nested names are joined with dots: "stamp.capture_time".
+  std::string name;  ///< Nested names are joined with dots: "stamp.capture_time".
   ScalarType type{};
   std::vector<std::size_t> shape;  ///< Empty for a single number.
   std::string unit;                ///< SI, such as "rad/s"; empty without dimension.
@@ -142,8 +152,8 @@ constexpr bool fields_fill_struct() {
       T::fields());
 }
 
-/// True if the fields are listed in the order of their declaration. clang does not compare the addresses of
-/// members at compile time; there `describe()` throws at its first call instead.
+/// True if the fields are listed in the order of their declaration. clang does not compare the
+/// addresses of members at compile time; there `describe()` throws at its first call instead.
 template <HasFields T>
 constexpr bool fields_are_ordered() {
 #if defined(__clang__)
@@ -178,8 +188,9 @@ template <class T>
 constexpr bool has_valid_fields() {
   return std::apply(
       [](const auto&... entry) {
-        return (is_valid_member<std::remove_cvref_t<decltype(std::declval<T&>().*entry.member)>>() &&
-                ...);
+        return (
+            is_valid_member<std::remove_cvref_t<decltype(std::declval<T&>().*entry.member)>>() &&
+            ...);
       },
       T::fields());
 }
@@ -187,7 +198,8 @@ constexpr bool has_valid_fields() {
 template <HasFields T>
 void append_fields(std::vector<FieldDescription>& fields, const std::string& prefix,
                    std::size_t start) {
-  static_assert(fields_fill_struct<T>(), "fields() must list every member; no padding between them");
+  static_assert(fields_fill_struct<T>(),
+                "fields() must list every member; no padding between them");
   static_assert(fields_are_ordered<T>(), "fields() must follow the order of declaration");
   static const T object{};
   std::apply(
@@ -196,8 +208,9 @@ void append_fields(std::vector<FieldDescription>& fields, const std::string& pre
                                               std::string_view unit) {
           std::string full_name = prefix + std::string(name);
           const std::size_t offset =
-              start + static_cast<std::size_t>(reinterpret_cast<const std::byte*>(&(object.*member)) -
-                                               reinterpret_cast<const std::byte*>(&object));
+              start +
+              static_cast<std::size_t>(reinterpret_cast<const std::byte*>(&(object.*member)) -
+                                       reinterpret_cast<const std::byte*>(&object));
           if constexpr (HasFields<Member>) {
             append_fields<Member>(fields, full_name + ".", offset);
           } else {
@@ -217,9 +230,9 @@ void append_fields(std::vector<FieldDescription>& fields, const std::string& pre
 
 /// A plain struct with a list of its fields; see the top of this file.
 template <class T>
-concept Described = detail::HasFields<T> && std::is_trivially_copyable_v<T> &&
-                    std::is_standard_layout_v<T> && std::is_default_constructible_v<T> &&
-                    detail::has_valid_fields<T>();
+concept Described =
+    detail::HasFields<T> && std::is_trivially_copyable_v<T> && std::is_standard_layout_v<T> &&
+    std::is_default_constructible_v<T> && detail::has_valid_fields<T>();
 
 /// The description of T, made from its list of fields.
 template <Described T>

@@ -28,9 +28,9 @@ struct DriverReport {
   State state{State::kReady};
   /// `apply_action`: the action was not fit to apply and something safe was applied instead.
   bool action_rejected{false};
-  std::int32_t fault_code{0};         ///< The driver's own code; see `UntypedDriver::fault_text`.
-  std::int64_t measurement_age{0};    ///< Of the oldest measurement in y [ns].
-  std::uint32_t lost_frames{0};       ///< Messages lost since the session began.
+  std::int32_t fault_code{0};       ///< The driver's own code; see `UntypedDriver::fault_text`.
+  std::int64_t measurement_age{0};  ///< Of the oldest measurement in y [ns].
+  std::uint32_t lost_frames{0};     ///< Messages lost since the session began.
 
   [[nodiscard]] static constexpr DriverReport ready() noexcept { return {}; }
   [[nodiscard]] static constexpr DriverReport busy() noexcept { return {.state = State::kBusy}; }
@@ -39,13 +39,15 @@ struct DriverReport {
   }
 };
 
-/// When a companion's element was measured and when it became known. First member of every such element.
+/// When a companion's element was measured and when it became known. First member of every such
+/// element.
 struct Stamp {
-  TimeIndex arrival_index{-1};   ///< The robot's step at which the element became known; -1 before step 0.
+  TimeIndex arrival_index{
+      -1};  ///< The robot's step at which the element became known; -1 before step 0.
   TimeIndex capture_index{-1};   ///< The robot's step at which it was measured.
   std::int64_t arrival_time{0};  ///< Monotonic clock [ns]; set by the back-end.
-  std::int64_t capture_time{0};  ///< Monotonic clock [ns]; set by the back-end to the tick of `capture_index`
-                                 ///< unless the driver has set it.
+  std::int64_t capture_time{0};  ///< Monotonic clock [ns]; set by the back-end to the tick of
+                                 ///< `capture_index` unless the driver has set it.
 
   static constexpr auto fields() {
     return std::tuple{field("arrival_index", &Stamp::arrival_index),
@@ -55,19 +57,19 @@ struct Stamp {
   }
 };
 
-/// A sensor that belongs to a robot and has a rate of its own: object poses, cameras. Its elements are
-/// readable as the session "ROBOT.NAME".
+/// A sensor that belongs to a robot and has a rate of its own: object poses, cameras. Its elements
+/// are readable as the session "ROBOT.NAME".
 struct CompanionDescription {
-  std::string name;             ///< As in "object".
-  std::string type;             ///< Names the element's type, as in "object_observation".
-  ElementDescription element;   ///< Begins with a `Stamp stamp`.
-  std::size_t history{1024};    ///< Elements kept.
+  std::string name;            ///< As in "object".
+  std::string type;            ///< Names the element's type, as in "object_observation".
+  ElementDescription element;  ///< Begins with a `Stamp stamp`.
+  std::size_t history{1024};   ///< Elements kept.
 };
 
 /// The robot as the back-end sees it, without types. Robots derive from `Driver` instead.
 ///
-/// All functions but the constructor run in the loop: they never block, sleep, print, allocate or throw, and
-/// own no clock. They are called by one thread, except `cut`.
+/// All functions but the constructor run in the loop: they never block, sleep, print, allocate or
+/// throw, and own no clock. They are called by one thread, except `cut`.
 class UntypedDriver {
  public:
   UntypedDriver() = default;
@@ -81,32 +83,34 @@ class UntypedDriver {
     return {};
   }
 
-  /// Brings the robot to where it can hold: alignment, homing. Called once per period with a count from 0
-  /// until it is ready, before every session.
+  /// Brings the robot to where it can hold: alignment, homing. Called once per period with a count
+  /// from 0 until it is ready, before every session.
   [[nodiscard]] virtual DriverReport prepare(TimeIndex step) noexcept TRIFINGER_REALTIME = 0;
   /// Writes the newest measurement y_t. Torques and forces in it belong to the period before t.
   [[nodiscard]] virtual DriverReport get_latest_observation(void* observation) noexcept
       TRIFINGER_REALTIME = 0;
   /// Checks `desired`, applies what is safe and writes that to `applied`.
-  [[nodiscard]] virtual DriverReport apply_action(const void* desired, void* applied) noexcept
-      TRIFINGER_REALTIME = 0;
+  [[nodiscard]] virtual DriverReport apply_action(const void* desired,
+                                                  void* applied) noexcept TRIFINGER_REALTIME = 0;
   /// Writes the action that keeps the pose of `observation`; the back-end applies it before step 0.
   virtual void hold(const void* observation, void* action) noexcept TRIFINGER_REALTIME = 0;
-  /// Comes to rest and releases the robot. Called once per period with a count from 0 until it is ready.
+  /// Comes to rest and releases the robot. Called once per period with a count from 0 until it is
+  /// ready.
   [[nodiscard]] virtual DriverReport stop(TimeIndex step) noexcept TRIFINGER_REALTIME = 0;
   /// Last resort, from another thread, when a call above hangs: take the power away.
   virtual void cut() noexcept = 0;
 
   /// Writes the next element of companion `index` that arrives at or before step `time_index`, with
-  /// `stamp.arrival_index` and `stamp.capture_index` set. Called before y_t is published, until it answers
-  /// false. `time_index` is -1 before step 0.
+  /// `stamp.arrival_index` and `stamp.capture_index` set. Called before y_t is published, until it
+  /// answers false. `time_index` is -1 before step 0.
   [[nodiscard]] virtual bool get_companion_element(std::size_t index, TimeIndex time_index,
                                                    void* element) noexcept TRIFINGER_REALTIME {
     static_cast<void>(index), static_cast<void>(time_index), static_cast<void>(element);
     return false;
   }
 
-  /// What a fault code of this driver means, as in "joint 3 is beyond its hard limit"; lives for ever.
+  /// What a fault code of this driver means, as in "joint 3 is beyond its hard limit"; lives for
+  /// ever.
   [[nodiscard]] virtual std::string_view fault_text(std::int32_t fault_code) const noexcept {
     static_cast<void>(fault_code);
     return {};
@@ -123,9 +127,8 @@ class Driver : public UntypedDriver {
 
   [[nodiscard]] virtual DriverReport get_latest_observation(Observation& observation) noexcept
       TRIFINGER_REALTIME = 0;
-  [[nodiscard]] virtual DriverReport apply_action(const Action& desired,
-                                                  AppliedAction& applied) noexcept
-      TRIFINGER_REALTIME = 0;
+  [[nodiscard]] virtual DriverReport apply_action(
+      const Action& desired, AppliedAction& applied) noexcept TRIFINGER_REALTIME = 0;
   virtual void hold(const Observation& observation, Action& action) noexcept TRIFINGER_REALTIME = 0;
 
   [[nodiscard]] DriverReport prepare(TimeIndex) noexcept TRIFINGER_REALTIME override {
@@ -141,9 +144,10 @@ class Driver : public UntypedDriver {
       TRIFINGER_REALTIME final {
     return get_latest_observation(*static_cast<Observation*>(observation));
   }
-  [[nodiscard]] DriverReport apply_action(const void* desired, void* applied) noexcept
-      TRIFINGER_REALTIME final {
-    return apply_action(*static_cast<const Action*>(desired), *static_cast<AppliedAction*>(applied));
+  [[nodiscard]] DriverReport apply_action(const void* desired,
+                                          void* applied) noexcept TRIFINGER_REALTIME final {
+    return apply_action(*static_cast<const Action*>(desired),
+                        *static_cast<AppliedAction*>(applied));
   }
   void hold(const void* observation, void* action) noexcept TRIFINGER_REALTIME final {
     hold(*static_cast<const Observation*>(observation), *static_cast<Action*>(action));
@@ -154,12 +158,15 @@ class Driver : public UntypedDriver {
 template <class D, class R>
 concept SimpleDriverOf = Robot<R> && std::same_as<AppliedActionOf<R>, typename R::Action> &&
                          requires(D driver, const typename R::Action& action) {
-                           { driver.get_latest_observation() } -> std::same_as<typename R::Observation>;
+                           {
+                             driver.get_latest_observation()
+                           } -> std::same_as<typename R::Observation>;
                            { driver.apply_action(action) } -> std::same_as<typename R::Action>;
                          };
 
-/// Makes a full driver of a class with the paper's two functions. An exception thrown by one of them is a fault.
-/// Before step 0 the robot receives `Action{}`, or `hold(observation)` if D has one.
+/// Makes a full driver of a class with the paper's two functions. An exception thrown by one of
+/// them is a fault. Before step 0 the robot receives `Action{}`, or `hold(observation)` if D has
+/// one.
 template <Robot R, SimpleDriverOf<R> D>
 class SimpleDriver final : public Driver<R> {
  public:
@@ -178,11 +185,14 @@ class SimpleDriver final : public Driver<R> {
   [[nodiscard]] DriverReport get_latest_observation(Observation& observation) noexcept override {
     return guarded([&] { observation = driver_.get_latest_observation(); });
   }
-  [[nodiscard]] DriverReport apply_action(const Action& desired, Action& applied) noexcept override {
+  [[nodiscard]] DriverReport apply_action(const Action& desired,
+                                          Action& applied) noexcept override {
     return guarded([&] { applied = driver_.apply_action(desired); });
   }
   void hold(const Observation& observation, Action& action) noexcept override {
-    if constexpr (requires { { driver_.hold(observation) } -> std::same_as<Action>; }) {
+    if constexpr (requires {
+                    { driver_.hold(observation) } -> std::same_as<Action>;
+                  }) {
       static_cast<void>(guarded([&] { action = driver_.hold(observation); }));
     } else {
       action = Action{};

@@ -9,8 +9,8 @@
 
 namespace trifinger {
 
-/// The session has ended: no further action is taken and no further element will come. Elements that are still in
-/// the history can be read on.
+/// The session has ended: no further action is taken and no further element will come. Elements
+/// that are still in the history can be read on.
 class RobotStopped : public Error {
  public:
   RobotStopped(const Fault& fault, const std::string& text) : Error(text), fault_(fault) {}
@@ -33,7 +33,8 @@ class HistoryLost : public Error {
   TimeIndex oldest_;
 };
 
-/// An action was appended for a step whose observation had been read: on a real robot it would have come too late.
+/// An action was appended for a step whose observation had been read: on a real robot it would have
+/// come too late.
 class AcausalAction : public Error {
  public:
   explicit AcausalAction(TimeIndex time_index);

@@ -38,24 +38,28 @@ struct FakeSensorReading {
   }
 };
 
-/// A robot without physics and without joints: for tests of your own program, and for the figures of the loop.
+/// A robot without physics and without joints: for tests of your own program, and for the figures
+/// of the loop.
 struct FakeRobot {
   static constexpr std::string_view kType = "fake";
   using Action = FakeAction;
   using Observation = FakeObservation;
 };
 
-/// Drives the fake robot. Faults can be injected: each field says after how many calls something goes wrong.
+/// Drives the fake robot. Faults can be injected: each field says after how many calls something
+/// goes wrong.
 class FakeDriver final : public Driver<FakeRobot> {
  public:
   struct Options {
-    TimeIndex prepare_periods{0};           ///< Periods until the robot can hold.
-    TimeIndex stop_periods{0};              ///< Periods of the orderly stop.
-    TimeIndex sensor_period{0};             ///< Steps between readings of the companion "sensor"; 0: no companion.
+    TimeIndex prepare_periods{0};  ///< Periods until the robot can hold.
+    TimeIndex stop_periods{0};     ///< Periods of the orderly stop.
+    TimeIndex sensor_period{
+        0};  ///< Steps between readings of the companion "sensor"; 0: no companion.
     TimeIndex sensor_delay{0};              ///< Steps from capture to arrival.
     TimeIndex observation_fault_after{-1};  ///< The observation with this number faults; -1: none.
     TimeIndex action_fault_after{-1};       ///< The action with this number faults; -1: none.
-    double rejected_setpoint{-1.0};         ///< Actions with this setpoint are rejected: 0 is applied instead.
+    double rejected_setpoint{
+        -1.0};  ///< Actions with this setpoint are rejected: 0 is applied instead.
   };
 
   /// Fault code of an injected fault.

@@ -21,14 +21,14 @@ struct Fault {
     kStopped = 4,         ///< The back-end was asked to stop.
 
     // Faults: `recover()` is needed before the next session.
-    kFirstActionLate = 16,   ///< No action arrived within the first-action timeout.
-    kActionLate = 17,        ///< The action for `time_index` was missing and no repeats were left.
-    kBackendLate = 18,       ///< The back-end skipped more ticks at once than allowed.
-    kActionsRejected = 19,   ///< Too many actions in a row were not fit to apply.
-    kQueueDamaged = 20,      ///< The queue of actions was overwritten or truncated by its writer.
-    kDriver = 21,            ///< The driver gave up; `detail` is its own code.
-    kDriverHangs = 22,       ///< A call of the driver did not return; the power was cut.
-    kBackendDied = 23,       ///< The back-end ended without a word. Noticed by those who read.
+    kFirstActionLate = 16,  ///< No action arrived within the first-action timeout.
+    kActionLate = 17,       ///< The action for `time_index` was missing and no repeats were left.
+    kBackendLate = 18,      ///< The back-end skipped more ticks at once than allowed.
+    kActionsRejected = 19,  ///< Too many actions in a row were not fit to apply.
+    kQueueDamaged = 20,     ///< The queue of actions was overwritten or truncated by its writer.
+    kDriver = 21,           ///< The driver gave up; `detail` is its own code.
+    kDriverHangs = 22,      ///< A call of the driver did not return; the power was cut.
+    kBackendDied = 23,      ///< The back-end ended without a word. Noticed by those who read.
   };
 
   Code code{Code::kNone};

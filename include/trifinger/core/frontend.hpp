@@ -20,27 +20,29 @@ class Backend;
 
 /// What may be chosen when taking part in a session.
 struct FrontendOptions {
-  bool control{true};                        ///< Take control; otherwise only look.
-  bool strict{false};                        ///< Throw AcausalAction instead of marking the step.
-  Timeout timeout{std::chrono::seconds(5)};  ///< How long to wait for a session that is about to begin.
+  bool control{true};  ///< Take control; otherwise only look.
+  bool strict{false};  ///< Throw AcausalAction instead of marking the step.
+  Timeout timeout{
+      std::chrono::seconds(5)};  ///< How long to wait for a session that is about to begin.
 };
 
-/// The front-end without types: elements are bytes, laid out as the session's description says. Python and tools
-/// use it directly, C++ programs use `Frontend`, which documents the functions.
+/// The front-end without types: elements are bytes, laid out as the session's description says.
+/// Python and tools use it directly, C++ programs use `Frontend`, which documents the functions.
 class UntypedFrontend {
  public:
-  /// Takes part in the current session of the robot `name`, which any process may run. Companions can only be
-  /// looked at.
+  /// Takes part in the current session of the robot `name`, which any process may run. Companions
+  /// can only be looked at.
   explicit UntypedFrontend(const std::string& name, FrontendOptions options = {});
   /// Takes part in the current session of `host`, whose back-end runs in a thread of this process.
   explicit UntypedFrontend(const SessionHost& host, FrontendOptions options = {});
-  /// Takes part in the current session of `backend`, which runs inside this front-end's waits. `owner` is kept as
-  /// long as the front-end: whatever the back-end needs.
+  /// Takes part in the current session of `backend`, which runs inside this front-end's waits.
+  /// `owner` is kept as long as the front-end: whatever the back-end needs.
   explicit UntypedFrontend(Backend& backend, FrontendOptions options = {},
                            std::shared_ptr<void> owner = nullptr);
   UntypedFrontend(UntypedFrontend&&) noexcept;
   UntypedFrontend& operator=(UntypedFrontend&&) noexcept;
-  /// Gives control back. If actions were appended and the session still runs, it ends (`kDetached`).
+  /// Gives control back. If actions were appended and the session still runs, it ends
+  /// (`kDetached`).
   ~UntypedFrontend();
 
   TimeIndex append_desired_action(const void* action, Timeout timeout);
@@ -50,13 +52,14 @@ class UntypedFrontend {
   /// Copies the element of step `t`, waiting for it.
   void get(Series series, TimeIndex t, void* element, Timeout timeout) const;
   /// Copies the elements of the steps [first, first + count), waiting for the last.
-  void get(Series series, TimeIndex first, std::size_t count, void* elements, Timeout timeout) const;
+  void get(Series series, TimeIndex first, std::size_t count, void* elements,
+           Timeout timeout) const;
   /// Copies the element of step `t` if that needs no wait: false if it has not come yet.
   [[nodiscard]] bool try_get(Series series, TimeIndex t, void* element) const;
   void wait_until_time_index(TimeIndex t, Timeout timeout) const;
   void latest_observation(void* observation, Timeout timeout) const;
-  /// Companions: copies the newest element that arrived at or before the robot's step `t`; waits for that step.
-  /// False if there was none by then.
+  /// Companions: copies the newest element that arrived at or before the robot's step `t`; waits
+  /// for that step. False if there was none by then.
   [[nodiscard]] bool get_latest_at(TimeIndex t, void* element, Timeout timeout) const;
 
   /// The newest step whose observation is there, -1 before step 0.
@@ -82,19 +85,20 @@ class UntypedFrontend {
   std::unique_ptr<Implementation> implementation_;
 };
 
-/// Throws IncompatibleSession with the first difference if `session` is not one of the robot `expected`.
+/// Throws IncompatibleSession with the first difference if `session` is not one of the robot
+/// `expected`.
 void require_same_robot(const Session& session, const RobotTypes& expected);
 /// The same for the elements of a companion.
 void require_same_companion(const Session& session, const ElementDescription& expected);
 
 /// The user's view of a running robot: append desired actions, read back what happened.
 ///
-/// Reading step t waits until the back-end has filled it in, so a loop that reads y[t] and appends a[t+1] is paced
-/// by the robot and needs no sleep of its own.
+/// Reading step t waits until the back-end has filled it in, so a loop that reads y[t] and appends
+/// a[t+1] is paced by the robot and needs no sleep of its own.
 ///
-/// Not real-time: reads block and failures throw. Any number of threads may read; one appends. Every wait ends:
-/// with the value, with TimedOut, or with RobotStopped once the session has ended and the value will never come.
-/// A handle that went through fork() throws InheritedHandle.
+/// Not real-time: reads block and failures throw. Any number of threads may read; one appends.
+/// Every wait ends: with the value, with TimedOut, or with RobotStopped once the session has ended
+/// and the value will never come. A handle that went through fork() throws InheritedHandle.
 template <Robot R>
 class Frontend {
  public:
@@ -103,21 +107,22 @@ class Frontend {
   using Observation = typename R::Observation;
 
   /// Takes part in the current session of the robot `name`: see `connect` and `observe`.
-  /// @throws SessionNotFound with the names there are, ControlHeld naming the process that controls it,
-  /// IncompatibleSession if it is another robot, RobotStopped if a fault must be cleared with `recover` first.
+  /// @throws SessionNotFound with the names there are, ControlHeld naming the process that controls
+  /// it, IncompatibleSession if it is another robot, RobotStopped if a fault must be cleared with
+  /// `recover` first.
   explicit Frontend(const std::string& name, FrontendOptions options = {})
       : Frontend(UntypedFrontend(name, options)) {}
   /// The same for a back-end that runs in a thread of this process.
   explicit Frontend(const SessionHost& host, FrontendOptions options = {})
       : Frontend(UntypedFrontend(host, options)) {}
-  /// The same for a back-end that runs inside this front-end's waits: no threads, deterministic, fast. Waiting for a
-  /// step whose action has not been appended throws ActionMissing.
+  /// The same for a back-end that runs inside this front-end's waits: no threads, deterministic,
+  /// fast. Waiting for a step whose action has not been appended throws ActionMissing.
   explicit Frontend(Backend& backend, FrontendOptions options = {},
                     std::shared_ptr<void> owner = nullptr)
       : Frontend(UntypedFrontend(backend, options, std::move(owner))) {}
 
-  /// Appends `action` and returns the step it is scheduled for: the next one, or the first still open if the loop fell
-  /// behind. The first call starts time 0. Waits only if the queue is full.
+  /// Appends `action` and returns the step it is scheduled for: the next one, or the first still
+  /// open if the loop fell behind. The first call starts time 0. Waits only if the queue is full.
   /// @throws RobotStopped, TimedOut, AcausalAction if strict
   TimeIndex append_desired_action(const Action& action, Timeout timeout = kForever) {
     return untyped_.append_desired_action(&action, timeout);
@@ -128,7 +133,8 @@ class Frontend {
   }
 
   /// Returns y[t], waiting for it if `t` lies in the future.
-  /// @throws HistoryLost if y[t] was already overwritten, RobotStopped if it will never come, TimedOut
+  /// @throws HistoryLost if y[t] was already overwritten, RobotStopped if it will never come,
+  /// TimedOut
   [[nodiscard]] Observation get_observation(TimeIndex t, Timeout timeout = kForever) const {
     return get<Observation>(Series::kObservation, t, timeout);
   }
@@ -175,11 +181,11 @@ class Frontend {
   /// The newest step whose observation is there, -1 before step 0.
   [[nodiscard]] TimeIndex current_time_index() const { return untyped_.current_time_index(); }
 
-  /// Says that no further action will come: the session ends, without a fault, behind the last action appended.
-  /// Returns when it has ended.
+  /// Says that no further action will come: the session ends, without a fault, behind the last
+  /// action appended. Returns when it has ended.
   void finish(Timeout timeout = kForever) { untyped_.finish(timeout); }
-  /// Clears the fault that ended the session and waits until the back-end has begun the next one. This handle
-  /// remains stopped: connect again.
+  /// Clears the fault that ended the session and waits until the back-end has begun the next one.
+  /// This handle remains stopped: connect again.
   void recover(Timeout timeout = kForever) { untyped_.recover(timeout); }
   /// Why the session ended; nothing while it goes on.
   [[nodiscard]] std::optional<Fault> fault() const { return untyped_.fault(); }
@@ -215,8 +221,8 @@ class Companion {
     require_same_companion(untyped_.session(), describe<T>());
   }
 
-  /// Returns the newest element that arrived at or before the robot's step `t`, waiting for that step.
-  /// Nothing if none had arrived by then.
+  /// Returns the newest element that arrived at or before the robot's step `t`, waiting for that
+  /// step. Nothing if none had arrived by then.
   [[nodiscard]] std::optional<T> get_latest_at(TimeIndex t, Timeout timeout = kForever) const {
     T element;
     if (!untyped_.get_latest_at(t, &element, timeout)) return std::nullopt;

@@ -38,9 +38,9 @@ template <class R>
 using AppliedActionOf = typename detail::AppliedActionTraits<R>::Type;
 
 template <class R>
-concept Robot = Described<typename R::Action> && Described<typename R::Observation> &&
-                Described<AppliedActionOf<R>> &&
-                std::convertible_to<decltype(R::kType), std::string_view>;
+concept Robot =
+    Described<typename R::Action> && Described<typename R::Observation> &&
+    Described<AppliedActionOf<R>> && std::convertible_to<decltype(R::kType), std::string_view>;
 
 /// The types of a robot, known at run time.
 struct RobotTypes {

@@ -37,7 +37,7 @@ struct SessionInfo {
   enum class Phase : std::uint8_t { kPreparing, kHolding, kRunning, kEnded };
 
   std::string name;
-  std::string type;                           ///< Of the robot, as in "trifinger"; of a companion, its own.
+  std::string type;  ///< Of the robot, as in "trifinger"; of a companion, its own.
   bool is_companion{false};
   std::uint64_t session_id{0};
   bool is_real_time{false};
@@ -45,13 +45,13 @@ struct SessionInfo {
   std::chrono::system_clock::time_point created;
   std::string host;
   ipc::ProcessIdentity backend;
-  ipc::ProcessIdentity controller;            ///< pid 0: nobody controls.
+  ipc::ProcessIdentity controller;  ///< pid 0: nobody controls.
   bool backend_is_alive{false};
-  Nanoseconds since_heartbeat{0};             ///< How long ago the loop gave its last sign of life.
+  Nanoseconds since_heartbeat{0};  ///< How long ago the loop gave its last sign of life.
   Phase phase{Phase::kPreparing};
-  TimeIndex steps{0};                         ///< Whole steps so far.
-  Fault fault;                                ///< kNone before the end.
-  std::string fault_text;                     ///< A sentence; empty before the end.
+  TimeIndex steps{0};      ///< Whole steps so far.
+  Fault fault;             ///< kNone before the end.
+  std::string fault_text;  ///< A sentence; empty before the end.
 };
 [[nodiscard]] std::string_view name_of(SessionInfo::Phase phase) noexcept;
 
@@ -81,11 +81,12 @@ class Session {
   std::shared_ptr<const detail::SessionMapping> mapping_;
 };
 
-/// What is in the session folder, robots and companions, in the order of their names. Sessions whose back-end died
-/// are included.
+/// What is in the session folder, robots and companions, in the order of their names. Sessions
+/// whose back-end died are included.
 [[nodiscard]] std::vector<SessionInfo> list_sessions();
 
-/// Clears the fault of the robot `name`, as the operator who has looked at it; the next session begins.
+/// Clears the fault of the robot `name`, as the operator who has looked at it; the next session
+/// begins.
 /// @throws SessionNotFound, TimedOut, RobotStopped if the back-end is gone
 void recover(const std::string& name, Timeout timeout = std::chrono::seconds(5));
 
@@ -96,7 +97,8 @@ struct SessionOptions {
   unsigned mode{0600};         ///< Permissions of the files; 0660 shares them with the group.
 };
 
-/// The right to offer sessions under one name. There is one per robot; it lasts as long as the object.
+/// The right to offer sessions under one name. There is one per robot; it lasts as long as the
+/// object.
 class SessionHost {
  public:
   /// For front-ends in this process only. Companions are found with `open`.

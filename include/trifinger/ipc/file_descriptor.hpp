@@ -5,8 +5,8 @@
 
 namespace trifinger::ipc {
 
-/// Owns a file descriptor. It is closed in forked children at once: a child that kept it would keep the locks
-/// on the file alive after the death of its parent.
+/// Owns a file descriptor. It is closed in forked children at once: a child that kept it would keep
+/// the locks on the file alive after the death of its parent.
 class FileDescriptor {
  public:
   FileDescriptor() = default;

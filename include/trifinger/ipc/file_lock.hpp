@@ -5,17 +5,18 @@
 
 namespace trifinger::ipc {
 
-// Open-file-description locks: they end with their holder, however it ends, and are not lost when the holder
-// closes some other descriptor of the same file, as POSIX locks are.
+// Open-file-description locks: they end with their holder, however it ends, and are not lost when
+// the holder closes some other descriptor of the same file, as POSIX locks are.
 
-/// Takes the exclusive lock of the file, for as long as the descriptor is open. False if another descriptor
-/// holds it. @throws SystemError
+/// Takes the exclusive lock of the file, for as long as the descriptor is open. False if another
+/// descriptor holds it. @throws SystemError
 [[nodiscard]] bool try_lock(const FileDescriptor& file);
 
 /// Gives the lock back.
 void unlock(const FileDescriptor& file) noexcept;
 
-/// True if a descriptor other than `file` holds the lock. Needs no write permission. One system call.
+/// True if a descriptor other than `file` holds the lock. Needs no write permission. One system
+/// call.
 [[nodiscard]] bool is_locked_by_other(const FileDescriptor& file) noexcept;
 
 }  // namespace trifinger::ipc

@@ -8,8 +8,9 @@
 
 namespace trifinger::ipc {
 
-/// Sleeps while `word` holds `expected`, at most `timeout`. Works across processes and on read-only mappings;
-/// `std::atomic::wait` does neither with this standard library. May return early for no reason: look again.
+/// Sleeps while `word` holds `expected`, at most `timeout`. Works across processes and on read-only
+/// mappings; `std::atomic::wait` does neither with this standard library. May return early for no
+/// reason: look again.
 void futex_wait(const std::atomic<std::uint32_t>& word, std::uint32_t expected,
                 Nanoseconds timeout) noexcept;
 

@@ -30,11 +30,12 @@ enum class ReadResult : std::uint8_t {
   kLost,    ///< A newer element has taken its place.
 };
 
-/// A history of numbered elements in shared memory: one writer, any number of readers, nobody waits.
+/// A history of numbered elements in shared memory: one writer, any number of readers, nobody
+/// waits.
 ///
-/// Slot i % capacity holds the element i once its sequence number is 2 i + 2; while the writer is at work it is
-/// 2 i + 1. A reader that sees the same even number before and after its copy has the whole element. The words
-/// are atomics, so a torn copy is discarded, not undefined.
+/// Slot i % capacity holds the element i once its sequence number is 2 i + 2; while the writer is
+/// at work it is 2 i + 1. A reader that sees the same even number before and after its copy has the
+/// whole element. The words are atomics, so a torn copy is discarded, not undefined.
 class Ring {
  public:
   Ring() = default;
@@ -44,13 +45,14 @@ class Ring {
 
   [[nodiscard]] const RingShape& shape() const noexcept { return shape_; }
 
-  /// Writes element `index`. The one writer only. `commit` orders the store that makes it visible: seq_cst where a
-  /// look at another word must not come before it.
+  /// Writes element `index`. The one writer only. `commit` orders the store that makes it visible:
+  /// seq_cst where a look at another word must not come before it.
   void write(std::int64_t index, const void* element,
              std::memory_order commit = std::memory_order_release) const noexcept {
     Word* const slot = slot_of(index);
     const std::uint64_t sequence = sequence_of(index);
-    // relaxed: each release below carries this store, so whoever sees a new word sees the odd number.
+    // relaxed: each release below carries this store, so whoever sees a new word sees the odd
+    // number.
     slot[0].store(sequence - 1, std::memory_order_relaxed);
     const auto* source = static_cast<const std::byte*>(element);
     for (std::uint64_t i = 1; i < words_; ++i, source += 8) {

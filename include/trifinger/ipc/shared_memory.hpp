@@ -12,23 +12,25 @@ namespace trifinger::ipc {
 
 enum class Access : std::uint8_t { kReadOnly, kReadWrite };
 
-/// A file mapped into memory. Should another process truncate the file, the lost pages read as zeros and
-/// `is_damaged()` turns true; nobody crashes.
+/// A file mapped into memory. Should another process truncate the file, the lost pages read as
+/// zeros and `is_damaged()` turns true; nobody crashes.
 class SharedMemory {
  public:
   /// Makes `size` bytes of zeros that no other process can find by a name.
   /// @throws SystemError
   [[nodiscard]] static SharedMemory create_anonymous(std::size_t size);
 
-  /// Makes a file with `size` bytes of zeros in `folder`, not visible under `name` before `publish()`.
-  /// All its pages are there, or this throws: a full disk cannot surprise anyone later.
+  /// Makes a file with `size` bytes of zeros in `folder`, not visible under `name` before
+  /// `publish()`. All its pages are there, or this throws: a full disk cannot surprise anyone
+  /// later.
   /// @throws SystemError
   [[nodiscard]] static SharedMemory create_file(const std::filesystem::path& folder,
                                                 const std::string& name, std::size_t size,
                                                 unsigned mode);
 
   /// Maps the whole of an existing file.
-  /// @throws SystemError; its error_number() is ENOENT if there is none, EACCES if it may not be opened.
+  /// @throws SystemError; its error_number() is ENOENT if there is none, EACCES if it may not be
+  /// opened.
   [[nodiscard]] static SharedMemory open(const std::filesystem::path& path, Access access);
 
   /// Another mapping of the same memory with a file description, and so locks, of its own.

@@ -29,7 +29,8 @@ class MonotonicClock final : public Clock {
   [[nodiscard]] static MonotonicClock& instance() noexcept;
 };
 
-/// A clock that stands still until it is told to go on: it drives tests of time, also across fork().
+/// A clock that stands still until it is told to go on: it drives tests of time, also across
+/// fork().
 class ManualClock final : public Clock {
  public:
   /// Begins at `start`.
@@ -39,9 +40,11 @@ class ManualClock final : public Clock {
   [[nodiscard]] Instant now() const noexcept override;
   void sleep_until(Instant deadline) noexcept override;
 
-  /// Lets `step` pass at once: a sleeper whose deadline lies within it wakes late, as on a machine that stalls.
+  /// Lets `step` pass at once: a sleeper whose deadline lies within it wakes late, as on a machine
+  /// that stalls.
   void advance(Nanoseconds step);
-  /// Waits until somebody sleeps on this clock with a deadline in the future, so all that was due is done.
+  /// Waits until somebody sleeps on this clock with a deadline in the future, so all that was due
+  /// is done.
   /// @throws TimedOut
   void wait_for_sleeper(Timeout timeout = std::chrono::seconds(60));
   /// `count` periods, one after the other, each with all that is due in it.

@@ -19,7 +19,7 @@ enum class Demand : std::uint8_t {
 struct RealtimeOptions {
   Demand demand{Demand::kTry};
   int priority{80};          ///< SCHED_FIFO, 1 to 99.
-  std::optional<int> cpu{};   ///< Processor to stay on; default: wherever the kernel puts it.
+  std::optional<int> cpu{};  ///< Processor to stay on; default: wherever the kernel puts it.
   bool lock_memory{true};    ///< Keep all pages in memory (mlockall).
 };
 
