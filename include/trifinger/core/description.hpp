@@ -107,7 +107,7 @@ template <class Struct, class Member>
 namespace detail {
 
 template <class T>
-constexpr bool is_scalar_field =
+constexpr bool kIsScalarField =
     std::is_same_v<T, std::int8_t> || std::is_same_v<T, std::uint8_t> ||
     std::is_same_v<T, std::int16_t> || std::is_same_v<T, std::uint16_t> ||
     std::is_same_v<T, std::int32_t> || std::is_same_v<T, std::uint32_t> ||
@@ -119,8 +119,8 @@ constexpr ScalarType scalar_type_of() {
   if constexpr (std::is_floating_point_v<T>) {
     return sizeof(T) == 4 ? ScalarType::kFloat32 : ScalarType::kFloat64;
   } else {
-    constexpr int log2_size = sizeof(T) == 1 ? 0 : sizeof(T) == 2 ? 1 : sizeof(T) == 4 ? 2 : 3;
-    return static_cast<ScalarType>(2 * log2_size + (std::is_unsigned_v<T> ? 1 : 0));
+    constexpr int kLog2Size = sizeof(T) == 1 ? 0 : sizeof(T) == 2 ? 1 : sizeof(T) == 4 ? 2 : 3;
+    return static_cast<ScalarType>(2 * kLog2Size + (std::is_unsigned_v<T> ? 1 : 0));
   }
 }
 
@@ -180,7 +180,7 @@ constexpr bool is_valid_member() {
   if constexpr (HasFields<Member>) {
     return has_valid_fields<Member>();
   } else {
-    return is_scalar_field<typename ArrayTraits<Member>::Scalar>;
+    return kIsScalarField<typename ArrayTraits<Member>::Scalar>;
   }
 }
 
