@@ -2,6 +2,7 @@
 #include "errors.hpp"
 
 #include <exception>
+#include <string_view>
 
 #include "trifinger/core/errors.hpp"
 
@@ -58,8 +59,9 @@ void register_errors() { nb::register_exception_translator(translate); }
 
 nb::object to_python(const std::optional<Fault>& fault) {
   if (!fault || !*fault) return nb::none();
+  const std::string_view code = name_of(fault->code);
   return nb::module_::import_("trifinger.session_info")
-      .attr("Fault")(nb::str(name_of(fault->code).data()), fault->detail, fault->time_index,
+      .attr("Fault")(nb::str(code.data(), code.size()), fault->detail, fault->time_index,
                      fault->needs_recovery());
 }
 

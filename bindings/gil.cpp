@@ -34,6 +34,23 @@ class Taking {
   ~Taking() { takers.fetch_sub(1, std::memory_order_seq_cst); }
 };
 
+// Holds the GIL for its lifetime, whether it was held before or not.
+class Gil {
+ public:
+  Gil() : state_(take()) {}
+  Gil(const Gil&) = delete;
+  Gil& operator=(const Gil&) = delete;
+  ~Gil() { PyGILState_Release(state_); }
+
+ private:
+  static PyGILState_STATE take() {
+    const Taking taking;
+    return PyGILState_Ensure();
+  }
+
+  PyGILState_STATE state_;
+};
+
 }  // namespace
 
 GilRelease::~GilRelease() {
@@ -42,18 +59,8 @@ GilRelease::~GilRelease() {
 }
 
 void check_signals() {
-  PyGILState_STATE state{};
-  {
-    const Taking taking;
-    state = PyGILState_Ensure();
-  }
-  if (PyErr_CheckSignals() == 0) {
-    PyGILState_Release(state);
-    return;
-  }
-  nb::python_error error;
-  PyGILState_Release(state);
-  throw error;
+  const Gil gil;
+  if (PyErr_CheckSignals() != 0) throw nb::python_error();
 }
 
 void park_threads_at_exit() {

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#define TRIFINGER_IMPORTS_NUMPY
 #include "bindings.hpp"
 #include "element.hpp"
 #include "errors.hpp"

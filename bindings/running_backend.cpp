@@ -5,6 +5,7 @@
 
 #include <chrono>
 #include <future>
+#include <new>
 #include <set>
 #include <utility>
 
@@ -92,7 +93,7 @@ RunningBackend::~RunningBackend() {
   if (fork_.is_inherited()) {
     // A forked child has no thread to wait for, and the session belongs to its parent: the parts
     // stay as they are.
-    static_cast<void>(new std::shared_ptr<Parts>(std::move(parts_)));
+    static_cast<void>(new (std::nothrow) std::shared_ptr<Parts>(std::move(parts_)));
     return;
   }
   const GilRelease release;
