@@ -47,7 +47,7 @@ Frontend<R> connect_to_child(const std::string& name) {
 }
 
 Row append_row(const Effort& effort) {
-  constexpr int kBurst = 2048;
+  constexpr std::size_t kBurst = 2048;
   const auto bursts = static_cast<std::size_t>(effort.rounds + 2);
   const Child backend([bursts] {
     pin(0);
@@ -67,21 +67,21 @@ Row append_row(const Effort& effort) {
 
   const auto append = [&] {
     const auto begin = Clock::now();
-    for (int i = 0; i < kBurst; ++i) {
-      action.torque[0] = i;
+    for (std::size_t i = 0; i < kBurst; ++i) {
+      action.torque[0] = static_cast<double>(i);
       robot.append_desired_action(action);
     }
-    return 1e9 * seconds_since(begin) / kBurst;
+    return 1e9 * seconds_since(begin) / static_cast<double>(kBurst);
   };
   const auto copy = [&] {
     const auto begin = Clock::now();
-    for (int i = 0; i < kBurst; ++i) {
-      action.torque[0] = i;
-      std::memcpy(&copies[static_cast<std::size_t>(i)], &action, sizeof(action));
+    for (std::size_t i = 0; i < kBurst; ++i) {
+      action.torque[0] = static_cast<double>(i);
+      std::memcpy(&copies[i], &action, sizeof(action));
       // The copy must be made.
       asm volatile("" : : "r"(copies.data()) : "memory");
     }
-    return 1e9 * seconds_since(begin) / kBurst;
+    return 1e9 * seconds_since(begin) / static_cast<double>(kBurst);
   };
   const Paired paired = alternate(effort.rounds, append, copy);
   return make_row("append across processes, nobody waiting", "ns", paired, "copy of the element",
