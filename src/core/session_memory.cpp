@@ -156,7 +156,7 @@ void require_valid_name(const std::string& name) {
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' ||
            c == '-';
   };
-  if (name.empty() || name.size() > 64 || !std::all_of(name.begin(), name.end(), is_allowed)) {
+  if (name.empty() || name.size() > 64 || !std::ranges::all_of(name, is_allowed)) {
     throw InvalidArgument("'" + name +
                           "' cannot name a robot: use 1 to 64 letters, digits, '_' and '-'");
   }
@@ -215,7 +215,7 @@ void SessionMapping::check() {
     return found >= smallest && found < kEndless;
   };
   const auto& ends = header_->ends;
-  if (!std::all_of(ends.begin(), ends.end(), [&](const auto& end) { return is_sound(end, 0); }) ||
+  if (!std::ranges::all_of(ends, [&](const auto& end) { return is_sound(end, 0); }) ||
       !is_sound(header_->next_action, 0) || !is_sound(header_->complete_through, -2) ||
       !is_sound(header_->heartbeat, 0)) {
     throw incompatible("a counter in its header is out of range");
@@ -363,7 +363,8 @@ SessionWriter::SessionWriter(std::shared_ptr<Directory> directory, const Session
   ipc::SharedMemory state = directory_->create(state_file_, file.size(), plan.mode);
   std::byte* const data = state.data();
   const auto write_text = [data](const layout::TextPlace& place, const void* text) {
-    std::memcpy(data + place.offset, text, place.size);
+    // A companion has no default action: nothing, at no address.
+    if (place.size > 0) std::memcpy(data + place.offset, text, place.size);
   };
   header_ = new (data) layout::StateHeader{};
   header_->magic = layout::kStateMagic;

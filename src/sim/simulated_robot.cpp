@@ -461,7 +461,8 @@ class SimulatedRobot<R>::Implementation {
                    const Memory& memory) const noexcept {
     std::byte* target = state.data();
     const auto write = [&target](const void* source, std::size_t size) {
-      std::memcpy(target, source, size);
+      // Without objects there is nothing to copy, from no address.
+      if (size > 0) std::memcpy(target, source, size);
       target += size;
     };
     write(&header_, sizeof(header_));
@@ -477,7 +478,8 @@ class SimulatedRobot<R>::Implementation {
   void read_state(std::span<const std::byte> state) noexcept {
     const std::byte* source = state.data() + sizeof(Header);
     const auto read = [&source](void* target, std::size_t size) {
-      std::memcpy(target, source, size);
+      // Without objects there is nothing to copy, from no address.
+      if (size > 0) std::memcpy(target, source, size);
       source += size;
     };
     read(scratch().data(), scratch().size_bytes());
