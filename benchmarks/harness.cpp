@@ -30,7 +30,7 @@ std::string quoted(const std::string& text) {
 
 double Samples::quantile(double p) const {
   std::vector<double> sorted = values_;
-  std::sort(sorted.begin(), sorted.end());
+  std::ranges::sort(sorted);
   if (sorted.empty()) return std::nan("");
   const double position = p * static_cast<double>(sorted.size() - 1);
   return sorted[static_cast<std::size_t>(std::lround(position))];

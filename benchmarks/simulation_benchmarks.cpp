@@ -55,7 +55,7 @@ std::vector<Row> simulation_rows(const Effort& effort) {
     mj_resetDataKeyframe(model.mujoco(), data.get(), 0);
     const auto begin = Clock::now();
     for (const TriFinger::Observation& y : observations) {
-      std::copy(y.torque.begin(), y.torque.end(), data->ctrl);
+      std::ranges::copy(y.torque, data->ctrl);
       mj_step(model.mujoco(), data.get());
     }
     return static_cast<double>(kSteps) /

@@ -107,7 +107,8 @@ void bind_reasons(nb::module_& m) {
       m, "Reason", nb::is_flag(), nb::is_arithmetic(),
       "Why a joint was not given what was asked of it: bits of `reasons` in an applied action.");
   for (const Reason reason : all_reasons()) {
-    reasons.value(constant_name(name_of(reason)).c_str(), reason, describe(reason).data());
+    reasons.value(constant_name(name_of(reason)).c_str(), reason,
+                  std::string(describe(reason)).c_str());
   }
 }
 

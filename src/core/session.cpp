@@ -31,7 +31,7 @@ std::vector<std::string> session_names() {
     if (file.size() <= kPrefix.size() + kSuffix.size()) continue;
     names.push_back(file.substr(kPrefix.size(), file.size() - kPrefix.size() - kSuffix.size()));
   }
-  std::sort(names.begin(), names.end());
+  std::ranges::sort(names);
   return names;
 }
 
