@@ -116,7 +116,7 @@ class UntypedFrontend::Implementation {
       // seq_cst: a back-end that closes t says so before it looks for the action once more, so if
       // this is not closed, the action will be found.
       if (header().is_real_time == 0 || header().next_action.load(std::memory_order_seq_cst) <= t ||
-          was_taken(t, timeout)) {
+          was_taken(t)) {
         return t;
       }
     }
@@ -359,10 +359,12 @@ class UntypedFrontend::Implementation {
 
   // True if the action appended for `t`, which the back-end has passed, was applied; false if it
   // came too late.
-  [[nodiscard]] bool was_taken(TimeIndex t, Timeout timeout) const {
+  [[nodiscard]] bool was_taken(TimeIndex t) const {
     Status status;
     try {
-      get(Series::kStatus, t, &status, timeout);
+      // Not the user's timeout: the action is on its way, and the back-end is in the midst of the
+      // tick that decides.
+      get(Series::kStatus, t, &status, kForever);
     } catch (const HistoryLost&) {
       return false;
     }

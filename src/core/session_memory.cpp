@@ -505,6 +505,9 @@ SessionPlace::SessionPlace(std::shared_ptr<Directory> directory, std::string nam
       name_((require_valid_name(name), std::move(name))),
       options_(options),
       lock_(directory_->open_or_create(lock_file(name_), options.mode)) {
+  if (options.history == 0 || options.queue == 0) {
+    throw InvalidArgument("history and queue need room for at least one element each");
+  }
   if (!ipc::try_lock(lock_.file())) {
     std::string owner = "another process";
     try {

@@ -116,7 +116,7 @@ bool SharedMemory::publish_if_absent() {
   return true;
 }
 
-bool SharedMemory::is_damaged() const noexcept { return is_range_damaged(guard_); }
+bool SharedMemory::is_damaged() const noexcept { return guard_ >= 0 && is_range_damaged(guard_); }
 
 bool SharedMemory::has_name() const noexcept {
   struct stat status{};
@@ -127,7 +127,7 @@ void SharedMemory::map(Access access) {
   struct stat status{};
   if (::fstat(file_.get(), &status) != 0) throw SystemError("inspect " + path_.string(), errno);
   size_ = static_cast<std::size_t>(status.st_size);
-  if (size_ == 0) throw Error(path_.string() + " is empty: not a session file");
+  if (size_ == 0) return;  // there is nothing to map, and nothing to be cut off
 
   const int protection = access == Access::kReadOnly ? PROT_READ : PROT_READ | PROT_WRITE;
   // MAP_POPULATE: the loop must not meet page faults.
