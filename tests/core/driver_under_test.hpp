@@ -23,6 +23,7 @@ struct Injection {
   TimeIndex observation_fault_at{-1};  ///< The call with this number faults; -1: none.
   TimeIndex action_fault_at{-1};       ///< The call with this number faults; -1: none.
   TimeIndex reject_from{-1};           ///< Calls from this number on reject their action; -1: none.
+  void (*on_observation)(){nullptr};   ///< Is called by the loop's thread at every observation.
   std::uint32_t delay_seed{0};         ///< Calls take a random time; 0: they do not.
 };
 
@@ -75,6 +76,7 @@ class DriverUnderTest final : public UntypedDriver {
 
   [[nodiscard]] DriverReport get_latest_observation(void* observation) noexcept override {
     delay();
+    if (injection_.on_observation != nullptr) injection_.on_observation();
     const std::int64_t number = log_.observations++;
     log_.actions_before_observation.at(static_cast<std::size_t>(number) % CallLog::kSize) =
         log_.actions.load();

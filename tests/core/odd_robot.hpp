@@ -142,7 +142,7 @@ class OddDriver final : public Driver<OddRobot> {
   }
 
   std::array<CompanionDescription, 1> companions_{CompanionDescription{
-      .name = "lamp", .type = "odd_lamp", .element = describe<OddLampReading>(), .history = 64}};
+      .name = "lamp", .type = "odd_lamp", .element = describe<OddLampReading>(), .history = 256}};
   OddObservation state_;
   OddLampReading captured_;
   std::uint16_t colour_{0};

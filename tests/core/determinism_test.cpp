@@ -1,0 +1,153 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gtest/gtest.h>
+
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <random>
+#include <thread>
+#include <vector>
+
+#include "core/drivers_of_tests.hpp"
+#include "core/timing_contract.hpp"
+
+// A program that reads by index gives the same series, bit for bit, whatever the delays of any
+// process. The program here is a feedback loop: each action follows from the observation and from
+// what the companion knew at that step, so a single element that came too early or too late changes
+// everything behind it.
+
+namespace trifinger::test {
+namespace {
+
+constexpr TimeIndex kSteps = 300;
+
+using Bytes = std::vector<std::byte>;
+
+void append(Bytes& bytes, const Bytes& more) {
+  bytes.insert(bytes.end(), more.begin(), more.end());
+}
+
+std::uint64_t hash_of(const Bytes& bytes) {
+  std::uint64_t hash = 1;
+  for (const std::byte byte : bytes)
+    hash = hash * 6364136223846793005ULL + static_cast<unsigned>(byte) + 1;
+  return hash;
+}
+
+// What the companion knew at step t, clocks apart.
+template <class R>
+class CompanionBytes {
+ public:
+  CompanionBytes(const Frontend<R>& robot, const CompanionDescription& description)
+      : companion_(robot.companion(description.name)), element_(description.element.size()) {}
+
+  [[nodiscard]] Bytes at(TimeIndex t) {
+    if (!companion_.get_latest_at(t, element_.data(), kForever)) return {};
+    Stamp stamp;
+    std::memcpy(&stamp, element_.data(), sizeof(stamp));
+    stamp.arrival_time = stamp.capture_time = 0;
+    std::memcpy(element_.data(), &stamp, sizeof(stamp));
+    return element_;
+  }
+
+ private:
+  UntypedFrontend companion_;
+  Bytes element_;
+};
+
+// All series, clocks apart.
+template <class R>
+Bytes series_of(const Frontend<R>& robot, const CompanionDescription& description) {
+  Bytes bytes;
+  CompanionBytes<R> companion(robot, description);
+  for (TimeIndex t = 0; t < kSteps; ++t) {
+    append(bytes, bytes_of(robot.get_observation(t)));
+    append(bytes, bytes_of(robot.get_desired_action(t)));
+    append(bytes, bytes_of(robot.get_applied_action(t)));
+    Status status = robot.get_status(t);
+    status.time = status.lateness = 0;
+    append(bytes, bytes_of(status));
+    append(bytes, companion.at(t));
+  }
+  return bytes;
+}
+
+void sleep_sometimes(std::minstd_rand& random, bool may_sleep) {
+  if (!may_sleep || random() % 4 != 0) return;
+  std::this_thread::sleep_for(std::chrono::microseconds(random() % 300));
+}
+
+template <class Case>
+Bytes run_program(std::uint32_t delay_seed) {
+  using Traits = typename Case::Traits;
+  const auto driver = Traits::make_driver();
+  const CompanionDescription& description = driver->companions()[0];
+  typename Case::Rig rig(
+      {.session = {.history = 512, .queue = 64}, .injection = {.delay_seed = delay_seed}});
+  auto robot = rig.connect();
+  CompanionBytes<typename Case::Robot> companion(robot, description);
+  std::minstd_rand random(delay_seed);
+  std::uint64_t knowledge = 0;
+  for (TimeIndex t = 0; t < kSteps; ++t) {
+    if (t > 0) {
+      // In either order: reading takes nothing away.
+      if (random() % 2 == 0) static_cast<void>(companion.at(t - 1));
+      Bytes known = bytes_of(robot.get_observation(t - 1));
+      append(known, companion.at(t - 1));
+      knowledge = hash_of(known);
+    }
+    sleep_sometimes(random, delay_seed != 0);
+    EXPECT_EQ(robot.append_desired_action(Traits::action(static_cast<TimeIndex>(knowledge % 50))),
+              t);
+  }
+  robot.finish();
+  return series_of(robot, description);
+}
+
+template <class Traits>
+class Determinism : public ::testing::Test {};
+using Drivers = ::testing::Types<FakeDriverTraits, OddDriverTraits>;
+TYPED_TEST_SUITE(Determinism, Drivers);
+
+TYPED_TEST(Determinism, HoldsWhateverTheDelaysOfAnyThread) {
+  const Bytes expected = run_program<Case<TypeParam, Inline>>(0);
+  EXPECT_EQ((run_program<Case<TypeParam, Inline>>(1)), expected);
+  for (const std::uint32_t seed : {0U, 2U, 3U}) {
+    EXPECT_EQ((run_program<Case<TypeParam, InProcess>>(seed)), expected) << seed;
+  }
+}
+
+TYPED_TEST(Determinism, HoldsWhateverTheDelaysOfAnyProcess) {
+  const Bytes expected = run_program<Case<TypeParam, Inline>>(0);
+  for (const std::uint32_t seed : {0U, 4U, 5U}) {
+    EXPECT_EQ((run_program<Case<TypeParam, AcrossProcesses>>(seed)), expected) << seed;
+  }
+}
+
+TYPED_TEST(Determinism, AnObserverInAThirdProcessSeesTheSame) {
+  using Rig = typename AcrossProcesses::Rig<TypeParam>;
+  const auto driver = TypeParam::make_driver();
+  const CompanionDescription& description = driver->companions()[0];
+  Rig rig({.session = {.history = 512, .queue = 64}, .injection = {.delay_seed = 6}});
+  const SharedValue<std::uint64_t> seen;
+  ChildProcess observer([&] {
+    // Reads while the robot runs, from the first step on.
+    *seen = hash_of(series_of(rig.observe(), description));
+    return 0;
+  });
+  auto robot = rig.connect();
+  std::minstd_rand random(7);
+  for (TimeIndex t = 0; t < kSteps; ++t) {
+    sleep_sometimes(random, true);
+    robot.append_desired_action(TypeParam::action(t % 50));
+  }
+  robot.wait_until_time_index(kSteps);
+  EXPECT_EQ(observer.wait(), 0);
+  EXPECT_EQ(*seen, hash_of(series_of(robot, description)));
+}
+
+}  // namespace
+}  // namespace trifinger::test

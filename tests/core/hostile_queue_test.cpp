@@ -1,0 +1,272 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <array>
+#include <atomic>
+#include <cstddef>
+#include <cstring>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <random>
+#include <string>
+#include <thread>
+
+#include "core/drivers_of_tests.hpp"
+#include "core/timing_contract.hpp"
+#include "session_layout.hpp"
+#include "session_memory.hpp"
+#include "support/session_folder.hpp"
+#include "trifinger/ipc/file_lock.hpp"
+#include "trifinger/ipc/shared_memory.hpp"
+
+// The queue of actions belongs to the user, who may write what they like into it: the back-end
+// believes nothing. The tests write where only the layout of the session knows.
+
+namespace trifinger {
+namespace {
+
+using test::FakeDriverTraits;
+using Rig = test::AcrossProcesses::Rig<FakeDriverTraits>;
+
+// The action file of the one session that there is.
+std::filesystem::path action_path() {
+  for (const auto& entry : std::filesystem::directory_iterator(session_folder())) {
+    if (entry.path().extension() == ".action") return entry.path();
+  }
+  return {};
+}
+
+// Another mapping of the queue, beside the controller's.
+class Intruder {
+ public:
+  explicit Intruder(const std::string& name = "robot")
+      : mapping_(std::make_shared<detail::FolderDirectory>(session_folder()), name),
+        memory_(ipc::SharedMemory::open(action_path(), ipc::Access::kReadWrite)),
+        queue_(memory_.data() + mapping_.header().queue.offset, mapping_.header().queue.shape) {}
+
+  [[nodiscard]] layout::ActionHeader& header() const noexcept {
+    return *reinterpret_cast<layout::ActionHeader*>(memory_.data());
+  }
+  [[nodiscard]] const ipc::Ring& queue() const noexcept { return queue_; }
+  void put(TimeIndex t, const FakeAction& action) const {
+    std::array<std::byte, 8 + sizeof(FakeAction)> entry{};
+    std::memcpy(entry.data() + 8, &action, sizeof(action));
+    queue_.write(t, entry.data(), std::memory_order_seq_cst);
+  }
+  void scribble(std::mt19937& random, int count) const {
+    for (int i = 0; i < count; ++i) {
+      memory_.data()[random() % memory_.size()] = static_cast<std::byte>(random());
+    }
+  }
+
+ private:
+  detail::SessionMapping mapping_;
+  ipc::SharedMemory memory_;
+  ipc::Ring queue_;
+};
+
+TEST(HostileQueue, CutOffWhileTheRobotHoldsItIsAFault) {
+  Rig rig;
+  auto robot = rig.connect();
+  static_cast<void>(robot.latest_observation());
+  ASSERT_EQ(::truncate(action_path().c_str(), 1), 0);
+  const auto code = test::code_of([&] {
+    robot.append_desired_action({});
+    static_cast<void>(robot.get_observation(0));
+  });
+  EXPECT_EQ(code, Fault::Code::kQueueDamaged);
+  // The robot can be had again.
+  robot.recover();
+  auto next = rig.connect();
+  test::run_steps<FakeDriverTraits>(next, 0, 5);
+}
+
+TEST(HostileQueue, CutOffBetweenTwoActionsItIsAFault) {
+  Rig rig;
+  auto robot = rig.connect();
+  test::run_steps<FakeDriverTraits>(robot, 0, 4);
+  robot.wait_until_time_index(5);
+  ASSERT_EQ(::truncate(action_path().c_str(), 1), 0);
+  test::expect_end(robot, 5, {.code = Fault::Code::kQueueDamaged});
+}
+
+TEST(HostileQueue, CutOffInRealTimeItIsAFault) {
+  Rig rig(test::with_deadlines(1000));
+  auto robot = rig.connect();
+  rig.tick();
+  test::append_ahead<FakeDriverTraits>(robot, 0, 4);
+  rig.tick(5);
+  ASSERT_EQ(::truncate(action_path().c_str(), 1), 0);
+  rig.tick();
+  test::expect_end(robot, 5, {.code = Fault::Code::kQueueDamaged});
+}
+
+TEST(HostileQueue, WithoutItsMagicItIsAFault) {
+  Rig rig;
+  auto robot = rig.connect();
+  test::run_steps<FakeDriverTraits>(robot, 0, 4);
+  robot.wait_until_time_index(5);
+  Intruder().header().magic = 0;
+  test::expect_end(robot, 5, {.code = Fault::Code::kQueueDamaged});
+}
+
+TEST(HostileQueue, AnActionFromTheFutureIsAFault) {
+  Rig rig(test::with_deadlines(1000));
+  auto robot = rig.connect();
+  rig.tick();
+  test::append_ahead<FakeDriverTraits>(robot, 0, 4);
+  const Intruder intruder;
+  // In the place of action 3, a whole queue ahead.
+  intruder.put(3 + static_cast<TimeIndex>(intruder.queue().shape().capacity), {});
+  rig.tick(4);
+  test::expect_end(robot, 3, {.code = Fault::Code::kQueueDamaged});
+}
+
+TEST(HostileQueue, AnActionFromTheFutureBeforeStepZeroIsAFault) {
+  Rig rig;
+  const auto robot = rig.connect();
+  static_cast<void>(robot.latest_observation());
+  const Intruder intruder;
+  intruder.put(static_cast<TimeIndex>(intruder.queue().shape().capacity), {});
+  EXPECT_EQ(test::code_of([&] { return robot.get_observation(0); }), Fault::Code::kQueueDamaged);
+}
+
+TEST(HostileQueue, AnActionForAClosedStepIsDiscardedAndCounted) {
+  Rig rig(test::with_deadlines(1000));
+  auto robot = rig.connect();
+  rig.tick();
+  test::append_ahead<FakeDriverTraits>(robot, 0, 0);
+  rig.tick(3);
+  // On its way when its step was closed, as an append that is a moment too late.
+  Intruder().put(2, {.setpoint = 77.0});
+  rig.tick(2);
+  for (TimeIndex t = 0; t <= 4; ++t) {
+    EXPECT_EQ(robot.get_status(t).discarded_actions, t < 3 ? 0U : 1U) << t;
+    EXPECT_EQ(robot.get_desired_action(t).setpoint, FakeDriverTraits::action(0).setpoint);
+  }
+  EXPECT_EQ(robot.append_desired_action(FakeDriverTraits::action(1)), 5);
+  rig.tick();
+  EXPECT_EQ(robot.get_status(5).flags, 0U);
+}
+
+TEST(HostileQueue, RandomBytesEndNoBackendAndHangNobody) {
+  std::mt19937 random(1);
+  Rig rig({.backend = {.max_rejected_actions = 1'000'000}});
+  int ends = 0;
+  for (int round = 0; round < 40; ++round) {
+    try {
+      auto robot = rig.connect();
+      const Intruder intruder;
+      for (TimeIndex t = 0; t < 20; ++t) {
+        intruder.scribble(random, 1 << (round % 8));
+        const TimeIndex step = robot.append_desired_action({}, test::kLong);
+        static_cast<void>(robot.get_observation(step, test::kLong));
+      }
+    } catch (const RobotStopped&) {
+      ++ends;
+    } catch (const HistoryLost&) {
+      // The bytes made more actions than we did.
+    } catch (const TimedOut& error) {
+      FAIL() << "round " << round << ": " << error.what();
+    }
+    recover("robot", test::kLong);
+  }
+  EXPECT_GT(ends, 0) << "the bytes did no harm; is the intruder at the right place?";
+  // The back-end has survived it.
+  auto robot = rig.connect();
+  test::run_steps<FakeDriverTraits>(robot, 0, 9);
+  robot.finish();
+  test::expect_end(robot, 10, {.code = Fault::Code::kFinished});
+}
+
+// What the watchdog asks.
+TEST(ControllerDied, IsTrueOnlyOnceActionsAreApplied) {
+  const test::SessionFolder folder;
+  FakeDriver driver;
+  SessionHost host = SessionHost::named("robot");
+  const auto writers = host.place().begin(driver, false, test::kPeriod);
+  detail::SessionWriter& robot = *writers.robot;
+  robot.set_phase(layout::Phase::kHolding);
+  EXPECT_FALSE(robot.controller_died()) << "nobody came";
+
+  const Intruder controller;
+  controller.header().controller_pid = 4711;  // the lock is free: it died
+  EXPECT_FALSE(robot.controller_died()) << "the next one may take its place";
+  robot.set_phase(layout::Phase::kRunning);
+  EXPECT_TRUE(robot.controller_died());
+  controller.header().requests |= layout::kDetach;
+  EXPECT_FALSE(robot.controller_died()) << "it said good-bye";
+}
+
+// --- A driver that hangs
+// ----------------------------------------------------------------------------------
+
+// Hangs in its fifth action until it is released.
+class HangingDriver final : public Driver<FakeRobot> {
+ public:
+  using Driver::apply_action;
+  using Driver::get_latest_observation;
+  using Driver::hold;
+
+  [[nodiscard]] DriverReport get_latest_observation(
+      FakeObservation& observation) noexcept override {
+    observation = {};
+    return DriverReport::ready();
+  }
+  [[nodiscard]] DriverReport apply_action(const FakeAction& desired,
+                                          FakeAction& applied) noexcept override {
+    if (++actions_ == 5) released_.wait(false);
+    applied = desired;
+    return DriverReport::ready();
+  }
+  void hold(const FakeObservation&, FakeAction& action) noexcept override { action = {}; }
+  void cut() noexcept override { ++cuts_; }
+
+  void release() {
+    released_ = true;
+    released_.notify_all();
+  }
+  [[nodiscard]] int cuts() const noexcept { return cuts_; }
+
+ private:
+  int actions_{0};
+  std::atomic<bool> released_{false};
+  std::atomic<int> cuts_{0};
+};
+
+TEST(HangingDriver, IsCutAndNobodyWaitsForIt) {
+  HangingDriver driver;
+  ManualClock clock;
+  SessionHost host = SessionHost::anonymous({.history = 64, .queue = 64});
+  Backend backend(driver, host,
+                  {.mode = BackendOptions::Mode::kRealTime,
+                   .max_action_repeats = 1'000'000,
+                   .max_skipped_ticks = 1'000'000,
+                   .driver_timeout = std::chrono::milliseconds(1)},
+                  clock);
+  const BackendThread thread(backend);
+  Frontend<FakeRobot> robot(host);
+  robot.append_desired_action({});
+  clock.run_free();
+  const auto fault = test::fault_of([&] { return robot.get_status(1000); });
+  ASSERT_TRUE(fault.has_value());
+  EXPECT_EQ(fault->code, Fault::Code::kDriverHangs);
+  EXPECT_EQ(driver.cuts(), 1);
+  const TimeIndex last = robot.current_time_index();
+  EXPECT_EQ(test::fault_of([&] { robot.append_desired_action({}); }), fault);
+
+  driver.release();
+  robot.recover();
+  // The call that came back added nothing to the session that had ended.
+  EXPECT_EQ(robot.current_time_index(), last);
+  EXPECT_EQ(test::fault_of([&] { return robot.get_status(last + 1); }), fault);
+  Frontend<FakeRobot> next(host);
+  next.append_desired_action({});
+  static_cast<void>(next.get_observation(10));
+}
+
+}  // namespace
+}  // namespace trifinger
