@@ -7,7 +7,6 @@
 #include <limits>
 #include <memory>
 #include <optional>
-#include <ranges>
 #include <string>
 #include <utility>
 #include <vector>
@@ -80,12 +79,13 @@ std::string number_text(ScalarType type, const std::byte* place, bool exact) {
 
 // "position[0][2]": the name of one number of a field.
 std::string number_name(const FieldDescription& field, std::size_t index) {
-  std::string subscripts;
-  for (const std::size_t extent : std::views::reverse(field.shape)) {
-    subscripts.insert(0, fmt::format("[{}]", index % extent));
-    index /= extent;
+  std::string name = field.name;
+  std::size_t stride = field.count();
+  for (const std::size_t extent : field.shape) {
+    stride /= extent;
+    name += fmt::format("[{}]", index / stride % extent);
   }
-  return field.name + subscripts;
+  return name;
 }
 
 // The element's numbers in the order of its fields.
