@@ -400,6 +400,8 @@ TEST_F(TamperedSession, RefusesWhatIsNoSessionFile) {
   copy_ = state_;
   header().magic = 1;
   EXPECT_THAT(message_of_copy(), HasSubstr("not a session file"));
+  copy_ = Bytes();
+  EXPECT_THAT(message_of_copy(), HasSubstr("not a session file"));
   copy_ = Bytes(100, 'x');
   EXPECT_THAT(message_of_copy(), HasSubstr("not a session file"));
 }

@@ -31,19 +31,16 @@ namespace {
 using test::FakeDriverTraits;
 using Rig = test::AcrossProcesses::Rig<FakeDriverTraits>;
 
-// The action file of the one session that there is.
+// The action file of the current session.
 std::filesystem::path action_path() {
-  for (const auto& entry : std::filesystem::directory_iterator(session_folder())) {
-    if (entry.path().extension() == ".action") return entry.path();
-  }
-  return {};
+  return session_folder() / detail::action_file("robot", Session::open("robot").info().session_id);
 }
 
 // Another mapping of the queue, beside the controller's.
 class Intruder {
  public:
-  explicit Intruder(const std::string& name = "robot")
-      : mapping_(std::make_shared<detail::FolderDirectory>(session_folder()), name),
+  Intruder()
+      : mapping_(std::make_shared<detail::FolderDirectory>(session_folder()), "robot"),
         memory_(ipc::SharedMemory::open(action_path(), ipc::Access::kReadWrite)),
         queue_(memory_.data() + mapping_.header().queue.offset, mapping_.header().queue.shape) {}
 
@@ -265,7 +262,7 @@ TEST(HangingDriver, IsCutAndNobodyWaitsForIt) {
   EXPECT_EQ(test::fault_of([&] { return robot.get_status(last + 1); }), fault);
   Frontend<FakeRobot> next(host);
   next.append_desired_action({});
-  static_cast<void>(next.get_observation(10));
+  next.wait_until_time_index(10);
 }
 
 }  // namespace
