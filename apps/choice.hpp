@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "commands.hpp"
-#include "suggestion.hpp"
+#include "trifinger/base/suggestion.hpp"
 
 namespace trifinger::apps {
 
@@ -28,8 +28,8 @@ template <class T>
     if (word == known) return value;
     words.emplace_back(known);
   }
-  throw UsageError(fmt::format("{} is '{}', must be {}", option, word,
-                               config::detail::quoted_list(words, "or")));
+  throw UsageError(
+      fmt::format("{} is '{}', must be {}", option, word, trifinger::quoted_list(words, "or")));
 }
 
 // An option whose value is one of a few words.

@@ -11,8 +11,8 @@
 
 #include "commands.hpp"
 #include "external_command.hpp"
-#include "suggestion.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/suggestion.hpp"
 #include "trifinger/config/node.hpp"
 
 namespace trifinger::apps {
@@ -33,7 +33,7 @@ std::string footer() {
 [[noreturn]] void refuse_verb(const CLI::App& program, const std::string& verb) {
   std::vector<std::string> known = external_verbs();
   for (const CLI::App* command : program.get_subcommands({})) known.push_back(command->get_name());
-  std::string_view near = config::detail::closest(verb, {known.begin(), known.end()});
+  std::string_view near = trifinger::closest(verb, {known.begin(), known.end()});
   for (const std::string& name : known) {
     if (near.empty() && name.starts_with(verb)) near = name;
   }

@@ -243,7 +243,7 @@ def main() -> int:
     arguments = parser.parse_args()
     arguments.output.mkdir(parents=True, exist_ok=True)
 
-    name = f"demo-{os.getpid()}"
+    name = "demo"
     try:
         with back_end(name):
             print(

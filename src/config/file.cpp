@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "element.hpp"
-#include "suggestion.hpp"
+#include "trifinger/base/suggestion.hpp"
 
 namespace trifinger::config {
 namespace {
@@ -147,10 +147,10 @@ void find_unknown_keys(const Element& element, const std::string& path, std::str
       first = entry.location;
     }
     problems += name + " is not a known key";
-    if (const std::string_view meant = detail::closest(entry.key, known); !meant.empty()) {
+    if (const std::string_view meant = closest(entry.key, known); !meant.empty()) {
       problems += "; did you mean '" + std::string(meant) + "'?";
     } else if (!known.empty()) {
-      problems += "; known are " + detail::quoted_list(known, "and");
+      problems += "; known are " + quoted_list(known, "and");
     }
   }
 }

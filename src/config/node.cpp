@@ -6,7 +6,7 @@
 #include <system_error>
 
 #include "element.hpp"
-#include "suggestion.hpp"
+#include "trifinger/base/suggestion.hpp"
 
 namespace trifinger::config {
 namespace {
@@ -132,7 +132,7 @@ Node Node::at(std::string_view key, std::string_view unit) const {
   for (const Entry& entry : element_->entries) {
     if (!element_->asked.contains(entry.key)) unasked.push_back(entry.key);
   }
-  const std::string_view misspelt = detail::closest(key, unasked);
+  const std::string_view misspelt = closest(key, unasked);
   if (misspelt.empty()) throw ConfigError(location(), problem);
   throw ConfigError(element_->find(misspelt)->location,
                     problem + "; is '" + std::string(misspelt) + "' meant to be it?");
@@ -227,9 +227,8 @@ std::size_t Node::index_of_choice(const std::vector<std::string_view>& names) co
   for (std::size_t i = 0; i < names.size(); ++i) {
     if (element_->kind == Element::Kind::kScalar && element_->scalar == names[i]) return i;
   }
-  std::string problem =
-      "is " + text_of(*element_) + ", must be " + detail::quoted_list(names, "or");
-  const std::string_view meant = detail::closest(element_->scalar, names);
+  std::string problem = "is " + text_of(*element_) + ", must be " + quoted_list(names, "or");
+  const std::string_view meant = closest(element_->scalar, names);
   if (!meant.empty()) problem += "; did you mean '" + std::string(meant) + "'?";
   fail(problem);
 }

@@ -39,18 +39,19 @@ std::string_view name_of(Fault::Code code) noexcept {
 
 std::string describe(const Fault& fault, std::string_view driver_text) {
   const std::string step = std::to_string(fault.time_index);
+  const std::string at_step = fault.time_index < 0 ? " before step 0" : " at step " + step;
   const std::string detail = std::to_string(fault.detail);
   switch (fault.code) {
     case Fault::Code::kNone:
       return "the session goes on";
     case Fault::Code::kFinished:
-      return "the controller finished at step " + step;
+      return "the controller finished" + at_step;
     case Fault::Code::kDetached:
-      return "the controller let go at step " + step + " without finish()";
+      return "the controller let go" + at_step + " without finish()";
     case Fault::Code::kControllerDied:
-      return "the controlling process died before step " + step;
+      return "the controlling process died" + at_step;
     case Fault::Code::kStopped:
-      return "the back-end was asked to stop at step " + step;
+      return "the back-end was asked to stop" + at_step;
     case Fault::Code::kFirstActionLate:
       return "no first action arrived within the first-action timeout";
     case Fault::Code::kActionLate:
@@ -59,19 +60,20 @@ std::string describe(const Fault& fault, std::string_view driver_text) {
              "; append it earlier, or let the back-end repeat actions (late_action in its "
              "configuration)";
     case Fault::Code::kBackendLate:
-      return "the back-end was late by " + detail + " periods at step " + step +
+      return "the back-end was late by " + detail + " periods" + at_step +
              "; 'trifinger doctor' tells what this machine lacks for real time";
     case Fault::Code::kActionsRejected:
       return detail + " actions in a row up to step " + step + " were not fit to apply";
     case Fault::Code::kQueueDamaged:
-      return "the queue of actions was damaged by its writer at step " + step;
+      return "the queue of actions was damaged by its writer" + at_step;
     case Fault::Code::kDriver:
-      return "the driver gave up at step " + step + ": " +
+      return "the driver gave up" + at_step + ": " +
              (driver_text.empty() ? "its code is " + detail : std::string(driver_text));
     case Fault::Code::kDriverHangs:
-      return "a call of the driver did not return at step " + step + "; the robot's power was cut";
+      return "a call of the driver did not return" + at_step + "; the robot's power was cut";
     case Fault::Code::kBackendDied:
-      return "the back-end died; the last whole step is " + step;
+      return fault.time_index < 0 ? "the back-end died before the first whole step"
+                                  : "the back-end died; the last whole step is " + step;
   }
   return "unknown fault " + std::to_string(static_cast<int>(fault.code));
 }

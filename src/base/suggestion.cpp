@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "suggestion.hpp"
+#include "trifinger/base/suggestion.hpp"
 
 #include <algorithm>
 #include <cstddef>
 
-namespace trifinger::config::detail {
+namespace trifinger {
 namespace {
 
 // Insertions, deletions, replacements and swaps of neighbours that lead from `a` to `b`.
@@ -55,4 +55,4 @@ std::string quoted_list(const std::vector<std::string_view>& words, std::string_
   return text;
 }
 
-}  // namespace trifinger::config::detail
+}  // namespace trifinger

@@ -5,14 +5,14 @@
 #include <string_view>
 #include <vector>
 
-namespace trifinger::config::detail {
+namespace trifinger {
 
-// The candidate that `word` is most likely a misspelling of; empty if none comes near.
+/// The candidate that `word` is most likely a misspelling of; empty if none comes near.
 [[nodiscard]] std::string_view closest(std::string_view word,
                                        const std::vector<std::string_view>& candidates);
 
-// "'a', 'b' or 'c'"
+/// "'a', 'b' or 'c'"
 [[nodiscard]] std::string quoted_list(const std::vector<std::string_view>& words,
                                       std::string_view conjunction);
 
-}  // namespace trifinger::config::detail
+}  // namespace trifinger
