@@ -98,7 +98,7 @@ static_assert(detail::fields_are_ordered<test::OddAction>());
 static_assert(!detail::fields_are_ordered<Swapped>());
 #else
 TEST(Describe, RefusesFieldsInAnotherOrderAtItsFirstCall) {
-  EXPECT_THROW(describe<Swapped>(), InvalidArgument);
+  EXPECT_THROW(static_cast<void>(describe<Swapped>()), InvalidArgument);
 }
 #endif
 

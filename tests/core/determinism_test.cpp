@@ -60,9 +60,8 @@ class CompanionBytes {
 
 // All series, clocks apart.
 template <class R>
-Bytes series_of(const Frontend<R>& robot, const CompanionDescription& description) {
+Bytes series_of(const Frontend<R>& robot, CompanionBytes<R>& companion) {
   Bytes bytes;
-  CompanionBytes<R> companion(robot, description);
   for (TimeIndex t = 0; t < kSteps; ++t) {
     append(bytes, bytes_of(robot.get_observation(t)));
     append(bytes, bytes_of(robot.get_desired_action(t)));
@@ -104,7 +103,7 @@ Bytes run_program(std::uint32_t delay_seed) {
               t);
   }
   robot.finish();
-  return series_of(robot, description);
+  return series_of(robot, companion);
 }
 
 template <class Traits>
@@ -135,7 +134,9 @@ TYPED_TEST(Determinism, AnObserverInAThirdProcessSeesTheSame) {
   const SharedValue<std::uint64_t> seen;
   ChildProcess observer([&] {
     // Reads while the robot runs, from the first step on.
-    *seen = hash_of(series_of(rig.observe(), description));
+    const auto robot = rig.observe();
+    CompanionBytes<typename TypeParam::Robot> companion(robot, description);
+    *seen = hash_of(series_of(robot, companion));
     return 0;
   });
   auto robot = rig.connect();
@@ -146,7 +147,8 @@ TYPED_TEST(Determinism, AnObserverInAThirdProcessSeesTheSame) {
   }
   robot.wait_until_time_index(kSteps);
   EXPECT_EQ(observer.wait(), 0);
-  EXPECT_EQ(*seen, hash_of(series_of(robot, description)));
+  CompanionBytes<typename TypeParam::Robot> companion(robot, description);
+  EXPECT_EQ(*seen, hash_of(series_of(robot, companion)));
 }
 
 }  // namespace

@@ -721,6 +721,7 @@ TYPED_TEST_P(RealTimeContract, AppendGoesOnAtTheFirstOpenStepAfterRepetitions) {
   EXPECT_EQ(bytes_of(robot.get_desired_action(5)), bytes_of(TypeParam::Traits::action(5)));
   EXPECT_EQ(robot.get_status(4).flags, 0U);
   EXPECT_EQ(robot.get_status(4).action_repeats, 0U);
+  EXPECT_EQ(robot.get_status(5).discarded_actions, 0U) << "nothing was sent for a closed step";
 }
 
 TYPED_TEST_P(RealTimeContract, AnAppendThatReturnsAStepWasAppliedAtThatStep) {
