@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -725,42 +724,31 @@ TYPED_TEST_P(RealTimeContract, AppendGoesOnAtTheFirstOpenStepAfterRepetitions) {
 }
 
 TYPED_TEST_P(RealTimeContract, AnAppendThatReturnsAStepWasAppliedAtThatStep) {
-  typename TypeParam::Rig rig(with_deadlines(1'000'000'000));
-  constexpr TimeIndex kActions = 500;
-  constexpr TimeIndex kCount = 200;
+  constexpr TimeIndex kActions = 10'000;
+  constexpr TimeIndex kDifferent = 100;
+  Plan plan = with_deadlines(1'000'000'000);
+  plan.session.history = 1 << 16;
+  typename TypeParam::Rig rig(plan);
   auto robot = rig.connect();
-  // Time races against the user, who is sometimes late.
-  std::array<TimeIndex, kActions> step{};
-  std::atomic<bool> done{false};
-  std::thread time([&] {
-    rig.clock().wait_for_sleeper();
-    while (!done) rig.clock().advance(kPeriod);
-  });
-  const auto checked = [&](TimeIndex k) {
-    const TimeIndex t = step[static_cast<std::size_t>(k)];
-    EXPECT_FALSE(has_flag(robot, t, Status::kActionRepeated)) << t;
-    EXPECT_FALSE(has_flag(robot, t, Status::kAcausal)) << t;
-    EXPECT_EQ(bytes_of(robot.get_desired_action(t)),
-              bytes_of(TypeParam::Traits::action(k % kCount)));
-  };
+  // The back-end goes through its ticks as fast as it can, so steps are closed while an append is
+  // on its way to them.
+  rig.clock().run_free();
+  int compared = 0;
+  TimeIndex last = -1;
   for (TimeIndex k = 0; k < kActions; ++k) {
+    const auto action = TypeParam::Traits::action(k % kDifferent);
+    const TimeIndex t = robot.append_desired_action(action);
+    EXPECT_GT(t, last);
+    last = t;
     try {
-      step[static_cast<std::size_t>(k)] =
-          robot.append_desired_action(TypeParam::Traits::action(k % kCount));
-      if (k > 0) {
-        EXPECT_GT(step[static_cast<std::size_t>(k)], step[static_cast<std::size_t>(k - 1)]);
-      }
-      checked(k);
+      ASSERT_EQ(bytes_of(robot.get_desired_action(t)), bytes_of(action)) << t;
+      ASSERT_EQ(robot.get_status(t).flags, 0U) << t;
+      ++compared;
     } catch (const HistoryLost&) {
-      // Time is that much faster than this machine: then there is nothing to compare.
-    } catch (const RobotStopped& stopped) {
-      // The back-end itself may be late here by any number of periods.
-      EXPECT_EQ(stopped.fault().code, Fault::Code::kBackendLate);
-      break;
+      // This thread stood still for a whole history.
     }
   }
-  done = true;
-  time.join();
+  EXPECT_GT(compared, 0);
 }
 
 TYPED_TEST_P(RealTimeContract, SkipsTheTicksThatALateBackendMissed) {
