@@ -112,12 +112,16 @@ std::vector<Row> realtime_rows(const Effort& effort) {
   }
   const double steal = steal_time() - steal_before;
 
-  Row drift_row;
-  drift_row.measure = "1 kHz: drift";
-  drift_row.value = drift_row.low = drift_row.high = drift;
-  drift_row.unit = "ns";
-  drift_row.reach = "0";
-  drift_row.holds = drift == 0.0;
+  const Row drift_row{.measure = "1 kHz: drift",
+                      .value = drift,
+                      .low = drift,
+                      .high = drift,
+                      .unit = "ns",
+                      .reference = {},
+                      .ratio = {},
+                      .reach = "0",
+                      .holds = drift == 0.0,
+                      .remark = {}};
 
   Row lateness;
   lateness.measure = "1 kHz: lateness, median of the windows' p99";
