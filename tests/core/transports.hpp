@@ -212,6 +212,8 @@ struct AcrossProcesses {
       std::signal(SIGTERM, [](int) { running->request_stop(); });
       BlockedSignal::unblock();
       backend.run();
+      // A second request finds nobody any more.
+      std::signal(SIGTERM, SIG_IGN);
       return 0;
     }
 
