@@ -83,7 +83,7 @@ void add_list(CLI::App& program, Action& action) {
   CLI::App* const command =
       program.add_subcommand("list", "List the sessions on this machine, with their companions");
   command->footer(
-      "Sessions stay readable when their back-end is gone, until another one takes the name.\n"
+      "What a back-end that died has left stays readable until another one takes the name.\n"
       "Example:\n"
       "  trifinger list");
   command->callback([&action] { action = list; });

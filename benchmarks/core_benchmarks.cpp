@@ -48,7 +48,7 @@ Frontend<R> connect_to_child(const std::string& name) {
 
 Row append_row(const Effort& effort) {
   constexpr std::size_t kBurst = 2048;
-  const auto bursts = static_cast<std::size_t>(effort.rounds + 2);
+  const std::size_t bursts = static_cast<std::size_t>(effort.rounds) + 2;
   const Child backend([bursts] {
     pin(0);
     SimpleDriver<NineJoints, NineJointsDriver> driver;

@@ -15,9 +15,10 @@ from pathlib import Path
 from typing import Any
 
 import trifinger
+from trifinger import _trifinger, program
 
-ROOT = Path(__file__).resolve().parent.parent
-PROGRAM = ROOT / "build" / "release" / "benchmarks" / "trifinger_benchmarks"
+# Of the same build as the module.
+PROGRAM = Path(_trifinger.__file__).parents[2] / "benchmarks" / "trifinger_benchmarks"
 
 Row = dict[str, Any]
 
@@ -61,7 +62,8 @@ def across_processes_samples(rounds: int) -> list[float]:
     name = f"benchmark-{os.getpid()}"
     os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
     with subprocess.Popen(
-        ["trifinger", "run", "fake", "--name", name, "--non-real-time"], stdout=subprocess.DEVNULL
+        [program.path(), "run", "fake", "--name", name, "--non-real-time"],
+        stdout=subprocess.DEVNULL,
     ) as process:
         try:
             while name not in (session.name for session in trifinger.list_sessions()):

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // A robot of your own, here a cart on two wheels. `05_own_robot NAME` runs it for other processes:
-// Python and the command line can drive it as it is.
+// Python drives it and the command line reads it, as it is.
 #include <algorithm>
 #include <array>
 #include <cmath>

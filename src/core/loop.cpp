@@ -100,7 +100,10 @@ Progress Loop::hold(const Tick& now) noexcept {
   }
   if (!has_hold_action_) {
     // Once: the pose at the beginning is kept, not the pose into which the robot may creep.
-    driver_.hold(observation_.data(), hold_action_.data());
+    static_cast<void>(call_driver([&] {
+      driver_.hold(observation_.data(), hold_action_.data());
+      return DriverReport::ready();
+    }));
     has_hold_action_ = true;
   }
   const DriverReport report =
@@ -299,17 +302,23 @@ Progress Loop::end(Fault::Code code, std::int32_t detail) noexcept {
 
 void Loop::cut() noexcept {
   driver_.cut();
-  const Fault fault{.code = Fault::Code::kDriverHangs,
-                    .detail = 0,
-                    .time_index = writer_.header().next_action.load(std::memory_order_relaxed) - 1};
+  // The step in work: as many are whole as there are statuses. The series are the loop's, which may
+  // come back from its call at any time, so this end has no status of its own.
+  const layout::StateHeader& header = writer_.header();
+  const bool has_begun = header.phase.load(std::memory_order_relaxed) ==
+                         static_cast<std::uint32_t>(layout::Phase::kRunning);
+  const auto& steps = header.ends[static_cast<std::size_t>(Series::kStatus)];
+  cut_fault_ = {.code = Fault::Code::kDriverHangs,
+                .detail = 0,
+                .time_index = has_begun ? steps.load(std::memory_order_relaxed) : -1};
+  // release: whoever sees the flag finds the fault.
   was_cut_.store(true, std::memory_order_release);
-  for (const auto& companion : companions_) companion->end(fault, {});
-  writer_.end(fault, {});
+  for (const auto& companion : companions_) companion->end(cut_fault_, {});
+  writer_.end(cut_fault_, {});
 }
 
 Fault Loop::fault() const noexcept {
-  if (!was_cut_.load(std::memory_order_acquire)) return fault_;
-  return {.code = Fault::Code::kDriverHangs, .detail = 0, .time_index = time_index_};
+  return was_cut_.load(std::memory_order_acquire) ? cut_fault_ : fault_;
 }
 
 bool Loop::has_work() const noexcept {

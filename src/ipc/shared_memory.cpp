@@ -6,10 +6,12 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cerrno>
 #include <cstdio>
 #include <utility>
+#include <vector>
 
 #include "bus_error_guard.hpp"
 #include "trifinger/base/error.hpp"
@@ -22,6 +24,22 @@ void allocate(const FileDescriptor& file, std::size_t size, const std::string& w
   if (error != 0) {
     throw SystemError("reserve " + std::to_string(size) + " bytes for " + what, error);
   }
+}
+
+// The folder is open to everybody: a file of this name may have been laid there by somebody else.
+// Trusted are ourselves, the administrator, and those who share the file with a group of ours.
+void require_trusted_owner(const FileDescriptor& file, const std::filesystem::path& path) {
+  struct stat status{};
+  if (::fstat(file.get(), &status) != 0) throw SystemError("inspect " + path.string(), errno);
+  if (status.st_uid == ::geteuid() || status.st_uid == 0) return;
+  const bool is_shared = (status.st_mode & S_IRGRP) != 0;
+  std::vector<gid_t> groups(static_cast<std::size_t>(std::max(0, ::getgroups(0, nullptr))));
+  const int count = ::getgroups(static_cast<int>(groups.size()), groups.data());
+  groups.resize(static_cast<std::size_t>(std::max(0, count)));
+  groups.push_back(::getegid());
+  if (is_shared && std::ranges::find(groups, status.st_gid) != groups.end()) return;
+  throw Error(path.string() + " belongs to user " + std::to_string(status.st_uid) +
+              ", who shares it with none of your groups; it is not opened");
 }
 
 int open_flags(Access access) {
@@ -66,6 +84,7 @@ SharedMemory SharedMemory::open(const std::filesystem::path& path, Access access
   memory.path_ = path;
   memory.file_ = FileDescriptor(::open(path.c_str(), open_flags(access)));
   if (!memory.file_) throw SystemError("open " + path.string(), errno);
+  require_trusted_owner(memory.file_, path);
   memory.map(access);
   return memory;
 }

@@ -161,6 +161,7 @@ BackendOptions read_backend(const Node& section, SessionOptions& session) {
           ? kForever
           : std::chrono::ceil<Nanoseconds>(std::chrono::duration<double>(first_action_timeout));
   session.history = section.required<std::size_t>("history", {.min = 16, .max = 1048576});
+  session.mode = section.required_choice<unsigned>("access", {{"owner", 0600U}, {"group", 0660U}});
   return options;
 }
 

@@ -317,7 +317,7 @@ TEST_F(BadInput, WrongOptionsOfABackendAreNamed) {
   SessionHost host = SessionHost::anonymous();
   const auto message = [&](const BackendOptions& options) {
     return message_of<InvalidArgument>([&] {
-      Backend(driver, host, options);
+      const Backend backend(driver, host, options);
       return 0;
     });
   };

@@ -64,8 +64,9 @@ TEST(FakeDriver, FaultsAndRejectsWhereItIsTold) {
     SessionHost host = SessionHost::anonymous();
     Backend backend(driver, host, {.max_rejected_actions = 1});
     Frontend<FakeRobot> robot(backend);
-    for (TimeIndex t = 0; t < 10; ++t)
-      robot.append_desired_action({.setpoint = static_cast<double>(t / 5)});
+    for (TimeIndex t = 0; t < 10; ++t) {
+      robot.append_desired_action({.setpoint = t < 5 ? 0.0 : 1.0});
+    }
     return test::fault_of([&] { return robot.get_status(100); }).value_or(Fault{});
   };
   EXPECT_EQ(

@@ -273,6 +273,7 @@ TYPED_TEST_P(TimingContract, TakesABurst) {
   typename TypeParam::Rig rig;
   auto robot = rig.connect();
   std::vector<typename TypeParam::Robot::Action> burst;
+  burst.reserve(30);
   for (TimeIndex t = 0; t < 30; ++t) burst.push_back(TypeParam::Traits::action(t));
   EXPECT_EQ(robot.append_desired_actions(burst), 29);
   EXPECT_EQ(robot.append_desired_action(TypeParam::Traits::action(30)), 30);
@@ -548,7 +549,7 @@ TYPED_TEST_P(TimingContract, HasEverythingOfACompanionThatArrivedByThatStep) {
     EXPECT_EQ(stamp->arrival_time - stamp->capture_time,
               (stamp->arrival_index - stamp->capture_index) * kPeriod.count());
   }
-  EXPECT_TRUE(std::is_sorted(known.begin(), known.end()));
+  EXPECT_TRUE(std::ranges::is_sorted(known));
   EXPECT_GT(known.back(), 0);
   // Later, the answer is the same.
   for (TimeIndex t = 0; t < 40; ++t) {
@@ -951,6 +952,7 @@ TYPED_TEST_P(RealTimeContract, WakesEveryWaiterAtTheEnd) {
   append_ahead<typename TypeParam::Traits>(robot, 0, 2);
   std::vector<std::optional<Fault>> faults(12);
   std::vector<std::thread> waiters;
+  waiters.reserve(faults.size());
   for (std::size_t i = 0; i < faults.size(); ++i) {
     // More than there are wait slots; half of them can only look.
     waiters.emplace_back([&, i] {

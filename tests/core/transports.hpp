@@ -123,6 +123,8 @@ struct InProcess {
           host_(SessionHost::anonymous(plan.session)),
           backend_(*driver_, host_, plan.backend, this->clock_),
           thread_(backend_) {}
+    Rig(const Rig&) = delete;
+    Rig& operator=(const Rig&) = delete;
     ~Rig() { this->clock_.run_free(); }
 
     [[nodiscard]] Frontend<Robot> connect(FrontendOptions options = {.strict = true}) {
@@ -150,6 +152,8 @@ struct AcrossProcesses {
     using Robot = typename Traits::Robot;
 
     explicit Rig(const Plan& plan = {}) : test::Rig<Traits>(plan), process_(start()) {}
+    Rig(const Rig&) = delete;
+    Rig& operator=(const Rig&) = delete;
     ~Rig() {
       if (was_killed_) return;
       request_stop();

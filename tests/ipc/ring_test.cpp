@@ -110,6 +110,7 @@ TEST(Ring, NeverShowsATornElement) {
     constexpr std::int64_t kCount = 5'000;
     std::atomic<std::int64_t> end{0};
     std::vector<std::thread> readers;
+    readers.reserve(3);
     for (std::uint32_t reader = 0; reader < 3; ++reader) {
       readers.emplace_back([&, reader] {
         std::minstd_rand choice(reader + 1);
@@ -117,7 +118,7 @@ TEST(Ring, NeverShowsATornElement) {
         bool has_read = false;
         while (true) {
           const std::int64_t last = end.load(std::memory_order_acquire);
-          const std::int64_t back = static_cast<std::int64_t>(choice() % (2 * shape.capacity));
+          const auto back = static_cast<std::int64_t>(choice() % (2 * shape.capacity));
           const std::int64_t index = std::max<std::int64_t>(0, last - back);
           switch (ring->read(index, element.data())) {
             case ReadResult::kDone:

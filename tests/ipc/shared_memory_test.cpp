@@ -141,6 +141,19 @@ TEST_F(SharedMemoryFile, SaysWhyItCannotBeOpened) {
       << "a link may lead anywhere";
 }
 
+TEST_F(SharedMemoryFile, RefusesAFileThatAStrangerHasLaid) {
+  if (::geteuid() != 0) GTEST_SKIP() << "only the administrator can give files away";
+  create().publish();
+  constexpr uid_t kStranger = 54321;
+  ASSERT_EQ(::chown(path_.c_str(), kStranger, kStranger), 0);
+  EXPECT_THROW(static_cast<void>(SharedMemory::open(path_, Access::kReadOnly)), Error);
+
+  // Shared with our group, it is no stranger's.
+  ASSERT_EQ(::chown(path_.c_str(), kStranger, ::getegid()), 0);
+  ASSERT_EQ(::chmod(path_.c_str(), 0660), 0);
+  EXPECT_EQ(SharedMemory::open(path_, Access::kReadOnly).size(), kSize);
+}
+
 TEST_F(SharedMemoryFile, HasNothingOfAnEmptyFile) {
   create().publish();
   ASSERT_EQ(::truncate(path_.c_str(), 0), 0);

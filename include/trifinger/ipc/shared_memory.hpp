@@ -29,6 +29,8 @@ class SharedMemory {
                                                 unsigned mode);
 
   /// Maps the whole of an existing file.
+  /// @throws Error if it belongs to a stranger: neither to us nor to the administrator, nor shared
+  /// with a group of ours.
   /// @throws SystemError; its error_number() is ENOENT if there is none, EACCES if it may not be
   /// opened.
   [[nodiscard]] static SharedMemory open(const std::filesystem::path& path, Access access);

@@ -1,0 +1,24 @@
+# SPDX-License-Identifier: BSD-3-Clause
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+
+@pytest.mark.release
+def test_the_demo_moves_the_cube_and_leaves_its_pictures(tmp_path: Path) -> None:
+    result = subprocess.run(
+        [sys.executable, "-m", "trifinger.demo", "--output", str(tmp_path)],
+        capture_output=True,
+        text=True,
+        timeout=100,
+        check=False,
+    )
+    assert result.returncode == 0, result.stdout + result.stderr
+    table = dict(re.findall(r"^ +(\w.*?) {2,}(\S.*)$", result.stdout, re.MULTILINE))
+    assert int(table["steps"]) > 7000
+    assert float(table["cube moved by"].removesuffix(" cm")) > 3.0
+    for name in ("scene.png", "joints.png"):
+        assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
