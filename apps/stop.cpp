@@ -35,10 +35,10 @@ int stop(const Options& options) {
   // The descriptor stays with this one process, however its number is used later.
   const auto pid = static_cast<pid_t>(info.backend.pid);
   const std::string who = ipc::describe(info.backend);
-  const auto descriptor = static_cast<int>(::syscall(SYS_pidfd_open, pid, 0));
-  if (descriptor < 0 && errno == ESRCH) return already_gone();
-  if (descriptor < 0) throw SystemError("find " + who, errno);
-  const ipc::FileDescriptor process(descriptor);
+  const ipc::FileDescriptor process(
+      [pid] { return static_cast<int>(::syscall(SYS_pidfd_open, pid, 0)); });
+  if (!process && errno == ESRCH) return already_gone();
+  if (!process) throw SystemError("find " + who, errno);
   if (!info.backend.is_alive()) return already_gone();
   if (::syscall(SYS_pidfd_send_signal, process.get(), SIGTERM, nullptr, 0) != 0) {
     if (errno == ESRCH) return already_gone();

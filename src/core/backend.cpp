@@ -51,6 +51,7 @@ class Watchdog {
 
  private:
   void watch() {
+    outrank_realtime();
     std::unique_lock lock(mutex_);
     while (!changed_.wait_for(lock, kWatchPeriod, [this] { return done_; })) {
       if (run_.writers.robot->controller_died()) {

@@ -263,7 +263,8 @@ class UntypedFrontend::Implementation {
            [] { return std::string("the end of the session"); });
       run_inline_to_end();
     }
-    if (mapping_->fault().needs_recovery()) mapping_->throw_stopped();
+    // Somebody else's end may have come first, with actions that were never taken.
+    if (mapping_->fault().code != Fault::Code::kFinished) mapping_->throw_stopped();
   }
 
   void recover(Timeout timeout) {
@@ -277,12 +278,23 @@ class UntypedFrontend::Implementation {
       if (!mapping_->backend_is_alive()) mapping_->throw_stopped();
       return;
     }
-    if (action_) request(layout::kRecover);
+    require_control();
+    request(layout::kRecover);
+    Deadline slice(kSlice);
     while (true) {
-      const SessionMapping current(mapping_->directory(), mapping_->name());
-      if (current.header().session_id != header().session_id) return;
-      if (!current.backend_is_alive()) mapping_->throw_stopped();
+      try {
+        const SessionMapping current(mapping_->directory(), mapping_->name());
+        if (current.header().session_id != header().session_id) return;
+        if (!current.backend_is_alive()) mapping_->throw_stopped();
+      } catch (const SystemError& error) {
+        if (error.error_number() != ENOENT) throw;
+        mapping_->throw_stopped();
+      }
       if (deadline.passed()) throw TimedOut("no new session has begun after the fault");
+      if (interrupt_ && slice.passed()) {
+        slice = Deadline(kSlice);
+        interrupt_();
+      }
       std::this_thread::sleep_for(kPollPeriod);
     }
   }
@@ -480,8 +492,9 @@ std::optional<ipc::SharedMemory> take_control(const SessionMapping& mapping) {
   }
   // A predecessor that died after its first action leaves a session that is about to end.
   const ipc::Ring queue(action->data() + place.offset, place.shape);
-  if (mapping.has_ended() || queue.sequence_in_slot(0) != 0 ||
-      header.requests.load(std::memory_order_relaxed) != 0) {
+  // One that died in the midst of it leaves nothing: the next first action takes its place.
+  if (mapping.has_ended() || queue.sequence_in_slot(0) >= ipc::Ring::sequence_of(0) ||
+      (header.requests.load(std::memory_order_relaxed) & layout::kEndRequests) != 0) {
     return std::nullopt;
   }
   const auto self = ipc::ProcessIdentity::of_this_process();

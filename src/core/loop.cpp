@@ -86,7 +86,10 @@ Progress Loop::hold(const Tick& now) noexcept {
     first_tick_ = now.number;
     set_phase(layout::Phase::kRunning);
     publish_companions(now, 0);
-    return run(now);
+    // What was late before step 0 is not the fault of step 0.
+    Tick first = now;
+    first.skipped = 0;
+    return run(first);
   }
   if (const Fault::Code request = end_request(); request != Fault::Code::kNone) {
     return end(request, 0);
@@ -100,10 +103,12 @@ Progress Loop::hold(const Tick& now) noexcept {
   }
   if (!has_hold_action_) {
     // Once: the pose at the beginning is kept, not the pose into which the robot may creep.
-    static_cast<void>(call_driver([&] {
+    const DriverReport held = call_driver([&] {
       driver_.hold(observation_.data(), hold_action_.data());
       return DriverReport::ready();
-    }));
+    });
+    if (held.state == DriverReport::State::kFault)
+      return end(Fault::Code::kDriver, held.fault_code);
     has_hold_action_ = true;
   }
   const DriverReport report =
@@ -235,7 +240,6 @@ Loop::Take Loop::close_index() noexcept {
 Fault::Code Loop::end_request() const noexcept {
   // relaxed: flags without data behind them.
   if (stop_requested_.load(std::memory_order_relaxed)) return Fault::Code::kStopped;
-  if (stage_ != Stage::kRunning) return Fault::Code::kNone;
   if ((requests() & layout::kDetach) != 0) return Fault::Code::kDetached;
   if (controller_died_.load(std::memory_order_relaxed)) return Fault::Code::kControllerDied;
   return Fault::Code::kNone;
@@ -255,7 +259,15 @@ void Loop::publish_companions(const Tick& now, TimeIndex time_index) noexcept {
   for (std::size_t i = 0; i < companions_.size(); ++i) {
     SessionWriter& companion = *companions_[i];
     Element& element = companion_elements_[i];
-    while (driver_.get_companion_element(i, time_index, element.data())) {
+    const auto has_element = [&] {
+      bool is_there = false;
+      const DriverReport report = call_driver([&] {
+        is_there = driver_.get_companion_element(i, time_index, element.data());
+        return DriverReport::ready();
+      });
+      return is_there && report.state == DriverReport::State::kReady;
+    };
+    while (has_element()) {
       // The buffer's first bytes are a Stamp: the description of every companion begins with one.
       auto& stamp = *reinterpret_cast<Stamp*>(element.data());
       stamp.arrival_time = now.time.time_since_epoch().count();
@@ -282,6 +294,11 @@ void Loop::announce(bool always) noexcept {
 }
 
 Progress Loop::end(Fault::Code code, std::int32_t detail) noexcept {
+  // acquire: the watchdog has ended the session while the driver was at work.
+  if (was_cut_.load(std::memory_order_acquire)) {
+    stage_ = Stage::kDone;
+    return Progress::kEnded;
+  }
   const bool has_begun = stage_ == Stage::kRunning || code == Fault::Code::kFinished;
   fault_ = {.code = code, .detail = detail, .time_index = has_begun ? time_index_ : -1};
   if (has_begun) {
@@ -301,7 +318,6 @@ Progress Loop::end(Fault::Code code, std::int32_t detail) noexcept {
 }
 
 void Loop::cut() noexcept {
-  driver_.cut();
   // The step in work: as many are whole as there are statuses. The series are the loop's, which may
   // come back from its call at any time, so this end has no status of its own.
   const layout::StateHeader& header = writer_.header();
@@ -311,19 +327,22 @@ void Loop::cut() noexcept {
   cut_fault_ = {.code = Fault::Code::kDriverHangs,
                 .detail = 0,
                 .time_index = has_begun ? steps.load(std::memory_order_relaxed) : -1};
-  // release: whoever sees the flag finds the fault.
+  // release: whoever sees the flag finds the fault. Before the power goes: a call that comes back
+  // because of that must not be followed by another one.
   was_cut_.store(true, std::memory_order_release);
+  driver_.cut();
   for (const auto& companion : companions_) companion->end(cut_fault_, {});
-  writer_.end(cut_fault_, {});
+  // A session that had ended before, whose orderly stop hangs, keeps its end.
+  is_cut_the_end_.store(writer_.end(cut_fault_, {}), std::memory_order_release);
 }
 
 Fault Loop::fault() const noexcept {
-  return was_cut_.load(std::memory_order_acquire) ? cut_fault_ : fault_;
+  return is_cut_the_end_.load(std::memory_order_acquire) ? cut_fault_ : fault_;
 }
 
 bool Loop::has_work() const noexcept {
   return writer_.queue().sequence_in_slot(time_index_) >= ipc::Ring::sequence_of(time_index_) ||
-         requests() != 0 || writer_.queue_is_damaged() ||
+         (requests() & layout::kEndRequests) != 0 || writer_.queue_is_damaged() ||
          stop_requested_.load(std::memory_order_relaxed) ||
          controller_died_.load(std::memory_order_relaxed);
 }
@@ -340,7 +359,8 @@ DriverReport Loop::call_driver(const Call& call) noexcept {
   driver_calls_.store(count + 1, std::memory_order_relaxed);
   const DriverReport report = call();
   driver_calls_.store(count + 2, std::memory_order_relaxed);
-  return report;
+  // acquire: what the call said counts no more if the watchdog has cut the power meanwhile.
+  return was_cut_.load(std::memory_order_acquire) ? DriverReport::fault(0) : report;
 }
 
 }  // namespace trifinger::detail

@@ -82,7 +82,8 @@ class Loop {
   std::atomic<bool> controller_died_{false};
   std::atomic<std::uint64_t> driver_calls_{0};
   std::atomic<bool> was_cut_{false};
-  Fault cut_fault_;  // the watchdog's, behind was_cut_
+  std::atomic<bool> is_cut_the_end_{false};
+  Fault cut_fault_;  // the watchdog's, behind these two
 
   // One element each, as words so that they are aligned for every type.
   using Element = std::vector<std::uint64_t>;

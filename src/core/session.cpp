@@ -104,6 +104,7 @@ Session Session::open(const std::string& name) {
 }
 
 SessionInfo Session::info() const {
+  mapping_->require_own();
   const layout::StateHeader& header = mapping_->header();
   SessionInfo info;
   info.name = mapping_->name();
@@ -176,6 +177,10 @@ void recover(const std::string& name, Timeout timeout) {
   try {
     const ipc::SharedMemory action =
         mapping.directory()->open(detail::action_file(name, stopped_id), ipc::Access::kReadWrite);
+    if (action.size() < sizeof(layout::ActionHeader)) {
+      throw Error("the queue of robot '" + name +
+                  "' was cut off; stop its back-end and start it again");
+    }
     auto& header = *reinterpret_cast<layout::ActionHeader*>(action.data());
     // release: nothing belongs to it; the back-end acquires.
     header.requests.fetch_or(layout::kRecover, std::memory_order_release);

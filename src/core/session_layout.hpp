@@ -85,6 +85,7 @@ enum Request : std::uint32_t {
   kDetach = 2,   // end now
   kRecover = 4,  // clear the fault of the ended session
 };
+inline constexpr std::uint32_t kEndRequests = kFinish | kDetach;
 
 // Written by the controlling front-end. The back-end believes nothing in it.
 struct ActionHeader {

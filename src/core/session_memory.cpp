@@ -162,8 +162,7 @@ void require_valid_name(const std::string& name) {
   }
 }
 
-// --- SessionMapping
-// ---------------------------------------------------------------------------------------
+// --- SessionMapping ---
 
 SessionMapping::SessionMapping(std::shared_ptr<Directory> directory, const std::string& name)
     : directory_(std::move(directory)),
@@ -297,6 +296,12 @@ const ElementDescription& SessionMapping::element(Series series) const {
   return description_.observation;
 }
 
+void SessionMapping::require_own() const {
+  if (!fork_.is_inherited()) return;
+  throw InheritedHandle("session '" + name_ +
+                        "' was opened before fork(); open it again in the child process");
+}
+
 bool SessionMapping::backend_is_alive() const noexcept {
   // A back-end ends its session before the file goes. One without an end was removed by a later
   // back-end, whose lock says nothing about ours.
@@ -329,11 +334,10 @@ void SessionMapping::throw_stopped() const {
   throw RobotStopped(fault(), "robot '" + robot_of(name_) + "' has stopped: " + fault_text());
 }
 
-// --- SessionWriter
-// ----------------------------------------------------------------------------------------
+// --- SessionWriter ---
 
 SessionWriter::SessionWriter(std::shared_ptr<Directory> directory, const SessionPlan& plan)
-    : directory_(std::move(directory)), state_file_(state_file(plan.name)) {
+    : directory_(std::move(directory)), state_file_(state_file(plan.name)), mode_(plan.mode) {
   std::uint64_t hash = hash_of(plan.type);
   std::array<std::string, layout::kNumSeries> descriptions;
   std::array<layout::RingPlace, layout::kNumSeries> rings{};
@@ -405,15 +409,23 @@ SessionWriter::SessionWriter(std::shared_ptr<Directory> directory, const Session
     FilePlan action_plan(sizeof(layout::ActionHeader));
     header_->queue = {.offset = action_plan.add(shape.size()), .shape = shape};
     action_file_ = action_file(plan.name, plan.session_id);
-    ipc::SharedMemory action = directory_->create(action_file_, action_plan.size(), plan.mode);
-    action_header_ = new (action.data()) layout::ActionHeader{};
-    action_header_->magic = layout::kActionMagic;
-    action_header_->session_id = plan.session_id;
-    queue_ = ipc::Ring(action.data() + header_->queue.offset, shape);
     // Published first: whoever finds the state file finds the queue, too.
-    action_.emplace(directory_->publish(action_file_, std::move(action)));
+    make_queue();
   }
   state_.emplace(directory_->publish(state_file_, std::move(state)));
+}
+
+void SessionWriter::make_queue() {
+  const layout::RingPlace& place = header_->queue;
+  ipc::SharedMemory action =
+      directory_->create(action_file_, place.offset + place.shape.size(), mode_);
+  auto* const header = new (action.data()) layout::ActionHeader{};
+  header->magic = layout::kActionMagic;
+  header->session_id = header_->session_id;
+  ipc::SharedMemory published = directory_->publish(action_file_, std::move(action));
+  action_header_ = header;
+  queue_ = ipc::Ring(published.data() + place.offset, place.shape);
+  action_.emplace(std::move(published));
 }
 
 SessionWriter::~SessionWriter() {
@@ -428,11 +440,8 @@ bool SessionWriter::controller_died() const noexcept {
       static_cast<std::uint32_t>(layout::Phase::kRunning)) {
     return false;
   }
-  // acquire: the process number is written after the lock was taken.
-  const bool was_taken = action_header_->controller_pid.load(std::memory_order_acquire) != 0;
   const std::uint32_t requests = action_header_->requests.load(std::memory_order_acquire);
-  return was_taken && (requests & layout::kDetach) == 0 &&
-         !ipc::is_locked_by_other(action_->file());
+  return (requests & layout::kDetach) == 0 && !ipc::is_locked_by_other(action_->file());
 }
 
 void SessionWriter::append(Series series, const void* element) noexcept {
@@ -480,7 +489,13 @@ bool SessionWriter::somebody_has_what_they_want() const noexcept {
 }
 
 void SessionWriter::set_phase(layout::Phase phase) noexcept {
-  header_->phase.store(static_cast<std::uint32_t>(phase), std::memory_order_release);
+  // Once ended, by whomever, a session stays ended.
+  std::uint32_t found = header_->phase.load(std::memory_order_relaxed);
+  while (found != static_cast<std::uint32_t>(layout::Phase::kEnded) &&
+         !header_->phase.compare_exchange_weak(found, static_cast<std::uint32_t>(phase),
+                                               std::memory_order_release,
+                                               std::memory_order_relaxed)) {
+  }
 }
 
 bool SessionWriter::end(const Fault& fault, std::string_view text) noexcept {
@@ -496,8 +511,7 @@ bool SessionWriter::end(const Fault& fault, std::string_view text) noexcept {
   return true;
 }
 
-// --- SessionPlace
-// -----------------------------------------------------------------------------------------
+// --- SessionPlace ---
 
 SessionPlace::SessionPlace(std::shared_ptr<Directory> directory, std::string name,
                            SessionOptions options)
@@ -530,6 +544,10 @@ SessionPlace::~SessionPlace() {
 
 SessionPlace::Writers SessionPlace::begin(const UntypedDriver& driver, bool is_real_time,
                                           Nanoseconds period) {
+  if (fork_.is_inherited()) {
+    throw InheritedHandle("the host of '" + name_ +
+                          "' was made before fork(), and the name is its parent's");
+  }
   const RobotTypes& robot = driver.description();
   SessionPlan plan{
       .name = name_,

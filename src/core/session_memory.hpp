@@ -111,6 +111,8 @@ class SessionMapping {
   }
   // Two system calls.
   [[nodiscard]] bool backend_is_alive() const noexcept;
+  // Throws InheritedHandle in a forked child, where the lock cannot be asked for.
+  void require_own() const;
   // Valid once the session has ended, or its back-end died.
   [[nodiscard]] Fault fault() const noexcept;
   [[nodiscard]] std::string fault_text() const;
@@ -129,6 +131,7 @@ class SessionMapping {
   std::string host_;
   RobotTypes description_;
   ElementDescription status_;
+  ipc::ForkGuard fork_;
 };
 
 // What a session is made of.
@@ -188,10 +191,12 @@ class SessionWriter {
 
  private:
   [[nodiscard]] bool somebody_has_what_they_want() const noexcept;
+  void make_queue();
 
   std::shared_ptr<Directory> directory_;
   std::string state_file_;
   std::string action_file_;
+  unsigned mode_;
   std::optional<ipc::SharedMemory> state_;
   std::optional<ipc::SharedMemory> action_;
   layout::StateHeader* header_{nullptr};

@@ -43,10 +43,10 @@ std::uint64_t fork_generation() noexcept {
   return registry().generation.load(std::memory_order_relaxed);
 }
 
-FileDescriptor::FileDescriptor(int fd) : fd_(fd) {
-  if (fd < 0) return;
+FileDescriptor::FileDescriptor(const std::function<int()>& open) {
   const std::lock_guard lock(registry().mutex);
-  registry().descriptors.insert(fd);
+  fd_ = open();
+  if (fd_ >= 0) registry().descriptors.insert(fd_);
 }
 
 FileDescriptor::~FileDescriptor() {

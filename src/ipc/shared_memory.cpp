@@ -50,7 +50,7 @@ int open_flags(Access access) {
 
 SharedMemory SharedMemory::create_anonymous(std::size_t size) {
   SharedMemory memory;
-  memory.file_ = FileDescriptor(::memfd_create("trifinger", MFD_CLOEXEC));
+  memory.file_ = FileDescriptor([] { return ::memfd_create("trifinger", MFD_CLOEXEC); });
   if (!memory.file_) throw SystemError("make anonymous shared memory", errno);
   allocate(memory.file_, size, "anonymous shared memory");
   memory.map(Access::kReadWrite);
@@ -67,8 +67,10 @@ SharedMemory SharedMemory::create_file(const std::filesystem::path& folder, cons
                                      std::to_string(count.fetch_add(1, std::memory_order_relaxed)));
   // A file left by a killed process with our number.
   ::unlink(memory.temporary_path_.c_str());
-  memory.file_ = FileDescriptor(::open(memory.temporary_path_.c_str(),
-                                       O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, S_IRUSR | S_IWUSR));
+  memory.file_ = FileDescriptor([&] {
+    return ::open(memory.temporary_path_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC,
+                  S_IRUSR | S_IWUSR);
+  });
   if (!memory.file_) throw SystemError("make " + memory.temporary_path_.string(), errno);
   allocate(memory.file_, size, memory.path_.string());
   // fchmod, not open: the mode asked for must not depend on the umask.
@@ -82,7 +84,7 @@ SharedMemory SharedMemory::create_file(const std::filesystem::path& folder, cons
 SharedMemory SharedMemory::open(const std::filesystem::path& path, Access access) {
   SharedMemory memory;
   memory.path_ = path;
-  memory.file_ = FileDescriptor(::open(path.c_str(), open_flags(access)));
+  memory.file_ = FileDescriptor([&] { return ::open(path.c_str(), open_flags(access)); });
   if (!memory.file_) throw SystemError("open " + path.string(), errno);
   require_trusted_owner(memory.file_, path);
   memory.map(access);
@@ -94,7 +96,8 @@ SharedMemory SharedMemory::reopen(Access access) const {
   memory.path_ = path_;
   // The link in /proc is the only other name of anonymous memory; it opens a new file description.
   const std::string link = "/proc/self/fd/" + std::to_string(file_.get());
-  memory.file_ = FileDescriptor(::open(link.c_str(), open_flags(access) & ~O_NOFOLLOW));
+  memory.file_ =
+      FileDescriptor([&] { return ::open(link.c_str(), open_flags(access) & ~O_NOFOLLOW); });
   if (!memory.file_) throw SystemError("open shared memory once more", errno);
   memory.map(access);
   return memory;

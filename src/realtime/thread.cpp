@@ -5,6 +5,7 @@
 #include <sched.h>
 #include <sys/mman.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <system_error>
@@ -59,6 +60,22 @@ std::vector<std::string> enter_realtime(const RealtimeOptions& options) {
     throw Error(text);
   }
   return refused;
+}
+
+void outrank_realtime() noexcept {
+  int policy = SCHED_OTHER;
+  sched_param parameters{};
+  if (pthread_getschedparam(pthread_self(), &policy, &parameters) != 0 || policy != SCHED_FIFO) {
+    return;
+  }
+  constexpr int kHighestPriority = 99;
+  parameters.sched_priority = std::min(parameters.sched_priority + 1, kHighestPriority);
+  pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameters);
+  cpu_set_t everywhere;
+  CPU_ZERO(&everywhere);
+  // The kernel leaves out those that are not there or not allowed.
+  for (std::size_t cpu = 0; cpu < CPU_SETSIZE; ++cpu) CPU_SET(cpu, &everywhere);
+  pthread_setaffinity_np(pthread_self(), sizeof(everywhere), &everywhere);
 }
 
 }  // namespace trifinger

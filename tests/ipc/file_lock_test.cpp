@@ -21,7 +21,7 @@ namespace {
 class FileLock : public ::testing::Test {
  protected:
   [[nodiscard]] FileDescriptor open(int flags = O_RDWR) const {
-    return FileDescriptor(::open(path_.c_str(), flags | O_CREAT | O_CLOEXEC, 0600));
+    return FileDescriptor([&] { return ::open(path_.c_str(), flags | O_CREAT | O_CLOEXEC, 0600); });
   }
 
   test::SessionFolder folder_;

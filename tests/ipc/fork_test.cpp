@@ -16,7 +16,9 @@ namespace {
 
 bool is_open(int fd) { return ::fcntl(fd, F_GETFD) >= 0; }
 
-FileDescriptor open_null() { return FileDescriptor(::open("/dev/null", O_RDWR | O_CLOEXEC)); }
+FileDescriptor open_null() {
+  return FileDescriptor([] { return ::open("/dev/null", O_RDWR | O_CLOEXEC); });
+}
 
 TEST(ForkGuard, KnowsAForkedChild) {
   const ForkGuard guard;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <functional>
 #include <utility>
 
 namespace trifinger::ipc {
@@ -10,8 +11,9 @@ namespace trifinger::ipc {
 class FileDescriptor {
  public:
   FileDescriptor() = default;
-  /// Takes ownership of `fd`, which must have been opened with O_CLOEXEC.
-  explicit FileDescriptor(int fd);
+  /// Owns what `open` returns, which must have O_CLOEXEC; negative for nothing, with errno as
+  /// `open` has left it. No fork comes between opening and owning.
+  explicit FileDescriptor(const std::function<int()>& open);
   FileDescriptor(FileDescriptor&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
   FileDescriptor& operator=(FileDescriptor&& other) noexcept {
     std::swap(fd_, other.fd_);

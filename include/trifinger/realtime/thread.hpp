@@ -28,4 +28,8 @@ struct RealtimeOptions {
 /// @throws Error with these sentences if `demand` is kRequire.
 std::vector<std::string> enter_realtime(const RealtimeOptions& options);
 
+/// Lets the calling thread run even if the real-time thread that has made it never gives way: on
+/// any processor, one priority above. Does nothing in an ordinary thread.
+void outrank_realtime() noexcept;
+
 }  // namespace trifinger
