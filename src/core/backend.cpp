@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "trifinger/core/backend.hpp"
 
+#include <signal.h>
+
 #include <condition_variable>
 #include <mutex>
 #include <optional>
@@ -32,12 +34,34 @@ struct Run {
   detail::Loop loop;
 };
 
+// Keeps signals from threads that are made during its life: handlers are the program's, and run in
+// its threads. What a thread does to itself still reaches it.
+class BlockedSignals {
+ public:
+  BlockedSignals() {
+    sigset_t blocked;
+    ::sigfillset(&blocked);
+    for (const int own : {SIGBUS, SIGSEGV, SIGFPE, SIGILL, SIGTRAP, SIGABRT}) {
+      ::sigdelset(&blocked, own);
+    }
+    ::pthread_sigmask(SIG_BLOCK, &blocked, &before_);
+  }
+  BlockedSignals(const BlockedSignals&) = delete;
+  BlockedSignals& operator=(const BlockedSignals&) = delete;
+  ~BlockedSignals() { ::pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
+
+ private:
+  sigset_t before_{};
+};
+
 // Looks at what the loop cannot see: whether the controlling process lives, whether a call of the
 // driver returns.
 class Watchdog {
  public:
-  Watchdog(Run& run, Timeout driver_timeout)
-      : run_(run), driver_timeout_(driver_timeout), thread_([this] { watch(); }) {}
+  Watchdog(Run& run, Timeout driver_timeout) : run_(run), driver_timeout_(driver_timeout) {
+    const BlockedSignals blocked;
+    thread_ = std::thread([this] { watch(); });
+  }
   Watchdog(const Watchdog&) = delete;
   Watchdog& operator=(const Watchdog&) = delete;
   ~Watchdog() {

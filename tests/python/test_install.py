@@ -106,7 +106,9 @@ def test_public_headers_do_not_include_mujoco(prefix: Path) -> None:
 
 def build_consumer(source: Path, build: Path, prefix: Path, *options: str) -> Path:
     """Builds a project of somebody who uses the package and returns the program."""
-    run("cmake", "-S", source, "-B", build, f"-DCMAKE_PREFIX_PATH={prefix}", *options)
+    run(
+        "cmake", "-G", "Ninja", "-S", source, "-B", build, f"-DCMAKE_PREFIX_PATH={prefix}", *options
+    )
     run("cmake", "--build", build)
     return build / "consumer"
 
@@ -142,6 +144,14 @@ def test_package_says_why_it_is_not_what_was_asked_for(
         """
     )
     refusal = run(
-        "cmake", "-S", tmp_path, "-B", tmp_path, f"-DCMAKE_PREFIX_PATH={prefix}", succeeds=False
+        "cmake",
+        "-G",
+        "Ninja",
+        "-S",
+        tmp_path,
+        "-B",
+        tmp_path,
+        f"-DCMAKE_PREFIX_PATH={prefix}",
+        succeeds=False,
     )
     assert answer in " ".join(refusal.split())
