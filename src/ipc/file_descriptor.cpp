@@ -36,6 +36,13 @@ Registry& registry() {
   return *instance;
 }
 
+int open_registered(const std::function<int()>& open) {
+  const std::lock_guard lock(registry().mutex);
+  const int fd = open();
+  if (fd >= 0) registry().descriptors.insert(fd);
+  return fd;
+}
+
 }  // namespace
 
 std::uint64_t fork_generation() noexcept {
@@ -43,11 +50,7 @@ std::uint64_t fork_generation() noexcept {
   return registry().generation.load(std::memory_order_relaxed);
 }
 
-FileDescriptor::FileDescriptor(const std::function<int()>& open) {
-  const std::lock_guard lock(registry().mutex);
-  fd_ = open();
-  if (fd_ >= 0) registry().descriptors.insert(fd_);
-}
+FileDescriptor::FileDescriptor(const std::function<int()>& open) : fd_(open_registered(open)) {}
 
 FileDescriptor::~FileDescriptor() {
   if (fd_ < 0) return;
