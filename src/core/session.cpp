@@ -42,7 +42,7 @@ std::string not_found_text(const std::string& name) {
     if (other.backend_is_alive) others += (others.empty() ? "" : ", ") + other.name;
   }
   if (!others.empty()) text += "; running: " + others;
-  return text + "; start one with 'trifinger run sim --name " + name + "'";
+  return text + "; 'trifinger run sim --name " + name + "' starts a simulated one";
 }
 
 }  // namespace

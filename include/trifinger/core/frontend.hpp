@@ -183,9 +183,13 @@ class Frontend {
 
   /// Says that no further action will come: the session ends, without a fault, behind the last
   /// action appended. Returns when it has ended.
+  /// @throws RobotStopped if it has ended otherwise, so that actions may have been left out;
+  /// TimedOut
   void finish(Timeout timeout = kForever) { untyped_.finish(timeout); }
   /// Clears the fault that ended the session and waits until the back-end has begun the next one.
-  /// This handle remains stopped: connect again.
+  /// This handle remains stopped: connect again. The controller's; `trifinger::recover(name)` is
+  /// for everybody.
+  /// @throws InvalidArgument for a handle that only observes, RobotStopped if the back-end is gone
   void recover(Timeout timeout = kForever) { untyped_.recover(timeout); }
   /// Why the session ended; nothing while it goes on.
   [[nodiscard]] std::optional<Fault> fault() const { return untyped_.fault(); }
