@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
+#include <array>
+#include <cerrno>
 #include <chrono>
-#include <csignal>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -15,6 +18,7 @@
 #include "support/child_process.hpp"
 #include "support/session_folder.hpp"
 #include "support/shared_value.hpp"
+#include "trifinger/base/error.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/realtime/clock.hpp"
@@ -173,7 +177,10 @@ struct AcrossProcesses {
       }
     }
     [[nodiscard]] Frontend<Robot> observe() { return connect({.control = false}); }
-    void request_stop() { process_.send(SIGTERM); }
+    void request_stop() {
+      const char any = 0;
+      static_cast<void>(::write(stop_.write_end(), &any, 1));
+    }
     [[nodiscard]] const ChildProcess& process() const noexcept { return process_; }
     /// SIGKILL.
     void kill() noexcept {
@@ -182,28 +189,31 @@ struct AcrossProcesses {
     }
 
    private:
-    // SIGTERM is blocked around the fork, so that the child is asked to stop only when it can hear
-    // it.
-    class BlockedSignal {
+    // A byte through it asks the child to stop. No signal: a sanitizer defers handlers, and may
+    // lose one; what the program does with signals is tested with the program.
+    class Pipe {
      public:
-      BlockedSignal() { change(SIG_BLOCK); }
-      BlockedSignal(const BlockedSignal&) = delete;
-      BlockedSignal& operator=(const BlockedSignal&) = delete;
-      ~BlockedSignal() { unblock(); }
+      Pipe() {
+        if (::pipe2(ends_.data(), O_CLOEXEC) != 0) throw SystemError("make a pipe", errno);
+      }
+      Pipe(const Pipe&) = delete;
+      Pipe& operator=(const Pipe&) = delete;
+      ~Pipe() {
+        for (const int end : ends_) ::close(end);
+      }
 
-      static void unblock() { change(SIG_UNBLOCK); }
+      [[nodiscard]] int write_end() const noexcept { return ends_[1]; }
+      void wait_for_a_byte() const noexcept {
+        char any = 0;
+        while (::read(ends_[0], &any, 1) < 0 && errno == EINTR) {
+        }
+      }
 
      private:
-      static void change(int how) {
-        sigset_t set;
-        ::sigemptyset(&set);
-        ::sigaddset(&set, SIGTERM);
-        ::sigprocmask(how, &set, nullptr);
-      }
+      std::array<int, 2> ends_{};
     };
 
     [[nodiscard]] ChildProcess start() {
-      const BlockedSignal blocked;
       return ChildProcess([this] { return run(); });
     }
 
@@ -211,16 +221,16 @@ struct AcrossProcesses {
       const auto driver = this->make_driver();
       SessionHost host = SessionHost::named("robot", this->plan_.session);
       Backend backend(*driver, host, this->plan_.backend, this->clock_);
-      static Backend* running = nullptr;
-      running = &backend;
-      std::signal(SIGTERM, [](int) { running->request_stop(); });
-      BlockedSignal::unblock();
+      std::thread stopper([&] {
+        stop_.wait_for_a_byte();
+        backend.request_stop();
+      });
       backend.run();
-      // A second request finds nobody any more.
-      std::signal(SIGTERM, SIG_IGN);
+      stopper.join();
       return 0;
     }
 
+    Pipe stop_;
     SessionFolder folder_;
     ChildProcess process_;
     bool was_killed_{false};
