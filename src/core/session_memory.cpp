@@ -337,7 +337,7 @@ void SessionMapping::throw_stopped() const {
 // --- SessionWriter ---
 
 SessionWriter::SessionWriter(std::shared_ptr<Directory> directory, const SessionPlan& plan)
-    : directory_(std::move(directory)), state_file_(state_file(plan.name)), mode_(plan.mode) {
+    : directory_(std::move(directory)), state_file_(state_file(plan.name)) {
   std::uint64_t hash = hash_of(plan.type);
   std::array<std::string, layout::kNumSeries> descriptions;
   std::array<layout::RingPlace, layout::kNumSeries> rings{};
@@ -410,15 +410,15 @@ SessionWriter::SessionWriter(std::shared_ptr<Directory> directory, const Session
     header_->queue = {.offset = action_plan.add(shape.size()), .shape = shape};
     action_file_ = action_file(plan.name, plan.session_id);
     // Published first: whoever finds the state file finds the queue, too.
-    make_queue();
+    make_queue(plan.mode);
   }
   state_.emplace(directory_->publish(state_file_, std::move(state)));
 }
 
-void SessionWriter::make_queue() {
+void SessionWriter::make_queue(unsigned mode) {
   const layout::RingPlace& place = header_->queue;
   ipc::SharedMemory action =
-      directory_->create(action_file_, place.offset + place.shape.size(), mode_);
+      directory_->create(action_file_, place.offset + place.shape.size(), mode);
   auto* const header = new (action.data()) layout::ActionHeader{};
   header->magic = layout::kActionMagic;
   header->session_id = header_->session_id;

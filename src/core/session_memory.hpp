@@ -191,12 +191,11 @@ class SessionWriter {
 
  private:
   [[nodiscard]] bool somebody_has_what_they_want() const noexcept;
-  void make_queue();
+  void make_queue(unsigned mode);
 
   std::shared_ptr<Directory> directory_;
   std::string state_file_;
   std::string action_file_;
-  unsigned mode_;
   std::optional<ipc::SharedMemory> state_;
   std::optional<ipc::SharedMemory> action_;
   layout::StateHeader* header_{nullptr};
