@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Every test has a session folder of its own. Hangs are ended by pytest's faulthandler_timeout."""
 
+import os
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -12,6 +14,7 @@ from trifinger import _trifinger
 
 # The folder of the build that the module under test comes from.
 BUILD = Path(_trifinger.__file__).parents[2]
+PROGRAM = os.environ.get("TRIFINGER_PROGRAM", str(BUILD / "apps/trifinger"))
 
 FAKE_BACKEND = """
 import sys, trifinger
@@ -61,7 +64,33 @@ class Child:
         return self.process.returncode, output + errors
 
 
+class Running:
+    """The program `trifinger` at work. Its output is read line by line."""
+
+    def __init__(self, *arguments: str) -> None:
+        self.process = subprocess.Popen(
+            [PROGRAM, *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+        )
+
+    def wait_for(self, text: str) -> str:
+        """Reads up to the line that contains `text` and returns that line."""
+        assert self.process.stdout is not None
+        seen = []
+        for line in self.process.stdout:
+            seen.append(line)
+            if text in line:
+                return line
+        raise AssertionError(f"it ended without {text!r}:\n{''.join(seen)}")
+
+    def end(self, number: signal.Signals = signal.SIGTERM) -> tuple[int, str]:
+        """Sends a signal, waits for the end, returns the exit status and the rest of the output."""
+        self.process.send_signal(number)
+        output, _ = self.process.communicate()
+        return self.process.returncode, output
+
+
 StartChild = Callable[..., Child]
+StartProgram = Callable[..., Running]
 
 
 @pytest.fixture(autouse=True)
@@ -115,6 +144,21 @@ def start_foreign(start_child: StartChild) -> StartChild:
         return start_child(str(BUILD / "tests/python/foreign_backend"), robot, name)
 
     return start
+
+
+@pytest.fixture
+def start_program() -> Iterator[StartProgram]:
+    """Starts the program `trifinger`; it does not outlive the test."""
+    started: list[Running] = []
+
+    def start(*arguments: str) -> Running:
+        started.append(Running(*arguments))
+        return started[-1]
+
+    yield start
+    for program in started:
+        with program.process:  # closes what is left open, and waits
+            program.process.kill()
 
 
 @pytest.fixture

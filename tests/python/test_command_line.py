@@ -10,15 +10,13 @@ import struct
 import subprocess
 import termios
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trifinger
-from conftest import BUILD, StartChild
+from conftest import PROGRAM, StartChild, StartProgram
 
-PROGRAM = os.environ.get("TRIFINGER_PROGRAM", str(BUILD / "apps/trifinger"))
 COMMANDS = ("run", "list", "status", "read", "stop", "recover", "model", "doctor")
 ESCAPE = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 
@@ -29,49 +27,6 @@ def run(*arguments: str, expect: int = 0) -> str:
     assert result.returncode == expect, result.stdout + result.stderr
     assert "\x1b" not in result.stdout + result.stderr  # nobody asked for colours
     return result.stdout + result.stderr
-
-
-class Running:
-    """The program at work. Its output is read line by line."""
-
-    def __init__(self, *arguments: str) -> None:
-        self.process = subprocess.Popen(
-            [PROGRAM, *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-        )
-
-    def wait_for(self, text: str) -> str:
-        """Reads up to the line that contains `text` and returns that line."""
-        assert self.process.stdout is not None
-        seen = []
-        for line in self.process.stdout:
-            seen.append(line)
-            if text in line:
-                return line
-        raise AssertionError(f"it ended without {text!r}:\n{''.join(seen)}")
-
-    def end(self, number: signal.Signals = signal.SIGTERM) -> tuple[int, str]:
-        """Sends a signal, waits for the end, returns the exit status and the rest of the output."""
-        self.process.send_signal(number)
-        output, _ = self.process.communicate()
-        return self.process.returncode, output
-
-
-StartProgram = Callable[..., Running]
-
-
-@pytest.fixture
-def start() -> Iterator[StartProgram]:
-    """Starts the program; it does not outlive the test."""
-    started: list[Running] = []
-
-    def start(*arguments: str) -> Running:
-        started.append(Running(*arguments))
-        return started[-1]
-
-    yield start
-    for program in started:
-        with program.process:  # closes what is left open, and waits
-            program.process.kill()
 
 
 class Screen:
@@ -183,10 +138,10 @@ def test_an_unknown_verb_is_a_program_on_the_path(
 
 
 def test_a_robot_is_told_apart_by_its_name_and_says_what_happens_to_late_actions(
-    start: StartProgram,
+    start_program: StartProgram,
 ) -> None:
-    left = start("run", "fake", "--name", "left")
-    right = start("run", "fake", "--name", "right", "--set", "max_repeats=0")
+    left = start_program("run", "fake", "--name", "left")
+    right = start_program("run", "fake", "--name", "right", "--set", "max_repeats=0")
     assert "a late action is repeated at most 100 times in a row" in left.wait_for("real-time mode")
     assert "a late action ends the session with a fault" in right.wait_for("real-time mode")
     left.wait_for("left: holds")
@@ -197,8 +152,8 @@ def test_a_robot_is_told_apart_by_its_name_and_says_what_happens_to_late_actions
     ]
 
 
-def test_the_life_of_each_session_is_told(start: StartProgram) -> None:
-    program = start("run", "fake", "--non-real-time")
+def test_the_life_of_each_session_is_told(start_program: StartProgram) -> None:
+    program = start_program("run", "fake", "--non-real-time")
     program.wait_for("holds its pose")
     for _ in range(2):
         with trifinger.connect("fake") as robot:
@@ -212,8 +167,10 @@ def test_the_life_of_each_session_is_told(start: StartProgram) -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_brings_the_robot_to_rest(start: StartProgram, number: signal.Signals) -> None:
-    program = start("run", "fake")
+def test_a_signal_brings_the_robot_to_rest(
+    start_program: StartProgram, number: signal.Signals
+) -> None:
+    program = start_program("run", "fake")
     program.wait_for("holds its pose")
     status, output = program.end(number)
     assert status == 0
@@ -221,16 +178,16 @@ def test_a_signal_brings_the_robot_to_rest(start: StartProgram, number: signal.S
     assert not any(session.backend_is_alive for session in trifinger.list_sessions())
 
 
-def test_a_second_signal_kills(start: StartProgram) -> None:
-    program = start("run", "fake", "--set", "stop_periods=1000000")
+def test_a_second_signal_kills(start_program: StartProgram) -> None:
+    program = start_program("run", "fake", "--set", "stop_periods=1000000")
     program.wait_for("holds its pose")
     program.process.send_signal(signal.SIGINT)
     program.wait_for("comes to rest")
     assert program.end(signal.SIGINT)[0] == -signal.SIGINT
 
 
-def test_a_reader_that_goes_away_does_not_end_the_robot(start: StartProgram) -> None:
-    program = start("run", "fake")
+def test_a_reader_that_goes_away_does_not_end_the_robot(start_program: StartProgram) -> None:
+    program = start_program("run", "fake")
     program.wait_for("holds its pose")
     assert program.process.stdout is not None
     program.process.stdout.close()
@@ -240,15 +197,15 @@ def test_a_reader_that_goes_away_does_not_end_the_robot(start: StartProgram) -> 
     assert program.process.wait() == 0
 
 
-def test_two_back_ends_cannot_have_one_name(start: StartProgram) -> None:
-    program = start("run", "fake")
+def test_two_back_ends_cannot_have_one_name(start_program: StartProgram) -> None:
+    program = start_program("run", "fake")
     program.wait_for("holds its pose")
     message = run("run", "fake", expect=1)
     assert f"robot 'fake' is run by trifinger (process {program.process.pid})" in message
 
 
-def test_what_the_machine_refuses_is_said_or_ends_the_program(start: StartProgram) -> None:
-    start("run", "fake", "--cpu", "1023").wait_for("cannot stay on processor 1023")
+def test_what_the_machine_refuses_is_said_or_ends_the_program(start_program: StartProgram) -> None:
+    start_program("run", "fake", "--cpu", "1023").wait_for("cannot stay on processor 1023")
     message = run(
         "run", "fake", "--name", "b", "--cpu", "1023", "--scheduling", "require", expect=1
     )
@@ -262,8 +219,8 @@ def test_a_mistake_in_a_file_is_named_with_its_place(tmp_path: Path) -> None:
     assert f"{file}:4:12: robot.variant is 'edu2'" in run("run", str(file), expect=1)
 
 
-def test_a_simulated_robot_runs_with_its_objects(start: StartProgram) -> None:
-    program = start("run", "sim", "--non-real-time", "--set", "fingers.height=0.3")
+def test_a_simulated_robot_runs_with_its_objects(start_program: StartProgram) -> None:
+    program = start_program("run", "sim", "--non-real-time", "--set", "fingers.height=0.3")
     program.wait_for("holds its pose")
     with trifinger.connect("sim") as robot:
         action = robot.new_action(position=robot.latest_observation().position)
@@ -303,8 +260,8 @@ def test_a_dead_back_end_is_called_dead(start_fake: StartChild) -> None:
     assert "the back-end died" in run("recover", "robot", expect=1)
 
 
-def test_a_stopped_back_end_is_called_silent(start: StartProgram) -> None:
-    program = start("run", "fake")
+def test_a_stopped_back_end_is_called_silent(start_program: StartProgram) -> None:
+    program = start_program("run", "fake")
     program.wait_for("holds its pose")
     program.process.send_signal(signal.SIGSTOP)
     while "silent for" not in run("list"):
@@ -312,8 +269,8 @@ def test_a_stopped_back_end_is_called_silent(start: StartProgram) -> None:
     assert "silent for" in run("status", "fake")
 
 
-def test_the_status_counts_what_the_back_end_has_noted(start: StartProgram) -> None:
-    start("run", "fake", "--set", "max_repeats=1000000").wait_for("holds its pose")
+def test_the_status_counts_what_the_back_end_has_noted(start_program: StartProgram) -> None:
+    start_program("run", "fake", "--set", "max_repeats=1000000").wait_for("holds its pose")
     with trifinger.connect("fake") as robot:
         t = robot.append_desired_action(robot.new_action())
         robot.wait_until_time_index(t + 50)
@@ -324,8 +281,8 @@ def test_the_status_counts_what_the_back_end_has_noted(start: StartProgram) -> N
     assert re.search(r"mode +real-time, 1000 Hz", status)
 
 
-def test_a_fault_is_shown_with_its_remedy_which_works(start: StartProgram) -> None:
-    program = start("run", "fake", "--set", "max_repeats=0")
+def test_a_fault_is_shown_with_its_remedy_which_works(start_program: StartProgram) -> None:
+    program = start_program("run", "fake", "--set", "max_repeats=0")
     program.wait_for("holds its pose")
     assert "there is nothing to recover from, it is holding" in run("recover", "fake")
     robot = trifinger.connect("fake")
@@ -346,8 +303,8 @@ def test_companions_have_no_life_of_their_own(start_fake: StartChild) -> None:
         assert "name the robot" in run(command, "robot.sensor", expect=2)
 
 
-def test_stop_waits_until_the_back_end_is_gone(start: StartProgram) -> None:
-    program = start("run", "fake", "--set", "stop_periods=200")
+def test_stop_waits_until_the_back_end_is_gone(start_program: StartProgram) -> None:
+    program = start_program("run", "fake", "--set", "stop_periods=200")
     program.wait_for("holds its pose")
     assert run("stop", "fake") == f"fake: stopped trifinger (process {program.process.pid}).\n"
     assert not any(session.backend_is_alive for session in trifinger.list_sessions())

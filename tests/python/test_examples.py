@@ -1,23 +1,39 @@
 # SPDX-License-Identifier: BSD-3-Clause
 import os
+import re
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import pytest
 import trifinger
+from conftest import BUILD, PROGRAM, StartProgram
 
-# The package is build/PRESET/python/trifinger, the C++ examples are in build/PRESET/examples.
-PROGRAMS = Path(trifinger.__file__).parents[2] / "examples"
+PROGRAMS = BUILD / "examples"
 EXAMPLES = Path(__file__).parents[2] / "examples"
+CONTROL_LOOP = "01_basic_control_loop"  # connects to a robot that runs elsewhere
+# This machine may be busy with other tests: nobody is to blame for being late.
+PATIENT = (
+    "--set",
+    "backend.late_action.max_repeats=1000000",
+    "--set",
+    "backend.max_skipped_ticks=1000000",
+)
 
 
-@pytest.mark.parametrize("name", sorted(path.stem for path in EXAMPLES.glob("*.py")))
+def python_command(name: str) -> list[str]:
+    return [sys.executable, "-W", "error", str(EXAMPLES / f"{name}.py")]
+
+
+@pytest.mark.parametrize(
+    "name", sorted(path.stem for path in EXAMPLES.glob("*.py") if path.stem != CONTROL_LOOP)
+)
 def test_shows_what_it_says(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", f"{PROGRAMS}:{os.environ['PATH']}")
-    example = subprocess.run(
-        [sys.executable, "-W", "error", EXAMPLES / f"{name}.py"], capture_output=True, text=True
-    )
+    example = subprocess.run(python_command(name), capture_output=True, text=True)
     assert example.returncode == 0, example.stdout + example.stderr
     assert example.stdout
     assert example.stderr == ""
@@ -26,3 +42,63 @@ def test_shows_what_it_says(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_comes_in_both_languages() -> None:
     in_cpp = {path.stem for path in EXAMPLES.glob("*.cpp")}
     assert {path.stem for path in EXAMPLES.glob("*.py")} == in_cpp
+
+
+# ---- the basic control loop, in both languages ----
+
+in_both_languages = pytest.mark.parametrize(
+    "command", [[str(PROGRAMS / CONTROL_LOOP)], python_command(CONTROL_LOOP)], ids=["C++", "Python"]
+)
+
+
+@contextmanager
+def running(command: list[str]) -> Iterator[subprocess.Popen[str]]:
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as program:
+        try:
+            yield program
+        finally:
+            program.kill()  # nothing, where it has ended
+
+
+@in_both_languages
+@pytest.mark.parametrize("mode", ["--real-time", "--non-real-time"])
+def test_the_control_loop_ends_well_when_the_robot_is_stopped(
+    command: list[str], mode: str, start_program: StartProgram
+) -> None:
+    start_program("run", "sim", mode, *PATIENT).wait_for("holds its pose")
+    observer = trifinger.observe("sim")
+    with running(command) as program:
+        goal = np.array([0.1, 0.8, -1.5] * 3)
+        t = 0
+        while np.abs(goal - observer.get_observation(t).position).max() > 0.05:
+            t += 100
+        subprocess.run([PROGRAM, "stop", "sim"], check=True, capture_output=True)
+        output, errors = program.communicate()
+    assert (program.returncode, errors) == (0, "")
+    assert re.fullmatch(
+        r"robot 'sim' has stopped: the back-end was asked to stop at step \d+\n", output
+    )
+
+
+@in_both_languages
+def test_the_control_loop_fails_when_the_robot_does(
+    command: list[str], start_program: StartProgram
+) -> None:
+    robot = start_program("run", "sim", *PATIENT)
+    robot.wait_for("holds its pose")
+    observer = trifinger.observe("sim")
+    with running(command) as program:
+        observer.wait_until_time_index(10)
+        robot.process.kill()
+        output, errors = program.communicate()
+    assert program.returncode == 1
+    assert "robot 'sim' has stopped: the back-end died" in output + errors
+
+
+@in_both_languages
+def test_the_control_loop_says_how_to_start_a_robot(command: list[str]) -> None:
+    example = subprocess.run(command, capture_output=True, text=True)
+    assert example.returncode == 1
+    assert "'trifinger run sim" in example.stderr

@@ -8,7 +8,8 @@ import pytest
 ROOT = Path(__file__).parents[2]
 SUFFIXES = {"cpp": ".cpp", "python": ".py"}
 BLOCK = re.compile(r"^```(cpp|python)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
-BLOCKS = BLOCK.findall((ROOT / "README.md").read_text())
+README = (ROOT / "README.md").read_text()
+BLOCKS = BLOCK.findall(README)
 
 
 def contains(program: str, block: str) -> bool:
@@ -21,9 +22,14 @@ def contains(program: str, block: str) -> bool:
     )
 
 
-def test_has_the_control_loop_in_both_languages() -> None:
-    loops = [language for language, block in BLOCKS if "while t < 1000" in block.replace("(", "")]
-    assert sorted(loops) == ["cpp", "python"]
+def test_begins_with_the_control_loop_in_both_languages() -> None:
+    beginning = README[: README.index("\n## ")]
+    (cpp, cpp_loop), (python, python_loop) = BLOCK.findall(beginning)
+    assert (cpp, python) == ("cpp", "python")
+    assert 'connect<trifinger::TriFinger>("sim")' in cpp_loop
+    assert "for (;;)" in cpp_loop
+    assert 'connect("sim")' in python_loop
+    assert "while True:" in python_loop
 
 
 @pytest.mark.parametrize(("language", "block"), BLOCKS)
