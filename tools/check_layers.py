@@ -18,11 +18,13 @@ DIRECTLY_BELOW = {
     "realtime": ("base",),
     "config": ("base",),
     "core": ("ipc", "realtime"),
+    "mcap": ("ipc",),
+    "log": ("core", "mcap"),
     "joint": ("core", "config"),
     "model": ("base",),
     "sim": ("joint", "model"),
-    "apps": ("sim",),
-    "bindings": ("sim",),
+    "apps": ("sim", "log"),
+    "bindings": ("sim", "log"),
 }
 
 INCLUDE = re.compile(r'^\s*#\s*include\s*["<]trifinger/(\w+)/')

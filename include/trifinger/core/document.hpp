@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+
+namespace trifinger {
+
+/// A text that belongs to a robot's sessions and explains them: its configuration, its model.
+struct Document {
+  std::string name;        ///< As in "configuration.yml"; unique among those of a robot.
+  std::string media_type;  ///< As in "application/yaml".
+  std::string text;
+
+  friend bool operator==(const Document&, const Document&) = default;
+};
+
+}  // namespace trifinger
