@@ -11,10 +11,7 @@ import trifinger
 
 # Elsewhere the cart would just be there: this starts the C++ program and waits for its first line.
 with subprocess.Popen(
-    ["05_own_robot", "cart"],
-    stdin=subprocess.PIPE,
-    stdout=subprocess.PIPE,
-    text=True,
+    ["05_own_robot"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
 ) as cart:
     print(cart.stdout.readline().strip())
 
@@ -27,11 +24,12 @@ with subprocess.Popen(
         for _ in range(2000):
             t = robot.append_desired_action(action)
         applied = robot.get_applied_action(t)
-        y = robot.get_observation(t)
+        y = robot.get_observation(t + 1)
 
     cart.communicate("\n")  # Enter stops it
 
-print(f"after {t} steps at {y.place} m, heading {y.heading:.3f} rad")
+print(f"after {t + 1} steps: {y.distance:.3f} m driven, heading {y.heading:.3f} rad")
 assert applied.speed[1] == 20.0
-assert np.isclose(y.heading, 3.0, atol=0.01)
+assert np.isclose(y.distance, 0.9)
+assert np.isclose(y.heading, 3.0)
 assert cart.returncode == 0
