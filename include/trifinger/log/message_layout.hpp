@@ -8,6 +8,7 @@
 #include <string_view>
 #include <vector>
 
+#include "trifinger/base/time.hpp"
 #include "trifinger/core/description.hpp"
 #include "trifinger/core/robot.hpp"
 
@@ -29,10 +30,11 @@ struct MessagePart {
 
 /// A ROS 2 message made of elements: its definition, and how the elements' bytes become CDR.
 ///
-/// Elements are laid out as C++ does, which is how CDR does it too as long as nothing needs padding;
-/// then encoding is a copy per part.
+/// Elements are laid out as C++ does, which is how CDR does it too as long as nothing needs
+/// padding; then encoding is a copy per part.
 class MessageLayout {
  public:
+  /// `type` is the message's name without its package, as in "TrifingerStep".
   /// @throws InvalidArgument for names that ROS 2 does not allow
   MessageLayout(std::string_view type, std::vector<MessagePart> parts,
                 Precision precision = Precision::kDouble);
@@ -55,8 +57,8 @@ class MessageLayout {
   struct Run {
     std::size_t element_offset;
     std::size_t message_offset;
-    std::size_t count;     // bytes, or numbers if converted
-    bool converts;         // float64 <-> float32
+    std::size_t count;  // bytes, or numbers if converted
+    bool converts;      // float64 <-> float32
   };
 
   std::string type_;
@@ -64,5 +66,25 @@ class MessageLayout {
   std::size_t size_{0};
   std::vector<std::vector<Run>> parts_;
 };
+
+/// What every message begins with. The second field is called "time_index" in the messages of
+/// robots and "index" in those of companions.
+struct MessageHead {
+  std::uint64_t session_id{0};  ///< Of the robot's session.
+  TimeIndex index{0};
+};
+
+/// The parts of the messages of a log, in their order; docs/log_format.md.
+enum StepPart : std::uint8_t { kHead, kStatus, kObservation, kAppliedAction, kDesiredAction };
+/// The message of a whole step: all parts.
+[[nodiscard]] MessageLayout step_layout(const RobotTypes& robot, const ElementDescription& status,
+                                        Precision precision);
+/// The message of a session's end: head, status and observation.
+[[nodiscard]] MessageLayout end_layout(const RobotTypes& robot, const ElementDescription& status,
+                                       Precision precision);
+/// The message of an element of a companion of this type: head and element.
+[[nodiscard]] MessageLayout companion_layout(std::string_view type,
+                                             const ElementDescription& element,
+                                             Precision precision);
 
 }  // namespace trifinger::log
