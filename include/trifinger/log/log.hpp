@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <limits>
 #include <map>
 #include <memory>
 #include <optional>
@@ -76,8 +77,8 @@ class SeriesReader {
  public:
   /// Where rows go: arrays for as many as are asked for.
   struct Rows {
-    TimeIndex* indices{nullptr};    ///< The step of each row; of a companion, the element's index.
-    std::int64_t* times{nullptr};   ///< Since 1970 [ns].
+    TimeIndex* indices{nullptr};     ///< The step of each row; of a companion, the element's index.
+    std::int64_t* times{nullptr};    ///< Since 1970 [ns].
     std::span<void* const> columns;  ///< Elements, one address per column.
   };
 
@@ -187,8 +188,8 @@ class Log {
 
   // These look at the whole log once.
 
-  [[nodiscard]] const std::vector<Event>& events() const;
-  [[nodiscard]] const std::vector<Damage>& damage() const;
+  [[nodiscard]] std::vector<Event> events() const;
+  [[nodiscard]] std::vector<Damage> damage() const;
   /// Bytes of the files that could not be used.
   [[nodiscard]] std::uint64_t lost_bytes() const;
 
@@ -199,6 +200,8 @@ class Log {
 /// @throws IncompatibleSession with the first difference if `session` is not one of the robot
 /// `expected`
 void require_same_robot(const LoggedSession& session, const RobotTypes& expected);
+/// The same for the elements of a companion.
+void require_same_elements(const LoggedSession& session, const ElementDescription& expected);
 
 /// The session of robot R in a log, with the functions of `Frontend`. Those with one `t` give one
 /// element, the others fill a range; all throw NotInLog for what is not there.
