@@ -21,9 +21,9 @@ namespace {
 
 Choice<Series> choice_of_series() {
   Choices<Series> choices;
-  choices.reserve(5);
+  choices.reserve(6);
   for (const Series series : {Series::kDesiredAction, Series::kAppliedAction, Series::kObservation,
-                              Series::kStatus, Series::kHolding}) {
+                              Series::kStatus, Series::kHolding, Series::kStopping}) {
     choices.emplace_back(name_of(series), series);
   }
   return {"--series", "observation", std::move(choices)};

@@ -9,6 +9,7 @@
 #include <string>
 #include <utility>
 
+#include "followers.hpp"
 #include "loop.hpp"
 #include "session_memory.hpp"
 #include "trifinger/core/errors.hpp"
@@ -121,6 +122,7 @@ void BackendOptions::validate() const {
           "period is " + std::to_string(period.count()) + " ns; allowed are positive times");
   require(first_action_timeout > Nanoseconds::zero(), "first_action_timeout must be positive");
   require(driver_timeout > Nanoseconds::zero(), "driver_timeout must be positive");
+  require(max_follower_wait >= Nanoseconds::zero(), "max_follower_wait must not be negative");
   require(max_stop_time >= Nanoseconds::zero(), "max_stop_time must not be negative");
 }
 
@@ -128,7 +130,11 @@ class Backend::Implementation {
  public:
   Implementation(UntypedDriver& driver, SessionHost& host, const BackendOptions& options,
                  Clock& clock)
-      : driver_(driver), host_(host), options_(options), clock_(clock) {
+      : driver_(driver),
+        host_(host),
+        options_(options),
+        clock_(clock),
+        followers_(options.max_follower_wait) {
     options_.validate();
   }
 
@@ -136,9 +142,11 @@ class Backend::Implementation {
     if (!run_ || fork_.is_inherited()) return;
     request_stop();
     // The clock may be a test's that nobody moves any more: the stop does not wait for it.
-    while (run_->loop.tick(tick_now()) != Progress::kEnded) {
+    while (step() != Progress::kEnded) {
     }
   }
+
+  void follow(Follower& follower) { followers_.add(follower); }
 
   void run() {
     while (!stop_requested()) {
@@ -174,7 +182,7 @@ class Backend::Implementation {
 
   Progress advance() noexcept {
     if (!run_) return Progress::kEnded;
-    const Progress progress = run_->loop.tick(tick_now());
+    const Progress progress = step();
     if (progress == Progress::kEnded && !has_ended_) {
       has_ended_ = true;
       last_fault_ = run_->loop.fault();
@@ -206,6 +214,18 @@ class Backend::Implementation {
     run_ = std::move(next);
     has_ended_ = false;
     last_fault_ = {};
+    followers_.begin_session(host_, run_->writers);
+  }
+
+  // Does a tick without a deadline, or makes room for it.
+  Progress step() noexcept {
+    const TimeIndex t = run_->loop.time_index();
+    if (!is_real_time() && !followers_.have_room_for(t)) {
+      followers_.wait(t);
+      run_->loop.beat(clock_.now());
+      return Progress::kHeldUp;
+    }
+    return run_->loop.tick(tick_now());
   }
 
   [[nodiscard]] detail::Tick tick_now() const noexcept { return {.time = clock_.now()}; }
@@ -232,7 +252,7 @@ class Backend::Implementation {
 
   void run_without_deadlines() noexcept {
     while (true) {
-      const Progress progress = run_->loop.tick(tick_now());
+      const Progress progress = step();
       if (progress == Progress::kEnded) return;
       if (progress == Progress::kWaiting) wait_for_work();
     }
@@ -288,6 +308,7 @@ class Backend::Implementation {
   SessionHost& host_;
   BackendOptions options_;
   Clock& clock_;
+  detail::Followers followers_;
   ipc::ForkGuard fork_;
   std::atomic<bool> stop_requested_{false};
   std::unique_ptr<Run> run_;
@@ -299,6 +320,7 @@ Backend::Backend(UntypedDriver& driver, SessionHost& host, BackendOptions option
     : implementation_(std::make_unique<Implementation>(driver, host, options, clock)) {}
 Backend::~Backend() = default;
 
+void Backend::follow(Follower& follower) { implementation_->follow(follower); }
 void Backend::run() { implementation_->run(); }
 void Backend::request_stop() noexcept { implementation_->request_stop(); }
 void Backend::begin_session() { implementation_->begin_session(); }

@@ -301,16 +301,7 @@ class UntypedFrontend::Implementation {
 
   [[nodiscard]] std::unique_ptr<Implementation> companion(const std::string& name) const {
     require_own();
-    const std::string full_name = mapping_->name() + "." + name;
-    std::shared_ptr<const SessionMapping> companion;
-    try {
-      companion = std::make_shared<SessionMapping>(mapping_->directory(), full_name);
-    } catch (const SystemError& error) {
-      if (error.error_number() != ENOENT) throw;
-      throw SessionNotFound("robot '" + mapping_->name() + "' has no companion '" + name + "'");
-    }
-    if (companion->header().robot_session_id != header().session_id) mapping_->throw_stopped();
-    auto implementation = std::make_unique<Implementation>(std::move(companion), std::nullopt,
+    auto implementation = std::make_unique<Implementation>(mapping_->companion(name), std::nullopt,
                                                            FrontendOptions{.control = false},
                                                            inline_backend_, owner_);
     implementation->interrupt_ = interrupt_;
@@ -356,7 +347,9 @@ class UntypedFrontend::Implementation {
   // no business of ours.
   void run_inline_to_end() const noexcept {
     if (inline_backend_ == nullptr) return;
-    while (inline_backend_->advance() == Progress::kStepped) {
+    for (auto progress = Progress::kStepped;
+         progress == Progress::kStepped || progress == Progress::kHeldUp;) {
+      progress = inline_backend_->advance();
     }
   }
 
@@ -434,11 +427,12 @@ class UntypedFrontend::Implementation {
       const bool has_ended = mapping_->has_ended();
       if (ready()) return;
       if (has_ended) mapping_->throw_stopped();
-      if (inline_backend_->advance() == Progress::kWaiting && !ready()) {
+      const Progress progress = inline_backend_->advance();
+      if (progress == Progress::kWaiting && !ready()) {
         throw ActionMissing(what() + " needs an action that has not been appended: step " +
                             std::to_string(header().next_action.load(std::memory_order_relaxed)));
       }
-      if (++steps % kStepsPerLook != 0) continue;
+      if (progress != Progress::kHeldUp && ++steps % kStepsPerLook != 0) continue;
       if (deadline.passed() && !ready()) throw TimedOut(what() + " did not come in time");
       const Instant now = std::chrono::steady_clock::now();
       if (interrupt_ && now - last_interrupt >= kSlice) {
@@ -564,6 +558,10 @@ UntypedFrontend::UntypedFrontend(const SessionHost& host, FrontendOptions option
             return std::make_unique<Implementation>(std::move(mapping), std::move(action), options,
                                                     nullptr);
           })) {}
+
+UntypedFrontend::UntypedFrontend(const Session& session)
+    : implementation_(std::make_unique<Implementation>(
+          session.mapping(), std::nullopt, FrontendOptions{.control = false}, nullptr)) {}
 
 UntypedFrontend::UntypedFrontend(Backend& backend, FrontendOptions options,
                                  std::shared_ptr<void> owner)

@@ -48,7 +48,7 @@ Progress Loop::tick(const Tick& now) noexcept {
     case Stage::kDone:
       break;
   }
-  return Progress::kEnded;
+  return rest();
 }
 
 Progress Loop::prepare(const Tick& now) noexcept {
@@ -180,12 +180,26 @@ Progress Loop::run(const Tick& now) noexcept {
 }
 
 Progress Loop::stop() noexcept {
+  // What the period before has done. A robot that stops at once is not asked again.
+  if (count_ > 0) {
+    const DriverReport measured =
+        call_driver([&] { return driver_.get_latest_observation(observation_.data()); });
+    if (measured.state == DriverReport::State::kReady) {
+      writer_.append_stopping(observation_.data());
+    }
+  }
   const DriverReport report = call_driver([&] { return driver_.stop(count_); });
   ++count_;
   const bool takes_too_long = count_ * options_.period >= options_.max_stop_time;
   if (report.state == DriverReport::State::kBusy && !takes_too_long) return Progress::kStepped;
   if (report.state != DriverReport::State::kReady) driver_.cut();
   stage_ = Stage::kDone;
+  return rest();
+}
+
+Progress Loop::rest() noexcept {
+  for (const auto& companion : companions_) companion->come_to_rest();
+  writer_.come_to_rest();
   return Progress::kEnded;
 }
 
@@ -334,6 +348,7 @@ void Loop::cut() noexcept {
   for (const auto& companion : companions_) companion->end(cut_fault_, {});
   // A session that had ended before, whose orderly stop hangs, keeps its end.
   is_cut_the_end_.store(writer_.end(cut_fault_, {}), std::memory_order_release);
+  rest();
 }
 
 Fault Loop::fault() const noexcept {

@@ -39,6 +39,8 @@ class Loop {
   // From the watchdog, when the driver hangs.
   void cut() noexcept;
 
+  // The step in work.
+  [[nodiscard]] TimeIndex time_index() const noexcept { return time_index_; }
   // True if the next tick could do more than wait: an action or a request is there.
   [[nodiscard]] bool has_work() const noexcept;
   void beat(Instant now) noexcept;
@@ -53,6 +55,7 @@ class Loop {
   Progress hold(const Tick& now) noexcept;
   Progress run(const Tick& now) noexcept;
   Progress stop() noexcept;
+  Progress rest() noexcept;
 
   bool measure(const Tick& now) noexcept;
   Take take_action() noexcept;

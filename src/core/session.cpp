@@ -59,6 +59,8 @@ std::string_view name_of(Series series) noexcept {
       return "status";
     case Series::kHolding:
       return "holding";
+    case Series::kStopping:
+      return "stopping";
   }
   return "unknown";
 }
@@ -111,6 +113,7 @@ SessionInfo Session::info() const {
   info.type = mapping_->description().type;
   info.is_companion = mapping_->is_companion();
   info.session_id = header.session_id;
+  info.robot_session_id = header.robot_session_id;
   info.is_real_time = header.is_real_time != 0;
   info.period = Nanoseconds(header.period);
   info.created = std::chrono::system_clock::time_point(
@@ -127,6 +130,8 @@ SessionInfo Session::info() const {
     info.since_heartbeat =
         std::chrono::steady_clock::now().time_since_epoch() - Nanoseconds(heartbeat);
   }
+  // acquire: what was measured on the way is there.
+  info.is_at_rest = header.is_at_rest.load(std::memory_order_acquire) != 0;
   if (mapping_->has_ended() || !info.backend_is_alive) {
     info.fault = mapping_->fault();
     info.fault_text = mapping_->fault_text();
@@ -152,6 +157,16 @@ const RobotTypes& Session::description() const noexcept { return mapping_->descr
 
 const ElementDescription& Session::element(Series series) const {
   return mapping_->element(series);
+}
+
+std::vector<Document> Session::documents() const { return mapping_->documents(); }
+
+const std::vector<std::string>& Session::companion_names() const noexcept {
+  return mapping_->companion_names();
+}
+
+Session Session::companion(const std::string& name) const {
+  return Session(mapping_->companion(name));
 }
 
 std::vector<SessionInfo> list_sessions() {
@@ -206,11 +221,12 @@ SessionHost::~SessionHost() = default;
 
 SessionHost SessionHost::anonymous(SessionOptions options) {
   return SessionHost(std::make_unique<detail::SessionPlace>(
-      std::make_shared<detail::ProcessDirectory>(), "anonymous", options));
+      std::make_shared<detail::ProcessDirectory>(), "anonymous", std::move(options)));
 }
 
 SessionHost SessionHost::named(const std::string& name, SessionOptions options) {
-  return SessionHost(std::make_unique<detail::SessionPlace>(session_directory(), name, options));
+  return SessionHost(
+      std::make_unique<detail::SessionPlace>(session_directory(), name, std::move(options)));
 }
 
 Session SessionHost::open(const std::string& companion) const {

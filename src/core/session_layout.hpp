@@ -15,9 +15,9 @@ namespace trifinger::layout {
 
 inline constexpr std::uint64_t kStateMagic = 0x3154532d52474654;   // "TFGR-ST1"
 inline constexpr std::uint64_t kActionMagic = 0x3143412d52474654;  // "TFGR-AC1"
-inline constexpr std::uint32_t kLayoutVersion = 1;
+inline constexpr std::uint32_t kLayoutVersion = 2;
 
-inline constexpr std::size_t kNumSeries = 5;
+inline constexpr std::size_t kNumSeries = 6;
 inline constexpr std::size_t kNumWaitSlots = 8;
 
 enum class Phase : std::uint32_t {
@@ -35,6 +35,12 @@ struct RingPlace {
 struct TextPlace {
   std::uint64_t offset;
   std::uint64_t size;
+};
+
+struct DocumentPlace {
+  TextPlace name;
+  TextPlace media_type;
+  TextPlace text;
 };
 
 // Written by the back-end alone; everybody else maps it read-only.
@@ -58,6 +64,8 @@ struct StateHeader {
   TextPlace host;
   std::array<TextPlace, kNumSeries> descriptions;
   TextPlace default_action;  // bytes
+  TextPlace companions;      // names, each with a newline behind it
+  TextPlace documents;       // DocumentPlaces
 
   // What readers sleep on, and how far the series have come.
   alignas(64) std::atomic<std::uint32_t> event;
@@ -78,6 +86,7 @@ struct StateHeader {
   std::atomic<std::int32_t> fault_detail;
   std::atomic<std::int64_t> fault_time_index;
   std::array<char, 256> fault_text;
+  std::atomic<std::uint32_t> is_at_rest;  // behind the end, when the orderly stop is over
 };
 
 enum Request : std::uint32_t {

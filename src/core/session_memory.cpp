@@ -8,6 +8,8 @@
 #include <cerrno>
 #include <cstring>
 #include <random>
+#include <sstream>
+#include <utility>
 
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/status.hpp"
@@ -250,14 +252,25 @@ void SessionMapping::check() {
       description_.action = parse(Series::kDesiredAction);
       description_.applied_action = parse(Series::kAppliedAction);
       status_ = parse(Series::kStatus);
-      if (parse(Series::kHolding) != description_.observation) {
-        throw InvalidArgument("its observations before step 0 have other fields than later ones");
+      for (const Series series : {Series::kHolding, Series::kStopping}) {
+        if (parse(series) != description_.observation) {
+          throw InvalidArgument("its series '" + std::string(trifinger::name_of(series)) +
+                                "' has other fields than its observations");
+        }
       }
       const layout::RingPlace& queue = header_->queue;
       if (!queue.shape.is_valid() || queue.offset % 8 != 0 || queue.offset > kMaxQueueOffset ||
           queue.shape.element_size != sizeof(std::uint64_t) + description_.action.size()) {
         throw InvalidArgument("its queue has a wrong size");
       }
+    }
+    std::istringstream companions(text(header_->companions));
+    for (std::string companion; std::getline(companions, companion);) {
+      require_valid_name(companion);
+      companion_names_.push_back(companion);
+    }
+    if (is_companion() && !companion_names_.empty()) {
+      throw InvalidArgument("it is a companion and has companions");
     }
     const std::string action = text(header_->default_action);
     const auto* bytes = reinterpret_cast<const std::byte*>(action.data());
@@ -277,6 +290,51 @@ std::string SessionMapping::text(const layout::TextPlace& place) const {
   return {reinterpret_cast<const char*>(memory_.data() + place.offset), place.size};
 }
 
+std::vector<Document> SessionMapping::documents() const {
+  try {
+    const std::string places = text(header_->documents);
+    if (places.size() % sizeof(layout::DocumentPlace) != 0) {
+      throw InvalidArgument("the list of its documents has a wrong size");
+    }
+    std::vector<Document> documents(places.size() / sizeof(layout::DocumentPlace));
+    // What all of them may have together: places that lie on top of each other ask for no more.
+    std::uint64_t room = memory_.size();
+    for (std::size_t i = 0; i < documents.size(); ++i) {
+      layout::DocumentPlace place{};
+      std::memcpy(&place, places.data() + i * sizeof(place), sizeof(place));
+      for (const auto& [part, target] : {std::pair(place.name, &documents[i].name),
+                                         std::pair(place.media_type, &documents[i].media_type),
+                                         std::pair(place.text, &documents[i].text)}) {
+        if (part.size > room) throw InvalidArgument("its documents are larger than the file");
+        room -= part.size;
+        *target = text(part);
+      }
+    }
+    return documents;
+  } catch (const InvalidArgument& error) {
+    throw IncompatibleSession("session '" + name_ + "' cannot be read: " + error.what());
+  }
+}
+
+std::shared_ptr<const SessionMapping> SessionMapping::companion(const std::string& name) const {
+  if (std::ranges::find(companion_names_, name) == companion_names_.end()) {
+    std::string known;
+    for (const std::string& other : companion_names_) known += (known.empty() ? "" : ", ") + other;
+    throw SessionNotFound("robot '" + name_ + "' has no companion '" + name + "'; it has " +
+                          (known.empty() ? "none" : known));
+  }
+  std::shared_ptr<const SessionMapping> companion;
+  try {
+    companion = std::make_shared<SessionMapping>(directory_, name_ + "." + name);
+  } catch (const SystemError& error) {
+    // Removed with its session.
+    if (error.error_number() == ENOENT) throw_stopped();
+    throw;
+  }
+  if (companion->header().robot_session_id != header_->session_id) throw_stopped();
+  return companion;
+}
+
 const ElementDescription& SessionMapping::element(Series series) const {
   if (!has(series)) {
     throw InvalidArgument("session '" + name_ + "' has no series '" +
@@ -291,6 +349,7 @@ const ElementDescription& SessionMapping::element(Series series) const {
       return status_;
     case Series::kObservation:
     case Series::kHolding:
+    case Series::kStopping:
       break;
   }
   return description_.observation;
@@ -363,6 +422,18 @@ SessionWriter::SessionWriter(std::shared_ptr<Directory> directory, const Session
   const layout::TextPlace host_place{file.add(host.size()), host.size()};
   const layout::TextPlace default_place{file.add(plan.default_action.size()),
                                         plan.default_action.size()};
+  const layout::TextPlace companions_place{file.add(plan.companions.size()),
+                                           plan.companions.size()};
+  const auto add_text = [&file](const std::string& text) {
+    return layout::TextPlace{file.add(text.size()), text.size()};
+  };
+  std::vector<layout::DocumentPlace> documents;
+  for (const Document& document : plan.documents) {
+    documents.push_back(
+        {add_text(document.name), add_text(document.media_type), add_text(document.text)});
+  }
+  const std::uint64_t documents_size = documents.size() * sizeof(layout::DocumentPlace);
+  const layout::TextPlace documents_place{file.add(documents_size), documents_size};
 
   ipc::SharedMemory state = directory_->create(state_file_, file.size(), plan.mode);
   std::byte* const data = state.data();
@@ -391,10 +462,19 @@ SessionWriter::SessionWriter(std::shared_ptr<Directory> directory, const Session
   header_->host = host_place;
   header_->descriptions = texts;
   header_->default_action = default_place;
+  header_->companions = companions_place;
+  header_->documents = documents_place;
   write_text(name_place, plan.name.data());
   write_text(type_place, plan.type.data());
   write_text(host_place, host.data());
   write_text(default_place, plan.default_action.data());
+  write_text(companions_place, plan.companions.data());
+  write_text(documents_place, documents.data());
+  for (std::size_t i = 0; i < documents.size(); ++i) {
+    write_text(documents[i].name, plan.documents[i].name.data());
+    write_text(documents[i].media_type, plan.documents[i].media_type.data());
+    write_text(documents[i].text, plan.documents[i].text.data());
+  }
   for (std::size_t i = 0; i < layout::kNumSeries; ++i) {
     write_text(texts[i], descriptions[i].data());
     rings_[i] = ipc::Ring(data + rings[i].offset, rings[i].shape);
@@ -447,12 +527,20 @@ bool SessionWriter::controller_died() const noexcept {
 void SessionWriter::append(Series series, const void* element) noexcept {
   // relaxed: a driver's call that comes back after its session was ended from outside adds nothing
   // to it.
-  if (ended_.test(std::memory_order_relaxed)) return;
+  if (!ended_.test(std::memory_order_relaxed)) write(series, element);
+}
+
+void SessionWriter::write(Series series, const void* element) noexcept {
   const std::size_t i = index_of(series);
   rings_[i].write(ends_[i], element);
   ++ends_[i];
   // release: whoever sees the new end finds the element.
   header_->ends[i].store(ends_[i], std::memory_order_release);
+}
+
+TimeIndex SessionWriter::arrival_index(std::int64_t index) const noexcept {
+  static_assert(offsetof(Stamp, arrival_index) == 0 && sizeof(Stamp::arrival_index) == 8);
+  return static_cast<TimeIndex>(rings_[index_of(Series::kObservation)].first_word(index));
 }
 
 void SessionWriter::announce(Wake wake) noexcept {
@@ -511,15 +599,26 @@ bool SessionWriter::end(const Fault& fault, std::string_view text) noexcept {
   return true;
 }
 
+void SessionWriter::append_stopping(const void* observation) noexcept {
+  write(Series::kStopping, observation);
+}
+
+void SessionWriter::come_to_rest() noexcept {
+  // release: whoever sees this finds all that was measured before.
+  if (header_->is_at_rest.exchange(1, std::memory_order_release) != 0) return;
+  header_->event.fetch_add(1, std::memory_order_seq_cst);
+  ipc::futex_wake_all(header_->event);
+}
+
 // --- SessionPlace ---
 
 SessionPlace::SessionPlace(std::shared_ptr<Directory> directory, std::string name,
                            SessionOptions options)
     : directory_(std::move(directory)),
       name_((require_valid_name(name), std::move(name))),
-      options_(options),
-      lock_(directory_->open_or_create(lock_file(name_), options.mode)) {
-  if (options.history == 0 || options.queue == 0) {
+      options_(std::move(options)),
+      lock_(directory_->open_or_create(lock_file(name_), options_.mode)) {
+  if (options_.history == 0 || options_.queue == 0) {
     throw InvalidArgument("history and queue need room for at least one element each");
   }
   if (!ipc::try_lock(lock_.file())) {
@@ -556,8 +655,9 @@ SessionPlace::Writers SessionPlace::begin(const UntypedDriver& driver, bool is_r
       .is_real_time = is_real_time,
       .period = period,
       .elements = {&robot.action, &robot.applied_action, &robot.observation, &describe<Status>(),
-                   &robot.observation},
+                   &robot.observation, &robot.observation},
       .default_action = robot.default_action,
+      .documents = options_.documents,
       .queue = options_.queue,
       .mode = options_.mode,
   };
@@ -565,6 +665,9 @@ SessionPlace::Writers SessionPlace::begin(const UntypedDriver& driver, bool is_r
   plan.capacities.fill(options_.history);
   constexpr std::size_t kHoldingHistory = 16;
   plan.capacities[index_of(Series::kHolding)] = kHoldingHistory;
+  // A second at 1 kHz: longer than a damped stop takes.
+  constexpr std::size_t kStoppingHistory = 1024;
+  plan.capacities[index_of(Series::kStopping)] = std::min(options_.history, kStoppingHistory);
 
   Writers writers;
   // Companions first: whoever finds the robot's session finds its companions, too.
@@ -580,6 +683,7 @@ SessionPlace::Writers SessionPlace::begin(const UntypedDriver& driver, bool is_r
     };
     companion_plan.elements[index_of(Series::kObservation)] = &companion.element;
     companion_plan.capacities[index_of(Series::kObservation)] = companion.history;
+    plan.companions += companion.name + "\n";
     writers.companions.push_back(std::make_unique<SessionWriter>(directory_, companion_plan));
   }
   writers.robot = std::make_unique<SessionWriter>(directory_, plan);

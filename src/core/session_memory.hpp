@@ -7,6 +7,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -98,6 +99,13 @@ class SessionMapping {
   [[nodiscard]] const std::string& host() const noexcept { return host_; }
   [[nodiscard]] const RobotTypes& description() const noexcept { return description_; }
   [[nodiscard]] const ElementDescription& element(Series series) const;
+  [[nodiscard]] const std::vector<std::string>& companion_names() const noexcept {
+    return companion_names_;
+  }
+  // Throws IncompatibleSession.
+  [[nodiscard]] std::vector<Document> documents() const;
+  // The companion `name` of this session. Throws SessionNotFound, RobotStopped.
+  [[nodiscard]] std::shared_ptr<const SessionMapping> companion(const std::string& name) const;
   [[nodiscard]] bool is_companion() const noexcept { return !has(Series::kStatus); }
   [[nodiscard]] const std::shared_ptr<Directory>& directory() const noexcept { return directory_; }
 
@@ -131,6 +139,7 @@ class SessionMapping {
   std::string host_;
   RobotTypes description_;
   ElementDescription status_;
+  std::vector<std::string> companion_names_;
   ipc::ForkGuard fork_;
 };
 
@@ -145,6 +154,8 @@ struct SessionPlan {
   std::array<const ElementDescription*, layout::kNumSeries> elements{};  // nullptr: no such series
   std::array<std::size_t, layout::kNumSeries> capacities{};
   std::vector<std::byte> default_action{};
+  std::string companions{};  // names, each with a newline behind it
+  std::span<const Document> documents{};
   std::size_t queue{0};  // capacity; 0: no action file
   unsigned mode{0600};
 };
@@ -178,6 +189,12 @@ class SessionWriter {
     return ends_[static_cast<std::size_t>(series)];
   }
 
+  [[nodiscard]] std::int64_t capacity_of(Series series) const noexcept {
+    return static_cast<std::int64_t>(rings_[static_cast<std::size_t>(series)].shape().capacity);
+  }
+  // Companions: when the element `index`, one of those in the ring, arrived.
+  [[nodiscard]] TimeIndex arrival_index(std::int64_t index) const noexcept;
+
   enum class Wake : std::uint8_t {
     kAlways,    // whoever sleeps
     kIfWanted,  // if the controller sleeps until something that is there now
@@ -188,8 +205,12 @@ class SessionWriter {
   // The last word: the fault, then the phase kEnded, then everybody wakes. Once; false if it had
   // been said before.
   bool end(const Fault& fault, std::string_view text) noexcept;
+  // Behind the end: what the orderly stop has measured, and that it is over.
+  void append_stopping(const void* observation) noexcept;
+  void come_to_rest() noexcept;
 
  private:
+  void write(Series series, const void* element) noexcept;
   [[nodiscard]] bool somebody_has_what_they_want() const noexcept;
   void make_queue(unsigned mode);
 

@@ -437,10 +437,18 @@ void use(const std::string& name) {
     }
   };
   attempt([&] { static_cast<void>(Session::open(name).info()); });
+  attempt([&] { static_cast<void>(Session::open(name).documents()); });
+  attempt([&] {
+    const Session session = Session::open(name);
+    for (const std::string& companion : session.companion_names()) {
+      static_cast<void>(session.companion(companion));
+    }
+  });
   attempt([&] {
     const UntypedFrontend reader(name, {.control = false});
-    for (const Series series : {Series::kDesiredAction, Series::kAppliedAction,
-                                Series::kObservation, Series::kStatus, Series::kHolding}) {
+    for (const Series series :
+         {Series::kDesiredAction, Series::kAppliedAction, Series::kObservation, Series::kStatus,
+          Series::kHolding, Series::kStopping}) {
       for (const TimeIndex t : {TimeIndex{0}, TimeIndex{7}, TimeIndex{1000}}) {
         attempt([&] { static_cast<void>(reader.try_get(series, t, element.data())); });
         attempt([&] { reader.get(series, t, element.data(), Timeout::zero()); });

@@ -12,6 +12,7 @@
 
 #include "trifinger/base/time.hpp"
 #include "trifinger/core/driver.hpp"
+#include "trifinger/core/follower.hpp"
 #include "trifinger/core/session.hpp"
 #include "trifinger/realtime/clock.hpp"
 #include "trifinger/realtime/thread.hpp"
@@ -37,6 +38,12 @@ struct BackendOptions {
   Timeout driver_timeout{
       std::chrono::seconds(1)};  ///< After this time in one call of the driver the power is cut.
 
+  // Non-real-time mode only:
+  Timeout max_follower_wait{
+      std::chrono::seconds(1)};  ///< How long to wait for a follower that is a whole history behind
+                                 ///< and does not move. Then it loses steps, and is waited for
+                                 ///< again once it is back in the history.
+
   std::uint32_t max_rejected_actions{10};  ///< How many actions in a row the driver may reject.
   Timeout max_stop_time{
       std::chrono::seconds(10)};  ///< How long the orderly stop may take before the power is cut.
@@ -49,6 +56,7 @@ struct BackendOptions {
 enum class Progress : std::uint8_t {
   kStepped,  ///< Something; call again.
   kWaiting,  ///< Nothing: the action for the next step is missing.
+  kHeldUp,   ///< Nothing: it has waited a moment for a follower; call again.
   kEnded,    ///< The session has ended and the robot is at rest.
 };
 
@@ -71,6 +79,10 @@ class Backend {
   /// Ends the session (`kStopped`) and brings the robot to rest.
   ~Backend();
 
+  /// Lets `follower`, which must outlive the back-end, see every session from the next one on. To
+  /// be called by the thread of the back-end, or before it runs.
+  void follow(Follower& follower);
+
   /// Runs session after session in the calling thread, until `request_stop`.
   /// @throws SystemError if a session cannot be made
   void run();
@@ -80,7 +92,7 @@ class Backend {
   /// Inline: begins a session unless one goes on.
   /// @throws RobotStopped if the last one ended with a fault that has not been recovered
   void begin_session();
-  /// Inline: does the next piece of work without waiting. Non-real-time mode only.
+  /// Inline: does the next piece of work without waiting for actions. Non-real-time mode only.
   [[nodiscard]] Progress advance() noexcept;
   /// Inline: clears the fault, so that the next session can begin.
   void recover() noexcept;

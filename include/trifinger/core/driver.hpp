@@ -95,7 +95,7 @@ class UntypedDriver {
   /// Writes the action that keeps the pose of `observation`; the back-end applies it before step 0.
   virtual void hold(const void* observation, void* action) noexcept TRIFINGER_REALTIME = 0;
   /// Comes to rest and releases the robot. Called once per period with a count from 0 until it is
-  /// ready.
+  /// ready. In between measurements go on, for those who look into the end later.
   [[nodiscard]] virtual DriverReport stop(TimeIndex step) noexcept TRIFINGER_REALTIME = 0;
   /// Last resort, from another thread, when a call above hangs: take the power away.
   virtual void cut() noexcept = 0;

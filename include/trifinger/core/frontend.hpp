@@ -35,6 +35,9 @@ class UntypedFrontend {
   explicit UntypedFrontend(const std::string& name, FrontendOptions options = {});
   /// Takes part in the current session of `host`, whose back-end runs in a thread of this process.
   explicit UntypedFrontend(const SessionHost& host, FrontendOptions options = {});
+  /// Looks at `session`, current or ended. What an inline back-end does is seen, but not waited
+  /// for.
+  explicit UntypedFrontend(const Session& session);
   /// Takes part in the current session of `backend`, which runs inside this front-end's waits.
   /// `owner` is kept as long as the front-end: whatever the back-end needs.
   explicit UntypedFrontend(Backend& backend, FrontendOptions options = {},
@@ -115,6 +118,8 @@ class Frontend {
   /// The same for a back-end that runs in a thread of this process.
   explicit Frontend(const SessionHost& host, FrontendOptions options = {})
       : Frontend(UntypedFrontend(host, options)) {}
+  /// Looks at `session`, current or ended.
+  explicit Frontend(const Session& session) : Frontend(UntypedFrontend(session)) {}
   /// The same for a back-end that runs inside this front-end's waits: no threads, deterministic,
   /// fast. Waiting for a step whose action has not been appended throws ActionMissing.
   explicit Frontend(Backend& backend, FrontendOptions options = {},

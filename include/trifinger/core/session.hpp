@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "trifinger/base/time.hpp"
+#include "trifinger/core/document.hpp"
 #include "trifinger/core/fault.hpp"
 #include "trifinger/core/robot.hpp"
 #include "trifinger/ipc/process.hpp"
@@ -28,7 +29,8 @@ enum class Series : std::uint8_t {
   kAppliedAction,
   kObservation,
   kStatus,
-  kHolding,  ///< Observations before step 0; only the newest few are kept.
+  kHolding,   ///< Observations before step 0; only the newest few are kept.
+  kStopping,  ///< Observations behind the end, one per period until the robot is at rest.
 };
 [[nodiscard]] std::string_view name_of(Series series) noexcept;
 
@@ -40,6 +42,7 @@ struct SessionInfo {
   std::string type;  ///< Of the robot, as in "trifinger"; of a companion, its own.
   bool is_companion{false};
   std::uint64_t session_id{0};
+  std::uint64_t robot_session_id{0};  ///< Of a companion: its robot's session; of a robot: its own.
   bool is_real_time{false};
   Nanoseconds period{0};
   std::chrono::system_clock::time_point created;
@@ -52,6 +55,7 @@ struct SessionInfo {
   TimeIndex steps{0};      ///< Whole steps so far.
   Fault fault;             ///< kNone before the end.
   std::string fault_text;  ///< A sentence; empty before the end.
+  bool is_at_rest{false};  ///< The orderly stop is over; nothing more will come.
 };
 [[nodiscard]] std::string_view name_of(SessionInfo::Phase phase) noexcept;
 
@@ -70,6 +74,15 @@ class Session {
   [[nodiscard]] const RobotTypes& description() const noexcept;
   /// The layout of the elements of one series.
   [[nodiscard]] const ElementDescription& element(Series series) const;
+
+  /// What explains the robot: configuration, model. Companions have none.
+  /// @throws IncompatibleSession if the file is damaged
+  [[nodiscard]] std::vector<Document> documents() const;
+  /// The companions of this robot's session, as in "object". A companion has none.
+  [[nodiscard]] const std::vector<std::string>& companion_names() const noexcept;
+  /// The companion `name` of this very session, not of a later one.
+  /// @throws SessionNotFound with the names there are, RobotStopped if the next session has begun
+  [[nodiscard]] Session companion(const std::string& name) const;
 
   /// Internal: made by the hosts of sessions.
   explicit Session(std::shared_ptr<const detail::SessionMapping> mapping);
@@ -95,6 +108,7 @@ struct SessionOptions {
   std::size_t history{16384};  ///< Elements kept per series; rounded up to a power of two.
   std::size_t queue{4096};     ///< Actions that may wait for their turn; rounded up likewise.
   unsigned mode{0600};         ///< Permissions of the files; 0660 shares them with the group.
+  std::vector<Document> documents{};  ///< Go along with every session of the robot.
 };
 
 /// The right to offer sessions under one name. There is one per robot; it lasts as long as the

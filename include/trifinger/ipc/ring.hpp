@@ -88,6 +88,12 @@ class Ring {
                                                              : ReadResult::kLost;
   }
 
+  /// The first word of element `index`, one of those in the ring. The one writer only.
+  [[nodiscard]] std::uint64_t first_word(std::int64_t index) const noexcept {
+    // relaxed: the writer's own store.
+    return slot_of(index)[1].load(std::memory_order_relaxed);
+  }
+
   /// The sequence number in the slot of `index`, for those who do not trust the writer.
   [[nodiscard]] std::uint64_t sequence_in_slot(std::int64_t index) const noexcept {
     // seq_cst: the back-end looks once more after it has closed an index (see Backend).
