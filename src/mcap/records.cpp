@@ -5,9 +5,12 @@ namespace trifinger::mcap {
 
 std::string_view name_of(Compression compression) noexcept {
   switch (compression) {
-    case Compression::kNone: return "";
-    case Compression::kLz4: return "lz4";
-    case Compression::kZstd: return "zstd";
+    case Compression::kNone:
+      return "";
+    case Compression::kLz4:
+      return "lz4";
+    case Compression::kZstd:
+      return "zstd";
   }
   return "";
 }

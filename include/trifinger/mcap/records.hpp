@@ -8,8 +8,8 @@
 #include <string>
 #include <string_view>
 
-// The records of an MCAP file, version 0 (https://mcap.dev/spec), as their users see them. Times are
-// in nanoseconds since 1970.
+// The records of an MCAP file, version 0 (https://mcap.dev/spec), as their users see them. Times
+// are in nanoseconds since 1970.
 namespace trifinger::mcap {
 
 /// How the chunks are compressed.
@@ -41,10 +41,18 @@ struct Channel {
 /// One message. Does not own its bytes.
 struct Message {
   std::uint16_t channel_id{0};
-  std::uint32_t sequence{0};  ///< 0 where nobody counts.
-  std::uint64_t log_time{0};  ///< [ns]
+  std::uint32_t sequence{0};      ///< 0 where nobody counts.
+  std::uint64_t log_time{0};      ///< [ns]
   std::uint64_t publish_time{0};  ///< [ns]
   std::span<const std::byte> data;
+};
+
+/// Where a message is in the messages of its chunk.
+struct MessageIndexEntry {
+  std::uint64_t log_time{0};  ///< [ns]
+  std::uint64_t offset{0};    ///< In the uncompressed chunk.
+
+  friend bool operator==(const MessageIndexEntry&, const MessageIndexEntry&) = default;
 };
 
 /// A file inside the file.

@@ -23,16 +23,19 @@ struct WriterOptions {
   std::size_t max_chunk_size{std::size_t{1} << 20};
 };
 
-/// Writes one MCAP file: chunks with checksums and message indexes, the summary at the end.
+/// Writes one MCAP file: chunks with checksums and message indexes, the summary at the end. Schemas
+/// and channels are in the first chunk that uses them, in every hundredth chunk and in the summary.
 ///
-/// Every prefix of what has reached the sink is readable. If the sink throws, nothing is lost: the
-/// same call, or `flush`, tries again.
+/// Every prefix of what has reached the sink is readable. If the sink throws, nothing is lost and
+/// nothing was done: the same call, or `flush`, tries again.
 class Writer {
  public:
   /// Begins a file. `sink` must be empty and outlive the writer.
+  /// @throws InvalidArgument, SystemError
   Writer(Sink& sink, WriterOptions options);
-  /// Goes on with a file that was not finished; `contents` is what a reader has found in it up to
-  /// the size of `sink`.
+  /// Goes on with a file that was not finished; `contents` is what a reader has found in it, and
+  /// `sink` has `contents.complete_size` bytes. The summary will list what is there already.
+  /// @throws InvalidArgument, SystemError
   Writer(Sink& sink, WriterOptions options, const Contents& contents);
   Writer(Writer&&) noexcept;
   Writer& operator=(Writer&&) noexcept;
@@ -50,11 +53,13 @@ class Writer {
   void write(const Message& message);
   /// Closes the open chunk and hands it to the sink; nothing if it is empty.
   void flush();
-  /// Closes the open chunk and writes `metadata` behind it.
+  /// Closes the open chunk and writes `metadata` behind it, with the entry `crc32` besides: the
+  /// checksum of the name and the other entries. @throws InvalidArgument if it has that entry
   void write(const Metadata& metadata);
   /// Closes the open chunk and writes `attachment` behind it.
   void write(const Attachment& attachment);
-  /// Closes the open chunk and writes the summary. Nothing may be written afterwards.
+  /// Closes the open chunk and writes the summary. Whatever is written afterwards throws
+  /// InvalidArgument.
   void finish();
 
   /// Bytes of messages in the open chunk.

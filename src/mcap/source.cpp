@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <utility>
+
+#include "trifinger/base/error.hpp"
+#include "trifinger/ipc/file_descriptor.hpp"
+#include "trifinger/mcap/reader.hpp"
+
+namespace trifinger::mcap {
+namespace {
+
+// Never mapped: a file that gets shorter would end the process with SIGBUS.
+class FileSource final : public Source {
+ public:
+  explicit FileSource(const std::filesystem::path& path)
+      // O_NONBLOCK: a pipe would keep us waiting for somebody who writes to it.
+      : file_([&] { return ::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC); }),
+        path_(path) {
+    if (!file_) throw SystemError("open " + path_.string(), errno);
+    if (!S_ISREG(status().st_mode)) throw FormatError(path_.string() + " is not a file");
+  }
+
+  [[nodiscard]] std::size_t read(std::uint64_t offset, std::span<std::byte> bytes) const override {
+    std::size_t done = 0;
+    while (done < bytes.size()) {
+      const ssize_t count = ::pread(file_.get(), bytes.data() + done, bytes.size() - done,
+                                    static_cast<off_t>(offset + done));
+      if (count == 0) break;
+      if (count > 0) {
+        done += static_cast<std::size_t>(count);
+      } else if (errno != EINTR) {
+        throw SystemError("read " + path_.string(), errno);
+      }
+    }
+    return done;
+  }
+
+  [[nodiscard]] std::uint64_t size() const override {
+    return static_cast<std::uint64_t>(status().st_size);
+  }
+
+ private:
+  [[nodiscard]] struct stat status() const {
+    struct stat status{};
+    if (::fstat(file_.get(), &status) != 0) throw SystemError("inspect " + path_.string(), errno);
+    return status;
+  }
+
+  ipc::FileDescriptor file_;
+  std::filesystem::path path_;
+};
+
+class MemorySource final : public Source {
+ public:
+  explicit MemorySource(std::span<const std::byte> bytes) noexcept : bytes_(bytes) {}
+
+  [[nodiscard]] std::size_t read(std::uint64_t offset, std::span<std::byte> bytes) const override {
+    const auto rest = bytes_.subspan(std::min<std::uint64_t>(offset, bytes_.size()));
+    const std::size_t count = std::min(rest.size(), bytes.size());
+    std::copy_n(rest.begin(), count, bytes.begin());
+    return count;
+  }
+  [[nodiscard]] std::uint64_t size() const override { return bytes_.size(); }
+
+ private:
+  std::span<const std::byte> bytes_;
+};
+
+}  // namespace
+
+std::unique_ptr<Source> open_file(const std::filesystem::path& path) {
+  return std::make_unique<FileSource>(path);
+}
+
+std::unique_ptr<Source> open_memory(std::span<const std::byte> bytes) {
+  return std::make_unique<MemorySource>(bytes);
+}
+
+}  // namespace trifinger::mcap

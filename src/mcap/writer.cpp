@@ -1,0 +1,526 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/mcap/writer.hpp"
+
+#include <algorithm>
+#include <cstring>
+#include <limits>
+#include <map>
+#include <utility>
+#include <vector>
+
+#include "buffer.hpp"
+#include "compression.hpp"
+#include "encoding.hpp"
+#include "trifinger/base/error.hpp"
+#include "trifinger/mcap/reader.hpp"
+
+namespace trifinger::mcap {
+namespace {
+
+// Schemas and channels are repeated in chunks of these numbers.
+constexpr std::size_t kRepeatDefinitions = 100;
+
+// A schema or channel as it is written.
+struct Definition {
+  Buffer record;
+  bool is_in_file{false};
+};
+
+struct SchemaEntry {
+  Schema schema;
+  Definition definition;
+};
+
+struct ChannelEntry {
+  Channel channel;
+  Definition definition;
+  std::uint64_t message_count{0};          // in closed chunks
+  std::vector<MessageIndexEntry> entries;  // of the open chunk
+  bool is_sorted{true};
+};
+
+struct AttachmentEntry {
+  RecordPlace place;
+  std::uint64_t log_time;
+  std::uint64_t create_time;
+  std::uint64_t data_size;
+  std::string name;
+  std::string media_type;
+};
+
+struct MetadataEntry {
+  RecordPlace place;
+  std::string name;
+};
+
+AttachmentEntry entry_for(const Attachment& attachment, RecordPlace place) {
+  return {.place = place,
+          .log_time = attachment.log_time,
+          .create_time = attachment.create_time,
+          .data_size = attachment.data.size(),
+          .name = attachment.name,
+          .media_type = attachment.media_type};
+}
+
+// The smallest id that is above all others.
+template <class Map>
+std::uint16_t next_id(const Map& map, const char* what) {
+  if (map.empty()) return 1;
+  const std::uint16_t last = map.rbegin()->first;
+  if (last == std::numeric_limits<std::uint16_t>::max()) {
+    throw InvalidArgument(std::string("an MCAP file has at most 65535 ") + what);
+  }
+  return static_cast<std::uint16_t>(last + 1);
+}
+
+}  // namespace
+
+class Writer::Implementation {
+ public:
+  Implementation(Sink& sink, WriterOptions options)
+      : sink_(sink),
+        options_(std::move(options)),
+        compressor_(options_.compression, options_.level) {
+    if (sink_.size() != 0) {
+      throw InvalidArgument("a new MCAP file begins in an empty sink; this one has " +
+                            std::to_string(sink_.size()) + " bytes");
+    }
+    begin_file();
+  }
+
+  Implementation(Sink& sink, WriterOptions options, const Contents& contents)
+      : sink_(sink),
+        options_(std::move(options)),
+        compressor_(options_.compression, options_.level) {
+    if (contents.is_finished) {
+      throw InvalidArgument("the MCAP file is finished; nothing can be added to it");
+    }
+    if (contents.complete_size != sink_.size()) {
+      throw InvalidArgument("the MCAP file goes on at byte " +
+                            std::to_string(contents.complete_size) + ", but the sink has " +
+                            std::to_string(sink_.size()) + " bytes");
+    }
+    if (sink_.size() == 0) {
+      begin_file();
+    } else {
+      resume(contents);
+    }
+  }
+
+  std::uint16_t add_schema(std::string_view name, std::string_view encoding,
+                           std::string_view data) {
+    for (const auto& [id, entry] : schemas_) {
+      const Schema& schema = entry.schema;
+      if (schema.name == name && schema.encoding == encoding && schema.data == data) return id;
+    }
+    insert(Schema{.id = next_id(schemas_, "schemas"),
+                  .name = std::string(name),
+                  .encoding = std::string(encoding),
+                  .data = std::string(data)});
+    return schemas_.rbegin()->first;
+  }
+
+  std::uint16_t add_channel(Channel channel) {
+    for (const auto& [id, entry] : channels_) {
+      channel.id = id;
+      if (channel == entry.channel) return id;
+    }
+    if (channel.schema_id != 0 && !schemas_.contains(channel.schema_id)) {
+      throw InvalidArgument("the channel of '" + channel.topic + "' wants schema " +
+                            std::to_string(channel.schema_id) + ", which was not added");
+    }
+    channel.id = next_id(channels_, "channels");
+    insert(channel);
+    return channel.id;
+  }
+
+  void write(const Message& message) {
+    require_unfinished();
+    ChannelEntry& entry = find_channel(message.channel_id);
+    const std::size_t size = kRecordHeaderSize + kMessageHeaderSize + message.data.size();
+    if (has_messages_ && chunk_.size() + size > options_.max_chunk_size) flush();
+
+    // What may throw comes first.
+    define(entry);
+    chunk_.reserve(chunk_.size() + size);
+    entry.entries.push_back({.log_time = message.log_time, .offset = chunk_.size()});
+    Encoder(chunk_).message(message);
+    if (entry.entries.size() > 1 && entry.entries.rbegin()[1].log_time > message.log_time) {
+      entry.is_sorted = false;
+    }
+    first_time_ = has_messages_ ? std::min(first_time_, message.log_time) : message.log_time;
+    last_time_ = has_messages_ ? std::max(last_time_, message.log_time) : message.log_time;
+    has_messages_ = true;
+  }
+
+  void flush() {
+    require_unfinished();
+    if (!has_messages_) return;
+    output_.clear();
+    // In the list before it is in the file: afterwards nothing may throw.
+    chunks_.push_back(encode_chunk());
+    try {
+      append_output();
+    } catch (...) {
+      chunks_.pop_back();
+      throw;
+    }
+    for (auto& [id, entry] : channels_) {
+      entry.message_count += entry.entries.size();
+      entry.entries.clear();
+      entry.is_sorted = true;
+    }
+    chunk_.clear();
+    has_messages_ = false;
+  }
+
+  void write(const Metadata& metadata) {
+    flush();
+    output_.clear();
+    Encoder(output_).metadata(metadata);
+    add_record(metadata_, MetadataEntry{.place = place_of_output(), .name = metadata.name});
+  }
+
+  void write(const Attachment& attachment) {
+    flush();
+    output_.clear();
+    Encoder(output_).attachment(attachment);
+    add_record(attachments_, entry_for(attachment, place_of_output()));
+  }
+
+  void finish() {
+    flush();
+    encode_end();
+    append_output();
+    is_finished_ = true;
+  }
+
+  [[nodiscard]] std::size_t open_chunk_size() const noexcept {
+    return has_messages_ ? chunk_.size() : 0;
+  }
+
+ private:
+  // ---- beginnings ----
+
+  void begin_file() {
+    Encoder encoder(output_);
+    encoder.bytes(kMagic);
+    encoder.header(options_.profile, options_.library);
+    append_output();
+  }
+
+  void resume(const Contents& contents) {
+    has_data_checksum_ = false;
+    for (const auto& [id, schema] : contents.schemas) insert(schema);
+    for (const auto& [id, channel] : contents.channels) insert(channel);
+    for (const auto& [id, count] : contents.channel_message_counts) {
+      if (const auto entry = channels_.find(id); entry != channels_.end()) {
+        entry->second.message_count = count;
+      }
+    }
+    chunks_ = contents.chunks;
+    for (std::size_t i = 0; i < contents.metadata.size(); ++i) {
+      metadata_.push_back(
+          {.place = contents.metadata_places.at(i), .name = contents.metadata[i].name});
+    }
+    for (std::size_t i = 0; i < contents.attachments.size(); ++i) {
+      attachments_.push_back(entry_for(contents.attachments[i], contents.attachment_places.at(i)));
+    }
+    if (contents.missing_indexes.empty()) return;
+    if (chunks_.empty())
+      throw InvalidArgument("message indexes are missing, but there is no chunk");
+    for (const auto& [id, entries] : contents.missing_indexes) {
+      chunks_.back().indexes.emplace_back(id, sink_.size() + output_.size());
+      Encoder(output_).message_index(id, entries);
+    }
+    chunks_.back().index_length += output_.size();
+    append_output();
+  }
+
+  // ---- schemas and channels ----
+
+  void insert(const Schema& schema) {
+    SchemaEntry entry{.schema = schema, .definition = {}};
+    Encoder(entry.definition.record).schema(schema);
+    schemas_.emplace(schema.id, std::move(entry));
+  }
+
+  void insert(const Channel& channel) {
+    ChannelEntry entry{.channel = channel, .definition = {}, .entries = {}};
+    Encoder(entry.definition.record).channel(channel);
+    channels_.emplace(channel.id, std::move(entry));
+  }
+
+  ChannelEntry& find_channel(std::uint16_t id) {
+    // Many messages of one channel often follow each other.
+    if (newest_channel_ != nullptr && newest_channel_->channel.id == id) return *newest_channel_;
+    const auto entry = channels_.find(id);
+    if (entry == channels_.end()) {
+      throw InvalidArgument("there is no channel " + std::to_string(id));
+    }
+    newest_channel_ = &entry->second;
+    return entry->second;
+  }
+
+  void append_definition(Definition& definition) {
+    chunk_.append(definition.record.data(), definition.record.size());
+    definition.is_in_file = true;
+  }
+
+  // Sees to it that the open chunk or one before it has the channel and its schema.
+  void define(ChannelEntry& entry) {
+    if (chunk_.size() == 0 && chunks_.size() % kRepeatDefinitions == 0) {
+      for (auto& [id, schema] : schemas_) {
+        if (schema.definition.is_in_file) append_definition(schema.definition);
+      }
+      for (auto& [id, channel] : channels_) {
+        if (channel.definition.is_in_file) append_definition(channel.definition);
+      }
+    }
+    if (entry.definition.is_in_file) return;
+    if (const auto schema = schemas_.find(entry.channel.schema_id);
+        schema != schemas_.end() && !schema->second.definition.is_in_file) {
+      append_definition(schema->second.definition);
+    }
+    append_definition(entry.definition);
+  }
+
+  // ---- the file ----
+
+  void require_unfinished() const {
+    if (is_finished_)
+      throw InvalidArgument("the MCAP file is finished; nothing can be added to it");
+  }
+
+  void append_output() {
+    sink_.append(output_.view());
+    if (has_data_checksum_) data_checksum_ = checksum(output_.view(), data_checksum_);
+  }
+
+  // Where the record will be that `output_` holds.
+  [[nodiscard]] RecordPlace place_of_output() const {
+    return {.offset = sink_.size(), .length = output_.size()};
+  }
+
+  template <class Entry>
+  void add_record(std::vector<Entry>& entries, Entry entry) {
+    entries.push_back(std::move(entry));
+    try {
+      append_output();
+    } catch (...) {
+      entries.pop_back();
+      throw;
+    }
+  }
+
+  // Puts the open chunk and its message indexes into `output_`.
+  ChunkPlace encode_chunk() {
+    ChunkPlace place{.offset = sink_.size(),
+                     .first_time = first_time_,
+                     .last_time = last_time_,
+                     .uncompressed_size = chunk_.size(),
+                     .compression = options_.compression,
+                     .indexes = {}};
+    Encoder encoder(output_);
+    const std::size_t record = encoder.begin(Opcode::kChunk);
+    encoder.number(place.first_time);
+    encoder.number(place.last_time);
+    encoder.number(place.uncompressed_size);
+    encoder.number(checksum(chunk_.view()));
+    encoder.string(name_of(options_.compression));
+    const std::size_t length_place = output_.size();
+    encoder.number(std::uint64_t{0});
+    const std::size_t begin = output_.size();
+    compressor_.compress(chunk_.view(), output_);
+    const std::uint64_t length = output_.size() - begin;
+    std::memcpy(output_.data() + length_place, &length, sizeof(length));
+    encoder.end(record);
+    place.length = output_.size();
+
+    for (auto& [id, entry] : channels_) {
+      if (entry.entries.empty()) continue;
+      if (!entry.is_sorted) {
+        std::ranges::stable_sort(entry.entries, {}, &MessageIndexEntry::log_time);
+        entry.is_sorted = true;
+      }
+      place.indexes.emplace_back(id, place.offset + output_.size());
+      encoder.message_index(id, entry.entries);
+    }
+    place.index_length = output_.size() - place.length;
+    return place;
+  }
+
+  // Puts everything behind the last chunk into `output_`.
+  void encode_end() {
+    output_.clear();
+    Encoder encoder(output_);
+    std::size_t record = encoder.begin(Opcode::kDataEnd);
+    encoder.number(has_data_checksum_ ? data_checksum_ : 0U);
+    encoder.end(record);
+
+    const std::uint64_t file_size = sink_.size();
+    const std::size_t summary = output_.size();
+    Buffer offsets;
+    // Adds one kind of record, if there is any, and where they are.
+    const auto group = [&](Opcode opcode, const auto& entries, const auto& encode) {
+      const std::size_t begin = output_.size();
+      for (const auto& entry : entries) encode(entry);
+      if (output_.size() == begin) return;
+      Encoder offset(offsets);
+      const std::size_t offset_record = offset.begin(Opcode::kSummaryOffset);
+      offset.number(static_cast<std::uint8_t>(opcode));
+      offset.number(std::uint64_t{file_size + begin});
+      offset.number(std::uint64_t{output_.size() - begin});
+      offset.end(offset_record);
+    };
+    const auto encode_definition = [&](const auto& entry) {
+      encoder.bytes(entry.second.definition.record.view());
+    };
+    group(Opcode::kSchema, schemas_, encode_definition);
+    group(Opcode::kChannel, channels_, encode_definition);
+    group(Opcode::kStatistics, std::array{0}, [&](int) { encode_statistics(encoder); });
+    group(Opcode::kChunkIndex, chunks_, [&](const ChunkPlace& place) {
+      if (place.is_chunk) encode_chunk_index(encoder, place);
+    });
+    group(Opcode::kAttachmentIndex, attachments_, [&](const AttachmentEntry& entry) {
+      record = encoder.begin(Opcode::kAttachmentIndex);
+      encoder.number(entry.place.offset);
+      encoder.number(entry.place.length);
+      encoder.number(entry.log_time);
+      encoder.number(entry.create_time);
+      encoder.number(entry.data_size);
+      encoder.string(entry.name);
+      encoder.string(entry.media_type);
+      encoder.end(record);
+    });
+    group(Opcode::kMetadataIndex, metadata_, [&](const MetadataEntry& entry) {
+      record = encoder.begin(Opcode::kMetadataIndex);
+      encoder.number(entry.place.offset);
+      encoder.number(entry.place.length);
+      encoder.string(entry.name);
+      encoder.end(record);
+    });
+    const std::uint64_t summary_offset_start = file_size + output_.size();
+    encoder.bytes(offsets.view());
+
+    record = encoder.begin(Opcode::kFooter);
+    encoder.number(file_size + summary);
+    encoder.number(summary_offset_start);
+    // The checksum covers the footer before itself, and with it the length of the footer.
+    encoder.number(std::uint32_t{0});
+    encoder.end(record);
+    const std::size_t end = output_.size() - sizeof(std::uint32_t);
+    const std::uint32_t summary_checksum = checksum(output_.view().subspan(summary, end - summary));
+    std::memcpy(output_.data() + end, &summary_checksum, sizeof(summary_checksum));
+    encoder.bytes(kMagic);
+  }
+
+  void encode_statistics(Encoder& encoder) const {
+    std::uint64_t message_count = 0;
+    std::uint32_t num_used = 0;
+    for (const auto& [id, entry] : channels_) {
+      message_count += entry.message_count;
+      if (entry.message_count > 0) ++num_used;
+    }
+    std::uint64_t first_time = 0;
+    std::uint64_t last_time = 0;
+    std::uint32_t chunk_count = 0;
+    bool is_first = true;
+    for (const ChunkPlace& place : chunks_) {
+      if (place.is_chunk) ++chunk_count;
+      if (place.last_time == 0) continue;  // no messages
+      first_time = is_first ? place.first_time : std::min(first_time, place.first_time);
+      last_time = std::max(last_time, place.last_time);
+      is_first = false;
+    }
+    const std::size_t record = encoder.begin(Opcode::kStatistics);
+    encoder.number(message_count);
+    encoder.number(static_cast<std::uint16_t>(schemas_.size()));
+    encoder.number(static_cast<std::uint32_t>(channels_.size()));
+    encoder.number(static_cast<std::uint32_t>(attachments_.size()));
+    encoder.number(static_cast<std::uint32_t>(metadata_.size()));
+    encoder.number(chunk_count);
+    encoder.number(first_time);
+    encoder.number(last_time);
+    encoder.number(num_used * 10U);
+    for (const auto& [id, entry] : channels_) {
+      if (entry.message_count == 0) continue;
+      encoder.number(id);
+      encoder.number(entry.message_count);
+    }
+    encoder.end(record);
+  }
+
+  static void encode_chunk_index(Encoder& encoder, const ChunkPlace& place) {
+    const std::string_view compression = name_of(place.compression);
+    const std::size_t record = encoder.begin(Opcode::kChunkIndex);
+    encoder.number(place.first_time);
+    encoder.number(place.last_time);
+    encoder.number(place.offset);
+    encoder.number(place.length);
+    encoder.number(static_cast<std::uint32_t>(place.indexes.size() * 10));
+    for (const auto& [id, offset] : place.indexes) {
+      encoder.number(id);
+      encoder.number(offset);
+    }
+    encoder.number(place.index_length);
+    encoder.string(compression);
+    encoder.number(place.length - chunk_header_size(place.compression));
+    encoder.number(place.uncompressed_size);
+    encoder.end(record);
+  }
+
+  Sink& sink_;
+  WriterOptions options_;
+  Compressor compressor_;
+  bool is_finished_{false};
+
+  std::map<std::uint16_t, SchemaEntry> schemas_;
+  std::map<std::uint16_t, ChannelEntry> channels_;
+  ChannelEntry* newest_channel_{nullptr};
+
+  Buffer chunk_;  // the open one
+  bool has_messages_{false};
+  std::uint64_t first_time_{0};
+  std::uint64_t last_time_{0};
+
+  Buffer output_;  // what goes to the sink next
+  std::vector<ChunkPlace> chunks_;
+  std::vector<MetadataEntry> metadata_;
+  std::vector<AttachmentEntry> attachments_;
+  bool has_data_checksum_{true};  // false: the beginning of the file is not known
+  std::uint32_t data_checksum_{0};
+};
+
+Writer::Writer(Sink& sink, WriterOptions options)
+    : implementation_(std::make_unique<Implementation>(sink, std::move(options))) {}
+
+Writer::Writer(Sink& sink, WriterOptions options, const Contents& contents)
+    : implementation_(std::make_unique<Implementation>(sink, std::move(options), contents)) {}
+
+Writer::Writer(Writer&&) noexcept = default;
+Writer& Writer::operator=(Writer&&) noexcept = default;
+Writer::~Writer() = default;
+
+std::uint16_t Writer::add_schema(std::string_view name, std::string_view encoding,
+                                 std::string_view data) {
+  return implementation_->add_schema(name, encoding, data);
+}
+
+std::uint16_t Writer::add_channel(const Channel& channel) {
+  return implementation_->add_channel(channel);
+}
+
+void Writer::write(const Message& message) { implementation_->write(message); }
+
+void Writer::flush() { implementation_->flush(); }
+
+void Writer::write(const Metadata& metadata) { implementation_->write(metadata); }
+
+void Writer::write(const Attachment& attachment) { implementation_->write(attachment); }
+
+void Writer::finish() { implementation_->finish(); }
+
+std::size_t Writer::open_chunk_size() const noexcept { return implementation_->open_chunk_size(); }
+
+}  // namespace trifinger::mcap
