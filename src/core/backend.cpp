@@ -160,9 +160,14 @@ class Backend::Implementation {
         }
       }
       last_fault_ = run_->loop.fault();
+      if (after_session_) after_session_(last_fault_);
       if (last_fault_.needs_recovery()) wait_for_recovery();
     }
     run_.reset();
+  }
+
+  void set_after_session(std::function<void(const Fault&)> function) {
+    after_session_ = std::move(function);
   }
 
   // relaxed: a flag without data behind it.
@@ -309,6 +314,7 @@ class Backend::Implementation {
   BackendOptions options_;
   Clock& clock_;
   detail::Followers followers_;
+  std::function<void(const Fault&)> after_session_;
   ipc::ForkGuard fork_;
   std::atomic<bool> stop_requested_{false};
   std::unique_ptr<Run> run_;
@@ -322,6 +328,9 @@ Backend::~Backend() = default;
 
 void Backend::follow(Follower& follower) { implementation_->follow(follower); }
 void Backend::run() { implementation_->run(); }
+void Backend::set_after_session(std::function<void(const Fault&)> function) {
+  implementation_->set_after_session(std::move(function));
+}
 void Backend::request_stop() noexcept { implementation_->request_stop(); }
 void Backend::begin_session() { implementation_->begin_session(); }
 Progress Backend::advance() noexcept { return implementation_->advance(); }

@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cstdint>
 #include <exception>
+#include <functional>
 #include <memory>
 #include <string>
 #include <thread>
@@ -12,6 +13,7 @@
 
 #include "trifinger/base/time.hpp"
 #include "trifinger/core/driver.hpp"
+#include "trifinger/core/fault.hpp"
 #include "trifinger/core/follower.hpp"
 #include "trifinger/core/session.hpp"
 #include "trifinger/realtime/clock.hpp"
@@ -86,6 +88,10 @@ class Backend {
   /// Runs session after session in the calling thread, until `request_stop`.
   /// @throws SystemError if a session cannot be made
   void run();
+  /// Makes `run` call `function` behind every session, in its own thread: the robot is at rest, the
+  /// driver is nobody else's, and the next session waits. The place to save what a fault has left
+  /// in a driver, or to reset a simulation. To be set before `run`; what it throws ends `run`.
+  void set_after_session(std::function<void(const Fault&)> function);
   /// Makes `run` return after an orderly stop. May be called from any thread or signal handler.
   void request_stop() noexcept;
 
