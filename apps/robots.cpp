@@ -1,10 +1,16 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "robots.hpp"
 
+#include <cerrno>
 #include <chrono>
+#include <cstddef>
+#include <fstream>
+#include <iterator>
 #include <utility>
 #include <variant>
 
+#include "commands.hpp"
+#include "trifinger/base/error.hpp"
 #include "trifinger/config/file.hpp"
 #include "trifinger/core/fake_robot.hpp"
 #include "trifinger/joint/types.hpp"
@@ -38,6 +44,7 @@ RunnableRobot make_fake_robot(const std::vector<std::string>& overrides) {
                           .sensor_delay = root.optional<TimeIndex>("sensor_delay", 0, count),
                           .action_fault_after = root.optional<TimeIndex>("fault_after", -1, step)});
   file.reject_unknown_keys();
+  robot.session.documents = {{"configuration.yml", "application/yaml", file.text()}};
   return robot;
 }
 
@@ -52,11 +59,13 @@ RunnableRobot make_robot(const std::string& robot, const std::vector<std::string
   if (robot == kFakeRobot) return make_fake_robot(overrides);
 
   RobotConfig config = load_robot_config(robot, overrides);
+  config.session.documents.push_back(std::visit(
+      [](const auto& options) { return model_document(options.description); }, config.simulation));
   return {.name = std::move(config.name),
           .driver = std::visit([](auto& options) { return make_simulation(std::move(options)); },
                                config.simulation),
           .backend = config.backend,
-          .session = config.session};
+          .session = std::move(config.session)};
 }
 
 }  // namespace trifinger::apps

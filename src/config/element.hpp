@@ -48,6 +48,9 @@ struct Entry {
 // `source` alone is the location if `is_override`.
 [[nodiscard]] Element parse(const std::string& text, const std::string& source, bool is_override);
 
+// The value in YAML, which `parse` reads as the same value.
+[[nodiscard]] std::string yaml_of(const Element& element);
+
 // "fingers" and "height" make "fingers.height".
 [[nodiscard]] std::string join(const std::string& path, std::string_view key);
 

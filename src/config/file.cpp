@@ -173,6 +173,8 @@ File File::parse(std::string_view text, const std::filesystem::path& name,
 
 Node File::root() const { return {root_, ""}; }
 
+std::string File::text() const { return detail::yaml_of(*root_); }
+
 void File::reject_unknown_keys() const {
   std::string problems;
   std::optional<Location> first;

@@ -257,6 +257,7 @@ RobotConfig load_robot_config(const std::string& name, const std::vector<std::st
     // Single values were checked where they were read. What is left is how objects go together.
     throw config::ConfigError(root.at("objects").location(), error.what());
   }
+  config.session.documents = {{"configuration.yml", "application/yaml", file.text()}};
   return config;
 }
 

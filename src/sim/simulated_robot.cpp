@@ -14,6 +14,7 @@
 #include "physics.hpp"
 #include "text.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/model/export.hpp"
 
 namespace trifinger {
 namespace {
@@ -96,6 +97,10 @@ struct Capture {
 };
 
 }  // namespace
+
+Document model_document(const RobotDescription& description) {
+  return {"model.xml", "application/xml", export_mjcf(description)};
+}
 
 template <class R>
 JointLimits<R::kJoints> default_limits(const RobotDescription& description) {

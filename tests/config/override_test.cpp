@@ -35,6 +35,18 @@ TEST(Override, ReplacesAValueOfTheFile) {
   EXPECT_EQ(with("name=a=b").root().required<std::string>("name"), "a=b");
 }
 
+TEST(Override, IsInTheTextOfTheWholeConfiguration) {
+  const File file = File::parse(
+      "name: \"0.3\"\nfingers:\n  height: 0.3\nobjects:\n  - mass: 0.1\n"
+      "    size: [0.1, 0.2]\n  - name: 'it''s: a # \\ ball'\nempty: []\nnothing: ~\n",
+      "robot.yml", {"fingers.height=[1, \"x\"]", "simulation.seed=7"});
+  EXPECT_EQ(file.text(),
+            "name: \"0.3\"\nfingers:\n  height: [1, \"x\"]\nobjects:\n  - mass: 0.1\n"
+            "    size: [0.1, 0.2]\n  - name: \"it's: a # \\\\ ball\"\nempty: []\nnothing: ~\n"
+            "simulation:\n  seed: 7\n");
+  EXPECT_EQ(File::parse(file.text(), "again.yml").text(), file.text());
+}
+
 TEST(Override, GivesAKeyThatTheFileLeavesOut) {
   EXPECT_EQ(with("simulation.seed=7").root().section("simulation").required<int>("seed"), 7);
 }

@@ -14,6 +14,7 @@
 
 #include "sim/robots.hpp"
 #include "support/config_message.hpp"
+#include "trifinger/model/export.hpp"
 #include "trifinger/sim/simulation.hpp"
 
 namespace trifinger::test {
@@ -86,6 +87,25 @@ TEST_F(RobotConfigFile, EveryOneThatComesWithTheProgramRuns) {
                config.simulation);
   }
   EXPECT_EQ(count, 7);
+}
+
+TEST_F(RobotConfigFile, GoesAlongWithTheSessionsInOnePiece) {
+  const RobotConfig config = load_robot_config("sim", {"fingers.height=0.31"});
+  ASSERT_EQ(config.session.documents.size(), 1U);
+  const Document& document = config.session.documents[0];
+  EXPECT_EQ(document.name, "configuration.yml");
+  // Read back, it is the same robot, though nothing is extended or set any more.
+  std::ofstream(folder_ / "copy.yml") << document.text;
+  const RobotConfig copy = load_robot_config((folder_ / "copy.yml").string());
+  EXPECT_EQ(copy.session.documents, config.session.documents);
+  EXPECT_EQ(std::get<0>(copy.simulation).description.finger_height, 0.31);
+
+  const Simulation<TriFinger> simulation(std::get<0>(config.simulation), config.session);
+  const std::vector<Document> documents = simulation.connect().session().documents();
+  ASSERT_EQ(documents.size(), 2U);
+  EXPECT_EQ(documents[0], document);
+  EXPECT_EQ(documents[1].name, "model.xml");
+  EXPECT_EQ(documents[1].text, export_mjcf(simulation.robot().options().description));
 }
 
 TEST_F(RobotConfigFile, SaysTheSameAsTheFiguresOfTheRobot) {

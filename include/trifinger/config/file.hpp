@@ -36,6 +36,10 @@ class File {
   /// The whole configuration.
   [[nodiscard]] Node root() const;
 
+  /// The whole configuration in YAML, in one piece: with what it extends and its overrides, without
+  /// comments.
+  [[nodiscard]] std::string text() const;
+
   /// To be called after everything was read.
   /// @throws ConfigError that names every key nobody has asked for, with the known key that looks
   /// like it.

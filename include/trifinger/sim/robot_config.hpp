@@ -18,7 +18,7 @@ struct RobotConfig {
   std::string name;  ///< Of the session.
   std::variant<SimulationOptions<TriFinger>, SimulationOptions<Finger>> simulation;
   BackendOptions backend;
-  SessionOptions session;
+  SessionOptions session;  ///< The configuration is among its documents, the model is not.
 };
 
 /// Finds the file of a configuration: a path, or the name of one that comes with the program, as in

@@ -10,6 +10,7 @@
 #include <string_view>
 #include <vector>
 
+#include "trifinger/core/document.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/joint/limits.hpp"
 #include "trifinger/joint/safety.hpp"
@@ -45,6 +46,10 @@ struct SimulationOptions {
   /// @throws InvalidArgument naming the option, the value found and the values allowed
   void validate() const;
 };
+
+/// The scene as a document of its sessions: "model.xml", in MuJoCo's format.
+/// @throws InvalidArgument if the description cannot be built
+[[nodiscard]] Document model_document(const RobotDescription& description);
 
 /// Everything that decides how a simulation goes on, as bytes. It belongs to the model that it was
 /// saved from.
@@ -115,7 +120,7 @@ class SimulatedRobot final : public Driver<R> {
   /// @throws InvalidArgument if it was saved from another model or by another version
   void restore(std::span<const std::byte> state);
   /// The last state before the simulation diverged, for a report or to try again; empty if it has
-  /// not.
+  /// not. `trifinger run` saves it in `log_folder()`.
   [[nodiscard]] const SimulationState& state_before_divergence() const noexcept;
 
   /// Positions and velocities of joints and objects as MuJoCo has them, to draw the scene: `qpos`,

@@ -23,11 +23,12 @@ namespace trifinger {
 template <class R>
 class Simulation {
  public:
+  /// The model is added to the documents of `session`.
   /// Of `backend`, the mode and the period are set by the simulation: it waits for every action.
   /// @throws InvalidArgument
   explicit Simulation(SimulationOptions<R> options = {}, SessionOptions session = {},
                       BackendOptions backend = {})
-      : parts_(std::make_shared<Parts>(std::move(options), session, backend)) {}
+      : parts_(std::make_shared<Parts>(std::move(options), std::move(session), backend)) {}
 
   /// The robot itself: reset it, place objects, save and restore its state.
   [[nodiscard]] SimulatedRobot<R>& robot() const noexcept { return parts_->robot; }
@@ -44,11 +45,16 @@ class Simulation {
 
  private:
   struct Parts {
-    Parts(SimulationOptions<R> options, SessionOptions session, BackendOptions backend_options)
+    Parts(SimulationOptions<R> options, SessionOptions session,
+          const BackendOptions& backend_options)
         : robot(std::move(options)),
-          host(SessionHost::anonymous(session)),
+          host(SessionHost::anonymous(with_model(std::move(session), robot.options().description))),
           backend(robot, host, without_deadlines(backend_options, robot.options().period)) {}
 
+    static SessionOptions with_model(SessionOptions session, const RobotDescription& description) {
+      session.documents.push_back(model_document(description));
+      return session;
+    }
     static BackendOptions without_deadlines(BackendOptions options, Nanoseconds period) noexcept {
       options.mode = BackendOptions::Mode::kNonRealTime;
       options.period = period;
