@@ -322,6 +322,8 @@ const std::string& LoggedSession::type() const noexcept {
   return stream_->channel == nullptr ? kUnknown : stream_->channel->types.type;
 }
 
+bool LoggedSession::has_elements() const noexcept { return stream_->channel != nullptr; }
+
 const ElementDescription& LoggedSession::element(Series series) const {
   return element_of(*stream_, series);
 }

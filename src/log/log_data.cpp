@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cstring>
+#include <iterator>
 #include <sstream>
 #include <string_view>
 #include <system_error>
@@ -97,22 +98,6 @@ bool is_compatible(const ChannelReader& one, const ChannelReader& other) {
                       one.types.applied_action == other.types.applied_action));
 }
 
-// Union of intervals [offset, offset + size) below `end`.
-std::uint64_t measure(std::vector<std::pair<std::uint64_t, std::uint64_t>> intervals,
-                      std::uint64_t end) {
-  std::ranges::sort(intervals);
-  std::uint64_t sum = 0;
-  std::uint64_t behind = 0;
-  for (const auto& [offset, size] : intervals) {
-    const std::uint64_t first = std::max(offset, behind);
-    const std::uint64_t last = size > end - std::min(offset, end) ? end : offset + size;
-    if (last <= first) continue;
-    sum += last - first;
-    behind = last;
-  }
-  return sum;
-}
-
 }  // namespace
 
 // The entries of a metadata record, as what they stand for. Throws InvalidArgument where they do
@@ -168,6 +153,35 @@ LogData::LogData(const std::vector<std::filesystem::path>& parts) {
   is_certain = guess_channels() && is_ordered_ && is_certain;
   // What is said about the sessions is not all there is to know: their messages tell.
   if (!is_certain) read_all();
+}
+
+std::vector<Damage> damage_of(const std::filesystem::path& file, std::uint64_t size,
+                              const mcap::Contents& contents) {
+  std::vector<Damage> all;
+  std::uint64_t behind = contents.complete_size;
+  for (const mcap::Damage& damage : contents.damage) {
+    all.push_back({file, damage.offset, damage.size, damage.reason});
+    behind = std::max(behind, damage.offset + damage.size);
+  }
+  if (behind < size) all.push_back({file, behind, size - behind, "The file ends inside a record"});
+  return all;
+}
+
+std::uint64_t lost_bytes_of(const std::vector<Damage>& damage, std::uint64_t size) {
+  std::vector<std::pair<std::uint64_t, std::uint64_t>> intervals;
+  for (const Damage& one : damage) {
+    const std::uint64_t first = std::min(one.offset, size);
+    intervals.emplace_back(first, first + std::min(one.size, size - first));
+  }
+  std::ranges::sort(intervals);
+  std::uint64_t sum = 0;
+  std::uint64_t behind = 0;
+  for (const auto& [first, last] : intervals) {
+    if (last <= behind) continue;
+    sum += last - std::max(first, behind);
+    behind = last;
+  }
+  return sum;
 }
 
 // ---- opening ----
@@ -586,29 +600,19 @@ std::vector<Damage> LogData::damage() {
   read_all();
   std::vector<Damage> all = damage_;
   for (const File& file : files_) {
-    const mcap::Contents& contents = file.reader.contents();
-    std::uint64_t behind = contents.complete_size;
-    for (const mcap::Damage& damage : contents.damage) {
-      all.push_back({file.path, damage.offset, damage.size, damage.reason});
-      behind = std::max(behind, damage.offset + damage.size);
-    }
-    if (behind < file.size) {
-      all.push_back({file.path, behind, file.size - behind, "The file ends inside a record"});
-    }
+    std::ranges::move(damage_of(file.path, file.size, file.reader.contents()),
+                      std::back_inserter(all));
   }
   return all;
 }
 
 std::uint64_t LogData::lost_bytes() {
+  read_all();
   std::uint64_t sum = 0;
-  const std::vector<Damage> all = damage();
   for (const File& file : files_) {
-    std::vector<std::pair<std::uint64_t, std::uint64_t>> intervals;
-    for (const Damage& damage : all) {
-      if (damage.file == file.path) intervals.emplace_back(damage.offset, damage.size);
-    }
-    sum += measure(std::move(intervals), file.size);
+    sum += lost_bytes_of(damage_of(file.path, file.size, file.reader.contents()), file.size);
   }
+  for (const Damage& damage : damage_) sum += damage.size;
   return sum;
 }
 

@@ -87,6 +87,12 @@ struct StreamMessage {
 /// The robot's step at which the element in this message of a companion arrived.
 [[nodiscard]] TimeIndex arrival_of(const mcap::Message& message) noexcept;
 
+/// What is wrong with a file of `size` bytes.
+[[nodiscard]] std::vector<Damage> damage_of(const std::filesystem::path& file, std::uint64_t size,
+                                            const mcap::Contents& contents);
+/// Bytes in `damage`, which is all of one file, each counted once.
+[[nodiscard]] std::uint64_t lost_bytes_of(const std::vector<Damage>& damage, std::uint64_t size);
+
 /// All files of a log as one: chunks are numbered through all parts. Reads chunks, remembers what
 /// was in them, and finds those that are wanted by bisection, since the indices of a stream only
 /// rise. Who calls a function holds `mutex`.

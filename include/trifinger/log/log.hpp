@@ -77,9 +77,9 @@ class SeriesReader {
  public:
   /// Where rows go: arrays for as many as are asked for.
   struct Rows {
-    TimeIndex* indices{nullptr};     ///< The step of each row; of a companion, the element's index.
-    std::int64_t* times{nullptr};    ///< Since 1970 [ns].
-    std::span<void* const> columns;  ///< Elements, one address per column.
+    TimeIndex* indices{nullptr};   ///< The step of each row; of a companion, the element's index.
+    std::int64_t* times{nullptr};  ///< Since 1970 [ns].
+    std::span<void* const> columns{};  ///< Elements, one address per column.
   };
 
   SeriesReader(SeriesReader&&) noexcept;
@@ -121,6 +121,8 @@ class LoggedSession {
   /// The same in a sentence.
   [[nodiscard]] const std::string& fault_text() const noexcept;
 
+  /// False if the log has none, and so does not know what they are made of.
+  [[nodiscard]] bool has_elements() const noexcept;
   /// The layout of the elements of one series. @throws InvalidArgument for one that is not there
   [[nodiscard]] const ElementDescription& element(Series series) const;
   /// The first index of `series` in the log, and the first behind the last. Observations and

@@ -1,0 +1,381 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/log/log.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <array>
+#include <filesystem>
+#include <map>
+#include <random>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "log/recordings.hpp"
+#include "trifinger/core/errors.hpp"
+#include "trifinger/core/fake_robot.hpp"
+#include "trifinger/mcap/writer.hpp"
+
+// What was written is what is read, however it is asked for.
+
+namespace trifinger::log {
+namespace {
+
+using test::Folder;
+using test::OddLampReading;
+using test::OddObservation;
+using test::OddRobot;
+using test::OddSession;
+using test::random_session;
+using test::same_bytes;
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+template <class E, class Function>
+std::string message_of(const Function& function) {
+  try {
+    function();
+  } catch (const E& error) {
+    return error.what();
+  }
+  return "nothing was thrown";
+}
+
+void expect_same(const LoggedSession& found, const OddSession& written) {
+  const test::FoundSteps steps = test::read_steps(found);
+  EXPECT_EQ(steps.indices.size(), written.desired_actions.size());
+  EXPECT_TRUE(test::is_true(steps, written));
+
+  const LoggedRobot<OddRobot> robot(found);
+  std::vector<OddObservation> observations(written.observations.size());
+  robot.get_observations(0, observations);  // with that of the end
+  for (std::size_t t = 0; t < observations.size(); ++t) {
+    ASSERT_TRUE(same_bytes(observations[t], written.observations[t])) << t;
+  }
+  EXPECT_TRUE(same_bytes(robot.get_status(written.steps()), written.statuses.back()));
+
+  const LoggedSession lamp = found.companion("lamp");
+  std::vector<OddLampReading> readings(written.lamp.size());
+  EXPECT_EQ(lamp.range(Series::kObservation).second, static_cast<TimeIndex>(readings.size()));
+  LoggedCompanion<OddLampReading>(lamp).get_observations(0, readings);
+  for (std::size_t i = 0; i < readings.size(); ++i) {
+    ASSERT_TRUE(same_bytes(readings[i], written.lamp[i])) << i;
+  }
+}
+
+TEST(Log, ReadsWhatWasWrittenWhateverTheSizesAndTheMode) {
+  for (unsigned seed = 0; seed < 40; ++seed) {
+    std::mt19937 random(seed);
+    const Folder folder;
+    const auto steps = static_cast<TimeIndex>(random() % 300);
+    const auto block = static_cast<TimeIndex>(1 + random() % 50);
+    LogOptions options;
+    options.compression = static_cast<mcap::Compression>(random() % 3);
+    std::vector<OddSession> sessions;
+    for (unsigned i = 0; i <= random() % 3; ++i) {
+      sessions.push_back(random_session(10 * seed + i, steps, random() % 2 == 0));
+    }
+    sessions.push_back(random_session(10 * seed + 9, steps, true, "other"));
+    test::write_log(folder / "a.mcap", sessions, options, block);
+
+    const Log log(folder / "a.mcap");
+    EXPECT_TRUE(log.is_finished());
+    EXPECT_THAT(log.damage(), IsEmpty());
+    EXPECT_EQ(log.lost_bytes(), 0U);
+    ASSERT_EQ(log.sessions().size(), sessions.size());
+    for (std::size_t i = 0; i < sessions.size(); ++i) {
+      SCOPED_TRACE(testing::Message() << "seed " << seed << ", session " << i);
+      expect_same(log.sessions()[i], sessions[i]);
+      EXPECT_THAT(log.sessions()[i].gaps(), IsEmpty());
+    }
+  }
+}
+
+TEST(Log, TellsWhatTheSessionWas) {
+  const Folder folder;
+  const OddSession written = random_session(1, 30);
+  test::write_log(folder / "a.mcap", {written});
+  const LoggedSession session = Log(folder / "a.mcap").session();
+  EXPECT_EQ(session.name(), "odd");
+  EXPECT_EQ(session.type(), "odd");
+  EXPECT_EQ(session.header().session_id, written.header.session_id);
+  EXPECT_TRUE(session.header().is_real_time);
+  EXPECT_EQ(session.header().period, written.header.period);
+  EXPECT_EQ(session.header().created, written.header.created);
+  EXPECT_EQ(session.header().host, "host");
+  EXPECT_EQ(session.header().backend_pid, 4711);
+  EXPECT_EQ(session.header().documents, written.header.documents);
+  EXPECT_EQ(session.steps(), 30);
+  EXPECT_EQ(session.fault(), (Fault{.code = Fault::Code::kFinished, .time_index = 30}));
+  EXPECT_EQ(session.fault_text(), "the controller has finished");
+  EXPECT_EQ(session.companion("odd.lamp").type(), "odd_lamp");
+  EXPECT_EQ(session.range(Series::kAppliedAction), std::pair(TimeIndex{0}, TimeIndex{30}));
+  EXPECT_EQ(session.range(Series::kObservation), std::pair(TimeIndex{0}, TimeIndex{31}));
+}
+
+TEST(Log, GivesEachSessionTheDocumentsOfItsTime) {
+  const Folder folder;
+  OddSession later = random_session(2, 5);
+  later.header.documents.pop_back();  // of the model, that of before goes on
+  test::write_log(folder / "a.mcap", {random_session(1, 5), later});
+  const Log log(folder / "a.mcap");
+  EXPECT_EQ(log.sessions()[0].header().documents[0].text, "seed: 1\n");
+  EXPECT_EQ(log.sessions()[1].header().documents[0].text, "seed: 2\n");
+}
+
+TEST(Log, ReadsAnyRangeWithoutReadingAllTheRest) {
+  const Folder folder;
+  const OddSession written = random_session(3, 500);
+  const OddSession other = random_session(2, 200);
+  test::write_log(folder / "a.mcap", {other, written, random_session(5, 200)});
+  std::mt19937 random(1);
+  for (int i = 0; i < 200; ++i) {
+    // A new log each time: nothing is known of the file.
+    const Log log(folder / "a.mcap");
+    const auto first = static_cast<TimeIndex>(random() % 500);
+    const auto last = first + static_cast<TimeIndex>(random() % static_cast<unsigned>(501 - first));
+    const test::FoundSteps found =
+        test::read_steps(log.sessions()[1], first, last, 1 + random() % 100);
+    ASSERT_EQ(found.indices.size(), static_cast<std::size_t>(last - first));
+    ASSERT_TRUE(test::is_true(found, written));
+    if (first < last) {
+      ASSERT_EQ(found.indices.front(), first);
+    }
+  }
+}
+
+TEST(Log, ReadsSomeFieldsOnly) {
+  const Folder folder;
+  const OddSession written = random_session(3, 50);
+  test::write_log(folder / "a.mcap", {written});
+  const LoggedSession session = Log(folder / "a.mcap").session("odd");
+  const Column column{Series::kObservation, {"gears", "left.speed"}};
+  const ElementDescription element = select(session.element(Series::kObservation), column.fields);
+  EXPECT_EQ(element.text(), "left.speed float32 rad/s\ngears int8[2,2]\n");
+  std::vector<std::byte> bytes(30 * element.size());
+  session.get(column, 10, 30, bytes.data());
+  for (std::size_t i = 0; i < 30; ++i) {
+    const OddObservation& expected = written.observations[10 + i];
+    const std::byte* const found = &bytes[i * element.size()];
+    EXPECT_EQ(std::memcmp(found, &expected.left.speed, 4), 0);
+    EXPECT_EQ(std::memcmp(found + 4, &expected.gears, 4), 0);
+  }
+  EXPECT_EQ(select(element, {"left"}).text(), "left.speed float32 rad/s\n");
+  EXPECT_THAT(message_of<InvalidArgument>([&] { (void)select(element, {"middle"}); }),
+              AllOf(HasSubstr("'middle'"), HasSubstr("'left.speed' and 'gears'")));
+}
+
+TEST(Log, FindsStepsByTime) {
+  const Folder folder;
+  for (const bool is_real_time : {true, false}) {
+    const OddSession written = random_session(3, 300, is_real_time);
+    const auto path = folder / (is_real_time ? "a.mcap" : "b.mcap");
+    test::write_log(path, {random_session(2, 100), written});
+    const LoggedSession session = Log(path).session();
+    const test::FoundSteps steps = test::read_steps(session);
+    for (std::size_t t = 0; t < 300; t += 7) {
+      EXPECT_EQ(session.find(steps.times[t]), static_cast<TimeIndex>(t));
+      EXPECT_EQ(session.find(steps.times[t] + 1), static_cast<TimeIndex>(t + 1));
+    }
+    EXPECT_EQ(session.find(0), 0);
+    EXPECT_EQ(session.find(steps.times.back() + 1), 300);
+  }
+}
+
+TEST(Log, KnowsTheLatestReadingAtEveryStep) {
+  const Folder folder;
+  const OddSession written = random_session(3, 100);
+  test::write_log(folder / "a.mcap", {written}, {}, 7);
+  const LoggedCompanion<OddLampReading> lamp(Log(folder / "a.mcap").session("odd.lamp"));
+  for (TimeIndex t = 0; t <= 100; ++t) {
+    const OddLampReading* expected = nullptr;
+    for (const OddLampReading& reading : written.lamp) {
+      if (reading.stamp.arrival_index <= t) expected = &reading;
+    }
+    const std::optional<OddLampReading> found = lamp.get_latest_at(t);
+    ASSERT_EQ(found.has_value(), expected != nullptr) << t;
+    ASSERT_TRUE(!found || same_bytes(*found, *expected)) << t;
+  }
+  EXPECT_THROW((void)lamp.get_latest_at(101), NotInLog);  // not yet known when the session ended
+}
+
+TEST(Log, NamesWhatIsMissing) {
+  const Folder folder;
+  const OddSession written = random_session(3, 100);
+  {
+    mcap::FileSink sink = mcap::FileSink::create(folder / "a.mcap");
+    LogWriter writer(sink, {});
+    const std::size_t number = writer.begin_session(written.header);
+    test::write_steps(writer, number, written, 0, 30);
+    writer.write_gap(number, 30, 39, "the disk was full");
+    test::write_steps(writer, number, written, 40, 100);
+    test::write_end(writer, number, written);
+    writer.finish();
+  }
+  const LoggedSession session = Log(folder / "a.mcap").session();
+  EXPECT_THAT(session.gaps(), ElementsAre(Gap{30, 39, "the disk was full"}));
+  const test::FoundSteps found = test::read_steps(session);
+  EXPECT_EQ(found.indices.size(), 90U);
+  EXPECT_TRUE(test::is_true(found, written));
+  EXPECT_EQ(session.read({}).max_rows(), 90U);
+
+  const LoggedRobot<OddRobot> robot(session);
+  EXPECT_THAT(message_of<NotInLog>([&] { (void)robot.get_observation(35); }),
+              AllOf(HasSubstr("steps 30 to 39"), HasSubstr("the disk was full")));
+  EXPECT_THAT(message_of<NotInLog>([&] { (void)robot.get_desired_action(100); }),
+              AllOf(HasSubstr("step 100"), HasSubstr("steps 0 to 99")));
+  EXPECT_THROW((void)robot.get_observation(-1), NotInLog);
+  EXPECT_TRUE(same_bytes(robot.get_observation(100), written.observations[100]));
+}
+
+TEST(Log, ReadsASessionThatWentOnWhenTheRecordingEnded) {
+  const Folder folder;
+  const OddSession written = random_session(3, 100);
+  {
+    mcap::FileSink sink = mcap::FileSink::create(folder / "a.mcap");
+    LogWriter writer(sink, {});
+    test::write_steps(writer, writer.begin_session(written.header), written, 0, 60);
+  }  // killed: no summary
+  const Log log(folder / "a.mcap");
+  EXPECT_FALSE(log.is_finished());
+  EXPECT_EQ(log.lost_bytes(), 0U);
+  const LoggedSession session = log.session("odd");
+  EXPECT_EQ(session.steps(), std::nullopt);
+  EXPECT_FALSE(session.fault());
+  EXPECT_EQ(session.range(Series::kObservation), std::pair(TimeIndex{0}, TimeIndex{60}));
+  EXPECT_EQ(test::read_steps(session).indices.size(), 60U);
+  EXPECT_THAT(session.gaps(), IsEmpty());
+}
+
+TEST(Log, PutsThePartsOfARecordingTogetherInAnyOrder) {
+  const Folder folder;
+  const OddSession written = random_session(3, 100);
+  const OddSession second = random_session(4, 20);
+  for (int part = 0; part < 3; ++part) {
+    // Names that sort the other way round.
+    mcap::FileSink sink = mcap::FileSink::create(folder / (std::to_string(9 - part) + ".mcap"));
+    LogOptions options;
+    options.recording = "r";
+    options.part = part;
+    LogWriter writer(sink, options);
+    SessionHeader header = written.header;
+    header.first_index = 40 * part;
+    const std::size_t number = writer.begin_session(header);
+    test::write_steps(writer, number, written, 40 * part, std::min<TimeIndex>(40 * part + 40, 100));
+    if (part == 2) {
+      test::write_end(writer, number, written);
+      const std::size_t next = writer.begin_session(second.header);
+      test::write_steps(writer, next, second, 0, 20);
+      test::write_end(writer, next, second);
+    }
+    writer.finish();
+  }
+  const Log log(folder.path());
+  EXPECT_EQ(log.files().front().filename(), "9.mcap");
+  ASSERT_EQ(log.sessions().size(), 2U);
+  expect_same(log.sessions()[0], written);
+  expect_same(log.sessions()[1], second);
+  EXPECT_THAT(log.sessions()[0].gaps(), IsEmpty());
+
+  // A part alone is a log of its own.
+  const Log middle(folder / "8.mcap");
+  EXPECT_EQ(middle.session().range(Series::kObservation), std::pair(TimeIndex{40}, TimeIndex{80}));
+  EXPECT_THAT(middle.session().gaps(), IsEmpty());
+
+  std::filesystem::remove(folder / "8.mcap");
+  const Log rest(folder.path());
+  EXPECT_THAT(rest.damage(), testing::SizeIs(1));
+  ASSERT_THAT(rest.sessions()[0].gaps(), testing::SizeIs(1));
+  EXPECT_EQ(rest.sessions()[0].gaps()[0].first, 40);
+  EXPECT_EQ(rest.sessions()[0].gaps()[0].last, 79);
+}
+
+TEST(Log, RefusesWhatBelongsToSeveralRecordings) {
+  const Folder folder;
+  test::write_log(folder / "a.mcap", {random_session(1, 5)});
+  test::write_log(folder / "b.mcap", {random_session(2, 5)});
+  EXPECT_THAT(message_of<InvalidArgument>([&] { (void)Log(folder.path()); }),
+              AllOf(HasSubstr("a.mcap"), HasSubstr("b.mcap"), HasSubstr("two recordings")));
+  const Folder empty;
+  EXPECT_THAT(message_of<InvalidArgument>([&] { (void)Log(empty.path()); }),
+              HasSubstr("no .mcap files"));
+  EXPECT_THROW((void)Log(folder / "c.mcap"), SystemError);
+}
+
+TEST(Log, NamesTheRobotsThereAre) {
+  const Folder folder;
+  test::write_log(folder / "a.mcap", {random_session(1, 5), random_session(2, 5, true, "other")});
+  const Log log(folder / "a.mcap");
+  EXPECT_THAT(message_of<InvalidArgument>([&] { (void)log.session("sim"); }),
+              AllOf(HasSubstr("'sim'"), HasSubstr("'odd' and 'other'")));
+  EXPECT_THAT(message_of<InvalidArgument>([&] { (void)log.session(); }),
+              HasSubstr("'odd' and 'other'"));
+  EXPECT_THAT(message_of<InvalidArgument>([&] { (void)log.session("odd").companion("camera"); }),
+              AllOf(HasSubstr("'camera'"), HasSubstr("'lamp'")));
+  EXPECT_THAT(
+      message_of<InvalidArgument>([&] { (void)log.session("odd").element(Series::kHolding); }),
+      HasSubstr("holding"));
+  EXPECT_THROW((void)LoggedRobot<FakeRobot>(log, "odd"), IncompatibleSession);
+}
+
+TEST(Log, SaysWhichVersionIsNeededForALaterFormat) {  // fault_27
+  const Folder folder;
+  mcap::FileSink sink = mcap::FileSink::create(folder / "a.mcap");
+  mcap::Writer writer(sink, {.profile = "ros2", .library = "trifinger 9.0.0"});
+  writer.write(
+      mcap::Metadata{"trifinger.log", {{"format_version", "2"}, {"trifinger_version", "9.0.0"}}});
+  writer.finish();
+  EXPECT_THAT(message_of<mcap::FormatError>([&] { (void)Log(folder / "a.mcap"); }),
+              AllOf(HasSubstr("a.mcap"), HasSubstr("needs trifinger >= 9.0.0")));
+}
+
+TEST(Log, TellsAnotherMcapFileFromALog) {
+  const Folder folder;
+  mcap::FileSink sink = mcap::FileSink::create(folder / "a.mcap");
+  mcap::Writer writer(sink, {.profile = "ros2", .library = "rosbag2"});
+  writer.finish();
+  EXPECT_THAT(message_of<mcap::FormatError>([&] { (void)Log(folder / "a.mcap"); }),
+              HasSubstr("no log"));
+}
+
+TEST(Log, TellsTheEventsInTheirOrder) {
+  const Folder folder;
+  test::write_log(folder / "a.mcap", {random_session(1, 50), random_session(2, 5, true, "other")});
+  const std::vector<Event> events = Log(folder / "a.mcap").events();
+  ASSERT_EQ(events.size(), 2U);
+  EXPECT_EQ(events[0].source, "odd");
+  EXPECT_EQ(events[1].source, "other");
+  EXPECT_EQ(events[1].text, "begins");
+  EXPECT_EQ(events[1].level, LogWriter::Level::kInfo);
+}
+
+TEST(Log, IsReadByManyThreads) {
+  const Folder folder;
+  const OddSession written = random_session(3, 200);
+  test::write_log(folder / "a.mcap", {written});
+  const Log log(folder / "a.mcap");
+  std::vector<std::thread> threads;
+  for (int i = 0; i < 4; ++i) {
+    threads.emplace_back([&log, &written] {
+      const test::FoundSteps found = test::read_steps(log.session(), 0, 200, 10);
+      EXPECT_EQ(found.indices.size(), 200U);
+      EXPECT_TRUE(test::is_true(found, written));
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+}
+
+TEST(Log, ReadsChunksThatClosedThemselves) {
+  const Folder folder;
+  const OddSession written = random_session(3, 40'000);
+  test::write_log(folder / "a.mcap", {written}, {}, 40'000);
+  const test::FoundSteps found = test::read_steps(Log(folder / "a.mcap").session());
+  EXPECT_EQ(found.indices.size(), 40'000U);
+  EXPECT_TRUE(test::is_true(found, written));
+}
+
+}  // namespace
+}  // namespace trifinger::log
