@@ -1,0 +1,529 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/log/log_writer.hpp"
+
+#include <sys/utsname.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cstring>
+#include <ctime>
+#include <limits>
+#include <optional>
+#include <random>
+#include <set>
+#include <span>
+#include <utility>
+
+#include "trifinger/base/error.hpp"
+#include "trifinger/core/driver.hpp"
+#include "trifinger/mcap/reader.hpp"
+
+namespace trifinger::log {
+namespace {
+
+constexpr std::string_view kFormatVersion = "1";
+constexpr std::string_view kLibrary = "trifinger " TRIFINGER_VERSION;
+constexpr std::string_view kSchemaEncoding = "ros2msg";
+constexpr std::string_view kMessageEncoding = "cdr";
+
+constexpr std::string_view kEventType = "rcl_interfaces/msg/Log";
+constexpr std::string_view kEventDefinition =
+    "byte DEBUG=10\n"
+    "byte INFO=20\n"
+    "byte WARN=30\n"
+    "byte ERROR=40\n"
+    "byte FATAL=50\n"
+    "builtin_interfaces/Time stamp\n"
+    "uint8 level\n"
+    "string name\n"
+    "string msg\n"
+    "string file\n"
+    "string function\n"
+    "uint32 line\n"
+    "================================================================================\n"
+    "MSG: builtin_interfaces/Time\n"
+    "int32 sec\n"
+    "uint32 nanosec\n";
+
+using Entries = std::map<std::string, std::string>;
+
+std::string host_name() {
+  std::array<char, 256> name{};
+  ::gethostname(name.data(), name.size() - 1);
+  return name.data();
+}
+
+std::string kernel_version() {
+  utsname name{};
+  if (::uname(&name) != 0) return "unknown";
+  return std::string(name.sysname) + " " + name.release;
+}
+
+// ISO 8601.
+std::string utc_text(std::int64_t time) {
+  const std::time_t seconds = time / 1'000'000'000;
+  std::tm date{};
+  ::gmtime_r(&seconds, &date);
+  std::array<char, 32> text{};
+  std::strftime(text.data(), text.size(), "%FT%TZ", &date);
+  return text.data();
+}
+
+std::string random_name() {
+  std::random_device random;
+  std::string name;
+  for (int i = 0; i < 16; ++i) name += "0123456789abcdef"[random() % 16];
+  return name;
+}
+
+std::string text_of(Precision precision) {
+  return precision == Precision::kSingle ? "single" : "double";
+}
+
+std::uint64_t log_time(std::int64_t time) noexcept {
+  return static_cast<std::uint64_t>(std::max<std::int64_t>(time, 0));
+}
+
+// An element that is not there: NaN where numbers may be that, otherwise 0.
+std::vector<std::byte> nothing(const ElementDescription& element) {
+  std::vector<std::byte> bytes(element.size());
+  const auto fill = [&bytes](const FieldDescription& field, const auto& number) {
+    for (std::size_t i = 0; i < field.count(); ++i) {
+      std::memcpy(bytes.data() + field.offset + i * sizeof(number), &number, sizeof(number));
+    }
+  };
+  for (const FieldDescription& field : element.fields()) {
+    if (field.type == ScalarType::kFloat64) fill(field, std::numeric_limits<double>::quiet_NaN());
+    if (field.type == ScalarType::kFloat32) fill(field, std::numeric_limits<float>::quiet_NaN());
+  }
+  return bytes;
+}
+
+// CDR of a message with texts.
+class CdrText {
+ public:
+  CdrText() { bytes_ = {std::byte{0}, std::byte{1}, std::byte{0}, std::byte{0}}; }
+
+  template <class Number>
+  void add(Number number) {
+    while ((bytes_.size() - kHeader) % sizeof(number) != 0) bytes_.push_back(std::byte{0});
+    append(&number, sizeof(number));
+  }
+  void add(std::string_view text) {
+    add(static_cast<std::uint32_t>(text.size() + 1));
+    append(text.data(), text.size());
+    bytes_.push_back(std::byte{0});
+  }
+  [[nodiscard]] std::span<const std::byte> bytes() const noexcept { return bytes_; }
+
+ private:
+  static constexpr std::size_t kHeader = 4;
+
+  void append(const void* data, std::size_t size) {
+    const auto* begin = static_cast<const std::byte*>(data);
+    bytes_.insert(bytes_.end(), begin, begin + size);
+  }
+
+  std::vector<std::byte> bytes_;
+};
+
+// Messages of one layout on one channel.
+struct Stream {
+  MessageLayout layout;
+  std::uint16_t channel{0};
+  std::vector<std::byte> message;
+
+  explicit Stream(MessageLayout its_layout)
+      : layout(std::move(its_layout)), message(layout.size()) {}
+};
+
+struct WrittenSession {
+  SessionHeader header;
+  Stream step;
+  Stream end;
+  std::vector<Stream> companions;
+  std::vector<std::byte> no_observation;
+  bool is_announced{false};
+  TimeIndex observations{-1};  // known with the end
+
+  WrittenSession(const SessionHeader& its_header, Precision precision)
+      : header(its_header),
+        step(step_layout(header.types, describe<Status>(), precision)),
+        end(end_layout(header.types, describe<Status>(), precision)),
+        no_observation(nothing(header.types.observation)) {
+    for (const SessionHeader::Companion& companion : header.companions) {
+      companions.emplace_back(companion_layout(companion.type, companion.element, precision));
+    }
+  }
+};
+
+}  // namespace
+
+std::int64_t wall_time() noexcept {
+  return std::chrono::duration_cast<Nanoseconds>(
+             std::chrono::system_clock::now().time_since_epoch())
+      .count();
+}
+
+SessionHeader SessionHeader::of(const Session& robot, const std::vector<Session>& companions) {
+  const SessionInfo info = robot.info();
+  SessionHeader header;
+  header.name = info.name;
+  header.session_id = info.session_id;
+  header.is_real_time = info.is_real_time;
+  header.period = info.period;
+  header.created = std::chrono::duration_cast<Nanoseconds>(info.created.time_since_epoch()).count();
+  header.time_offset = header.created;
+  if (info.is_real_time) {
+    const auto monotonic = std::chrono::steady_clock::now().time_since_epoch();
+    header.time_offset = wall_time() - Nanoseconds(monotonic).count();
+  }
+  header.host = info.host;
+  header.backend_pid = info.backend.pid;
+  header.types = robot.description();
+  for (const Session& companion : companions) {
+    const RobotTypes& types = companion.description();
+    header.companions.push_back(
+        {.name = companion.info().name, .type = types.type, .element = types.observation});
+  }
+  header.documents = robot.documents();
+  return header;
+}
+
+class LogWriter::Implementation {
+ public:
+  Implementation(mcap::Sink& sink, const LogOptions& options, const mcap::Contents* contents)
+      : precision_(options.precision), writer_(make_writer(sink, options, contents)) {
+    if (contents != nullptr) {
+      for (const mcap::Metadata& record : contents->metadata) {
+        if (record.name == "trifinger.log") is_begun_ = true;
+        if (record.name == "trifinger.session") {
+          announced_.emplace(entry(record, "name"), entry(record, "session_id"));
+        }
+      }
+      for (const mcap::Attachment& attachment : contents->attachments) {
+        documents_[attachment.name] = attachment.data;
+      }
+    }
+    origin_ = {{"format_version", std::string(kFormatVersion)},
+               {"trifinger_version", TRIFINGER_VERSION},
+               {"host", host_name()},
+               {"kernel", kernel_version()},
+               {"created", utc_text(wall_time())},
+               {"part", std::to_string(options.part)},
+               {"recording", options.recording.empty() ? random_name() : options.recording},
+               {"precision", text_of(precision_)}};
+    event_channel_ = add_channel("/events", kEventType, kEventDefinition, {});
+  }
+
+  // Writes the first record of the file. Not in the constructor: it may have to be tried again.
+  void begin() {
+    if (is_begun_) return;
+    writer_.write(mcap::Metadata{"trifinger.log", origin_});
+    is_begun_ = true;
+  }
+
+  std::size_t begin_session(const SessionHeader& header) {
+    begin();
+    const auto is_it = [&header](const std::unique_ptr<WrittenSession>& session) {
+      return session != nullptr && session->header.name == header.name &&
+             session->header.session_id == header.session_id;
+    };
+    auto found = std::ranges::find_if(sessions_, is_it);
+    if (found == sessions_.end()) {
+      auto session = std::make_unique<WrittenSession>(header, precision_);
+      add_channels(*session);
+      sessions_.push_back(std::move(session));
+      found = sessions_.end() - 1;
+    }
+    announce(**found);
+    return static_cast<std::size_t>(found - sessions_.begin());
+  }
+
+  void write_steps(std::size_t number, const Steps& steps) {
+    WrittenSession& session = at(number);
+    const RobotTypes& types = session.header.types;
+    const auto* desired = static_cast<const std::byte*>(steps.desired_actions);
+    const auto* applied = static_cast<const std::byte*>(steps.applied_actions);
+    const auto* observation = static_cast<const std::byte*>(steps.observations);
+    const auto* status = static_cast<const std::byte*>(steps.statuses);
+    for (std::size_t i = 0; i < steps.count; ++i) {
+      const MessageHead head{.session_id = session.header.session_id,
+                             .index = steps.first + static_cast<TimeIndex>(i)};
+      const std::array<const void*, 5> elements{&head, status, observation, applied, desired};
+      const std::uint64_t time = time_of(session.header, head.index, status);
+      write(session.step, elements, time, time);
+      desired += types.action.size();
+      applied += types.applied_action.size();
+      observation += types.observation.size();
+      status += sizeof(Status);
+    }
+  }
+
+  void write_companion(std::size_t number, std::size_t companion, TimeIndex first,
+                       std::size_t count, const void* elements) {
+    WrittenSession& session = at(number);
+    const SessionHeader& header = session.header;
+    const auto* element = static_cast<const std::byte*>(elements);
+    for (std::size_t i = 0; i < count; ++i) {
+      const MessageHead head{.session_id = header.session_id,
+                             .index = first + static_cast<TimeIndex>(i)};
+      Stamp stamp;
+      std::memcpy(&stamp, element, sizeof(stamp));
+      const auto time = [&header](TimeIndex step, std::int64_t monotonic) {
+        return log_time(header.time_offset +
+                        (header.is_real_time ? monotonic : step * header.period.count()));
+      };
+      const std::array<const void*, 2> parts{&head, element};
+      write(session.companions[companion], parts, time(stamp.arrival_index, stamp.arrival_time),
+            time(stamp.capture_index, stamp.capture_time));
+      element += header.companions[companion].element.size();
+    }
+  }
+
+  void write_end(std::size_t number, TimeIndex time_index, const void* observation,
+                 const Status& status) {
+    WrittenSession& session = at(number);
+    const MessageHead head{.session_id = session.header.session_id, .index = time_index};
+    const std::array<const void*, 3> elements{
+        &head, &status, observation != nullptr ? observation : session.no_observation.data()};
+    const std::uint64_t time = time_of(session.header, time_index, &status);
+    write(session.end, elements, time, time);
+    session.observations = time_index + (observation != nullptr ? 1 : 0);
+  }
+
+  void end_session(std::size_t number, TimeIndex steps, const Fault& fault,
+                   std::string_view fault_text) {
+    const WrittenSession& session = at(number);
+    const TimeIndex observations = session.observations < 0 ? steps : session.observations;
+    writer_.write(mcap::Metadata{"trifinger.end",
+                                 {{"name", session.header.name},
+                                  {"session_id", std::to_string(session.header.session_id)},
+                                  {"steps", std::to_string(steps)},
+                                  {"observations", std::to_string(observations)},
+                                  {"fault_code", std::to_string(static_cast<int>(fault.code))},
+                                  {"fault", std::string(name_of(fault.code))},
+                                  {"fault_detail", std::to_string(fault.detail)},
+                                  {"fault_time_index", std::to_string(fault.time_index)},
+                                  {"fault_text", std::string(fault_text)}}});
+    // Sessions come and go for days.
+    sessions_[number].reset();
+  }
+
+  void write_gap(std::size_t number, const std::string& name, TimeIndex first, TimeIndex last,
+                 std::string_view reason) {
+    writer_.write(mcap::Metadata{"trifinger.gap",
+                                 {{"name", name},
+                                  {"session_id", std::to_string(at(number).header.session_id)},
+                                  {"first", std::to_string(first)},
+                                  {"last", std::to_string(last)},
+                                  {"reason", std::string(reason)}}});
+  }
+
+  void write_event(Level level, std::string_view source, std::string_view text, std::int64_t time) {
+    constexpr std::int64_t kSecond = 1'000'000'000;
+    CdrText message;
+    message.add(static_cast<std::int32_t>(time / kSecond));
+    message.add(static_cast<std::uint32_t>(time % kSecond));
+    message.add(static_cast<std::uint8_t>(level));
+    message.add(source);
+    message.add(text);
+    message.add(std::string_view());  // file
+    message.add(std::string_view());  // function
+    message.add(std::uint32_t{0});    // line
+    writer_.write(mcap::Message{.channel_id = event_channel_,
+                                .log_time = log_time(time),
+                                .publish_time = log_time(time),
+                                .data = message.bytes()});
+  }
+
+  [[nodiscard]] WrittenSession& at(std::size_t number) const {
+    if (number >= sessions_.size() || sessions_[number] == nullptr) {
+      throw InvalidArgument("session " + std::to_string(number) + " of the log is not open");
+    }
+    return *sessions_[number];
+  }
+  [[nodiscard]] mcap::Writer& writer() noexcept { return writer_; }
+
+ private:
+  static mcap::Writer make_writer(mcap::Sink& sink, const LogOptions& options,
+                                  const mcap::Contents* contents) {
+    mcap::WriterOptions its_options{.profile = "ros2",
+                                    .library = std::string(kLibrary),
+                                    .compression = options.compression,
+                                    .level = options.level,
+                                    .max_chunk_size = kMaxChunkSize};
+    if (contents == nullptr) return {sink, std::move(its_options)};
+    return {sink, std::move(its_options), *contents};
+  }
+
+  static std::string entry(const mcap::Metadata& record, const std::string& key) {
+    const auto found = record.entries.find(key);
+    return found == record.entries.end() ? std::string() : found->second;
+  }
+
+  std::uint16_t add_channel(std::string_view topic, std::string_view type,
+                            std::string_view definition, Entries metadata) {
+    return writer_.add_channel({.schema_id = writer_.add_schema(type, kSchemaEncoding, definition),
+                                .topic = std::string(topic),
+                                .message_encoding = std::string(kMessageEncoding),
+                                .metadata = std::move(metadata)});
+  }
+
+  void add_channels(WrittenSession& session) {
+    const SessionHeader& header = session.header;
+    const RobotTypes& types = header.types;
+    Entries metadata{{"session", header.name},
+                     {"type", types.type},
+                     {"precision", text_of(precision_)},
+                     {"status", describe<Status>().text()},
+                     {"observation", types.observation.text()}};
+    const auto add = [this, &header](Stream& stream, std::string_view suffix, Entries entries) {
+      stream.channel = add_channel("/" + header.name + std::string(suffix), stream.layout.type(),
+                                   stream.layout.definition(), std::move(entries));
+    };
+    metadata["role"] = "end";
+    add(session.end, "/end", metadata);
+    metadata["role"] = "step";
+    metadata["applied_action"] = types.applied_action.text();
+    metadata["action"] = types.action.text();
+    add(session.step, "/step", metadata);
+    for (std::size_t i = 0; i < session.companions.size(); ++i) {
+      const SessionHeader::Companion& companion = header.companions[i];
+      // "sim.object" is "/sim/object".
+      add(session.companions[i], "/" + companion.name.substr(companion.name.find('.') + 1),
+          {{"session", companion.name},
+           {"type", companion.type},
+           {"role", "companion"},
+           {"precision", text_of(precision_)},
+           {"observation", companion.element.text()}});
+    }
+  }
+
+  // Says what the session is, unless the file does already. The documents first: whoever finds the
+  // session finds those that belong to it in front of it.
+  void announce(WrittenSession& session) {
+    if (session.is_announced) return;
+    const SessionHeader& header = session.header;
+    for (const Document& document : header.documents) {
+      const std::string name = header.name + "." + document.name;
+      const auto known = documents_.find(name);
+      if (known != documents_.end() && known->second == document.text) continue;
+      writer_.write(mcap::Attachment{.log_time = log_time(wall_time()),
+                                     .create_time = log_time(header.created),
+                                     .name = name,
+                                     .media_type = document.media_type,
+                                     .data = document.text});
+      documents_[name] = document.text;
+    }
+    const std::string id = std::to_string(header.session_id);
+    if (!announced_.contains({header.name, id})) {
+      std::string companions;
+      std::string first_indices;
+      for (const SessionHeader::Companion& companion : header.companions) {
+        const std::string separator = companions.empty() ? "" : " ";
+        companions += separator + companion.name;
+        first_indices += separator + std::to_string(companion.first_index);
+      }
+      writer_.write(mcap::Metadata{"trifinger.session",
+                                   {{"name", header.name},
+                                    {"type", header.types.type},
+                                    {"session_id", id},
+                                    {"is_real_time", header.is_real_time ? "1" : "0"},
+                                    {"period", std::to_string(header.period.count())},
+                                    {"created", std::to_string(header.created)},
+                                    {"host", header.host},
+                                    {"backend_pid", std::to_string(header.backend_pid)},
+                                    {"time_offset", std::to_string(header.time_offset)},
+                                    {"companions", companions},
+                                    {"companion_first_indices", first_indices},
+                                    {"first_index", std::to_string(header.first_index)}}});
+    }
+    session.is_announced = true;
+  }
+
+  static std::uint64_t time_of(const SessionHeader& header, TimeIndex time_index,
+                               const void* status) {
+    if (!header.is_real_time) {
+      return log_time(header.time_offset + time_index * header.period.count());
+    }
+    std::int64_t time;
+    std::memcpy(&time, static_cast<const std::byte*>(status) + offsetof(Status, time),
+                sizeof(time));
+    return log_time(header.time_offset + time);
+  }
+
+  void write(Stream& stream, std::span<const void* const> elements, std::uint64_t log_time,
+             std::uint64_t publish_time) {
+    stream.layout.encode(elements, stream.message.data());
+    writer_.write(mcap::Message{.channel_id = stream.channel,
+                                .log_time = log_time,
+                                .publish_time = publish_time,
+                                .data = stream.message});
+  }
+
+  Precision precision_;
+  mcap::Writer writer_;
+  bool is_begun_{false};
+  Entries origin_;
+  std::uint16_t event_channel_{0};
+  std::vector<std::unique_ptr<WrittenSession>> sessions_;    // nullptr: has ended
+  std::set<std::pair<std::string, std::string>> announced_;  // name and id, in the file before us
+  std::map<std::string, std::string> documents_;             // the newest of each name in the file
+};
+
+LogWriter::LogWriter(mcap::Sink& sink, const LogOptions& options)
+    : implementation_(std::make_unique<Implementation>(sink, options, nullptr)) {}
+LogWriter::LogWriter(mcap::Sink& sink, const LogOptions& options, const mcap::Contents& contents)
+    : implementation_(std::make_unique<Implementation>(sink, options, &contents)) {}
+LogWriter::LogWriter(LogWriter&&) noexcept = default;
+LogWriter& LogWriter::operator=(LogWriter&&) noexcept = default;
+LogWriter::~LogWriter() = default;
+
+std::size_t LogWriter::begin_session(const SessionHeader& header) {
+  return implementation_->begin_session(header);
+}
+void LogWriter::write_steps(std::size_t session, const Steps& steps) {
+  implementation_->write_steps(session, steps);
+}
+void LogWriter::write_companion(std::size_t session, std::size_t companion, TimeIndex first,
+                                std::size_t count, const void* elements) {
+  implementation_->write_companion(session, companion, first, count, elements);
+}
+void LogWriter::write_end(std::size_t session, TimeIndex time_index, const void* observation,
+                          const Status& status) {
+  implementation_->write_end(session, time_index, observation, status);
+}
+void LogWriter::end_session(std::size_t session, TimeIndex steps, const Fault& fault,
+                            std::string_view fault_text) {
+  implementation_->end_session(session, steps, fault, fault_text);
+}
+void LogWriter::write_gap(std::size_t session, TimeIndex first, TimeIndex last,
+                          std::string_view reason) {
+  implementation_->write_gap(session, implementation_->at(session).header.name, first, last,
+                             reason);
+}
+void LogWriter::write_companion_gap(std::size_t session, std::size_t companion, TimeIndex first,
+                                    TimeIndex last, std::string_view reason) {
+  const SessionHeader& header = implementation_->at(session).header;
+  implementation_->write_gap(session, header.companions.at(companion).name, first, last, reason);
+}
+void LogWriter::write_event(Level level, std::string_view source, std::string_view text,
+                            std::int64_t time) {
+  implementation_->write_event(level, source, text, time);
+}
+void LogWriter::flush() {
+  implementation_->begin();
+  implementation_->writer().flush();
+}
+void LogWriter::finish() {
+  implementation_->begin();
+  implementation_->writer().finish();
+}
+std::size_t LogWriter::open_chunk_size() const noexcept {
+  return implementation_->writer().open_chunk_size();
+}
+
+}  // namespace trifinger::log

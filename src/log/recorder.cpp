@@ -1,0 +1,513 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/log/recorder.hpp"
+
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cerrno>
+#include <condition_variable>
+#include <deque>
+#include <limits>
+#include <mutex>
+#include <set>
+#include <utility>
+
+#include "recording.hpp"
+#include "session_recorder.hpp"
+#include "session_watch.hpp"
+#include "trifinger/core/errors.hpp"
+#include "trifinger/ipc/file_descriptor.hpp"
+
+namespace trifinger::log {
+namespace {
+
+using Level = LogWriter::Level;
+using Event = RecorderOptions::Event;
+
+constexpr Nanoseconds kPollPeriod = std::chrono::milliseconds(20);
+// For histories that fill faster than that.
+constexpr Nanoseconds kMinPollPeriod = std::chrono::microseconds(500);
+constexpr double kHurry = 0.125;
+// How often to try again what the disk has refused, and to look at what changes seldom.
+constexpr Nanoseconds kSlowPeriod = std::chrono::milliseconds(100);
+constexpr double kWorryingLag = 0.5;
+constexpr double kHarmlessLag = 0.25;
+// Ended sessions that wait for the disk stay in memory.
+constexpr std::size_t kMaxWaiting = 16;
+constexpr std::size_t kMaxEvents = 1000;
+constexpr Nanoseconds kMaxWaitOfBackend = std::chrono::seconds(1);
+
+Instant now() noexcept { return std::chrono::steady_clock::now(); }
+
+std::string seconds_text(Nanoseconds time) {
+  const auto tenths = std::chrono::duration_cast<std::chrono::milliseconds>(time).count() / 100;
+  return std::to_string(tenths / 10) + "." + std::to_string(tenths % 10) + " s";
+}
+
+// A session that the back-end of this process has handed over.
+struct Handed {
+  Session robot;
+  std::vector<Session> companions;
+  std::shared_ptr<std::atomic<TimeIndex>> next_step;
+};
+
+// One robot, and its sessions that are not yet in the log, oldest first.
+struct RecordedRobot {
+  std::string name;
+  std::deque<std::unique_ptr<SessionRecorder>> sessions;
+  std::optional<Session> newest;
+  std::uint64_t newest_id{0};
+  bool is_known{false};       // whether earlier recorders have left a session was looked up
+  std::int64_t last_time{0};  // of the session before
+  bool is_behind{false};      // and that was told
+
+  // Sessions that have appeared, ours among them, and that were told to be missed.
+  int appeared{-1};
+  int before_watch{0};
+  int found{0};
+  int missed{0};
+};
+
+// The names become names of files.
+const std::vector<std::string>& checked(const std::vector<std::string>& robots) {
+  if (robots.empty()) throw InvalidArgument("a recorder needs the name of a robot");
+  std::set<std::string> seen;
+  for (const std::string& name : robots) {
+    const auto is_allowed = [](char c) {
+      return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
+             c == '_' || c == '-';
+    };
+    if (name.empty() || !std::ranges::all_of(name, is_allowed)) {
+      throw InvalidArgument("'" + name + "' is not the name of a robot" +
+                            (name.find('.') == std::string::npos
+                                 ? ""
+                                 : "; companions are recorded with their robot"));
+    }
+    if (!seen.insert(name).second) {
+      throw InvalidArgument("robot '" + name + "' is named twice");
+    }
+  }
+  return robots;
+}
+
+void drain(const ipc::FileDescriptor& file) noexcept {
+  std::uint64_t count = 0;
+  static_cast<void>(::read(file.get(), &count, sizeof(count)));
+}
+
+}  // namespace
+
+class Recorder::Implementation {
+ public:
+  Implementation(const std::vector<std::string>& robots, RecorderOptions options)
+      : options_(std::move(options)),
+        wake_([] { return ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK); }),
+        watch_(options_.is_follower ? std::vector<std::string>() : robots),
+        recording_(checked(robots), options_, [this](Level level, const std::string& text) {
+          tell(level, "recorder", text);
+        }) {
+    if (!wake_) throw SystemError("make an event", errno);
+    for (const std::string& name : robots) robots_.emplace_back().name = name;
+  }
+
+  void run() {
+    try {
+      while (!stop_requested_.load(std::memory_order_acquire) && !is_over()) {
+        look_for_sessions();
+        work();
+        update_state();
+        wait();
+      }
+      look_for_sessions();
+      write_end();
+    } catch (...) {
+      leave();
+      throw;
+    }
+    leave();
+  }
+
+  void request_stop() noexcept {
+    // release: sessions handed over before are found by the last look.
+    stop_requested_.store(true, std::memory_order_release);
+    wake();
+  }
+
+  RecorderState state() const {
+    const std::lock_guard lock(mutex_);
+    return state_;
+  }
+
+  // --- of the back-end's thread ---
+
+  void begin_session(const Session& robot, const std::vector<Session>& companions) {
+    auto next_step = std::make_shared<std::atomic<TimeIndex>>(0);
+    {
+      std::unique_lock lock(mutex_);
+      const auto has_room = [this] { return is_over_ || inbox_.size() < kMaxWaiting; };
+      // Nothing may be lost outside real-time mode; a robot has other things to do than to wait.
+      if (!has_room() && !robot.info().is_real_time) {
+        inbox_has_room_.wait_for(lock, kMaxWaitOfBackend, has_room);
+      }
+      if (is_over_ || !has_room()) {
+        if (!is_over_) ++dropped_;
+        next_step->store(std::numeric_limits<TimeIndex>::max(), std::memory_order_relaxed);
+      } else {
+        inbox_.push_back({robot, companions, next_step});
+      }
+    }
+    followed_ = std::move(next_step);
+    wake();
+  }
+
+  [[nodiscard]] TimeIndex next_step() const noexcept {
+    // acquire: what was read may now be overwritten.
+    return followed_ == nullptr ? 0 : followed_->load(std::memory_order_acquire);
+  }
+
+ private:
+  // --- finding sessions ---
+
+  void look_for_sessions() {
+    if (options_.is_follower) {
+      take_handed_over();
+      return;
+    }
+    const bool is_time = now() >= next_slow_look_;
+    if (is_time) next_slow_look_ = now() + kSlowPeriod;
+    const std::map<std::string, int> counts = watch_.look();
+    for (RecordedRobot& robot : robots_) {
+      const int count = counts.at(robot.name);
+      if (count == robot.appeared && (watch_.is_working() || !is_time)) continue;
+      const bool is_first = robot.appeared < 0;
+      if (find_session(robot)) robot.appeared = count;
+      // A session that was there before the watch has no event of its own.
+      if (is_first && robot.found > 0 && watch_.look().at(robot.name) == 0) robot.before_watch = 1;
+      const int missed = count + robot.before_watch - robot.found - robot.missed;
+      if (missed > 0 && robot.appeared == count) {
+        robot.missed += missed;
+        tell(Level::kError, robot.name,
+             (missed == 1 ? "a session was" : std::to_string(missed) + " sessions were") +
+                 std::string(" over before it could be recorded"));
+      }
+    }
+  }
+
+  // Looks for a new session of the robot. False if that has to be tried again.
+  bool find_session(RecordedRobot& robot) {
+    try {
+      Session session = Session::open(robot.name);
+      const SessionInfo info = session.info();
+      if (info.is_companion) {
+        throw InvalidArgument("'" + robot.name + "' is a companion: record its robot");
+      }
+      if (info.session_id == robot.newest_id) return true;
+      std::vector<Session> companions;
+      for (const std::string& name : session.companion_names()) {
+        companions.push_back(session.companion(name));
+      }
+      robot.newest_id = info.session_id;
+      ++robot.found;
+      add(robot, session, companions, std::make_shared<std::atomic<TimeIndex>>(0));
+      return true;
+    } catch (const SessionNotFound&) {
+      return true;  // not yet, or no more
+    } catch (const RobotStopped&) {
+      return false;  // while we looked the next one has begun
+    } catch (const IncompatibleSession& error) {
+      ++robot.found;
+      tell(Level::kError, robot.name, error.what());
+      return true;
+    } catch (const SystemError& error) {
+      const bool is_new = robot.newest_id != 0 || robot.appeared < 0;
+      if (is_new) tell(Level::kError, robot.name, error.what());
+      robot.newest_id = 0;
+      return true;
+    }
+  }
+
+  void take_handed_over() {
+    std::deque<Handed> handed;
+    std::size_t dropped = 0;
+    {
+      const std::lock_guard lock(mutex_);
+      RecordedRobot& robot = robots_.front();
+      while (!inbox_.empty() && robot.sessions.size() + handed.size() < kMaxWaiting) {
+        handed.push_back(std::move(inbox_.front()));
+        inbox_.pop_front();
+      }
+      dropped = std::exchange(dropped_, 0);
+    }
+    inbox_has_room_.notify_all();
+    for (Handed& session : handed) {
+      add(robots_.front(), session.robot, session.companions, session.next_step);
+    }
+    if (dropped > 0) {
+      tell(Level::kError, robots_.front().name,
+           std::to_string(dropped) + " sessions are not in the log: the disk is too slow");
+    }
+  }
+
+  void add(RecordedRobot& robot, const Session& session, const std::vector<Session>& companions,
+           std::shared_ptr<std::atomic<TimeIndex>> next_step) {
+    const std::string name = robot.name;
+    auto recorder = std::make_unique<SessionRecorder>(
+        session, companions, std::move(next_step),
+        [this, name](Level level, const std::string& text) { tell(level, name, text); });
+    robot.newest = session;
+    // Only what was there before us can be in files of others.
+    if (!std::exchange(robot.is_known, true)) {
+      robot.last_time = recording_.last_time();
+      if (const auto position = recording_.find(name, recorder->header().session_id)) {
+        recorder->go_on_at(*position);
+      }
+    }
+    if (recorder->is_done()) return;
+    if (robot.sessions.size() >= kMaxWaiting) {
+      robot.sessions.pop_front();
+      tell(Level::kError, name, "a session is not in the log: there was no room for it");
+    }
+    robot.sessions.push_back(std::move(recorder));
+  }
+
+  // --- writing ---
+
+  // Moves what there is to the disk; what the disk refuses is tried again later.
+  void work() {
+    hurry_ = false;
+    for (RecordedRobot& robot : robots_) watch_lag(robot);
+    if (trouble_since_ && now() < next_attempt_) return;
+    try {
+      write();
+      recover();
+    } catch (const SystemError& error) {
+      suffer(error);
+    }
+  }
+
+  void write() {
+    for (RecordedRobot& robot : robots_) {
+      while (!robot.sessions.empty()) {
+        SessionRecorder& session = *robot.sessions.front();
+        pump(robot, session);
+        if (!session.is_done()) break;
+        robot.last_time = session.last_time();
+        steps_ += session.steps();
+        lost_steps_ += session.lost_steps();
+        robot.sessions.pop_front();
+      }
+    }
+    if (recording_.is_open()) write_events();
+    recording_.flush(trouble_since_.has_value());
+  }
+
+  void pump(RecordedRobot& robot, SessionRecorder& session) {
+    try {
+      session.begin_after(robot.last_time);
+      LogWriter& log = recording_.log();
+      session.pump(log, recording_.number());
+    } catch (const SystemError&) {
+      throw;
+    } catch (const Error& error) {
+      tell(Level::kError, robot.name, std::string("cannot be recorded: ") + error.what());
+      session.give_up();
+    }
+  }
+
+  void write_events() {
+    LogWriter& log = recording_.log();
+    while (!events_.empty()) {
+      const Event& event = events_.front();
+      if (log.open_chunk_size() > LogWriter::kMaxChunkSize / 2) log.flush();
+      log.write_event(event.level, event.source, event.text, event.time);
+      events_.pop_front();
+    }
+  }
+
+  void suffer(const SystemError& error) {
+    next_attempt_ = now() + kSlowPeriod;
+    if (trouble_since_ && trouble_ == error.what()) return;
+    trouble_ = error.what();
+    if (!trouble_since_) {
+      trouble_since_ = now();
+      lost_before_trouble_ = lost_steps();
+    }
+    tell(
+        Level::kError, "recorder",
+        "cannot write: " + trouble_ + "; tries again as long as the history holds what is missing");
+  }
+
+  void recover() {
+    if (!trouble_since_) return;
+    const std::int64_t lost = lost_steps() - lost_before_trouble_;
+    tell(Level::kWarning, "recorder",
+         "writes again after " + seconds_text(now() - *trouble_since_) +
+             (lost == 0 ? "; nothing was lost" : "; " + std::to_string(lost) + " steps were lost"));
+    trouble_since_.reset();
+    trouble_.clear();
+  }
+
+  // Told to stop, or there is nothing more to come: writes what is there and closes the file.
+  void write_end() {
+    write();
+    // Sessions that were handed over wait for their turn.
+    while (options_.is_follower && has_handed_over()) {
+      look_for_sessions();
+      write();
+    }
+    recover();
+    if (recording_.is_open()) write_events();
+    recording_.finish();
+    update_state();
+  }
+
+  void watch_lag(RecordedRobot& robot) {
+    if (robot.sessions.empty()) return;
+    const SessionRecorder& session = *robot.sessions.front();
+    const double lag = session.lag();
+    if (lag >= kHurry) hurry_ = true;
+    if (lag < kHarmlessLag) robot.is_behind = false;
+    if (lag < kWorryingLag || robot.is_behind || !session.header().is_real_time) return;
+    robot.is_behind = true;
+    tell(Level::kWarning, robot.name,
+         "the recorder is far behind: at step " + std::to_string(session.next_step()) +
+             ", with half of the history still to be written; then steps are lost");
+  }
+
+  // --- the rest ---
+
+  void tell(Level level, const std::string& source, const std::string& text) {
+    Event event{.time = wall_time(), .level = level, .source = source, .text = text};
+    if (options_.on_event) options_.on_event(event);
+    if (events_.size() >= kMaxEvents) events_.pop_front();
+    events_.push_back(std::move(event));
+  }
+
+  // Nothing more will come.
+  bool is_over() {
+    const bool can_end = options_.until_end || options_.until_process_ends.has_value();
+    if (!can_end || now() < next_look_at_ends_) return false;
+    next_look_at_ends_ = now() + kSlowPeriod;
+    if (options_.until_process_ends && !options_.until_process_ends->is_alive()) return true;
+    return options_.until_end && std::ranges::all_of(robots_, [](const RecordedRobot& robot) {
+             return robot.sessions.empty() && robot.newest &&
+                    !robot.newest->info().backend_is_alive;
+           });
+  }
+
+  void wait() {
+    period_ = hurry_ ? kMinPollPeriod : std::min(2 * period_, kPollPeriod);
+    std::array<pollfd, 2> files{{{.fd = wake_.get(), .events = POLLIN, .revents = 0},
+                                 {.fd = watch_.descriptor(), .events = POLLIN, .revents = 0}}};
+    const timespec time{.tv_sec = 0, .tv_nsec = period_.count()};
+    if (::ppoll(files.data(), files.size(), &time, nullptr) > 0 && files[0].revents != 0) {
+      drain(wake_);
+    }
+  }
+
+  void wake() const noexcept {
+    const std::uint64_t one = 1;
+    static_cast<void>(::write(wake_.get(), &one, sizeof(one)));
+  }
+
+  [[nodiscard]] std::int64_t lost_steps() const {
+    std::int64_t lost = lost_steps_;
+    for (const RecordedRobot& robot : robots_) {
+      for (const auto& session : robot.sessions) lost += session->lost_steps();
+    }
+    return lost;
+  }
+
+  bool has_handed_over() const {
+    const std::lock_guard lock(mutex_);
+    return !inbox_.empty();
+  }
+
+  void update_state() {
+    RecorderState state;
+    state.steps = steps_;
+    for (const RecordedRobot& robot : robots_) {
+      RecorderState::Robot& entry = state.robots.emplace_back();
+      entry.name = robot.name;
+      entry.session_id = robot.newest_id;
+      for (const auto& session : robot.sessions) state.steps += session->steps();
+      if (robot.sessions.empty()) continue;
+      entry.is_recording = true;
+      entry.next_step = robot.sessions.front()->next_step();
+      entry.lag = robot.sessions.front()->lag();
+    }
+    state.file = recording_.path();
+    state.bytes = recording_.bytes();
+    state.lost_steps = lost_steps();
+    state.trouble = trouble_;
+    const std::lock_guard lock(mutex_);
+    state_ = std::move(state);
+  }
+
+  // From now on nobody has to wait for us.
+  void leave() noexcept {
+    {
+      const std::lock_guard lock(mutex_);
+      is_over_ = true;
+      for (const Handed& session : inbox_) give_up(session);
+      inbox_.clear();
+    }
+    for (RecordedRobot& robot : robots_) {
+      for (const auto& session : robot.sessions) session->give_up();
+    }
+    inbox_has_room_.notify_all();
+  }
+
+  static void give_up(const Handed& session) noexcept {
+    // relaxed: nothing was read.
+    session.next_step->store(std::numeric_limits<TimeIndex>::max(), std::memory_order_relaxed);
+  }
+
+  RecorderOptions options_;
+  ipc::FileDescriptor wake_;
+  SessionWatch watch_;
+  std::deque<Event> events_;  // not yet in the log
+  Recording recording_;
+  std::deque<RecordedRobot> robots_;
+  std::atomic<bool> stop_requested_{false};
+  Nanoseconds period_{kPollPeriod};
+  bool hurry_{false};
+  Instant next_slow_look_;
+  Instant next_look_at_ends_;
+
+  std::optional<Instant> trouble_since_;
+  std::string trouble_;
+  Instant next_attempt_;
+  std::int64_t lost_before_trouble_{0};
+  std::int64_t steps_{0};       // of sessions that are done
+  std::int64_t lost_steps_{0};  // likewise
+
+  mutable std::mutex mutex_;
+  // Guarded by the mutex.
+  RecorderState state_;
+  std::deque<Handed> inbox_;
+  std::size_t dropped_{0};
+  bool is_over_{false};
+  std::condition_variable inbox_has_room_;
+
+  std::shared_ptr<std::atomic<TimeIndex>> followed_;  // of the back-end's thread
+};
+
+Recorder::Recorder(const std::vector<std::string>& robots, RecorderOptions options)
+    : implementation_(std::make_unique<Implementation>(robots, std::move(options))) {}
+Recorder::~Recorder() = default;
+
+void Recorder::run() { implementation_->run(); }
+void Recorder::request_stop() noexcept { implementation_->request_stop(); }
+RecorderState Recorder::state() const { return implementation_->state(); }
+void Recorder::begin_session(const Session& robot,
+                             const std::vector<Session>& companions) noexcept {
+  implementation_->begin_session(robot, companions);
+}
+TimeIndex Recorder::next_step() const noexcept { return implementation_->next_step(); }
+
+}  // namespace trifinger::log

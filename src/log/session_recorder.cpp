@@ -1,0 +1,285 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "session_recorder.hpp"
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <utility>
+
+#include "trifinger/core/errors.hpp"
+
+namespace trifinger::log {
+namespace {
+
+// Chunks are closed above this size: large enough to compress well.
+constexpr std::size_t kChunkSize = LogWriter::kMaxChunkSize / 2;
+// What is read at once.
+constexpr std::size_t kBatchSize = std::size_t{128} << 10U;
+// Far from overflow, whatever a damaged file claims.
+constexpr TimeIndex kEndless = TimeIndex{1} << 62U;
+
+std::vector<UntypedFrontend> observe_all(const std::vector<Session>& sessions) {
+  std::vector<UntypedFrontend> observers;
+  observers.reserve(sessions.size());
+  for (const Session& session : sessions) observers.emplace_back(session);
+  return observers;
+}
+
+std::string steps_text(TimeIndex first, TimeIndex last) {
+  return first == last ? "step " + std::to_string(first) + " is"
+                       : "steps " + std::to_string(first) + " to " + std::to_string(last) + " are";
+}
+
+// Where `bytes` more have to fit: the log then adds them without asking the disk.
+void make_room(LogWriter& log, std::size_t bytes) {
+  if (log.open_chunk_size() > 0 && log.open_chunk_size() + bytes > kChunkSize) log.flush();
+}
+
+constexpr std::string_view kOverwritten = "overwritten before it was recorded";
+
+}  // namespace
+
+SessionRecorder::SessionRecorder(const Session& robot, const std::vector<Session>& companions,
+                                 std::shared_ptr<std::atomic<TimeIndex>> next_step, Tell tell)
+    : session_(robot),
+      tell_(std::move(tell)),
+      robot_(robot),
+      header_(SessionHeader::of(robot, companions)),
+      next_step_(std::move(next_step)) {
+  std::vector<UntypedFrontend> observers = observe_all(companions);
+  for (std::size_t i = 0; i < observers.size(); ++i) {
+    const std::size_t size = header_.companions[i].element.size();
+    companions_.push_back({.series = std::move(observers[i]),
+                           .element_size = size,
+                           .elements = std::vector<std::byte>(std::max(size, kBatchSize))});
+  }
+  const RobotTypes& types = header_.types;
+  const std::size_t step_size =
+      types.action.size() + types.applied_action.size() + types.observation.size() + sizeof(Status);
+  batch_ = std::max<std::size_t>(kBatchSize / step_size, 1);
+  desired_actions_.resize(batch_ * types.action.size());
+  applied_actions_.resize(batch_ * types.applied_action.size());
+  observations_.resize(batch_ * types.observation.size());
+  statuses_.resize(batch_ * sizeof(Status));
+}
+
+void SessionRecorder::go_on_at(const Position& position) {
+  is_fresh_ = false;
+  set_next(position.next_step);
+  for (std::size_t i = 0; i < companions_.size(); ++i) {
+    const auto found = position.next_elements.find(header_.companions[i].name);
+    if (found != position.next_elements.end()) companions_[i].next = found->second;
+  }
+  header_.time_offset = position.time_offset;
+  has_end_ = position.has_end;
+  is_done_ = position.is_closed;
+}
+
+void SessionRecorder::begin_after(std::int64_t time) noexcept {
+  if (!header_.is_real_time && is_fresh_) {
+    header_.time_offset = std::max(header_.time_offset, time + header_.period.count());
+  }
+}
+
+std::int64_t SessionRecorder::last_time() const noexcept {
+  return header_.time_offset + next_step() * header_.period.count();
+}
+
+// relaxed: this thread's own stores.
+TimeIndex SessionRecorder::next_step() const noexcept {
+  return next_step_->load(std::memory_order_relaxed);
+}
+
+void SessionRecorder::set_next(TimeIndex step) noexcept {
+  // release: the back-end may overwrite what was read before.
+  next_step_->store(step, std::memory_order_release);
+}
+
+void SessionRecorder::give_up() noexcept {
+  is_done_ = true;
+  set_next(kEndless);
+}
+
+TimeIndex SessionRecorder::whole_steps() const {
+  // The status comes last, but the end has one of its own.
+  return std::min({robot_.range(Series::kAppliedAction).second,
+                   robot_.range(Series::kStatus).second, kEndless});
+}
+
+TimeIndex SessionRecorder::oldest_step() const {
+  // Every series is a history of its own, and one may be a step ahead.
+  TimeIndex oldest = 0;
+  for (const Series series :
+       {Series::kDesiredAction, Series::kAppliedAction, Series::kObservation, Series::kStatus}) {
+    oldest = std::max(oldest, robot_.range(series).first);
+  }
+  return std::min(oldest, kEndless);
+}
+
+TimeIndex SessionRecorder::margin(const UntypedFrontend& series) const {
+  const auto [oldest, end] = series.range(Series::kObservation);
+  const TimeIndex history = end - oldest;
+  // Without deadlines a history passes in no time.
+  if (!header_.is_real_time || header_.period <= Nanoseconds::zero()) return history / 4;
+  constexpr Nanoseconds kMargin = std::chrono::milliseconds(10);
+  return std::clamp<TimeIndex>(kMargin / header_.period, 1, std::max<TimeIndex>(history / 4, 1));
+}
+
+double SessionRecorder::lag() const {
+  const auto [oldest, end] = robot_.range(Series::kStatus);
+  // Nothing can be lost yet.
+  if (oldest <= 0) return 0.0;
+  return std::clamp(static_cast<double>(end - next_step()) / static_cast<double>(end - oldest), 0.0,
+                    1.0);
+}
+
+void SessionRecorder::pump(LogWriter& log, int file) {
+  if (is_done_) return;
+  if (is_fresh_) {
+    // What was before our time is no gap.
+    if (const TimeIndex oldest = oldest_step(); oldest > 0) set_next(oldest + margin(robot_));
+    for (CompanionReader& companion : companions_) {
+      const TimeIndex oldest = companion.series.range(Series::kObservation).first;
+      if (oldest > 0) companion.next = oldest + margin(companion.series);
+    }
+    is_fresh_ = false;
+  }
+  if (!number_ || file_ != file) {
+    header_.first_index = next_step();
+    for (std::size_t i = 0; i < companions_.size(); ++i) {
+      header_.companions[i].first_index = companions_[i].next;
+    }
+    number_ = log.begin_session(header_);
+    file_ = file;
+  }
+  // Asked first: whatever came before the end is then seen below.
+  const std::optional<Fault> fault = robot_.fault();
+  const TimeIndex end = whole_steps();
+  // Companions first: the steps up to `end` say that their elements were read as well.
+  for (std::size_t i = 0; i < companions_.size(); ++i) pump_companion(log, i);
+  pump_steps(log, end);
+  if (fault) write_end(log, *fault);
+}
+
+void SessionRecorder::pump_steps(LogWriter& log, TimeIndex end) {
+  const RobotTypes& types = header_.types;
+  while (next_step() < end) {
+    if (next_step() < oldest_step()) {
+      lose_steps(log, end);
+      continue;
+    }
+    const auto count = static_cast<std::size_t>(
+        std::min<TimeIndex>(end - next_step(), static_cast<TimeIndex>(batch_)));
+    make_room(log, count * (types.action.size() + types.applied_action.size() +
+                            types.observation.size() + sizeof(Status)));
+    const std::size_t found = read_steps(next_step(), count);
+    if (found > 0) {
+      log.write_steps(*number_, {.first = next_step(),
+                                 .count = found,
+                                 .desired_actions = desired_actions_.data(),
+                                 .applied_actions = applied_actions_.data(),
+                                 .observations = observations_.data(),
+                                 .statuses = statuses_.data()});
+      steps_ += static_cast<std::int64_t>(found);
+      set_next(next_step() + static_cast<TimeIndex>(found));
+    }
+    if (found < count) lose_steps(log, end);
+  }
+}
+
+// Returns how many steps were still there, whole.
+std::size_t SessionRecorder::read_steps(TimeIndex first, std::size_t count) {
+  const RobotTypes& types = header_.types;
+  for (std::size_t i = 0; i < count; ++i) {
+    const TimeIndex t = first + static_cast<TimeIndex>(i);
+    try {
+      const bool is_whole =
+          robot_.try_get(Series::kDesiredAction, t,
+                         desired_actions_.data() + i * types.action.size()) &&
+          robot_.try_get(Series::kAppliedAction, t,
+                         applied_actions_.data() + i * types.applied_action.size()) &&
+          robot_.try_get(Series::kObservation, t,
+                         observations_.data() + i * types.observation.size()) &&
+          robot_.try_get(Series::kStatus, t, statuses_.data() + i * sizeof(Status));
+      // Not there although it was said to be: somebody has damaged the file of the session.
+      if (!is_whole) return i;
+    } catch (const HistoryLost&) {
+      return i;
+    }
+  }
+  return count;
+}
+
+void SessionRecorder::lose_steps(LogWriter& log, TimeIndex end) {
+  const TimeIndex first = next_step();
+  const TimeIndex found =
+      std::min(std::max(first + 1, oldest_step() + margin(robot_)), std::max(end, first + 1));
+  log.write_gap(*number_, first, found - 1, kOverwritten);
+  set_next(found);
+  lost_steps_ += found - first;
+  tell_(LogWriter::Level::kError,
+        steps_text(first, found - 1) + " not in the log: overwritten before it could be written");
+}
+
+void SessionRecorder::pump_companion(LogWriter& log, std::size_t index) {
+  CompanionReader& companion = companions_[index];
+  const std::size_t batch = companion.elements.size() / companion.element_size;
+  const TimeIndex end = std::min(companion.series.range(Series::kObservation).second, kEndless);
+  while (companion.next < end) {
+    const auto count = static_cast<std::size_t>(
+        std::min<TimeIndex>(end - companion.next, static_cast<TimeIndex>(batch)));
+    make_room(log, count * companion.element_size);
+    std::size_t found = 0;
+    try {
+      while (found < count &&
+             companion.series.try_get(Series::kObservation,
+                                      companion.next + static_cast<TimeIndex>(found),
+                                      companion.elements.data() + found * companion.element_size)) {
+        ++found;
+      }
+    } catch (const HistoryLost&) {
+      // Told below.
+    }
+    if (found > 0) {
+      log.write_companion(*number_, index, companion.next, found, companion.elements.data());
+      companion.next += static_cast<TimeIndex>(found);
+    }
+    if (found == count) continue;
+    const TimeIndex first = companion.next;
+    const TimeIndex again =
+        std::min(std::max(first + 1, companion.series.range(Series::kObservation).first +
+                                         margin(companion.series)),
+                 end);
+    log.write_companion_gap(*number_, index, first, again - 1, kOverwritten);
+    companion.next = again;
+    tell_(LogWriter::Level::kError,
+          "elements " + std::to_string(first) + " to " + std::to_string(again - 1) + " of " +
+              header_.companions[index].name +
+              " are not in the log: overwritten before they could be written");
+  }
+}
+
+void SessionRecorder::write_end(LogWriter& log, const Fault& fault) {
+  const TimeIndex steps = whole_steps();
+  if (!has_end_ && robot_.range(Series::kStatus).second > steps) {
+    Status status;
+    make_room(log, sizeof(status) + header_.types.observation.size());
+    try {
+      if (robot_.try_get(Series::kStatus, steps, &status)) {
+        const bool has_observation =
+            robot_.range(Series::kObservation).second > steps &&
+            robot_.try_get(Series::kObservation, steps, observations_.data());
+        log.write_end(*number_, steps, has_observation ? observations_.data() : nullptr, status);
+      }
+    } catch (const HistoryLost&) {
+      // Nobody writes behind the end: the file of the session is damaged.
+    }
+    has_end_ = true;
+  }
+  const std::string text = session_.info().fault_text;
+  log.end_session(*number_, steps, fault, text);
+  is_done_ = true;
+  tell_(fault.needs_recovery() ? LogWriter::Level::kError : LogWriter::Level::kInfo, text);
+}
+
+}  // namespace trifinger::log

@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "trifinger/ipc/file_descriptor.hpp"
+
+namespace trifinger::log {
+
+// Counts the sessions that appear in the session folder, also those that are gone before anybody
+// can look at them.
+class SessionWatch {
+ public:
+  explicit SessionWatch(const std::vector<std::string>& robots);
+
+  // False where the kernel cannot watch: then sessions have to be looked for.
+  [[nodiscard]] bool is_working() const noexcept { return static_cast<bool>(file_); }
+  // Is readable when there is something new; -1 if it does not work.
+  [[nodiscard]] int descriptor() const noexcept { return file_ ? file_.get() : -1; }
+  // How many sessions of each robot have appeared since the watch was made.
+  [[nodiscard]] const std::map<std::string, int>& look();
+
+ private:
+  ipc::FileDescriptor file_;
+  std::map<std::string, int> counts_;
+};
+
+}  // namespace trifinger::log
