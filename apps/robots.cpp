@@ -48,24 +48,51 @@ RunnableRobot make_fake_robot(const std::vector<std::string>& overrides) {
   return robot;
 }
 
+SimulationState read_state(const std::filesystem::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  const std::string bytes(std::istreambuf_iterator<char>(file), {});
+  if (!file) throw SystemError("read " + path.string(), errno);
+  const auto* const begin = reinterpret_cast<const std::byte*>(bytes.data());
+  return {begin, begin + bytes.size()};
+}
+
 template <class R>
-std::unique_ptr<UntypedDriver> make_simulation(SimulationOptions<R> options) {
-  return std::make_unique<SimulatedRobot<R>>(std::move(options));
+void add_simulation(RunnableRobot& robot, SimulationOptions<R> options,
+                    const std::optional<std::filesystem::path>& state) {
+  robot.session.documents.push_back(model_document(options.description));
+  auto driver = std::make_unique<SimulatedRobot<R>>(std::move(options));
+  if (state) {
+    try {
+      driver->restore(read_state(*state));
+    } catch (const InvalidArgument& error) {
+      throw InvalidArgument(state->string() + ": " + error.what());
+    }
+  }
+  robot.state_before = [simulation = driver.get()](const Fault& fault) {
+    const bool has_diverged =
+        fault.code == Fault::Code::kDriver && fault.detail == SimulatedRobot<R>::kDiverged;
+    return has_diverged ? simulation->state_before_divergence() : SimulationState();
+  };
+  robot.driver = std::move(driver);
 }
 
 }  // namespace
 
-RunnableRobot make_robot(const std::string& robot, const std::vector<std::string>& overrides) {
-  if (robot == kFakeRobot) return make_fake_robot(overrides);
+RunnableRobot make_robot(const std::string& robot, const std::vector<std::string>& overrides,
+                         const std::optional<std::filesystem::path>& state) {
+  if (robot == kFakeRobot) {
+    if (state) throw UsageError("--state is for simulations; the fake robot has no state to save");
+    return make_fake_robot(overrides);
+  }
 
   RobotConfig config = load_robot_config(robot, overrides);
-  config.session.documents.push_back(std::visit(
-      [](const auto& options) { return model_document(options.description); }, config.simulation));
-  return {.name = std::move(config.name),
-          .driver = std::visit([](auto& options) { return make_simulation(std::move(options)); },
-                               config.simulation),
-          .backend = config.backend,
-          .session = std::move(config.session)};
+  RunnableRobot made;
+  made.name = std::move(config.name);
+  made.backend = config.backend;
+  made.session = std::move(config.session);
+  std::visit([&](auto& options) { add_simulation(made, std::move(options), state); },
+             config.simulation);
+  return made;
 }
 
 }  // namespace trifinger::apps

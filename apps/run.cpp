@@ -1,14 +1,19 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/chrono.h>
 #include <fmt/core.h>
 #include <sched.h>
 
 #include <atomic>
+#include <cerrno>
 #include <chrono>
 #include <csignal>
 #include <cstdio>
 #include <exception>
+#include <filesystem>
+#include <fstream>
 #include <future>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <thread>
@@ -23,8 +28,10 @@
 #include "signals.hpp"
 #include "terminal.hpp"
 #include "text.hpp"
+#include "trifinger/base/error.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/frontend.hpp"
+#include "trifinger/core/log_folder.hpp"
 #include "trifinger/realtime/thread.hpp"
 
 namespace trifinger::apps {
@@ -36,6 +43,7 @@ struct Options {
   std::string robot;
   std::optional<std::string> name;
   std::vector<std::string> overrides;
+  std::optional<std::filesystem::path> state;
   bool real_time{false};
   bool non_real_time{false};
   Choice<Demand> scheduling{
@@ -238,6 +246,44 @@ std::string timing_text(const BackendOptions& options) {
                      rate_text(1e9 / static_cast<double>(options.period.count())), late);
 }
 
+// Saves the state of the simulation `name` before it diverged, and says where, in a sentence.
+std::string save(const SimulationState& state, const std::string& name) {
+  try {
+    const auto now = std::chrono::system_clock::now().time_since_epoch();
+    const auto seconds = std::chrono::floor<std::chrono::seconds>(now);
+    const auto milliseconds = std::chrono::floor<std::chrono::milliseconds>(now - seconds);
+    const std::filesystem::path path =
+        log_folder() / fmt::format("{}_{:%Y%m%dT%H%M%S}.{:03}Z.state", name,
+                                   fmt::gmtime(seconds.count()), milliseconds.count());
+    std::ofstream file(path, std::ios::binary);
+    file.write(reinterpret_cast<const char*>(state.data()),
+               static_cast<std::streamsize>(state.size()));
+    file.close();
+    if (!file) throw SystemError("write " + path.string(), errno);
+    return "the state before the divergence is in " + path.string();
+  } catch (const Error& error) {
+    return fmt::format("the state before the divergence could not be saved: {}", error.what());
+  }
+}
+
+// Sentences of the loop's thread, for the one that prints.
+class Messages {
+ public:
+  void add(std::string sentence) {
+    const std::lock_guard lock(mutex_);
+    sentences_.push_back(std::move(sentence));
+    Signals::notify();
+  }
+  [[nodiscard]] std::vector<std::string> take() {
+    const std::lock_guard lock(mutex_);
+    return std::exchange(sentences_, {});
+  }
+
+ private:
+  std::mutex mutex_;
+  std::vector<std::string> sentences_;
+};
+
 // A robot cannot be paused, and must not fall because nobody reads its messages any more.
 void ignore_signals_of_terminals() {
   for (const int signal : {SIGTSTP, SIGTTOU, SIGPIPE}) std::signal(signal, SIG_IGN);
@@ -246,7 +292,7 @@ void ignore_signals_of_terminals() {
 int run(const Options& options) {
   const Signals signals;
   ignore_signals_of_terminals();
-  RunnableRobot robot = make_robot(options.robot, options.overrides);
+  RunnableRobot robot = make_robot(options.robot, options.overrides, options.state);
   const std::string name = options.name.value_or(robot.name);
   if (options.real_time) robot.backend.mode = BackendOptions::Mode::kRealTime;
   if (options.non_real_time) robot.backend.mode = BackendOptions::Mode::kNonRealTime;
@@ -256,11 +302,22 @@ int run(const Options& options) {
 
   SessionHost host = SessionHost::named(name, robot.session);
   Backend backend(*robot.driver, host, robot.backend);
+  Messages messages;
+  backend.set_after_session([&](const Fault& fault) {
+    const SimulationState state = robot.state_before(fault);
+    if (!state.empty()) messages.add(save(state, name));
+  });
   Reporter reporter(name, host);
   reporter.print(timing_text(robot.backend));
   LoopThread loop(backend, realtime);
   for (const std::string& sentence : loop.refused()) reporter.print(sentence, Style::kWarning);
 
+  const auto report = [&](bool is_stopping) {
+    // Taken before the look: the end that a sentence belongs to is told first.
+    const std::vector<std::string> sentences = messages.take();
+    reporter.look(is_stopping);
+    for (const std::string& sentence : sentences) reporter.print(sentence);
+  };
   bool is_stopping = false;
   while (!loop.has_ended()) {
     if (const std::optional<int> signal = signals.wait(kRefresh)) {
@@ -269,8 +326,9 @@ int run(const Options& options) {
       backend.request_stop();
       reporter.print("comes to rest; a second Ctrl-C kills");
     }
-    reporter.look(is_stopping);
+    report(is_stopping);
   }
+  report(is_stopping);
   if (loop.failure() != nullptr) std::rethrow_exception(loop.failure());
   reporter.print("stopped");
   return kDone;
@@ -293,6 +351,11 @@ void add_run(CLI::App& program, Action& action) {
                    "Change a value of the configuration, as in fingers.height=0.3")
       ->allow_extra_args(false)
       ->option_text("KEY=VALUE ...");
+  command
+      ->add_option("--state", options->state,
+                   "Begin every session of a simulation in a saved state, as one from before a "
+                   "divergence")
+      ->option_text("FILE");
   CLI::Option* const real_time = command->add_flag("--real-time", options->real_time,
                                                    "One step per period, whatever the user does");
   command
@@ -310,6 +373,8 @@ void add_run(CLI::App& program, Action& action) {
       ->option_text("N");
   command->footer(
       "Ctrl-C, SIGTERM and SIGHUP bring the robot to rest; a second Ctrl-C kills.\n"
+      "A simulation that diverges leaves the state before in $TRIFINGER_LOG_DIR, default\n"
+      "~/.local/state/trifinger.\n"
       "Example:\n"
       "  trifinger run sim --set fingers.height=0.3\n"
       "  trifinger run ./my_robot.yml --name left --scheduling require --cpu 3");

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Every test has a session folder of its own. Hangs are ended by pytest's faulthandler_timeout."""
+"""Every test has folders of its own. Hangs are ended by pytest's faulthandler_timeout."""
 
 import os
 import signal
@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 import trifinger
 from trifinger import _trifinger
@@ -101,6 +102,13 @@ def session_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
+@pytest.fixture(autouse=True)
+def log_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    folder = tmp_path / "logs"
+    monkeypatch.setenv("TRIFINGER_LOG_DIR", str(folder))
+    return folder
+
+
 @pytest.fixture
 def start_child() -> Iterator[StartChild]:
     """Starts processes that do not outlive the test."""
@@ -159,6 +167,19 @@ def start_program() -> Iterator[StartProgram]:
     for program in started:
         with program.process:  # closes what is left open, and waits
             program.process.kill()
+
+
+def diverging_state() -> bytes:
+    """A saved state of "sim" whose cube has a speed beyond all measure."""
+    simulation = trifinger.Simulation()
+    position = np.array([0.05, 0.04, 0.0625])
+    simulation.place_object("cube", position.tolist())
+    state = bytearray(simulation.save())
+    # The pose is found by its bytes; behind it are the speeds of nine joints, then the cube's.
+    place = state.index(position.tobytes())
+    speed = np.ndarray((), np.float64, state, place + (7 + 9) * 8)
+    speed[()] = 1e300
+    return bytes(state)
 
 
 @pytest.fixture

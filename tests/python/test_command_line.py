@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trifinger
-from conftest import PROGRAM, StartChild, StartProgram
+from conftest import PROGRAM, StartChild, StartProgram, diverging_state
 
 COMMANDS = ("run", "list", "status", "read", "stop", "recover", "model", "doctor")
 ESCAPE = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
@@ -229,6 +229,67 @@ def test_a_simulated_robot_runs_with_its_objects(start_program: StartProgram) ->
         assert "trifinger" in run("list")
         assert re.search(r"arrival_index +100\n", run("read", "sim.object"))
     assert program.end()[0] == 0
+
+
+# ---- run: divergence ----
+
+
+@pytest.mark.parametrize("mode", ["--real-time", "--non-real-time"])
+def test_a_divergence_leaves_the_state_before_in_a_file_to_begin_in(
+    start_program: StartProgram, tmp_path: Path, log_folder: Path, mode: str
+) -> None:
+    state = tmp_path / "start.state"
+    state.write_bytes(diverging_state())
+    for _ in range(2):  # the second time in what the first has left
+        program = start_program("run", "sim", mode, "--state", str(state))
+        if mode == "--non-real-time":  # in real time it happens while the robot holds its pose
+            program.wait_for("holds its pose")
+            robot = trifinger.connect("sim")
+            robot.append_desired_action(robot.new_action())
+        program.wait_for("the simulation diverged")
+        line = program.wait_for("the state before the divergence is in ")
+        state = Path(line.split(" is in ")[1].rstrip("\n"))
+        assert program.end()[0] == 0
+        assert re.fullmatch(r"sim_\d{8}T\d{6}\.\d{3}Z\.state", state.name)
+        assert state.parent == log_folder
+    assert len(list(log_folder.iterdir())) == 2
+
+
+def test_a_state_that_cannot_be_saved_is_said(
+    start_program: StartProgram, tmp_path: Path, log_folder: Path
+) -> None:
+    state = tmp_path / "start.state"
+    state.write_bytes(diverging_state())
+    log_folder.write_text("no folder")
+    program = start_program("run", "sim", "--state", str(state))
+    line = program.wait_for("the state before the divergence could not be saved: ")
+    assert f"use {log_folder} as folder for logs: Not a directory" in line
+    assert program.end()[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("content", "arguments", "problem"),
+    [
+        (b"text", "sim", "file.state: this is not the saved state of a simulation"),
+        (None, "sim", "read .*file.state: No such file"),
+        (b"", "fake", "--state is for simulations"),
+    ],
+)
+def test_a_state_to_begin_in_must_be_one(
+    tmp_path: Path, content: bytes | None, arguments: str, problem: str
+) -> None:
+    file = tmp_path / "file.state"
+    if content is not None:
+        file.write_bytes(content)
+    expect = 1 if content is None else 2
+    assert re.search(problem, run("run", arguments, "--state", str(file), expect=expect))
+
+
+def test_a_state_of_another_model_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "file.state"
+    file.write_bytes(trifinger.Simulation().save())
+    message = run("run", "sim", "--state", str(file), "--set", "objects=[]", expect=2)
+    assert f"{file}: this state was saved from another model" in message
 
 
 # ---- looking at sessions ----
