@@ -32,6 +32,7 @@
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/core/log_folder.hpp"
+#include "trifinger/log/flight_recorder.hpp"
 #include "trifinger/realtime/thread.hpp"
 
 namespace trifinger::apps {
@@ -50,6 +51,7 @@ struct Options {
       "--scheduling",
       "try",
       {{"require", Demand::kRequire}, {"try", Demand::kTry}, {"off", Demand::kOff}}};
+  double fault_log{10.0};  // [s]
   int priority{80};
   std::optional<int> cpu;
 };
@@ -301,12 +303,15 @@ int run(const Options& options) {
   if (robot.backend.mode == BackendOptions::Mode::kNonRealTime) realtime.demand = Demand::kOff;
 
   SessionHost host = SessionHost::named(name, robot.session);
+  log::FlightRecorder flight_recorder({.length = std::chrono::round<Nanoseconds>(
+                                           std::chrono::duration<double>(options.fault_log))});
   Backend backend(*robot.driver, host, robot.backend);
   Messages messages;
   backend.set_after_session([&](const Fault& fault) {
     const SimulationState state = robot.state_before(fault);
     if (!state.empty()) messages.add(save(state, name));
   });
+  if (options.fault_log > 0.0) backend.follow(flight_recorder);
   Reporter reporter(name, host);
   reporter.print(timing_text(robot.backend));
   LoopThread loop(backend, realtime);
@@ -317,6 +322,13 @@ int run(const Options& options) {
     const std::vector<std::string> sentences = messages.take();
     reporter.look(is_stopping);
     for (const std::string& sentence : sentences) reporter.print(sentence);
+    for (const log::FlightRecorder::Left& left : flight_recorder.write()) {
+      if (left.trouble.empty()) {
+        reporter.print("what came before the fault is in " + left.file.string());
+      } else {
+        reporter.print("what came before the fault is lost: " + left.trouble, Style::kWarning);
+      }
+    }
   };
   bool is_stopping = false;
   while (!loop.has_ended()) {
@@ -362,6 +374,11 @@ void add_run(CLI::App& program, Action& action) {
       ->add_flag("--non-real-time", options->non_real_time,
                  "Wait for every action, as long as it takes")
       ->excludes(real_time);
+  command
+      ->add_option("--fault-log", options->fault_log,
+                   "Length of the log that a fault leaves behind; default: 10, none: 0")
+      ->check(CLI::Range(0.0, 3600.0))
+      ->option_text("SECONDS");
   options->scheduling.add_to(*command, "Real-time scheduling; default: try, and go on without");
   command
       ->add_option("--priority", options->priority,
@@ -373,8 +390,8 @@ void add_run(CLI::App& program, Action& action) {
       ->option_text("N");
   command->footer(
       "Ctrl-C, SIGTERM and SIGHUP bring the robot to rest; a second Ctrl-C kills.\n"
-      "A simulation that diverges leaves the state before in $TRIFINGER_LOG_DIR, default\n"
-      "~/.local/state/trifinger.\n"
+      "A fault leaves a log of the last seconds in $TRIFINGER_LOG_DIR, default\n"
+      "~/.local/state/trifinger; a simulation that diverges leaves the state before, too.\n"
       "Example:\n"
       "  trifinger run sim --set fingers.height=0.3\n"
       "  trifinger run ./my_robot.yml --name left --scheduling require --cpu 3");

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/core.h>
 
+#include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -13,6 +15,8 @@
 #include "terminal.hpp"
 #include "text.hpp"
 #include "trifinger/core/frontend.hpp"
+#include "trifinger/core/log_folder.hpp"
+#include "trifinger/log/flight_recorder.hpp"
 
 namespace trifinger::apps {
 namespace {
@@ -58,6 +62,15 @@ std::string count_text(std::int64_t last_second, std::int64_t total, TimeIndex f
 
 Style warn_if(bool condition) { return condition ? Style::kWarning : Style::kPlain; }
 
+// What the flight recorder has left of a session.
+std::optional<std::filesystem::path> fault_log(const SessionInfo& info) {
+  try {
+    return log::find_fault_log(log_folder(), robot_of(info.name), info.created);
+  } catch (const Error&) {
+    return std::nullopt;  // No folder for it here.
+  }
+}
+
 // What is to be seen of the session `name`, whichever is the current one at each look.
 class Observer {
  public:
@@ -85,6 +98,12 @@ class Observer {
     }
     if (health_of(info) == Health::kFault) {
       sheet.add("remedy", fmt::format("trifinger recover {}", robot_of(info.name)));
+      if (const auto log = fault_log(info)) sheet.add("fault log", log->string());
+    }
+    if (health_of(info) == Health::kDead) {
+      sheet.add("remedy", fmt::format("trifinger log rescue {} keeps the last seconds; then start "
+                                      "the back-end again",
+                                      robot_of(info.name)));
     }
     return sheet.lines();
   }

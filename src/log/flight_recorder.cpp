@@ -358,6 +358,7 @@ std::vector<FlightRecorder::Left> FlightRecorder::write() {
   for (const Followed& session : take_ended()) {
     Left left;
     try {
+      if (options_.folder.empty()) options_.folder = log_folder();
       left.file = new_fault_log(options_.folder, session.robot.info().name);
       write_last(session.robot, session.companions, left.file, options_.length,
                  "left by the flight recorder");

@@ -40,7 +40,7 @@ std::filesystem::path rescue(const std::string& name, std::optional<std::filesys
     std::chrono::system_clock::time_point created);
 
 struct FlightRecorderOptions {
-  std::filesystem::path folder;  ///< As in `log_folder()`.
+  std::filesystem::path folder{};  ///< Must be there; default: `log_folder()`.
   Nanoseconds length{std::chrono::seconds(10)};
   std::size_t max_files{20};  ///< Of all robots together; the oldest are removed.
 };
