@@ -3,30 +3,55 @@
 // bench` calls it.
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
 #include <cstdlib>
 #include <exception>
 #include <string_view>
+#include <utility>
+#include <vector>
 
 #include "harness.hpp"
 
+namespace {
+
+using trifinger::benchmarks::Effort;
+using trifinger::benchmarks::Row;
+
+struct Part {
+  std::string_view name;
+  std::vector<Row> (*rows)(const Effort& effort);
+};
+
+// Real time first: it must not inherit the affinity that the others set.
+constexpr std::array kParts{Part{"realtime", trifinger::benchmarks::realtime_rows},
+                            Part{"core", trifinger::benchmarks::core_rows},
+                            Part{"simulation", trifinger::benchmarks::simulation_rows},
+                            Part{"log", trifinger::benchmarks::log_rows}};
+
+}  // namespace
+
 int main(int argc, char** argv) {
-  using namespace trifinger::benchmarks;
   Effort effort{.rounds = 15, .windows = 30, .window_time = 2.0};
+  std::string_view only;
   for (int i = 1; i < argc; ++i) {
-    if (std::string_view(argv[i]) == "--quick") {
+    const std::string_view argument = argv[i];
+    if (argument == "--quick") {
       effort = {.rounds = 3, .windows = 2, .window_time = 0.5};
+    } else if (std::ranges::find(kParts, argument, &Part::name) != kParts.end()) {
+      only = argument;
     } else {
-      fmt::print(stderr, "usage: {} [--quick]\n", argv[0]);
+      fmt::print(stderr, "usage: {} [--quick] [realtime | core | simulation | log]\n", argv[0]);
       return 2;
     }
   }
   try {
     std::vector<Row> rows;
-    // Real time first: it must not inherit the affinity that the others set.
-    for (const auto& part : {realtime_rows, core_rows, simulation_rows}) {
-      for (Row& row : part(effort)) rows.push_back(std::move(row));
+    for (const Part& part : kParts) {
+      if (!only.empty() && part.name != only) continue;
+      for (Row& row : part.rows(effort)) rows.push_back(std::move(row));
     }
-    fmt::print("{}", to_json(rows));
+    fmt::print("{}", trifinger::benchmarks::to_json(rows));
   } catch (const std::exception& error) {
     fmt::print(stderr, "{}\n", error.what());
     return 1;

@@ -3,8 +3,10 @@
 
 #include <memory>
 #include <utility>
+#include <vector>
 
 #include "trifinger/core/backend.hpp"
+#include "trifinger/core/follower.hpp"
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/core/session.hpp"
 #include "trifinger/sim/simulated_robot.hpp"
@@ -32,6 +34,13 @@ class Simulation {
 
   /// The robot itself: reset it, place objects, save and restore its state.
   [[nodiscard]] SimulatedRobot<R>& robot() const noexcept { return parts_->robot; }
+
+  /// Lets `follower` see every session from the next one on, as `log::Recorder` does to record
+  /// without loss. It is kept as long as the simulation.
+  void follow(std::shared_ptr<Follower> follower) const {
+    parts_->followers.push_back(std::move(follower));
+    parts_->backend.follow(*parts_->followers.back());
+  }
 
   /// Controls the robot in a new session.
   /// @throws ControlHeld while another front-end does
@@ -63,6 +72,7 @@ class Simulation {
 
     SimulatedRobot<R> robot;
     SessionHost host;
+    std::vector<std::shared_ptr<Follower>> followers;
     Backend backend;
   };
 

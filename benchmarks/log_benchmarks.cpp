@@ -1,0 +1,312 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/format.h>
+#include <libdeflate.h>
+#include <zstd.h>
+
+#include <array>
+#include <chrono>
+#include <cstdint>
+#include <cstring>
+#include <filesystem>
+#include <memory>
+#include <random>
+#include <span>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "harness.hpp"
+#include "trifinger/base/error.hpp"
+#include "trifinger/log/log.hpp"
+#include "trifinger/log/log_writer.hpp"
+#include "trifinger/log/recorder.hpp"
+#include "trifinger/mcap/reader.hpp"
+#include "trifinger/mcap/sink.hpp"
+#include "trifinger/sim/simulation.hpp"
+
+namespace trifinger::benchmarks {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr TimeIndex kSteps = 60'000;      // a minute at 1 kHz
+constexpr TimeIndex kStepsPerChunk = 70;  // what the recorder hands to the kernel at once
+
+double seconds_since(Clock::time_point begin) {
+  return std::chrono::duration<double>(Clock::now() - begin).count();
+}
+
+// A folder that is gone at the end.
+class TemporaryFolder {
+ public:
+  TemporaryFolder()
+      : folder_(std::filesystem::temp_directory_path() /
+                fmt::format("trifinger_benchmark_{}", Clock::now().time_since_epoch().count())) {
+    std::filesystem::create_directory(folder_);
+  }
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+  ~TemporaryFolder() { std::filesystem::remove_all(folder_); }
+
+  [[nodiscard]] const std::filesystem::path& path() const { return folder_; }
+
+ private:
+  std::filesystem::path folder_;
+};
+
+// The series of a run, in memory.
+struct Run {
+  explicit Run(std::size_t steps)
+      : desired(steps), applied(steps), observations(steps), statuses(steps) {}
+
+  std::vector<TriFinger::Action> desired;
+  std::vector<TriFinger::AppliedAction> applied;
+  std::vector<TriFinger::Observation> observations;
+  std::vector<Status> statuses;
+};
+
+// A robot that keeps its pose, more or less, under a new random torque on each joint in every step.
+Run run_with_random_torques() {
+  Run run(kSteps);
+  std::mt19937_64 random(1);  // NOLINT(cert-msc51-cpp): the same run every time
+  std::uniform_real_distribution<double> torque(-0.2, 0.2);
+  const Simulation<TriFinger> simulation({}, {.history = static_cast<std::size_t>(2 * kSteps)});
+  auto robot = simulation.connect();
+  auto action = hold_position(robot.latest_observation());
+  for (TimeIndex t = 0; t <= kSteps; ++t) {
+    for (double& value : action.torque) value = torque(random);
+    robot.wait_until_time_index(robot.append_desired_action(action));
+  }
+  robot.get_desired_actions(0, run.desired);
+  robot.get_applied_actions(0, run.applied);
+  robot.get_observations(0, run.observations);
+  robot.get_statuses(0, run.statuses);
+  return run;
+}
+
+log::SessionHeader header() {
+  log::SessionHeader header;
+  header.name = "sim";
+  header.session_id = 1;
+  header.period = std::chrono::milliseconds(1);
+  header.types = describe_robot<TriFinger>();
+  return header;
+}
+
+// Writes `run` as the recorder does, without waiting for the disk.
+void write(const Run& run, const std::filesystem::path& path, log::Precision precision) {
+  std::filesystem::remove(path);
+  mcap::FileSink sink = mcap::FileSink::create(path);
+  log::LogOptions options;
+  options.precision = precision;
+  log::LogWriter writer(sink, options);
+  const std::size_t session = writer.begin_session(header());
+  for (TimeIndex t = 0; t < kSteps; t += kStepsPerChunk) {
+    const auto i = static_cast<std::size_t>(t);
+    writer.write_steps(session, {.first = t,
+                                 .count = static_cast<std::size_t>(kStepsPerChunk),
+                                 .desired_actions = &run.desired[i],
+                                 .applied_actions = &run.applied[i],
+                                 .observations = &run.observations[i],
+                                 .statuses = &run.statuses[i]});
+    writer.flush();
+  }
+  writer.finish();
+}
+
+using Bytes = std::vector<std::byte>;
+
+// The bytes that are compressed in the file at `path`, a piece per chunk.
+std::vector<Bytes> raw_chunks(const std::filesystem::path& path) {
+  mcap::Reader reader(path);
+  std::vector<Bytes> chunks;
+  constexpr std::size_t kMessageHeader = 31;
+  for (std::size_t i = 0; i < reader.contents().chunks.size(); ++i) {
+    const auto messages = reader.read_chunk(i);
+    if (!messages) throw Error("the log that was just written is damaged");
+    Bytes& bytes = chunks.emplace_back();
+    for (const mcap::Message& message : *messages) {
+      const std::size_t begin = bytes.size();
+      bytes.resize(begin + kMessageHeader + message.data.size());
+      std::memcpy(&bytes[begin], &message.log_time, sizeof message.log_time);
+      std::memcpy(&bytes[begin + kMessageHeader], message.data.data(), message.data.size());
+    }
+  }
+  return chunks;
+}
+
+std::size_t total_size(const std::vector<Bytes>& pieces) {
+  std::size_t size = 0;
+  for (const Bytes& piece : pieces) size += piece.size();
+  return size;
+}
+
+std::vector<Bytes> compress(const std::vector<Bytes>& chunks) {
+  const std::unique_ptr<ZSTD_CCtx, decltype(&ZSTD_freeCCtx)> context(ZSTD_createCCtx(),
+                                                                     &ZSTD_freeCCtx);
+  std::vector<Bytes> frames;
+  frames.reserve(chunks.size());
+  for (const Bytes& chunk : chunks) {
+    Bytes& frame = frames.emplace_back(ZSTD_compressBound(chunk.size()));
+    frame.resize(ZSTD_compressCCtx(context.get(), frame.data(), frame.size(), chunk.data(),
+                                   chunk.size(), 1));
+  }
+  return frames;
+}
+
+// Decompresses into memory of its own, `size` bytes, and checks. The sum is there so that nothing
+// is left out.
+std::uint32_t decompress(const std::vector<Bytes>& frames, std::size_t size) {
+  const std::unique_ptr<ZSTD_DCtx, decltype(&ZSTD_freeDCtx)> context(ZSTD_createDCtx(),
+                                                                     &ZSTD_freeDCtx);
+  const auto memory = std::make_unique_for_overwrite<std::byte[]>(size);
+  std::span<std::byte> rest(memory.get(), size);
+  std::uint32_t sum = 0;
+  for (const Bytes& frame : frames) {
+    const std::size_t part =
+        ZSTD_decompressDCtx(context.get(), rest.data(), rest.size(), frame.data(), frame.size());
+    sum += libdeflate_crc32(0, rest.data(), part);
+    rest = rest.subspan(part);
+  }
+  return sum;
+}
+
+Row size_row(std::string measure, const Run& run, const std::filesystem::path& file,
+             log::Precision precision, double reach) {
+  write(run, file, precision);
+  Row row;
+  row.measure = std::move(measure);
+  row.value = static_cast<double>(std::filesystem::file_size(file)) / kSteps;
+  row.low = row.high = row.value;
+  row.unit = "bytes";
+  row.reach = fmt::format("<= {:.0f} bytes", reach);
+  row.holds = row.value <= reach;
+  return row;
+}
+
+Row write_row(const Effort& effort, const Run& run, const std::filesystem::path& file,
+              const std::vector<Bytes>& chunks) {
+  const double megabytes = 1e-6 * static_cast<double>(total_size(chunks));
+  const auto ours = [&] {
+    const auto begin = Clock::now();
+    write(run, file, log::Precision::kDouble);
+    return megabytes / seconds_since(begin);
+  };
+  const std::unique_ptr<ZSTD_CCtx, decltype(&ZSTD_freeCCtx)> context(ZSTD_createCCtx(),
+                                                                     &ZSTD_freeCCtx);
+  Bytes frame(ZSTD_compressBound(2 * chunks.front().size()));
+  const auto bare = [&] {
+    const auto begin = Clock::now();
+    for (const Bytes& chunk : chunks) {
+      ZSTD_compressCCtx(context.get(), frame.data(), frame.size(), chunk.data(), chunk.size(), 1);
+    }
+    return megabytes / seconds_since(begin);
+  };
+  const Paired paired = alternate(effort.rounds, ours, bare);
+  return make_row("log: writing, memory to file", "MB/s", paired, "zstd level 1 of the same bytes",
+                  ">= 0.7x", paired.ratio.median() >= 0.7);
+}
+
+Row read_row(const Effort& effort, const std::filesystem::path& file,
+             const std::vector<Bytes>& chunks) {
+  std::vector<log::Column> series(4);
+  series[0].series = Series::kDesiredAction;
+  series[1].series = Series::kAppliedAction;
+  series[2].series = Series::kObservation;
+  series[3].series = Series::kStatus;
+  const auto ours = [&] {
+    const auto begin = Clock::now();
+    log::SeriesReader reader = log::Log(file).session().read(series);
+    std::array<std::unique_ptr<std::byte[]>, 4> arrays;
+    std::array<void*, 4> columns{};
+    for (std::size_t i = 0; i < arrays.size(); ++i) {
+      arrays[i] = std::make_unique_for_overwrite<std::byte[]>(kSteps * reader.element(i).size());
+      columns[i] = arrays[i].get();
+    }
+    if (reader.read(kSteps, {.columns = columns}) != kSteps) throw Error("steps are missing");
+    return seconds_since(begin);
+  };
+  const std::vector<Bytes> frames = compress(chunks);
+  const std::size_t size = total_size(chunks);
+  std::uint32_t sum = 0;
+  const auto bare = [&] {
+    const auto begin = Clock::now();
+    sum += decompress(frames, size);
+    return seconds_since(begin);
+  };
+  const Paired paired = alternate(effort.rounds, ours, bare);
+  Row row = make_row("log: 60 s at 1 kHz into arrays, C++", "s", paired,
+                     "decompressing and checking the same bytes", "<= 1.5x",
+                     paired.ratio.median() <= 1.5);
+  row.remark = fmt::format("both into new memory; sum of the checksums {:08x}", sum);
+  return row;
+}
+
+// A simulated robot with its cube that moves as fast as it can, with and without a recorder.
+Row lossless_row(const Effort& effort) {
+  const Simulation<TriFinger> bare;
+  const Simulation<TriFinger> recorded;
+  const TemporaryFolder folder;
+  log::RecorderOptions options;
+  options.folder = folder.path();
+  options.is_follower = true;
+  const auto recorder =
+      std::make_shared<log::Recorder>(std::vector<std::string>{"sim"}, std::move(options));
+  recorded.follow(recorder);
+  std::thread thread([&recorder] { recorder->run(); });
+
+  constexpr TimeIndex kRun = 30'000;  // more than the history
+  TimeIndex steps = 0;
+  const auto measure = [&](const Simulation<TriFinger>& simulation) {
+    auto robot = simulation.connect();
+    const auto action = hold_position(robot.latest_observation());
+    const auto begin = Clock::now();
+    for (TimeIndex t = 0; t < kRun; ++t) {
+      robot.wait_until_time_index(robot.append_desired_action(action));
+    }
+    const double time = seconds_since(begin);
+    robot.finish();
+    return static_cast<double>(kRun) / time;
+  };
+  const Paired paired = alternate(
+      effort.rounds,
+      [&] {
+        steps += kRun;
+        return measure(recorded);
+      },
+      [&] { return measure(bare); });
+  recorder->request_stop();
+  thread.join();
+
+  TimeIndex found = 0;
+  std::size_t gaps = 0;
+  for (const log::LoggedSession& session : log::Log(folder.path()).sessions()) {
+    found += session.steps().value_or(0);
+    gaps += session.gaps().size();
+  }
+  Row row = make_row("log: simulation recorded without loss", "steps/s", paired,
+                     "the same without recording", ">= 0.5x, nothing missing",
+                     paired.ratio.median() >= 0.5 && found == steps && gaps == 0);
+  row.remark = fmt::format("{} of {} steps in the log, {} gaps", found, steps, gaps);
+  return row;
+}
+
+}  // namespace
+
+std::vector<Row> log_rows(const Effort& effort) {
+  const Run run = run_with_random_torques();
+  const TemporaryFolder folder;
+  const std::filesystem::path file = folder.path() / "log.mcap";
+  std::vector<Row> rows;
+  rows.push_back(
+      size_row("log: bytes per step, single precision", run, file, log::Precision::kSingle, 150.0));
+  rows.push_back(size_row("log: bytes per step", run, file, log::Precision::kDouble, 320.0));
+  const std::vector<Bytes> chunks = raw_chunks(file);
+  rows.push_back(write_row(effort, run, file, chunks));
+  rows.push_back(read_row(effort, file, chunks));
+  rows.push_back(lossless_row(effort));
+  return rows;
+}
+
+}  // namespace trifinger::benchmarks
