@@ -4,9 +4,9 @@
 #include <libdeflate.h>
 
 #include <algorithm>
-#include <cctype>
 #include <cstdio>
 #include <limits>
+#include <tuple>
 
 #include "trifinger/base/error.hpp"
 
@@ -96,6 +96,12 @@ std::string checksum_of(const Metadata& metadata) {
   std::array<char, 9> digits{};
   std::snprintf(digits.data(), digits.size(), "%08x", checksum(buffer.view()));
   return digits.data();
+}
+
+void sort_by_time(std::span<MessageIndexEntry> entries) noexcept {
+  std::ranges::sort(entries, [](const MessageIndexEntry& a, const MessageIndexEntry& b) {
+    return std::tie(a.log_time, a.offset) < std::tie(b.log_time, b.offset);
+  });
 }
 
 // ---- Encoder ----

@@ -63,6 +63,9 @@ using Entries = std::map<std::string, std::string>;
 [[nodiscard]] std::string checksum_of(const Metadata& metadata);
 [[nodiscard]] std::optional<Compression> compression_of(std::string_view name) noexcept;
 
+// Puts the entries of a message index into their order. (std::stable_sort would allocate.)
+void sort_by_time(std::span<MessageIndexEntry> entries) noexcept;
+
 // ---- writing ----
 
 // Appends records to a buffer.

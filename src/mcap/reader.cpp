@@ -23,6 +23,7 @@ constexpr std::uint64_t kMaxRunSize = std::uint64_t{1} << 20;
 constexpr std::size_t kMaxNumDamages = 1000;
 
 constexpr std::string_view kNonsense = "A record makes no sense.";
+constexpr std::string_view kNotBegun = "The file ends before it has begun.";
 
 struct RecordHeader {
   Opcode opcode{};
@@ -174,6 +175,8 @@ class Reader::Implementation {
   // Returns where what is whole, or stands between what is whole, ends.
   [[nodiscard]] std::uint64_t cut_damaged_tail(std::uint64_t end);
   void find_missing_indexes();
+  // Who writes one checksum writes all: where it is missing, its entry is damaged.
+  void leave_out_unproven_metadata();
   void check_data_end(std::uint64_t offset);
   void check_message_count(const Summary& summary);
 
@@ -199,7 +202,8 @@ class Reader::Implementation {
                                    std::vector<RecordPlace>& places);
   // All message indexes of the newest chunk were visited.
   void settle_chunk();
-  void check_indexes(const ChunkPlace& place);
+  // Of the chunk that was loaded last.
+  [[nodiscard]] bool is_right_index(const std::pair<std::uint16_t, std::uint64_t>& index);
 
   // The next record from `begin` on that proves by a checksum to be one.
   [[nodiscard]] std::optional<std::uint64_t> find_record(std::uint64_t begin, std::uint64_t end);
@@ -246,6 +250,7 @@ class Reader::Implementation {
   std::uint64_t first_indexed_time_{0};
   std::uint64_t last_indexed_time_{0};
   std::vector<MessageCounts> counts_;  // for each chunk of the walk
+  std::vector<bool> has_checksum_;     // for each of the metadata
 };
 
 // ---- opening ----
@@ -274,6 +279,7 @@ Reader::Implementation::Implementation(std::unique_ptr<Source> source, const Rea
   } else {
     walk_unfinished();
   }
+  leave_out_unproven_metadata();
   is_damaged_.resize(contents_.chunks.size());
 }
 
@@ -281,7 +287,7 @@ bool Reader::Implementation::has_magic(const std::string& name) {
   const auto bytes = window_.at(0, kMagic.size());
   if (std::equal(bytes.begin(), bytes.end(), kMagic.begin())) {
     if (bytes.size() == kMagic.size()) return true;
-    add_damage(0, size_, "The file ends before it has begun.");
+    add_damage(0, size_, std::string(kNotBegun));
     return false;
   }
   if (bytes.size() < kMagic.size()) throw FormatError(name + " is no MCAP file: it is too short");
@@ -420,8 +426,11 @@ void Reader::Implementation::walk_finished(std::uint64_t data_end) {
 
 void Reader::Implementation::walk_unfinished() {
   const std::uint64_t end = cut_damaged_tail(walk(kMagic.size(), size_));
-  // A writer that goes on begins with the header if there is none.
-  contents_.complete_size = end == kMagic.size() && !has_header_ ? 0 : end;
+  if (end == kMagic.size() && !has_header_) {
+    contents_.damage = {{.offset = 0, .size = size_, .reason = std::string(kNotBegun)}};
+    return;
+  }
+  contents_.complete_size = end;
   find_missing_indexes();
   sum_up_counts();
 }
@@ -440,12 +449,21 @@ std::uint64_t Reader::Implementation::cut_damaged_tail(std::uint64_t end) {
       continue;
     }
     if (chunks.empty() || !chunks.back().is_chunk || end_of(chunks.back()) != end) return end;
-    const ChunkPlace& place = chunks.back();
+    ChunkPlace& place = chunks.back();
     std::string reason = load(place);
-    if (reason.empty()) return end;
-    add_damage(place.offset, place.length + place.index_length, std::move(reason));
-    chunks.pop_back();
-    counts_.pop_back();
+    if (!reason.empty()) {
+      add_damage(place.offset, place.length + place.index_length, std::move(reason));
+      chunks.pop_back();
+      counts_.pop_back();
+      continue;
+    }
+    correct_times(place);
+    const auto wrong = std::ranges::find_if_not(
+        place.indexes, [this](const auto& index) { return is_right_index(index); });
+    if (wrong == place.indexes.end()) return end;
+    add_damage(wrong->second, end - wrong->second, "A message index does not fit its chunk.");
+    place.index_length = wrong->second - place.offset - place.length;
+    place.indexes.erase(wrong, place.indexes.end());
   }
 }
 
@@ -461,9 +479,26 @@ void Reader::Implementation::find_missing_indexes() {
         {.log_time = message.log_time, .offset = loader_.offset_of(message)});
   }
   for (auto& [channel, entries] : contents_.missing_indexes) {
-    std::ranges::stable_sort(entries, {}, &MessageIndexEntry::log_time);
+    sort_by_time(entries);
   }
   counts_.back() = count_messages();
+}
+
+void Reader::Implementation::leave_out_unproven_metadata() {
+  if (std::ranges::find(has_checksum_, true) == has_checksum_.end()) return;
+  auto& metadata = contents_.metadata;
+  auto& places = contents_.metadata_places;
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < metadata.size(); ++i) {
+    if (!has_checksum_[i]) {
+      add_damage(places[i].offset, places[i].length, "The checksum of metadata is missing.");
+      continue;
+    }
+    if (kept != i) metadata[kept] = std::move(metadata[i]);
+    places[kept++] = places[i];
+  }
+  metadata.resize(kept);
+  places.resize(kept);
 }
 
 void Reader::Implementation::check_data_end(std::uint64_t offset) {
@@ -592,8 +627,7 @@ Reader::Implementation::Step Reader::Implementation::visit_message(std::uint64_t
     chunks.push_back({.offset = offset,
                       .first_time = message->log_time,
                       .last_time = message->log_time,
-                      .is_chunk = false,
-                      .indexes = {}});
+                      .is_chunk = false});
     counts_.emplace_back();
   }
   ChunkPlace& run = chunks.back();
@@ -625,8 +659,7 @@ std::optional<ChunkPlace> Reader::Implementation::describe_chunk(std::uint64_t o
                     .last_time = chunk->last_time,
                     .uncompressed_size = chunk->uncompressed_size,
                     // If we do not know it, that is told when the chunk is read.
-                    .compression = compression_of(chunk->compression).value_or(Compression::kNone),
-                    .indexes = {}};
+                    .compression = compression_of(chunk->compression).value_or(Compression::kNone)};
 }
 
 Reader::Implementation::Step Reader::Implementation::visit_chunk(std::uint64_t offset,
@@ -688,6 +721,7 @@ Reader::Implementation::Step Reader::Implementation::visit_checked(
   } else {
     list.push_back(std::move(decoded->record));
     places.push_back(place);
+    if constexpr (std::is_same_v<T, Metadata>) has_checksum_.push_back(decoded->has_checksum);
   }
   return Step::kGoOn;
 }
@@ -712,31 +746,30 @@ void Reader::Implementation::settle_chunk() {
   }
   counts = count_messages();
   correct_times(place);
-  if (options_.verify) check_indexes(place);
+  if (!options_.verify) return;
+  for (const auto& index : place.indexes) {
+    if (is_right_index(index)) continue;
+    const std::uint64_t length = kRecordHeaderSize + read_header(index.second).value().length;
+    add_damage(index.second, length, "A message index does not fit its chunk.");
+  }
 }
 
-void Reader::Implementation::check_indexes(const ChunkPlace& place) {
+bool Reader::Implementation::is_right_index(const std::pair<std::uint16_t, std::uint64_t>& index) {
+  const auto [channel, offset] = index;
+  const auto header = read_header(offset);
+  const auto decoded = header ? decode_message_index(content(offset, *header)) : std::nullopt;
+  if (!decoded) return false;
   const auto messages = loader_.messages();
-  const auto is_message = [&](std::uint16_t channel, const MessageIndexEntry& entry) {
-    const auto message = std::ranges::lower_bound(
-        messages, entry.offset, {}, [&](const Message& m) { return loader_.offset_of(m); });
-    return message != messages.end() && loader_.offset_of(*message) == entry.offset &&
-           message->channel_id == channel && message->log_time == entry.log_time;
-  };
-  for (const auto& [channel, offset] : place.indexes) {
-    const auto header = read_header(offset);
-    if (!header) continue;
-    const auto index = decode_message_index(content(offset, *header));
-    bool is_right = index.has_value();
-    const std::size_t size = is_right ? index->entries.size() / sizeof(MessageIndexEntry) : 0;
-    for (std::size_t i = 0; i < size; ++i) {
-      is_right = is_right && is_message(channel, entry_of(*index, i));
-    }
-    if (!is_right) {
-      add_damage(offset, kRecordHeaderSize + header->length,
-                 "A message index does not fit its chunk.");
+  const auto offset_of = [this](const Message& message) { return loader_.offset_of(message); };
+  for (std::size_t i = 0; i < decoded->entries.size() / sizeof(MessageIndexEntry); ++i) {
+    const MessageIndexEntry entry = entry_of(*decoded, i);
+    const auto message = std::ranges::lower_bound(messages, entry.offset, {}, offset_of);
+    if (message == messages.end() || offset_of(*message) != entry.offset ||
+        message->channel_id != channel || message->log_time != entry.log_time) {
+      return false;
     }
   }
+  return true;
 }
 
 // ---- lost ----

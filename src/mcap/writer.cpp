@@ -17,25 +17,25 @@
 namespace trifinger::mcap {
 namespace {
 
-// Schemas and channels are repeated in chunks of these numbers.
+// Schemas and channels are repeated in every chunk whose number is a multiple of this.
 constexpr std::size_t kRepeatDefinitions = 100;
 
 // A schema or channel as it is written.
 struct Definition {
-  Buffer record;
-  bool is_in_file{false};
+  Buffer record{};
+  int num_copies{0};  // in chunks
 };
 
 struct SchemaEntry {
   Schema schema;
-  Definition definition;
+  Definition definition{};
 };
 
 struct ChannelEntry {
   Channel channel;
-  Definition definition;
-  std::uint64_t message_count{0};          // in closed chunks
-  std::vector<MessageIndexEntry> entries;  // of the open chunk
+  Definition definition{};
+  std::uint64_t message_count{0};            // in closed chunks
+  std::vector<MessageIndexEntry> entries{};  // of the open chunk
   bool is_sorted{true};
 };
 
@@ -240,13 +240,13 @@ class Writer::Implementation {
   // ---- schemas and channels ----
 
   void insert(const Schema& schema) {
-    SchemaEntry entry{.schema = schema, .definition = {}};
+    SchemaEntry entry{.schema = schema};
     Encoder(entry.definition.record).schema(schema);
     schemas_.emplace(schema.id, std::move(entry));
   }
 
   void insert(const Channel& channel) {
-    ChannelEntry entry{.channel = channel, .definition = {}, .entries = {}};
+    ChannelEntry entry{.channel = channel};
     Encoder(entry.definition.record).channel(channel);
     channels_.emplace(channel.id, std::move(entry));
   }
@@ -264,22 +264,25 @@ class Writer::Implementation {
 
   void append_definition(Definition& definition) {
     chunk_.append(definition.record.data(), definition.record.size());
-    definition.is_in_file = true;
+    ++definition.num_copies;
   }
 
   // Sees to it that the open chunk or one before it has the channel and its schema.
   void define(ChannelEntry& entry) {
-    if (chunk_.size() == 0 && chunks_.size() % kRepeatDefinitions == 0) {
-      for (auto& [id, schema] : schemas_) {
-        if (schema.definition.is_in_file) append_definition(schema.definition);
-      }
-      for (auto& [id, channel] : channels_) {
-        if (channel.definition.is_in_file) append_definition(channel.definition);
-      }
+    if (chunk_.size() == 0) {
+      const bool repeats = chunks_.size() % kRepeatDefinitions == 0;
+      const auto repeat = [&](Definition& definition) {
+        // One copy is not enough: the chunk that has it may be damaged.
+        if (definition.num_copies == 1 || (repeats && definition.num_copies > 0)) {
+          append_definition(definition);
+        }
+      };
+      for (auto& [id, schema] : schemas_) repeat(schema.definition);
+      for (auto& [id, channel] : channels_) repeat(channel.definition);
     }
-    if (entry.definition.is_in_file) return;
+    if (entry.definition.num_copies > 0) return;
     if (const auto schema = schemas_.find(entry.channel.schema_id);
-        schema != schemas_.end() && !schema->second.definition.is_in_file) {
+        schema != schemas_.end() && schema->second.definition.num_copies == 0) {
       append_definition(schema->second.definition);
     }
     append_definition(entry.definition);
@@ -319,8 +322,7 @@ class Writer::Implementation {
                      .first_time = first_time_,
                      .last_time = last_time_,
                      .uncompressed_size = chunk_.size(),
-                     .compression = options_.compression,
-                     .indexes = {}};
+                     .compression = options_.compression};
     Encoder encoder(output_);
     const std::size_t record = encoder.begin(Opcode::kChunk);
     encoder.number(place.first_time);
@@ -340,7 +342,7 @@ class Writer::Implementation {
     for (auto& [id, entry] : channels_) {
       if (entry.entries.empty()) continue;
       if (!entry.is_sorted) {
-        std::ranges::stable_sort(entry.entries, {}, &MessageIndexEntry::log_time);
+        sort_by_time(entry.entries);
         entry.is_sorted = true;
       }
       place.indexes.emplace_back(id, place.offset + output_.size());

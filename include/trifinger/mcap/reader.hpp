@@ -55,14 +55,15 @@ struct ChunkPlace {
   Compression compression{Compression::kNone};
   bool is_chunk{true};            ///< False: messages that lie in the file as they are.
   std::uint64_t index_length{0};  ///< Of the message indexes right behind the chunk [bytes].
-  std::vector<std::pair<std::uint16_t, std::uint64_t>> indexes;  ///< Channel, offset of its index.
+  std::vector<std::pair<std::uint16_t, std::uint64_t>>
+      indexes{};  ///< Channel, offset of its index.
 };
 
 /// Bytes of the file that could not be used.
 struct Damage {
   std::uint64_t offset{0};
   std::uint64_t size{0};
-  std::string reason;  ///< A sentence.
+  std::string reason{};  ///< A sentence.
 };
 
 /// What is in a file, without the messages.

@@ -19,10 +19,10 @@ enum class Compression : std::uint8_t { kNone, kLz4, kZstd };
 
 /// The type of the messages of a channel.
 struct Schema {
-  std::uint16_t id{0};   ///< Above 0.
-  std::string name;      ///< As in "sensor_msgs/msg/JointState".
-  std::string encoding;  ///< Of `data`, as in "ros2msg".
-  std::string data;      ///< The definition.
+  std::uint16_t id{0};     ///< Above 0.
+  std::string name{};      ///< As in "sensor_msgs/msg/JointState".
+  std::string encoding{};  ///< Of `data`, as in "ros2msg".
+  std::string data{};      ///< The definition.
 
   friend bool operator==(const Schema&, const Schema&) = default;
 };
@@ -31,9 +31,9 @@ struct Schema {
 struct Channel {
   std::uint16_t id{0};
   std::uint16_t schema_id{0};  ///< 0: the messages have no schema.
-  std::string topic;
-  std::string message_encoding;  ///< As in "cdr".
-  std::map<std::string, std::string> metadata;
+  std::string topic{};
+  std::string message_encoding{};  ///< As in "cdr".
+  std::map<std::string, std::string> metadata{};
 
   friend bool operator==(const Channel&, const Channel&) = default;
 };
@@ -44,7 +44,7 @@ struct Message {
   std::uint32_t sequence{0};      ///< 0 where nobody counts.
   std::uint64_t log_time{0};      ///< [ns]
   std::uint64_t publish_time{0};  ///< [ns]
-  std::span<const std::byte> data;
+  std::span<const std::byte> data{};
 };
 
 /// Where a message is in the messages of its chunk.
@@ -59,17 +59,17 @@ struct MessageIndexEntry {
 struct Attachment {
   std::uint64_t log_time{0};     ///< [ns]
   std::uint64_t create_time{0};  ///< [ns]
-  std::string name;
-  std::string media_type;  ///< As in "application/yaml".
-  std::string data;
+  std::string name{};
+  std::string media_type{};  ///< As in "application/yaml".
+  std::string data{};
 
   friend bool operator==(const Attachment&, const Attachment&) = default;
 };
 
 /// Facts about the file.
 struct Metadata {
-  std::string name;
-  std::map<std::string, std::string> entries;
+  std::string name{};
+  std::map<std::string, std::string> entries{};
 
   friend bool operator==(const Metadata&, const Metadata&) = default;
 };

@@ -15,8 +15,8 @@ namespace trifinger::mcap {
 struct Contents;
 
 struct WriterOptions {
-  std::string profile;  ///< As in "ros2"; may be empty.
-  std::string library;  ///< Name and version of the program that writes.
+  std::string profile{};  ///< As in "ros2"; may be empty.
+  std::string library{};  ///< Name and version of the program that writes.
   Compression compression{Compression::kZstd};
   int level{1};  ///< Of the compression; zstd: 1 to 19.
   /// Bytes of messages after which a chunk is closed by itself.
@@ -24,7 +24,8 @@ struct WriterOptions {
 };
 
 /// Writes one MCAP file: chunks with checksums and message indexes, the summary at the end. Schemas
-/// and channels are in the first chunk that uses them, in every hundredth chunk and in the summary.
+/// and channels are in the first chunk that uses them, in the next, in every hundredth and in the
+/// summary.
 ///
 /// Every prefix of what has reached the sink is readable. If the sink throws, nothing is lost and
 /// nothing was done: the same call, or `flush`, tries again.
