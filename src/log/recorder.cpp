@@ -112,6 +112,7 @@ class Recorder::Implementation {
         }) {
     if (!wake_) throw SystemError("make an event", errno);
     for (const std::string& name : robots) robots_.emplace_back().name = name;
+    update_state();
   }
 
   void run() {

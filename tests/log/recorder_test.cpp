@@ -1,0 +1,461 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/log/recorder.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cerrno>
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "log/recorder_under_test.hpp"
+#include "log/recordings.hpp"
+#include "support/child_process.hpp"
+#include "support/session_folder.hpp"
+#include "trifinger/log/log.hpp"
+
+namespace trifinger::test {
+namespace {
+
+using log::Recorder;
+using log::RecorderOptions;
+using Range = std::pair<TimeIndex, TimeIndex>;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+// Appends `count` actions and waits for the last.
+void step(Frontend<FakeRobot>& robot, TimeIndex count) {
+  TimeIndex t = -1;
+  for (TimeIndex i = 0; i < count; ++i) {
+    t = robot.append_desired_action({.setpoint = 0.25 * static_cast<double>(i)});
+  }
+  static_cast<void>(robot.get_status(t));
+}
+
+class RecorderTest : public ::testing::Test {
+ protected:
+  [[nodiscard]] RecorderOptions options() const {
+    RecorderOptions options;
+    options.folder = logs_.path();
+    options.keep_free = 0;
+    return options;
+  }
+  // For recorders without a name to look for.
+  [[nodiscard]] RecorderOptions follower_options() const {
+    RecorderOptions following = options();
+    following.is_follower = true;
+    return following;
+  }
+  [[nodiscard]] Recorded recorded() const { return Recorded(logs_.path()); }
+
+  SessionFolder sessions_;
+  Folder logs_;
+};
+
+TEST_F(RecorderTest, HasTheNumbersThatTheSeriesHave) {
+  constexpr TimeIndex kSteps = 1000;
+  RecorderThread recorder({"robot"}, options());
+  const FakeBackend backend("robot", {.history = 4096});
+  auto robot = connect<FakeRobot>("robot");
+  step(robot, kSteps);
+  const Companion<FakeSensorReading> sensor(robot.companion("sensor"));
+  robot.finish();
+  recorder.wait_for_event("robot: ");  // its end
+  recorder.stop();
+
+  const log::Log log(recorded().files);
+  const log::LoggedRobot<FakeRobot> logged(log.sessions().front());
+  EXPECT_EQ(logged.session().steps(), kSteps);
+  EXPECT_EQ(logged.session().fault(), robot.fault());
+  for (TimeIndex t = 0; t < kSteps; ++t) {
+    ASSERT_EQ(logged.get_desired_action(t).setpoint, robot.get_desired_action(t).setpoint);
+    ASSERT_EQ(logged.get_applied_action(t).setpoint, robot.get_applied_action(t).setpoint);
+    ASSERT_EQ(logged.get_status(t).time, robot.get_status(t).time);
+    ASSERT_EQ(logged.get_observation(t).applied_actions, robot.get_observation(t).applied_actions);
+  }
+  EXPECT_EQ(logged.get_observation(kSteps).applied_actions,
+            robot.get_observation(kSteps).applied_actions);
+  EXPECT_EQ(logged.get_status(kSteps).flags, robot.get_status(kSteps).flags);
+
+  const log::LoggedCompanion<FakeSensorReading> logged_sensor(logged.companion("sensor"));
+  for (TimeIndex t = 0; t < kSteps; t += 7) {
+    const auto expected = sensor.get_latest_at(t);
+    const auto found = logged_sensor.get_latest_at(t);
+    ASSERT_EQ(found.has_value(), expected.has_value());
+    if (expected) {
+      ASSERT_EQ(found->applied_actions, expected->applied_actions);
+    }
+  }
+}
+
+TEST_F(RecorderTest, IsThereBeforeTheRobot) {
+  RecorderThread recorder({"robot"}, options());
+  const FakeBackend backend("robot");
+  auto robot = connect<FakeRobot>("robot");
+  step(robot, 100);
+  recorder.wait_for_step(100);
+  recorder.stop();
+  EXPECT_EQ(recorded().newest().steps.size(), 100);
+  EXPECT_THAT(recorded().newest().holes(), IsEmpty());
+}
+
+TEST_F(RecorderTest, BeginsWithWhatTheHistoryHoldsOfASessionThatRuns) {
+  const FakeBackend backend("robot", {.history = 64, .queue = 64});
+  auto robot = connect<FakeRobot>("robot");
+  step(robot, 200);
+  RecorderThread recorder({"robot"}, options());
+  recorder.wait_for_step(200);
+  recorder.stop();
+  const Recorded::Session session = recorded().newest();
+  EXPECT_GE(session.steps.front(), 200 - 64);
+  EXPECT_LE(session.steps.front(), 200 - 32);
+  EXPECT_EQ(session.steps.back(), 199);
+  EXPECT_THAT(session.holes(), IsEmpty());
+  EXPECT_THAT(session.gaps, IsEmpty());
+}
+
+TEST_F(RecorderTest, FollowsOneSessionAfterTheOther) {
+  RecorderThread recorder({"robot"}, options());
+  const FakeBackend backend("robot");
+  for (int i = 1; i <= 5; ++i) {
+    auto robot = connect<FakeRobot>("robot");
+    step(robot, 10 * i);
+    recorder.wait_for_step(10 * i);
+    robot.finish();
+  }
+  recorder.stop();
+  const Recorded log = recorded();
+  ASSERT_GE(log.order.size(), 5);
+  for (std::size_t i = 0; i < 5; ++i) {
+    const auto& session = log.sessions.at(log.order[i]);
+    EXPECT_EQ(session.steps.size(), 10 * (i + 1));
+    EXPECT_EQ(session.end_messages, 1);
+    ASSERT_TRUE(session.ends.contains("robot"));
+    EXPECT_EQ(session.ends.at("robot").at("fault"), "finished");
+    EXPECT_EQ(session.ends.at("robot").at("steps"), std::to_string(session.steps.size()));
+    EXPECT_EQ(session.ends.at("robot").at("observations"),
+              std::to_string(session.steps.size() + 1));
+  }
+}
+
+TEST_F(RecorderTest, AsAFollowerLosesNothingOfASimulationAsFastAsItCan) {
+  constexpr TimeIndex kSteps = 50'000;
+  RecorderThread recorder({"robot"}, follower_options());
+  const FakeBackend backend("robot", {.history = 256, .queue = 256}, {}, &*recorder);
+  auto robot = connect<FakeRobot>("robot");
+  step(robot, kSteps);
+  robot.finish();
+  recorder.stop();
+  const Recorded::Session session = recorded().first();
+  EXPECT_EQ(session.steps.size(), kSteps);
+  EXPECT_TRUE(session.is_ordered());
+  EXPECT_THAT(session.holes(), IsEmpty());
+  EXPECT_THAT(session.gaps, IsEmpty());
+  EXPECT_EQ(session.companions.at("robot.sensor").size(), kSteps / 4);
+  EXPECT_EQ(recorder->state().lost_steps, 0);
+}
+
+TEST_F(RecorderTest, AsAFollowerMissesNoSessionHoweverShort) {
+  constexpr std::size_t kSessions = 200;
+  RecorderThread recorder({"robot"}, follower_options());
+  {
+    const FakeBackend backend("robot", {.history = 16, .queue = 16}, {}, &*recorder);
+    for (std::size_t i = 0; i < kSessions; ++i) {
+      auto robot = connect<FakeRobot>("robot");
+      step(robot, 1);
+      robot.finish();
+    }
+  }
+  recorder.stop();
+  const Recorded log = recorded();
+  std::size_t whole = 0;
+  for (const auto& [id, session] : log.sessions) {
+    if (session.steps.size() == 1) ++whole;
+  }
+  EXPECT_EQ(whole, kSessions);
+}
+
+TEST_F(RecorderTest, SaysHowManySessionsItHasMissed) {
+  Disk disk;
+  RecorderOptions slow = options();
+  slow.open_file = disk.opener();
+  RecorderThread recorder({"robot"}, slow);
+  const FakeBackend backend("robot");
+  {
+    auto robot = connect<FakeRobot>("robot");
+    step(robot, 1);
+    recorder.wait_for_step(1);
+    disk.hold();
+    disk.wait_for_append();
+    robot.finish();
+  }
+  // While an append hangs nobody looks.
+  for (int i = 0; i < 3; ++i) {
+    auto robot = connect<FakeRobot>("robot");
+    step(robot, 1);
+    robot.finish();
+  }
+  auto robot = connect<FakeRobot>("robot");
+  step(robot, 7);
+  disk.let_go();
+  recorder.wait_for_step(7);
+  recorder.stop();
+  EXPECT_EQ(recorder.count_events("3 sessions were over before"), 1) << recorder.all_events();
+  EXPECT_EQ(recorded().count_events("3 sessions were over before"), 1);
+}
+
+TEST_F(RecorderTest, RecordsSeveralRobotsWithTheirCompanionsIntoOneFile) {
+  RecorderThread recorder({"left", "right"}, options());
+  const FakeBackend left("left");
+  const FakeBackend right("right");
+  auto left_robot = connect<FakeRobot>("left");
+  auto right_robot = connect<FakeRobot>("right");
+  step(left_robot, 100);
+  step(right_robot, 300);
+  recorder.wait_for_step(100, 0);
+  recorder.wait_for_step(300, 1);
+  recorder.stop();
+  const Recorded log = recorded();
+  ASSERT_EQ(log.files.size(), 1);
+  EXPECT_THAT(log.files[0].filename().string(), ::testing::StartsWith("left+right_"));
+  EXPECT_EQ(log.newest("left").steps.size(), 100);
+  EXPECT_EQ(log.newest("right").steps.size(), 300);
+  EXPECT_EQ(log.newest("left").companions.at("left.sensor").size(), 25);
+  EXPECT_EQ(log.newest("right").companions.at("right.sensor").size(), 75);
+}
+
+TEST_F(RecorderTest, NamesFilesAfterRobotTimeAndPart) {
+  RecorderThread recorder({"robot"}, options());
+  const FakeBackend backend("robot");
+  recorder.wait_until([](const auto& state) { return !state.file.empty(); });
+  recorder.stop();
+  EXPECT_THAT(recorded().files.at(0).filename().string(),
+              ::testing::MatchesRegex(
+                  "robot_[0-9]{4}-[0-9]{2}-[0-9]{2}_[0-9]{2}-[0-9]{2}-[0-9]{2}_000\\.mcap"));
+  EXPECT_TRUE(recorded().is_finished.at(0));
+}
+
+TEST_F(RecorderTest, RotatesBySizeWithoutLosingAStep) {
+  RecorderOptions small = follower_options();
+  small.rotate_size = 200'000;
+  constexpr TimeIndex kSteps = 100'000;
+  RecorderThread recorder({"robot"}, small);
+  const FakeBackend backend("robot", {}, {}, &*recorder);
+  auto robot = connect<FakeRobot>("robot");
+  step(robot, kSteps);
+  robot.finish();
+  recorder.stop();
+  const Recorded log = recorded();
+  ASSERT_GT(log.files.size(), 2);
+  for (std::size_t i = 0; i < log.files.size(); ++i) {
+    const std::string part = std::to_string(1000 + i).substr(1);
+    EXPECT_THAT(log.files[i].stem().string(), ::testing::EndsWith("_" + part));
+    EXPECT_TRUE(log.is_finished[i]);
+    EXPECT_EQ(log.recordings[i], log.recordings[0]);
+  }
+  const auto& session = log.first();
+  // Each file tells what it holds; the last may belong to the next session alone.
+  EXPECT_GE(session.headers + 1, log.files.size());
+  EXPECT_EQ(session.steps.size(), kSteps);
+  EXPECT_THAT(session.holes(), IsEmpty());
+  EXPECT_EQ(session.companions.at("robot.sensor").size(), kSteps / 4);
+}
+
+TEST_F(RecorderTest, RotatesByTime) {
+  RecorderOptions brief = options();
+  brief.rotate_time = std::chrono::milliseconds(1);
+  RecorderThread recorder({"robot"}, brief);
+  const FakeBackend backend("robot", {}, kRealTime);
+  auto robot = connect<FakeRobot>("robot");
+  robot.append_desired_action({});
+  recorder.wait_until(
+      [](const auto& state) { return state.file.string().find("_003.mcap") != std::string::npos; });
+  recorder.stop();
+  EXPECT_THAT(recorded().newest().holes(), IsEmpty());
+}
+
+TEST_F(RecorderTest, RemovesItsOldestFilesToStayBelowALimit) {
+  RecorderOptions limited = follower_options();
+  limited.max_total = 2'000'000;
+  write_file(logs_ / "robot_2020-01-01_00-00-00_000.mcap", read_file("/dev/null"));
+  write_file(logs_ / "robot_2020-01-01_00-00-00_001.mcap", Bytes(5'000'000, 'x'));  // of others
+  constexpr TimeIndex kSteps = 400'000;
+  RecorderThread recorder({"robot"}, limited);
+  const FakeBackend backend("robot", {}, {}, &*recorder);
+  auto robot = connect<FakeRobot>("robot");
+  step(robot, kSteps);
+  robot.finish();
+  recorder.stop();
+  EXPECT_TRUE(std::filesystem::exists(logs_ / "robot_2020-01-01_00-00-00_001.mcap"));
+  std::filesystem::remove(logs_ / "robot_2020-01-01_00-00-00_001.mcap");
+  std::uint64_t total = 0;
+  const Recorded log = recorded();
+  for (const auto& file : log.files) total += std::filesystem::file_size(file);
+  EXPECT_LE(total, limited.max_total);
+  EXPECT_GT(total, limited.max_total / 2);
+  EXPECT_GT(recorder.count_events("removed "), 0);
+  EXPECT_EQ(log.first().steps.back(), kSteps - 1);
+  EXPECT_THAT(log.first().holes(), IsEmpty());
+}
+
+TEST_F(RecorderTest, LeavesFreeOnTheDiskWhatItIsToldTo) {
+  RecorderOptions greedy = options();
+  greedy.keep_free = std::uint64_t{1} << 60U;
+  RecorderThread recorder({"robot"}, greedy);
+  const FakeBackend backend("robot");
+  recorder.wait_until([](const auto& state) {
+    return state.trouble.find("free on the disk") != std::string::npos;
+  });
+  EXPECT_EQ(recorder.count_events("cannot write: leave "), 1);
+  // The end cannot be written either.
+  EXPECT_THROW(recorder.stop(), SystemError);
+  EXPECT_THAT(recorded().files, IsEmpty());
+}
+
+TEST_F(RecorderTest, RefusesASecondRecorderOfTheSameRobotAndFolder) {
+  const Recorder first({"left", "robot"}, options());
+  try {
+    const Recorder second({"robot"}, options());
+    FAIL();
+  } catch (const log::AlreadyRecorded& error) {
+    EXPECT_THAT(error.what(), HasSubstr("robot 'robot' is recorded into " + logs_.path().string()));
+    EXPECT_THAT(error.what(), HasSubstr("process " + std::to_string(::getpid())));
+  }
+  const Recorder other({"other"}, options());
+}
+
+TEST_F(RecorderTest, LeavesNothingBesidesItsFiles) {
+  {
+    const Recorder recorder({"robot"}, options());
+  }
+  EXPECT_TRUE(std::filesystem::is_empty(logs_.path()));
+  const Recorder again({"robot"}, options());
+}
+
+TEST_F(RecorderTest, RefusesNamesThatRobotsCannotHave) {
+  for (const auto& robots :
+       std::vector<std::vector<std::string>>{{}, {""}, {"a/b"}, {"robot.sensor"}, {"a", "a"}}) {
+    EXPECT_THROW(Recorder(robots, options()), InvalidArgument);
+  }
+}
+
+TEST_F(RecorderTest, BeginsANewRecordingAtTheNextStepBehindACleanEnd) {
+  const FakeBackend backend("robot");
+  auto robot = connect<FakeRobot>("robot");
+  for (int i = 1; i <= 3; ++i) {
+    RecorderThread recorder({"robot"}, options());
+    step(robot, 100);
+    recorder.wait_for_step(100 * i);
+    recorder.stop();
+  }
+  const Recorded log = recorded();
+  ASSERT_EQ(log.files.size(), 3);
+  EXPECT_NE(log.recordings[0], log.recordings[1]);
+  EXPECT_EQ(log.newest().steps.size(), 300);
+  EXPECT_TRUE(log.newest().is_ordered());
+  EXPECT_THAT(log.newest().gaps, IsEmpty());
+  EXPECT_EQ(log.newest().companions.at("robot.sensor").size(), 75);
+}
+
+TEST_F(RecorderTest, DoesNotRecordAnEndedSessionTwice) {
+  const FakeBackend backend("robot", {}, {.first_action_timeout = kForever});
+  {
+    auto robot = connect<FakeRobot>("robot");
+    step(robot, 10);
+  }  // ends the session, the next one begins
+  for (int i = 0; i < 2; ++i) {
+    RecorderThread recorder({"robot"}, options());
+    recorder.wait_until([](const auto& state) { return state.robots[0].session_id != 0; });
+    recorder.stop();
+  }
+  const Recorded log = recorded();
+  for (const auto& [id, session] : log.sessions) EXPECT_TRUE(session.is_ordered());
+}
+
+TEST_F(RecorderTest, SaysThatABackendWasKilledAndGoesOnWithTheNext) {
+  const auto run_backend = [] {
+    FakeDriver driver;
+    SessionHost host = SessionHost::named("robot");
+    Backend backend(driver, host, kRealTime);
+    const BackendThread thread(backend);
+    Frontend<FakeRobot> robot(host);
+    robot.append_desired_action({});
+    while (true) robot.wait_until_time_index(1LL << 40U);
+    return 0;
+  };
+  ChildProcess first(run_backend);
+  RecorderThread recorder({"robot"}, options());
+  recorder.wait_for_step(10);
+  const std::uint64_t id = recorder->state().robots[0].session_id;
+  first.kill();
+  recorder.wait_until([](const auto& state) { return !state.robots[0].is_recording; });
+  const FakeBackend second("robot");
+  auto robot = connect<FakeRobot>("robot");
+  step(robot, 20);
+  recorder.wait_for_step(20);
+  recorder.stop();
+  const Recorded log = recorded();
+  const auto& session = log.sessions.at(id);
+  EXPECT_EQ(session.ends.at("robot").at("fault"), "backend_died");
+  EXPECT_EQ(log.newest().steps.size(), 20);
+  EXPECT_EQ(session.ends.at("robot").at("steps"), std::to_string(session.steps.size()));
+  EXPECT_THAT(session.holes(), IsEmpty());
+}
+
+TEST_F(RecorderTest, EndsWithTheBackendIfThatIsWanted) {
+  RecorderOptions until_end = options();
+  until_end.until_end = true;
+  RecorderThread recorder({"robot"}, until_end);
+  {
+    const FakeBackend backend("robot");
+    auto robot = connect<FakeRobot>("robot");
+    step(robot, 10);
+    recorder.wait_for_step(10);
+  }
+  recorder.join();
+  EXPECT_EQ(recorded().sessions.at(recorded().order.at(0)).steps.size(), 10);
+  EXPECT_TRUE(recorded().is_finished.at(0));
+}
+
+TEST_F(RecorderTest, EndsWithAProcessIfThatIsWanted) {
+  ChildProcess child([] { return ::pause(); });
+  RecorderOptions until_exit = options();
+  until_exit.until_process_ends = ipc::ProcessIdentity{.pid = child.pid(), .start_time = 0};
+  // Of another process with the same number, which is gone.
+  RecorderThread recorder({"robot"}, until_exit);
+  recorder.join();
+}
+
+TEST_F(RecorderTest, FlushesTheDisksOwnMemoryNowAndThen) {
+  Disk disk;
+  RecorderOptions eager = options();
+  eager.open_file = disk.opener();
+  eager.sync_period = std::chrono::milliseconds(1);
+  RecorderThread recorder({"robot"}, eager);
+  const FakeBackend backend("robot", {}, kRealTime);
+  auto robot = connect<FakeRobot>("robot");
+  robot.append_desired_action({});
+  recorder.wait_until([&](const auto&) { return disk.syncs() >= 3; });
+  recorder.stop();
+}
+
+TEST_F(RecorderTest, StartsAnotherFileIfSomebodyTakesItsFileAway) {
+  RecorderOptions eager = options();
+  eager.sync_period = std::chrono::milliseconds(1);
+  RecorderThread recorder({"robot"}, eager);
+  const FakeBackend backend("robot", {}, kRealTime);
+  auto robot = connect<FakeRobot>("robot");
+  robot.append_desired_action({});
+  recorder.wait_for_step(10);
+  const auto file = recorder->state().file;
+  std::filesystem::remove(file);
+  recorder.wait_until([&](const auto& state) { return !state.file.empty() && state.file != file; });
+  recorder.stop();
+  EXPECT_EQ(recorder.count_events("was removed or renamed"), 1);
+}
+
+}  // namespace
+}  // namespace trifinger::test
