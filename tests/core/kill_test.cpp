@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
 
+#include <array>
 #include <atomic>
 #include <chrono>
+#include <csignal>
+#include <cstddef>
 #include <cstdint>
 #include <cstdio>
 #include <memory>
@@ -14,19 +17,20 @@
 #include "core/transports.hpp"
 #include "support/child_process.hpp"
 #include "support/session_folder.hpp"
+#include "support/shared_value.hpp"
 #include "trifinger/core/fake_robot.hpp"
 
-// Killing any process at any time never hangs another one. A back-end and a controller run in
-// processes of their own; at random instants one of them is killed, and whoever is left has to
-// notice, by itself, and go on with a new partner. The time limits here are only to tell a hang
-// from a slow machine.
+// Killing any process at any time never hangs another one. A back-end, a controller and observers
+// run in processes of their own; at random instants one of them is killed. Of back-end and
+// controller, whoever is left has to notice, by itself, and go on with a new partner; of observers,
+// nobody notices. The time limits here are only to tell a hang from a slow machine.
 
 namespace trifinger::test {
 namespace {
 
-int run_backend(bool has_deadlines) {
+int run_backend(bool has_deadlines, std::size_t history) {
   FakeDriver driver({.sensor_period = 4, .sensor_delay = 2});
-  SessionHost host = SessionHost::named("robot", {.history = 64, .queue = 16});
+  SessionHost host = SessionHost::named("robot", {.history = history, .queue = 16});
   BackendOptions options{.period = std::chrono::microseconds(200),
                          .max_action_repeats = 1'000'000'000,
                          .max_skipped_ticks = 1'000'000'000};
@@ -60,13 +64,39 @@ int run_controller() {
   return 1;
 }
 
+// Looks at the robot in every way there is, and counts what it has seen.
+int run_observer(std::atomic<std::int64_t>& seen) {
+  const auto robot = observe<FakeRobot>("robot");
+  const Companion<FakeSensorReading> sensor(robot.companion("sensor"));
+  std::array<FakeObservation, 16> observations;
+  while (true) {
+    try {
+      // Waits for what is to come, reads what is there.
+      const TimeIndex t = robot.current_time_index() + 1;
+      static_cast<void>(robot.get_observation(t, kLong));
+      static_cast<void>(robot.get_status(t, kLong));
+      static_cast<void>(robot.latest_observation(kLong));
+      static_cast<void>(sensor.get_latest_at(t, kLong));
+      if (t >= 16) robot.get_observations(t - 15, observations, kLong);
+    } catch (const HistoryLost&) {
+      // Time was faster than we.
+    }
+    ++seen;
+  }
+}
+
 class KillTest : public ::testing::TestWithParam<bool> {
  protected:
-  [[nodiscard]] std::unique_ptr<ChildProcess> start_backend() const {
-    return std::make_unique<ChildProcess>([] { return run_backend(GetParam()); });
+  using Process = std::unique_ptr<ChildProcess>;
+
+  [[nodiscard]] static Process start_backend(std::size_t history = 64) {
+    return std::make_unique<ChildProcess>([history] { return run_backend(GetParam(), history); });
   }
-  [[nodiscard]] static std::unique_ptr<ChildProcess> start_controller() {
+  [[nodiscard]] static Process start_controller() {
     return std::make_unique<ChildProcess>([] { return run_controller(); });
+  }
+  [[nodiscard]] static Process start_observer(std::atomic<std::int64_t>& seen) {
+    return std::make_unique<ChildProcess>([&seen] { return run_observer(seen); });
   }
 
   // Follows a session of `backend` up to its step t; tries the next one where that has ended.
@@ -136,6 +166,83 @@ TEST_P(KillTest, FiftyRandomKillsHangNobody) {
   std::printf(
       "%d kills: %d back-ends, %d controllers; %d of them before the robot was seen to work\n",
       kKills, backends, controllers, early);
+}
+
+// Waits until the controller has appended another action, and checks the steps meanwhile: all are
+// there, and say what that controller does.
+void expect_whole_and_going_on(const Frontend<FakeRobot>& robot) {
+  constexpr TimeIndex kCount = 32;
+  const Deadline deadline(kLong);
+  while (true) {
+    try {
+      const TimeIndex first = robot.current_time_index() + 1;
+      std::array<FakeAction, kCount> desired;
+      std::array<FakeAction, kCount> applied;
+      std::array<FakeObservation, kCount> observations;
+      std::array<Status, kCount> statuses;
+      robot.get_statuses(first, statuses, kLong);
+      robot.get_desired_actions(first, desired);
+      robot.get_applied_actions(first, applied);
+      robot.get_observations(first, observations);
+      // An action is the step of the one before it: see run_controller.
+      std::optional<TimeIndex> appended;
+      for (std::size_t i = 0; i < kCount; ++i) {
+        const TimeIndex t = first + static_cast<TimeIndex>(i);
+        const bool is_repeated = (statuses[i].flags & Status::kActionRepeated) != 0;
+        EXPECT_EQ(applied[i].setpoint, desired[i].setpoint) << t;
+        if (i > 0) {
+          EXPECT_EQ(observations[i].setpoint, applied[i - 1].setpoint) << t;
+          EXPECT_EQ(observations[i].applied_actions, observations[i - 1].applied_actions + 1) << t;
+        }
+        if (is_repeated && i > 0) {
+          EXPECT_EQ(desired[i].setpoint, desired[i - 1].setpoint) << t;
+        }
+        if (is_repeated) continue;
+        if (appended) {
+          EXPECT_EQ(desired[i].setpoint, static_cast<double>(*appended)) << t;
+        }
+        appended = t;
+      }
+      if (appended) return;
+    } catch (const HistoryLost&) {
+      // This process stood still for a whole history.
+    }
+    if (deadline.passed()) throw TimedOut("the controller appends no more");
+  }
+}
+
+TEST_P(KillTest, KilledObserversDisturbNobody) {
+  constexpr int kKills = 50;
+  constexpr std::size_t kObservers = 3;
+  SharedValue<std::array<std::atomic<std::int64_t>, kObservers>> seen;
+  const auto backend = start_backend(1 << 14);
+  const auto controller = start_controller();
+  const Frontend<FakeRobot> robot = follow(*backend, 20);
+
+  std::array<Process, kObservers> observers;
+  for (std::size_t i = 0; i < kObservers; ++i) observers[i] = start_observer((*seen)[i]);
+  int early = 0;
+  for (int i = 0; i < kKills; ++i) {
+    const std::size_t place = random_() % kObservers;
+    Process& victim = observers[place];
+    std::atomic<std::int64_t>& count = (*seen)[place];
+    // Half of the kills strike an observer at work, the others whatever comes first: an attach.
+    if (random_() % 2 == 0) {
+      const std::int64_t before = count;
+      while (count == before) std::this_thread::yield();
+    } else {
+      ++early;
+    }
+    dawdle();
+    victim->kill();
+    EXPECT_EQ(victim->wait(), -SIGKILL) << "it had ended before, which only we may do";
+    expect_whole_and_going_on(robot);
+    victim = start_observer(count);
+  }
+  // The same session, from beginning to end.
+  EXPECT_FALSE(robot.fault().has_value());
+  std::printf("%d kills of observers, %d of them perhaps before it had seen anything; %lld steps\n",
+              kKills, early, static_cast<long long>(robot.current_time_index()));
 }
 
 INSTANTIATE_TEST_SUITE_P(Deadlines, KillTest, ::testing::Bool(),
