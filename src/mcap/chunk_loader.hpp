@@ -51,6 +51,7 @@ class ChunkLoader {
   std::span<const std::byte> records_;
   std::vector<Message> messages_;
   std::vector<DefinitionRecord> definitions_;
+  bool expects_checksum_{false};  // one chunk had one
 };
 
 }  // namespace trifinger::mcap

@@ -175,8 +175,11 @@ class Reader::Implementation {
   // Returns where what is whole, or stands between what is whole, ends.
   [[nodiscard]] std::uint64_t cut_damaged_tail(std::uint64_t end);
   void find_missing_indexes();
-  // Who writes one checksum writes all: where it is missing, its entry is damaged.
-  void leave_out_unproven_metadata();
+  // Who writes one checksum writes all: where it is missing, it is damaged.
+  void leave_out_unproven();
+  template <class T>
+  void leave_out_unproven(std::vector<T>& list, std::vector<RecordPlace>& places,
+                          const std::vector<bool>& is_proven);
   void check_data_end(std::uint64_t offset);
   void check_message_count(const Summary& summary);
 
@@ -190,7 +193,7 @@ class Reader::Implementation {
 
   // Takes in the records from `begin` to `end`; returns the end of the last one that is whole.
   std::uint64_t walk(std::uint64_t begin, std::uint64_t end);
-  [[nodiscard]] Step visit(std::uint64_t offset, const RecordHeader& header);
+  [[nodiscard]] Step visit(std::uint64_t offset, const RecordHeader& header, std::uint64_t end);
   [[nodiscard]] Step visit_message(std::uint64_t offset, const RecordHeader& header);
   [[nodiscard]] Step visit_chunk(std::uint64_t offset, const RecordHeader& header);
   [[nodiscard]] std::optional<ChunkPlace> describe_chunk(std::uint64_t offset,
@@ -199,7 +202,7 @@ class Reader::Implementation {
   template <class T>
   [[nodiscard]] Step visit_checked(std::uint64_t offset, const RecordHeader& header,
                                    std::optional<Checked<T>> decoded, std::vector<T>& list,
-                                   std::vector<RecordPlace>& places);
+                                   std::vector<RecordPlace>& places, std::vector<bool>& is_proven);
   // All message indexes of the newest chunk were visited.
   void settle_chunk();
   // Of the chunk that was loaded last.
@@ -208,6 +211,8 @@ class Reader::Implementation {
   // The next record from `begin` on that proves by a checksum to be one.
   [[nodiscard]] std::optional<std::uint64_t> find_record(std::uint64_t begin, std::uint64_t end);
   [[nodiscard]] bool is_proven(std::uint64_t offset, const RecordHeader& header);
+  // True if a record could begin here.
+  [[nodiscard]] bool is_boundary(std::uint64_t offset, std::uint64_t end);
   // False if the search has cost too much already.
   [[nodiscard]] bool spend(std::uint64_t cost) noexcept;
 
@@ -250,7 +255,9 @@ class Reader::Implementation {
   std::uint64_t first_indexed_time_{0};
   std::uint64_t last_indexed_time_{0};
   std::vector<MessageCounts> counts_;  // for each chunk of the walk
-  std::vector<bool> has_checksum_;     // for each of the metadata
+  bool writes_checksums_{false};       // whoever wrote the file
+  std::vector<bool> is_proven_metadata_;
+  std::vector<bool> is_proven_attachment_;
 };
 
 // ---- opening ----
@@ -279,7 +286,6 @@ Reader::Implementation::Implementation(std::unique_ptr<Source> source, const Rea
   } else {
     walk_unfinished();
   }
-  leave_out_unproven_metadata();
   is_damaged_.resize(contents_.chunks.size());
 }
 
@@ -408,6 +414,7 @@ bool Reader::Implementation::open_by(Summary& summary) {
     }
   }
   if (end < data_end) walk(end, data_end);
+  leave_out_unproven();
   check_data_end(data_end);
   contents_.message_count = statistics->message_count;
   contents_.channel_message_counts = statistics->channel_message_counts;
@@ -418,6 +425,7 @@ bool Reader::Implementation::open_by(Summary& summary) {
 
 void Reader::Implementation::walk_finished(std::uint64_t data_end) {
   walk(kMagic.size(), data_end);
+  leave_out_unproven();
   check_data_end(data_end);
   sum_up_counts();
   contents_.complete_size = size_;
@@ -425,7 +433,9 @@ void Reader::Implementation::walk_finished(std::uint64_t data_end) {
 }
 
 void Reader::Implementation::walk_unfinished() {
-  const std::uint64_t end = cut_damaged_tail(walk(kMagic.size(), size_));
+  const std::uint64_t walked_end = walk(kMagic.size(), size_);
+  leave_out_unproven();
+  const std::uint64_t end = cut_damaged_tail(walked_end);
   if (end == kMagic.size() && !has_header_) {
     contents_.damage = {{.offset = 0, .size = size_, .reason = std::string(kNotBegun)}};
     return;
@@ -484,20 +494,31 @@ void Reader::Implementation::find_missing_indexes() {
   counts_.back() = count_messages();
 }
 
-void Reader::Implementation::leave_out_unproven_metadata() {
-  if (std::ranges::find(has_checksum_, true) == has_checksum_.end()) return;
-  auto& metadata = contents_.metadata;
-  auto& places = contents_.metadata_places;
+void Reader::Implementation::leave_out_unproven() {
+  // Only we write those of metadata; others write those of attachments.
+  const bool is_ours = std::ranges::find(is_proven_metadata_, true) != is_proven_metadata_.end();
+  if (is_ours) {
+    leave_out_unproven(contents_.metadata, contents_.metadata_places, is_proven_metadata_);
+  }
+  if (is_ours || writes_checksums_) {
+    leave_out_unproven(contents_.attachments, contents_.attachment_places, is_proven_attachment_);
+  }
+}
+
+template <class T>
+void Reader::Implementation::leave_out_unproven(std::vector<T>& list,
+                                                std::vector<RecordPlace>& places,
+                                                const std::vector<bool>& is_proven) {
   std::size_t kept = 0;
-  for (std::size_t i = 0; i < metadata.size(); ++i) {
-    if (!has_checksum_[i]) {
-      add_damage(places[i].offset, places[i].length, "The checksum of metadata is missing.");
+  for (std::size_t i = 0; i < list.size(); ++i) {
+    if (!is_proven[i]) {
+      add_damage(places[i].offset, places[i].length, "The checksum of attached data is missing.");
       continue;
     }
-    if (kept != i) metadata[kept] = std::move(metadata[i]);
+    if (kept != i) list[kept] = std::move(list[i]);
     places[kept++] = places[i];
   }
-  metadata.resize(kept);
+  list.resize(kept);
   places.resize(kept);
 }
 
@@ -538,7 +559,7 @@ std::uint64_t Reader::Implementation::walk(std::uint64_t begin, std::uint64_t en
       must_look_inside_ |= !fits;
       settle_chunk();
     }
-    const Step step = fits ? visit(offset, *header) : Step::kLost;
+    const Step step = fits ? visit(offset, *header, end) : Step::kLost;
     if (step == Step::kGoOn) {
       offset += kRecordHeaderSize + header->length;
       whole_end = offset;
@@ -561,7 +582,8 @@ std::uint64_t Reader::Implementation::walk(std::uint64_t begin, std::uint64_t en
 }
 
 Reader::Implementation::Step Reader::Implementation::visit(std::uint64_t offset,
-                                                           const RecordHeader& header) {
+                                                           const RecordHeader& header,
+                                                           std::uint64_t end) {
   const auto skip = [&](std::string reason) {
     add_damage(offset, kRecordHeaderSize + header.length, std::move(reason));
     return Step::kGoOn;
@@ -590,10 +612,11 @@ Reader::Implementation::Step Reader::Implementation::visit(std::uint64_t offset,
       return visit_message_index(offset, header);
     case Opcode::kAttachment:
       return visit_checked(offset, header, decode_attachment(content(offset, header)),
-                           contents_.attachments, contents_.attachment_places);
+                           contents_.attachments, contents_.attachment_places,
+                           is_proven_attachment_);
     case Opcode::kMetadata:
       return visit_checked(offset, header, decode_metadata(content(offset, header)),
-                           contents_.metadata, contents_.metadata_places);
+                           contents_.metadata, contents_.metadata_places, is_proven_metadata_);
     case Opcode::kDataEnd:
       return header.length == kDataEndSize - kRecordHeaderSize ? Step::kDataEnd : Step::kLost;
     case Opcode::kFooter:
@@ -604,7 +627,8 @@ Reader::Implementation::Step Reader::Implementation::visit(std::uint64_t offset,
     case Opcode::kSummaryOffset:
       return Step::kLost;  // these are in the summary only
   }
-  if (header.opcode == Opcode{0}) return Step::kLost;
+  // Is it new, or damaged? Then its length may be too.
+  if (!is_boundary(offset + kRecordHeaderSize + header.length, end)) return Step::kLost;
   return skip("A record of a type that this version does not know.");
 }
 
@@ -653,6 +677,7 @@ std::optional<ChunkPlace> Reader::Implementation::describe_chunk(std::uint64_t o
       window_.at(offset + kRecordHeaderSize, std::min(kMaxHeaderSize, header.length)),
       header.length);
   if (!chunk) return std::nullopt;
+  writes_checksums_ |= chunk->uncompressed_checksum != 0;
   return ChunkPlace{.offset = offset,
                     .length = kRecordHeaderSize + header.length,
                     .first_time = chunk->first_time,
@@ -711,7 +736,7 @@ Reader::Implementation::Step Reader::Implementation::visit_message_index(
 template <class T>
 Reader::Implementation::Step Reader::Implementation::visit_checked(
     std::uint64_t offset, const RecordHeader& header, std::optional<Checked<T>> decoded,
-    std::vector<T>& list, std::vector<RecordPlace>& places) {
+    std::vector<T>& list, std::vector<RecordPlace>& places, std::vector<bool>& is_proven) {
   if (!decoded) return Step::kLost;
   const RecordPlace place{.offset = offset, .length = kRecordHeaderSize + header.length};
   if (!decoded->is_right) {
@@ -721,7 +746,7 @@ Reader::Implementation::Step Reader::Implementation::visit_checked(
   } else {
     list.push_back(std::move(decoded->record));
     places.push_back(place);
-    if constexpr (std::is_same_v<T, Metadata>) has_checksum_.push_back(decoded->has_checksum);
+    is_proven.push_back(decoded->has_checksum);
   }
   return Step::kGoOn;
 }
@@ -824,6 +849,14 @@ bool Reader::Implementation::is_proven(std::uint64_t offset, const RecordHeader&
     default:
       return false;
   }
+}
+
+bool Reader::Implementation::is_boundary(std::uint64_t offset, std::uint64_t end) {
+  if (offset == end) return true;
+  if (end - offset < kRecordHeaderSize) return false;
+  const auto header = read_header(offset);
+  return header && header->length <= end - offset - kRecordHeaderSize &&
+         header->opcode >= Opcode::kHeader && header->opcode <= Opcode::kDataEnd;
 }
 
 bool Reader::Implementation::spend(std::uint64_t cost) noexcept {
