@@ -5,13 +5,13 @@
 #include <nanobind/stl/string_view.h>
 #include <nanobind/stl/unique_ptr.h>
 
-#include <array>
 #include <string>
 #include <string_view>
 
 #include "bindings.hpp"
 #include "errors.hpp"
 #include "frontend.hpp"
+#include "series.hpp"
 #include "session_info.hpp"
 #include "timeout.hpp"
 
@@ -21,21 +21,9 @@ using namespace nanobind::literals;
 namespace trifinger::python {
 namespace {
 
-constexpr std::array kSeries{Series::kDesiredAction, Series::kAppliedAction, Series::kObservation,
-                             Series::kStatus};
-
 // A back-end that has lost its user to a signal gets half a second to begin anew; a slice must
 // leave it that.
 constexpr Nanoseconds kAttachSlice = std::chrono::milliseconds(600);
-
-Series series_of(std::string_view name) {
-  std::string names;
-  for (const Series series : kSeries) {
-    if (name_of(series) == name) return series;
-    names += (names.empty() ? "" : ", ") + std::string(name_of(series));
-  }
-  throw InvalidArgument("there is no series '" + std::string(name) + "'; there are " + names);
-}
 
 std::unique_ptr<PythonFrontend> attach(const std::string& name, FrontendOptions options,
                                        nb::handle timeout) {

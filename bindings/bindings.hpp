@@ -11,6 +11,8 @@ void bind_frontend(nanobind::module_& m);
 void bind_backend(nanobind::module_& m);
 /// list_sessions, recover, Status.
 void bind_session(nanobind::module_& m);
+/// Log, LoggedSession.
+void bind_log(nanobind::module_& m);
 /// Simulation, simulate, Kinematics, export_mjcf, export_urdf.
 void bind_simulation(nanobind::module_& m);
 

@@ -5,6 +5,7 @@
 #include <string_view>
 
 #include "trifinger/core/errors.hpp"
+#include "trifinger/log/log.hpp"
 
 namespace nb = nanobind;
 
@@ -39,6 +40,8 @@ void translate(const std::exception_ptr& thrown, void* /*payload*/) {
     raise("IncompatibleSession", error);
   } catch (const InheritedHandle& error) {
     raise("InheritedHandle", error);
+  } catch (const log::NotInLog& error) {
+    raise("NotInLog", error);
   } catch (const InvalidArgument& error) {
     raise("InvalidArgument", error);
   } catch (const TimedOut& error) {

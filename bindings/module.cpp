@@ -17,6 +17,7 @@ NB_MODULE(_trifinger, m) {
   trifinger::python::bind_frontend(m);
   trifinger::python::bind_backend(m);
   trifinger::python::bind_simulation(m);
+  trifinger::python::bind_log(m);
   // At exit the last comes first: threads that stand still do not hear that their robots stop.
   trifinger::python::stop_backends_at_exit();
   trifinger::python::park_threads_at_exit();

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 import enum
+import os
+import pathlib
 import types
 from typing import Annotated, Any
 
@@ -8,6 +10,7 @@ import numpy
 import numpy.typing
 from numpy.typing import NDArray
 
+import trifinger.log_types
 import trifinger.session_info
 
 
@@ -414,3 +417,249 @@ class Kinematics:
         'too_far', 'too_close' or 'outside_limits'. Where it cannot, the pose comes near it. Of several poses it is the
         one nearest to `near` [rad], by default to the initial pose.
         """
+
+class StepsIterator:
+    """What LoggedSession.chunks() goes through."""
+
+    def __iter__(self) -> StepsIterator: ...
+
+    def __next__(self) -> trifinger.log_types.Steps: ...
+
+class LoggedSession:
+    """
+    A session as it is in a log: of a robot, or of one of its companions, whose elements are its
+    observations and are counted by themselves.
+
+        session = trifinger.Log("run.mcap").session("sim")
+        session.observations["position"]             # all steps
+        session.get_observations(1000, 2000)         # as a front-end has them
+        session.get_observations(*session.between(1.5, 3.0), fields=("position",))
+        for steps in session.chunks():               # a log larger than memory
+            steps.time_index, steps.observations, steps.applied_actions
+
+    Any number of threads may read.
+    """
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def type(self) -> str:
+        """Of the robot, as in "trifinger"; of a companion, its own."""
+
+    @property
+    def is_companion(self) -> bool: ...
+
+    @property
+    def session_id(self) -> int: ...
+
+    @property
+    def is_real_time(self) -> bool: ...
+
+    @property
+    def period(self) -> float:
+        """Of the robot's steps [s]."""
+
+    @property
+    def created(self) -> float:
+        """When the session began, seconds since 1970."""
+
+    @property
+    def host(self) -> str: ...
+
+    @property
+    def backend_pid(self) -> int: ...
+
+    @property
+    def documents(self) -> dict[str, str]:
+        """
+        Texts that belong to the session, by name: "configuration.yml", "model.xml".
+        """
+
+    @property
+    def steps(self) -> int | None:
+        """
+        Whole steps of the session; None if it went on when the recording ended.
+        """
+
+    @property
+    def fault(self) -> trifinger.session_info.Fault | None:
+        """Why the session ended; None if it went on when the recording ended."""
+
+    @property
+    def fault_text(self) -> str:
+        """The same in a sentence."""
+
+    @property
+    def gaps(self) -> list[trifinger.log_types.Gap]:
+        """
+        The steps that are not in the log, because the recorder said so or because the file is damaged.
+        Looks at the whole log once.
+        """
+
+    @property
+    def observations(self) -> numpy.typing.NDArray[Element]:
+        """
+        Those of all whole steps: a row for each number in `time_index`. Read when first asked for,
+        and kept.
+        """
+
+    @property
+    def desired_actions(self) -> numpy.typing.NDArray[Element]: ...
+
+    @property
+    def applied_actions(self) -> numpy.typing.NDArray[Element]: ...
+
+    @property
+    def statuses(self) -> numpy.typing.NDArray[Element]: ...
+
+    @property
+    def time_index(self) -> numpy.typing.NDArray[numpy.int64]:
+        """
+        The whole steps that are in the log; of a companion, the numbers of its elements.
+        """
+
+    @property
+    def times(self) -> numpy.typing.NDArray[numpy.datetime64]:
+        """When they were measured, by the clock on the wall (UTC)."""
+
+    def get_observation(self, t: int) -> Element:
+        """Returns y[t]. Raises NotInLog, like all below."""
+
+    def get_desired_action(self, t: int) -> Element: ...
+
+    def get_applied_action(self, t: int) -> Element: ...
+
+    def get_status(self, t: int) -> Element: ...
+
+    def get_observations(self, first: int, last: int, fields: str | Sequence[str] | None = None) -> numpy.typing.NDArray[Element]:
+        """
+        Returns the steps from `first` to before `last`: row i is step `first + i`, so all of them must
+        be in the log. Only these `fields`, if given.
+
+        Where the session ended in step N there are an observation and a status N, but no actions.
+        """
+
+    def get_desired_actions(self, first: int, last: int, fields: str | Sequence[str] | None = None) -> numpy.typing.NDArray[Element]: ...
+
+    def get_applied_actions(self, first: int, last: int, fields: str | Sequence[str] | None = None) -> numpy.typing.NDArray[Element]: ...
+
+    def get_statuses(self, first: int, last: int, fields: str | Sequence[str] | None = None) -> numpy.typing.NDArray[Element]: ...
+
+    def get_latest_at(self, t: int) -> Element | None:
+        """
+        Companions: returns the newest element that arrived at or before the robot's step `t`; None if
+        there was none by then.
+        """
+
+    def range(self, series: str) -> tuple[int, int]:
+        """The first step of `series` in the log, and the first behind the last."""
+
+    def between(self, begin: float, end: float) -> tuple[int, int]:
+        """
+        The range of the steps that were measured from `begin` to before `end`, in seconds since the
+        first step in the log.
+        """
+
+    def read(self, first: int | None = None, last: int | None = None, series: Mapping[str, Sequence[str] | None] | Sequence[str] | None = None) -> trifinger.log_types.Steps:
+        """
+        Reads several series at once, which takes no longer than one: what there is of the whole steps
+        from `first` to before `last`.
+
+        `series` are names, "desired_action", "applied_action", "observation" and "status", or a dict of
+        names and fields: `{"observation": ("position",), "status": None}`.
+        """
+
+    def chunks(self, count: int = 10000, first: int | None = None, last: int | None = None, series: Mapping[str, Sequence[str] | None] | Sequence[str] | None = None) -> Iterator[trifinger.log_types.Steps]:
+        """The same, `count` rows at a time, for a log larger than memory."""
+
+    @property
+    def companions(self) -> list[LoggedSession]: ...
+
+    def companion(self, name: str) -> LoggedSession:
+        """The companion `name` of this robot, as in "object"."""
+
+    @property
+    def observation_dtype(self) -> numpy.dtype[Element]: ...
+
+    @property
+    def action_dtype(self) -> numpy.dtype[Element]: ...
+
+    @property
+    def applied_action_dtype(self) -> numpy.dtype[Element]: ...
+
+    @property
+    def status_dtype(self) -> numpy.dtype[Element]: ...
+
+    @property
+    def units(self) -> dict[str, dict[str, str]]:
+        """
+        Of the fields of each series: `units["observation"]["position"]` is "rad".
+        """
+
+    def to_pandas(self, first: int | None = None, last: int | None = None, series: Mapping[str, Sequence[str] | None] | Sequence[str] | None = None) -> Any:
+        """
+        The same as read() as a pandas.DataFrame: a row per step, a column per number, as in
+        "observation.position[0]". Needs pip install "trifinger[export]".
+        """
+
+    def to_csv(self, path: str | os.PathLike[str], first: int | None = None, last: int | None = None, series: Mapping[str, Sequence[str] | None] | Sequence[str] | None = None) -> None:
+        """
+        Writes the same table to a file, in parts, so that it may be larger than memory.
+        """
+
+    def to_parquet(self, path: str | os.PathLike[str], first: int | None = None, last: int | None = None, series: Mapping[str, Sequence[str] | None] | Sequence[str] | None = None) -> None:
+        """The same as a Parquet file."""
+
+class Log:
+    """
+    A recording: one file, or all its parts in a folder or as a list of files.
+
+    Opening reads no messages if the files were finished and are whole. What is damaged is left out
+    and named (`damage`, `lost_bytes`, and `gaps` of the sessions); everything else is read.
+
+    Raises Error if it is no log, or one of a later version; InvalidArgument if a folder has no
+    recording or more than one; OSError.
+    """
+
+    def __init__(self, path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]]) -> None: ...
+
+    @property
+    def files(self) -> list[pathlib.Path]:
+        """In the order of the parts."""
+
+    @property
+    def size(self) -> int:
+        """Of all files [bytes]."""
+
+    @property
+    def is_finished(self) -> bool:
+        """Every file has the summary that is written at its end."""
+
+    @property
+    def origin(self) -> dict[str, str]:
+        """
+        Who wrote the log and where: "trifinger_version", "host", "kernel", "created".
+        """
+
+    @property
+    def sessions(self) -> list[LoggedSession]:
+        """Those of robots, in the order in which they began."""
+
+    def session(self, name: str = ...) -> LoggedSession:
+        """
+        The newest session of the robot or companion `name`; of the only robot in the log, if none is
+        named. Raises InvalidArgument with the names there are.
+        """
+
+    @property
+    def events(self) -> list[trifinger.log_types.Event]:
+        """What was told to people. Looks at the whole log once, like all below."""
+
+    @property
+    def damage(self) -> list[trifinger.log_types.Damage]:
+        """What could not be read."""
+
+    @property
+    def lost_bytes(self) -> int:
+        """Bytes of the files that could not be used."""

@@ -72,5 +72,9 @@ class IncompatibleSession(Error):
     """The session was made for another robot, with other fields, or by another version."""
 
 
+class NotInLog(Error):
+    """Elements that were asked for are not in the log. read() gives those that are."""
+
+
 class InheritedHandle(Error):
     """The handle was made before os.fork(); the child must connect on its own."""

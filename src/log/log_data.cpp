@@ -37,6 +37,17 @@ std::string entry_of(const std::map<std::string, std::string>& entries, const st
   return entry == entries.end() ? std::string() : entry->second;
 }
 
+// The inverse of the writer's hexadecimal digits; whatever is none is 0.
+std::vector<std::byte> bytes_of(std::string_view digits) {
+  std::vector<std::byte> bytes(digits.size() / 2);
+  for (std::size_t i = 0; i < bytes.size(); ++i) {
+    unsigned value = 0;
+    std::from_chars(digits.data() + 2 * i, digits.data() + 2 * i + 2, value, 16);
+    bytes[i] = static_cast<std::byte>(value);
+  }
+  return bytes;
+}
+
 std::uint64_t size_of_file(const std::filesystem::path& path) {
   std::error_code error;
   const std::uint64_t size = std::filesystem::file_size(path, error);
@@ -84,6 +95,9 @@ ChannelReader reader_of(const mcap::Channel& channel) {
   reader.role = Role::kStep;
   reader.types.action = element("action");
   reader.types.applied_action = element("applied_action");
+  reader.types.default_action = bytes_of(entry_of(channel.metadata, "default_action"));
+  // Of another writer, perhaps.
+  reader.types.default_action.resize(reader.types.action.size());
   reader.layout = step_layout(reader.types, reader.status, precision);
   return reader;
 }
@@ -191,12 +205,14 @@ void LogData::open(const std::vector<std::filesystem::path>& parts) {
     try {
       files_.emplace_back(path);
     } catch (const mcap::FormatError& error) {
-      if (parts.size() == 1) throw mcap::FormatError(path.string() + ": " + error.what());
+      if (parts.size() == 1) throw;
       // A recorder that was killed when it began a part leaves such a file.
       damage_.push_back({path, 0, size_of_file(path), error.what()});
     }
   }
-  if (files_.empty()) throw mcap::FormatError(parts.front().string() + " and others: no log");
+  if (files_.empty())
+    throw mcap::FormatError("none of the files is a log: " + parts.front().string() +
+                            " and others");
 
   std::ranges::stable_sort(files_, {}, &File::part);
   const File* before = nullptr;
@@ -237,7 +253,9 @@ LogData::File::File(const std::filesystem::path& its_path)
                                 channel.second.metadata.contains("session");
                        });
   if (!is_ours) {
-    throw mcap::FormatError("this MCAP file is no log of robots: it has no record 'trifinger.log'");
+    throw mcap::FormatError(path.string() +
+                            " is an MCAP file but no log of robots: it has no record " +
+                            "'trifinger.log'");
   }
   const std::int64_t version = to_integer(entry_of(origin, "format_version")).value_or(1);
   if (version > kFormatVersion) {

@@ -45,14 +45,6 @@ class NewFile {
 
 // ---- check and recover ----
 
-mcap::Reader open_to_verify(const std::filesystem::path& file) {
-  try {
-    return mcap::Reader(file, {.verify = true});
-  } catch (const mcap::FormatError& error) {
-    throw mcap::FormatError(file.string() + ": " + error.what());
-  }
-}
-
 // To be made when all chunks have been read.
 FileReport report_of(const std::filesystem::path& file, const mcap::Contents& contents,
                      std::uint64_t messages) {
@@ -351,7 +343,7 @@ std::vector<SessionCopy> parts_of(const Log& log, const CopyOptions& options) {
 }  // namespace
 
 FileReport check(const std::filesystem::path& file) {
-  mcap::Reader reader = open_to_verify(file);
+  mcap::Reader reader(file, {.verify = true});
   std::uint64_t messages = 0;
   for (std::size_t i = 0; i < reader.contents().chunks.size(); ++i) {
     if (const auto found = reader.read_chunk(i)) messages += found->size();
@@ -360,7 +352,7 @@ FileReport check(const std::filesystem::path& file) {
 }
 
 FileReport recover(const std::filesystem::path& file, const std::filesystem::path& whole) {
-  mcap::Reader reader = open_to_verify(file);
+  mcap::Reader reader(file, {.verify = true});
   NewFile result(whole);
   Rescue rescue(reader, result.sink());
   const std::uint64_t messages = rescue.write_all();

@@ -338,7 +338,7 @@ TEST(Log, TellsAnotherMcapFileFromALog) {
   mcap::Writer writer(sink, {.profile = "ros2", .library = "rosbag2"});
   writer.finish();
   EXPECT_THAT(message_of<mcap::FormatError>([&] { (void)Log(folder / "a.mcap"); }),
-              HasSubstr("no log"));
+              HasSubstr("no log of robots"));
 }
 
 TEST(Log, TellsTheEventsInTheirOrder) {

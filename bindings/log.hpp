@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "element_type.hpp"
+#include "trifinger/log/log.hpp"
+
+namespace trifinger::python {
+
+/// Rows of several series that are read at once.
+class PythonSteps {
+ public:
+  /// `series` is a name, several, or a dict of names and fields; None for all there are.
+  PythonSteps(const log::LoggedSession& session, nanobind::handle series, nanobind::handle first,
+              nanobind::handle last, std::size_t count);
+
+  /// The next rows, as trifinger.Steps. @throws nanobind::stop_iteration at the end
+  [[nodiscard]] nanobind::object next();
+  /// All rows.
+  [[nodiscard]] nanobind::object read_all();
+
+ private:
+  [[nodiscard]] std::pair<nanobind::object, std::size_t> read(std::size_t count);
+
+  std::vector<log::Column> columns_;
+  std::vector<ElementType> types_;
+  log::SeriesReader reader_;
+  std::size_t count_;
+};
+
+/// A session in a log as Python sees it. The GIL is released while files are read.
+class PythonLoggedSession {
+ public:
+  explicit PythonLoggedSession(log::LoggedSession session) : session_(std::move(session)) {}
+
+  [[nodiscard]] const log::LoggedSession& session() const noexcept { return session_; }
+
+  /// All whole steps; read once and kept, so they cannot be written to.
+  [[nodiscard]] nanobind::object series(Series series);
+  [[nodiscard]] nanobind::object time_index();
+  [[nodiscard]] nanobind::object times();
+
+  [[nodiscard]] nanobind::object get(Series series, TimeIndex t) const;
+  [[nodiscard]] nanobind::object get_many(Series series, TimeIndex first, TimeIndex last,
+                                          nanobind::handle fields) const;
+  [[nodiscard]] nanobind::object get_latest_at(TimeIndex t) const;
+  [[nodiscard]] std::pair<TimeIndex, TimeIndex> range(std::string_view series) const;
+  [[nodiscard]] std::pair<TimeIndex, TimeIndex> between(double begin, double end) const;
+  [[nodiscard]] nanobind::object dtype(Series series) const;
+
+ private:
+  void read_indices();
+
+  log::LoggedSession session_;
+  std::map<Series, nanobind::object> series_;
+  nanobind::object time_index_;
+  nanobind::object times_;
+};
+
+/// One path, or several.
+[[nodiscard]] std::vector<std::filesystem::path> to_paths(nanobind::handle path);
+/// Bare copies of what is in a log, as the classes of trifinger.log_types.
+[[nodiscard]] nanobind::object to_python(const log::Gap& gap);
+[[nodiscard]] nanobind::object to_python(const log::Event& event);
+[[nodiscard]] nanobind::object to_python(const log::Damage& damage);
+
+}  // namespace trifinger::python
