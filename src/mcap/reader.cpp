@@ -369,6 +369,12 @@ bool Reader::Implementation::open_by(Summary& summary) {
       statistics->metadata_count != summary.metadata.size()) {
     return false;
   }
+  for (const auto& [id, count] : statistics->channel_message_counts) {
+    const auto channel = summary.channels.find(id);
+    if (channel == summary.channels.end()) return false;
+    const std::uint16_t schema = channel->second.schema_id;
+    if (schema != 0 && !summary.schemas.contains(schema)) return false;
+  }
   std::uint64_t memory = 0;
   for (const auto& [id, schema] : summary.schemas) memory += memory_of(schema);
   for (const auto& [id, channel] : summary.channels) memory += memory_of(channel);
