@@ -219,9 +219,9 @@ SessionHost::SessionHost(SessionHost&&) noexcept = default;
 SessionHost& SessionHost::operator=(SessionHost&&) noexcept = default;
 SessionHost::~SessionHost() = default;
 
-SessionHost SessionHost::anonymous(SessionOptions options) {
+SessionHost SessionHost::anonymous(SessionOptions options, const std::string& name) {
   return SessionHost(std::make_unique<detail::SessionPlace>(
-      std::make_shared<detail::ProcessDirectory>(), "anonymous", std::move(options)));
+      std::make_shared<detail::ProcessDirectory>(), name, std::move(options)));
 }
 
 SessionHost SessionHost::named(const std::string& name, SessionOptions options) {

@@ -116,7 +116,9 @@ struct SessionOptions {
 class SessionHost {
  public:
   /// For front-ends in this process only. Companions are found with `open`.
-  [[nodiscard]] static SessionHost anonymous(SessionOptions options = {});
+  /// `name` is what logs call the robot; several may have the same.
+  [[nodiscard]] static SessionHost anonymous(SessionOptions options = {},
+                                             const std::string& name = "anonymous");
   /// For every process of this machine. What a dead back-end of that name left behind is removed.
   /// @throws RobotOwned naming the owner, InvalidArgument for a name that cannot be a file's
   [[nodiscard]] static SessionHost named(const std::string& name, SessionOptions options = {});

@@ -57,7 +57,8 @@ class Simulation {
     Parts(SimulationOptions<R> options, SessionOptions session,
           const BackendOptions& backend_options)
         : robot(std::move(options)),
-          host(SessionHost::anonymous(with_model(std::move(session), robot.options().description))),
+          host(SessionHost::anonymous(with_model(std::move(session), robot.options().description),
+                                      "sim")),
           backend(robot, host, without_deadlines(backend_options, robot.options().period)) {}
 
     static SessionOptions with_model(SessionOptions session, const RobotDescription& description) {
