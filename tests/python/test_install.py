@@ -113,12 +113,22 @@ def build_consumer(source: Path, build: Path, prefix: Path, *options: str) -> Pa
     return build / "consumer"
 
 
+def without(*packages: str) -> list[str]:
+    """Returns the options of CMake for somebody who does not have these packages."""
+    return [f"-DCMAKE_DISABLE_FIND_PACKAGE_{name}=ON" for name in packages]
+
+
 def test_others_build_a_robot_of_their_own_on_the_core_alone(prefix: Path, tmp_path: Path) -> None:
-    without = [
-        f"-DCMAKE_DISABLE_FIND_PACKAGE_{name}=ON" for name in ("yaml-cpp", "Eigen3", "MuJoCo")
-    ]
-    program = build_consumer(CONSUMERS / "core", tmp_path, prefix, *without)
+    options = without("yaml-cpp", "Eigen3", "MuJoCo", "PkgConfig")
+    program = build_consumer(CONSUMERS / "core", tmp_path, prefix, *options)
     assert run(program) == "at step 100 the wheel is at 0.200 rad\n"
+    assert re.search("mujoco|zstd|lz4|deflate", run("ldd", program)) is None
+
+
+def test_others_write_and_read_files_without_simulation(prefix: Path, tmp_path: Path) -> None:
+    options = without("yaml-cpp", "Eigen3", "MuJoCo")
+    program = build_consumer(CONSUMERS / "log", tmp_path, prefix, *options)
+    assert run(program, tmp_path / "file.mcap") == "1 message of 5 bytes\n"
     assert "mujoco" not in run("ldd", program)
 
 
