@@ -17,6 +17,8 @@ std::string_view name_of(Fault::Code code) noexcept {
       return "controller_died";
     case Fault::Code::kStopped:
       return "stopped";
+    case Fault::Code::kExhausted:
+      return "exhausted";
     case Fault::Code::kFirstActionLate:
       return "first_action_late";
     case Fault::Code::kActionLate:
@@ -52,6 +54,8 @@ std::string describe(const Fault& fault, std::string_view driver_text) {
       return "the controlling process died" + at_step;
     case Fault::Code::kStopped:
       return "the back-end was asked to stop" + at_step;
+    case Fault::Code::kExhausted:
+      return "there are no further steps" + at_step + ": the log that is replayed is over";
     case Fault::Code::kFirstActionLate:
       return "no first action arrived within the first-action timeout";
     case Fault::Code::kActionLate:

@@ -264,7 +264,10 @@ class UntypedFrontend::Implementation {
       run_inline_to_end();
     }
     // Somebody else's end may have come first, with actions that were never taken.
-    if (mapping_->fault().code != Fault::Code::kFinished) mapping_->throw_stopped();
+    const Fault fault = mapping_->fault();
+    const bool is_as_good =
+        fault.code == Fault::Code::kExhausted && last_appended_ < fault.time_index;
+    if (fault.code != Fault::Code::kFinished && !is_as_good) mapping_->throw_stopped();
   }
 
   void recover(Timeout timeout) {

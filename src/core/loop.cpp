@@ -215,6 +215,10 @@ bool Loop::measure(const Tick& now) noexcept {
   status_.lost_frames = report.lost_frames;
   is_measured_ = true;
   if (stage_ == Stage::kRunning) publish_companions(now, time_index_);
+  if (report.state == DriverReport::State::kEnd) {
+    end(Fault::Code::kExhausted, report.fault_code);
+    return false;
+  }
   return true;
 }
 

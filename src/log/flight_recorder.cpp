@@ -9,6 +9,7 @@
 #include <system_error>
 #include <utility>
 
+#include "extra_series.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/frontend.hpp"
@@ -143,7 +144,7 @@ class Snapshot {
     if (first == end || is_taken) return;
     extra_.push_back({series, header_.companions.size()});
     header_.companions.push_back({.name = name,
-                                  .type = info_.type + "_" + std::string(name_of(series)),
+                                  .type = extra_type(info_.type, series),
                                   .element = stamped(header_.types.observation),
                                   .first_index = first});
   }

@@ -82,6 +82,17 @@ std::string text_of(Precision precision) {
   return precision == Precision::kSingle ? "single" : "double";
 }
 
+std::string hexadecimal(std::span<const std::byte> bytes) {
+  constexpr std::string_view kDigits = "0123456789abcdef";
+  std::string text;
+  for (const std::byte byte : bytes) {
+    const auto value = std::to_integer<unsigned>(byte);
+    text += kDigits[value / 16];
+    text += kDigits[value % 16];
+  }
+  return text;
+}
+
 std::uint64_t log_time(std::int64_t time) noexcept {
   return static_cast<std::uint64_t>(std::max<std::int64_t>(time, 0));
 }
@@ -389,6 +400,7 @@ class LogWriter::Implementation {
     metadata["role"] = "step";
     metadata["applied_action"] = types.applied_action.text();
     metadata["action"] = types.action.text();
+    metadata["default_action"] = hexadecimal(types.default_action);
     add(session.step, "/step", metadata);
     for (std::size_t i = 0; i < session.companions.size(); ++i) {
       const SessionHeader::Companion& companion = header.companions[i];

@@ -17,7 +17,7 @@ constexpr Fault::Code kAll[] = {
     Fault::Code::kControllerDied, Fault::Code::kStopped,     Fault::Code::kFirstActionLate,
     Fault::Code::kActionLate,     Fault::Code::kBackendLate, Fault::Code::kActionsRejected,
     Fault::Code::kQueueDamaged,   Fault::Code::kDriver,      Fault::Code::kDriverHangs,
-    Fault::Code::kBackendDied};
+    Fault::Code::kBackendDied,    Fault::Code::kExhausted};
 
 TEST(Fault, HasANameAndASentenceForEveryCode) {
   std::set<std::string> names;
@@ -37,8 +37,9 @@ TEST(Fault, ToleratesCodesOfLaterVersions) {
 }
 
 TEST(Fault, NeedsRecoveryOnlyIfSomethingWentWrong) {
-  for (const Fault::Code code : {Fault::Code::kNone, Fault::Code::kFinished, Fault::Code::kDetached,
-                                 Fault::Code::kControllerDied, Fault::Code::kStopped}) {
+  for (const Fault::Code code :
+       {Fault::Code::kNone, Fault::Code::kFinished, Fault::Code::kDetached,
+        Fault::Code::kControllerDied, Fault::Code::kStopped, Fault::Code::kExhausted}) {
     EXPECT_FALSE(Fault{.code = code}.needs_recovery()) << name_of(code);
   }
   for (const Fault::Code code :

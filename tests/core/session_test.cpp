@@ -9,7 +9,9 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <memory>
 #include <string>
+#include <string_view>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -221,6 +223,67 @@ TEST(OrderlyStop, KeepsTheNewestWhenItTakesLong) {
   robot.finish();
   EXPECT_EQ(UntypedFrontend(robot.session()).range(Series::kStopping),
             std::pair(TimeIndex{84}, TimeIndex{100}));
+}
+
+// --- Drivers that have no further steps
+
+class ShortDriver final : public Driver<FakeRobot> {
+ public:
+  static constexpr TimeIndex kSteps = 10;
+
+  using Driver::apply_action;
+  using Driver::get_latest_observation;
+  using Driver::hold;
+
+  [[nodiscard]] DriverReport prepare(TimeIndex) noexcept override {
+    state_ = {};
+    return DriverReport::ready();
+  }
+  [[nodiscard]] DriverReport get_latest_observation(
+      FakeObservation& observation) noexcept override {
+    observation = state_;
+    return state_.applied_actions == kSteps ? DriverReport::end() : DriverReport::ready();
+  }
+  [[nodiscard]] DriverReport apply_action(const FakeAction& desired,
+                                          FakeAction& applied) noexcept override {
+    applied = desired;
+    ++state_.applied_actions;
+    return DriverReport::ready();
+  }
+  void hold(const FakeObservation&, FakeAction&) noexcept override {}
+
+ private:
+  FakeObservation state_;
+};
+
+struct ShortDriverTraits {
+  static constexpr std::string_view kName = "ShortDriver";
+  using Robot = FakeRobot;
+
+  static std::unique_ptr<UntypedDriver> make_driver() { return std::make_unique<ShortDriver>(); }
+  static FakeAction action(TimeIndex) { return {}; }
+};
+
+template <class Transport>
+class ExhaustedDriver : public ::testing::Test {};
+TYPED_TEST_SUITE(ExhaustedDriver, StoppingRigs);
+
+TYPED_TEST(ExhaustedDriver, EndsItsSessionWithoutAFault) {
+  typename TypeParam::template Rig<ShortDriverTraits> rig;
+  {
+    auto robot = rig.connect();
+    for (int i = 0; i < 15; ++i) robot.append_desired_action({});
+    EXPECT_EQ(robot.get_observation(10).applied_actions, 10);
+    EXPECT_EQ(test::code_of([&] { return robot.get_observation(11); }), Fault::Code::kExhausted);
+    test::expect_end(robot, 10, {.code = Fault::Code::kExhausted});
+    EXPECT_EQ(test::code_of([&] { robot.finish(); }), Fault::Code::kExhausted)
+        << "actions were left out";
+  }
+  // The next session begins at once.
+  auto robot = rig.connect();
+  test::run_steps<ShortDriverTraits>(robot, 0, 9);
+  robot.finish();
+  test::expect_end(robot, 10, {.code = Fault::Code::kExhausted});
 }
 
 }  // namespace

@@ -23,6 +23,7 @@ struct DriverReport {
     kReady,  ///< Done.
     kBusy,   ///< `prepare` and `stop`: call again in the next period.
     kFault,  ///< The robot cannot go on; the session ends with `fault_code`.
+    kEnd,    ///< `get_latest_observation`: y_t is the last one; the session ends, without a fault.
   };
 
   State state{State::kReady};
@@ -37,6 +38,7 @@ struct DriverReport {
   [[nodiscard]] static constexpr DriverReport fault(std::int32_t code) noexcept {
     return {.state = State::kFault, .fault_code = code};
   }
+  [[nodiscard]] static constexpr DriverReport end() noexcept { return {.state = State::kEnd}; }
 };
 
 /// When a companion's element was measured and when it became known. First member of every such

@@ -19,6 +19,7 @@ struct Fault {
     kDetached = 2,        ///< The controller let go without `finish()`.
     kControllerDied = 3,  ///< The controlling process ended without letting go.
     kStopped = 4,         ///< The back-end was asked to stop.
+    kExhausted = 5,       ///< The driver has no further steps: the log that it replays is over.
 
     // Faults: `recover()` is needed before the next session.
     kFirstActionLate = 16,  ///< No action arrived within the first-action timeout.
