@@ -264,7 +264,12 @@ class Recorder::Implementation {
     if (!std::exchange(robot.is_known, true)) {
       robot.last_time = recording_.last_time();
       if (const auto position = recording_.find(name, recorder->header().session_id)) {
-        recorder->go_on_at(*position);
+        // Behind a clean end the recording goes on if nothing is missing, else there is a new one.
+        const bool is_same =
+            recording_.is_unfinished(position->file) ||
+            (!position->is_closed && recorder->has_all_since(position->next_step) &&
+             recording_.join(position->file));
+        recorder->go_on_at(*position, is_same);
       }
     }
     if (recorder->is_done()) return;

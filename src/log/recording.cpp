@@ -98,6 +98,10 @@ std::string entry(const std::map<std::string, std::string>& entries, const std::
   return found == entries.end() ? std::string() : found->second;
 }
 
+std::string text_of(Precision precision) {
+  return precision == Precision::kSingle ? "single" : "double";
+}
+
 // What the file says of itself.
 std::string log_entry(const mcap::Contents& contents, const std::string& key) {
   for (const mcap::Metadata& record : contents.metadata) {
@@ -299,13 +303,12 @@ std::vector<Recording::File> Recording::find_files() const {
 // Finds what an earlier recorder has left unfinished, if it is the newest of all.
 void Recording::look_at(std::vector<File> files) {
   earlier_ = std::move(files);
+  // Their recorders were killed before the first byte.
+  std::erase_if(earlier_, [](const File& file) {
+    std::error_code ignored;
+    return file.size == 0 && std::filesystem::remove(file.path, ignored);
+  });
   for (const File& file : earlier_) {
-    // Its recorder was killed before the first byte.
-    if (file.size == 0) {
-      std::error_code ignored;
-      std::filesystem::remove(file.path, ignored);
-      continue;
-    }
     try {
       auto reader = std::make_unique<mcap::Reader>(file.path);
       const mcap::Contents& contents = reader->contents();
@@ -314,8 +317,8 @@ void Recording::look_at(std::vector<File> files) {
             std::max(last_time_, static_cast<std::int64_t>(std::min(chunk.last_time, kEndOfTime)));
       }
       const std::string precision = log_entry(contents, "precision");
-      const std::string ours = options_.precision == Precision::kSingle ? "single" : "double";
-      if (!contents.is_finished && (precision == ours || contents.metadata.empty())) {
+      if (!contents.is_finished &&
+          (precision == text_of(options_.precision) || contents.metadata.empty())) {
         take_over({.file = file, .reader = std::move(reader)});
         return;
       }
@@ -333,9 +336,17 @@ void Recording::look_at(std::vector<File> files) {
 }
 
 void Recording::take_over(Unfinished unfinished) {
-  stem_ = unfinished.file.stem;
-  part_ = unfinished.file.part;
-  id_ = log_entry(unfinished.reader->contents(), "recording");
+  take_name_of(unfinished.file, unfinished.reader->contents());
+  unfinished_ = std::move(unfinished);
+  was_cut_off_ = true;
+}
+
+// From now on the files are of the same recording as `file`.
+void Recording::take_name_of(const File& file, const mcap::Contents& contents) {
+  stem_ = file.stem;
+  part_ = file.part;
+  id_ = log_entry(contents, "recording");
+  finished_.clear();
   for (const File& other : earlier_) {
     if (other.stem != stem_ || other.part >= part_) continue;
     finished_.push_front(other);
@@ -343,23 +354,44 @@ void Recording::take_over(Unfinished unfinished) {
     if (id_.empty()) id_ = log_entry(mcap::Reader(other.path).contents(), "recording");
   }
   if (id_.empty()) id_ = random_id();
-  unfinished_ = std::move(unfinished);
+}
+
+bool Recording::is_unfinished(const std::filesystem::path& file) const {
+  return std::ranges::any_of(earlier_, [&](const File& known) {
+    return known.path == file && known.stem == stem_ && was_cut_off_;
+  });
+}
+
+bool Recording::join(const std::filesystem::path& path) {
+  if (was_cut_off_ || log_ != nullptr || earlier_.empty() || earlier_.front().path != path)
+    return false;
+  if (has_joined_) return true;
+  const File file = earlier_.front();
+  const mcap::Reader reader(path);
+  if (log_entry(reader.contents(), "precision") != text_of(options_.precision)) return false;
+  take_name_of(file, reader.contents());
+  finished_.push_back(file);
+  ++part_;
+  has_joined_ = true;
+  return true;
 }
 
 std::optional<Position> Recording::find(const std::string& robot, std::uint64_t session_id) const {
   std::size_t searched = 0;
   for (const File& file : earlier_) {
-    if (file.size == 0) continue;
     if (++searched > kMaxFilesToSearch) break;
     try {
       if (unfinished_ && unfinished_->file.path == file.path) {
         auto position = PositionSearch(*unfinished_->reader, robot, session_id).run();
-        if (position) return position;
-        continue;
+        if (!position) continue;
+        position->file = file.path;
+        return position;
       }
       mcap::Reader reader(file.path);
       auto position = PositionSearch(reader, robot, session_id).run();
-      if (position) return position;
+      if (!position) continue;
+      position->file = file.path;
+      return position;
     } catch (const Error&) {
       // Not readable, or removed meanwhile: what it knew is lost.
     }

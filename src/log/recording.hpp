@@ -46,9 +46,14 @@ class Recording {
   // Looks at what is in the folder. Throws AlreadyRecorded, InvalidArgument, SystemError.
   Recording(const std::vector<std::string>& robots, const RecorderOptions& options, Tell tell);
 
-  // Where an earlier recorder has left this session; nothing if it knew nothing of it.
+  // Where earlier recorders have left this session; nothing if they knew nothing of it.
   [[nodiscard]] std::optional<Position> find(const std::string& robot,
                                              std::uint64_t session_id) const;
+  // True if the recording of `file` was cut off and goes on.
+  [[nodiscard]] bool is_unfinished(const std::filesystem::path& file) const;
+  // Makes what is written from now on the next part of the recording that ends with `file`. False
+  // if that cannot be.
+  [[nodiscard]] bool join(const std::filesystem::path& file);
   // The newest time in the files of earlier recorders, since 1970 [ns]; 0 if there are none.
   [[nodiscard]] std::int64_t last_time() const noexcept { return last_time_; }
 
@@ -84,6 +89,7 @@ class Recording {
   [[nodiscard]] std::vector<File> find_files() const;
   void look_at(std::vector<File> files);
   void take_over(Unfinished unfinished);
+  void take_name_of(const File& file, const mcap::Contents& contents);
   void open();
   void open_new();
   void go_on(const Unfinished& unfinished);
@@ -103,6 +109,8 @@ class Recording {
   std::int64_t last_time_{0};
   std::vector<File> earlier_;  // newest first
   std::optional<Unfinished> unfinished_;
+  bool was_cut_off_{false};  // and goes on in this object
+  bool has_joined_{false};
   std::deque<File> finished_;  // parts of this recording, oldest first
 
   std::filesystem::path path_;

@@ -63,8 +63,9 @@ SessionRecorder::SessionRecorder(const Session& robot, const std::vector<Session
   statuses_.resize(batch_ * sizeof(Status));
 }
 
-void SessionRecorder::go_on_at(const Position& position) {
-  is_fresh_ = false;
+void SessionRecorder::go_on_at(const Position& position, bool is_same_recording) {
+  has_time_ = true;
+  is_fresh_ = !is_same_recording && !has_all_since(position.next_step);
   set_next(position.next_step);
   for (std::size_t i = 0; i < companions_.size(); ++i) {
     const auto found = position.next_elements.find(header_.companions[i].name);
@@ -76,9 +77,10 @@ void SessionRecorder::go_on_at(const Position& position) {
 }
 
 void SessionRecorder::begin_after(std::int64_t time) noexcept {
-  if (!header_.is_real_time && is_fresh_) {
+  if (!header_.is_real_time && !has_time_) {
     header_.time_offset = std::max(header_.time_offset, time + header_.period.count());
   }
+  has_time_ = true;
 }
 
 std::int64_t SessionRecorder::last_time() const noexcept {

@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <map>
 #include <memory>
@@ -18,6 +19,7 @@ namespace trifinger::log {
 
 // Where an earlier recorder has left a session.
 struct Position {
+  std::filesystem::path file;  // the newest that knows the session
   TimeIndex next_step{0};
   std::map<std::string, TimeIndex> next_elements;  // by companion
   std::int64_t time_offset{0};
@@ -36,8 +38,11 @@ class SessionRecorder {
   SessionRecorder(const Session& robot, const std::vector<Session>& companions,
                   std::shared_ptr<std::atomic<TimeIndex>> next_step, Tell tell);
 
-  // Goes on where the session was left.
-  void go_on_at(const Position& position);
+  // Goes on where the session was left. What the history has lost since then is a gap, unless the
+  // recording is another one.
+  void go_on_at(const Position& position, bool is_same_recording);
+  // Whether the history still holds everything from `step` on.
+  [[nodiscard]] bool has_all_since(TimeIndex step) const { return oldest_step() <= step; }
   [[nodiscard]] const SessionHeader& header() const noexcept { return header_; }
   // Outside real-time mode: moves the simulated time behind `time`, where another session ends.
   void begin_after(std::int64_t time) noexcept;
@@ -86,7 +91,8 @@ class SessionRecorder {
   std::vector<CompanionReader> companions_;
   SessionHeader header_;
   std::shared_ptr<std::atomic<TimeIndex>> next_step_;
-  bool is_fresh_{true};                // nobody has recorded of it before
+  bool is_fresh_{true};                // begins with what the history holds
+  bool has_time_{false};               // the time of step 0 is settled
   std::optional<std::size_t> number_;  // in the log
   int file_{-1};
   bool has_end_{false};

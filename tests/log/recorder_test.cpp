@@ -342,7 +342,7 @@ TEST_F(RecorderTest, RefusesNamesThatRobotsCannotHave) {
   }
 }
 
-TEST_F(RecorderTest, BeginsANewRecordingAtTheNextStepBehindACleanEnd) {
+TEST_F(RecorderTest, GoesOnWithTheRecordingBehindACleanEnd) {
   const FakeBackend backend("robot");
   auto robot = connect<FakeRobot>("robot");
   for (int i = 1; i <= 3; ++i) {
@@ -353,11 +353,29 @@ TEST_F(RecorderTest, BeginsANewRecordingAtTheNextStepBehindACleanEnd) {
   }
   const Recorded log = recorded();
   ASSERT_EQ(log.files.size(), 3);
-  EXPECT_NE(log.recordings[0], log.recordings[1]);
+  for (const std::string& id : log.recordings) EXPECT_EQ(id, log.recordings.front());
+  EXPECT_THAT(log.files[2].stem().string(), ::testing::EndsWith("_002"));
   EXPECT_EQ(log.newest().steps.size(), 300);
   EXPECT_TRUE(log.newest().is_ordered());
   EXPECT_THAT(log.newest().gaps, IsEmpty());
   EXPECT_EQ(log.newest().companions.at("robot.sensor").size(), 75);
+}
+
+TEST_F(RecorderTest, BeginsAnotherRecordingIfTheHistoryHasLostWhatComesBehindACleanEnd) {
+  const FakeBackend backend("robot", {.history = 64, .queue = 64});
+  auto robot = connect<FakeRobot>("robot");
+  for (int i = 1; i <= 2; ++i) {
+    RecorderThread recorder({"robot"}, options());
+    step(robot, 10);
+    recorder.wait_for_step(robot.current_time_index());
+    recorder.stop();
+    step(robot, 500);
+  }
+  const Recorded log = recorded();
+  ASSERT_EQ(log.files.size(), 2);
+  EXPECT_NE(log.recordings[0], log.recordings[1]);
+  EXPECT_TRUE(log.newest().is_ordered());
+  EXPECT_THAT(log.newest().gaps, IsEmpty());  // nobody was to record them
 }
 
 TEST_F(RecorderTest, DoesNotRecordAnEndedSessionTwice) {

@@ -75,9 +75,8 @@ class RecorderThread {
   }
   /// Waits until the recorder has read all before `step` of the robot's newest session.
   void wait_for_step(TimeIndex step, std::size_t robot = 0) {
-    wait_until([=](const log::RecorderState& state) {
-      return state.robots[robot].next_step >= step;
-    });
+    wait_until(
+        [=](const log::RecorderState& state) { return state.robots[robot].next_step >= step; });
   }
   /// Waits until something with this text was told.
   void wait_for_event(const std::string& text) {
