@@ -53,7 +53,7 @@ class Rig {
  public:
   using Robot = typename Traits::Robot;
 
-  explicit Rig(const Plan& plan) : plan_(plan) {}
+  explicit Rig(Plan plan) : plan_(std::move(plan)) {}
 
   [[nodiscard]] ManualClock& clock() noexcept { return clock_; }
   [[nodiscard]] const CallLog& log() const noexcept { return *log_; }
