@@ -4,9 +4,11 @@
 #include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
 #include <exception>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "commands.hpp"
@@ -52,6 +54,21 @@ const CLI::App* find_command(const CLI::App& program, const std::string& verb) {
   return nullptr;
 }
 
+// Refuses the unknown verb behind a command that has some of its own: "trifinger log inof".
+void require_known_verb(const CLI::App& command, const std::vector<std::string>& words) {
+  std::vector<std::string> names;
+  for (const CLI::App* verb : command.get_subcommands({})) names.push_back(verb->get_name());
+  if (names.empty() || words.size() < 2 || words[1].starts_with('-') ||
+      std::ranges::find(names, words[1]) != names.end()) {
+    return;
+  }
+  const std::vector<std::string_view> known{names.begin(), names.end()};
+  const std::string_view near = trifinger::closest(words[1], known);
+  throw UsageError(fmt::format("'trifinger {}' has no command '{}'; {}", words[0], words[1],
+                               near.empty() ? "it has " + trifinger::quoted_list(known, "and")
+                                            : fmt::format("did you mean '{}'?", near)));
+}
+
 int run_program(const std::vector<std::string>& words) {
   CLI::App program("Robots behind time series: starts back-ends and looks after them.",
                    "trifinger");
@@ -67,6 +84,7 @@ int run_program(const std::vector<std::string>& words) {
   add_read(program, action);
   add_stop(program, action);
   add_recover(program, action);
+  add_log(program, action);
   add_model(program, action);
   add_doctor(program, action);
 
@@ -75,7 +93,9 @@ int run_program(const std::vector<std::string>& words) {
     return kWrongUsage;
   }
   const std::string& verb = words.front();
-  const bool is_known = find_command(program, verb) != nullptr;
+  const CLI::App* const command = find_command(program, verb);
+  const bool is_known = command != nullptr;
+  if (is_known) require_known_verb(*command, words);
   if (!verb.starts_with('-') && !is_known) {
     run_external(verb, {words.begin() + 1, words.end()});
     refuse_verb(program, verb);

@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "commands.hpp"
+
+// The commands of `trifinger log`, one file each.
+namespace trifinger::apps {
+
+void add_log_info(CLI::App& log, Action& action);
+void add_log_check(CLI::App& log, Action& action);
+void add_log_recover(CLI::App& log, Action& action);
+void add_log_cut(CLI::App& log, Action& action);
+// Those that are written in Python: plot and export.
+void add_log_in_python(CLI::App& log, Action& action);
+
+}  // namespace trifinger::apps

@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/core.h>
+
+#include <limits>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "choice.hpp"
+#include "log_commands.hpp"
+#include "log_text.hpp"
+#include "trifinger/log/tools.hpp"
+
+namespace trifinger::apps {
+namespace {
+
+struct Options {
+  std::string log;
+  std::string output;
+  std::string robot;
+  std::optional<TimeIndex> first;
+  std::optional<TimeIndex> last;
+  std::optional<double> from;
+  std::optional<double> to;
+  Choice<log::Precision> precision{
+      "--precision",
+      "double",
+      {{"double", log::Precision::kDouble}, {"single", log::Precision::kSingle}}};
+};
+
+// The first step at or after `seconds` since the first one in the log.
+TimeIndex step_at(const log::LoggedSession& session, double seconds) {
+  std::int64_t start = 0;
+  if (session.read({}).read(1, {.times = &start}) == 0) return 0;
+  return session.find(start + static_cast<std::int64_t>(seconds * 1e9));
+}
+
+int cut(const Options& options) {
+  const log::Log log(options.log);
+  log::CopyOptions copy{.session = options.robot,
+                        .first = options.first,
+                        .last = options.last,
+                        .precision = options.precision.value()};
+  if (options.from || options.to) {
+    const log::LoggedSession session = log.session(options.robot);
+    if (options.from) copy.first = step_at(session, *options.from);
+    if (options.to) copy.last = step_at(session, *options.to);
+  }
+  log::copy(log, options.output, copy);
+  const log::Log result{std::filesystem::path(options.output)};
+  fmt::print("{} written: {}", options.output, size_text(result.size()));
+  for (const log::LoggedSession& session : result.sessions()) {
+    const auto [first, end] = session.range(Series::kAppliedAction);
+    if (first < end) fmt::print(", steps {} to {} of '{}'", first, end - 1, session.name());
+  }
+  fmt::print(".\n");
+  return kDone;
+}
+
+}  // namespace
+
+void add_log_cut(CLI::App& log, Action& action) {
+  auto options = std::make_shared<Options>();
+  CLI::App* const command = log.add_subcommand("cut", "Write a part of a log to a new file");
+  command->add_option("LOG", options->log, "A file, or the folder with the parts of a recording")
+      ->required();
+  command->add_option("-o,--output", options->output, "The new file")
+      ->required()
+      ->option_text("FILE");
+  command
+      ->add_option("--robot", options->robot,
+                   "Whose newest session to cut; needed if there are several robots")
+      ->option_text("NAME");
+  const CLI::Range steps(TimeIndex{0}, std::numeric_limits<TimeIndex>::max());
+  const CLI::Range seconds(0.0, 1e9);
+  CLI::Option* const first =
+      command->add_option("--first", options->first, "First step")->check(steps)->option_text("T");
+  CLI::Option* const last = command->add_option("--last", options->last, "First step left out")
+                                ->check(steps)
+                                ->option_text("T");
+  command->add_option("--from", options->from, "The same in seconds since the first step")
+      ->check(seconds)
+      ->option_text("SECONDS")
+      ->excludes(first);
+  command->add_option("--to", options->to, "The same in seconds since the first step")
+      ->check(seconds)
+      ->option_text("SECONDS")
+      ->excludes(last);
+  options->precision.add_to(*command, "single halves the bytes, and cannot be replayed exactly");
+  command->footer(
+      "Sessions, documents and events are kept, and of other robots what was at that time.\n"
+      "Without a range it copies everything.\n"
+      "Example:\n"
+      "  trifinger log cut run.mcap --from 10 --to 12.5 -o interesting.mcap");
+  command->callback([&action, options] { action = [options] { return cut(*options); }; });
+}
+
+}  // namespace trifinger::apps
