@@ -107,9 +107,10 @@ class Recorder::Implementation {
       : options_(std::move(options)),
         wake_([] { return ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK); }),
         watch_(options_.is_follower ? std::vector<std::string>() : robots),
-        recording_(checked(robots), options_, [this](Level level, const std::string& text) {
-          tell(level, "recorder", text);
-        }) {
+        recording_(checked(robots), options_,
+                   [this](Level level, std::string_view source, const std::string& text) {
+                     tell(level, source, text);
+                   }) {
     if (!wake_) throw SystemError("make an event", errno);
     for (const std::string& name : robots) robots_.emplace_back().name = name;
     update_state();
@@ -191,9 +192,10 @@ class Recorder::Implementation {
       const int missed = count + robot.before_watch - robot.found - robot.missed;
       if (missed > 0 && robot.appeared == count) {
         robot.missed += missed;
-        tell(Level::kError, robot.name,
-             (missed == 1 ? "a session was" : std::to_string(missed) + " sessions were") +
-                 std::string(" over before it could be recorded"));
+        tell(Level::kError, kRecorder,
+             (missed == 1 ? "a session of " + robot.name + " was"
+                          : std::to_string(missed) + " sessions of " + robot.name + " were") +
+                 " over before it was seen");
       }
     }
   }
@@ -216,16 +218,17 @@ class Recorder::Implementation {
       add(robot, session, companions, std::make_shared<std::atomic<TimeIndex>>(0));
       return true;
     } catch (const SessionNotFound&) {
+      if (robot.appeared < 0) tell(Level::kInfo, kRecorder, "waits for " + robot.name);
       return true;  // not yet, or no more
     } catch (const RobotStopped&) {
       return false;  // while we looked the next one has begun
     } catch (const IncompatibleSession& error) {
       ++robot.found;
-      tell(Level::kError, robot.name, error.what());
+      tell(Level::kError, kRecorder, error.what());
       return true;
     } catch (const SystemError& error) {
       const bool is_new = robot.newest_id != 0 || robot.appeared < 0;
-      if (is_new) tell(Level::kError, robot.name, error.what());
+      if (is_new) tell(Level::kError, kRecorder, error.what());
       robot.newest_id = 0;
       return true;
     }
@@ -248,22 +251,24 @@ class Recorder::Implementation {
       add(robots_.front(), session.robot, session.companions, session.next_step);
     }
     if (dropped > 0) {
-      tell(Level::kError, robots_.front().name,
-           std::to_string(dropped) + " sessions are not in the log: the disk is too slow");
+      tell(Level::kError, kRecorder,
+           std::to_string(dropped) + " sessions of " + robots_.front().name +
+               " are not in the log: the disk is too slow");
     }
   }
 
   void add(RecordedRobot& robot, const Session& session, const std::vector<Session>& companions,
            std::shared_ptr<std::atomic<TimeIndex>> next_step) {
-    const std::string name = robot.name;
     auto recorder = std::make_unique<SessionRecorder>(
         session, companions, std::move(next_step),
-        [this, name](Level level, const std::string& text) { tell(level, name, text); });
+        [this](Level level, std::string_view source, const std::string& text) {
+          tell(level, source, text);
+        });
     robot.newest = session;
     // Only what was there before us can be in files of others.
     if (!std::exchange(robot.is_known, true)) {
       robot.last_time = recording_.last_time();
-      if (const auto position = recording_.find(name, recorder->header().session_id)) {
+      if (const auto position = recording_.find(robot.name, recorder->header().session_id)) {
         // Behind a clean end the recording goes on if nothing is missing, else there is a new one.
         const bool is_same =
             recording_.is_unfinished(position->file) ||
@@ -275,7 +280,8 @@ class Recorder::Implementation {
     if (recorder->is_done()) return;
     if (robot.sessions.size() >= kMaxWaiting) {
       robot.sessions.pop_front();
-      tell(Level::kError, name, "a session is not in the log: there was no room for it");
+      tell(Level::kError, kRecorder,
+           "a session of " + robot.name + " is not in the log: too many wait to be written");
     }
     robot.sessions.push_back(std::move(recorder));
   }
@@ -319,7 +325,7 @@ class Recorder::Implementation {
     } catch (const SystemError&) {
       throw;
     } catch (const Error& error) {
-      tell(Level::kError, robot.name, std::string("cannot be recorded: ") + error.what());
+      tell(Level::kError, kRecorder, robot.name + " cannot be recorded: " + error.what());
       session.give_up();
     }
   }
@@ -350,7 +356,7 @@ class Recorder::Implementation {
   void recover() {
     if (!trouble_since_) return;
     const std::int64_t lost = lost_steps() - lost_before_trouble_;
-    tell(Level::kWarning, "recorder",
+    tell(Level::kWarning, kRecorder,
          "writes again after " + seconds_text(now() - *trouble_since_) +
              (lost == 0 ? "; nothing was lost" : "; " + std::to_string(lost) + " steps were lost"));
     trouble_since_.reset();
@@ -379,15 +385,15 @@ class Recorder::Implementation {
     if (lag < kHarmlessLag) robot.is_behind = false;
     if (lag < kWorryingLag || robot.is_behind || !session.header().is_real_time) return;
     robot.is_behind = true;
-    tell(Level::kWarning, robot.name,
-         "the recorder is far behind: at step " + std::to_string(session.next_step()) +
-             ", with half of the history still to be written; then steps are lost");
+    tell(Level::kWarning, kRecorder,
+         "far behind " + robot.name + ": at step " + std::to_string(session.next_step()) +
+             ", and half of its history is used up");
   }
 
   // --- the rest ---
 
-  void tell(Level level, const std::string& source, const std::string& text) {
-    Event event{.time = wall_time(), .level = level, .source = source, .text = text};
+  void tell(Level level, std::string_view source, const std::string& text) {
+    Event event{.time = wall_time(), .level = level, .source = std::string(source), .text = text};
     if (options_.on_event) options_.on_event(event);
     if (events_.size() >= kMaxEvents) events_.pop_front();
     events_.push_back(std::move(event));

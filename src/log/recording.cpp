@@ -324,7 +324,7 @@ void Recording::look_at(std::vector<File> files) {
       }
       break;
     } catch (const Error& error) {
-      tell_(Level::kWarning, file.path.string() + " cannot be read: " + error.what());
+      tell_(Level::kWarning, kRecorder, file.path.string() + " cannot be read: " + error.what());
     }
   }
   id_ = random_id();
@@ -417,8 +417,9 @@ void Recording::open() {
                      .reader = std::make_unique<mcap::Reader>(unfinished.file.path)};
       throw;
     } catch (const InvalidArgument& error) {
-      tell_(Level::kWarning, "cannot go on with " + unfinished.file.path.string() + ": " +
-                                 error.what() + "; begins another file");
+      tell_(Level::kWarning, kRecorder,
+            "cannot go on with " + unfinished.file.path.string() + ": " + error.what() +
+                "; begins another file");
       ++part_;
     }
   }
@@ -456,7 +457,7 @@ void Recording::open_new() {
   begun_at_ = 0;
   file_begun_ = last_sync_ = now();
   synced_size_ = 0;
-  tell_(Level::kInfo, "records into " + path_.string());
+  tell_(Level::kInfo, kRecorder, "records into " + path_.string());
 }
 
 void Recording::go_on(const Unfinished& unfinished) {
@@ -480,7 +481,7 @@ void Recording::go_on(const Unfinished& unfinished) {
     text += "; " + std::to_string(unfinished.file.size - contents.complete_size) +
             " bytes at its end were half written";
   }
-  tell_(Level::kWarning, text);
+  tell_(Level::kWarning, kRecorder, text);
 }
 
 void Recording::flush(bool is_wanted) {
@@ -500,7 +501,8 @@ void Recording::flush(bool is_wanted) {
     sync();
     std::error_code ignored;
     if (!std::filesystem::exists(path_, ignored)) {
-      tell_(Level::kWarning, path_.string() + " was removed or renamed; begins another file");
+      tell_(Level::kWarning, kRecorder,
+            path_.string() + " was removed or renamed; begins another file");
       finish_file();
       return;
     }
@@ -536,7 +538,7 @@ void Recording::sync() {
     synced_size_ = sink_->size();
   } catch (const SystemError& error) {
     // What was written is there as long as the machine runs; the next sync may do better.
-    tell_(Level::kError, error.what());
+    tell_(Level::kError, kRecorder, error.what());
   }
 }
 
@@ -564,7 +566,7 @@ void Recording::remove_oldest() {
     const File& oldest = finished_.front();
     std::error_code error;
     std::filesystem::remove(oldest.path, error);
-    tell_(error ? Level::kError : Level::kInfo,
+    tell_(error ? Level::kError : Level::kInfo, kRecorder,
           error ? "cannot remove " + oldest.path.string() + ": " + error.message()
                 : "removed " + oldest.path.string() + " to stay below " +
                       size_text(options_.max_total));

@@ -25,9 +25,13 @@ std::vector<UntypedFrontend> observe_all(const std::vector<Session>& sessions) {
   return observers;
 }
 
-std::string steps_text(TimeIndex first, TimeIndex last) {
-  return first == last ? "step " + std::to_string(first) + " is"
-                       : "steps " + std::to_string(first) + " to " + std::to_string(last) + " are";
+std::string loss_text(const std::string& what, TimeIndex first, TimeIndex last,
+                      const std::string& name) {
+  const std::string which = first == last
+                                ? what + " " + std::to_string(first) + " of " + name + " is"
+                                : what + "s " + std::to_string(first) + " to " +
+                                      std::to_string(last) + " of " + name + " are";
+  return which + " not in the log: overwritten before it came to that";
 }
 
 // Where `bytes` more have to fit: the log then adds them without asking the disk.
@@ -152,6 +156,10 @@ void SessionRecorder::pump(LogWriter& log, int file) {
       header_.companions[i].first_index = companions_[i].next;
     }
     number_ = log.begin_session(header_);
+    if (file_ < 0) {
+      tell_(LogWriter::Level::kInfo, header_.name,
+            "is recorded from step " + std::to_string(next_step()) + " on");
+    }
     file_ = file;
   }
   // Asked first: whatever came before the end is then seen below.
@@ -219,8 +227,7 @@ void SessionRecorder::lose_steps(LogWriter& log, TimeIndex end) {
   log.write_gap(*number_, first, found - 1, kOverwritten);
   set_next(found);
   lost_steps_ += found - first;
-  tell_(LogWriter::Level::kError,
-        steps_text(first, found - 1) + " not in the log: overwritten before it could be written");
+  tell_(LogWriter::Level::kError, kRecorder, loss_text("step", first, found - 1, header_.name));
 }
 
 void SessionRecorder::pump_companion(LogWriter& log, std::size_t index) {
@@ -254,10 +261,8 @@ void SessionRecorder::pump_companion(LogWriter& log, std::size_t index) {
                  end);
     log.write_companion_gap(*number_, index, first, again - 1, kOverwritten);
     companion.next = again;
-    tell_(LogWriter::Level::kError,
-          "elements " + std::to_string(first) + " to " + std::to_string(again - 1) + " of " +
-              header_.companions[index].name +
-              " are not in the log: overwritten before they could be written");
+    tell_(LogWriter::Level::kError, kRecorder,
+          loss_text("element", first, again - 1, header_.companions[index].name));
   }
 }
 
@@ -281,7 +286,8 @@ void SessionRecorder::write_end(LogWriter& log, const Fault& fault) {
   const std::string text = session_.info().fault_text;
   log.end_session(*number_, steps, fault, text);
   is_done_ = true;
-  tell_(fault.needs_recovery() ? LogWriter::Level::kError : LogWriter::Level::kInfo, text);
+  tell_(fault.needs_recovery() ? LogWriter::Level::kError : LogWriter::Level::kInfo, header_.name,
+        text);
 }
 
 }  // namespace trifinger::log

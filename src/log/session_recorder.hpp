@@ -9,6 +9,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "trifinger/core/frontend.hpp"
@@ -27,11 +28,15 @@ struct Position {
   bool is_closed{false};  // nothing is missing
 };
 
+// What is told comes from a robot or from this.
+inline constexpr std::string_view kRecorder = "recorder";
+
 // Takes a session, its robot's steps and its companions' elements, from the shared memory to a log.
 // Knows how far it has come.
 class SessionRecorder {
  public:
-  using Tell = std::function<void(LogWriter::Level level, const std::string& text)>;
+  using Tell =
+      std::function<void(LogWriter::Level level, std::string_view source, const std::string& text)>;
 
   // `tell` is called during `pump`. `next_step` is kept at the first step still to read, and may be
   // read by another thread. Throws Error if the session cannot be read.

@@ -120,7 +120,7 @@ TEST_F(RecorderDisk, WarnsWhenHalfOfTheHistoryIsStillToBeWritten) {
   go_on(kHistory);  // the whole history is in use
   catch_up();
   disk_.set_error(EIO);
-  recorder_->wait_for_event("robot: the recorder is far behind");
+  recorder_->wait_for_event("recorder: far behind robot");
   disk_.set_error(0);
   recorder_->wait_for_event("writes again after ");
   recorder_->stop();

@@ -63,7 +63,7 @@ TEST_F(RecorderTest, HasTheNumbersThatTheSeriesHave) {
   step(robot, kSteps);
   const Companion<FakeSensorReading> sensor(robot.companion("sensor"));
   robot.finish();
-  recorder.wait_for_event("robot: ");  // its end
+  recorder.wait_for_event("robot: the controller finished");
   recorder.stop();
 
   const log::Log log(recorded().files);
@@ -203,8 +203,8 @@ TEST_F(RecorderTest, SaysHowManySessionsItHasMissed) {
   disk.let_go();
   recorder.wait_for_step(7);
   recorder.stop();
-  EXPECT_EQ(recorder.count_events("3 sessions were over before"), 1) << recorder.all_events();
-  EXPECT_EQ(recorded().count_events("3 sessions were over before"), 1);
+  EXPECT_EQ(recorder.count_events("3 sessions of robot were over"), 1) << recorder.all_events();
+  EXPECT_EQ(recorded().count_events("3 sessions of robot were over"), 1);
 }
 
 TEST_F(RecorderTest, RecordsSeveralRobotsWithTheirCompanionsIntoOneFile) {

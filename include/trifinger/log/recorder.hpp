@@ -56,7 +56,7 @@ struct RecorderOptions {
   struct Event {
     std::int64_t time{0};  ///< Since 1970 [ns].
     LogWriter::Level level{LogWriter::Level::kInfo};
-    std::string source;  ///< The robot, or "recorder".
+    std::string source;  ///< The robot whose session it is about, or "recorder".
     std::string text;    ///< A sentence.
   };
   /// Is called by the thread of `run`. Must not throw.
