@@ -1,0 +1,243 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Sessions of logs as tables for other programs, and `trifinger log export`.
+
+A table has a row per step and a column per number: "observation.position[0]". Numbers are written
+in full, so that they read back the same.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import importlib
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from trifinger import program
+from trifinger._trifinger import Log, LoggedSession
+from trifinger.errors import Error, InvalidArgument
+from trifinger.log_types import Steps
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+SeriesChoice = Mapping[str, Sequence[str] | None] | Sequence[str] | None
+ROWS = 20_000  # that are in memory at once
+
+SERIES = {
+    "observation": "observations",
+    "applied_action": "applied_actions",
+    "desired_action": "desired_actions",
+    "status": "statuses",
+}
+
+
+def _needed(module: str) -> Any:
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise Error(
+            f'{module.partition(".")[0]} is missing: pip install "trifinger[export]"'
+        ) from error
+
+
+def numbers_of(elements: NDArray[Any], prefix: str) -> Iterator[tuple[str, str, NDArray[Any]]]:
+    """The numbers of structured elements: field, name and values, as in "a.b", "a.b[0]"."""
+    dtype = elements.dtype
+    if dtype.names is None:
+        for index in np.ndindex(elements.shape[1:]):
+            suffix = "".join(f"[{i}]" for i in index)
+            yield prefix, prefix + suffix, elements[(slice(None), *index)]
+        return
+    for name in dtype.names:
+        yield from numbers_of(elements[name], f"{prefix}.{name}" if prefix else name)
+
+
+def columns_of(session: LoggedSession, steps: Steps) -> Iterator[tuple[str, str, NDArray[Any]]]:
+    """The columns of the table: name, unit and values."""
+    yield "element" if session.is_companion else "time_index", "", steps.time_index
+    yield "time", "", steps.times
+    units = session.units
+    for series, attribute in SERIES.items():
+        elements = getattr(steps, attribute)
+        if elements is None:
+            continue
+        # The elements of a companion are its observations and nothing else.
+        prefix = "" if session.is_companion else series
+        for field, name, values in numbers_of(elements, prefix):
+            unit = units[series].get(field.removeprefix(f"{series}."), "")
+            yield name, unit, values
+
+
+def to_pandas(
+    session: LoggedSession,
+    first: int | None = None,
+    last: int | None = None,
+    series: SeriesChoice = None,
+) -> Any:
+    """The session as a pandas.DataFrame."""
+    pandas = _needed("pandas")
+    steps = session.read(first, last, series)
+    return pandas.DataFrame({name: values for name, _, values in columns_of(session, steps)})
+
+
+def _parts(
+    session: LoggedSession, first: int | None, last: int | None, series: SeriesChoice
+) -> Iterator[Steps]:
+    """What there is, in parts; one without rows if there is nothing, which has the columns."""
+    is_empty = True
+    for steps in session.chunks(ROWS, first, last, series):
+        is_empty = False
+        yield steps
+    if is_empty:
+        yield session.read(0, 0, series)
+
+
+def to_csv(
+    session: LoggedSession,
+    path: str | os.PathLike[str],
+    first: int | None = None,
+    last: int | None = None,
+    series: SeriesChoice = None,
+) -> None:
+    """Writes the session as comma-separated values."""
+    _write(session, path, _needed("pyarrow.csv").CSVWriter, _parts(session, first, last, series))
+
+
+def to_parquet(
+    session: LoggedSession,
+    path: str | os.PathLike[str],
+    first: int | None = None,
+    last: int | None = None,
+    series: SeriesChoice = None,
+) -> None:
+    """Writes the session as a Parquet file. The units are in the metadata of its fields."""
+    parquet = _needed("pyarrow.parquet").ParquetWriter
+    _write(session, path, parquet, _parts(session, first, last, series))
+
+
+def _write(
+    session: LoggedSession,
+    path: str | os.PathLike[str],
+    make_writer: Callable[..., Any],
+    parts: Iterator[Steps],
+) -> None:
+    arrow = _needed("pyarrow")
+    with contextlib.ExitStack() as stack:
+        writer = None
+        for steps in parts:
+            columns = list(columns_of(session, steps))
+            arrays = [arrow.array(np.ascontiguousarray(values)) for _, _, values in columns]
+            fields = [
+                arrow.field(name, array.type, metadata={"unit": unit} if unit else None)
+                for (name, unit, _), array in zip(columns, arrays, strict=True)
+            ]
+            table = arrow.table(arrays, schema=arrow.schema(fields))
+            if writer is None:
+                writer = stack.enter_context(make_writer(os.fspath(path), table.schema))
+            writer.write_table(table)
+
+
+# ---- the command ----
+
+WRITERS = {"csv": to_csv, "parquet": to_parquet}
+
+
+def sessions_of(log: Log, name: str | None) -> list[LoggedSession]:
+    """All sessions and companions, or only those called `name`."""
+    all_sessions = [one for session in log.sessions for one in [session, *session.companions]]
+    if name is None:
+        return all_sessions
+    log.session(name)  # raises with the names there are
+    return [session for session in all_sessions if session.name == name]
+
+
+def names_of(sessions: Sequence[LoggedSession]) -> list[str]:
+    """A name for the file of each: "sim", and "sim.2" for the second session of that name."""
+    names: list[str] = []
+    for i, session in enumerate(sessions):
+        number = 1 + sum(before.name == session.name for before in sessions[:i])
+        names.append(session.name if number == 1 else f"{session.name}.{number}")
+    return names
+
+
+def step_range(
+    session: LoggedSession, begin: float | None, end: float | None
+) -> tuple[int | None, int | None]:
+    """The steps between two times, in seconds since the first one in the log."""
+    if begin is None and end is None:
+        return None, None
+    return session.between(begin or 0.0, float("1e9") if end is None else end)
+
+
+def export(arguments: argparse.Namespace) -> None:
+    """Writes a file per session and companion."""
+    if arguments.format == "mcap":
+        command = [program.path(), "log", "cut", arguments.log]
+        command += ["-o", str(arguments.output or f"{Path(arguments.log).stem}.copy.mcap")]
+        for option in ("robot", "from_", "to"):
+            if (value := getattr(arguments, option)) is not None:
+                command += [f"--{option.rstrip('_')}", str(value)]
+        sys.exit(subprocess.run(command, check=False).returncode)
+
+    log = Log(arguments.log)
+    folder = arguments.output or Path()
+    folder.mkdir(parents=True, exist_ok=True)
+    stem = Path(arguments.log).resolve().stem
+    sessions = sessions_of(log, arguments.robot)
+    for session, name in zip(sessions, names_of(sessions), strict=True):
+        path = folder / f"{stem}.{name}.{arguments.format}"
+        try:
+            series = None if session.is_companion else arguments.series
+            first, last = step_range(session, arguments.from_, arguments.to)
+            WRITERS[arguments.format](session, path, first, last, series)
+        except Exception:
+            path.unlink(missing_ok=True)
+            raise
+        print(f"{path} written.")
+
+
+def parse(words: Sequence[str] | None) -> argparse.Namespace:
+    """What was typed."""
+    parser = argparse.ArgumentParser(
+        prog="trifinger log export",
+        description="Write a table for each session and companion of a log: a row per step.",
+        epilog="Example:\n  trifinger log export run.mcap --format parquet -o tables",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("log", help="a file, or the folder with the parts of a recording")
+    parser.add_argument(
+        "--format", choices=[*WRITERS, "mcap"], default="csv", help="default: csv; mcap is a copy"
+    )
+    parser.add_argument("-o", "--output", type=Path, help="folder of the files; of mcap, the file")
+    parser.add_argument("--robot", metavar="NAME", help="only the robot or companion of this name")
+    parser.add_argument(
+        "--series", nargs="+", choices=list(SERIES), help="only these series; default: all"
+    )
+    parser.add_argument(
+        "--from", dest="from_", type=float, metavar="SECONDS", help="since the first step"
+    )
+    parser.add_argument("--to", type=float, metavar="SECONDS", help="since the first step")
+    return parser.parse_args(words)
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """`trifinger log export`."""
+    try:
+        export(parse(words))
+    except (Error, OSError) as error:
+        print(f"trifinger: {error}", file=sys.stderr)
+        return 2 if isinstance(error, InvalidArgument) else 1
+    except KeyboardInterrupt:
+        return 130
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
