@@ -51,7 +51,6 @@ class ChunkLoader {
   std::span<const std::byte> records_;
   std::vector<Message> messages_;
   std::vector<DefinitionRecord> definitions_;
-  bool expects_checksum_{false};  // one chunk had one
 };
 
 }  // namespace trifinger::mcap

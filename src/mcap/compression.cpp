@@ -4,6 +4,7 @@
 #include <lz4frame.h>
 #include <zstd.h>
 
+#include <algorithm>
 #include <new>
 #include <string>
 
@@ -113,7 +114,8 @@ struct Decompressor::Contexts {
   std::unique_ptr<ZSTD_DCtx, Free<ZSTD_freeDCtx>> zstd;
   std::unique_ptr<LZ4F_dctx, Free<LZ4F_freeDecompressionContext>> lz4;
 
-  [[nodiscard]] bool decompress_lz4(std::span<const std::byte> bytes, std::span<std::byte> output) {
+  [[nodiscard]] bool decompress_lz4(std::span<const std::byte> bytes,
+                                    std::span<std::byte> output) const {
     LZ4F_resetDecompressionContext(lz4.get());
     std::size_t hint = bytes.empty() ? 0 : 1;  // bytes that it would like to see next; 0: done
     while (!bytes.empty()) {
@@ -138,7 +140,7 @@ bool Decompressor::decompress(Compression compression, std::span<const std::byte
   switch (compression) {
     case Compression::kNone:
       if (bytes.size() != output.size()) return false;
-      std::copy(bytes.begin(), bytes.end(), output.begin());
+      std::ranges::copy(bytes, output.begin());
       return true;
     case Compression::kZstd:
       if (!contexts_->zstd) {

@@ -25,6 +25,7 @@ namespace trifinger::mcap {
 static_assert(std::endian::native == std::endian::little, "numbers are copied as they are");
 
 enum class Opcode : std::uint8_t {
+  kNone = 0x00,
   kHeader = 0x01,
   kFooter = 0x02,
   kSchema = 0x03,
