@@ -3,6 +3,7 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
+#include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
@@ -15,7 +16,9 @@
 #include <vector>
 
 #include "bindings.hpp"
+#include "gil.hpp"
 #include "numpy.hpp"
+#include "recorder.hpp"
 #include "simulation.hpp"
 #include "trifinger/joint/reasons.hpp"
 #include "trifinger/model/export.hpp"
@@ -195,10 +198,49 @@ void bind_kinematics(nb::module_& m) {
           "is the\none nearest to `near` [rad], by default to the initial pose.");
 }
 
+// What Python takes for a path.
+std::string path_of(nb::handle path) {
+  return nb::cast<std::string>(nb::module_::import_("os").attr("fspath")(path));
+}
+
+void bind_recorder(nb::module_& m) {
+  nb::class_<log::RecorderThread>(
+      m, "Recorder",
+      "Records a robot of this process in a thread of its own, without loss: the simulation waits "
+      "for it. The end of\nthe program stops it.")
+      .def(
+          "stop",
+          [](log::RecorderThread& recorder) {
+            const GilRelease release;
+            recorder.stop();
+          },
+          "Writes what is there and finishes the file; nothing is recorded from then on.")
+      .def_prop_ro(
+          "file",
+          [](const log::RecorderThread& recorder) -> nb::object {
+            const std::string file = recorder.file().string();
+            if (file.empty()) return nb::none();
+            return nb::module_::import_("pathlib").attr("Path")(file);
+          },
+          nb::sig("def file(self) -> pathlib.Path | None"),
+          "The newest file; None before the first session.")
+      .def(
+          "__enter__", [](nb::handle self) { return nb::borrow(self); },
+          nb::sig("def __enter__(self) -> Recorder"))
+      .def(
+          "__exit__",
+          [](log::RecorderThread& recorder, const nb::args&) {
+            const GilRelease release;
+            recorder.stop();
+          },
+          nb::sig("def __exit__(self, *exception: object) -> None"));
+}
+
 }  // namespace
 
 void bind_simulation(nb::module_& m) {
   bind_reasons(m);
+  bind_recorder(m);
   nb::class_<PythonSimulation>(
       m, "Simulation", nb::type_slots(simulation_slots),
       "A simulated robot in this process, with its back-end inside the waits of its front-end: no "
@@ -258,20 +300,31 @@ void bind_simulation(nb::module_& m) {
            "changes the action in "
            "place.\nThe robot's own limits hold behind it. An exception in it ends the session "
            "with a fault.")
+      .def(
+          "record",
+          [](const PythonSimulation& simulation, nb::handle folder, const std::string& precision) {
+            return simulation.record(path_of(folder), precision);
+          },
+          "folder"_a, nb::kw_only(), "precision"_a = "double",
+          nb::sig("def record(self, folder: str | os.PathLike[str], *, precision: str = 'double') "
+                  "-> Recorder"),
+          "Records every session from the next one on, without loss, into a file in `folder`; "
+          "\"single\" takes half of\nthe space.")
       .def("mjcf", &PythonSimulation::mjcf, "The scene in MuJoCo's format.");
 
   m.def(
       "simulate",
-      [](const std::string& config, const nb::dict& overrides, bool strict) {
-        return PythonSimulation(load(config, overrides)).connect(strict);
+      [](const std::string& config, const nb::dict& overrides, bool strict, nb::handle record) {
+        const PythonSimulation simulation(load(config, overrides));
+        if (!record.is_none()) static_cast<void>(simulation.record(path_of(record), "double"));
+        return simulation.connect(strict);
       },
       "config"_a = "sim", "overrides"_a = nb::dict(), nb::kw_only(), "strict"_a = true,
+      "record"_a = nb::none(),
       nb::sig("def simulate(config: str = 'sim', overrides: dict[str, object] = {}, *, strict: "
-              "bool = True) "
-              "-> Frontend"),
-      "Starts a simulated robot in this process and controls it; see Simulation. connect() is for "
-      "one that runs "
-      "elsewhere.");
+              "bool = True, record: str | os.PathLike[str] | None = None) -> Frontend"),
+      "Starts a simulated robot in this process and controls it; see Simulation. `record` is the "
+      "folder for a log.\nconnect() is for one that runs elsewhere.");
 
   m.def(
       "export_mjcf",

@@ -6,6 +6,7 @@
 
 #include "trifinger/core/errors.hpp"
 #include "trifinger/log/log.hpp"
+#include "trifinger/log/recorder.hpp"
 
 namespace nb = nanobind;
 
@@ -40,6 +41,8 @@ void translate(const std::exception_ptr& thrown, void* /*payload*/) {
     raise("IncompatibleSession", error);
   } catch (const InheritedHandle& error) {
     raise("InheritedHandle", error);
+  } catch (const log::AlreadyRecorded& error) {
+    raise("AlreadyRecorded", error);
   } catch (const log::NotInLog& error) {
     raise("NotInLog", error);
   } catch (const InvalidArgument& error) {

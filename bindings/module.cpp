@@ -4,6 +4,7 @@
 #include "errors.hpp"
 #include "gil.hpp"
 #include "numpy.hpp"
+#include "recorder.hpp"
 #include "running_backend.hpp"
 
 namespace nb = nanobind;
@@ -19,6 +20,7 @@ NB_MODULE(_trifinger, m) {
   trifinger::python::bind_simulation(m);
   trifinger::python::bind_log(m);
   // At exit the last comes first: threads that stand still do not hear that their robots stop.
+  trifinger::python::stop_recorders_at_exit();
   trifinger::python::stop_backends_at_exit();
   trifinger::python::park_threads_at_exit();
 }

@@ -138,6 +138,13 @@ std::vector<double> PythonSimulation::configuration() const {
                     simulation_);
 }
 
+std::shared_ptr<log::RecorderThread> PythonSimulation::record(const std::string& folder,
+                                                              const std::string& precision) const {
+  auto recorder = start_recorder("sim", folder, precision);
+  std::visit([&](const auto& simulation) { simulation.follow(recorder); }, simulation_);
+  return recorder;
+}
+
 void PythonSimulation::add_check(nb::object function) {
   if (PyCallable_Check(function.ptr()) == 0) {
     throw InvalidArgument("a check is a function of an observation and an action");

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "frontend.hpp"
+#include "recorder.hpp"
 #include "trifinger/sim/robot_config.hpp"
 #include "trifinger/sim/simulation.hpp"
 
@@ -35,6 +36,9 @@ class PythonSimulation {
   [[nodiscard]] nanobind::bytes state_before_divergence() const;
   [[nodiscard]] std::vector<double> configuration() const;
   [[nodiscard]] std::string mjcf() const;
+  /// Records every session from the next one on.
+  [[nodiscard]] std::shared_ptr<log::RecorderThread> record(const std::string& folder,
+                                                            const std::string& precision) const;
   /// Adds `function(observation, action)` to the safety checks; it changes the action in place.
   void add_check(nanobind::object function);
 

@@ -18,6 +18,7 @@ from trifinger._trifinger import (
     Log,
     LoggedSession,
     Reason,
+    Recorder,
     Simulation,
     Status,
     connect,
@@ -34,6 +35,7 @@ from trifinger._trifinger import version as __version__
 from trifinger.errors import (
     AcausalAction,
     ActionMissing,
+    AlreadyRecorded,
     ControlHeld,
     Error,
     HistoryLost,
@@ -52,6 +54,7 @@ from trifinger.session_info import Fault, SessionInfo
 __all__ = [
     "AcausalAction",
     "ActionMissing",
+    "AlreadyRecorded",
     "Backend",
     "ControlHeld",
     "Damage",
@@ -70,6 +73,7 @@ __all__ = [
     "LoggedSession",
     "NotInLog",
     "Reason",
+    "Recorder",
     "RobotOwned",
     "RobotStopped",
     "SessionInfo",

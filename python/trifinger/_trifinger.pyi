@@ -306,6 +306,25 @@ class Reason(enum.IntFlag):
     BRAKING = 4096
     """the robot brakes because of a fault"""
 
+class Recorder:
+    """
+    Records a robot of this process in a thread of its own, without loss: the simulation waits for it. The end of
+    the program stops it.
+    """
+
+    def stop(self) -> None:
+        """
+        Writes what is there and finishes the file; nothing is recorded from then on.
+        """
+
+    @property
+    def file(self) -> pathlib.Path | None:
+        """The newest file; None before the first session."""
+
+    def __enter__(self) -> Recorder: ...
+
+    def __exit__(self, *exception: object) -> None: ...
+
 class Simulation:
     """
     A simulated robot in this process, with its back-end inside the waits of its front-end: no threads, deterministic,
@@ -360,12 +379,19 @@ class Simulation:
         The robot's own limits hold behind it. An exception in it ends the session with a fault.
         """
 
+    def record(self, folder: str | os.PathLike[str], *, precision: str = 'double') -> Recorder:
+        """
+        Records every session from the next one on, without loss, into a file in `folder`; "single" takes half of
+        the space.
+        """
+
     def mjcf(self) -> str:
         """The scene in MuJoCo's format."""
 
-def simulate(config: str = 'sim', overrides: dict[str, object] = {}, *, strict: bool = True) -> Frontend:
+def simulate(config: str = 'sim', overrides: dict[str, object] = {}, *, strict: bool = True, record: str | os.PathLike[str] | None = None) -> Frontend:
     """
-    Starts a simulated robot in this process and controls it; see Simulation. connect() is for one that runs elsewhere.
+    Starts a simulated robot in this process and controls it; see Simulation. `record` is the folder for a log.
+    connect() is for one that runs elsewhere.
     """
 
 def export_mjcf(config: str = 'sim', overrides: dict[str, object] = {}) -> str:
@@ -648,8 +674,8 @@ class Log:
 
     def session(self, name: str = ...) -> LoggedSession:
         """
-        The newest session of the robot or companion `name`; of the only robot in the log, if none is
-        named. Raises InvalidArgument with the names there are.
+        The newest session of the robot or companion `name` that has steps; of the only robot in the log,
+        if none is named. Raises InvalidArgument with the names there are.
         """
 
     @property

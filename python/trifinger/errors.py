@@ -72,6 +72,10 @@ class IncompatibleSession(Error):
     """The session was made for another robot, with other fields, or by another version."""
 
 
+class AlreadyRecorded(Error):
+    """Another recorder writes a robot of this name into this folder."""
+
+
 class NotInLog(Error):
     """Elements that were asked for are not in the log. read() gives those that are."""
 

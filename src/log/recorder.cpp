@@ -126,6 +126,7 @@ class Recorder::Implementation {
       }
       look_for_sessions();
       write_end();
+      update_state();
     } catch (...) {
       leave();
       throw;

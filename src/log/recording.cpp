@@ -42,16 +42,15 @@ constexpr std::size_t kMaxFilesToSearch = 8;
 Instant now() noexcept { return std::chrono::steady_clock::now(); }
 
 std::string size_text(std::uint64_t bytes) {
-  constexpr std::array<const char*, 5> kUnits{"bytes", "KiB", "MiB", "GiB", "TiB"};
+  constexpr std::array<const char*, 5> kUnits{"bytes", "kB", "MB", "GB", "TB"};
   auto size = static_cast<double>(bytes);
   std::size_t unit = 0;
-  while (size >= 1024.0 && unit + 1 < kUnits.size()) {
-    size /= 1024.0;
+  while (size >= 999.5 && unit + 1 < kUnits.size()) {
+    size /= 1000.0;
     ++unit;
   }
   std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), unit == 0 || size >= 100.0 ? "%.0f %s" : "%.1f %s", size,
-                kUnits[unit]);
+  std::snprintf(text.data(), text.size(), "%.3g %s", size, kUnits[unit]);
   return text.data();
 }
 
@@ -580,7 +579,9 @@ std::uint64_t Recording::rotate_size() const noexcept {
                                  : std::min(options_.rotate_size, options_.max_total / 8);
 }
 
-std::filesystem::path Recording::path() const { return path_; }
+std::filesystem::path Recording::path() const {
+  return path_.empty() && !finished_.empty() ? finished_.back().path : path_;
+}
 
 std::uint64_t Recording::bytes() const noexcept {
   return bytes_of_finished_ + (sink_ != nullptr ? sink_->size() - begun_at_ : 0);

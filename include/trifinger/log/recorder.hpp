@@ -33,13 +33,13 @@ struct RecorderOptions {
   mcap::Compression compression{mcap::Compression::kZstd};
   int level{1};  ///< Of the compression.
 
-  std::uint64_t rotate_size{std::uint64_t{1} << 30U};  ///< Largest size of a file [bytes].
+  std::uint64_t rotate_size{1'000'000'000};  ///< Largest size of a file [bytes].
   Nanoseconds rotate_time{kForever};                   ///< Longest time in one file.
   /// All files of this recording together, 0: no limit; the oldest are removed. A file is then at
   /// most an eighth of it [bytes].
   std::uint64_t max_total{0};
   /// What is left free on the disk; with less, recording waits [bytes].
-  std::uint64_t keep_free{std::uint64_t{64} << 20U};
+  std::uint64_t keep_free{100'000'000};
   /// How often what was written is made to survive a loss of power, which happens at the end of
   /// every file besides. The death of a program, ours included, costs nothing that was written.
   Nanoseconds sync_period{std::chrono::seconds(5)};
@@ -78,7 +78,7 @@ struct RecorderState {
     double lag{0.0};              ///< How much of the history is still to be read, 0 to 1.
   };
   std::vector<Robot> robots;
-  std::filesystem::path file;  ///< Being written; empty: none.
+  std::filesystem::path file;  ///< The newest; empty before the first.
   std::uint64_t bytes{0};      ///< Written by this recorder, all files together.
   std::int64_t steps{0};       ///< Likewise.
   std::int64_t lost_steps{0};  ///< Overwritten before they could be read. Each has its gap.
