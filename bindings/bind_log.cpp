@@ -124,7 +124,7 @@ Any number of threads may read.)")
           [](const PythonLoggedSession& session) {
             nb::dict documents;
             for (const Document& document : session.session().header().documents) {
-              documents[document.name.c_str()] = document.text;
+              documents[to_text(document.name)] = to_text(document.text);
             }
             return documents;
           },
@@ -142,8 +142,10 @@ Any number of threads may read.)")
           "Why the session ended; None if it went on when the recording ended.")
       .def_prop_ro(
           "fault_text",
-          [](const PythonLoggedSession& session) { return session.session().fault_text(); },
-          "The same in a sentence.")
+          [](const PythonLoggedSession& session) {
+            return to_text(session.session().fault_text());
+          },
+          nb::sig("def fault_text(self) -> str"), "The same in a sentence.")
       .def_prop_ro(
           "gaps",
           [](const PythonLoggedSession& session) {
@@ -362,8 +364,8 @@ recording or more than one; OSError.)")
             return std::make_unique<PythonLoggedSession>(log.session(name));
           },
           "name"_a = "",
-          R"(The newest session of the robot or companion `name`; of the only robot in the log, if none is
-named. Raises InvalidArgument with the names there are.)")
+          R"(The newest session of the robot or companion `name` that has steps; of the only robot in the log,
+if none is named. Raises InvalidArgument with the names there are.)")
       .def_prop_ro(
           "events",
           [](const Log& log) { return to_list(without_gil([&] { return log.events(); })); },

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "log.hpp"
 
+#include <nanobind/stl/string.h>
+
 #include <algorithm>
 #include <limits>
 
@@ -272,6 +274,13 @@ nb::object PythonLoggedSession::dtype(Series series) const {
 
 // ---- conversions ----
 
+nb::object to_text(std::string_view text) {
+  nb::object string =
+      nb::steal(PyUnicode_DecodeUTF8(text.data(), static_cast<Py_ssize_t>(text.size()), "replace"));
+  if (!string.is_valid()) throw nb::python_error();
+  return string;
+}
+
 std::vector<std::filesystem::path> to_paths(nb::handle path) {
   const nb::object fspath = nb::module_::import_("os").attr("fspath");
   const auto to_path = [&fspath](nb::handle one) {
@@ -284,7 +293,7 @@ std::vector<std::filesystem::path> to_paths(nb::handle path) {
 }
 
 nb::object to_python(const log::Gap& gap) {
-  return types().attr("Gap")(gap.first, gap.last, gap.reason);
+  return types().attr("Gap")(gap.first, gap.last, to_text(gap.reason));
 }
 
 nb::object to_python(const log::Event& event) {
@@ -292,8 +301,8 @@ nb::object to_python(const log::Event& event) {
   const char* const level = event.level >= Level::kError     ? "error"
                             : event.level >= Level::kWarning ? "warning"
                                                              : "info";
-  return types().attr("Event")(static_cast<double>(event.time) * 1e-9, level, event.source,
-                               event.text);
+  return types().attr("Event")(static_cast<double>(event.time) * 1e-9, level, to_text(event.source),
+                               to_text(event.text));
 }
 
 nb::object to_python(const log::Damage& damage) {

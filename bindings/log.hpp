@@ -69,6 +69,8 @@ class PythonLoggedSession {
 
 /// One path, or several.
 [[nodiscard]] std::vector<std::filesystem::path> to_paths(nanobind::handle path);
+/// Text from a file, which need not be UTF-8.
+[[nodiscard]] nanobind::object to_text(std::string_view text);
 /// Bare copies of what is in a log, as the classes of trifinger.log_types.
 [[nodiscard]] nanobind::object to_python(const log::Gap& gap);
 [[nodiscard]] nanobind::object to_python(const log::Event& event);

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstring>
 #include <mutex>
+#include <set>
 #include <string_view>
 #include <system_error>
 
@@ -33,6 +34,9 @@ std::string span_text(const Stream& stream, TimeIndex first, TimeIndex last) {
   if (first == last) return what + " " + std::to_string(first);
   return what + "s " + std::to_string(first) + " to " + std::to_string(last);
 }
+
+// Of "sim.object" and of "sim": "sim".
+std::string_view robot_of(std::string_view name) { return name.substr(0, name.find('.')); }
 
 const ElementDescription& element_of(const Stream& stream, Series series) {
   static const ElementDescription kNothing;
@@ -482,21 +486,24 @@ std::vector<LoggedSession> Log::sessions() const {
 
 LoggedSession Log::session(const std::string& name) const {
   const std::vector<LoggedSession> all = sessions();
-  std::vector<std::string_view> names;
-  for (auto session = all.rbegin(); session != all.rend(); ++session) {
-    if (session->name() == name) return *session;
-    for (const LoggedSession& companion : session->companions()) {
-      if (companion.name() == name) return companion;
-    }
-    if (std::ranges::find(names, session->name()) == names.end()) names.push_back(session->name());
+  std::set<std::string_view> names;
+  for (const LoggedSession& session : all) names.insert(session.name());
+  const std::string_view robot =
+      name.empty() && names.size() == 1 ? *names.begin() : robot_of(name);
+  if (!names.contains(robot)) {
+    const std::string known = list_of({names.begin(), names.end()});
+    throw InvalidArgument(name.empty() ? "this log has the robots " + known + "; name one of them"
+                                       : "this log has no robot or companion '" + name +
+                                             "'; it has " + known);
   }
-  if (name.empty() && names.size() == 1) return all.back();
-  std::ranges::sort(names);
-  if (name.empty()) {
-    throw InvalidArgument("this log has the robots " + list_of(names) + "; name one of them");
+  const LoggedSession* found = nullptr;
+  for (const LoggedSession& session : all) {
+    if (session.name() != robot) continue;
+    // Behind its last session a robot waits for the next one.
+    const auto [first, end] = session.range(Series::kAppliedAction);
+    if (found == nullptr || first < end) found = &session;
   }
-  throw InvalidArgument("this log has no robot or companion '" + name + "'; it has " +
-                        list_of(names));
+  return name.empty() || name == robot ? *found : found->companion(name);
 }
 
 std::vector<Event> Log::events() const {

@@ -184,7 +184,8 @@ class Log {
 
   /// Those of robots, in the order in which they began.
   [[nodiscard]] std::vector<LoggedSession> sessions() const;
-  /// The newest session of the robot or companion `name`; of the only robot in the log, if empty.
+  /// The newest session of the robot or companion `name` that has steps; of the only robot in the
+  /// log, if empty.
   /// @throws InvalidArgument with the names there are
   [[nodiscard]] LoggedSession session(const std::string& name = {}) const;
 

@@ -1,0 +1,621 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""`trifinger log plot`: what happened in a session, in one picture, for every robot.
+
+Fields, shapes and units come from the log. Where there are more steps than a picture can show, the
+smallest and the largest number of each stretch are drawn, so that no peak is lost; the log may be
+larger than memory.
+"""
+
+from __future__ import annotations
+
+import argparse
+import html
+import io
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from trifinger._trifinger import Log, LoggedSession, Status
+from trifinger.errors import Error, InvalidArgument
+from trifinger.export import step_range
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure, SubFigure
+    from numpy.typing import NDArray
+
+    Array = NDArray[Any]
+
+# Okabe and Ito's colours, which everybody can tell apart.
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#777777", "#000000")
+MARKS = {
+    "repeated": "#E69F00",
+    "rejected": "#D55E00",
+    "acausal": "#CC79A7",
+    "skipped": "#7B3F9E",
+    "gap": "#999999",
+    "event": "#0072B2",
+}
+BAD = "#C0202A"
+BINS = 1600  # stretches of time that a panel can show
+LATENESS_BINS = np.logspace(-7, 2, 451)  # [s]
+
+
+class Envelope:
+    """The smallest and the largest numbers of an array in each of the bins of time."""
+
+    def __init__(self, bins: int) -> None:
+        self.bins = bins
+        self.low: Array | None = None
+        self.high: Array | None = None
+
+    def add(self, bins: Array, starts: Array, values: Array) -> None:
+        """Takes the rows of `values`; those of the bin `bins[i]` begin at `starts[i]`."""
+        rows = np.asarray(values, dtype=np.float64).reshape(len(values), -1)
+        if self.low is None or self.high is None:
+            self.low = np.full((self.bins, rows.shape[1]), np.nan)
+            self.high = self.low.copy()
+        self.low[bins] = np.fmin(self.low[bins], np.fmin.reduceat(rows, starts))
+        self.high[bins] = np.fmax(self.high[bins], np.fmax.reduceat(rows, starts))
+
+    @property
+    def columns(self) -> int:
+        """How many numbers there are in a row."""
+        return 0 if self.low is None else self.low.shape[1]
+
+    def has_numbers(self, columns: slice = slice(None)) -> bool:
+        """Whether there is any number that is not NaN."""
+        return self.low is not None and bool(np.any(np.isfinite(self.low[:, columns])))
+
+    def line(self, times: Array, column: int) -> tuple[Array, Array]:
+        """What to draw: from the smallest to the largest in each bin; NaN breaks it at gaps."""
+        assert self.low is not None  # noqa: S101
+        assert self.high is not None  # noqa: S101
+        low, high = self.low[:, column], self.high[:, column]
+        if np.array_equal(low, high, equal_nan=True):
+            return times, low
+        return np.repeat(times, 2), np.column_stack([low, high]).ravel()
+
+
+@dataclass
+class Picture:
+    """All that is drawn of a session."""
+
+    session: LoggedSession
+    bins: int
+    first: int
+    last: int
+    steps: int = 0
+    times: Array = field(default_factory=lambda: np.empty(0))  # of the bins [s]
+    begin: int = 0  # of the first step, since 1970 [ns]
+    end: int = 0
+    # By series and field, as in ("observation", "position").
+    fields: dict[tuple[str, str], Envelope] = field(default_factory=dict)
+    lateness: Envelope = field(default_factory=lambda: Envelope(0))
+    lateness_counts: Array = field(
+        default_factory=lambda: np.zeros(len(LATENESS_BINS) - 1, dtype=np.int64)
+    )
+    lateness_max: float = 0.0
+    marks: dict[str, list[float]] = field(default_factory=dict)  # times [s]
+    counts: dict[str, int] = field(default_factory=dict)
+    gaps: list[tuple[float, float]] = field(default_factory=list)
+
+    @property
+    def duration(self) -> float:
+        """From the first to the last step [s]."""
+        return (self.end - self.begin) * 1e-9
+
+    def seconds(self, nanoseconds: int) -> float:
+        """A time since 1970 as one since the first step."""
+        return (nanoseconds - self.begin) * 1e-9
+
+    def quantile(self, fraction: float) -> float:
+        """Of the lateness [s]."""
+        total = np.cumsum(self.lateness_counts)
+        if not total[-1]:
+            return 0.0
+        edge = LATENESS_BINS[1 + int(np.searchsorted(total, fraction * total[-1]))]
+        return float(min(edge, self.lateness_max))
+
+
+def is_number(series: str, dtype: np.dtype[Any]) -> bool:
+    """Whether a field is worth a panel: measured numbers, not counters, stamps and bits."""
+    return series != "status" and dtype.kind == "f"
+
+
+def fields_of(dtype: np.dtype[Any], prefix: str = "") -> Iterator[tuple[str, np.dtype[Any]]]:
+    """The fields of an element and what they are made of, nested ones as in "left.angle"."""
+    for name in dtype.names or ():
+        inner = dtype[name]
+        if inner.names is None:
+            yield prefix + name, inner.base
+        else:
+            yield from fields_of(inner, f"{prefix}{name}.")
+
+
+def mark_steps(picture: Picture, statuses: Array, seconds: Array) -> None:
+    """Notes the steps in which something went wrong, but no more than can be seen."""
+    flags = statuses["flags"]
+    kinds = {
+        "repeated": flags & Status.ACTION_REPEATED.value != 0,
+        "rejected": flags & Status.ACTION_REJECTED.value != 0,
+        "acausal": flags & Status.ACAUSAL.value != 0,
+        "skipped": statuses["skipped_ticks"] > 0,
+    }
+    for kind, is_so in kinds.items():
+        count = int(np.count_nonzero(is_so))
+        if not count:
+            continue
+        picture.counts[kind] = picture.counts.get(kind, 0) + count
+        marks = picture.marks.setdefault(kind, [])
+        found = seconds[is_so]
+        marks.extend(found[:: max(1, len(found) // 200)].tolist())
+
+
+def read(session: LoggedSession, first: int | None = None, last: int | None = None) -> Picture:
+    """Goes through the steps once."""
+    begin, end = session.range("observation" if session.is_companion else "applied_action")
+    begin = begin if first is None else max(begin, first)
+    end = end if last is None else min(end, last)
+    picture = Picture(session, max(1, min(BINS, end - begin)), begin, end)
+    picture.times = np.full(picture.bins, np.nan)
+    picture.lateness = Envelope(picture.bins)
+    before = begin
+    before_seconds = 0.0
+    for steps in session.chunks(20_000, begin, end):
+        times = steps.times.astype(np.int64)
+        if not picture.steps:
+            picture.begin = int(times[0])
+        picture.steps += len(steps)
+        picture.end = int(times[-1])
+        seconds = (times - picture.begin) * 1e-9
+        bins, starts = np.unique(
+            (steps.time_index - begin) * picture.bins // (end - begin), return_index=True
+        )
+        picture.times[bins] = np.fmin(picture.times[bins], seconds[starts])
+        # Where indices jump something is missing; that it is drawn as a gap needs no second look.
+        jumps = np.flatnonzero(np.diff(steps.time_index, prepend=before - 1) > 1)
+        for jump in jumps:
+            start = seconds[jump - 1] if jump else before_seconds
+            picture.gaps.append((float(start), float(seconds[jump])))
+        before, before_seconds = int(steps.time_index[-1]) + 1, float(seconds[-1])
+        for series, elements in (
+            ("observation", steps.observations),
+            ("desired_action", steps.desired_actions),
+            ("applied_action", steps.applied_actions),
+        ):
+            if elements is None:
+                continue
+            for name, kind in fields_of(elements.dtype):
+                if is_number(series, kind):
+                    values = elements
+                    for part in name.split("."):
+                        values = values[part]
+                    envelope = picture.fields.setdefault((series, name), Envelope(picture.bins))
+                    envelope.add(bins, starts, values)
+        statuses = steps.statuses
+        if statuses is not None and {"lateness", "flags", "skipped_ticks"} <= set(
+            statuses.dtype.names
+        ):
+            lateness = statuses["lateness"] * 1e-9
+            picture.lateness.add(bins, starts, lateness)
+            picture.lateness_max = max(picture.lateness_max, float(lateness.max()))
+            clipped = np.clip(lateness, LATENESS_BINS[0], LATENESS_BINS[-1])
+            picture.lateness_counts += np.histogram(clipped, LATENESS_BINS)[0]
+            mark_steps(picture, statuses, seconds)
+    return picture
+
+
+# ---- drawing ----
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One row of the picture: a field of the observation, and what was asked for and applied."""
+
+    name: str
+    unit: str
+    measured: Envelope | None
+    desired: Envelope | None = None
+    applied: Envelope | None = None
+
+    @property
+    def columns(self) -> int:
+        """How many numbers it shows."""
+        return max(one.columns for one in (self.measured, self.desired, self.applied) if one)
+
+
+def panels_of(picture: Picture) -> list[Panel]:
+    """A panel per field; actions are drawn where the observation has a field of that name."""
+    units = picture.session.units
+    panels = []
+    names = list(dict.fromkeys(name for _, name in picture.fields))
+    for name in names:
+        shown = {
+            series: picture.fields.get((series, name))
+            for series in ("observation", "desired_action", "applied_action")
+        }
+        if not any(one is not None and one.has_numbers() for one in shown.values()):
+            continue
+        unit = next((units[series][name] for series, one in shown.items() if one is not None), "")
+        measured, desired, applied = shown.values()
+        if measured is None and name.endswith(("_kp", "_kd")):
+            continue  # gains: they are constant, or the robot's own
+        panels.append(Panel(name, unit, measured, desired, applied))
+    return panels
+
+
+def groups_of(columns: int) -> list[range]:
+    """Which numbers of a field share a panel: fingers of three joints, legs, or all."""
+    for size in (3, 4, 2):
+        if columns > 4 and columns % size == 0 and columns // size <= 4:
+            return [range(i, i + size) for i in range(0, columns, size)]
+    return [range(columns)]
+
+
+def title_of(picture: Picture) -> tuple[str, str]:
+    """The headline, and what else there is to say in one line."""
+    session = picture.session
+    begun = datetime.fromtimestamp(picture.begin * 1e-9, UTC)
+    facts = [f"{begun:%Y-%m-%d %H:%M:%S} UTC", f"{picture.steps} steps"]
+    if picture.duration > 0:
+        facts.append(f"{picture.duration:.4g} s")
+        rate = (picture.last - picture.first - 1) / picture.duration
+        facts.append(f"{rate:.4g} Hz")
+    facts.extend(f"{count} {kind}" for kind, count in picture.counts.items())
+    if session.gaps:
+        missing = sum(gap.last - gap.first + 1 for gap in session.gaps)
+        facts.append(f"{missing} steps missing")
+    if session.fault is not None:
+        facts.append(session.fault.code.replace("_", " "))
+    return f"{session.name}  ·  {session.type}", "   ·   ".join(facts)
+
+
+def decorate(axes: Axes, picture: Picture) -> None:
+    """What all panels over time have: grid, gaps, the fault."""
+    axes.grid(color="#E6E6E6", linewidth=0.6)
+    axes.set_axisbelow(True)
+    axes.margins(x=0.01)
+    for start, end in picture.gaps:
+        axes.axvspan(start, end, color=MARKS["gap"], alpha=0.25, linewidth=0)
+    fault = picture.session.fault
+    if fault is not None and fault.needs_recovery and fault.time_index <= picture.last:
+        axes.axvline(picture.duration, color=BAD, linewidth=1.4)
+
+
+def draw_panel(axes: Axes, picture: Picture, panel: Panel, numbers: range) -> None:
+    """Measured numbers as lines; below them what was asked for, dotted, and what was applied."""
+    kinds: list[tuple[Envelope | None, dict[str, Any]]] = [
+        (panel.desired, {"linewidth": 0.9, "linestyle": (0, (1, 1)), "alpha": 0.75}),
+        (panel.applied, {"linewidth": 0.9, "alpha": 0.95}),
+    ]
+    if panel.applied is None or panel.unit != "Nm":
+        # A measured torque is what was applied, one step before.
+        kinds.append((panel.measured, {"linewidth": 1.1}))
+        if panel.measured is not None:
+            kinds.pop(1)
+    for envelope, style in kinds:
+        if envelope is None or not envelope.has_numbers(slice(numbers.start, numbers.stop)):
+            continue
+        for i, number in enumerate(numbers):
+            x, y = envelope.line(picture.times, number)
+            axes.plot(x, y, color=COLOURS[i % len(COLOURS)], **style)
+    decorate(axes, picture)
+
+
+def draw_row(figure: SubFigure, picture: Picture, panel: Panel) -> Axes:
+    """All numbers of a field, side by side if there are many."""
+    from matplotlib.lines import Line2D
+
+    groups = groups_of(panel.columns)
+    axes = figure.subplots(1, len(groups), sharex=True, sharey=True, squeeze=False)[0]
+    for one, numbers in zip(axes, groups, strict=True):
+        draw_panel(one, picture, panel, numbers)
+        title = panel.name
+        if len(groups) > 1:
+            title += f" {numbers.start} to {numbers.stop - 1}"
+        one.set_title(title, loc="left", fontsize=9, fontweight="bold", color="#333333")
+    axes[0].set_ylabel(f"[{panel.unit}]" if panel.unit else "")
+    handles = []
+    has_actions = panel.desired is not None and panel.desired.has_numbers()
+    if has_actions:
+        solid = "applied" if panel.unit == "Nm" and panel.applied is not None else "measured"
+        handles += [
+            Line2D([], [], color="#444444", linestyle=":", label="desired"),
+            Line2D([], [], color="#444444", label=solid),
+        ]
+    if len(groups[0]) > 1:
+        handles += [
+            Line2D([], [], color=COLOURS[i % len(COLOURS)], label=f"{i}" if i else "0")
+            for i in range(len(groups[0]))
+        ]
+    if handles:
+        axes[-1].legend(
+            handles=handles,
+            loc="lower right",
+            bbox_to_anchor=(1.0, 1.0),
+            ncols=len(handles),
+            fontsize=8,
+            frameon=False,
+            handlelength=1.3,
+            columnspacing=0.9,
+            borderpad=0.1,
+        )
+    first: Axes = axes[0]
+    return first
+
+
+def time_unit(seconds: float) -> tuple[float, str]:
+    """A factor and a unit in which such a time has few digits."""
+    for factor, unit in ((1e9, "ns"), (1e6, "µs"), (1e3, "ms")):
+        if seconds * factor < 1000:
+            return factor, unit
+    return 1.0, "s"
+
+
+def time_text(seconds: float) -> str:
+    """As in "12.3 µs"."""
+    factor, unit = time_unit(seconds)
+    return f"{seconds * factor:.3g} {unit}"
+
+
+def draw_lateness(figure: SubFigure, picture: Picture) -> Axes:
+    """How late the steps were, over time and how often."""
+    trace, histogram = figure.subplots(1, 2, width_ratios=[2.6, 1])
+    x, y = picture.lateness.line(picture.times, 0)
+    factor, unit = time_unit(picture.lateness_max)
+    trace.plot(x, y * factor, color=COLOURS[0], linewidth=0.8)
+    p50, p99 = picture.quantile(0.5), picture.quantile(0.99)
+    trace.axhline(p99 * factor, color=COLOURS[1], linewidth=1.0, linestyle="--")
+    trace.set_ylim(bottom=0)
+    trace.set_ylabel(f"[{unit}]")
+    trace.set_title("lateness", loc="left", fontsize=9, fontweight="bold", color="#333333")
+    decorate(trace, picture)
+
+    shown = np.flatnonzero(picture.lateness_counts)
+    low, high = shown[0], shown[-1] + 1
+    edges = LATENESS_BINS[low : high + 1]
+    histogram.stairs(picture.lateness_counts[low:high], edges * factor, fill=True, color=COLOURS[5])
+    histogram.set_xscale("log")
+    histogram.set_yscale("log")
+    histogram.set_xlabel(f"lateness [{unit}]")
+    histogram.set_ylabel("steps")
+    for value, colour, label in (
+        (p50, COLOURS[2], "p50"),
+        (p99, COLOURS[1], "p99"),
+        (picture.lateness_max, BAD, "max"),
+    ):
+        histogram.axvline(
+            value * factor,
+            color=colour,
+            linewidth=1.1,
+            linestyle="--",
+            label=f"{label} {time_text(value)}",
+        )
+    histogram.legend(fontsize=8, frameon=False, loc="upper right", handlelength=1.3)
+    histogram.grid(color="#E6E6E6", linewidth=0.6)
+    histogram.set_axisbelow(True)
+    return trace
+
+
+def draw_marks(figure: SubFigure, picture: Picture, log: Log) -> Axes | None:
+    """A line per kind of trouble, with a stroke where it happened."""
+    marks = dict(picture.marks)
+    begin, end = picture.begin * 1e-9, picture.end * 1e-9
+    events = [
+        event.time - begin
+        for event in log.events
+        if event.level != "info" and begin <= event.time <= end
+    ]
+    if events:
+        marks["event"] = events
+    axes = figure.subplots()
+    kinds = [*marks, *(["gap"] if picture.gaps else [])]
+    for row, kind in enumerate(reversed(kinds)):
+        if kind == "gap":
+            bars = [(start, max(stop - start, 1e-9)) for start, stop in picture.gaps]
+            axes.broken_barh(bars, (row - 0.35, 0.7), color=MARKS["gap"])
+        else:
+            axes.plot(
+                marks[kind],
+                [row] * len(marks[kind]),
+                "|",
+                markersize=9,
+                markeredgewidth=1.4,
+                color=MARKS[kind],
+            )
+    axes.set_yticks(range(len(kinds)), list(reversed(kinds)))
+    axes.set_ylim(-0.6, max(len(kinds), 1) - 0.4)
+    decorate(axes, picture)
+    axes.set_title("what went wrong", loc="left", fontsize=9, fontweight="bold", color="#333333")
+    return axes
+
+
+def companions_of(session: LoggedSession, picture: Picture) -> Iterator[tuple[str, Picture]]:
+    """The companions with something to draw, in the time of the picture."""
+    for companion in session.companions:
+        if companion.range("observation")[1] == 0:
+            continue
+        found = read(companion)
+        shift = (found.begin - picture.begin) * 1e-9
+        found.times = found.times + shift
+        found.gaps = [(start + shift, end + shift) for start, end in found.gaps]
+        if found.fields:
+            yield companion.name.partition(".")[2], found
+
+
+def draw(log: Log, session: LoggedSession, first: int | None, last: int | None) -> Figure:
+    """The whole picture."""
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    picture = read(session, first, last)
+    if not picture.steps:
+        raise InvalidArgument(f"there are no steps of '{session.name}' to draw")
+    rows: list[tuple[str, float, Any]] = [
+        ("panel", 1.75, (picture, panel)) for panel in panels_of(picture)
+    ]
+    if not session.is_companion:
+        for name, found in companions_of(session, picture):
+            for panel in panels_of(found)[:4]:
+                named = Panel(f"{name}: {panel.name}", panel.unit, panel.measured)
+                rows.append(("panel", 1.5, (found, named)))
+    if picture.lateness_max > 0:
+        rows.append(("lateness", 1.75, None))
+    kinds = len(picture.marks) + bool(picture.gaps)
+    if kinds or any(event.level != "info" for event in log.events):
+        rows.append(("marks", 0.75 + 0.22 * max(kinds, 1), None))
+
+    style: Any = {
+        "font.size": 8.5,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "axes.edgecolor": "#888888",
+        "axes.labelcolor": "#333333",
+        "xtick.color": "#555555",
+        "ytick.color": "#555555",
+        "svg.fonttype": "path",
+        "svg.hashsalt": "trifinger",
+    }
+    with mpl.rc_context(style):
+        heights = [height for _, height, _ in rows]
+        figure = Figure(figsize=(12.0, sum(heights) + 0.9), layout="constrained")
+        parts: Any = figure.subfigures(len(rows) + 1, 1, height_ratios=[0.55, *heights], hspace=0.0)
+        headline, facts = title_of(picture)
+        parts[0].text(0.012, 0.72, headline, fontsize=15, fontweight="bold", va="center")
+        parts[0].text(0.012, 0.18, facts, fontsize=9, color="#555555", va="center")
+        for part, (kind, _, content) in zip(parts[1:], rows, strict=True):
+            if kind == "lateness":
+                axes: Axes | None = draw_lateness(part, picture)
+            elif kind == "marks":
+                axes = draw_marks(part, picture, log)
+            else:
+                axes = draw_row(part, *content)
+            if axes is not None:
+                limit = 0.01 * max(picture.duration, 1e-6)
+                axes.set_xlim(-limit, picture.duration + limit)
+        for axes in parts[-1].axes:
+            if not axes.get_xlabel():
+                axes.set_xlabel("time since the first step [s]")
+        fault = session.fault
+        if fault is not None and fault.needs_recovery:
+            parts[0].text(
+                0.99, 0.72, session.fault_text, color=BAD, fontsize=9, ha="right", va="center"
+            )
+    return figure
+
+
+def page(figure: Figure, log: Log, session: LoggedSession) -> str:
+    """A page that needs nothing but itself: the picture as SVG, and the texts of the session."""
+    text = io.StringIO()
+    figure.savefig(text, format="svg")
+    svg = text.getvalue()
+    svg = svg[svg.index("<svg") :]
+    rows = [
+        ("files", ", ".join(path.name for path in log.files)),
+        ("recorded by", f"trifinger {log.origin.get('trifinger_version', 'unknown')}"),
+        ("host", session.host),
+        ("end", session.fault_text or "went on when the recording ended"),
+        *(("gap", f"steps {gap.first} to {gap.last}: {gap.reason}") for gap in session.gaps),
+        *(("damage", damage.reason) for damage in log.damage),
+        *((event.level, f"{event.source}: {event.text}") for event in log.events),
+    ]
+    table = "\n".join(
+        f"<tr><th>{html.escape(name)}</th><td>{html.escape(value)}</td></tr>"
+        for name, value in rows
+    )
+    documents = "\n".join(
+        f"<details><summary>{html.escape(name)}</summary><pre>{html.escape(value)}</pre></details>"
+        for name, value in session.documents.items()
+    )
+    return f"""<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<title>{html.escape(session.name)}: {html.escape(log.files[0].name)}</title>
+<style>
+body {{ font-family: system-ui, sans-serif; color: #222; margin: 1.5em auto; max-width: 1300px; }}
+svg {{ width: 100%; height: auto; }}
+table {{ border-collapse: collapse; font-size: 0.9em; margin: 1em 0; }}
+th {{ text-align: left; vertical-align: top; color: #666; font-weight: normal; }}
+th, td {{ padding: 0.15em 1.2em 0.15em 0; }}
+pre {{ background: #f6f6f6; padding: 0.8em; overflow: auto; max-height: 40em; font-size: 0.85em; }}
+</style>
+</head>
+<body>
+{svg}
+<table>
+{table}
+</table>
+{documents}
+</body>
+</html>
+"""
+
+
+def plot(
+    log: Log,
+    path: Path,
+    robot: str = "",
+    begin: float | None = None,
+    end: float | None = None,
+) -> None:
+    """Draws the newest session of `robot` into a file: .png, .svg, .pdf or .html."""
+    if path.suffix not in (".png", ".svg", ".pdf", ".html"):
+        raise InvalidArgument(f"{path} must end in .png, .svg, .pdf or .html")
+    try:
+        import matplotlib  # noqa: F401
+    except ImportError as error:
+        raise Error('matplotlib is missing: pip install "trifinger[plot]"') from error
+    session = log.session(robot)
+    figure = draw(log, session, *step_range(session, begin, end))
+    if path.suffix == ".html":
+        path.write_text(page(figure, log, session), encoding="utf-8")
+    else:
+        figure.savefig(path, dpi=120)
+
+
+def parse(words: Sequence[str] | None) -> argparse.Namespace:
+    """What was typed."""
+    parser = argparse.ArgumentParser(
+        prog="trifinger log plot",
+        description="Draw what happened in the newest session of a robot.",
+        epilog="Example:\n  trifinger log plot run.mcap -o run.html",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("log", help="a file, or the folder with the parts of a recording")
+    parser.add_argument(
+        "-o", "--output", type=Path, help=".png, .svg, .pdf or .html; default: LOG with .png"
+    )
+    parser.add_argument(
+        "--robot", metavar="NAME", default="", help="needed if there are several; or a companion"
+    )
+    parser.add_argument(
+        "--from", dest="from_", type=float, metavar="SECONDS", help="since the first step"
+    )
+    parser.add_argument("--to", type=float, metavar="SECONDS", help="since the first step")
+    return parser.parse_args(words)
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """`trifinger log plot`."""
+    arguments = parse(words)
+    path = arguments.output or Path(f"{Path(arguments.log).resolve().stem}.png")
+    try:
+        plot(Log(arguments.log), path, arguments.robot, arguments.from_, arguments.to)
+    except (Error, OSError) as error:
+        print(f"trifinger: {error}", file=sys.stderr)
+        return 2 if isinstance(error, InvalidArgument) else 1
+    except KeyboardInterrupt:
+        return 130
+    print(f"{path} written.")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
