@@ -28,6 +28,7 @@ void add_list(CLI::App& program, Action& action);
 void add_status(CLI::App& program, Action& action);
 void add_read(CLI::App& program, Action& action);
 void add_stop(CLI::App& program, Action& action);
+void add_record(CLI::App& program, Action& action);
 void add_recover(CLI::App& program, Action& action);
 void add_log(CLI::App& program, Action& action);
 void add_model(CLI::App& program, Action& action);

@@ -82,6 +82,7 @@ int run_program(const std::vector<std::string>& words) {
   add_list(program, action);
   add_status(program, action);
   add_read(program, action);
+  add_record(program, action);
   add_stop(program, action);
   add_recover(program, action);
   add_log(program, action);

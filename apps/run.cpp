@@ -24,6 +24,7 @@
 #include "commands.hpp"
 #include "loop_figures.hpp"
 #include "robots.hpp"
+#include "run_recorder.hpp"
 #include "session_state.hpp"
 #include "signals.hpp"
 #include "terminal.hpp"
@@ -52,6 +53,7 @@ struct Options {
       "try",
       {{"require", Demand::kRequire}, {"try", Demand::kTry}, {"off", Demand::kOff}}};
   double fault_log{10.0};  // [s]
+  std::optional<std::filesystem::path> record;
   int priority{80};
   std::optional<int> cpu;
 };
@@ -112,24 +114,14 @@ class LoopThread {
 // always up to date.
 class Reporter {
  public:
-  Reporter(std::string name, const SessionHost& host)
-      : name_(std::move(name)), host_(host), live_(terminal_) {}
+  Reporter(std::string name, const SessionHost& host) : name_(std::move(name)), host_(host) {}
 
   void print(const std::string& text, Style style = Style::kPlain) {
-    live_.clear();
-    const std::string head = name_ + ": ";
-    const std::size_t indent = columns_of(head);
-    const std::size_t room = terminal_.is_live() && terminal_.width() > 2 * indent
-                                 ? terminal_.width() - indent
-                                 : std::string::npos;
-    bool is_first = true;
-    for (const std::string& line : wrap(text, room)) {
-      const std::string start =
-          is_first ? terminal_.paint(head, Style::kBold) : std::string(indent, ' ');
-      fmt::print("{}{}\n", start, terminal_.paint(line, style));
-      is_first = false;
-    }
-    std::fflush(stdout);
+    console_.print(name_, text, style);
+  }
+  // About something else than the robot.
+  void print(const std::string& about, const std::string& text, Style style) {
+    console_.print(about, text, style);
   }
 
   // Looks at the current session.
@@ -138,7 +130,7 @@ class Reporter {
     // The next one is looked for only when there may be one: in the process of the loop a mapping
     // is not free.
     if (!session_ || phase_ == SessionInfo::Phase::kEnded) find_next_session();
-    if (session_ && terminal_.is_live()) live_.draw({status_line(is_stopping)});
+    if (session_ && console_.is_live()) console_.draw(status_line(is_stopping));
   }
 
  private:
@@ -199,7 +191,7 @@ class Reporter {
     return text;
   }
 
-  [[nodiscard]] std::string status_line(bool is_stopping) const {
+  [[nodiscard]] std::vector<Segment> status_line(bool is_stopping) const {
     const SessionInfo info = session_->session().info();
     const Health health = health_of(info);
     const std::string state = is_stopping ? "stopping" : state_text(info);
@@ -219,13 +211,12 @@ class Reporter {
       }
       segments.push_back({controller_text(info), 5, Style::kDim});
     }
-    return fit(std::move(segments), terminal_.width(), terminal_);
+    return segments;
   }
 
   std::string name_;
   const SessionHost& host_;
-  Terminal terminal_;
-  LiveLines live_;
+  Console console_;
   LoopFigures figures_;
   std::optional<UntypedFrontend> session_;
   std::optional<SessionInfo::Phase> phase_;  // that was reported
@@ -305,6 +296,7 @@ int run(const Options& options) {
   SessionHost host = SessionHost::named(name, robot.session);
   log::FlightRecorder flight_recorder({.length = std::chrono::round<Nanoseconds>(
                                            std::chrono::duration<double>(options.fault_log))});
+  std::unique_ptr<RunRecorder> recorder;  // before the back-end, which it must outlive
   Backend backend(*robot.driver, host, robot.backend);
   Messages messages;
   backend.set_after_session([&](const Fault& fault) {
@@ -312,6 +304,7 @@ int run(const Options& options) {
     if (!state.empty()) messages.add(save(state, name));
   });
   if (options.fault_log > 0.0) backend.follow(flight_recorder);
+  if (options.record) recorder = RunRecorder::start(name, *options.record, robot.backend, backend);
   Reporter reporter(name, host);
   reporter.print(timing_text(robot.backend));
   LoopThread loop(backend, realtime);
@@ -322,6 +315,11 @@ int run(const Options& options) {
     const std::vector<std::string> sentences = messages.take();
     reporter.look(is_stopping);
     for (const std::string& sentence : sentences) reporter.print(sentence);
+    if (recorder != nullptr) {
+      for (const std::string& line : recorder->take_lines()) {
+        reporter.print("recorder", line, Style::kPlain);
+      }
+    }
     for (const log::FlightRecorder::Left& left : flight_recorder.write()) {
       if (left.trouble.empty()) {
         reporter.print("what came before the fault is in " + left.file.string());
@@ -341,6 +339,15 @@ int run(const Options& options) {
     report(is_stopping);
   }
   report(is_stopping);
+  if (recorder != nullptr) {
+    while (!recorder->finish(kRefresh)) {
+      if (const std::optional<int> signal = signals.wait(Nanoseconds::zero())) {
+        Signals::die_of(*signal);
+      }
+      report(is_stopping);
+    }
+    report(is_stopping);
+  }
   if (loop.failure() != nullptr) std::rethrow_exception(loop.failure());
   reporter.print("stopped");
   return kDone;
@@ -379,6 +386,10 @@ void add_run(CLI::App& program, Action& action) {
                    "Length of the log that a fault leaves behind; default: 10, none: 0")
       ->check(CLI::Range(0.0, 3600.0))
       ->option_text("SECONDS");
+  command
+      ->add_option("--record", options->record,
+                   "Record everything into this folder, as 'trifinger record' does")
+      ->option_text("DIR");
   options->scheduling.add_to(*command, "Real-time scheduling; default: try, and go on without");
   command
       ->add_option("--priority", options->priority,
@@ -394,6 +405,7 @@ void add_run(CLI::App& program, Action& action) {
       "~/.local/state/trifinger; a simulation that diverges leaves the state before, too.\n"
       "Example:\n"
       "  trifinger run sim --set fingers.height=0.3\n"
+      "  trifinger run sim --record logs\n"
       "  trifinger run ./my_robot.yml --name left --scheduling require --cpu 3");
   command->callback([&action, options] { action = [options] { return run(*options); }; });
 }

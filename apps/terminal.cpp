@@ -151,6 +151,27 @@ void LiveLines::clear() {
   drawn_.clear();
 }
 
+void Console::print(const std::string& about, const std::string& text, Style style) {
+  live_.clear();
+  const std::string head = about + ": ";
+  const std::size_t indent = columns_of(head);
+  const std::size_t room = terminal_.is_live() && terminal_.width() > 2 * indent
+                               ? terminal_.width() - indent
+                               : std::string::npos;
+  bool is_first = true;
+  for (const std::string& line : wrap(text, room)) {
+    const std::string start =
+        is_first ? terminal_.paint(head, Style::kBold) : std::string(indent, ' ');
+    fmt::print("{}{}\n", start, terminal_.paint(line, style));
+    is_first = false;
+  }
+  std::fflush(stdout);
+}
+
+void Console::draw(const std::vector<Segment>& line) {
+  if (terminal_.is_live()) live_.draw({fit(line, terminal_.width(), terminal_)});
+}
+
 std::string LiveLines::to_first_line() const {
   // In a window that has become narrower the lines have been broken.
   const std::size_t width = std::max<std::size_t>(terminal_.width(), 1);

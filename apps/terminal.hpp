@@ -71,4 +71,19 @@ class LiveLines {
   std::vector<std::string> drawn_;
 };
 
+// What a long-running command tells: a line for each event, and on a terminal a few lines below
+// them that are always up to date.
+class Console {
+ public:
+  // Prints `text`, broken to the width of the window, behind what it is about: "sim: text".
+  void print(const std::string& about, const std::string& text, Style style = Style::kPlain);
+  // Shows what is always up to date, if somebody watches.
+  void draw(const std::vector<Segment>& line);
+  [[nodiscard]] bool is_live() const noexcept { return terminal_.is_live(); }
+
+ private:
+  Terminal terminal_;
+  LiveLines live_{terminal_};
+};
+
 }  // namespace trifinger::apps

