@@ -12,6 +12,7 @@ import argparse
 import html
 import io
 import sys
+import textwrap
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -26,7 +27,7 @@ from trifinger.export import step_range
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure, SubFigure
+    from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
     Array = NDArray[Any]
@@ -42,6 +43,8 @@ MARKS = {
     "event": "#0072B2",
 }
 BAD = "#C0202A"
+# What the parts of long fields are called.
+GROUPS = {"trifinger": ("finger 0", "finger 120", "finger 240")}
 BINS = 1600  # stretches of time that a panel can show
 LATENESS_BINS = np.logspace(-7, 2, 451)  # [s]
 
@@ -151,6 +154,8 @@ def mark_steps(picture: Picture, statuses: Array, seconds: Array) -> None:
         count = int(np.count_nonzero(is_so))
         if not count:
             continue
+        if kind == "skipped":
+            count = int(statuses["skipped_ticks"].sum())
         picture.counts[kind] = picture.counts.get(kind, 0) + count
         marks = picture.marks.setdefault(kind, [])
         found = seconds[is_so]
@@ -289,16 +294,13 @@ def decorate(axes: Axes, picture: Picture) -> None:
 
 
 def draw_panel(axes: Axes, picture: Picture, panel: Panel, numbers: range) -> None:
-    """Measured numbers as lines; below them what was asked for, dotted, and what was applied."""
-    kinds: list[tuple[Envelope | None, dict[str, Any]]] = [
-        (panel.desired, {"linewidth": 0.9, "linestyle": (0, (1, 1)), "alpha": 0.75}),
-        (panel.applied, {"linewidth": 0.9, "alpha": 0.95}),
-    ]
-    if panel.applied is None or panel.unit != "Nm":
-        # A measured torque is what was applied, one step before.
-        kinds.append((panel.measured, {"linewidth": 1.1}))
-        if panel.measured is not None:
-            kinds.pop(1)
+    """What was asked for as a broad, pale line; on it what was applied or measured."""
+    # A measured torque is what was applied, one step before: one of them is enough.
+    done = panel.applied if panel.applied is not None and panel.unit == "Nm" else panel.measured
+    kinds: tuple[tuple[Envelope | None, dict[str, Any]], ...] = (
+        (panel.desired, {"linewidth": 3.6, "alpha": 0.3, "solid_capstyle": "butt"}),
+        (done or panel.applied, {"linewidth": 1.0}),
+    )
     for envelope, style in kinds:
         if envelope is None or not envelope.has_numbers(slice(numbers.start, numbers.stop)):
             continue
@@ -308,46 +310,26 @@ def draw_panel(axes: Axes, picture: Picture, panel: Panel, numbers: range) -> No
     decorate(axes, picture)
 
 
-def draw_row(figure: SubFigure, picture: Picture, panel: Panel) -> Axes:
-    """All numbers of a field, side by side if there are many."""
-    from matplotlib.lines import Line2D
+def entitle(axes: Axes, title: str, unit: str = "") -> None:
+    """Above the panel, and what its numbers are in."""
+    axes.set_title(title, loc="left", fontsize=9, fontweight="bold", color="#333333")
+    if unit:
+        axes.set_ylabel(f"[{unit}]")
 
+
+def draw_row(parts: Sequence[Axes], picture: Picture, panel: Panel) -> None:
+    """All numbers of a field, side by side if there are many."""
     groups = groups_of(panel.columns)
-    axes = figure.subplots(1, len(groups), sharex=True, sharey=True, squeeze=False)[0]
-    for one, numbers in zip(axes, groups, strict=True):
-        draw_panel(one, picture, panel, numbers)
+    names = GROUPS.get(picture.session.type, ())
+    for i, (axes, numbers) in enumerate(zip(parts, groups, strict=True)):
+        draw_panel(axes, picture, panel, numbers)
         title = panel.name
         if len(groups) > 1:
-            title += f" {numbers.start} to {numbers.stop - 1}"
-        one.set_title(title, loc="left", fontsize=9, fontweight="bold", color="#333333")
-    axes[0].set_ylabel(f"[{panel.unit}]" if panel.unit else "")
-    handles = []
-    has_actions = panel.desired is not None and panel.desired.has_numbers()
-    if has_actions:
-        solid = "applied" if panel.unit == "Nm" and panel.applied is not None else "measured"
-        handles += [
-            Line2D([], [], color="#444444", linestyle=":", label="desired"),
-            Line2D([], [], color="#444444", label=solid),
-        ]
-    if len(groups[0]) > 1:
-        handles += [
-            Line2D([], [], color=COLOURS[i % len(COLOURS)], label=f"{i}" if i else "0")
-            for i in range(len(groups[0]))
-        ]
-    if handles:
-        axes[-1].legend(
-            handles=handles,
-            loc="lower right",
-            bbox_to_anchor=(1.0, 1.0),
-            ncols=len(handles),
-            fontsize=8,
-            frameon=False,
-            handlelength=1.3,
-            columnspacing=0.9,
-            borderpad=0.1,
-        )
-    first: Axes = axes[0]
-    return first
+            is_named = len(names) == len(groups)
+            title += f", {names[i] if is_named else f'{numbers.start} to {numbers.stop - 1}'}"
+        entitle(axes, title, panel.unit if i == 0 else "")
+        if i:
+            axes.tick_params(labelleft=False)
 
 
 def time_unit(seconds: float) -> tuple[float, str]:
@@ -364,17 +346,19 @@ def time_text(seconds: float) -> str:
     return f"{seconds * factor:.3g} {unit}"
 
 
-def draw_lateness(figure: SubFigure, picture: Picture) -> Axes:
+def draw_lateness(trace: Axes, histogram: Axes, picture: Picture) -> None:
     """How late the steps were, over time and how often."""
-    trace, histogram = figure.subplots(1, 2, width_ratios=[2.6, 1])
     x, y = picture.lateness.line(picture.times, 0)
     factor, unit = time_unit(picture.lateness_max)
+    quantiles = (
+        (picture.quantile(0.5), COLOURS[2], "p50"),
+        (picture.quantile(0.99), COLOURS[1], "p99"),
+        (picture.lateness_max, BAD, "max"),
+    )
     trace.plot(x, y * factor, color=COLOURS[0], linewidth=0.8)
-    p50, p99 = picture.quantile(0.5), picture.quantile(0.99)
-    trace.axhline(p99 * factor, color=COLOURS[1], linewidth=1.0, linestyle="--")
+    trace.axhline(quantiles[1][0] * factor, color=COLOURS[1], linewidth=1.0, linestyle="--")
     trace.set_ylim(bottom=0)
-    trace.set_ylabel(f"[{unit}]")
-    trace.set_title("lateness", loc="left", fontsize=9, fontweight="bold", color="#333333")
+    entitle(trace, "lateness", unit)
     decorate(trace, picture)
 
     shown = np.flatnonzero(picture.lateness_counts)
@@ -384,56 +368,68 @@ def draw_lateness(figure: SubFigure, picture: Picture) -> Axes:
     histogram.set_xscale("log")
     histogram.set_yscale("log")
     histogram.set_xlabel(f"lateness [{unit}]")
-    histogram.set_ylabel("steps")
-    for value, colour, label in (
-        (p50, COLOURS[2], "p50"),
-        (p99, COLOURS[1], "p99"),
-        (picture.lateness_max, BAD, "max"),
-    ):
-        histogram.axvline(
-            value * factor,
-            color=colour,
-            linewidth=1.1,
-            linestyle="--",
-            label=f"{label} {time_text(value)}",
-        )
-    histogram.legend(fontsize=8, frameon=False, loc="upper right", handlelength=1.3)
+    entitle(histogram, "lateness, how many steps")
+    for value, colour, label in quantiles:
+        line: dict[str, Any] = {"color": colour, "linewidth": 1.1, "linestyle": "--"}
+        histogram.axvline(value * factor, label=f"{label} {time_text(value)}", **line)
+    histogram.legend(fontsize=8, loc="upper right", handlelength=1.3, edgecolor="none")
     histogram.grid(color="#E6E6E6", linewidth=0.6)
     histogram.set_axisbelow(True)
-    return trace
 
 
-def draw_marks(figure: SubFigure, picture: Picture, log: Log) -> Axes | None:
+def draw_marks(axes: Axes, picture: Picture, marks: dict[str, list[float]]) -> None:
     """A line per kind of trouble, with a stroke where it happened."""
-    marks = dict(picture.marks)
-    begin, end = picture.begin * 1e-9, picture.end * 1e-9
-    events = [
-        event.time - begin
-        for event in log.events
-        if event.level != "info" and begin <= event.time <= end
-    ]
-    if events:
-        marks["event"] = events
-    axes = figure.subplots()
     kinds = [*marks, *(["gap"] if picture.gaps else [])]
     for row, kind in enumerate(reversed(kinds)):
         if kind == "gap":
             bars = [(start, max(stop - start, 1e-9)) for start, stop in picture.gaps]
             axes.broken_barh(bars, (row - 0.35, 0.7), color=MARKS["gap"])
         else:
-            axes.plot(
-                marks[kind],
-                [row] * len(marks[kind]),
-                "|",
-                markersize=9,
-                markeredgewidth=1.4,
-                color=MARKS[kind],
-            )
+            times = marks[kind]
+            stroke: dict[str, Any] = {"markersize": 9, "markeredgewidth": 1.4, "color": MARKS[kind]}
+            axes.plot(times, [row] * len(times), "|", **stroke)
     axes.set_yticks(range(len(kinds)), list(reversed(kinds)))
     axes.set_ylim(-0.6, max(len(kinds), 1) - 0.4)
     decorate(axes, picture)
-    axes.set_title("what went wrong", loc="left", fontsize=9, fontweight="bold", color="#333333")
-    return axes
+    entitle(axes, "what went wrong")
+
+
+def draw_head(axes: Axes, picture: Picture, panels: Sequence[Panel]) -> None:
+    """Name and facts on the left, on the right what lines and colours mean."""
+    from matplotlib.lines import Line2D
+
+    axes.axis("off")
+    headline, facts = title_of(picture)
+    place: dict[str, Any] = {"transform": axes.transAxes, "va": "center"}
+    axes.text(0.0, 0.75, headline, fontsize=15, fontweight="bold", **place)
+    axes.text(0.0, 0.38, facts, fontsize=9, color="#555555", **place)
+    fault = picture.session.fault
+    if fault is not None and fault.needs_recovery:
+        text = textwrap.shorten(picture.session.fault_text, 190)
+        axes.text(0.0, 0.08, text, fontsize=9, color=BAD, **place)
+    handles = []
+    if any(panel.desired is not None and panel.desired.has_numbers() for panel in panels):
+        handles += [
+            Line2D([], [], color="#777777", linewidth=3.6, alpha=0.4, label="desired"),
+            Line2D([], [], color="#444444", linewidth=1.0, label="measured (torque: applied)"),
+        ]
+    most = max((len(groups_of(panel.columns)[0]) for panel in panels), default=1)
+    if most > 1:
+        handles += [
+            Line2D([], [], color=COLOURS[i % len(COLOURS)], label=str(i)) for i in range(most)
+        ]
+    if handles:
+        axes.legend(
+            handles=handles,
+            loc="center right",
+            bbox_to_anchor=(1.0, 0.75),
+            ncols=len(handles),
+            fontsize=8.5,
+            frameon=False,
+            handlelength=1.6,
+            columnspacing=1.2,
+            borderpad=0.0,
+        )
 
 
 def companions_of(session: LoggedSession, picture: Picture) -> Iterator[tuple[str, Picture]]:
@@ -449,6 +445,20 @@ def companions_of(session: LoggedSession, picture: Picture) -> Iterator[tuple[st
             yield companion.name.partition(".")[2], found
 
 
+def troubles_of(log: Log, picture: Picture) -> dict[str, list[float]]:
+    """When something went wrong, by its kind; warnings of the recorder included."""
+    marks = dict(picture.marks)
+    begin, end = picture.begin * 1e-9, picture.end * 1e-9
+    events = [
+        event.time - begin
+        for event in log.events
+        if event.level != "info" and begin <= event.time <= end
+    ]
+    if events:
+        marks["event"] = events
+    return marks
+
+
 def draw(log: Log, session: LoggedSession, first: int | None, last: int | None) -> Figure:
     """The whole picture."""
     import matplotlib as mpl
@@ -457,19 +467,18 @@ def draw(log: Log, session: LoggedSession, first: int | None, last: int | None) 
     picture = read(session, first, last)
     if not picture.steps:
         raise InvalidArgument(f"there are no steps of '{session.name}' to draw")
-    rows: list[tuple[str, float, Any]] = [
-        ("panel", 1.75, (picture, panel)) for panel in panels_of(picture)
-    ]
+    rows = [(picture, panel) for panel in panels_of(picture)]
+    panels = [panel for _, panel in rows]
     if not session.is_companion:
         for name, found in companions_of(session, picture):
-            for panel in panels_of(found)[:4]:
-                named = Panel(f"{name}: {panel.name}", panel.unit, panel.measured)
-                rows.append(("panel", 1.5, (found, named)))
-    if picture.lateness_max > 0:
-        rows.append(("lateness", 1.75, None))
-    kinds = len(picture.marks) + bool(picture.gaps)
-    if kinds or any(event.level != "info" for event in log.events):
-        rows.append(("marks", 0.75 + 0.22 * max(kinds, 1), None))
+            rows += [
+                (found, Panel(f"{name}: {panel.name}", panel.unit, panel.measured))
+                for panel in panels_of(found)[:3]
+            ]
+    marks = troubles_of(log, picture)
+    kinds = len(marks) + bool(picture.gaps)
+    heights = [0.75] + [1.6] * len(rows)
+    heights += [1.6] * (picture.lateness_max > 0) + [0.35 + 0.22 * kinds] * (kinds > 0)
 
     style: Any = {
         "font.size": 8.5,
@@ -483,30 +492,34 @@ def draw(log: Log, session: LoggedSession, first: int | None, last: int | None) 
         "svg.hashsalt": "trifinger",
     }
     with mpl.rc_context(style):
-        heights = [height for _, height, _ in rows]
-        figure = Figure(figsize=(12.0, sum(heights) + 0.9), layout="constrained")
-        parts: Any = figure.subfigures(len(rows) + 1, 1, height_ratios=[0.55, *heights], hspace=0.0)
-        headline, facts = title_of(picture)
-        parts[0].text(0.012, 0.72, headline, fontsize=15, fontweight="bold", va="center")
-        parts[0].text(0.012, 0.18, facts, fontsize=9, color="#555555", va="center")
-        for part, (kind, _, content) in zip(parts[1:], rows, strict=True):
-            if kind == "lateness":
-                axes: Axes | None = draw_lateness(part, picture)
-            elif kind == "marks":
-                axes = draw_marks(part, picture, log)
-            else:
-                axes = draw_row(part, *content)
-            if axes is not None:
-                limit = 0.01 * max(picture.duration, 1e-6)
-                axes.set_xlim(-limit, picture.duration + limit)
-        for axes in parts[-1].axes:
-            if not axes.get_xlabel():
-                axes.set_xlabel("time since the first step [s]")
-        fault = session.fault
-        if fault is not None and fault.needs_recovery:
-            parts[0].text(
-                0.99, 0.72, session.fault_text, color=BAD, fontsize=9, ha="right", va="center"
-            )
+        figure = Figure(figsize=(12.0, sum(heights) + 0.3 * len(heights)), layout="constrained")
+        grid = figure.add_gridspec(len(heights), 12, height_ratios=heights)
+        draw_head(figure.add_subplot(grid[0, :]), picture, panels)
+        over_time: list[Axes] = []
+        row = 1
+        for source, panel in rows:
+            width = 12 // len(groups_of(panel.columns))
+            parts: list[Axes] = []
+            for i in range(len(groups_of(panel.columns))):
+                place = grid[row, i * width : (i + 1) * width]
+                parts.append(figure.add_subplot(place, sharey=parts[0] if parts else None))
+            draw_row(parts, source, panel)
+            over_time += parts
+            row += 1
+        if picture.lateness_max > 0:
+            trace = figure.add_subplot(grid[row, :8])
+            draw_lateness(trace, figure.add_subplot(grid[row, 8:]), picture)
+            over_time.append(trace)
+            row += 1
+        if kinds:
+            axes = figure.add_subplot(grid[row, :])
+            draw_marks(axes, picture, marks)
+            over_time.append(axes)
+        margin = 0.01 * max(picture.duration, 1e-6)
+        for axes in over_time:
+            axes.set_xlim(-margin, picture.duration + margin)
+        figure.align_ylabels()
+        over_time[-1].set_xlabel("time since the first step [s]")
     return figure
 
 
