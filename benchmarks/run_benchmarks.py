@@ -4,16 +4,19 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import os
 import statistics
 import subprocess
 import sys
+import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import trifinger
 from trifinger import _trifinger, program
 
@@ -57,32 +60,164 @@ def inline_samples(rounds: int) -> list[float]:
         return [python_loop(robot, 200_000) for _ in range(rounds)]
 
 
-def across_processes_samples(rounds: int) -> list[float]:
-    """The back-end is a process of its own, on the same CPU, which it inherits."""
+@contextlib.contextmanager
+def back_end(robot: str, *options: str) -> Iterator[str]:
+    """A back-end in a process of its own; gives its name."""
     name = f"benchmark-{os.getpid()}"
-    os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
     with subprocess.Popen(
-        [program.path(), "run", "fake", "--name", name, "--non-real-time"],
+        [program.path(), "run", robot, "--name", name, *options],
         stdout=subprocess.DEVNULL,
     ) as process:
         try:
             while name not in (session.name for session in trifinger.list_sessions()):
                 process.poll()
                 if process.returncode is not None:
-                    raise SystemExit("`trifinger run fake` ended with an error")
+                    raise SystemExit(f"`trifinger run {robot}` ended with an error")
                 time.sleep(0.01)
-            with trifinger.connect(name) as robot:
-                return [python_loop(robot, 30_000) for _ in range(rounds)]
+            yield name
         finally:
             process.terminate()
             process.wait()
 
 
+@contextlib.contextmanager
+def recorder(name: str, folder: str) -> Iterator[int]:
+    """A recorder in a process of its own that has begun its file; gives its process id."""
+    before = set(Path(folder).glob("*.mcap"))
+    with subprocess.Popen(
+        [program.path(), "record", name, "--to", folder], stdout=subprocess.DEVNULL
+    ) as process:
+        try:
+            while set(Path(folder).glob("*.mcap")) == before:
+                process.poll()
+                if process.returncode is not None:
+                    raise SystemExit("`trifinger record` ended with an error")
+                time.sleep(0.01)
+            yield process.pid
+        finally:
+            process.terminate()
+            process.wait()
+
+
+def across_processes_samples(rounds: int) -> list[float]:
+    """The back-end is a process of its own, on the same CPU, which it inherits."""
+    affinity = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {max(affinity)})
+    try:
+        with back_end("fake", "--non-real-time") as name, trifinger.connect(name) as robot:
+            return [python_loop(robot, 30_000) for _ in range(rounds)]
+    finally:
+        os.sched_setaffinity(0, affinity)
+
+
+def cpu_time(pid: int) -> float:
+    """The time that a process has spent on processors so far [s]."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def recorder_rows(windows: int, duration: float) -> list[Row]:
+    """A simulated robot with its object at 1 kHz, recorded by a process of its own."""
+    load: list[float] = []
+    recorded: list[float] = []
+    alone: list[float] = []
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        back_end("sim") as name,
+        trifinger.connect(name) as robot,
+    ):
+        action = robot.new_action(position=robot.latest_observation().position)
+        actions = np.repeat(np.asarray(action), 50)
+        t = robot.append_desired_action(action)
+
+        def window() -> float:
+            """The 99th percentile of the lateness of a window [us]."""
+            nonlocal t
+            first = t
+            while t < first + 1000 * duration:
+                t = robot.append_desired_actions(actions)
+                robot.wait_until_time_index(t - 20)
+            statuses = robot.get_statuses(first + 1, t - 20)
+            return float(np.quantile(statuses["lateness"], 0.99)) * 1e-3
+
+        for _ in range(windows):
+            with recorder(name, folder) as pid:
+                cpu_before, before = cpu_time(pid), time.perf_counter()
+                recorded.append(window())
+                load.append(100 * (cpu_time(pid) - cpu_before) / (time.perf_counter() - before))
+            alone.append(window())
+    ratio = statistics.median(a / b for a, b in zip(recorded, alone, strict=True))
+    return [
+        {
+            "measure": "recorder's CPU at 1 kHz, robot and object",
+            "value": statistics.mean(load),
+            "low": min(load),
+            "high": max(load),
+            "unit": "%",
+            "reference": None,
+            "ratio": None,
+            "reach": "<= 3 % of one core",
+            "holds": statistics.mean(load) <= 3.0,
+            "remark": "",
+        },
+        {
+            "measure": "1 kHz: lateness while recorded, p99 of windows",
+            "value": statistics.median(recorded),
+            "low": min(recorded),
+            "high": max(recorded),
+            "unit": "us",
+            "reference": f"the same not recorded ({statistics.median(alone):.4g} us)",
+            "ratio": ratio,
+            "reach": "<= 1.2x",
+            "holds": ratio <= 1.2,
+            "remark": f"windows of {duration:g} s in turn; not recorded: {min(alone):.4g} to "
+            f"{max(alone):.4g} us",
+        },
+    ]
+
+
+def reading_row(rounds: int, reference: Row) -> Row:
+    """A minute of a recorded robot into NumPy."""
+    steps = 60_000
+    with tempfile.TemporaryDirectory() as folder:
+        simulation = trifinger.Simulation()
+        with simulation.record(folder), simulation.connect() as robot:
+            random = np.random.default_rng(1)
+            action = robot.new_action(position=robot.latest_observation().position)
+            for torque in random.uniform(-0.2, 0.2, (steps, 9)):
+                action.torque = torque
+                robot.wait_until_time_index(robot.append_desired_action(action))
+            robot.finish()
+        samples = []
+        for _ in range(rounds + 1):
+            begin = time.perf_counter()
+            rows = trifinger.Log(folder).session().read()
+            samples.append(time.perf_counter() - begin)
+            if len(rows.observations) != steps:
+                raise SystemExit("steps are missing in the log")
+    del samples[0]
+    value = statistics.median(samples)
+    return {
+        "measure": "log: 60 s at 1 kHz into NumPy",
+        "value": value,
+        "low": min(samples),
+        "high": max(samples),
+        "unit": "s",
+        "reference": f"the same from C++ ({reference['value']:.4g} s)",
+        "ratio": value / reference["value"],
+        "reach": "<= 0.15 s",
+        "holds": value <= 0.15,
+        "remark": "",
+    }
+
+
+def find(rows: list[Row], measure: str) -> Row:
+    """The row of that name."""
+    return next(row for row in rows if row["measure"] == measure)
+
+
 def python_rows(rows: list[Row], rounds: int) -> list[Row]:
     """What the Python side measures, beside the `rows` of the C++ side."""
-
-    def find(measure: str) -> Row:
-        return next(row for row in rows if row["measure"] == measure)
 
     measures: list[tuple[str, Callable[[int], list[float]], float, str]] = [
         (
@@ -99,7 +234,7 @@ def python_rows(rows: list[Row], rounds: int) -> list[Row]:
         ),
     ]
     return [
-        row(name, samples(rounds), reach, find(reference))
+        row(name, samples(rounds), reach, find(rows, reference))
         for name, samples, reach, reference in measures
     ]
 
@@ -136,7 +271,10 @@ def main() -> int:
 
     command = [str(PROGRAM), *(["--quick"] if arguments.quick else [])]
     rows: list[Row] = json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE).stdout)
-    rows += python_rows(rows, 3 if arguments.quick else 15)
+    rounds = 3 if arguments.quick else 15
+    rows += python_rows(rows, rounds)
+    rows.append(reading_row(rounds, find(rows, "log: 60 s at 1 kHz into arrays, C++")))
+    rows += recorder_rows(2, 0.5) if arguments.quick else recorder_rows(30, 2.0)
     print_table(rows)
     if arguments.json:
         arguments.json.write_text(json.dumps(rows, indent=2) + "\n")
