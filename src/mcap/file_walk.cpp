@@ -128,14 +128,13 @@ FileWalk::Step FileWalk::visit(std::uint64_t offset, const RecordHeader& header,
     case Opcode::kDataEnd:
       return header.length == kDataEndSize - kRecordHeaderSize ? Step::kDataEnd : Step::kLost;
     case Opcode::kNone:
-      return Step::kLost;
     case Opcode::kFooter:
     case Opcode::kChunkIndex:
     case Opcode::kAttachmentIndex:
     case Opcode::kStatistics:
     case Opcode::kMetadataIndex:
     case Opcode::kSummaryOffset:
-      return Step::kLost;  // these are in the summary only
+      return Step::kLost;  // these are in the summary, if anywhere
   }
   // Is it new, or damaged? Then its length may be too.
   if (!is_boundary(offset + header.record_length(), end)) return Step::kLost;

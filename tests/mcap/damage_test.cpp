@@ -25,10 +25,10 @@ struct Case {
 
 std::vector<Case> all_cases() {
   std::vector<Case> cases;
-  cases.reserve(12);
   for (const Compression compression : kCompressions) {
     for (const bool is_finished : {false, true}) {
-      for (const bool verify : {false, true}) cases.push_back({compression, is_finished, verify});
+      cases.insert(cases.end(),
+                   {{compression, is_finished, false}, {compression, is_finished, true}});
     }
   }
   return cases;
