@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """`trifinger demo`: a simulated TriFinger at 1 kHz, driven by a program in another process.
 
-Starts a back-end in real-time mode, draws circles with the three finger tips, pushes the cube, and
-leaves a picture of the scene and a plot of the joints in a folder.
+Starts a back-end in real-time mode that records itself, draws circles with the three finger tips,
+pushes the cube, and leaves the log, a plot of it and a picture of the scene in a folder.
 """
 
 from __future__ import annotations
@@ -21,11 +21,10 @@ from typing import Any
 import numpy as np
 
 import trifinger
-from trifinger import program
+from trifinger import plot, program
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
-FINGERS = ("finger 0", "finger 120", "finger 240")
 RATE = 1000  # [steps/s]
 
 
@@ -84,9 +83,12 @@ def tip_targets(start: Array, path: list[Waypoint]) -> Array:
 
 
 @contextlib.contextmanager
-def back_end(name: str) -> Iterator[None]:
-    """A simulated robot called `name` in a process of its own, for as long as the block lasts."""
-    command = [program.path(), "run", "sim", "--name", name]
+def back_end(name: str, folder: Path) -> Iterator[None]:
+    """A simulated robot called `name` in a process of its own, for as long as the block lasts.
+
+    It records itself into `folder`.
+    """
+    command = [program.path(), "run", "sim", "--name", name, "--record", str(folder)]
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
     ) as process:
@@ -104,34 +106,21 @@ def back_end(name: str) -> Iterator[None]:
             process.wait()
 
 
-@dataclass(frozen=True)
-class Run:
-    """What happened, a row per step."""
-
-    observations: Any
-    desired_actions: Any
-    statuses: Any
-    cube_before: Any
-    cube_after: Any
-
-
-def cube_at(cubes: trifinger.Frontend, t: int) -> Any:
+def cube_at(cubes: trifinger.Frontend | trifinger.LoggedSession, t: int) -> Any:
     """The newest pose of the cube that had arrived at step t; there is one before step 0."""
     latest = cubes.get_latest_at(t)
     if latest is None:
         raise trifinger.Error(f"no pose of the cube had arrived at step {t}")
-    return latest.cube.copy()
+    return latest.cube
 
 
-def drive(name: str) -> Run:
+def drive(name: str) -> None:
     """Controls the robot along the path: inverse kinematics, and torques against gravity."""
     kinematics = trifinger.Kinematics("sim")
     with trifinger.connect(name) as robot:
         pose = robot.latest_observation()
-        cubes = robot.companion("object")
-        start = kinematics.tip_positions(pose.position)
-        cube_before = cube_at(cubes, -1)
-        targets = tip_targets(start, waypoints(cube_before.position))
+        cube = cube_at(robot.companion("object"), -1)
+        targets = tip_targets(kinematics.tip_positions(pose.position), waypoints(cube.position))
 
         near = pose.position.copy()
         t = robot.append_desired_action(
@@ -144,23 +133,17 @@ def drive(name: str) -> Run:
                 near[joints], _ = kinematics.inverse_kinematics(finger, tips[finger], near[joints])
             action = robot.new_action(position=near, torque=kinematics.gravity_torques(y.position))
             t = robot.append_desired_action(action)
-        robot.wait_until_time_index(t)
-        return Run(
-            observations=robot.get_observations(0, t),
-            desired_actions=robot.get_desired_actions(0, t),
-            statuses=robot.get_statuses(0, t),
-            cube_before=cube_before,
-            cube_after=cube_at(cubes, t),
-        )
+        robot.finish()
 
 
-def table(run: Run) -> str:
+def table(session: trifinger.LoggedSession) -> str:
     """What there is to say about the run in a few lines."""
-    statuses = run.statuses
+    statuses = session.statuses
+    cubes = session.companion("object")
     duration = (statuses["time"][-1] - statuses["time"][0]) * 1e-9
     repeats = int(np.count_nonzero(statuses["flags"] & trifinger.Status.ACTION_REPEATED))
     lateness = statuses["lateness"] * 1e-6
-    moved = np.linalg.norm(run.cube_after.position - run.cube_before.position)
+    moved = np.linalg.norm(cube_at(cubes, len(statuses)).position - cube_at(cubes, -1).position)
     rows = [
         ("steps", f"{len(statuses)}"),
         ("rate", f"{(len(statuses) - 1) / duration:.2f} Hz"),
@@ -172,18 +155,17 @@ def table(run: Run) -> str:
     return "\n".join(f"  {name:<18}{value:>14}" for name, value in rows)
 
 
-def save_scene(run: Run, path: Path) -> None:
+def save_scene(session: trifinger.LoggedSession, path: Path) -> None:
     """A picture of the scene at the end of the run."""
     os.environ.setdefault("MUJOCO_GL", "egl")
     import mujoco
     from mujoco.rendering.classic.renderer import Renderer
 
-    model = mujoco.MjModel.from_xml_string(trifinger.export_mjcf("sim"))
+    model = mujoco.MjModel.from_xml_string(session.documents["model.xml"])
     data = mujoco.MjData(model)
-    cube = run.cube_after
-    data.qpos[:] = np.concatenate(
-        [run.observations["position"][-1], cube.position, cube.orientation]
-    )
+    observations = session.observations
+    cube = cube_at(session.companion("object"), len(observations))
+    data.qpos[:] = np.concatenate([observations["position"][-1], cube.position, cube.orientation])
     mujoco.mj_forward(model, data)
     camera = mujoco.MjvCamera()
     mujoco.mjv_defaultFreeCamera(model, camera)
@@ -198,70 +180,43 @@ def save_scene(run: Run, path: Path) -> None:
     matplotlib.image.imsave(path, pixels)
 
 
-def save_plot(run: Run, path: Path) -> None:
-    """A plot of the nine joints, desired and measured."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
-    times = np.arange(len(run.observations)) / RATE
-    figure, axes = pyplot.subplots(3, 1, sharex=True, figsize=(9.0, 7.5), layout="constrained")
-    for finger, axis in enumerate(axes):
-        for joint in range(3):
-            index = 3 * finger + joint
-            color = f"C{joint}"
-            axis.plot(
-                times,
-                run.desired_actions["position"][:, index],
-                color=color,
-                linestyle=":",
-                linewidth=1.0,
-            )
-            axis.plot(
-                times,
-                run.observations["position"][:, index],
-                color=color,
-                linewidth=1.2,
-                label=f"joint {joint}",
-            )
-        axis.set_title(FINGERS[finger], loc="left", fontsize=10)
-        axis.set_ylabel("angle [rad]")
-        axis.grid(alpha=0.3)
-    axes[0].legend(loc="upper right", ncols=3, fontsize=8)
-    axes[-1].set_xlabel("time [s]")
-    figure.suptitle("Joint positions: measured (solid) and desired (dotted)", fontsize=11)
-    figure.savefig(path, dpi=110)
-
-
 def main() -> int:
     """Runs the demo."""
     parser = argparse.ArgumentParser(prog="trifinger demo", description=__doc__.splitlines()[0])
     parser.add_argument(
-        "--output", type=Path, default=Path("demo_output"), help="folder of the pictures"
+        "--output",
+        type=Path,
+        default=Path("demo_output"),
+        help="folder of the log and the pictures",
     )
     arguments = parser.parse_args()
     arguments.output.mkdir(parents=True, exist_ok=True)
 
     name = "demo"
     try:
-        with back_end(name):
+        with back_end(name, arguments.output):
             print(
                 f"The robot '{name}' runs at 1 kHz in a process of its own; this program moves it.",
                 flush=True,
             )
-            run = drive(name)
+            drive(name)
     except trifinger.Error as error:
         print(f"trifinger demo: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         return 130
-    print(table(run))
 
-    scene, plot = arguments.output / "scene.png", arguments.output / "joints.png"
-    save_scene(run, scene)
-    save_plot(run, plot)
-    print(f"Pictures: {scene}, {plot}")
+    # Names of logs have the date in them: the last is the newest.
+    path = max(arguments.output.glob(f"{name}_*.mcap"))
+    log = trifinger.Log(path)
+    session = log.session(name)
+    print(table(session), end="\n\n")
+    subprocess.run([program.path(), "log", "info", path], check=True)
+
+    scene, picture = arguments.output / "scene.png", arguments.output / "plot.png"
+    save_scene(session, scene)
+    plot.plot(log, picture)
+    print(f"\nLog:      {path}\nPictures: {scene}, {picture}")
     return 0
 
 

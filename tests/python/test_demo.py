@@ -5,10 +5,11 @@ import sys
 from pathlib import Path
 
 import pytest
+import trifinger
 
 
 @pytest.mark.release
-def test_the_demo_moves_the_cube_and_leaves_its_pictures(tmp_path: Path) -> None:
+def test_the_demo_moves_the_cube_and_leaves_a_log_and_pictures(tmp_path: Path) -> None:
     result = subprocess.run(
         [sys.executable, "-m", "trifinger.demo", "--output", str(tmp_path)],
         capture_output=True,
@@ -20,5 +21,8 @@ def test_the_demo_moves_the_cube_and_leaves_its_pictures(tmp_path: Path) -> None
     table = dict(re.findall(r"^ +(\w.*?) {2,}(\S.*)$", result.stdout, re.MULTILINE))
     assert int(table["steps"]) > 7000
     assert float(table["cube moved by"].removesuffix(" cm")) > 3.0
-    for name in ("scene.png", "joints.png"):
+    for name in ("scene.png", "plot.png"):
         assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
+    (log,) = tmp_path.glob("*.mcap")
+    assert str(log) in result.stdout
+    assert trifinger.Log(log).session("demo").steps == int(table["steps"])
