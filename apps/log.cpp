@@ -46,6 +46,8 @@ void add_log(CLI::App& program, Action& action) {
   add_log_check(*command, action);
   add_log_recover(*command, action);
   add_log_cut(*command, action);
+  add_log_rescue(*command, action);
+  add_log_replay(*command, action);
   add_log_in_python(*command, action);
 }
 

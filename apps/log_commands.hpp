@@ -10,6 +10,8 @@ void add_log_info(CLI::App& log, Action& action);
 void add_log_check(CLI::App& log, Action& action);
 void add_log_recover(CLI::App& log, Action& action);
 void add_log_cut(CLI::App& log, Action& action);
+void add_log_rescue(CLI::App& log, Action& action);
+void add_log_replay(CLI::App& log, Action& action);
 // Those that are written in Python: plot and export.
 void add_log_in_python(CLI::App& log, Action& action);
 

@@ -4,8 +4,11 @@
 #include <cerrno>
 #include <chrono>
 #include <cstddef>
+#include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <optional>
+#include <system_error>
 #include <utility>
 #include <variant>
 
@@ -14,6 +17,8 @@
 #include "trifinger/config/file.hpp"
 #include "trifinger/core/fake_robot.hpp"
 #include "trifinger/joint/types.hpp"
+#include "trifinger/log/log.hpp"
+#include "trifinger/log/replay.hpp"
 #include "trifinger/sim/robot_config.hpp"
 #include "trifinger/sim/simulated_robot.hpp"
 
@@ -46,6 +51,33 @@ RunnableRobot make_fake_robot(const std::vector<std::string>& overrides) {
   file.reject_unknown_keys();
   robot.session.documents = {{"configuration.yml", "application/yaml", file.text()}};
   return robot;
+}
+
+// A log that is played as if it were the robot.
+RunnableRobot make_replay(const std::string& path, const std::vector<std::string>& overrides) {
+  const config::File file = config::File::parse("", path, overrides);
+  const config::Node root = file.root();
+  const log::Log log{std::filesystem::path(path)};
+  const log::LoggedSession session = log.session(root.optional<std::string>("robot", ""));
+  const auto step = [&root](const char* key) -> std::optional<TimeIndex> {
+    const std::optional<config::Node> node = root.find(key);
+    if (!node) return std::nullopt;
+    return node->as<TimeIndex>({.min = 0, .max = 1e15});
+  };
+  const log::ReplayOptions part{.first = step("first"), .last = step("last")};
+  RunnableRobot robot;
+  robot.name = root.optional<std::string>("name", session.name());
+  file.reject_unknown_keys();
+  auto driver = std::make_unique<log::ReplayDriver>(session, part);
+  robot.backend = driver->backend_options();
+  robot.session = driver->session_options();
+  robot.driver = std::move(driver);
+  return robot;
+}
+
+bool is_log(const std::string& robot) {
+  std::error_code ignored;
+  return robot.ends_with(".mcap") || std::filesystem::is_directory(robot, ignored);
 }
 
 SimulationState read_state(const std::filesystem::path& path) {
@@ -83,6 +115,10 @@ RunnableRobot make_robot(const std::string& robot, const std::vector<std::string
   if (robot == kFakeRobot) {
     if (state) throw UsageError("--state is for simulations; the fake robot has no state to save");
     return make_fake_robot(overrides);
+  }
+  if (is_log(robot)) {
+    if (state) throw UsageError("--state is for simulations; a log begins as it was recorded");
+    return make_replay(robot, overrides);
   }
 
   RobotConfig config = load_robot_config(robot, overrides);

@@ -360,8 +360,9 @@ void add_run(CLI::App& program, Action& action) {
   CLI::App* const command =
       program.add_subcommand("run", "Start the back-end of a robot and keep it running");
   command
-      ->add_option("ROBOT", options->robot,
-                   "sim, fake, another configuration by name, or the file of one")
+      ->add_option(
+          "ROBOT", options->robot,
+          "sim, fake, another configuration by name, the file of one, or a log to be played")
       ->required();
   command->add_option("--name", options->name, "Name of the session; default: the configuration's")
       ->option_text("NAME");
@@ -406,7 +407,8 @@ void add_run(CLI::App& program, Action& action) {
       "Example:\n"
       "  trifinger run sim --set fingers.height=0.3\n"
       "  trifinger run sim --record logs\n"
-      "  trifinger run ./my_robot.yml --name left --scheduling require --cpu 3");
+      "  trifinger run ./my_robot.yml --name left --scheduling require --cpu 3\n"
+      "  trifinger run demo.mcap --name again --set first=2000");
   command->callback([&action, options] { action = [options] { return run(*options); }; });
 }
 

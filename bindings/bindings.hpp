@@ -13,6 +13,8 @@ void bind_backend(nanobind::module_& m);
 void bind_session(nanobind::module_& m);
 /// Log, LoggedSession.
 void bind_log(nanobind::module_& m);
+/// replay.
+void bind_replay(nanobind::module_& m);
 /// Simulation, simulate, Kinematics, export_mjcf, export_urdf.
 void bind_simulation(nanobind::module_& m);
 

@@ -19,6 +19,7 @@ NB_MODULE(_trifinger, m) {
   trifinger::python::bind_backend(m);
   trifinger::python::bind_simulation(m);
   trifinger::python::bind_log(m);
+  trifinger::python::bind_replay(m);
   // At exit the last comes first: threads that stand still do not hear that their robots stop.
   trifinger::python::stop_recorders_at_exit();
   trifinger::python::stop_backends_at_exit();

@@ -28,6 +28,7 @@ from trifinger._trifinger import (
     list_sessions,
     observe,
     recover,
+    replay,
     run_fake,
     simulate,
 )
@@ -90,6 +91,7 @@ __all__ = [
     "list_sessions",
     "observe",
     "recover",
+    "replay",
     "run_fake",
     "simulate",
 ]

@@ -689,3 +689,18 @@ class Log:
     @property
     def lost_bytes(self) -> int:
         """Bytes of the files that could not be used."""
+
+def replay(log: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | Log | LoggedSession, *, robot: str = '', first: int | None = None, last: int | None = None, strict: bool = True) -> Frontend:
+    """
+    Plays a session of a log as if it were the robot, inside the waits of the front-end.
+
+    Observations, companions and applied actions are those of the log, whatever the user does. A
+    step whose desired action is another one than in the log has ACTION_REJECTED in the flags of its
+    status. Behind the last step the session ends with the fault "exhausted", which needs no
+    recovery; finish() is content with it.
+
+    Of a log with several robots, `robot` names one; its newest session is played, or the one given.
+    The steps from `first` to before `last` are played, `first` as step 0; default: all.
+
+    Raises NotInLog if a step is missing there, InvalidArgument.
+    """
