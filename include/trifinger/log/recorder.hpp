@@ -34,7 +34,7 @@ struct RecorderOptions {
   int level{1};  ///< Of the compression.
 
   std::uint64_t rotate_size{1'000'000'000};  ///< Largest size of a file [bytes].
-  Nanoseconds rotate_time{kForever};                   ///< Longest time in one file.
+  Nanoseconds rotate_time{kForever};         ///< Longest time in one file.
   /// All files of this recording together, 0: no limit; the oldest are removed. A file is then at
   /// most an eighth of it [bytes].
   std::uint64_t max_total{0};
