@@ -38,8 +38,8 @@ FileReport recover(const std::filesystem::path& file, const std::filesystem::pat
 struct CopyOptions {
   /// Of this robot's newest session the steps [first, last), of all others what was at that time.
   std::string session;
-  std::optional<TimeIndex> first;
-  std::optional<TimeIndex> last;
+  std::optional<TimeIndex> first{};
+  std::optional<TimeIndex> last{};
   Precision precision{Precision::kDouble};
   mcap::Compression compression{mcap::Compression::kZstd};
 };
