@@ -17,7 +17,7 @@ import pytest
 import trifinger
 from conftest import PROGRAM, StartChild, StartProgram, diverging_state
 
-COMMANDS = ("run", "list", "status", "read", "stop", "recover", "model", "doctor")
+COMMANDS = ("run", "list", "status", "read", "record", "stop", "recover", "model", "doctor")
 ESCAPE = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 
 
@@ -252,7 +252,7 @@ def test_a_divergence_leaves_the_state_before_in_a_file_to_begin_in(
         assert program.end()[0] == 0
         assert re.fullmatch(r"sim_\d{8}T\d{6}\.\d{3}Z\.state", state.name)
         assert state.parent == log_folder
-    assert len(list(log_folder.iterdir())) == 2
+    assert len(list(log_folder.glob("*.state"))) == 2
 
 
 def test_a_state_that_cannot_be_saved_is_said(
