@@ -29,8 +29,9 @@ struct RunnableRobot {
 };
 
 // Makes the robot that is called `robot` on the command line: "fake", a configuration or the path
-// of one, or a log to be played. `overrides` are settings such as "fingers.height=0.3"; a simulation begins in the state
-// that was saved in the file `state`. Throws ConfigError, InvalidArgument, SystemError.
+// of one, or a log to be played. `overrides` are settings such as "fingers.height=0.3"; a
+// simulation begins in the state that was saved in the file `state`. Throws ConfigError,
+// InvalidArgument, SystemError.
 [[nodiscard]] RunnableRobot make_robot(const std::string& robot,
                                        const std::vector<std::string>& overrides,
                                        const std::optional<std::filesystem::path>& state);

@@ -11,7 +11,6 @@
 #include <iterator>
 #include <memory>
 #include <string>
-#include <string_view>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -257,7 +256,6 @@ class ShortDriver final : public Driver<FakeRobot> {
 };
 
 struct ShortDriverTraits {
-  static constexpr std::string_view kName = "ShortDriver";
   using Robot = FakeRobot;
 
   static std::unique_ptr<UntypedDriver> make_driver() { return std::make_unique<ShortDriver>(); }
