@@ -97,7 +97,7 @@ struct StreamSummary {
   std::int64_t end{0};
   std::vector<Gap> gaps;
 
-  [[nodiscard]] double duration() const noexcept { return static_cast<double>(end - begin) * 1e-9; }
+  [[nodiscard]] double duration() const noexcept { return static_cast<double>(end - begin) / 1e9; }
   [[nodiscard]] double rate() const noexcept {
     return end > begin ? static_cast<double>(last - first) / duration() : 0.0;
   }
@@ -311,7 +311,7 @@ Json json_of(const std::vector<Gap>& gaps) {
 Json json_of(const SessionSummary& summary) {
   const LoggedSession& session = summary.session;
   const log::SessionHeader& header = session.header();
-  const auto seconds = [](Nanoseconds time) { return static_cast<double>(time.count()) * 1e-9; };
+  const auto seconds = [](Nanoseconds time) { return static_cast<double>(time.count()) / 1e9; };
   const auto [first, end] = session.range(Series::kAppliedAction);
   std::vector<Json> companions;
   for (const StreamSummary& companion : summary.companions) {
@@ -346,7 +346,7 @@ Json json_of(const SessionSummary& summary) {
                        {"session_id", header.session_id},
                        {"is_real_time", header.is_real_time},
                        {"period", seconds(header.period)},
-                       {"created", static_cast<double>(header.created) * 1e-9},
+                       {"created", static_cast<double>(header.created) / 1e9},
                        {"host", header.host},
                        {"steps", summary.steps.count},
                        {"first", first},
@@ -372,7 +372,7 @@ Json json_of(const Log& log, const std::vector<SessionSummary>& sessions) {
   }
   std::vector<Json> events;
   for (const Event& event : log.events()) {
-    events.push_back(Json::object({{"time", static_cast<double>(event.time) * 1e-9},
+    events.push_back(Json::object({{"time", static_cast<double>(event.time) / 1e9},
                                    {"level", static_cast<int>(event.level)},
                                    {"source", event.source},
                                    {"text", event.text}}));
@@ -418,7 +418,7 @@ int tell_of_another_file(const Options& options, const std::string& reason) {
     begin = std::min(begin, chunk.first_time);
     end = std::max(end, chunk.last_time);
   }
-  const double duration = static_cast<double>(end - begin) * 1e-9;
+  const double duration = static_cast<double>(end - begin) / 1e9;
   if (options.json) {
     std::vector<Json> list;
     for (const Topic& topic : topics) {

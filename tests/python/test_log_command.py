@@ -1,0 +1,270 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""`trifinger log` as its users see it: what it prints, what it writes, and its exit codes."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import trifinger
+from conftest import PROGRAM
+from test_log import Written, write_log
+
+COMMANDS = ("info", "check", "recover", "cut", "plot", "export")
+STEPS = 600
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Written:
+    return write_log(tmp_path_factory.mktemp("log"), "trifinger", STEPS, 200, 249)
+
+
+@pytest.fixture(scope="module")
+def odd(tmp_path_factory: pytest.TempPathFactory) -> Written:
+    return write_log(tmp_path_factory.mktemp("odd"), "odd", STEPS)
+
+
+@pytest.fixture
+def damaged(written: Written, tmp_path: Path) -> Path:
+    path = tmp_path / "damaged.mcap"
+    content = bytearray(written.path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+    return path
+
+
+@pytest.fixture
+def python_programs(tmp_path: Path) -> dict[str, str]:
+    """An environment in which the programs of the Python package are on the PATH."""
+    folder = tmp_path / "bin"
+    folder.mkdir()
+    for verb in ("plot", "export"):
+        program = folder / f"trifinger-log-{verb}"
+        program.write_text(
+            f"#!{sys.executable}\nimport sys\nfrom trifinger.{verb} import main\nsys.exit(main())\n"
+        )
+        program.chmod(0o755)
+    return {**os.environ, "PATH": f"{folder}:{os.environ['PATH']}"}
+
+
+def run(*arguments: str | Path, expect: int = 0, environment: dict[str, str] | None = None) -> str:
+    """Runs `trifinger log` to its end and returns all that it printed."""
+    result = subprocess.run(
+        [PROGRAM, "log", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=environment,
+    )
+    assert result.returncode == expect, result.stdout + result.stderr
+    return result.stdout + result.stderr
+
+
+# ---- usage ----
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_has_help_with_an_example(
+    command: str, python_programs: dict[str, str]
+) -> None:
+    text = run(command, "--help", environment=python_programs)
+    assert re.search(rf"Example:\n(  .*\n)*  trifinger log {command}\b", text)
+
+
+def test_the_help_lists_every_command() -> None:
+    text = run("--help")
+    assert all(re.search(rf"^  {command} ", text, re.MULTILINE) for command in COMMANDS)
+
+
+def test_a_misspelt_command_is_recognised() -> None:
+    assert "did you mean 'info'?" in run("inof", expect=2)
+
+
+@pytest.mark.parametrize("command", ["plot", "export"])
+def test_what_needs_python_says_so(command: str, written: Written, tmp_path: Path) -> None:
+    text = run(command, written.path, expect=2, environment={"PATH": str(tmp_path)})
+    assert f'pip install "trifinger[{command}]"' in text
+
+
+@pytest.mark.parametrize("command", ["info", "check", "recover"])
+def test_wrong_files_are_named(command: str, tmp_path: Path) -> None:
+    assert "nothing.mcap: No such file" in run(command, tmp_path / "nothing.mcap", expect=1)
+    (tmp_path / "text.mcap").write_text("hello, I am no log")
+    assert "text.mcap is no MCAP file" in run(command, tmp_path / "text.mcap", expect=1)
+    run(command, expect=2)
+
+
+# ---- info ----
+
+
+def test_info_tells_what_happened(written: Written) -> None:
+    text = run("info", written.path)
+    for expected in (
+        "robot  trifinger, real-time at 1000 Hz",
+        "550 (0 to 599), 0.599 s, 1000 Hz",
+        "object      60 elements, 100 Hz",
+        "action_late: the action for the last step came too late",
+        "steps 200 to 249 of 'robot': the disk was full",
+        "configuration.yml",
+        "recorder: the disk is nearly full",
+    ):
+        assert expected in text
+
+
+def test_info_tells_programs_the_same(written: Written) -> None:
+    info = json.loads(run("info", "--json", written.path))
+    assert info["is_log"]
+    assert info["is_finished"]
+    assert info["lost_bytes"] == 0
+    assert info["size"] == written.path.stat().st_size
+    (session,) = info["sessions"]
+    assert (session["name"], session["steps"], session["duration"]) == ("robot", 550, 0.599)
+    assert session["gaps"] == [{"first": 200, "last": 249, "reason": "the disk was full"}]
+    assert session["fault"]["code"] == "action_late"
+    statuses = written.log.session().statuses
+    for key, percent in (("lateness_p50", 50), ("lateness_p99", 99)):
+        expected = sorted(statuses["lateness"])[len(statuses) * percent // 100] * 1e-9
+        assert session["loop"][key] == pytest.approx(expected, rel=0.035)
+    assert session["loop"]["lateness_max"] == pytest.approx(statuses["lateness"].max() * 1e-9)
+    assert session["loop"]["repeats"] == int(
+        (statuses["flags"] & trifinger.Status.ACTION_REPEATED.value != 0).sum()
+    )
+    assert info["events"][0]["text"] == "the disk is nearly full"
+
+
+def test_info_names_what_is_damaged(damaged: Path) -> None:
+    text = run("info", damaged)
+    assert re.search(r"lost +\d", text)
+    assert re.search(r"damage +bytes \d+ to \d+: .*checksum", text)
+    assert "lost with damaged bytes" in text
+
+
+def test_info_knows_other_mcap_files(tmp_path: Path) -> None:
+    writer_module = pytest.importorskip("mcap.writer")
+    path = tmp_path / "other.mcap"
+    with path.open("wb") as file:
+        writer = writer_module.Writer(file)
+        writer.start(profile="x", library="another")
+        schema = writer.register_schema("Pose", "jsonschema", b"{}")
+        channel = writer.register_channel("/pose", "json", schema)
+        for t in range(5):
+            writer.add_message(channel, t * 10**9, b"{}", t * 10**9)
+        writer.finish()
+    text = run("info", path)
+    assert "/pose  Pose  5" in text
+    assert "no log of robots" in text
+    info = json.loads(run("info", path, "--json"))
+    assert info["topics"] == [{"topic": "/pose", "type": "Pose", "messages": 5}]
+    assert not info["is_log"]
+    assert info["duration"] == 4.0
+    assert "whole" in run("check", path)
+
+
+# ---- check, recover, cut ----
+
+
+def test_check_tells_whole_from_damaged(written: Written, damaged: Path) -> None:
+    assert "whole" in run("check", written.path)
+    text = run("check", written.path, damaged, expect=1)
+    assert "whole" in text
+    assert "damaged" in text
+    assert "trifinger log recover" in text
+
+
+def test_recover_says_by_its_exit_code_what_is_lost(
+    written: Written, damaged: Path, tmp_path: Path
+) -> None:  # fault_24
+    whole = tmp_path / "whole.mcap"
+    assert "nothing is lost" in run("recover", written.path, "-o", whole)
+    assert "could not be used" in run("recover", damaged, expect=3)
+    recovered = damaged.with_name("damaged.recovered.mcap")
+    run("check", recovered)
+    assert len(trifinger.Log(recovered).session().gaps) == 2
+    assert "File exists" in run("recover", damaged, "-o", recovered, expect=1)
+
+
+def test_cut_takes_steps_and_seconds(written: Written, tmp_path: Path) -> None:
+    by_step, by_time = tmp_path / "step.mcap", tmp_path / "time.mcap"
+    assert "steps 100 to 149" in run(
+        "cut", written.path, "--first", "100", "--last", "150", "-o", by_step
+    )
+    run("cut", written.path, "--from", "0.1", "--to", "0.15", "-o", by_time)
+    whole = written.log.session()
+    for path in (by_step, by_time):
+        part = trifinger.Log(path).session()
+        assert part.time_index.tolist() == list(range(100, 150))
+        assert part.observations.tobytes() == whole.get_observations(100, 150).tobytes()
+        assert part.documents == whole.documents
+    assert "--first" in run("cut", written.path, "--first", "1", "--from", "1", "-o", "x", expect=2)
+    assert "nothing is left" in run("cut", written.path, "--first", "9999", "-o", "x", expect=2)
+
+
+# ---- plot and export ----
+
+
+@pytest.mark.release
+@pytest.mark.parametrize(
+    ("robot", "suffix"), [("trifinger", "png"), ("trifinger", "html"), ("odd", "svg")]
+)
+def test_plot_draws_every_robot(
+    robot: str,
+    suffix: str,
+    written: Written,
+    odd: Written,
+    tmp_path: Path,
+    python_programs: dict[str, str],
+) -> None:
+    pytest.importorskip("matplotlib")
+    log = {"trifinger": written, "odd": odd}[robot]
+    picture = tmp_path / f"picture.{suffix}"
+    run("plot", log.path, "-o", picture, environment=python_programs)
+    content = picture.read_bytes()
+    if suffix == "png":
+        assert content.startswith(b"\x89PNG")
+        return
+    text = content.decode()
+    assert "<svg" in text
+    if suffix == "html":
+        # Nothing is fetched from anywhere; the namespaces of SVG are no addresses.
+        assert not re.search(r"""(src|href)\s*=\s*["'](https?:)?//""", text)
+        assert "the disk is nearly full" in text
+        assert "period: 0.001 s" in text
+
+
+def test_plot_refuses_what_it_cannot_draw(
+    written: Written, tmp_path: Path, python_programs: dict[str, str]
+) -> None:
+    text = run("plot", written.path, "-o", "a.jpg", expect=2, environment=python_programs)
+    assert "must end in .png" in text
+    text = run("plot", written.path, "--robot", "sim", expect=2, environment=python_programs)
+    assert "it has 'robot'" in text
+    text = run("plot", tmp_path / "nothing.mcap", expect=1, environment=python_programs)
+    assert "nothing.mcap" in text
+
+
+@pytest.mark.release
+@pytest.mark.parametrize("format_", ["csv", "parquet"])
+def test_export_writes_a_table_per_robot_and_companion(
+    format_: str, written: Written, tmp_path: Path, python_programs: dict[str, str]
+) -> None:
+    pandas = pytest.importorskip("pandas")
+    run(
+        *("export", written.path, "--format", format_, "-o", tmp_path, "--to", "0.3"),
+        environment=python_programs,
+    )
+    read = {"csv": pandas.read_csv, "parquet": pandas.read_parquet}[format_]
+    robot = read(tmp_path / f"log.robot.{format_}")
+    assert robot["time_index"].tolist() == [*range(200), *range(250, 300)]
+    assert len(read(tmp_path / f"log.robot.object.{format_}")) == 30
+
+
+def test_export_copies_a_log(
+    written: Written, tmp_path: Path, python_programs: dict[str, str]
+) -> None:
+    copy = tmp_path / "copy.mcap"
+    environment = {**python_programs, "PATH": f"{Path(PROGRAM).parent}:{python_programs['PATH']}"}
+    run("export", written.path, "--format", "mcap", "-o", copy, environment=environment)
+    assert len(trifinger.Log(copy).session().observations) == STEPS - 50
