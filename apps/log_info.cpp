@@ -9,12 +9,12 @@
 #include <cstring>
 #include <map>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "json.hpp"
 #include "log_commands.hpp"
 #include "log_text.hpp"
 #include "terminal.hpp"
@@ -24,6 +24,8 @@
 
 namespace trifinger::apps {
 namespace {
+
+using Json = nlohmann::ordered_json;
 
 using log::Column;
 using log::Damage;
@@ -114,7 +116,7 @@ constexpr std::size_t kBlock = 4096;
 
 // Goes through all elements once; `use(pointers, rows)` gets those of the columns.
 template <class Use>
-StreamSummary summary_of(const LoggedSession& session, std::vector<Column> columns,
+StreamSummary summary_of(const LoggedSession& session, const std::vector<Column>& columns,
                          const Use& use) {
   StreamSummary summary{.name = session.name(), .type = session.type(), .gaps = session.gaps()};
   log::SeriesReader reader = session.read(columns);
@@ -250,6 +252,7 @@ void print_session(const Sheet& sheet, const SessionSummary& summary) {
     }
   }
   std::vector<std::string> documents;
+  documents.reserve(header.documents.size());
   for (const Document& document : header.documents) documents.push_back(document.name);
   if (!documents.empty()) sheet.line("documents", fmt::format("{}", fmt::join(documents, ", ")));
 }
@@ -300,12 +303,12 @@ void print_for_people(const Log& log, const std::vector<SessionSummary>& session
 // ---- for programs ----
 
 Json json_of(const std::vector<Gap>& gaps) {
-  std::vector<Json> values;
+  Json values = Json::array();
   for (const Gap& gap : gaps) {
     values.push_back(
         Json::object({{"first", gap.first}, {"last", gap.last}, {"reason", gap.reason}}));
   }
-  return Json::array(values);
+  return values;
 }
 
 Json json_of(const SessionSummary& summary) {
@@ -313,7 +316,7 @@ Json json_of(const SessionSummary& summary) {
   const log::SessionHeader& header = session.header();
   const auto seconds = [](Nanoseconds time) { return static_cast<double>(time.count()) / 1e9; };
   const auto [first, end] = session.range(Series::kAppliedAction);
-  std::vector<Json> companions;
+  Json companions = Json::array();
   for (const StreamSummary& companion : summary.companions) {
     companions.push_back(Json::object({{"name", companion.name},
                                        {"type", companion.type},
@@ -321,7 +324,7 @@ Json json_of(const SessionSummary& summary) {
                                        {"rate", companion.rate()},
                                        {"gaps", json_of(companion.gaps)}}));
   }
-  std::vector<Json> documents;
+  Json documents = Json::array();
   for (const Document& document : header.documents) documents.emplace_back(document.name);
   const auto loop = [&]() -> Json {
     if (!summary.loop) return nullptr;
@@ -356,40 +359,38 @@ Json json_of(const SessionSummary& summary) {
                        {"loop", loop()},
                        {"fault", fault()},
                        {"gaps", json_of(summary.steps.gaps)},
-                       {"companions", Json::array(companions)},
-                       {"documents", Json::array(documents)}});
+                       {"companions", companions},
+                       {"documents", documents}});
 }
 
 Json json_of(const Log& log, const std::vector<SessionSummary>& sessions) {
-  std::vector<Json> files;
+  Json files = Json::array();
   for (const std::filesystem::path& file : log.files()) files.emplace_back(file.string());
-  std::vector<Json> damage;
+  Json damage = Json::array();
   for (const Damage& one : log.damage()) {
     damage.push_back(Json::object({{"file", one.file.string()},
                                    {"offset", one.offset},
                                    {"size", one.size},
                                    {"reason", one.reason}}));
   }
-  std::vector<Json> events;
+  Json events = Json::array();
   for (const Event& event : log.events()) {
     events.push_back(Json::object({{"time", static_cast<double>(event.time) / 1e9},
                                    {"level", static_cast<int>(event.level)},
                                    {"source", event.source},
                                    {"text", event.text}}));
   }
-  std::vector<std::pair<std::string, Json>> origin;
-  for (const auto& [key, value] : log.origin()) origin.emplace_back(key, value);
-  std::vector<Json> all;
+  Json all = Json::array();
   for (const SessionSummary& session : sessions) all.push_back(json_of(session));
-  return Json::object({{"files", Json::array(files)},
+  return Json::object({{"files", files},
                        {"size", log.size()},
                        {"is_log", true},
                        {"is_finished", log.is_finished()},
                        {"lost_bytes", log.lost_bytes()},
-                       {"damage", Json::array(damage)},
-                       {"origin", Json::object(origin)},
-                       {"sessions", Json::array(all)},
-                       {"events", Json::array(events)}});
+                       {"damage", damage},
+                       {"origin", log.origin()},
+                       {"sessions", all},
+                       {"events", events}});
 }
 
 // ---- other MCAP files ----
@@ -420,12 +421,12 @@ int tell_of_another_file(const Options& options, const std::string& reason) {
   }
   const double duration = static_cast<double>(end - begin) / 1e9;
   if (options.json) {
-    std::vector<Json> list;
+    Json list = Json::array();
     for (const Topic& topic : topics) {
       list.push_back(Json::object(
           {{"topic", topic.name}, {"type", topic.type}, {"messages", topic.messages}}));
     }
-    fmt::print("{}\n", Json::object({{"files", Json::array({Json(options.log)})},
+    fmt::print("{}\n", Json::object({{"files", Json::array({options.log})},
                                      {"size", std::filesystem::file_size(options.log)},
                                      {"is_log", false},
                                      {"is_finished", contents.is_finished},
@@ -433,8 +434,8 @@ int tell_of_another_file(const Options& options, const std::string& reason) {
                                      {"library", contents.library},
                                      {"messages", contents.message_count},
                                      {"duration", duration},
-                                     {"topics", Json::array(list)}})
-                           .text());
+                                     {"topics", list}})
+                           .dump(2));
     return kDone;
   }
   const Sheet sheet;
@@ -462,7 +463,7 @@ int info(const Options& options) {
   std::vector<SessionSummary> sessions;
   for (const LoggedSession& session : log->sessions()) sessions.push_back(summary_of(session));
   if (options.json) {
-    fmt::print("{}\n", json_of(*log, sessions).text());
+    fmt::print("{}\n", json_of(*log, sessions).dump(2));
   } else {
     print_for_people(*log, sessions, options.events);
   }
