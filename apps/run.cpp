@@ -246,7 +246,7 @@ std::string save(const SimulationState& state, const std::string& name) {
     const auto seconds = std::chrono::floor<std::chrono::seconds>(now);
     const auto milliseconds = std::chrono::floor<std::chrono::milliseconds>(now - seconds);
     const std::filesystem::path path =
-        log_folder() / fmt::format("{}_{:%Y%m%dT%H%M%S}.{:03}Z.state", name,
+        log_folder() / fmt::format("{}_{:%Y-%m-%d_%H-%M-%S}.{:03}_fault.state", name,
                                    fmt::gmtime(seconds.count()), milliseconds.count());
     std::ofstream file(path, std::ios::binary);
     file.write(reinterpret_cast<const char*>(state.data()),

@@ -250,7 +250,7 @@ def test_a_divergence_leaves_the_state_before_in_a_file_to_begin_in(
         line = program.wait_for("the state before the divergence is in ")
         state = Path(line.split(" is in ")[1].rstrip("\n"))
         assert program.end()[0] == 0
-        assert re.fullmatch(r"sim_\d{8}T\d{6}\.\d{3}Z\.state", state.name)
+        assert re.fullmatch(r"sim_[\d-]{10}_[\d-]{8}\.\d{3}_fault\.state", state.name)
         assert state.parent == log_folder
     assert len(list(log_folder.glob("*.state"))) == 2
 
