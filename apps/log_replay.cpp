@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <cstdio>
+#include <exception>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -34,12 +35,13 @@ struct Options {
 };
 
 // Breaks off a wait.
-struct Interrupted {
+struct Interrupted : std::exception {
+  explicit Interrupted(int number) noexcept : signal(number) {}
   int signal;
 };
 
 log::LoggedSession chosen_session(const log::Log& log, const Options& options) {
-  const log::LoggedSession newest = log.session(options.robot);
+  log::LoggedSession newest = log.session(options.robot);
   if (!options.session) return newest;
   std::vector<log::LoggedSession> sessions;
   for (const log::LoggedSession& session : log.sessions()) {
@@ -65,7 +67,7 @@ int replay(const Options& options) {
     UntypedFrontend robot(options.on);
     robot.set_interrupt([&signals] {
       if (const std::optional<int> signal = signals.wait(Nanoseconds::zero())) {
-        throw Interrupted{*signal};
+        throw Interrupted(*signal);
       }
     });
     replay_actions(motion, session.header().period, robot, how, [&](const std::string& text) {

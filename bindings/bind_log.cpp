@@ -275,7 +275,7 @@ names and fields: `{"observation": ("position",), "status": None}`.)")
               for (const FieldDescription& field : session.session().element(each).fields()) {
                 fields[field.name.c_str()] = field.unit;
               }
-              units[std::string(name_of(each)).c_str()] = fields;
+              units[nb::str(name_of(each).data(), name_of(each).size())] = fields;
             }
             return units;
           },

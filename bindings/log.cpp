@@ -87,9 +87,9 @@ std::pair<nb::object, std::int64_t*> new_numbers(std::size_t count) {
 }
 
 // The first `count` rows; of those that are too long a copy, which does not keep the rest.
-nb::object trimmed(const nb::object& array, std::size_t count, std::size_t length) {
-  if (count == length) return array;
-  return array[nb::slice(static_cast<Py_ssize_t>(count))].attr("copy")();
+nb::object trimmed(const nb::object& array, std::size_t rows) {
+  if (nb::len(array) == rows) return array;
+  return array[nb::slice(static_cast<Py_ssize_t>(rows))].attr("copy")();
 }
 
 nb::object to_datetime(const nb::object& nanoseconds) {
@@ -142,6 +142,7 @@ std::pair<nb::object, std::size_t> PythonSteps::read(std::size_t count) {
   while (done < count) {
     const std::size_t wanted = std::min(kBlock, count - done);
     std::vector<void*> rows;
+    rows.reserve(memory.size());
     for (std::size_t i = 0; i < memory.size(); ++i) {
       rows.push_back(memory[i] + done * types_[i].size());
     }
@@ -155,10 +156,10 @@ std::pair<nb::object, std::size_t> PythonSteps::read(std::size_t count) {
     check_signals();
   }
   nb::dict parts;
-  parts["time_index"] = trimmed(indices, done, count);
-  parts["times"] = to_datetime(trimmed(times, done, count));
+  parts["time_index"] = trimmed(indices, done);
+  parts["times"] = to_datetime(trimmed(times, done));
   for (std::size_t i = 0; i < arrays.size(); ++i) {
-    parts[plural_of(columns_[i].series)] = trimmed(arrays[i], done, count);
+    parts[plural_of(columns_[i].series)] = trimmed(arrays[i], done);
   }
   return {types().attr("Steps")(**parts), done};
 }
@@ -195,8 +196,8 @@ void PythonLoggedSession::read_indices() {
     const GilRelease release;
     done = reader.read(count, {index, time, {}});
   }
-  time_index_ = trimmed(indices, done, count);
-  times_ = to_datetime(trimmed(times, done, count));
+  time_index_ = trimmed(indices, done);
+  times_ = to_datetime(trimmed(times, done));
   forbid_writing(time_index_);
   forbid_writing(times_);
 }
