@@ -86,7 +86,7 @@ std::pair<nb::object, std::int64_t*> new_numbers(std::size_t count) {
   return {std::move(array), numbers};
 }
 
-// The first `count` rows; of those that are too long a copy, which does not keep the rest.
+// The first `rows` of `array`; where there are more, a copy, which does not keep the rest.
 nb::object trimmed(const nb::object& array, std::size_t rows) {
   if (nb::len(array) == rows) return array;
   return array[nb::slice(static_cast<Py_ssize_t>(rows))].attr("copy")();
