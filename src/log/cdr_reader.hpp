@@ -14,10 +14,10 @@ namespace trifinger::log::detail {
 /// message is not whole.
 class CdrReader {
  public:
-  explicit CdrReader(std::span<const std::byte> message) : bytes_(message) {
-    is_whole_ = message.size() >= kHeader && message[1] == std::byte{1};
-    position_ = is_whole_ ? kHeader : message.size();
-  }
+  explicit CdrReader(std::span<const std::byte> message)
+      : bytes_(message),
+        is_whole_(message.size() >= kHeader && message[1] == std::byte{1}),
+        position_(is_whole_ ? kHeader : message.size()) {}
 
   template <class T>
   [[nodiscard]] T number() {
@@ -50,8 +50,8 @@ class CdrReader {
   static constexpr std::size_t kHeader = 4;
 
   std::span<const std::byte> bytes_;
-  std::size_t position_{0};
-  bool is_whole_{true};
+  bool is_whole_;
+  std::size_t position_;
 };
 
 }  // namespace trifinger::log::detail

@@ -21,7 +21,7 @@ using detail::StreamMessage;
 
 namespace {
 
-using Lock = std::lock_guard<std::mutex>;
+using Lock = std::scoped_lock<std::mutex>;
 
 // "'a' and 'b'", or what to say if there are none.
 std::string list_of(const std::vector<std::string_view>& names) {
@@ -39,13 +39,13 @@ std::string span_text(const Stream& stream, TimeIndex first, TimeIndex last) {
 std::string_view robot_of(std::string_view name) { return name.substr(0, name.find('.')); }
 
 const ElementDescription& element_of(const Stream& stream, Series series) {
-  static const ElementDescription kNothing;
+  static const ElementDescription nothing;
   if (series == Series::kHolding || series == Series::kStopping ||
       (stream.is_companion && series != Series::kObservation)) {
     throw InvalidArgument("a log has no series '" + std::string(name_of(series)) + "' of " +
                           (stream.is_companion ? "companion '" : "robot '") + stream.name + "'");
   }
-  if (stream.channel == nullptr) return kNothing;
+  if (stream.channel == nullptr) return nothing;
   switch (series) {
     case Series::kDesiredAction:
       return stream.channel->types.action;
@@ -321,9 +321,9 @@ const std::string& LoggedSession::fault_text() const noexcept {
 }
 
 const std::string& LoggedSession::type() const noexcept {
-  static const std::string kUnknown;
+  static const std::string unknown;
   if (!is_companion()) return header().types.type;
-  return stream_->channel == nullptr ? kUnknown : stream_->channel->types.type;
+  return stream_->channel == nullptr ? unknown : stream_->channel->types.type;
 }
 
 bool LoggedSession::has_elements() const noexcept { return stream_->channel != nullptr; }
@@ -407,7 +407,7 @@ bool LoggedSession::get_latest_at(TimeIndex t, void* element) const {
   return true;
 }
 
-SeriesReader LoggedSession::read(std::vector<Column> columns, TimeIndex first,
+SeriesReader LoggedSession::read(const std::vector<Column>& columns, TimeIndex first,
                                  TimeIndex last) const {
   return SeriesReader(
       std::make_unique<SeriesReader::Implementation>(log_, *stream_, columns, first, last));

@@ -5,6 +5,7 @@
 #include <charconv>
 #include <cstring>
 #include <iterator>
+#include <ranges>
 #include <sstream>
 #include <string_view>
 #include <system_error>
@@ -210,9 +211,10 @@ void LogData::open(const std::vector<std::filesystem::path>& parts) {
       damage_.push_back({path, 0, size_of_file(path), error.what()});
     }
   }
-  if (files_.empty())
+  if (files_.empty()) {
     throw mcap::FormatError("none of the files is a log: " + parts.front().string() +
                             " and others");
+  }
 
   std::ranges::stable_sort(files_, {}, &File::part);
   const File* before = nullptr;
@@ -260,8 +262,8 @@ LogData::File::File(const std::filesystem::path& its_path)
   const std::int64_t version = to_integer(entry_of(origin, "format_version")).value_or(1);
   if (version > kFormatVersion) {
     throw mcap::FormatError(
-        "this log has format " + std::to_string(version) + ", known are formats up to " +
-        std::to_string(kFormatVersion) +
+        path.string() + " has log format " + std::to_string(version) +
+        ", known are formats up to " + std::to_string(kFormatVersion) +
         ": reading it needs trifinger >= " + entry_of(origin, "trifinger_version"));
   }
 }
@@ -507,13 +509,13 @@ void LogData::look_into(std::size_t n, std::span<const mcap::Message> messages) 
     const std::optional<StreamMessage> found = identify(file, *channel, message);
     if (!found) continue;
 
-    const auto is_its = [&found](const Run& run) {
-      return run.stream == &found->stream && run.is_end == found->is_end();
-    };
     // Several streams take turns in a chunk.
-    const auto before = std::find_if(runs.rbegin(), runs.rend(), is_its);
-    if (before != runs.rend() && found->index <= before->last) continue;
-    Run* run = before == runs.rend() ? nullptr : &*before;
+    const auto newest_first = runs | std::views::reverse;
+    const auto before = std::ranges::find_if(newest_first, [&found](const Run& run) {
+      return run.stream == &found->stream && run.is_end == found->is_end();
+    });
+    Run* run = before == newest_first.end() ? nullptr : &*before;
+    if (run != nullptr && found->index <= run->last) continue;  // an index twice
     if (run == nullptr || found->index != run->last + 1) {
       run = &runs.emplace_back();
       run->stream = &found->stream;

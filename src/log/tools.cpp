@@ -135,7 +135,7 @@ void write_gaps(const std::filesystem::path& file, mcap::Writer& writer) {
   } catch (const mcap::FormatError&) {
     return;  // another MCAP file, or a log so damaged that it has no sessions
   }
-  const std::lock_guard lock(data->mutex);
+  const std::scoped_lock lock(data->mutex);
   const auto write = [&](const detail::Stream& stream) {
     for (const Gap& gap : data->gaps(stream)) {
       const auto covers = [&gap](const Gap& written) {
@@ -238,7 +238,7 @@ class SessionCopy {
     }
     std::array<TimeIndex, kBlock> indices{};
     std::array<std::int64_t, kBlock> times{};
-    SeriesReader reader = session_.read(std::move(columns), first_, last_);
+    SeriesReader reader = session_.read(columns, first_, last_);
     const SeriesReader::Rows rows{indices.data(), times.data(), addresses};
 
     std::size_t count = reader.read(kBlock, rows);

@@ -86,8 +86,8 @@ class Examination {
     const std::size_t count =
         reader.read(elements.size(), {.indices = indices.data(), .columns = {&address, 1}});
     for (std::size_t i = 0; i < count; ++i) {
-      require(indices[i] < static_cast<TimeIndex>(truth.lamp.size()) &&
-                  same_bytes(elements[i], truth.lamp[static_cast<std::size_t>(indices[i])]),
+      const auto index = static_cast<std::size_t>(indices[i]);
+      require(index < truth.lamp.size() && same_bytes(elements[i], truth.lamp[index]),
               "an element of the companion is wrong");
     }
     indices.resize(count);
@@ -176,7 +176,7 @@ TEST_F(DamagedLog, NeverYieldsAWrongNumberWhicheverBitsFlip) {  // fault_25
     std::map<std::size_t, char> flipped;
     for (unsigned k = 0; k <= (random() % 4 == 0 ? 2U : 0U); ++k) {
       const std::size_t place = random() % whole_.size();
-      flipped[place] = static_cast<char>(whole_[place] ^ (1 << random() % 8));
+      flipped[place] = test::flipped(whole_[place], random() % 8);
     }
     for (const auto& [place, byte] : flipped) put(place, byte);
     const auto where = [&] {
@@ -204,7 +204,7 @@ TEST_F(DamagedLog, LosesOneChunkAtMostForOneFlippedBit) {
   const std::size_t all = num_elements(sessions_);
   for (int i = 0; i < 500; ++i) {
     Bytes bytes = whole_;
-    bytes[64 + random() % (bytes.size() - 64)] ^= static_cast<char>(1 << random() % 8);
+    test::flip(bytes, random);
     test::write_file(path_, bytes);
     ASSERT_GE(examination.examine(Log(path_)) + kInChunk, all);
   }

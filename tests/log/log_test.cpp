@@ -231,6 +231,32 @@ TEST(Log, NamesWhatIsMissing) {
   EXPECT_TRUE(same_bytes(robot.get_observation(100), written.observations[100]));
 }
 
+TEST(Log, GivesNoIndexTwiceWhateverAFileSays) {
+  const Folder folder;
+  const OddSession written = random_session(3, 100);
+  for (const bool is_one_chunk : {true, false}) {
+    const auto path = folder / (is_one_chunk ? "a.mcap" : "b.mcap");
+    mcap::FileSink sink = mcap::FileSink::create(path);
+    LogWriter writer(sink, {});
+    const std::size_t number = writer.begin_session(written.header);
+    for (const TimeIndex first : {0, 10, 5, 50}) {
+      const auto t = static_cast<std::size_t>(first);
+      writer.write_steps(number,
+                         {first, 30, &written.desired_actions[t], &written.applied_actions[t],
+                          &written.observations[t], &written.statuses[t]});
+      if (!is_one_chunk) writer.flush();
+    }
+    writer.finish();
+    const LoggedSession session = Log(path).session();
+    const test::FoundSteps found = test::read_steps(session);
+    EXPECT_TRUE(test::is_true(found, written));  // that the indices rise, too
+    EXPECT_EQ(found.indices.size(), 70U);
+    ASSERT_THAT(session.gaps(), testing::SizeIs(1));
+    EXPECT_EQ(session.gaps()[0].first, 40);
+    EXPECT_EQ(session.gaps()[0].last, 49);
+  }
+}
+
 TEST(Log, ReadsASessionThatWentOnWhenTheRecordingEnded) {
   const Folder folder;
   const OddSession written = random_session(3, 100);
@@ -358,6 +384,7 @@ TEST(Log, IsReadByManyThreads) {
   test::write_log(folder / "a.mcap", {written});
   const Log log(folder / "a.mcap");
   std::vector<std::thread> threads;
+  threads.reserve(4);
   for (int i = 0; i < 4; ++i) {
     threads.emplace_back([&log, &written] {
       const test::FoundSteps found = test::read_steps(log.session(), 0, 200, 10);

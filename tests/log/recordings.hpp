@@ -63,6 +63,19 @@ inline void write_file(const std::filesystem::path& path, std::span<const char> 
       .write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
 }
 
+inline char flipped(char byte, unsigned bit) {
+  return static_cast<char>(static_cast<unsigned char>(byte) ^ (1U << bit));
+}
+
+/// Flips a bit behind the first bytes, which say that it is an MCAP file. Returns its place.
+template <class Random>
+std::size_t flip(Bytes& bytes, Random& random) {
+  constexpr std::size_t kHead = 64;
+  const std::size_t place = kHead + random() % (bytes.size() - kHead);
+  bytes[place] = flipped(bytes[place], random() % 8);
+  return place;
+}
+
 /// A session of the odd robot with its lamp, all numbers random: what is read must be the same, bit
 /// by bit.
 struct OddSession {

@@ -48,8 +48,7 @@ TEST(Check, FindsEveryFlippedBit) {
   std::mt19937 random(1);
   for (int i = 0; i < 500; ++i) {
     test::Bytes damaged = whole;
-    const std::size_t place = 64 + random() % (whole.size() - 64);
-    damaged[place] ^= static_cast<char>(1 << random() % 8);
+    const std::size_t place = test::flip(damaged, random);
     test::write_file(folder / "b.mcap", damaged);
     EXPECT_FALSE(check(folder / "b.mcap").is_whole()) << place;
   }
@@ -82,16 +81,21 @@ TEST(Recover, MakesAWholeFileOfEveryDamagedOneAndWritesDownWhatIsMissing) {  // 
   for (int i = 0; i < 100; ++i) {
     test::Bytes damaged = whole;
     if (i % 2 == 0) damaged.resize(whole.size() / 2 + random() % (whole.size() / 2));
-    for (int k = 0; k < 2; ++k) {
-      damaged[64 + random() % (damaged.size() - 64)] ^= static_cast<char>(1 << random() % 8);
-    }
+    for (int k = 0; k < 2; ++k) (void)test::flip(damaged, random);
     test::write_file(folder / "a.mcap", damaged);
     std::filesystem::remove(folder / "b.mcap");
     const FileReport report = recover(folder / "a.mcap", folder / "b.mcap");
     EXPECT_FALSE(report.is_whole());
     EXPECT_TRUE(check(folder / "b.mcap").is_whole());
 
+    // Written down, and not only found again.
+    std::ptrdiff_t num_records = 0;
+    for (const mcap::Metadata& record : mcap::Reader(folder / "b.mcap").contents().metadata) {
+      num_records += record.name == "trifinger.gap" ? 1 : 0;
+    }
     const Log before(folder / "a.mcap");
+    const LoggedSession broken = before.session();
+    EXPECT_EQ(num_records, std::ssize(broken.gaps()) + std::ssize(broken.companion("lamp").gaps()));
     const Log after(folder / "b.mcap");
     ASSERT_THAT(after.sessions(), SizeIs(1));
     const test::FoundSteps found = test::read_steps(after.session());

@@ -141,7 +141,7 @@ class LoggedSession {
   /// if there was none by then. @throws InvalidArgument for a robot
   [[nodiscard]] bool get_latest_at(TimeIndex t, void* element) const;
   /// Reads what there is of the whole steps from `first` to before `last`.
-  [[nodiscard]] SeriesReader read(std::vector<Column> columns, TimeIndex first = 0,
+  [[nodiscard]] SeriesReader read(const std::vector<Column>& columns, TimeIndex first = 0,
                                   TimeIndex last = std::numeric_limits<TimeIndex>::max()) const;
   /// The first index that was measured at or after `time`, since 1970 [ns]; the end of the range if
   /// there is none.
