@@ -42,10 +42,10 @@ class Reader::Implementation {
   [[nodiscard]] bool has_magic(const std::string& name);
   // False, and nothing was done, if the summary does not tell of all that there is.
   [[nodiscard]] bool open_by(Summary& summary);
-  void walk_finished(const Summary& summary);
+  void walk_finished(Summary& summary);
   void walk_unfinished();
   void check_data_end(std::uint64_t offset);
-  void check_message_count(const Summary& summary);
+  void check_summary(Summary& summary);
 
   std::unique_ptr<Source> source_;
   ReaderOptions options_;
@@ -129,12 +129,12 @@ bool Reader::Implementation::open_by(Summary& summary) {
   return true;
 }
 
-void Reader::Implementation::walk_finished(const Summary& summary) {
+void Reader::Implementation::walk_finished(Summary& summary) {
   walk_.walk(kMagic.size(), summary.data_end);
   walk_.leave_out_unproven();
   walk_.sum_up_counts();
   check_data_end(summary.data_end);
-  check_message_count(summary);
+  check_summary(summary);
 }
 
 void Reader::Implementation::walk_unfinished() {
@@ -164,13 +164,21 @@ void Reader::Implementation::check_data_end(std::uint64_t offset) {
   }
 }
 
-void Reader::Implementation::check_message_count(const Summary& summary) {
-  if (!options_.verify || !contents_.damage.empty() || !summary.statistics) return;
-  if (summary.statistics->message_count == contents_.message_count) return;
-  walk_.add_damage(summary.begin, window_.size() - summary.begin,
-                   "The summary says that there are " +
-                       std::to_string(summary.statistics->message_count) + " messages, there are " +
-                       std::to_string(contents_.message_count) + ".");
+void Reader::Implementation::check_summary(Summary& summary) {
+  if (!options_.verify || !contents_.damage.empty()) return;
+  const auto say = [&](std::string reason) {
+    walk_.add_damage(summary.begin, window_.size() - summary.begin, std::move(reason));
+  };
+  if (summary.statistics && summary.statistics->message_count != contents_.message_count) {
+    say("The summary says that there are " + std::to_string(summary.statistics->message_count) +
+        " messages, there are " + std::to_string(contents_.message_count) + ".");
+  }
+  if (summary.chunks.empty()) return;  // not everybody lists them
+  std::ranges::sort(summary.chunks, {}, &ChunkPlace::offset);
+  for (ChunkPlace& place : summary.chunks) {
+    std::ranges::sort(place.indexes, {}, [](const auto& index) { return index.second; });
+  }
+  if (summary.chunks != contents_.chunks) say("The summary lists other chunks than there are.");
 }
 
 std::optional<std::span<const Message>> Reader::Implementation::read_chunk(std::size_t index) {

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <memory>
 #include <ostream>
 #include <span>
 #include <string>
@@ -50,6 +51,24 @@ class MemorySink final : public Sink {
 
  private:
   std::vector<std::byte> bytes_;
+};
+
+/// Counts what is read.
+class CountingSource final : public Source {
+ public:
+  explicit CountingSource(std::span<const std::byte> bytes) : bytes_(open_memory(bytes)) {}
+
+  [[nodiscard]] std::size_t read(std::uint64_t offset, std::span<std::byte> bytes) const override {
+    const std::size_t count = bytes_->read(offset, bytes);
+    num_bytes += count;
+    return count;
+  }
+  [[nodiscard]] std::uint64_t size() const override { return bytes_->size(); }
+
+  mutable std::uint64_t num_bytes{0};
+
+ private:
+  std::unique_ptr<Source> bytes_;
 };
 
 /// A message that owns its bytes and names its topic.

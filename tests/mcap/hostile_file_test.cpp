@@ -269,7 +269,10 @@ TEST(HostileFiles, CannotMakeTheSearchForAChunkEndless) {
   }
   const std::vector<std::byte> rest(1000);
   file.encoder.bytes(rest);
-  const Reader reader = file.read();
+  auto source = std::make_unique<CountingSource>(file.bytes.view());
+  const CountingSource& counted = *source;
+  const Reader reader(std::move(source), {.max_record_size = kLimit});
+  EXPECT_LT(counted.num_bytes, 20 * (file.bytes.size() + kLimit));
   EXPECT_TRUE(reader.contents().chunks.empty());
   ASSERT_EQ(reader.contents().damage.size(), 1U);
   EXPECT_EQ(reader.contents().damage[0].size, file.bytes.size() - begin + kRecordHeaderSize);

@@ -72,24 +72,6 @@ TEST(Reader, KnowsNoOtherChunksThanThereAre) {
 }
 
 TEST(Reader, OpensAFinishedFileWithoutReadingItsChunks) {
-  // Counts what is read.
-  class CountingSource final : public Source {
-   public:
-    explicit CountingSource(std::span<const std::byte> bytes) : bytes_(open_memory(bytes)) {}
-    [[nodiscard]] std::size_t read(std::uint64_t offset,
-                                   std::span<std::byte> bytes) const override {
-      const std::size_t count = bytes_->read(offset, bytes);
-      num_bytes += count;
-      return count;
-    }
-    [[nodiscard]] std::uint64_t size() const override { return bytes_->size(); }
-
-    mutable std::uint64_t num_bytes{0};
-
-   private:
-    std::unique_ptr<Source> bytes_;
-  };
-
   MemorySink sink;
   Writer writer(sink, {.compression = Compression::kNone});
   RecordingWriter recorder(writer);

@@ -61,9 +61,10 @@ void expect_whole(const MemorySink& sink, const Everything& everything) {
 }
 
 TEST(Resuming, FinishesAFileThatWasCutAnywhereAsIfItHadNotBeenFault24) {
+  constexpr std::size_t kStride = kIsSanitized ? 5 : 1;
   for (const Compression compression : kCompressions) {
     const Sample sample = make_sample(compression, true);
-    for (std::size_t size = 0; size < sample.bytes.size(); ++size) {
+    for (std::size_t size = 0; size < sample.bytes.size(); size += kStride) {
       SCOPED_TRACE(std::string(name_of(compression)) + " " + std::to_string(size) + " bytes");
       MemorySink sink;
       const Everything everything = go_on(std::span(sample.bytes).first(size), sink);

@@ -55,8 +55,10 @@ struct ChunkPlace {
   Compression compression{Compression::kNone};
   bool is_chunk{true};            ///< False: messages that lie in the file as they are.
   std::uint64_t index_length{0};  ///< Of the message indexes right behind the chunk [bytes].
-  std::vector<std::pair<std::uint16_t, std::uint64_t>>
-      indexes{};  ///< Channel, offset of its index.
+  /// Channel and offset of its message index.
+  std::vector<std::pair<std::uint16_t, std::uint64_t>> indexes{};
+
+  friend bool operator==(const ChunkPlace&, const ChunkPlace&) = default;
 };
 
 /// Bytes of the file that could not be used.
