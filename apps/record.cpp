@@ -334,7 +334,9 @@ void add_record(CLI::App& program, Action& action) {
   command->footer(
       "The robots may be started later, stopped and started again. Ctrl-C, SIGTERM and SIGHUP\n"
       "finish the log. A recorder that was killed loses nothing: start it again in time, and it\n"
-      "goes on where it was cut off. What could not be recorded is noted as a gap.\n"
+      "goes on where it was cut off. What could not be recorded is noted as a gap. A robot "
+      "without\n"
+      "deadlines may be too fast for whoever only looks; 'trifinger run --record' makes it wait.\n"
       "Example:\n"
       "  trifinger record sim --to logs\n"
       "  trifinger record left right --to /data --rotate-time 1h --max-total 200GB");

@@ -269,6 +269,7 @@ class Recorder::Implementation {
     // Only what was there before us can be in files of others.
     if (!std::exchange(robot.is_known, true)) {
       robot.last_time = recording_.last_time();
+      tell_of_lost_ends(robot, recorder->header().session_id);
       if (const auto position = recording_.find(robot.name, recorder->header().session_id)) {
         // Behind a clean end the recording goes on if nothing is missing, else there is a new one.
         const bool is_same =
@@ -285,6 +286,22 @@ class Recorder::Implementation {
            "a session of " + robot.name + " is not in the log: too many wait to be written");
     }
     robot.sessions.push_back(std::move(recorder));
+  }
+
+  // While no recorder was there, sessions may have ended and made room for others.
+  void tell_of_lost_ends(const RecordedRobot& robot, std::uint64_t session_id) {
+    for (const std::uint64_t id : recording_.open_sessions(robot.name)) {
+      if (id == session_id) continue;
+      const auto position = recording_.find(robot.name, id);
+      if (!position) continue;
+      const std::string since =
+          position->next_step == 0
+              ? "no step"
+              : "nothing behind step " + std::to_string(position->next_step - 1);
+      tell(Level::kError, kRecorder,
+           since + " of the session before of " + robot.name +
+               " was recorded: it has ended without a recorder");
+    }
   }
 
   // --- writing ---

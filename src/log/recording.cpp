@@ -356,6 +356,20 @@ void Recording::take_name_of(const File& file, const mcap::Contents& contents) {
   if (id_.empty()) id_ = random_id();
 }
 
+std::vector<std::uint64_t> Recording::open_sessions(const std::string& robot) const {
+  std::vector<std::uint64_t> open;
+  if (!unfinished_) return open;
+  for (const mcap::Metadata& record : unfinished_->reader->contents().metadata) {
+    if (entry(record.entries, "name") != robot) continue;
+    std::uint64_t id = 0;
+    const std::string text = entry(record.entries, "session_id");
+    std::from_chars(text.data(), text.data() + text.size(), id);
+    if (record.name == "trifinger.session") open.push_back(id);
+    if (record.name == "trifinger.end") std::erase(open, id);
+  }
+  return open;
+}
+
 bool Recording::is_unfinished(const std::filesystem::path& file) const {
   return std::ranges::any_of(earlier_, [&](const File& known) {
     return known.path == file && known.stem == stem_ && was_cut_off_;

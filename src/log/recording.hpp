@@ -49,6 +49,8 @@ class Recording {
   // Where earlier recorders have left this session; nothing if they knew nothing of it.
   [[nodiscard]] std::optional<Position> find(const std::string& robot,
                                              std::uint64_t session_id) const;
+  // Sessions of the robot whose end is not in the recording that was cut off and goes on.
+  [[nodiscard]] std::vector<std::uint64_t> open_sessions(const std::string& robot) const;
   // True if the recording of `file` was cut off and goes on.
   [[nodiscard]] bool is_unfinished(const std::filesystem::path& file) const;
   // Makes what is written from now on the next part of the recording that ends with `file`. False

@@ -164,6 +164,35 @@ TEST_F(RecorderKill, LeavesAGapWhereTheHistoryIsShorterThanTheAbsence) {
   EXPECT_EQ(log.count_events("overwritten before"), log.first().gaps.size());
 }
 
+TEST_F(RecorderKill, IsToldIfASessionEndsBeforeTheNextRecorderComes) {
+  ChildProcess backend([] {
+    const FakeBackend fake("robot", {}, kAtOneKilohertz);
+    while (true) {
+      Frontend<FakeRobot> robot(fake.host());
+      const TimeIndex t = robot.append_desired_action({});
+      robot.wait_until_time_index(t + 100);
+      robot.finish();
+    }
+    return 0;
+  });
+  {
+    const auto recorder = start_recorder();
+    wait_for_recorder(60);
+    recorder->kill();
+  }
+  const Recorded cut_off(logs_.path());
+  const std::uint64_t id = cut_off.order.back();
+  const bool has_ended = !cut_off.newest().ends.empty();
+  static_cast<void>(find_robot());
+  while (Session::open("robot").info().session_id == id) std::this_thread::yield();
+  RecorderThread recorder({"robot"}, {.folder = logs_.path(), .keep_free = 0});
+  recorder.wait_for_step(20);
+  recorder.stop();
+  const Recorded log(logs_.path());
+  EXPECT_EQ(log.count_events("it has ended without a recorder"), has_ended ? 0 : 1);
+  EXPECT_GE(log.order.size(), 2);
+}
+
 TEST_F(RecorderKill, TogetherWithTheBackendLeavesWhatTheMemoryHolds) {
   const auto backend = std::make_unique<ChildProcess>([] { return run_robot(16384); });
   auto robot = find_robot();
