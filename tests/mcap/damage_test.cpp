@@ -26,10 +26,10 @@ struct Case {
 std::vector<Case> all_cases() {
   std::vector<Case> cases;
   for (const Compression compression : kCompressions) {
-    for (const bool is_finished : {false, true}) {
-      cases.insert(cases.end(),
-                   {{compression, is_finished, false}, {compression, is_finished, true}});
-    }
+    cases.insert(cases.end(), {{compression, false, false},
+                               {compression, false, true},
+                               {compression, true, false},
+                               {compression, true, true}});
   }
   return cases;
 }
@@ -65,8 +65,8 @@ TEST_P(FlippedBits, CostTheRecordTheyAreInWhichIsNamedAndNothingElseFault25) {
   const Sample sample = make_sample(GetParam().compression, GetParam().is_finished);
   Reader whole = read_bytes(sample.bytes);
   const Contents places = whole.contents();
-  std::vector<std::vector<StoredMessage>> chunks;
-  for (std::size_t i = 0; i < places.chunks.size(); ++i) chunks.push_back(read_messages(whole, i));
+  std::vector<std::vector<StoredMessage>> chunks(places.chunks.size());
+  for (std::size_t i = 0; i < chunks.size(); ++i) chunks[i] = read_messages(whole, i);
 
   std::mt19937 random(1);
   const std::size_t num_bits = sample.bytes.size() * 8;
