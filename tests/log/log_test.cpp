@@ -234,12 +234,12 @@ TEST(Log, NamesWhatIsMissing) {
 TEST(Log, GivesNoIndexTwiceWhateverAFileSays) {
   const Folder folder;
   const OddSession written = random_session(3, 100);
-  for (const bool is_one_chunk : {true, false}) {
-    const auto path = folder / (is_one_chunk ? "a.mcap" : "b.mcap");
-    mcap::FileSink sink = mcap::FileSink::create(path);
+  const auto write = [&](const std::string& name, const std::vector<TimeIndex>& firsts,
+                         bool is_one_chunk) {
+    mcap::FileSink sink = mcap::FileSink::create(folder / name);
     LogWriter writer(sink, {});
     const std::size_t number = writer.begin_session(written.header);
-    for (const TimeIndex first : {0, 10, 5, 50}) {
+    for (const TimeIndex first : firsts) {
       const auto t = static_cast<std::size_t>(first);
       writer.write_steps(number,
                          {first, 30, &written.desired_actions[t], &written.applied_actions[t],
@@ -247,7 +247,11 @@ TEST(Log, GivesNoIndexTwiceWhateverAFileSays) {
       if (!is_one_chunk) writer.flush();
     }
     writer.finish();
-    const LoggedSession session = Log(path).session();
+    return Log(folder / name).session();
+  };
+  for (const bool is_one_chunk : {true, false}) {
+    const LoggedSession session =
+        write(is_one_chunk ? "a.mcap" : "b.mcap", {0, 10, 5, 50}, is_one_chunk);
     const test::FoundSteps found = test::read_steps(session);
     EXPECT_TRUE(test::is_true(found, written));  // that the indices rise, too
     EXPECT_EQ(found.indices.size(), 70U);
@@ -255,6 +259,9 @@ TEST(Log, GivesNoIndexTwiceWhateverAFileSays) {
     EXPECT_EQ(session.gaps()[0].first, 40);
     EXPECT_EQ(session.gaps()[0].last, 49);
   }
+  const LoggedSession session = write("c.mcap", {0, 50, 10}, true);
+  EXPECT_EQ(session.range(Series::kAppliedAction).second, 80);
+  EXPECT_EQ(test::read_steps(session).indices.size(), 60U);
 }
 
 TEST(Log, ReadsASessionThatWentOnWhenTheRecordingEnded) {
