@@ -27,7 +27,6 @@ namespace {
 
 using log::RecorderOptions;
 using Range = std::pair<TimeIndex, TimeIndex>;
-using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 
 RecorderOptions options_for(const std::filesystem::path& folder) {
@@ -66,6 +65,8 @@ class RecorderDisk : public ::testing::Test {
   std::optional<RecorderThread> recorder_;
 };
 
+// GoogleTest wants both bases.
+// NOLINTNEXTLINE(misc-multiple-inheritance)
 class RecorderDiskError : public RecorderDisk, public ::testing::WithParamInterface<int> {};
 
 TEST_P(RecorderDiskError, CostsNothingThatTheHistoryHolds) {
@@ -92,7 +93,11 @@ TEST_P(RecorderDiskError, IsAGapWhereTheHistoryIsTooShort) {
   start(256);
   disk_.set_error(GetParam());
   recorder_->wait_for_event("recorder: cannot write: ");
-  go_on(1000);
+  // Until something is lost for certain.
+  const UntypedFrontend observer(robot_->session());
+  while (observer.range(Series::kStatus).first <= (*recorder_)->state().robots[0].next_step) {
+    go_on(100);
+  }
   disk_.set_error(0);
   recorder_->wait_for_event("writes again after ");
   catch_up();
@@ -103,7 +108,6 @@ TEST_P(RecorderDiskError, IsAGapWhereTheHistoryIsTooShort) {
   ASSERT_FALSE(log.first().gaps.empty());
   std::int64_t lost = 0;
   for (const auto& [first, last] : log.first().gaps) lost += last - first + 1;
-  EXPECT_GE(lost, 1000 - 256);
   EXPECT_EQ((*recorder_)->state().lost_steps, lost);
   EXPECT_TRUE(log.first().is_ordered());
   EXPECT_EQ(log.count_events(" not in the log: overwritten before"), log.first().gaps.size());
