@@ -14,6 +14,8 @@
 namespace trifinger::apps {
 namespace {
 
+constexpr double kMost = 1e9;  // [s]: longer than any log
+
 struct Options {
   std::string log;
   std::string output;
@@ -28,13 +30,6 @@ struct Options {
       {{"double", log::Precision::kDouble}, {"single", log::Precision::kSingle}}};
 };
 
-// The first step at or after `seconds` since the first one in the log.
-TimeIndex step_at(const log::LoggedSession& session, double seconds) {
-  std::int64_t start = 0;
-  if (session.read({}).read(1, {.times = &start}) == 0) return 0;
-  return session.find(start + static_cast<std::int64_t>(seconds * 1e9));
-}
-
 int cut(const Options& options) {
   const log::Log log(options.log);
   log::CopyOptions copy{.session = options.robot,
@@ -42,9 +37,14 @@ int cut(const Options& options) {
                         .last = options.last,
                         .precision = options.precision.value()};
   if (options.from || options.to) {
-    const log::LoggedSession session = log.session(options.robot);
-    if (options.from) copy.first = step_at(session, *options.from);
-    if (options.to) copy.last = step_at(session, *options.to);
+    const auto to_time = [](double seconds) {
+      return Nanoseconds(static_cast<std::int64_t>(seconds * 1e9));
+    };
+    const auto [first, last] =
+        log.session(options.robot)
+            .between(to_time(options.from.value_or(0.0)), to_time(options.to.value_or(kMost)));
+    if (options.from) copy.first = first;
+    if (options.to) copy.last = last;
   }
   log::copy(log, options.output, copy);
   const log::Log result{std::filesystem::path(options.output)};
@@ -72,7 +72,7 @@ void add_log_cut(CLI::App& log, Action& action) {
                    "Whose newest session to cut; needed if there are several robots")
       ->option_text("NAME");
   const CLI::Range steps(TimeIndex{0}, std::numeric_limits<TimeIndex>::max());
-  const CLI::Range seconds(0.0, 1e9);
+  const CLI::Range seconds(0.0, kMost);
   CLI::Option* const first =
       command->add_option("--first", options->first, "First step")->check(steps)->option_text("T");
   CLI::Option* const last = command->add_option("--last", options->last, "First step left out")

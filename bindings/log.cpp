@@ -259,14 +259,12 @@ std::pair<TimeIndex, TimeIndex> PythonLoggedSession::range(std::string_view seri
 
 std::pair<TimeIndex, TimeIndex> PythonLoggedSession::between(double begin, double end) const {
   if (!(begin <= end)) throw InvalidArgument("the end must not lie before the beginning");
-  const GilRelease release;
-  std::int64_t start = 0;
-  if (session_.read({}).read(1, {.times = &start}) == 0) return {0, 0};
-  constexpr double kMax = 4e9;  // [s]: more than a century, and in range
-  const auto to_index = [&](double seconds) {
-    return session_.find(start + static_cast<std::int64_t>(std::clamp(seconds, 0.0, kMax) * 1e9));
+  const auto to_time = [](double seconds) {
+    constexpr double kMost = 9e9;  // [s]: as far as nanoseconds in 64 bits reach
+    return Nanoseconds(static_cast<std::int64_t>(std::clamp(seconds, 0.0, kMost) * 1e9));
   };
-  return {to_index(begin), to_index(end)};
+  const GilRelease release;
+  return session_.between(to_time(begin), to_time(end));
 }
 
 nb::object PythonLoggedSession::dtype(Series series) const {

@@ -5,7 +5,7 @@
 #include <array>
 #include <cstring>
 #include <ctime>
-#include <regex>
+#include <string_view>
 #include <system_error>
 #include <utility>
 
@@ -236,6 +236,8 @@ std::string text_of(std::chrono::system_clock::time_point time) {
   return text.data();
 }
 
+constexpr std::string_view kTimePattern = "0000-00-00_00-00-00";
+
 // A log of a fault, found by its name.
 struct FaultLog {
   std::filesystem::path path;
@@ -243,17 +245,38 @@ struct FaultLog {
   std::string time;
 };
 
+bool is_digit(char c) { return c >= '0' && c <= '9'; }
+
+// Whether it is written as `text_of` does.
+bool is_time(std::string_view text) {
+  return std::ranges::equal(text, kTimePattern, [](char c, char wanted) {
+    return wanted == '0' ? is_digit(c) : c == wanted;
+  });
+}
+
+// Several of one second have a number: "_2".
+bool is_number(std::string_view text) {
+  return text.empty() ||
+         (text.size() > 1 && text.front() == '_' && std::ranges::all_of(text.substr(1), is_digit));
+}
+
+// Their names are as in "sim_2026-11-20_09-05-12_fault.mcap".
 std::vector<FaultLog> fault_logs(const std::filesystem::path& folder) {
-  static const std::regex pattern(
-      R"((.+)_(\d{4}-\d\d-\d\d_\d\d-\d\d-\d\d)_fault(?:_(\d+))?\.mcap)");
+  constexpr std::string_view kMark = "_fault";
   std::vector<FaultLog> logs;
   std::error_code ignored;
   for (const auto& entry : std::filesystem::directory_iterator(folder, ignored)) {
-    const std::string name = entry.path().filename().string();
-    std::smatch match;
-    if (!std::regex_match(name, match, pattern)) continue;
-    // Several of one second have a number, of one digit as good as always.
-    logs.push_back({entry.path(), match[1], match[2].str() + "_" + match[3].str()});
+    const std::string name = entry.path().stem().string();
+    const std::size_t mark = name.rfind(kMark);
+    if (entry.path().extension() != ".mcap" || mark == std::string::npos ||
+        mark < kTimePattern.size() + 2) {
+      continue;
+    }
+    const std::size_t begin = mark - kTimePattern.size();
+    const std::string time = name.substr(begin, kTimePattern.size());
+    const std::string number = name.substr(mark + kMark.size());
+    if (name[begin - 1] != '_' || !is_time(time) || !is_number(number)) continue;
+    logs.push_back({entry.path(), name.substr(0, begin - 1), time + number});
   }
   std::ranges::sort(logs, {}, [](const FaultLog& log) { return std::pair(log.time, log.path); });
   return logs;
@@ -315,12 +338,10 @@ std::optional<std::filesystem::path> find_fault_log(const std::filesystem::path&
                                                     const std::string& name,
                                                     std::chrono::system_clock::time_point created) {
   const std::vector<FaultLog> logs = fault_logs(folder);
-  for (auto log = logs.rbegin(); log != logs.rend(); ++log) {
-    if (log->robot != name) continue;
-    if (log->time < text_of(created)) break;
-    return log->path;
-  }
-  return std::nullopt;
+  const auto newest = std::find_if(logs.rbegin(), logs.rend(),
+                                   [&name](const FaultLog& log) { return log.robot == name; });
+  if (newest == logs.rend() || newest->time < text_of(created)) return std::nullopt;
+  return newest->path;
 }
 
 FlightRecorder::FlightRecorder(FlightRecorderOptions options) : options_(std::move(options)) {}

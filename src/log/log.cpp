@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <limits>
 #include <mutex>
 #include <set>
 #include <string_view>
@@ -420,6 +421,17 @@ TimeIndex LoggedSession::find(std::int64_t time) const {
   const std::optional<TimeIndex> index = find_from(
       *log_, *stream_, n, [time](const StreamMessage& found) { return found.time() >= time; });
   return index ? *index : log_->range(*stream_).second;
+}
+
+std::pair<TimeIndex, TimeIndex> LoggedSession::between(Nanoseconds begin, Nanoseconds end) const {
+  std::int64_t start = 0;
+  if (read({}).read(1, {.times = &start}) == 0) return {0, 0};
+  const auto time_of = [start](Nanoseconds time) {
+    const std::int64_t since = std::max<std::int64_t>(time.count(), 0);
+    const bool is_past_all = since > std::numeric_limits<std::int64_t>::max() - start;
+    return is_past_all ? std::numeric_limits<std::int64_t>::max() : start + since;
+  };
+  return {find(time_of(begin)), find(time_of(end))};
 }
 
 std::vector<LoggedSession> LoggedSession::companions() const {

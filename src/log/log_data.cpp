@@ -17,6 +17,13 @@
 namespace trifinger::log::detail {
 namespace {
 
+// Other programs know more levels than we do.
+LogWriter::Level level_of(std::uint8_t number) {
+  using Level = LogWriter::Level;
+  if (number >= static_cast<std::uint8_t>(Level::kError)) return Level::kError;
+  return number >= static_cast<std::uint8_t>(Level::kWarning) ? Level::kWarning : Level::kInfo;
+}
+
 constexpr std::int64_t kFormatVersion = 1;
 
 std::optional<std::int64_t> to_integer(std::string_view text) {
@@ -533,7 +540,7 @@ void LogData::add_event(std::size_t n, const mcap::Message& message) {
   Event event;
   event.time = std::int64_t{reader.number<std::int32_t>()} * 1'000'000'000;
   event.time += reader.number<std::uint32_t>();
-  event.level = static_cast<LogWriter::Level>(reader.number<std::uint8_t>());
+  event.level = level_of(reader.number<std::uint8_t>());
   event.source = reader.text();
   event.text = reader.text();
   if (reader.is_whole()) events_by_chunk_[n].push_back(std::move(event));

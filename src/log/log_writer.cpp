@@ -78,7 +78,7 @@ std::string random_name() {
   return name;
 }
 
-std::string text_of(Precision precision) {
+std::string_view text_of(Precision precision) {
   return precision == Precision::kSingle ? "single" : "double";
 }
 
@@ -159,8 +159,8 @@ struct WrittenSession {
   bool is_announced{false};
   TimeIndex observations{-1};  // known with the end
 
-  WrittenSession(const SessionHeader& its_header, Precision precision)
-      : header(its_header),
+  WrittenSession(SessionHeader its_header, Precision precision)
+      : header(std::move(its_header)),
         step(step_layout(header.types, describe<Status>(), precision)),
         end(end_layout(header.types, describe<Status>(), precision)),
         no_observation(nothing(header.types.observation)) {
@@ -225,7 +225,7 @@ class LogWriter::Implementation {
                {"created", utc_text(wall_time())},
                {"part", std::to_string(options.part)},
                {"recording", options.recording.empty() ? random_name() : options.recording},
-               {"precision", text_of(precision_)}};
+               {"precision", std::string(text_of(precision_))}};
     event_channel_ = add_channel("/events", kEventType, kEventDefinition, {});
   }
 
@@ -388,7 +388,7 @@ class LogWriter::Implementation {
     const RobotTypes& types = header.types;
     Entries metadata{{"session", header.name},
                      {"type", types.type},
-                     {"precision", text_of(precision_)},
+                     {"precision", std::string(text_of(precision_))},
                      {"status", describe<Status>().text()},
                      {"observation", types.observation.text()}};
     const auto add = [this, &header](Stream& stream, std::string_view suffix, Entries entries) {
@@ -409,7 +409,7 @@ class LogWriter::Implementation {
           {{"session", companion.name},
            {"type", companion.type},
            {"role", "companion"},
-           {"precision", text_of(precision_)},
+           {"precision", std::string(text_of(precision_))},
            {"observation", companion.element.text()}});
     }
   }

@@ -195,7 +195,7 @@ std::vector<MessagePart> parts_of(const RobotTypes& robot, const ElementDescript
 
 }  // namespace
 
-MessageLayout::MessageLayout(std::string_view type, std::vector<MessagePart> parts,
+MessageLayout::MessageLayout(std::string_view type, const std::vector<MessagePart>& parts,
                              Precision precision)
     : type_(std::string(kPackage) + "/msg/" + std::string(type)) {
   require_message_name(type);

@@ -73,7 +73,7 @@ struct RecordedRobot {
 };
 
 // The names become names of files.
-const std::vector<std::string>& checked(const std::vector<std::string>& robots) {
+void require_names(const std::vector<std::string>& robots) {
   if (robots.empty()) throw InvalidArgument("a recorder needs the name of a robot");
   std::set<std::string> seen;
   for (const std::string& name : robots) {
@@ -91,7 +91,6 @@ const std::vector<std::string>& checked(const std::vector<std::string>& robots) 
       throw InvalidArgument("robot '" + name + "' is named twice");
     }
   }
-  return robots;
 }
 
 void drain(const ipc::FileDescriptor& file) noexcept {
@@ -107,7 +106,7 @@ class Recorder::Implementation {
       : options_(std::move(options)),
         wake_([] { return ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK); }),
         watch_(options_.is_follower ? std::vector<std::string>() : robots),
-        recording_(checked(robots), options_,
+        recording_(robots, options_,
                    [this](Level level, std::string_view source, const std::string& text) {
                      tell(level, source, text);
                    }) {
@@ -527,8 +526,10 @@ class Recorder::Implementation {
   std::shared_ptr<std::atomic<TimeIndex>> followed_;  // of the back-end's thread
 };
 
-Recorder::Recorder(const std::vector<std::string>& robots, RecorderOptions options)
-    : implementation_(std::make_unique<Implementation>(robots, std::move(options))) {}
+Recorder::Recorder(const std::vector<std::string>& robots, RecorderOptions options) {
+  require_names(robots);
+  implementation_ = std::make_unique<Implementation>(robots, std::move(options));
+}
 Recorder::~Recorder() = default;
 
 void Recorder::run() { implementation_->run(); }

@@ -98,7 +98,7 @@ std::string entry(const std::map<std::string, std::string>& entries, const std::
   return found == entries.end() ? std::string() : found->second;
 }
 
-std::string text_of(Precision precision) {
+std::string_view text_of(Precision precision) {
   return precision == Precision::kSingle ? "single" : "double";
 }
 
@@ -175,8 +175,9 @@ class PositionSearch {
       const auto count = contents.channel_message_counts.find(id);
       if (count == contents.channel_message_counts.end() || count->second == 0) continue;
       const std::string role = entry(channel.metadata, "role");
-      if (role == "step" || role == "companion") {
-        if (is_session_of_robot(entry(channel.metadata, "session"))) wanted_.push_back(id);
+      if ((role == "step" || role == "companion") &&
+          is_session_of_robot(entry(channel.metadata, "session"))) {
+        wanted_.push_back(id);
       }
     }
     return is_known;

@@ -53,9 +53,9 @@ class Recording {
   [[nodiscard]] std::vector<std::uint64_t> open_sessions(const std::string& robot) const;
   // True if the recording of `file` was cut off and goes on.
   [[nodiscard]] bool is_unfinished(const std::filesystem::path& file) const;
-  // Makes what is written from now on the next part of the recording that ends with `file`. False
+  // Makes what is written from now on the next part of the recording that ends with `path`. False
   // if that cannot be.
-  [[nodiscard]] bool join(const std::filesystem::path& file);
+  [[nodiscard]] bool join(const std::filesystem::path& path);
   // The newest time in the files of earlier recorders, since 1970 [ns]; 0 if there are none.
   [[nodiscard]] std::int64_t last_time() const noexcept { return last_time_; }
 
@@ -65,9 +65,9 @@ class Recording {
   // Of the open file; another number for each.
   [[nodiscard]] int number() const noexcept { return part_; }
 
-  // Hands the open chunk to the kernel if it is time, or `now` if that is wanted. Then looks after
-  // the files: sync, rotation, limits.
-  void flush(bool now);
+  // Hands the open chunk to the kernel if it is time, or at once if that is wanted. Then looks
+  // after the files: sync, rotation, limits.
+  void flush(bool is_wanted);
   // Finishes the open file, or the one that an earlier recorder has left unfinished.
   void finish();
 

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <chrono>
 #include <filesystem>
 #include <map>
 #include <random>
@@ -180,6 +181,13 @@ TEST(Log, FindsStepsByTime) {
       EXPECT_EQ(session.find(steps.times[t]), static_cast<TimeIndex>(t));
       EXPECT_EQ(session.find(steps.times[t] + 1), static_cast<TimeIndex>(t + 1));
     }
+    EXPECT_EQ(session.between(std::chrono::milliseconds(1000), Nanoseconds::max()),
+              std::pair(TimeIndex{300}, TimeIndex{300}));
+    EXPECT_EQ(session.between(Nanoseconds(steps.times[50] - steps.times[0]),
+                              Nanoseconds(steps.times[70] - steps.times[0])),
+              std::pair(TimeIndex{50}, TimeIndex{70}));
+    EXPECT_EQ(session.between(Nanoseconds::min(), Nanoseconds(1)),
+              std::pair(TimeIndex{0}, TimeIndex{1}));
     EXPECT_EQ(session.find(0), 0);
     EXPECT_EQ(session.find(steps.times.back() + 1), 300);
   }

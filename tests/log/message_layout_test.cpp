@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstring>
@@ -68,8 +69,9 @@ Bytes plain_cdr(const std::vector<MessagePart>& parts, const std::vector<Bytes>&
       }
     }
   }
-  Bytes message{std::byte{0}, std::byte{1}, std::byte{0}, std::byte{0}};
-  message.insert(message.end(), data.begin(), data.end());
+  constexpr std::array kHeader{std::byte{0}, std::byte{1}, std::byte{0}, std::byte{0}};
+  Bytes message(kHeader.size() + data.size());
+  std::ranges::copy(data, std::ranges::copy(kHeader, message.begin()).out);
   return message;
 }
 

@@ -22,7 +22,6 @@ namespace {
 using log::Recorder;
 using log::RecorderOptions;
 using Range = std::pair<TimeIndex, TimeIndex>;
-using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 

@@ -152,11 +152,11 @@ class Recorded {
 
   /// The session that was recorded last; of the only robot if there is no name.
   [[nodiscard]] const Session& newest(const std::string& name = {}) const {
-    for (auto id = order.rbegin(); id != order.rend(); ++id) {
-      const Session& session = sessions.at(*id);
-      if (name.empty() || session.name == name) return session;
-    }
-    throw Error("no session was recorded");
+    const auto id = std::find_if(order.rbegin(), order.rend(), [&](const auto& one) {
+      return name.empty() || sessions.at(one).name == name;
+    });
+    if (id == order.rend()) throw Error("no session was recorded");
+    return sessions.at(*id);
   }
   /// The session that was recorded first.
   [[nodiscard]] const Session& first() const { return sessions.at(order.at(0)); }

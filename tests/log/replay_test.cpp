@@ -34,9 +34,7 @@ namespace {
 using test::message_of;
 using test::same_bytes;
 using ::testing::AllOf;
-using ::testing::Each;
 using ::testing::HasSubstr;
-using ::testing::SizeIs;
 
 constexpr TimeIndex kSteps = 200;
 

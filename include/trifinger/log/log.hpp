@@ -146,6 +146,9 @@ class LoggedSession {
   /// The first index that was measured at or after `time`, since 1970 [ns]; the end of the range if
   /// there is none.
   [[nodiscard]] TimeIndex find(std::int64_t time) const;
+  /// The range of what was measured from `begin` to before `end`, counted from the first element in
+  /// the log.
+  [[nodiscard]] std::pair<TimeIndex, TimeIndex> between(Nanoseconds begin, Nanoseconds end) const;
 
   /// The companions of a robot.
   [[nodiscard]] std::vector<LoggedSession> companions() const;

@@ -36,7 +36,7 @@ class MessageLayout {
  public:
   /// `type` is the message's name without its package, as in "TrifingerStep".
   /// @throws InvalidArgument for names that ROS 2 does not allow
-  MessageLayout(std::string_view type, std::vector<MessagePart> parts,
+  MessageLayout(std::string_view type, const std::vector<MessagePart>& parts,
                 Precision precision = Precision::kDouble);
 
   /// As in "trifinger_msgs/msg/TrifingerStep".
