@@ -280,7 +280,7 @@ MessageLayout end_layout(const RobotTypes& robot, const ElementDescription& stat
                          Precision precision) {
   std::vector<MessagePart> parts = parts_of(robot, status);
   parts.resize(StepPart::kObservation + 1);
-  return {camel_case(robot.type) + "End", std::move(parts), precision};
+  return {camel_case(robot.type) + "End", parts, precision};
 }
 
 MessageLayout companion_layout(std::string_view type, const ElementDescription& element,
