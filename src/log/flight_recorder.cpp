@@ -337,10 +337,11 @@ std::filesystem::path rescue(const std::string& name, std::optional<std::filesys
 std::optional<std::filesystem::path> find_fault_log(const std::filesystem::path& folder,
                                                     const std::string& name,
                                                     std::chrono::system_clock::time_point created) {
-  const std::vector<FaultLog> logs = fault_logs(folder);
-  const auto newest = std::find_if(logs.rbegin(), logs.rend(),
-                                   [&name](const FaultLog& log) { return log.robot == name; });
-  if (newest == logs.rend() || newest->time < text_of(created)) return std::nullopt;
+  std::optional<FaultLog> newest;
+  for (const FaultLog& log : fault_logs(folder)) {
+    if (log.robot == name) newest = log;
+  }
+  if (!newest || newest->time < text_of(created)) return std::nullopt;
   return newest->path;
 }
 

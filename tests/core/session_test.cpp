@@ -270,12 +270,12 @@ TYPED_TEST(ExhaustedDriver, EndsItsSessionWithoutAFault) {
   typename TypeParam::template Rig<ShortDriverTraits> rig;
   {
     auto robot = rig.connect();
-    for (int i = 0; i < 15; ++i) robot.append_desired_action({});
+    for (int i = 0; i < 11; ++i) robot.append_desired_action({});
     EXPECT_EQ(robot.get_observation(10).applied_actions, 10);
     EXPECT_EQ(test::code_of([&] { return robot.get_observation(11); }), Fault::Code::kExhausted);
     test::expect_end(robot, 10, {.code = Fault::Code::kExhausted});
     EXPECT_EQ(test::code_of([&] { robot.finish(); }), Fault::Code::kExhausted)
-        << "actions were left out";
+        << "an action was left out";
   }
   // The next session begins at once.
   auto robot = rig.connect();

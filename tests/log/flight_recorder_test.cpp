@@ -119,10 +119,11 @@ TEST_F(FlightRecorderTest, LeavesTheLastSecondsBeforeAFaultAsTheyWere) {
 }
 
 TEST_F(FlightRecorderTest, KnowsOfCompanionsWhatWasKnownAtEachStep) {
-  run_session(150);
+  // The reading of step 50 is the one that is known at step 52, the first in the log.
+  run_session(152);
   const LoggedRobot<FakeRobot> logged{Log(recorder_.write().at(0).file)};
   const LoggedCompanion<FakeSensorReading> sensor(logged.companion("sensor"));
-  for (TimeIndex t = 50; t < 150; ++t) {
+  for (TimeIndex t = 52; t < 152; ++t) {
     FakeSensorReading expected;
     ASSERT_TRUE(UntypedFrontend(sensor_->session()).get_latest_at(t, &expected, kForever));
     const auto found = sensor.get_latest_at(t);

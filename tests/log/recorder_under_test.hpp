@@ -152,11 +152,13 @@ class Recorded {
 
   /// The session that was recorded last; of the only robot if there is no name.
   [[nodiscard]] const Session& newest(const std::string& name = {}) const {
-    const auto id = std::find_if(order.rbegin(), order.rend(), [&](const auto& one) {
-      return name.empty() || sessions.at(one).name == name;
-    });
-    if (id == order.rend()) throw Error("no session was recorded");
-    return sessions.at(*id);
+    const Session* newest = nullptr;
+    for (const auto& id : order) {
+      const Session& session = sessions.at(id);
+      if (name.empty() || session.name == name) newest = &session;
+    }
+    if (newest == nullptr) throw Error("no session was recorded");
+    return *newest;
   }
   /// The session that was recorded first.
   [[nodiscard]] const Session& first() const { return sessions.at(order.at(0)); }
