@@ -25,11 +25,11 @@ struct Case {
 
 std::vector<Case> all_cases() {
   std::vector<Case> cases;
+  cases.reserve(4 * kCompressions.size());
   for (const Compression compression : kCompressions) {
-    cases.insert(cases.end(), {{compression, false, false},
-                               {compression, false, true},
-                               {compression, true, false},
-                               {compression, true, true}});
+    for (const bool is_finished : {false, true}) {
+      for (const bool verify : {false, true}) cases.push_back({compression, is_finished, verify});
+    }
   }
   return cases;
 }
