@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <iterator>
 #include <random>
 #include <string>
 #include <utility>
@@ -25,7 +26,7 @@ struct Case {
 
 std::vector<Case> all_cases() {
   std::vector<Case> cases;
-  cases.reserve(4 * kCompressions.size());
+  cases.reserve(4 * std::size(kCompressions));
   for (const Compression compression : kCompressions) {
     for (const bool is_finished : {false, true}) {
       for (const bool verify : {false, true}) cases.push_back({compression, is_finished, verify});
