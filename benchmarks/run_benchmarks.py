@@ -123,7 +123,12 @@ def recorder_rows(windows: int, duration: float) -> list[Row]:
     alone: list[float] = []
     with (
         tempfile.TemporaryDirectory() as folder,
-        back_end("sim") as name,
+        # Nobody acts while a recorder starts or ends.
+        back_end(
+            "sim",
+            *("--set", "backend.late_action.max_repeats=1000000"),
+            *("--set", "backend.max_skipped_ticks=1000000"),
+        ) as name,
         trifinger.connect(name) as robot,
     ):
         action = robot.new_action(position=robot.latest_observation().position)
