@@ -270,12 +270,15 @@ TYPED_TEST(ExhaustedDriver, EndsItsSessionWithoutAFault) {
   typename TypeParam::template Rig<ShortDriverTraits> rig;
   {
     auto robot = rig.connect();
-    for (int i = 0; i < 11; ++i) robot.append_desired_action({});
+    for (int i = 0; i < 10; ++i) robot.append_desired_action({});
+    // Too late if a back-end of its own has come to the end meanwhile.
+    const bool is_left_out =
+        test::code_of([&] { robot.append_desired_action({}); }) == Fault::Code::kNone;
     EXPECT_EQ(robot.get_observation(10).applied_actions, 10);
     EXPECT_EQ(test::code_of([&] { return robot.get_observation(11); }), Fault::Code::kExhausted);
     test::expect_end(robot, 10, {.code = Fault::Code::kExhausted});
-    EXPECT_EQ(test::code_of([&] { robot.finish(); }), Fault::Code::kExhausted)
-        << "an action was left out";
+    EXPECT_EQ(test::code_of([&] { robot.finish(); }),
+              is_left_out ? Fault::Code::kExhausted : Fault::Code::kNone);
   }
   // The next session begins at once.
   auto robot = rig.connect();
