@@ -57,7 +57,7 @@ TEST(Node, AcceptsTheUnitBehindANumber) {
   EXPECT_EQ(fingers("steps: 5 steps").required<int>("steps", {.unit = "steps"}), 5);
 }
 
-TEST(Node, RefusesAnotherUnit) {
+TEST(Node, fault_59_RefusesAnotherUnit) {
   EXPECT_EQ(problem_with_height("height: 300 mm"),
             "robot.yml:2:11: fingers.height has the unit 'mm', must be in 'm'");
   EXPECT_EQ(problem_with_height("height: 0.3 m", {}),
@@ -95,7 +95,7 @@ TEST(Node, RefusesWhatIsNoNumber) {
               testing::HasSubstr("fingers.height is empty, must be a number [m]"));
 }
 
-TEST(Node, RefusesNanAndInfinityUnlessInfinityIsAllowed) {
+TEST(Node, fault_59_RefusesNanAndInfinityUnlessInfinityIsAllowed) {
   EXPECT_EQ(problem_with_height("height: .inf", {.unit = "m"}),
             "robot.yml:2:11: fingers.height is .inf m, must be a finite number [m]");
   EXPECT_EQ(problem_with_height("height: .nan", {.unit = "m"}),
@@ -188,7 +188,7 @@ void read_robot(const File& file) {
   file.reject_unknown_keys();
 }
 
-TEST(UnknownKeys, AreErrorsThatNameWhatWasMeant) {
+TEST(UnknownKeys, fault_59_AreErrorsThatNameWhatWasMeant) {
   EXPECT_EQ(message_of([] { read_robot(File::parse("fingers:\n  heigth: 0.3\n", "robot.yml")); }),
             "robot.yml:2:3: fingers.heigth is not a known key; did you mean 'height'?");
   EXPECT_EQ(message_of([] { read_robot(File::parse("speed: 3\n", "robot.yml")); }),

@@ -86,7 +86,7 @@ TEST(Parser, SurvivesNestingWithoutEnd) {
   EXPECT_THROW((void)File::parse("a: " + std::string(100'000, '['), "robot.yml"), ConfigError);
 }
 
-TEST(Parser, AnswersEveryDamagedFileWithAConfigurationOrAConfigError) {
+TEST(Parser, fault_59_AnswersEveryDamagedFileWithAConfigurationOrAConfigError) {
   const std::string whole =
       "# A robot\nextends_not: 'x'\nfingers: {height: 0.283 m, pose: [0, 0.9, -1.7]}\nobjects:\n"
       "  - name: \"cube\"\n    mass: 0.094\n  - name: ball\ntext: |\n  two\n  lines\n";

@@ -73,7 +73,7 @@ TEST_F(BadInput, ANameThatCannotBeAFilesIsRefused) {
   static_cast<void>(SessionHost::named(std::string(64, 'x')));
 }
 
-TEST_F(BadInput, AnotherRobotsTypeIsNamed) {
+TEST_F(BadInput, fault_30_AnotherRobotsTypeIsNamed) {
   const test::NamedRobot robot;
   EXPECT_THAT(message_of<IncompatibleSession>([] { return connect<test::OddRobot>("robot"); }),
               AllOf(HasSubstr("'robot'"), HasSubstr("'fake'"), HasSubstr("'odd'")));
@@ -96,13 +96,13 @@ struct LaterFakeRobot {
   using Observation = FakeObservation;
 };
 
-TEST_F(BadInput, OtherFieldsOfTheSameRobotAreNamed) {
+TEST_F(BadInput, fault_72_OtherFieldsOfTheSameRobotAreNamed) {
   const test::NamedRobot robot;
   EXPECT_THAT(message_of<IncompatibleSession>([] { return connect<LaterFakeRobot>("robot"); }),
               AllOf(HasSubstr("the action"), HasSubstr("gain float64"), HasSubstr("same version")));
 }
 
-TEST_F(BadInput, CompanionsAreFoundByNameAndType) {
+TEST_F(BadInput, fault_30_CompanionsAreFoundByNameAndType) {
   const test::NamedRobot robot;
   const auto user = observe<FakeRobot>("robot");
   EXPECT_THAT(message_of<SessionNotFound>([&] { return user.companion("camera"); }),
@@ -129,7 +129,7 @@ TEST_F(BadInput, ObserversDoNotControl) {
   EXPECT_THROW(observer.finish(), InvalidArgument);
 }
 
-TEST_F(BadInput, ASecondControllerLearnsWhoIsTheFirst) {
+TEST_F(BadInput, fault_19_ASecondControllerLearnsWhoIsTheFirst) {
   const test::NamedRobot robot;
   const auto first = connect<FakeRobot>("robot");
   EXPECT_THAT(message_of<ControlHeld>([] { return connect<FakeRobot>("robot"); }),
@@ -138,7 +138,7 @@ TEST_F(BadInput, ASecondControllerLearnsWhoIsTheFirst) {
   static_cast<void>(observe<FakeRobot>("robot").latest_observation());
 }
 
-TEST(BadInputAcrossProcesses, ASecondControllerLearnsWhichProcessIsTheFirst) {
+TEST(BadInputAcrossProcesses, fault_19_ASecondControllerLearnsWhichProcessIsTheFirst) {
   test::AcrossProcesses::Rig<test::FakeDriverTraits> rig;
   const test::SharedValue<std::atomic<bool>> connected;
   test::ChildProcess first([&] {
@@ -190,7 +190,7 @@ TEST(BadInputAcrossProcesses, AFullQueueDoesNotOutliveItsBackend) {
   EXPECT_EQ(fault.value_or(Fault{}).code, Fault::Code::kBackendDied);
 }
 
-TEST(BadInputAcrossProcesses, AControllerThatIsKilledLeavesTheRobotToTheNext) {
+TEST(BadInputAcrossProcesses, fault_02_AControllerThatIsKilledLeavesTheRobotToTheNext) {
   test::AcrossProcesses::Rig<test::FakeDriverTraits> rig;
   test::ChildProcess controller([&] {
     auto robot = rig.connect();
@@ -207,7 +207,7 @@ TEST(BadInputAcrossProcesses, AControllerThatIsKilledLeavesTheRobotToTheNext) {
   test::run_steps<test::FakeDriverTraits>(next, 0, 3);
 }
 
-TEST(BadInputAcrossProcesses, AControllerThatIsKilledBeforeItActsLeavesNoTrace) {
+TEST(BadInputAcrossProcesses, fault_02_AControllerThatIsKilledBeforeItActsLeavesNoTrace) {
   test::AcrossProcesses::Rig<test::FakeDriverTraits> rig;
   const test::SharedValue<std::atomic<bool>> connected;
   test::ChildProcess controller([&] {
@@ -226,7 +226,7 @@ TEST(BadInputAcrossProcesses, AControllerThatIsKilledBeforeItActsLeavesNoTrace) 
   test::expect_end(next, 10, {.code = Fault::Code::kFinished});
 }
 
-TEST(BadInputAcrossProcesses, AHandleThatWentThroughAForkIsRefusedAndHarmless) {
+TEST(BadInputAcrossProcesses, fault_64_AHandleThatWentThroughAForkIsRefusedAndHarmless) {
   test::AcrossProcesses::Rig<test::FakeDriverTraits> rig;
   auto robot = rig.connect();
   test::run_steps<test::FakeDriverTraits>(robot, 0, 3);
@@ -267,7 +267,7 @@ TEST(BadInputAcrossProcesses, AHandleThatWentThroughAForkIsRefusedAndHarmless) {
   EXPECT_FALSE(robot.fault().has_value());
 }
 
-TEST_F(BadInput, ABackendThatWentThroughAForkIsHarmless) {
+TEST_F(BadInput, fault_64_ABackendThatWentThroughAForkIsHarmless) {
   FakeDriver driver;
   SessionHost host = SessionHost::named("robot");
   auto backend = std::make_unique<Backend>(driver, host);
@@ -284,7 +284,7 @@ TEST_F(BadInput, ABackendThatWentThroughAForkIsHarmless) {
   EXPECT_TRUE(Session::open("robot").info().backend_is_alive);
 }
 
-TEST(BadInputAcrossProcesses, ASecondBackendLearnsWhoOwnsTheRobot) {
+TEST(BadInputAcrossProcesses, fault_18_ASecondBackendLearnsWhoOwnsTheRobot) {
   test::AcrossProcesses::Rig<test::FakeDriverTraits> rig;
   static_cast<void>(rig.observe());
   EXPECT_THAT(
@@ -293,7 +293,7 @@ TEST(BadInputAcrossProcesses, ASecondBackendLearnsWhoOwnsTheRobot) {
             HasSubstr("trifinger stop")));
 }
 
-TEST(BadInputAcrossProcesses, TheNameOfADeadBackendIsFreeAtOnce) {
+TEST(BadInputAcrossProcesses, fault_18_TheNameOfADeadBackendIsFreeAtOnce) {
   test::AcrossProcesses::Rig<test::FakeDriverTraits> rig;
   std::optional<Frontend<FakeRobot>> old(rig.connect());
   test::run_steps<test::FakeDriverTraits>(*old, 0, 5);
@@ -389,11 +389,35 @@ TEST_F(TamperedSession, ReadsAnUntouchedCopy) {
   }
 }
 
-TEST_F(TamperedSession, SaysWhichVersionWasFoundAndWhichIsRead) {
-  copy_ = state_;
-  header().layout_version = 77;
-  EXPECT_THAT(message_of_copy(), AllOf(HasSubstr("'copy'"), HasSubstr("77"),
-                                       HasSubstr(std::to_string(layout::kLayoutVersion))));
+// Every way in, by whomever, to a session of every other version.
+TEST_F(TamperedSession, fault_30_EveryWayInSaysWhichVersionWasFoundAndWhichIsRead) {
+  const std::vector<std::pair<std::string, std::function<void()>>> ways{
+      {"open", [] { static_cast<void>(Session::open("copy")); }},
+      {"connect", [] { static_cast<void>(connect<FakeRobot>("copy")); }},
+      {"observe", [] { static_cast<void>(observe<FakeRobot>("copy")); }},
+      {"recover", [] { recover("copy", Timeout::zero()); }},
+  };
+  for (const Bytes& original : {state_, sensor_}) {
+    for (const std::uint32_t version :
+         {0U, layout::kLayoutVersion - 1, layout::kLayoutVersion + 1, 77U, ~0U}) {
+      copy_ = original;
+      header().layout_version = version;
+      write_file(path("copy.state"), copy_);
+      for (const auto& [name, way] : ways) {
+        EXPECT_THAT(message_of<IncompatibleSession>([&way = way] {
+                      way();
+                      return 0;
+                    }),
+                    AllOf(HasSubstr("'copy'"), HasSubstr("is version " + std::to_string(version)),
+                          HasSubstr("reads version " + std::to_string(layout::kLayoutVersion)),
+                          HasSubstr("install the same version")))
+            << name;
+      }
+      // It does not hide the others, nor hold its name.
+      EXPECT_EQ(list_sessions().size(), 2U);
+    }
+  }
+  static_cast<void>(SessionHost::named("copy"));
 }
 
 TEST_F(TamperedSession, RefusesWhatIsNoSessionFile) {
@@ -406,7 +430,7 @@ TEST_F(TamperedSession, RefusesWhatIsNoSessionFile) {
   EXPECT_THAT(message_of_copy(), HasSubstr("not a session file"));
 }
 
-TEST_F(TamperedSession, RefusesFieldsThatDoNotFitTheirHash) {
+TEST_F(TamperedSession, fault_72_RefusesFieldsThatDoNotFitTheirHash) {
   copy_ = state_;
   ++header().description_hash;
   EXPECT_THAT(message_of_copy(), HasSubstr("hash"));

@@ -80,13 +80,16 @@ void sleep_sometimes(std::minstd_rand& random, bool may_sleep) {
 }
 
 template <class Case>
-Bytes run_program(std::uint32_t delay_seed) {
+Bytes run_program(std::uint32_t delay_seed, bool has_deadlines = false) {
   using Traits = typename Case::Traits;
   const auto driver = Traits::make_driver();
   const CompanionDescription& description = driver->companions()[0];
-  typename Case::Rig rig(
-      {.session = {.history = 512, .queue = 64}, .injection = {.delay_seed = delay_seed}});
+  Plan plan = has_deadlines ? with_deadlines() : Plan{};
+  plan.session = {.history = 512, .queue = 64};
+  plan.injection = {.delay_seed = delay_seed};
+  typename Case::Rig rig(plan);
   auto robot = rig.connect();
+  if (has_deadlines) rig.tick();  // the first one is over before the first action
   CompanionBytes<typename Case::Robot> companion(robot, description);
   std::minstd_rand random(delay_seed);
   std::uint64_t knowledge = 0;
@@ -101,8 +104,9 @@ Bytes run_program(std::uint32_t delay_seed) {
     sleep_sometimes(random, delay_seed != 0);
     EXPECT_EQ(robot.append_desired_action(Traits::action(static_cast<TimeIndex>(knowledge % 50))),
               t);
+    if (has_deadlines) rig.tick();
   }
-  robot.finish();
+  if (!has_deadlines) robot.finish();
   return series_of(robot, companion);
 }
 
@@ -149,6 +153,14 @@ TYPED_TEST(Determinism, AnObserverInAThirdProcessSeesTheSame) {
   EXPECT_EQ(observer.wait(), 0);
   CompanionBytes<typename TypeParam::Robot> companion(robot, description);
   EXPECT_EQ(*seen, hash_of(series_of(robot, companion)));
+}
+
+// With deadlines the robot is held before step 0. The odd robot does not move meanwhile; the fake
+// one counts the actions.
+TEST(Deadlines, fault_62_DoNotChangeTheSeriesOfAProgram) {
+  const Bytes expected = run_program<Case<OddDriverTraits, Inline>>(0);
+  EXPECT_EQ((run_program<Case<OddDriverTraits, InProcess>>(0, true)), expected);
+  EXPECT_EQ((run_program<Case<OddDriverTraits, AcrossProcesses>>(8, true)), expected);
 }
 
 }  // namespace

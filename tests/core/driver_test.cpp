@@ -48,7 +48,7 @@ TEST(SimpleDriver, MakesARobotOfThePapersTwoFunctions) {
   EXPECT_EQ(robot.get_applied_action(4).setpoint, 40.0);
 }
 
-TEST(SimpleDriver, TurnsAnExceptionIntoAFault) {
+TEST(SimpleDriver, fault_16_TurnsAnExceptionIntoAFault) {
   SimpleDriver<FakeRobot, TwoFunctions> driver(3);
   SessionHost host = SessionHost::anonymous();
   Backend backend(driver, host);

@@ -128,7 +128,7 @@ class KillTest : public ::testing::TestWithParam<bool> {
   std::mt19937 random_{GetParam() ? 1U : 2U};
 };
 
-TEST_P(KillTest, FiftyRandomKillsHangNobody) {
+TEST_P(KillTest, fault_02_FiftyRandomKillsHangNobody) {
   constexpr int kKills = 50;
   int backends = 0;
   int controllers = 0;

@@ -235,7 +235,7 @@ TYPED_TEST_P(TimingContract, ShowsTheNextObservationBeforeItsAction) {
   EXPECT_EQ(robot.current_time_index(), 1);
 }
 
-TYPED_TEST_P(TimingContract, WaitsForAnActionAsLongAsItTakes) {
+TYPED_TEST_P(TimingContract, fault_62_WaitsForAnActionAsLongAsItTakes) {
   typename TypeParam::Rig rig;
   auto robot = rig.connect();
   run_steps<typename TypeParam::Traits>(robot, 0, 3);
@@ -338,7 +338,7 @@ TYPED_TEST_P(TimingContract, RefusesARangeThatTheHistoryCannotHold) {
   EXPECT_THROW(static_cast<void>(robot.get_observation(-1)), InvalidArgument);
 }
 
-TYPED_TEST_P(TimingContract, NamesTheOldestStepWhenHistoryIsLost) {
+TYPED_TEST_P(TimingContract, fault_34_NamesTheOldestStepWhenHistoryIsLost) {
   typename TypeParam::Rig rig({.session = {.history = 16, .queue = 16}});
   auto robot = rig.connect();
   run_steps<typename TypeParam::Traits>(robot, 0, 40);
@@ -357,7 +357,7 @@ TYPED_TEST_P(TimingContract, NamesTheOldestStepWhenHistoryIsLost) {
   robot.get_observations(26, range);
 }
 
-TYPED_TEST_P(TimingContract, AppendWaitsWhileTheQueueIsFull) {
+TYPED_TEST_P(TimingContract, fault_05_AppendWaitsWhileTheQueueIsFull) {
   typename TypeParam::Rig rig({.session = {.history = 256, .queue = 4}});
   auto robot = rig.connect();
   // Nothing is lost and all is in order, though the queue is much too short.
@@ -623,11 +623,11 @@ TYPED_TEST_P(TimingContract, GivesTheSameSeriesEveryTime) {
 REGISTER_TYPED_TEST_SUITE_P(
     TimingContract, NamesTheStepsOfActionsOneByOne, ShowsTheRobotBeforeStepZero,
     MeasuresBeforeTheActionOfTheStepActs, ObservationDoesNotDependOnTheActionOfItsStep,
-    ShowsTheNextObservationBeforeItsAction, WaitsForAnActionAsLongAsItTakes,
+    ShowsTheNextObservationBeforeItsAction, fault_62_WaitsForAnActionAsLongAsItTakes,
     MarksAnActionThatCameAfterItsObservation, RefusesAnActionThatCameAfterItsObservationIfStrict,
     CountsEveryWayToReadAsKnowing, TakesABurst, ReadsManyStepsInOneCall,
-    RefusesARangeThatTheHistoryCannotHold, NamesTheOldestStepWhenHistoryIsLost,
-    AppendWaitsWhileTheQueueIsFull, EndsBehindTheLastActionWhenFinished,
+    RefusesARangeThatTheHistoryCannotHold, fault_34_NamesTheOldestStepWhenHistoryIsLost,
+    fault_05_AppendWaitsWhileTheQueueIsFull, EndsBehindTheLastActionWhenFinished,
     EndsWhenFinishedBeforeAnyAction, EndsWhenTheControllerLetsGo,
     StaysWhenAControllerWithoutActionsLetsGo, EndsWhenTheDriverFaultsWhileMeasuring,
     EndsWhenTheDriverFaultsWhileApplying, EndsWhenTooManyActionsInARowAreRejected,
@@ -851,7 +851,7 @@ TYPED_TEST_P(RealTimeContract, TooManySkippedTicksAreAFault) {
   EXPECT_EQ(robot.get_status(3).skipped_ticks, 6U);
 }
 
-TYPED_TEST_P(RealTimeContract, EndsWhenTheFirstActionDoesNotCome) {
+TYPED_TEST_P(RealTimeContract, fault_14_EndsWhenTheFirstActionDoesNotCome) {
   Plan plan = with_deadlines();
   plan.backend.first_action_timeout = 10 * kPeriod;
   typename TypeParam::Rig rig(plan);
@@ -975,7 +975,7 @@ TYPED_TEST_P(RealTimeContract, PreparesOncePerPeriod) {
   EXPECT_EQ(robot.current_time_index(), 0);
 }
 
-TYPED_TEST_P(RealTimeContract, AFullQueueRefusesAndForgetsNothing) {
+TYPED_TEST_P(RealTimeContract, fault_05_AFullQueueRefusesAndForgetsNothing) {
   Plan plan = with_deadlines();
   plan.session.queue = 8;
   typename TypeParam::Rig rig(plan);
@@ -1062,18 +1062,16 @@ TYPED_TEST_P(RealTimeContract, ClosesNoStepBeforeItsTick) {
   }
 }
 
-REGISTER_TYPED_TEST_SUITE_P(RealTimeContract, HoldsUntilTheFirstAction,
-                            BeginsWithTheFirstTickThatFindsAnAction, DoesOneStepPerPeriod,
-                            StopsWhenAnActionIsLate, RepeatsALateActionOnlySoOften,
-                            CountsRepetitionsInARow, AppendGoesOnAtTheFirstOpenStepAfterRepetitions,
-                            AnAppendThatReturnsAStepWasAppliedAtThatStep,
-                            SkipsTheTicksThatALateBackendMissed, KeepsThePhaseHoweverLateItWas,
-                            TooManySkippedTicksAreAFault, EndsWhenTheFirstActionDoesNotCome,
-                            EndsWhenTheDriverFaultsWhileHolding, EndsWhenTheDriverFaults,
-                            EndsWhenTheControllerLetsGo, EndsWhenTheBackendIsAskedToStop,
-                            FinishesBehindTheActionsThatWait, NeedsRecoveryAfterALateAction,
-                            PreparesOncePerPeriod, AFullQueueRefusesAndForgetsNothing,
-                            WakesEveryWaiterAtTheEnd, WakesReadersStepByStep,
-                            LetsNobodyWaitLongerThanTheyWant, ClosesNoStepBeforeItsTick);
+REGISTER_TYPED_TEST_SUITE_P(
+    RealTimeContract, HoldsUntilTheFirstAction, BeginsWithTheFirstTickThatFindsAnAction,
+    DoesOneStepPerPeriod, StopsWhenAnActionIsLate, RepeatsALateActionOnlySoOften,
+    CountsRepetitionsInARow, AppendGoesOnAtTheFirstOpenStepAfterRepetitions,
+    AnAppendThatReturnsAStepWasAppliedAtThatStep, SkipsTheTicksThatALateBackendMissed,
+    KeepsThePhaseHoweverLateItWas, TooManySkippedTicksAreAFault,
+    fault_14_EndsWhenTheFirstActionDoesNotCome, EndsWhenTheDriverFaultsWhileHolding,
+    EndsWhenTheDriverFaults, EndsWhenTheControllerLetsGo, EndsWhenTheBackendIsAskedToStop,
+    FinishesBehindTheActionsThatWait, NeedsRecoveryAfterALateAction, PreparesOncePerPeriod,
+    fault_05_AFullQueueRefusesAndForgetsNothing, WakesEveryWaiterAtTheEnd, WakesReadersStepByStep,
+    LetsNobodyWaitLongerThanTheyWant, ClosesNoStepBeforeItsTick);
 
 }  // namespace trifinger::test

@@ -10,6 +10,7 @@
 
 #include "support/child_process.hpp"
 #include "support/shared_value.hpp"
+#include "support/soak.hpp"
 #include "trifinger/ipc/shared_memory.hpp"
 
 namespace trifinger::ipc {
@@ -49,7 +50,8 @@ void wait_for(const std::atomic<std::uint32_t>& word, std::uint32_t value) {
 
 // Every wake is needed: one that is lost leaves both asleep for days, and the watchdog of the tests
 // ends that.
-void play(Words& words, std::uint32_t rounds, bool is_first) {
+void play(Words& words, bool is_first) {
+  const auto rounds = static_cast<std::uint32_t>(test::repetitions(20'000, 5'000'000));
   for (std::uint32_t i = 1; i <= rounds; ++i) {
     if (!is_first) wait_for(words.ping, i);
     auto& mine = is_first ? words.ping : words.pong;
@@ -59,20 +61,20 @@ void play(Words& words, std::uint32_t rounds, bool is_first) {
   }
 }
 
-TEST(Futex, LosesNoWakeBetweenThreads) {
+TEST(Futex, fault_36_LosesNoWakeBetweenThreads) {
   Words words;
-  std::thread other([&] { play(words, 20'000, false); });
-  play(words, 20'000, true);
+  std::thread other([&] { play(words, false); });
+  play(words, true);
   other.join();
 }
 
-TEST(Futex, LosesNoWakeBetweenProcesses) {
+TEST(Futex, fault_36_LosesNoWakeBetweenProcesses) {
   test::SharedValue<Words> words;
   test::ChildProcess other([&] {
-    play(*words, 20'000, false);
+    play(*words, false);
     return 0;
   });
-  play(*words, 20'000, true);
+  play(*words, true);
   EXPECT_EQ(other.wait(), 0);
 }
 

@@ -22,7 +22,7 @@ TEST(ProcessIdentity, OfThisProcessIsAlive) {
   EXPECT_EQ(self, ProcessIdentity::of_this_process());
 }
 
-TEST(ProcessIdentity, IsNotAliveIfTheNumberBelongsToALaterProcess) {
+TEST(ProcessIdentity, fault_18_IsNotAliveIfTheNumberBelongsToALaterProcess) {
   auto identity = ProcessIdentity::of_this_process();
   --identity.start_time;
   EXPECT_FALSE(identity.is_alive());

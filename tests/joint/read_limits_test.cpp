@@ -59,7 +59,7 @@ TEST(ReadJointLimits, FillsEveryMemberFromTheKeyOfItsName) {
   EXPECT_EQ(limits.max_kd[2], 0.5);
 }
 
-TEST(ReadJointLimits, HasNoDefaultForAnyMember) {
+TEST(ReadJointLimits, fault_59_HasNoDefaultForAnyMember) {
   for (std::size_t line = 1; line <= 10; ++line) {
     std::string text = kSafety;
     std::size_t begin = 0;

@@ -136,7 +136,7 @@ class DamagedLog : public ::testing::Test {
   std::filesystem::path path_;
 };
 
-TEST_F(DamagedLog, GivesAllCompleteStepsOfEveryPrefix) {  // fault_24
+TEST_F(DamagedLog, fault_24_GivesAllCompleteStepsOfEveryPrefix) {
   Examination examination(sessions_);
   std::size_t longer = num_elements(sessions_);
   std::size_t num_unreadable = 0;
@@ -163,7 +163,7 @@ TEST_F(DamagedLog, GivesAllCompleteStepsOfEveryPrefix) {  // fault_24
   EXPECT_LT(num_unreadable, 50U);  // the head of the file
 }
 
-TEST_F(DamagedLog, NeverYieldsAWrongNumberWhicheverBitsFlip) {  // fault_25
+TEST_F(DamagedLog, fault_25_NeverYieldsAWrongNumberWhicheverBitsFlip) {
   Examination examination(sessions_);
   const std::size_t all = num_elements(sessions_);
   test::write_file(path_, whole_);
@@ -198,7 +198,7 @@ TEST_F(DamagedLog, NeverYieldsAWrongNumberWhicheverBitsFlip) {  // fault_25
   }
 }
 
-TEST_F(DamagedLog, LosesOneChunkAtMostForOneFlippedBit) {
+TEST_F(DamagedLog, fault_25_LosesOneChunkAtMostForOneFlippedBit) {
   std::mt19937 random(2);
   Examination examination(sessions_);
   const std::size_t all = num_elements(sessions_);

@@ -286,7 +286,7 @@ class Rescue : public ::testing::Test {
   test::Folder logs_;
 };
 
-TEST_F(Rescue, SavesWhatAKilledBackendHasLeft) {
+TEST_F(Rescue, fault_16_SavesWhatAKilledBackendHasLeft) {
   std::mt19937 random(1);
   for (int i = 0; i < 20; ++i) {
     std::filesystem::remove(sessions_.path() / "trifinger.robot.state");

@@ -133,7 +133,7 @@ TEST_P(GoldenLog, IsWholeAndFinished) {
   EXPECT_EQ(log_.lost_bytes(), 0U);
 }
 
-TEST_P(GoldenLog, HasEveryStepThatWasWritten) {
+TEST_P(GoldenLog, fault_27_HasEveryStepThatWasWritten) {
   for (TimeIndex t = 0; t < kSteps; ++t) {
     if (t >= kGapFirst && t <= kGapLast) continue;
     SCOPED_TRACE(t);

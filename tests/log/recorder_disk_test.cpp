@@ -69,7 +69,7 @@ class RecorderDisk : public ::testing::Test {
 // NOLINTNEXTLINE(misc-multiple-inheritance)
 class RecorderDiskError : public RecorderDisk, public ::testing::WithParamInterface<int> {};
 
-TEST_P(RecorderDiskError, CostsNothingThatTheHistoryHolds) {
+TEST_P(RecorderDiskError, fault_23_CostsNothingThatTheHistoryHolds) {
   start();
   disk_.set_error(GetParam());
   recorder_->wait_for_event("recorder: cannot write: ");
@@ -89,7 +89,7 @@ TEST_P(RecorderDiskError, CostsNothingThatTheHistoryHolds) {
   EXPECT_EQ(log.count_events("writes again after "), 1);
 }
 
-TEST_P(RecorderDiskError, IsAGapWhereTheHistoryIsTooShort) {
+TEST_P(RecorderDiskError, fault_21_IsAGapWhereTheHistoryIsTooShort) {
   start(256);
   disk_.set_error(GetParam());
   recorder_->wait_for_event("recorder: cannot write: ");
@@ -118,7 +118,7 @@ INSTANTIATE_TEST_SUITE_P(Errors, RecorderDiskError, ::testing::Values(ENOSPC, EI
                            return std::string(::strerrorname_np(test.param));
                          });
 
-TEST_F(RecorderDisk, WarnsWhenHalfOfTheHistoryIsStillToBeWritten) {
+TEST_F(RecorderDisk, fault_21_WarnsWhenHalfOfTheHistoryIsStillToBeWritten) {
   constexpr std::size_t kHistory = 4096;
   start(kHistory);
   go_on(kHistory);  // the whole history is in use
@@ -131,7 +131,7 @@ TEST_F(RecorderDisk, WarnsWhenHalfOfTheHistoryIsStillToBeWritten) {
   EXPECT_THAT(Recorded(logs_.path()).first().holes(), IsEmpty());
 }
 
-TEST_F(RecorderDisk, ThatHangsDelaysNobodyButTheRecorder) {
+TEST_F(RecorderDisk, fault_21_ThatHangsDelaysNobodyButTheRecorder) {
   start(256);
   disk_.hold();
   disk_.wait_for_append();
@@ -144,7 +144,7 @@ TEST_F(RecorderDisk, ThatHangsDelaysNobodyButTheRecorder) {
   EXPECT_FALSE(log.first().gaps.empty());
 }
 
-TEST_F(RecorderDisk, MayFailAtAnyMomentWithRotationToo) {
+TEST_F(RecorderDisk, fault_23_MayFailAtAnyMomentWithRotationToo) {
   rotate_size_ = 50'000;
   start();
   std::mt19937 random(1);
@@ -210,7 +210,7 @@ int record_on_full_disk(const std::filesystem::path& folder, const Spoil& spoil,
   return is_whole ? kPassed : kFailed;
 }
 
-TEST(RecorderOnAFullDisk, GoesOnWhereAShortWriteWasCutOff) {
+TEST(RecorderOnAFullDisk, fault_23_GoesOnWhereAShortWriteWasCutOff) {
   const SessionFolder sessions;
   const Folder logs;
   ChildProcess child([&] {
@@ -227,7 +227,7 @@ TEST(RecorderOnAFullDisk, GoesOnWhereAShortWriteWasCutOff) {
   EXPECT_EQ(child.wait(), kPassed);
 }
 
-TEST(RecorderOnAFullDisk, GoesOnWhenThereIsRoomAgain) {
+TEST(RecorderOnAFullDisk, fault_22_GoesOnWhenThereIsRoomAgain) {
   const SessionFolder sessions;
   const Folder logs;
   ChildProcess child([&] {

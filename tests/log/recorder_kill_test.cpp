@@ -86,7 +86,7 @@ class RecorderKill : public ::testing::Test {
   SharedValue<std::atomic<TimeIndex>> read_;
 };
 
-TEST_F(RecorderKill, TwoHundredTimesCostsNothing) {
+TEST_F(RecorderKill, fault_20_TwoHundredTimesCostsNothing) {
   constexpr int kKills = 200;
   ChildProcess backend([] { return run_robot(16384); });
   std::mt19937 random(1);
@@ -143,7 +143,7 @@ TEST_F(RecorderKill, TwoHundredTimesCostsNothing) {
   EXPECT_LE(median, 100);
 }
 
-TEST_F(RecorderKill, LeavesAGapWhereTheHistoryIsShorterThanTheAbsence) {
+TEST_F(RecorderKill, fault_20_LeavesAGapWhereTheHistoryIsShorterThanTheAbsence) {
   ChildProcess backend([] { return run_robot(64); });
   const auto robot = find_robot();
   {
@@ -164,7 +164,7 @@ TEST_F(RecorderKill, LeavesAGapWhereTheHistoryIsShorterThanTheAbsence) {
   EXPECT_EQ(log.count_events("overwritten before"), log.first().gaps.size());
 }
 
-TEST_F(RecorderKill, IsToldIfASessionEndsBeforeTheNextRecorderComes) {
+TEST_F(RecorderKill, fault_20_IsToldIfASessionEndsBeforeTheNextRecorderComes) {
   ChildProcess backend([] {
     const FakeBackend fake("robot", {}, kAtOneKilohertz);
     while (true) {
@@ -193,7 +193,7 @@ TEST_F(RecorderKill, IsToldIfASessionEndsBeforeTheNextRecorderComes) {
   EXPECT_GE(log.order.size(), 2);
 }
 
-TEST_F(RecorderKill, TogetherWithTheBackendLeavesWhatTheMemoryHolds) {
+TEST_F(RecorderKill, fault_20_TogetherWithTheBackendLeavesWhatTheMemoryHolds) {
   const auto backend = std::make_unique<ChildProcess>([] { return run_robot(16384); });
   auto robot = find_robot();
   {

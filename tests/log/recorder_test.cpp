@@ -341,7 +341,7 @@ TEST_F(RecorderTest, RefusesNamesThatRobotsCannotHave) {
   }
 }
 
-TEST_F(RecorderTest, GoesOnWithTheRecordingBehindACleanEnd) {
+TEST_F(RecorderTest, fault_66_GoesOnWithTheRecordingBehindACleanEnd) {
   const FakeBackend backend("robot");
   auto robot = connect<FakeRobot>("robot");
   for (int i = 1; i <= 3; ++i) {

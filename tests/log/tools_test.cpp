@@ -41,7 +41,7 @@ TEST(Check, FindsAWholeFileWhole) {
   EXPECT_EQ(report.messages, 60U + 20U + 1U + 1U);  // steps, readings, the end, an event
 }
 
-TEST(Check, FindsEveryFlippedBit) {
+TEST(Check, fault_25_FindsEveryFlippedBit) {
   const Folder folder;
   test::write_log(folder / "a.mcap", {random_session(1, 60)});
   const test::Bytes whole = test::read_file(folder / "a.mcap");
@@ -72,7 +72,8 @@ TEST(Recover, KeepsAllOfAWholeFile) {
   EXPECT_THAT(log.events(), SizeIs(2));
 }
 
-TEST(Recover, MakesAWholeFileOfEveryDamagedOneAndWritesDownWhatIsMissing) {  // fault_24, fault_25
+TEST(Recover,
+     fault_24_MakesAWholeFileOfEveryDamagedOneAndWritesDownWhatIsMissing) {
   const Folder folder;
   const OddSession written = random_session(1, 100);
   test::write_log(folder / "whole.mcap", {written}, {}, 10);

@@ -62,7 +62,7 @@ bool take(std::vector<T>& whole, const std::vector<T>& part) {
   return true;
 }
 
-TEST_P(FlippedBits, CostTheRecordTheyAreInWhichIsNamedAndNothingElseFault25) {
+TEST_P(FlippedBits, fault_25_CostTheRecordTheyAreInWhichIsNamedAndNothingElse) {
   const Sample sample = make_sample(GetParam().compression, GetParam().is_finished);
   Reader whole = read_bytes(sample.bytes);
   const Contents places = whole.contents();
@@ -124,7 +124,7 @@ TEST_P(FlippedBits, CostTheRecordTheyAreInWhichIsNamedAndNothingElseFault25) {
   }
 }
 
-TEST(Damage, OfAnyRunOfBytesLeavesTheRecordsAroundItFault25) {
+TEST(Damage, fault_25_OfAnyRunOfBytesLeavesTheRecordsAroundIt) {
   const Sample sample = make_sample(Compression::kZstd, false);
   Reader whole = read_bytes(sample.bytes);
   const Contents places = whole.contents();

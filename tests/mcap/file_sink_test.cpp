@@ -79,7 +79,7 @@ TEST_F(FileSinkTest, LetsNobodyElseWriteMeanwhile) {
 }
 
 // The limit on the size of a file gives both a short write and a refusal.
-TEST_F(FileSinkTest, LeavesTheSizeAsItWasWhenTheFileCannotGrowFault22) {
+TEST_F(FileSinkTest, fault_22_LeavesTheSizeAsItWasWhenTheFileCannotGrow) {
   trifinger::test::ChildProcess child([this] {
     std::signal(SIGXFSZ, SIG_IGN);
     const rlimit before{.rlim_cur = 10, .rlim_max = RLIM_INFINITY};

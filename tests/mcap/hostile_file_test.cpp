@@ -78,7 +78,7 @@ INSTANTIATE_TEST_SUITE_P(AllCompressions, HostileChunk, testing::ValuesIn(kCompr
                            return name.empty() ? "None" : name;
                          });
 
-TEST_P(HostileChunk, ThatLiesAboutItsSizeIsDamage) {
+TEST_P(HostileChunk, fault_26_ThatLiesAboutItsSizeIsDamage) {
   const Buffer records = some_message();
   const std::uint32_t sum = checksum(records.view());
   const std::uint64_t size = records.size();
@@ -93,7 +93,7 @@ TEST_P(HostileChunk, ThatLiesAboutItsSizeIsDamage) {
   EXPECT_EQ(file.read().read_chunk(0).value().size(), 1U);
 }
 
-TEST_P(HostileChunk, ThatBecomesLargerThanAllowedIsDamage) {
+TEST_P(HostileChunk, fault_26_ThatBecomesLargerThanAllowedIsDamage) {
   const std::vector<std::byte> bomb(kLimit * 16);
   HostileFile file;
   file.add_chunk(GetParam(), bomb, bomb.size(), checksum(bomb));
@@ -104,7 +104,7 @@ TEST_P(HostileChunk, ThatBecomesLargerThanAllowedIsDamage) {
   EXPECT_NE(liar.damage(), "none");
 }
 
-TEST_P(HostileChunk, WithRecordsThatMakeNoSenseIsDamage) {
+TEST_P(HostileChunk, fault_26_WithRecordsThatMakeNoSenseIsDamage) {
   for (const std::size_t cut : {std::size_t{1}, std::size_t{10}}) {
     Buffer records = some_message();
     records.resize(records.size() - cut);
@@ -114,7 +114,7 @@ TEST_P(HostileChunk, WithRecordsThatMakeNoSenseIsDamage) {
   }
 }
 
-TEST(HostileFiles, CannotNameALengthThatIsBelieved) {
+TEST(HostileFiles, fault_26_CannotNameALengthThatIsBelieved) {
   for (const Opcode opcode : {Opcode::kHeader, Opcode::kSchema, Opcode::kChannel, Opcode::kMessage,
                               Opcode::kChunk, Opcode::kMessageIndex, Opcode::kAttachment,
                               Opcode::kMetadata, Opcode::kDataEnd, Opcode{0x80}}) {
@@ -131,7 +131,7 @@ TEST(HostileFiles, CannotNameALengthThatIsBelieved) {
   }
 }
 
-TEST(HostileFiles, CannotNameLengthsOfTextsThatAreBelieved) {
+TEST(HostileFiles, fault_26_CannotNameLengthsOfTextsThatAreBelieved) {
   for (const Opcode opcode : {Opcode::kSchema, Opcode::kChannel, Opcode::kMetadata}) {
     HostileFile file;
     const std::size_t record = file.encoder.begin(opcode);
@@ -142,7 +142,7 @@ TEST(HostileFiles, CannotNameLengthsOfTextsThatAreBelieved) {
   }
 }
 
-TEST(HostileFiles, CannotHaveNamesThatAreNotUtf8) {
+TEST(HostileFiles, fault_26_CannotHaveNamesThatAreNotUtf8) {
   for (const std::string name : {"\xFF", "\xC0\x80", "\xED\xA0\x80", "\xF5\x80\x80\x80", "\xC3"}) {
     HostileFile file;
     const std::size_t record = file.encoder.begin(Opcode::kMetadata);
@@ -156,7 +156,7 @@ TEST(HostileFiles, CannotHaveNamesThatAreNotUtf8) {
   EXPECT_EQ(file.read().contents().metadata.at(0).name, "größer als 𝄞 €");
 }
 
-TEST(HostileFiles, CannotDefineAChannelTwice) {
+TEST(HostileFiles, fault_26_CannotDefineAChannelTwice) {
   Buffer records = some_message();
   HostileFile file;
   file.add_chunk(Compression::kZstd, records.view(), records.size(), checksum(records.view()));
@@ -173,7 +173,7 @@ TEST(HostileFiles, CannotDefineAChannelTwice) {
             "The channel 1 is defined anew, otherwise than before.");
 }
 
-TEST(HostileFiles, CannotFillTheMemoryWithWhatIsKept) {
+TEST(HostileFiles, fault_26_CannotFillTheMemoryWithWhatIsKept) {
   HostileFile file;
   const std::string data(100'000, 'x');
   for (std::uint16_t i = 1; i <= 100; ++i) {
@@ -191,7 +191,7 @@ TEST(HostileFiles, CannotFillTheMemoryWithWhatIsKept) {
   EXPECT_FALSE(reader.contents().damage.empty());
 }
 
-TEST(HostileFiles, CannotFillTheMemoryWithDamage) {
+TEST(HostileFiles, fault_26_CannotFillTheMemoryWithDamage) {
   HostileFile file;
   for (int i = 0; i < 20'000; ++i) {
     file.encoder.end(file.encoder.begin(i % 2 == 0 ? Opcode{0x80} : Opcode{0x81}));
@@ -205,7 +205,7 @@ TEST(HostileFiles, CannotFillTheMemoryWithDamage) {
 }
 
 // Every chunk of this index is the same one: a file of a few hundred bytes would be read for hours.
-TEST(HostileFiles, CannotIndexAChunkTwice) {
+TEST(HostileFiles, fault_26_CannotIndexAChunkTwice) {
   const Buffer records = some_message();
   HostileFile file;
   const std::uint64_t offset = file.bytes.size();
@@ -248,7 +248,7 @@ TEST(HostileFiles, CannotIndexAChunkTwice) {
 }
 
 // Wherever the reader looks for a lost thread, another chunk seems to begin.
-TEST(HostileFiles, CannotMakeTheSearchForAChunkEndless) {
+TEST(HostileFiles, fault_26_CannotMakeTheSearchForAChunkEndless) {
   constexpr std::size_t kNumChunks = 20'000;
   HostileFile file;
   file.encoder.number(std::uint8_t{0});
@@ -278,7 +278,7 @@ TEST(HostileFiles, CannotMakeTheSearchForAChunkEndless) {
   EXPECT_EQ(reader.contents().damage[0].size, file.bytes.size() - begin + kRecordHeaderSize);
 }
 
-TEST(HostileFiles, CannotTakeMoreMemoryThanAllowed) {
+TEST(HostileFiles, fault_26_CannotTakeMoreMemoryThanAllowed) {
   if (kIsSanitized) GTEST_SKIP() << "a sanitizer takes more addresses than are allowed here";
   const std::vector<std::byte> bomb(std::size_t{512} << 20U);
   HostileFile file;

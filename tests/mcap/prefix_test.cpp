@@ -47,7 +47,7 @@ Everything expected_of(Reader& whole, std::size_t size) {
   return everything;
 }
 
-TEST_P(Prefixes, AreReadUpToTheLastWholeRecordAndTheLostBytesAreCountedFault24) {
+TEST_P(Prefixes, fault_24_AreReadUpToTheLastWholeRecordAndTheLostBytesAreCounted) {
   const Sample sample = make_sample(GetParam(), true);
   Reader whole = read_bytes(sample.bytes);
   // Ends of the records up to the summary.

@@ -34,7 +34,7 @@ TEST(Reader, RefusesWhatIsNoMcapFile) {
   EXPECT_THAT(refusal_of("abc"), HasSubstr("no MCAP file"));
 }
 
-TEST(Reader, RefusesALaterVersionFault27) {
+TEST(Reader, fault_27_RefusesALaterVersion) {
   EXPECT_THAT(refusal_of("\x89MCAP1\r\n and so on"),
               HasSubstr("version '1', which a later version of this program may read"));
 }

@@ -60,7 +60,7 @@ void expect_whole(const MemorySink& sink, const Everything& everything) {
   }
 }
 
-TEST(Resuming, FinishesAFileThatWasCutAnywhereAsIfItHadNotBeenFault24) {
+TEST(Resuming, fault_24_FinishesAFileThatWasCutAnywhereAsIfItHadNotBeen) {
   constexpr std::size_t kStride = kIsSanitized ? 5 : 1;
   for (const Compression compression : kCompressions) {
     const Sample sample = make_sample(compression, true);

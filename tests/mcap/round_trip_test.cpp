@@ -139,7 +139,7 @@ TEST(RoundTrip, TellsTheTimesAndChannelsOfEachChunk) {
 }
 
 // fault_23
-TEST(RoundTrip, WritesTheSameBytesHoweverOftenTheSinkRefusesThem) {
+TEST(RoundTrip, fault_23_WritesTheSameBytesHoweverOftenTheSinkRefusesThem) {
   EXPECT_TRUE(rc::check([](bool finishes) {
     const WriterOptions options = any_options();
     const auto actions = *any_actions();
@@ -179,7 +179,7 @@ TEST(RoundTrip, WritesTheSameBytesHoweverOftenTheSinkRefusesThem) {
 }
 
 // fault_22: who goes on without trying again loses nothing either.
-TEST(RoundTrip, LosesNothingIfMessagesFollowAFlushThatFailed) {
+TEST(RoundTrip, fault_22_LosesNothingIfMessagesFollowAFlushThatFailed) {
   EXPECT_TRUE(rc::check([] {
     MemorySink sink;
     Writer writer(sink, any_options());

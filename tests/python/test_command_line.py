@@ -197,7 +197,7 @@ def test_a_reader_that_goes_away_does_not_end_the_robot(start_program: StartProg
     assert program.process.wait() == 0
 
 
-def test_two_back_ends_cannot_have_one_name(start_program: StartProgram) -> None:
+def test_fault_18_two_back_ends_cannot_have_one_name(start_program: StartProgram) -> None:
     program = start_program("run", "fake")
     program.wait_for("holds its pose")
     message = run("run", "fake", expect=1)
@@ -213,7 +213,7 @@ def test_what_the_machine_refuses_is_said_or_ends_the_program(start_program: Sta
     assert "cannot stay on processor 1023" in message
 
 
-def test_a_mistake_in_a_file_is_named_with_its_place(tmp_path: Path) -> None:
+def test_fault_59_a_mistake_in_a_file_is_named_with_its_place(tmp_path: Path) -> None:
     file = tmp_path / "robot.yml"
     file.write_text("name: robot\ndriver: simulation\nrobot:\n  variant: edu2\n")
     assert f"{file}:4:12: robot.variant is 'edu2'" in run("run", str(file), expect=1)
@@ -235,7 +235,7 @@ def test_a_simulated_robot_runs_with_its_objects(start_program: StartProgram) ->
 
 
 @pytest.mark.parametrize("mode", ["--real-time", "--non-real-time"])
-def test_a_divergence_leaves_the_state_before_in_a_file_to_begin_in(
+def test_fault_61_a_divergence_leaves_the_state_before_in_a_file_to_begin_in(
     start_program: StartProgram, tmp_path: Path, log_folder: Path, mode: str
 ) -> None:
     state = tmp_path / "start.state"
@@ -312,7 +312,7 @@ def test_sessions_are_listed_with_who_is_who(start_foreign: StartChild) -> None:
         assert re.search(rf"^cart +running .*\(process {os.getpid()}\)$", run("list"), re.MULTILINE)
 
 
-def test_a_dead_back_end_is_called_dead(start_fake: StartChild) -> None:
+def test_fault_28_a_dead_back_end_is_called_dead(start_fake: StartChild) -> None:
     child = start_fake("robot")
     child.kill()
     assert re.search(r"^robot +dead +- ", run("list"), re.MULTILINE)
@@ -481,7 +481,7 @@ def test_steps_that_cannot_be_read_are_named(start_fake: StartChild) -> None:
         )
 
 
-def test_the_last_session_of_a_dead_back_end_can_be_read(start_fake: StartChild) -> None:
+def test_fault_28_the_last_session_of_a_dead_back_end_can_be_read(start_fake: StartChild) -> None:
     child = start_fake("robot")
     robot = trifinger.connect("robot")
     robot.wait_until_time_index(robot.append_desired_action(robot.new_action(setpoint=2.5)))

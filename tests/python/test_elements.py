@@ -43,7 +43,9 @@ NOT_BURSTS: dict[str, Callable[[trifinger.Frontend], object]] = {
 
 
 @pytest.mark.parametrize("kind", NOT_ACTIONS)
-def test_only_an_action_of_the_robot_is_appended(robot: trifinger.Frontend, kind: str) -> None:
+def test_fault_09_only_an_action_of_the_robot_is_appended(
+    robot: trifinger.Frontend, kind: str
+) -> None:
     with pytest.raises(trifinger.InvalidArgument):
         robot.append_desired_action(NOT_ACTIONS[kind](robot))  # type: ignore[arg-type]
     assert robot.session_info().phase == "holding", "nothing has reached the robot"
@@ -57,14 +59,14 @@ def test_only_actions_of_the_robot_are_a_burst(robot: trifinger.Frontend, kind: 
     assert robot.append_desired_action(robot.new_action()) == 0
 
 
-def test_a_wrong_dtype_is_named_beside_the_right_one(robot: trifinger.Frontend) -> None:
+def test_fault_09_a_wrong_dtype_is_named_beside_the_right_one(robot: trifinger.Frontend) -> None:
     with pytest.raises(ValueError, match=r"float32.*expected.*'setpoint', '<f8'"):
         robot.append_desired_action(np.float32(3))  # type: ignore[arg-type]
     with pytest.raises(ValueError, match=r"'setpoint', '<f4'.*expected.*'setpoint', '<f8'"):
         robot.append_desired_actions(np.zeros(3, [("setpoint", "f4")]))
 
 
-def test_a_wrong_shape_is_named_beside_the_right_one(robot: trifinger.Frontend) -> None:
+def test_fault_09_a_wrong_shape_is_named_beside_the_right_one(robot: trifinger.Frontend) -> None:
     with pytest.raises(ValueError, match=r"shape \(2, 3\); expected is one dimension"):
         robot.append_desired_actions(np.zeros((2, 3), robot.action_dtype))
 

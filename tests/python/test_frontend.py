@@ -86,7 +86,7 @@ def test_one_can_look_before_acting(robot: trifinger.Frontend) -> None:
     assert robot.current_time_index() == -1
 
 
-def test_the_history_is_finite() -> None:
+def test_fault_34_the_history_is_finite() -> None:
     robot = trifinger.fake(history=64)
     last = append(robot, 100)
     robot.wait_until_time_index(last)

@@ -174,9 +174,9 @@ def test_check_tells_whole_from_damaged(written: Written, damaged: Path) -> None
     assert "trifinger log recover" in text
 
 
-def test_recover_says_by_its_exit_code_what_is_lost(
+def test_fault_24_recover_says_by_its_exit_code_what_is_lost(
     written: Written, damaged: Path, tmp_path: Path
-) -> None:  # fault_24
+) -> None:
     whole = tmp_path / "whole.mcap"
     assert "nothing is lost" in run("recover", written.path, "-o", whole)
     assert "could not be used" in run("recover", damaged, expect=3)

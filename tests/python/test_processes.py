@@ -109,7 +109,9 @@ def test_what_the_operating_system_refuses_is_an_os_error(monkeypatch: pytest.Mo
         trifinger.run_fake("robot")
 
 
-def test_a_robot_has_one_controller(start_fake: StartChild, start_python: StartChild) -> None:
+def test_fault_19_a_robot_has_one_controller(
+    start_fake: StartChild, start_python: StartChild
+) -> None:
     start_fake("robot")
     other = start_python(CONTROLLER, "robot")
     with pytest.raises(trifinger.ControlHeld, match=rf"process {other.pid}\b.*observe\(\)"):
@@ -188,7 +190,7 @@ def test_a_killed_back_end_ends_every_wait(start_fake: StartChild) -> None:
     assert not trifinger.list_sessions()[0].backend_is_alive
 
 
-def test_a_killed_controller_makes_place_for_the_next(
+def test_fault_02_a_killed_controller_makes_place_for_the_next(
     start_fake: StartChild, start_python: StartChild
 ) -> None:
     start_fake("robot")
@@ -237,7 +239,7 @@ def test_a_robot_in_real_time_can_be_waited_for_by_its_clock(start_fake: StartCh
         assert (np.diff(ticks) >= 1).all()
 
 
-def test_nobody_acts_in_time(start_fake: StartChild) -> None:
+def test_fault_14_nobody_acts_in_time(start_fake: StartChild) -> None:
     start_fake("robot", real_time=True, first_action_timeout=0.01, max_skipped_ticks=1_000_000)
     with pytest.raises(trifinger.RobotStopped, match="first-action timeout"):
         trifinger.observe("robot").get_observation(0)
@@ -278,7 +280,7 @@ print("ready", flush=True)
 """
 
 
-def test_a_forked_child_neither_uses_nor_harms_its_parents_handles(
+def test_fault_64_a_forked_child_neither_uses_nor_harms_its_parents_handles(
     start_fake: StartChild, start_python: StartChild
 ) -> None:
     start_fake("robot")

@@ -96,7 +96,7 @@ def test_there_is_no_file_before_the_first_session(tmp_path):
         assert recorder.file is None
 
 
-def test_the_end_of_the_program_finishes_the_file(tmp_path):
+def test_fault_66_the_end_of_the_program_finishes_the_file(tmp_path):
     program = f"""
 import trifinger
 robot = trifinger.simulate(record={str(tmp_path)!r})
@@ -121,7 +121,7 @@ def leave_quietly(recorder, path):
 
 
 @pytest.mark.filterwarnings("ignore:.*multi-threaded.*fork:DeprecationWarning")
-def test_a_forked_child_leaves_the_recorder_alone(tmp_path):
+def test_fault_64_a_forked_child_leaves_the_recorder_alone(tmp_path):
     simulation = trifinger.Simulation()
     with simulation.record(tmp_path) as recorder:
         child = multiprocessing.get_context("fork").Process(

@@ -11,7 +11,7 @@ def step(simulation: trifinger.Simulation) -> None:
         robot.wait_until_time_index(robot.append_desired_action(robot.new_action()) + 1)
 
 
-def test_a_divergence_leaves_the_state_before() -> None:
+def test_fault_61_a_divergence_leaves_the_state_before() -> None:
     simulation = trifinger.Simulation()
     step(simulation)
     assert simulation.state_before_divergence() == b""

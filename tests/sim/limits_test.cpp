@@ -240,7 +240,7 @@ SimulationState tampered(SimulatedRobot<TriFinger>& robot, double speed) {
   return state;
 }
 
-TEST(Divergence, IsAFaultWithTheStateBefore) {
+TEST(Divergence, fault_61_IsAFaultWithTheStateBefore) {
   const Simulation<TriFinger> simulation;
   SimulatedRobot<TriFinger>& driver = simulation.robot();
   EXPECT_TRUE(driver.state_before_divergence().empty());
@@ -288,7 +288,7 @@ TEST(Divergence, IsOverAfterAReset) {
   EXPECT_EQ(driver.fault_after({}, 100).state, DriverReport::State::kReady);
 }
 
-TEST(Divergence, DoesNotStopTheNextSession) {
+TEST(Divergence, fault_61_DoesNotStopTheNextSession) {
   const Simulation<TriFinger> simulation;
   simulation.robot().restore(tampered(simulation.robot(), 1e300));
   {

@@ -216,7 +216,7 @@ TEST_F(RobotConfigFile, NamesAnUnknownKey) {
             "my.yml:2:1: boundry is not a known key; did you mean 'boundary'?");
 }
 
-TEST_F(RobotConfigFile, NamesAMissingKey) {
+TEST_F(RobotConfigFile, fault_59_NamesAMissingKey) {
   EXPECT_EQ(message("robot:\n  variant: pro\n"), "my.yml:3:3: robot.arrangement is missing");
 }
 
@@ -229,7 +229,7 @@ TEST_F(RobotConfigFile, NamesAValueThatIsNoChoice) {
             "my.yml:2:11: platform is 'sideways', must be 'upright' or 'flipped'");
 }
 
-TEST_F(RobotConfigFile, NamesReversedLimits) {
+TEST_F(RobotConfigFile, fault_59_NamesReversedLimits) {
   const std::string safety =
       "safety: {max_torque: 0.36, safety_kd: 0.09, soft_lower: 1.2, soft_upper: 1.0, "
       "hard_lower: -2, hard_upper: 2, default_kp: 7, default_kd: 0.01, max_kp: 50, max_kd: 0.5}\n";

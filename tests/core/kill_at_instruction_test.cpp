@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gtest/gtest.h>
+#include <sys/ptrace.h>
+#include <sys/types.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <csignal>
+#include <cstdint>
+#include <cstdio>
+#include <cstring>
+
+#include "core/drivers_of_tests.hpp"
+#include "core/timing_contract.hpp"
+#include "core/transports.hpp"
+#include "support/child_process.hpp"
+#include "support/soak.hpp"
+#include "trifinger/base/error.hpp"
+
+namespace trifinger::test {
+namespace {
+
+// Actions of several words, so that a torn one would be seen.
+using Traits = OddDriverTraits;
+using Rig = AcrossProcesses::Rig<Traits>;
+
+// A controller that has appended `appended` actions and is led through the next append instruction
+// by instruction.
+class TracedController {
+ public:
+  TracedController(Rig& rig, TimeIndex appended)
+      : child_([&rig, appended] {
+          auto robot = rig.connect();
+          run_steps<Traits>(robot, 0, appended - 1);
+          if (appended > 0) static_cast<void>(robot.get_observation(appended - 1));
+          if (::ptrace(PTRACE_TRACEME, 0, nullptr, nullptr) != 0) return kMayNotBeTraced;
+          ::raise(SIGSTOP);
+          robot.append_desired_action(Traits::action(appended));
+          ::raise(SIGSTOP);
+          while (true) ::pause();
+          return 0;
+        }),
+        is_traced_(next_stop() == SIGSTOP) {}
+
+  [[nodiscard]] bool is_traced() const noexcept { return is_traced_; }
+  // False once the append is over.
+  [[nodiscard]] bool step() {
+    if (::ptrace(PTRACE_SINGLESTEP, child_.pid(), nullptr, nullptr) != 0) {
+      throw SystemError("step through a process", errno);
+    }
+    return next_stop() == SIGTRAP;
+  }
+  void kill() noexcept { child_.kill(); }
+
+ private:
+  static constexpr int kMayNotBeTraced = 77;
+
+  // The signal at which the child has stopped; 0 if it has ended.
+  [[nodiscard]] int next_stop() const {
+    int status = 0;
+    while (::waitpid(child_.pid(), &status, WUNTRACED) < 0 && errno == EINTR) {
+    }
+    return WIFSTOPPED(status) ? WSTOPSIG(status) : 0;
+  }
+
+  ChildProcess child_;
+  bool is_traced_;
+};
+
+void expect_action(const Frontend<OddRobot>& robot, TimeIndex t) {
+  const OddAction desired = robot.get_desired_action(t);
+  const OddAction expected = Traits::action(t);
+  EXPECT_EQ(std::memcmp(&desired, &expected, sizeof(desired)), 0) << "the action of step " << t;
+}
+
+class KillAtInstruction : public ::testing::TestWithParam<TimeIndex> {};
+
+TEST_P(KillAtInstruction, fault_01_LeavesWholeActionsAndTheRobotToTheNext) {
+  const TimeIndex appended = GetParam();
+  Rig rig;
+  std::int64_t instructions = 0;
+  {
+    TracedController controller(rig, appended);
+    if (!controller.is_traced()) GTEST_SKIP() << "this machine does not allow ptrace";
+    while (controller.step()) ++instructions;
+  }
+  // All of them, unless sanitizers make thousands of a few hundred.
+  const std::int64_t stride = is_soak() ? 1 : 1 + instructions / 300;
+  std::int64_t kills = 0;
+  std::int64_t with_action = 0;
+  for (std::int64_t target = 0; target <= instructions; target += stride, ++kills) {
+    TracedController controller(rig, appended);
+    ASSERT_TRUE(controller.is_traced());
+    const auto observer = rig.observe();
+    // Where the back-end is met asleep there are some instructions more, where not some less.
+    for (std::int64_t i = 0; i < target && controller.step(); ++i) {
+    }
+    controller.kill();
+
+    // The next one attaches at once, and the robot does what it says.
+    auto next = rig.connect();
+    run_steps<Traits>(next, 0, 2);
+    static_cast<void>(next.get_observation(3));
+    for (TimeIndex t = 0; t < 3; ++t) expect_action(next, t);
+
+    // The session before: with the action or without, never with a part of it.
+    if (next.session().info().session_id == observer.session().info().session_id) {
+      ASSERT_EQ(appended, 0) << "a session that had begun went on after instruction " << target;
+    } else {
+      const auto fault = fault_of([&] { return observer.get_status(1LL << 40U); });
+      ASSERT_TRUE(fault.has_value()) << "behind instruction " << target;
+      ASSERT_TRUE(fault->time_index == appended || fault->time_index == appended + 1);
+      if (fault->time_index > appended) ++with_action;
+      expect_end(observer, fault->time_index, {.code = Fault::Code::kControllerDied});
+      for (TimeIndex t = 0; t < fault->time_index; ++t) expect_action(observer, t);
+    }
+    next.finish();
+    if (HasFatalFailure() || HasNonfatalFailure()) FAIL() << "behind instruction " << target;
+  }
+  EXPECT_GT(with_action, 0) << "no kill came behind the commit";
+  EXPECT_LT(with_action, kills) << "no kill came before the commit";
+  std::printf("%lld instructions, killed behind %lld of them; %lld times the action was there\n",
+              static_cast<long long>(instructions), static_cast<long long>(kills),
+              static_cast<long long>(with_action));
+}
+
+INSTANTIATE_TEST_SUITE_P(Append, KillAtInstruction, ::testing::Values(0, 3), [](const auto& test) {
+  return test.param == 0 ? "OfTheFirstAction" : "OfALaterAction";
+});
+
+}  // namespace
+}  // namespace trifinger::test

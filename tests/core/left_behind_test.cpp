@@ -1,0 +1,218 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <array>
+#include <chrono>
+#include <csignal>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <random>
+#include <set>
+#include <stdexcept>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "core/drivers_of_tests.hpp"
+#include "core/named_robot.hpp"
+#include "core/timing_contract.hpp"
+#include "session_layout.hpp"
+#include "support/child_process.hpp"
+#include "support/session_folder.hpp"
+#include "support/soak.hpp"
+#include "trifinger/ipc/shared_memory.hpp"
+
+// What a back-end leaves that did not end as it should: its files, and the number of its process,
+// which the system gives to another one some day.
+
+namespace trifinger::test {
+namespace {
+
+using ::testing::HasSubstr;
+
+int run_backend(const std::string& name, UntypedDriver& driver) {
+  SessionHost host = SessionHost::named(name, {.history = 64, .queue = 64});
+  Backend(driver, host).run();
+  return 0;
+}
+
+int run_fake(const std::string& name) {
+  FakeDriver driver({.sensor_period = 4, .sensor_delay = 2});
+  return run_backend(name, driver);
+}
+
+// The robot `name` as soon as it is there.
+Frontend<FakeRobot> find(const std::string& name) {
+  const Deadline deadline(kLong);
+  while (true) {
+    try {
+      return connect<FakeRobot>(name);
+    } catch (const SessionNotFound&) {
+      if (deadline.passed()) throw;
+    }
+    std::this_thread::yield();
+  }
+}
+
+void leave_a_dead_robot(const std::string& name) {
+  ChildProcess backend([&] { return run_fake(name); });
+  auto robot = find(name);
+  run_steps<FakeDriverTraits>(robot, 0, 9);
+  robot.wait_until_time_index(10);
+  backend.kill();
+}
+
+// The files in the folder, and which file each name stands for.
+std::map<std::string, ino_t> files_in(const std::filesystem::path& folder) {
+  std::map<std::string, ino_t> files;
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    struct ::stat status{};
+    if (::stat(entry.path().c_str(), &status) == 0) {
+      files[entry.path().filename().string()] = status.st_ino;
+    }
+  }
+  return files;
+}
+
+class LeftBehind : public ::testing::Test {
+ protected:
+  SessionFolder folder_;
+};
+
+TEST_F(LeftBehind, fault_18_TheNumberOfADeadBackendMayBelongToALivingProcess) {
+  leave_a_dead_robot("robot");
+  {
+    ipc::SharedMemory memory =
+        ipc::SharedMemory::open(folder_.path() / "trifinger.robot.state", ipc::Access::kReadWrite);
+    reinterpret_cast<layout::StateHeader*>(memory.data())->backend_pid = ::getpid();
+  }
+  EXPECT_FALSE(Session::open("robot").info().backend_is_alive);
+  EXPECT_THAT(message_of<SessionNotFound>([] { return connect<FakeRobot>("robot"); }),
+              HasSubstr("is gone"));
+  const NamedRobot next("robot");
+  auto robot = find("robot");
+  run_steps<FakeDriverTraits>(robot, 0, 9);
+}
+
+TEST_F(LeftBehind, fault_28_IsRemovedByTheNextBackendAndNothingElseIs) {
+  leave_a_dead_robot("robot");
+  // Made by a back-end that was killed before it could publish it.
+  const std::string unpublished = ".trifinger.robot.state.4711";
+  ipc::SharedMemory::create_file(folder_.path(), unpublished, 1, 0600).publish();
+  const auto dead = files_in(folder_.path());
+  ASSERT_TRUE(dead.contains(unpublished));
+  // Held open, so that no other file gets the number of one of them.
+  std::vector<std::ifstream> held;
+  held.reserve(dead.size());
+  for (const auto& [file, inode] : dead) held.emplace_back(folder_.path() / file);
+  const NamedRobot longer("robot2");
+  const NamedRobot other("other");
+  auto user = find("robot2");
+  run_steps<FakeDriverTraits>(user, 0, 3);
+  auto living = files_in(folder_.path());
+  for (const auto& [file, inode] : dead) living.erase(file);
+
+  const NamedRobot next("robot");
+  const auto after = files_in(folder_.path());
+  for (const auto& [file, inode] : living) {
+    ASSERT_TRUE(after.contains(file)) << file;
+    EXPECT_EQ(after.at(file), inode) << file;
+  }
+  for (const auto& [file, inode] : dead) {
+    // The lock is for ever: to replace it would be a race.
+    const bool is_kept = after.contains(file) && after.at(file) == inode;
+    EXPECT_EQ(is_kept, file == "trifinger.robot.lock") << file;
+  }
+  run_steps<FakeDriverTraits>(user, 4, 9);
+  EXPECT_FALSE(user.fault().has_value());
+}
+
+TEST_F(LeftBehind, fault_28_IsNothingHoweverEarlyABackendIsKilled) {
+  std::mt19937 random(1);
+  for (std::int64_t i = 0; i < repetitions(40, 2000); ++i) {
+    ChildProcess backend([] { return run_fake("robot"); });
+    const auto end = std::chrono::steady_clock::now() + std::chrono::microseconds(random() % 3000);
+    while (std::chrono::steady_clock::now() < end) std::this_thread::yield();
+    backend.kill();
+  }
+  const NamedRobot robot("robot");
+  const std::string action =
+      "trifinger.robot." + std::to_string(Session::open("robot").info().session_id) + ".action";
+  std::set<std::string> files;
+  for (const auto& [file, inode] : files_in(folder_.path())) files.insert(file);
+  EXPECT_EQ(files,
+            (std::set<std::string>{action, "trifinger.robot.lock", "trifinger.robot.sensor.state",
+                                   "trifinger.robot.state"}));
+}
+
+// Takes its process along in the sixth action.
+class DeadlyDriver final : public Driver<FakeRobot> {
+ public:
+  using Driver::apply_action;
+  using Driver::get_latest_observation;
+  using Driver::hold;
+
+  explicit DeadlyDriver(void (*death)()) : death_(death) {}
+
+  [[nodiscard]] DriverReport get_latest_observation(
+      FakeObservation& observation) noexcept override {
+    observation = {.applied_actions = actions_};
+    return DriverReport::ready();
+  }
+  [[nodiscard]] DriverReport apply_action(const FakeAction& desired,
+                                          FakeAction& applied) noexcept override {
+    if (++actions_ == 6) death_();
+    applied = desired;
+    return DriverReport::ready();
+  }
+  void hold(const FakeObservation&, FakeAction& action) noexcept override { action = {}; }
+
+ private:
+  void (*death_)();
+  std::int64_t actions_{0};
+};
+
+struct Death {
+  const char* name;
+  void (*die)();
+};
+
+class BackendThatDies : public ::testing::TestWithParam<Death> {
+ protected:
+  SessionFolder folder_;
+};
+
+TEST_P(BackendThatDies, fault_16_IsNoticedAndLeavesEveryStepBefore) {
+  ChildProcess backend([] {
+    DeadlyDriver driver(GetParam().die);
+    return run_backend("robot", driver);
+  });
+  auto robot = find("robot");
+  run_steps<FakeDriverTraits>(robot, 0, 5);
+  EXPECT_EQ(code_of([&] { return robot.get_observation(6, kLong); }), Fault::Code::kBackendDied);
+  EXPECT_NE(backend.wait(), 0);
+  for (TimeIndex t = 0; t < 5; ++t) {
+    EXPECT_EQ(robot.get_desired_action(t).setpoint, FakeDriverTraits::action(t).setpoint);
+    EXPECT_EQ(robot.get_observation(t).applied_actions, t);
+    EXPECT_EQ(robot.get_status(t).flags & Status::kEnd, 0U);
+  }
+  // The robot can be had again.
+  const NamedRobot next("robot");
+  auto user = find("robot");
+  run_steps<FakeDriverTraits>(user, 0, 9);
+}
+
+constexpr std::array kDeaths{
+    Death{"Abort", [] { std::abort(); }}, Death{"Crash", [] { std::raise(SIGSEGV); }},
+    Death{"UncaughtException", [] { throw std::runtime_error("on purpose, in a noexcept call"); }},
+    Death{"Exit", [] { ::_exit(3); }}};
+INSTANTIATE_TEST_SUITE_P(Deaths, BackendThatDies, ::testing::ValuesIn(kDeaths),
+                         [](const auto& test) { return test.param.name; });
+
+}  // namespace
+}  // namespace trifinger::test

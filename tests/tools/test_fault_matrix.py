@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: BSD-3-Clause
+from pathlib import Path
+
+import pytest
+from fault_matrix import FaultTest, find_tests, page, problems, read_faults, results_in, worst
+
+# With another word for "fault", or this file would seem to have tests of faults.
+CPP = """
+TEST(Ring, ROW_34_NeverShowsATornElement) {
+TEST_F(Other, ShowsNoFault) {
+TYPED_TEST_P(
+    Contract, ROW_05_AppendWaits) {
+""".replace("ROW", "fault")
+PYTHON = """
+def test_ROW_64_a_child_is_refused(tmp_path: Path) -> None:
+def test_something_else() -> None:
+""".replace("ROW", "fault")
+RING = FaultTest(34, Path("tests/ipc/ring_test.cpp"), "Ring", "fault_34_NeverShowsATornElement")
+LIST = '[34]\nfault = "A slow reader"\nguarantee = "HistoryLost"\n'
+
+
+def test_finds_the_tests_of_faults_in_the_sources() -> None:
+    assert [(test.row, test.suite) for test in find_tests(Path("tests/a_test.cpp"), CPP)] == [
+        (34, "Ring"),
+        (5, "Contract"),
+    ]
+    (python,) = find_tests(Path("tests/python/test_fork.py"), PYTHON)
+    assert (python.row, python.suite) == (64, "test_fork")
+
+
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [
+        ("fault_34_NeverShowsATornElement", "Ring: never shows a torn element"),
+        ("fault_06_NanOfPDGains", "Ring: nan of pd gains"),
+        ("test_fault_64_a_child_is_refused", "Ring: a child is refused"),
+    ],
+)
+def test_reads_names_as_sentences(name: str, sentence: str) -> None:
+    assert FaultTest(34, RING.file, "Ring", name).sentence == sentence
+
+
+@pytest.mark.parametrize(
+    ("name", "is_it"),
+    [
+        ("Ring.fault_34_NeverShowsATornElement", True),
+        ("Shapes/Ring.fault_34_NeverShowsATornElement/With", True),
+        ("Fake/Ring/AcrossProcesses.fault_34_NeverShowsATornElement", True),
+        ("Ring.fault_34_NeverShowsATornElementEver", False),
+        ("OtherRing.fault_34_NeverShowsATornElement", False),
+    ],
+)
+def test_knows_a_result_whatever_its_parameters(name: str, is_it: bool) -> None:
+    assert RING.is_result("anything", name) == is_it
+
+
+def test_knows_a_result_of_python_whatever_its_parameters() -> None:
+    test = FaultTest(64, Path("tests/python/test_fork.py"), "test_fork", "test_fault_64_a_child")
+    assert test.is_result("tests.python.test_fork", "test_fault_64_a_child[spawn-1.5]")
+    assert not test.is_result("tests.python.test_fork", "test_fault_64_a_child_of_a_child")
+    assert not test.is_result("tests.python.test_other", "test_fault_64_a_child")
+
+
+def test_reads_what_came_of_a_test() -> None:
+    xml = """<testsuites><testsuite>
+      <testcase classname="a" name="fault_01_A" status="run"/>
+      <testcase classname="a" name="fault_02_A"><skipped message="why"/></testcase>
+      <testcase classname="a" name="fault_03_A"><failure>why</failure></testcase>
+      <testcase classname="a" name="fault_04_A"><error>why</error></testcase>
+      <testcase classname="a" name="other"/></testsuite></testsuites>"""
+    assert [result for _, _, result in results_in(xml)] == ["passed", "not run", "failed", "failed"]
+
+
+def test_one_failure_is_a_failure_and_one_run_is_a_run() -> None:
+    assert worst(["passed", "failed", "not run"]) == "failed"
+    assert worst(["not run", "passed"]) == "passed"
+    assert worst(["not run"]) == "not run"
+    assert worst([]) == "not run"
+
+
+def test_a_row_without_a_test_is_a_problem() -> None:
+    assert list(problems(read_faults(LIST, [RING]), {RING: "passed"})) == []
+    (sentence,) = problems(read_faults(LIST, []), {})
+    assert "row 34 has no test: A slow reader" in sentence
+
+
+def test_a_test_that_failed_is_a_problem() -> None:
+    (sentence,) = problems(read_faults(LIST, [RING]), {RING: "failed"})
+    assert "ring_test.cpp: Ring.fault_34_NeverShowsATornElement failed" in sentence
+
+
+def test_a_test_without_a_row_is_a_problem() -> None:
+    (sentence,) = problems(read_faults("", [RING]), {RING: "passed"})
+    assert "row 34 does not exist" in sentence
+
+
+def test_a_row_that_comes_later_has_no_test_yet() -> None:
+    later = '[34]\nfault = "A slow reader"\nlater = "with readers"\n'
+    assert list(problems(read_faults(later, []), {})) == []
+    (sentence,) = problems(read_faults(later, [RING]), {RING: "passed"})
+    assert "says 'with readers'" in sentence
+
+
+def test_the_page_names_the_tests_of_each_row_and_the_worst_result() -> None:
+    other = FaultTest(34, Path("tests/python/test_log.py"), "test_log", "test_fault_34_is_said")
+    faults = read_faults(LIST, [RING, other])
+    text = page(faults, {RING: "passed", other: "not run"})
+    assert text.splitlines()[-1] == (
+        "| 34 | A slow reader | HistoryLost "
+        "| [Ring: never shows a torn element](../tests/ipc/ring_test.cpp)"
+        "<br>[log: is said](../tests/python/test_log.py) | not run |"
+    )
