@@ -38,7 +38,7 @@ void add_log(CLI::App& program, Action& action) {
       program.add_subcommand("log", "Look into logs, check, repair, cut and convert them");
   command->require_subcommand(1);
   command->footer(
-      "A LOG is a file or the folder with the parts of a recording.\n"
+      "A LOG is a file, or a folder: the newest recording in it, with all its parts.\n"
       "Example:\n"
       "  trifinger log info run.mcap\n"
       "  trifinger log plot run.mcap -o run.png");

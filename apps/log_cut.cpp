@@ -62,7 +62,7 @@ int cut(const Options& options) {
 void add_log_cut(CLI::App& log, Action& action) {
   auto options = std::make_shared<Options>();
   CLI::App* const command = log.add_subcommand("cut", "Write a part of a log to a new file");
-  command->add_option("LOG", options->log, "A file, or the folder with the parts of a recording")
+  command->add_option("LOG", options->log, "A file, or a folder: the newest recording in it")
       ->required();
   command->add_option("-o,--output", options->output, "The new file")
       ->required()

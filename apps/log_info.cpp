@@ -476,7 +476,7 @@ void add_log_info(CLI::App& log, Action& action) {
   auto options = std::make_shared<Options>();
   CLI::App* const command = log.add_subcommand(
       "info", "Tell what is in a log: sessions, duration, rates, faults, gaps, damage");
-  command->add_option("LOG", options->log, "A file, or the folder with the parts of a recording")
+  command->add_option("LOG", options->log, "A file, or a folder: the newest recording in it")
       ->required();
   command->add_flag("--json", options->json, "For programs: times in seconds");
   command->add_flag("--events", options->events, "Show all events, not only warnings and errors");

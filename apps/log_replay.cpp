@@ -87,7 +87,7 @@ void add_log_replay(CLI::App& log, Action& action) {
   auto options = std::make_shared<Options>();
   CLI::App* const command =
       log.add_subcommand("replay", "Let a robot do again what it did in a log");
-  command->add_option("LOG", options->log, "A file, or the folder with the parts of a recording")
+  command->add_option("LOG", options->log, "A file, or a folder: the newest recording in it")
       ->required();
   command->add_option("--on", options->on, "The robot that shall do it")
       ->required()

@@ -317,14 +317,15 @@ void bind_log(nb::module_& m) {
            nb::sig("def __next__(self) -> trifinger.log_types.Steps"));
   bind_logged_session(m);
 
-  nb::class_<Log>(m, "Log",
-                  R"(A recording: one file, or all its parts in a folder or as a list of files.
+  nb::class_<Log>(
+      m, "Log",
+      R"(A recording: a file, a list of its parts, or a folder, of which the newest recording is taken.
 
 Opening reads no messages if the files were finished and are whole. What is damaged is left out
 and named (`damage`, `lost_bytes`, and `gaps` of the sessions); everything else is read.
 
 Raises Error if it is no log, or one of a later version; InvalidArgument if a folder has no
-recording or more than one; OSError.)")
+recording, or a list has parts of several; OSError.)")
       .def(
           "__init__",
           [](Log* place, nb::handle path) {

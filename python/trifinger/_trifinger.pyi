@@ -639,13 +639,13 @@ class LoggedSession:
 
 class Log:
     """
-    A recording: one file, or all its parts in a folder or as a list of files.
+    A recording: a file, a list of its parts, or a folder, of which the newest recording is taken.
 
     Opening reads no messages if the files were finished and are whole. What is damaged is left out
     and named (`damage`, `lost_bytes`, and `gaps` of the sessions); everything else is read.
 
     Raises Error if it is no log, or one of a later version; InvalidArgument if a folder has no
-    recording or more than one; OSError.
+    recording, or a list has parts of several; OSError.
     """
 
     def __init__(self, path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]]) -> None: ...

@@ -211,7 +211,7 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         epilog="Example:\n  trifinger log export run.mcap --format parquet -o tables",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("log", help="a file, or the folder with the parts of a recording")
+    parser.add_argument("log", help="a file, or a folder: the newest recording in it")
     parser.add_argument(
         "--format", choices=[*WRITERS, "mcap"], default="csv", help="default: csv; mcap is a copy"
     )

@@ -601,7 +601,7 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         epilog="Example:\n  trifinger log plot run.mcap -o run.html",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("log", help="a file, or the folder with the parts of a recording")
+    parser.add_argument("log", help="a file, or a folder: the newest recording in it")
     parser.add_argument(
         "-o", "--output", type=Path, help=".png, .svg, .pdf or .html; default: LOG with .png"
     )

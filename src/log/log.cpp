@@ -473,11 +473,12 @@ std::vector<std::filesystem::path> parts_of(const std::filesystem::path& path) {
 
 }  // namespace
 
-Log::Log(const std::filesystem::path& path) : Log(parts_of(path)) {}
+Log::Log(const std::filesystem::path& path)
+    : data_(std::make_shared<LogData>(parts_of(path), LogData::Several::kTakeNewest)) {}
 
 Log::Log(const std::vector<std::filesystem::path>& parts) {
   if (parts.empty()) throw InvalidArgument("a log has at least one file");
-  data_ = std::make_shared<LogData>(parts);
+  data_ = std::make_shared<LogData>(parts, LogData::Several::kRefuse);
 }
 
 const std::vector<std::filesystem::path>& Log::files() const noexcept { return data_->paths(); }

@@ -161,8 +161,8 @@ TimeIndex arrival_of(const mcap::Message& message) noexcept {
   return arrival;
 }
 
-LogData::LogData(const std::vector<std::filesystem::path>& parts) {
-  open(parts);
+LogData::LogData(const std::vector<std::filesystem::path>& parts, Several several) {
+  open(parts, several);
   bool is_certain = true;
   for (File& file : files_) {
     for (const auto& [id, channel] : file.reader.contents().channels) {
@@ -208,7 +208,7 @@ std::uint64_t lost_bytes_of(const std::vector<Damage>& damage, std::uint64_t siz
 
 // ---- opening ----
 
-void LogData::open(const std::vector<std::filesystem::path>& parts) {
+void LogData::open(const std::vector<std::filesystem::path>& parts, Several several) {
   for (const std::filesystem::path& path : parts) {
     try {
       files_.emplace_back(path);
@@ -222,6 +222,7 @@ void LogData::open(const std::vector<std::filesystem::path>& parts) {
     throw mcap::FormatError("none of the files is a log: " + parts.front().string() +
                             " and others");
   }
+  if (several == Several::kTakeNewest) leave_newest_recording();
 
   std::ranges::stable_sort(files_, {}, &File::part);
   const File* before = nullptr;
@@ -248,6 +249,22 @@ void LogData::open(const std::vector<std::filesystem::path>& parts) {
     const std::size_t count = files_[i].reader.contents().chunks.size();
     for (std::size_t index = 0; index < count; ++index) chunks_.push_back({i, index, false, {}});
   }
+}
+
+void LogData::leave_newest_recording() {
+  // Names tell recordings of the same second apart: the recorder's have a date.
+  const auto age = [](const File& file) { return std::pair(file.created(), file.path); };
+  const std::string newest = std::ranges::max_element(files_, {}, age)->recording();
+  std::erase_if(files_, [&](const File& file) { return file.recording() != newest; });
+  // A file that is no log is one of its parts if it is called like one.
+  const auto stem = [](const std::filesystem::path& path) {
+    const std::string name = path.filename().string();
+    return name.substr(0, name.rfind('_'));
+  };
+  std::erase_if(damage_, [&](const Damage& damage) {
+    return std::ranges::none_of(
+        files_, [&](const File& file) { return stem(file.path) == stem(damage.file); });
+  });
 }
 
 LogData::File::File(const std::filesystem::path& its_path)
@@ -280,6 +297,8 @@ std::int64_t LogData::File::part() const {
 }
 
 std::string LogData::File::recording() const { return entry_of(origin, "recording"); }
+
+std::string LogData::File::created() const { return entry_of(origin, "created"); }
 
 bool LogData::add_channel(File& file, const mcap::Channel& channel) {
   ChannelReader& reader = file.channels[channel.id];

@@ -98,7 +98,10 @@ struct StreamMessage {
 /// rise. Who calls a function holds `mutex`.
 class LogData {
  public:
-  explicit LogData(const std::vector<std::filesystem::path>& parts);
+  // What is to be done with files of several recordings.
+  enum class Several : std::uint8_t { kRefuse, kTakeNewest };
+
+  LogData(const std::vector<std::filesystem::path>& parts, Several several);
   LogData(const LogData&) = delete;
   LogData& operator=(const LogData&) = delete;
   ~LogData() = default;
@@ -171,6 +174,7 @@ class LogData {
     explicit File(const std::filesystem::path& its_path);
     [[nodiscard]] std::int64_t part() const;
     [[nodiscard]] std::string recording() const;
+    [[nodiscard]] std::string created() const;
 
     std::filesystem::path path;
     std::uint64_t size{0};
@@ -190,7 +194,8 @@ class LogData {
   };
   class Entries;
 
-  void open(const std::vector<std::filesystem::path>& parts);
+  void open(const std::vector<std::filesystem::path>& parts, Several several);
+  void leave_newest_recording();
   // False if its messages cannot be read although they are ours.
   bool add_channel(File& file, const mcap::Channel& channel);
   void read_record(const File& file, const mcap::Metadata& record);

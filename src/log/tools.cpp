@@ -131,7 +131,7 @@ class Rescue {
 void write_gaps(const std::filesystem::path& file, mcap::Writer& writer) {
   std::unique_ptr<detail::LogData> data;
   try {
-    data = std::make_unique<detail::LogData>(std::vector{file});
+    data = std::make_unique<detail::LogData>(std::vector{file}, detail::LogData::Several::kRefuse);
   } catch (const mcap::FormatError&) {
     return;  // another MCAP file, or a log so damaged that it has no sessions
   }

@@ -7,6 +7,7 @@
 #include <array>
 #include <chrono>
 #include <filesystem>
+#include <fstream>
 #include <map>
 #include <random>
 #include <string>
@@ -338,8 +339,30 @@ TEST(Log, RefusesWhatBelongsToSeveralRecordings) {
   const Folder folder;
   test::write_log(folder / "a.mcap", {random_session(1, 5)});
   test::write_log(folder / "b.mcap", {random_session(2, 5)});
-  EXPECT_THAT(message_of<InvalidArgument>([&] { (void)Log(folder.path()); }),
+  EXPECT_THAT(message_of<InvalidArgument>(
+                  [&] { (void)Log(std::vector{folder / "a.mcap", folder / "b.mcap"}); }),
               AllOf(HasSubstr("a.mcap"), HasSubstr("b.mcap"), HasSubstr("two recordings")));
+}
+
+TEST(Log, TakesTheNewestRecordingOfAFolder) {
+  const Folder folder;
+  const auto write = [&](const std::string& name, TimeIndex steps) {
+    test::write_log(folder / name, {random_session(1, steps)});
+  };
+  write("sim_2026-11-20_09-05-12_000.mcap", 5);
+  write("sim_2026-11-20_09-05-13_000.mcap", 7);
+  // Killed before the first record, one of each.
+  std::ofstream(folder / "sim_2026-11-20_09-05-12_001.mcap") << '?';
+  std::ofstream(folder / "sim_2026-11-20_09-05-13_001.mcap") << '?';
+
+  const Log log(folder.path());
+  EXPECT_THAT(log.files(), testing::ElementsAre(folder / "sim_2026-11-20_09-05-13_000.mcap"));
+  ASSERT_THAT(log.damage(), testing::SizeIs(1));
+  EXPECT_EQ(log.damage()[0].file, folder / "sim_2026-11-20_09-05-13_001.mcap");
+}
+
+TEST(Log, NamesWhatIsNotThere) {
+  const Folder folder;
   const Folder empty;
   EXPECT_THAT(message_of<InvalidArgument>([&] { (void)Log(empty.path()); }),
               HasSubstr("no .mcap files"));

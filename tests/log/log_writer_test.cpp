@@ -28,12 +28,10 @@
 namespace trifinger::test {
 namespace {
 
-using log::LogOptions;
 using log::LogWriter;
 using log::SessionHeader;
 using ::testing::Contains;
 using ::testing::ElementsAre;
-using ::testing::HasSubstr;
 using ::testing::Pair;
 
 // A file in memory that may refuse.
@@ -118,7 +116,7 @@ void write_session(LogWriter& writer, const SessionHeader& header) {
   insist([&] { writer.write_companion_gap(session, 0, 10, 11, "for another"); });
   writer.write_event(LogWriter::Level::kWarning, "odd", "a gap", 1'700'000'001'000'000'002);
   writer.write_steps(session, odd.steps(25, 15));
-  writer.write_end(session, 40, &odd.observations[0], odd.statuses[0]);
+  writer.write_end(session, 40, odd.observations.data(), odd.statuses[0]);
   insist([&] {
     writer.end_session(session, 40, {.code = Fault::Code::kStopped, .time_index = 40}, "stopped");
   });

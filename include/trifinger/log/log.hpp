@@ -169,11 +169,12 @@ class LoggedSession {
 /// and named; everything else is read.
 class Log {
  public:
-  /// Opens a file, or the folder with the parts of one recording.
+  /// Opens a file, or the newest recording in a folder with all its parts.
   /// @throws mcap::FormatError if it is no log, or one of a later version; InvalidArgument if the
-  /// folder has no recording or more than one; SystemError
+  /// folder has no recording; SystemError
   explicit Log(const std::filesystem::path& path);
   /// Opens the parts of one recording, in any order.
+  /// @throws as above; InvalidArgument if they are of several recordings
   explicit Log(const std::vector<std::filesystem::path>& parts);
 
   /// In the order of the parts.
