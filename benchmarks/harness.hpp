@@ -62,6 +62,8 @@ class Child {
   Child& operator=(const Child&) = delete;
   ~Child();
 
+  [[nodiscard]] int pid() const noexcept { return pid_; }
+
  private:
   int pid_;
 };
@@ -85,11 +87,13 @@ struct Effort {
   int rounds;          ///< Of each paired measure.
   int windows;         ///< Pairs of windows of the lateness.
   double window_time;  ///< [s]
+  int kills;           ///< Of processes at random instants.
 };
 
 [[nodiscard]] std::vector<Row> core_rows(const Effort& effort);
 [[nodiscard]] std::vector<Row> realtime_rows(const Effort& effort);
 [[nodiscard]] std::vector<Row> simulation_rows(const Effort& effort);
 [[nodiscard]] std::vector<Row> log_rows(const Effort& effort);
+[[nodiscard]] std::vector<Row> fault_rows(const Effort& effort);
 
 }  // namespace trifinger::benchmarks

@@ -23,8 +23,9 @@ struct Part {
   std::vector<Row> (*rows)(const Effort& effort);
 };
 
-// Real time first: it must not inherit the affinity that the others set.
+// These two first: they must not inherit the affinity that the others set.
 constexpr std::array kParts{Part{"realtime", trifinger::benchmarks::realtime_rows},
+                            Part{"faults", trifinger::benchmarks::fault_rows},
                             Part{"core", trifinger::benchmarks::core_rows},
                             Part{"simulation", trifinger::benchmarks::simulation_rows},
                             Part{"log", trifinger::benchmarks::log_rows}};
@@ -32,16 +33,17 @@ constexpr std::array kParts{Part{"realtime", trifinger::benchmarks::realtime_row
 }  // namespace
 
 int main(int argc, char** argv) {
-  Effort effort{.rounds = 15, .windows = 30, .window_time = 2.0};
+  Effort effort{.rounds = 15, .windows = 30, .window_time = 2.0, .kills = 1000};
   std::string_view only;
   for (int i = 1; i < argc; ++i) {
     const std::string_view argument = argv[i];
     if (argument == "--quick") {
-      effort = {.rounds = 3, .windows = 2, .window_time = 0.5};
+      effort = {.rounds = 3, .windows = 2, .window_time = 0.5, .kills = 20};
     } else if (std::ranges::find(kParts, argument, &Part::name) != kParts.end()) {
       only = argument;
     } else {
-      fmt::print(stderr, "usage: {} [--quick] [realtime | core | simulation | log]\n", argv[0]);
+      fmt::print(stderr, "usage: {} [--quick] [realtime | faults | core | simulation | log]\n",
+                 argv[0]);
       return 2;
     }
   }

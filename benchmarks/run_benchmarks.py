@@ -81,11 +81,11 @@ def back_end(robot: str, *options: str) -> Iterator[str]:
 
 
 @contextlib.contextmanager
-def recorder(name: str, folder: str) -> Iterator[int]:
+def recorder(name: str, folder: str, *options: str) -> Iterator[int]:
     """A recorder in a process of its own that has begun its file; gives its process id."""
     before = set(Path(folder).glob("*.mcap"))
     with subprocess.Popen(
-        [program.path(), "record", name, "--to", folder], stdout=subprocess.DEVNULL
+        [program.path(), "record", name, "--to", folder, *options], stdout=subprocess.DEVNULL
     ) as process:
         try:
             while set(Path(folder).glob("*.mcap")) == before:

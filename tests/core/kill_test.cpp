@@ -18,6 +18,7 @@
 #include "support/child_process.hpp"
 #include "support/session_folder.hpp"
 #include "support/shared_value.hpp"
+#include "support/soak.hpp"
 #include "trifinger/core/fake_robot.hpp"
 
 // Killing any process at any time never hangs another one. A back-end, a controller and observers
@@ -128,14 +129,14 @@ class KillTest : public ::testing::TestWithParam<bool> {
   std::mt19937 random_{GetParam() ? 1U : 2U};
 };
 
-TEST_P(KillTest, fault_02_FiftyRandomKillsHangNobody) {
-  constexpr int kKills = 50;
+TEST_P(KillTest, fault_02_RandomKillsHangNobody) {
+  const std::int64_t kills = repetitions(50, 500);
   int backends = 0;
   int controllers = 0;
   int early = 0;
   auto backend = start_backend();
   auto controller = start_controller();
-  for (int i = 0; i < kKills; ++i) {
+  for (std::int64_t i = 0; i < kills; ++i) {
     const bool is_backend = random_() % 2 == 0;
     std::optional<Frontend<FakeRobot>> observer;
     // Half of the kills strike a robot that works, the others whatever comes first: the making of a
@@ -164,8 +165,8 @@ TEST_P(KillTest, fault_02_FiftyRandomKillsHangNobody) {
   // All is well in the end.
   static_cast<void>(follow(*backend, 20));
   std::printf(
-      "%d kills: %d back-ends, %d controllers; %d of them before the robot was seen to work\n",
-      kKills, backends, controllers, early);
+      "%lld kills: %d back-ends, %d controllers; %d of them before the robot was seen to work\n",
+      static_cast<long long>(kills), backends, controllers, early);
 }
 
 // Waits until the controller has appended another action, and checks the steps meanwhile: all are
@@ -212,7 +213,7 @@ void expect_whole_and_going_on(const Frontend<FakeRobot>& robot) {
 }
 
 TEST_P(KillTest, KilledObserversDisturbNobody) {
-  constexpr int kKills = 50;
+  const std::int64_t kills = repetitions(50, 500);
   constexpr std::size_t kObservers = 3;
   SharedValue<std::array<std::atomic<std::int64_t>, kObservers>> seen;
   const auto backend = start_backend(1 << 14);
@@ -222,7 +223,7 @@ TEST_P(KillTest, KilledObserversDisturbNobody) {
   std::array<Process, kObservers> observers;
   for (std::size_t i = 0; i < kObservers; ++i) observers[i] = start_observer((*seen)[i]);
   int early = 0;
-  for (int i = 0; i < kKills; ++i) {
+  for (std::int64_t i = 0; i < kills; ++i) {
     const std::size_t place = random_() % kObservers;
     Process& victim = observers[place];
     std::atomic<std::int64_t>& count = (*seen)[place];
@@ -241,8 +242,9 @@ TEST_P(KillTest, KilledObserversDisturbNobody) {
   }
   // The same session, from beginning to end.
   EXPECT_FALSE(robot.fault().has_value());
-  std::printf("%d kills of observers, %d of them perhaps before it had seen anything; %lld steps\n",
-              kKills, early, static_cast<long long>(robot.current_time_index()));
+  std::printf(
+      "%lld kills of observers, %d of them perhaps before it had seen anything; %lld steps\n",
+      static_cast<long long>(kills), early, static_cast<long long>(robot.current_time_index()));
 }
 
 INSTANTIATE_TEST_SUITE_P(Deadlines, KillTest, ::testing::Bool(),

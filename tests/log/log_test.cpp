@@ -385,7 +385,7 @@ TEST(Log, NamesTheRobotsThereAre) {
   EXPECT_THROW((void)LoggedRobot<FakeRobot>(log, "odd"), IncompatibleSession);
 }
 
-TEST(Log, SaysWhichVersionIsNeededForALaterFormat) {  // fault_27
+TEST(Log, fault_27_SaysWhichVersionIsNeededForALaterFormat) {
   const Folder folder;
   mcap::FileSink sink = mcap::FileSink::create(folder / "a.mcap");
   mcap::Writer writer(sink, {.profile = "ros2", .library = "trifinger 9.0.0"});
