@@ -17,6 +17,7 @@ import pytest
 import trifinger
 from conftest import PROGRAM, StartChild, StartProgram, diverging_state
 
+ROOT = Path(__file__).parents[2]
 COMMANDS = ("run", "list", "status", "read", "record", "stop", "recover", "model", "doctor")
 ESCAPE = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 
@@ -217,6 +218,41 @@ def test_fault_59_a_mistake_in_a_file_is_named_with_its_place(tmp_path: Path) ->
     file = tmp_path / "robot.yml"
     file.write_text("name: robot\ndriver: simulation\nrobot:\n  variant: edu2\n")
     assert f"{file}:4:12: robot.variant is 'edu2'" in run("run", str(file), expect=1)
+
+
+def test_fault_60_a_configuration_that_changes_while_the_robot_runs_changes_nothing(
+    start_program: StartProgram, tmp_path: Path
+) -> None:
+    file = tmp_path / "trifinger_edu.yml"
+    text = (ROOT / "config" / file.name).read_text()
+    height = "height: 0.283"
+    assert text.count(height) == 1
+    file.write_text(text)
+    logs = tmp_path / "recorded"
+    program = start_program(
+        *("run", str(file), "--name", "robot", "--non-real-time", "--record", str(logs))
+    )
+    program.wait_for("holds its pose")
+    for change in (
+        text.replace(height, "height: 0.35"),
+        "this is: [no configuration",
+        None,
+    ):
+        if change is None:
+            file.unlink()
+        else:
+            file.write_text(change)
+        with trifinger.connect("robot") as robot:
+            robot.append_desired_action(robot.new_action())
+            robot.finish()
+        program.wait_for("the controller finished")
+        program.wait_for("holds its pose")
+    assert program.end()[0] == 0
+    sessions = [session for session in trifinger.Log(logs).sessions if session.steps]
+    assert len(sessions) == 3
+    for session in sessions:
+        assert height in session.documents["configuration.yml"]
+        assert session.documents == sessions[0].documents
 
 
 def test_a_simulated_robot_runs_with_its_objects(start_program: StartProgram) -> None:
