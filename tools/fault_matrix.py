@@ -64,7 +64,7 @@ class FaultTest:
         """Whether a test case of a JUnit file is this test, with whatever parameters."""
         if self.file.suffix == ".py":
             return test_class.endswith(f".{self.suite}") and name.partition("[")[0] == self.name
-        return re.search(rf"(^|/){self.suite}(/[^.]*)?\.{self.name}(/|$)", name) is not None
+        return re.search(rf"(^|/){self.suite}(/[^.]*)?\.{self.name}([/<]|$)", name) is not None
 
 
 @dataclass

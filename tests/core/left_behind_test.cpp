@@ -7,6 +7,8 @@
 #include <array>
 #include <chrono>
 #include <csignal>
+#include <cstddef>
+#include <cstdint>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -150,6 +152,22 @@ TEST_F(LeftBehind, fault_28_IsNothingHoweverEarlyABackendIsKilled) {
                                    "trifinger.robot.state"}));
 }
 
+enum class Death : std::uint8_t { kAbort, kCrash, kUncaughtException, kExit };
+
+void die(Death death) {
+  switch (death) {
+    case Death::kAbort:
+      std::abort();
+    case Death::kCrash:
+      std::raise(SIGSEGV);
+      return;
+    case Death::kUncaughtException:
+      throw std::runtime_error("on purpose, in a call that is noexcept");
+    case Death::kExit:
+      ::_exit(3);
+  }
+}
+
 // Takes its process along in the sixth action.
 class DeadlyDriver final : public Driver<FakeRobot> {
  public:
@@ -157,7 +175,7 @@ class DeadlyDriver final : public Driver<FakeRobot> {
   using Driver::get_latest_observation;
   using Driver::hold;
 
-  explicit DeadlyDriver(void (*death)()) : death_(death) {}
+  explicit DeadlyDriver(Death death) : death_(death) {}
 
   [[nodiscard]] DriverReport get_latest_observation(
       FakeObservation& observation) noexcept override {
@@ -166,20 +184,15 @@ class DeadlyDriver final : public Driver<FakeRobot> {
   }
   [[nodiscard]] DriverReport apply_action(const FakeAction& desired,
                                           FakeAction& applied) noexcept override {
-    if (++actions_ == 6) death_();
+    if (++actions_ == 6) die(death_);
     applied = desired;
     return DriverReport::ready();
   }
   void hold(const FakeObservation&, FakeAction& action) noexcept override { action = {}; }
 
  private:
-  void (*death_)();
+  Death death_;
   std::int64_t actions_{0};
-};
-
-struct Death {
-  const char* name;
-  void (*die)();
 };
 
 class BackendThatDies : public ::testing::TestWithParam<Death> {
@@ -189,7 +202,7 @@ class BackendThatDies : public ::testing::TestWithParam<Death> {
 
 TEST_P(BackendThatDies, fault_16_IsNoticedAndLeavesEveryStepBefore) {
   ChildProcess backend([] {
-    DeadlyDriver driver(GetParam().die);
+    DeadlyDriver driver(GetParam());
     return run_backend("robot", driver);
   });
   auto robot = find("robot");
@@ -207,12 +220,13 @@ TEST_P(BackendThatDies, fault_16_IsNoticedAndLeavesEveryStepBefore) {
   run_steps<FakeDriverTraits>(user, 0, 9);
 }
 
-constexpr std::array kDeaths{
-    Death{"Abort", [] { std::abort(); }}, Death{"Crash", [] { std::raise(SIGSEGV); }},
-    Death{"UncaughtException", [] { throw std::runtime_error("on purpose, in a noexcept call"); }},
-    Death{"Exit", [] { ::_exit(3); }}};
-INSTANTIATE_TEST_SUITE_P(Deaths, BackendThatDies, ::testing::ValuesIn(kDeaths),
-                         [](const auto& test) { return test.param.name; });
+constexpr std::array kDeathNames{"Abort", "Crash", "UncaughtException", "Exit"};
+INSTANTIATE_TEST_SUITE_P(Deaths, BackendThatDies,
+                         ::testing::Values(Death::kAbort, Death::kCrash, Death::kUncaughtException,
+                                           Death::kExit),
+                         [](const auto& test) {
+                           return kDeathNames.at(static_cast<std::size_t>(test.param));
+                         });
 
 }  // namespace
 }  // namespace trifinger::test

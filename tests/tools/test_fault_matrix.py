@@ -44,7 +44,8 @@ def test_reads_names_as_sentences(name: str, sentence: str) -> None:
     ("name", "is_it"),
     [
         ("Ring.fault_34_NeverShowsATornElement", True),
-        ("Shapes/Ring.fault_34_NeverShowsATornElement/With", True),
+        ("Shapes/Ring.fault_34_NeverShowsATornElement/With  # GetParam() = true", True),
+        ("Ring.fault_34_NeverShowsATornElement<trifinger::FakeRobot>", True),
         ("Fake/Ring/AcrossProcesses.fault_34_NeverShowsATornElement", True),
         ("Ring.fault_34_NeverShowsATornElementEver", False),
         ("OtherRing.fault_34_NeverShowsATornElement", False),
