@@ -64,7 +64,8 @@ class FaultTest:
         """Whether a test case of a JUnit file is this test, with whatever parameters."""
         if self.file.suffix == ".py":
             return test_class.endswith(f".{self.suite}") and name.partition("[")[0] == self.name
-        return re.search(rf"(^|/){self.suite}(/[^.]*)?\.{self.name}([/<]|$)", name) is not None
+        # Parameters and types stand before, between and behind the two words.
+        return {self.suite, self.name} <= set(re.findall(r"\w+", name))
 
 
 @dataclass

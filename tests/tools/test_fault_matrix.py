@@ -46,7 +46,7 @@ def test_reads_names_as_sentences(name: str, sentence: str) -> None:
         ("Ring.fault_34_NeverShowsATornElement", True),
         ("Shapes/Ring.fault_34_NeverShowsATornElement/With  # GetParam() = true", True),
         ("Ring.fault_34_NeverShowsATornElement<trifinger::FakeRobot>", True),
-        ("Fake/Ring/AcrossProcesses.fault_34_NeverShowsATornElement", True),
+        ("Fake.fault_34_NeverShowsATornElement<Fake/Ring/Inline.  # TypeParam = A<B>>", True),
         ("Ring.fault_34_NeverShowsATornElementEver", False),
         ("OtherRing.fault_34_NeverShowsATornElement", False),
     ],
