@@ -3,6 +3,7 @@
 
 #include <signal.h>
 
+#include <algorithm>
 #include <condition_variable>
 #include <mutex>
 #include <optional>
@@ -26,10 +27,10 @@ constexpr Nanoseconds kWaitSlice = std::chrono::milliseconds(50);
 // A session in work: its memory and its loop.
 struct Run {
   Run(UntypedDriver& driver, detail::SessionPlace& place, const BackendOptions& options,
-      const std::atomic<bool>& stop_requested)
+      const std::atomic<bool>& stop_requested, const Clock& clock)
       : writers(
             place.begin(driver, options.mode == BackendOptions::Mode::kRealTime, options.period)),
-        loop(driver, writers, options, stop_requested) {}
+        loop(driver, writers, options, stop_requested, clock) {}
 
   detail::SessionPlace::Writers writers;
   detail::Loop loop;
@@ -122,6 +123,8 @@ void BackendOptions::validate() const {
           "period is " + std::to_string(period.count()) + " ns; allowed are positive times");
   require(first_action_timeout > Nanoseconds::zero(), "first_action_timeout must be positive");
   require(driver_timeout > Nanoseconds::zero(), "driver_timeout must be positive");
+  require(!late_after || *late_after >= Nanoseconds::zero(), "late_after must not be negative");
+  require(max_measurement_age >= Nanoseconds::zero(), "max_measurement_age must not be negative");
   require(max_follower_wait >= Nanoseconds::zero(), "max_follower_wait must not be negative");
   require(max_stop_time >= Nanoseconds::zero(), "max_stop_time must not be negative");
 }
@@ -215,7 +218,7 @@ class Backend::Implementation {
 
   void begin() {
     // The old session's memory goes last: readers find either of them at any time.
-    auto next = std::make_unique<Run>(driver_, host_.place(), options_, stop_requested_);
+    auto next = std::make_unique<Run>(driver_, host_.place(), options_, stop_requested_, clock_);
     run_ = std::move(next);
     has_ended_ = false;
     last_fault_ = {};
@@ -236,6 +239,8 @@ class Backend::Implementation {
   [[nodiscard]] detail::Tick tick_now() const noexcept { return {.time = clock_.now()}; }
 
   void run_with_deadlines() noexcept {
+    const Nanoseconds suspended_before = suspended_time();
+    bool driver_overran = false;
     Instant deadline = clock_.now();
     std::int64_t number = 0;
     while (true) {
@@ -248,11 +253,24 @@ class Backend::Implementation {
       const detail::Tick tick{.time = now,
                               .number = number,
                               .lateness = now - deadline,
-                              .skipped = static_cast<std::uint32_t>(skipped)};
+                              .skipped = static_cast<std::uint32_t>(skipped),
+                              .driver_overran = driver_overran,
+                              .suspended = clock_.suspended_time() - suspended_before};
       if (run_->loop.tick(tick) == Progress::kEnded) return;
       deadline += options_.period;
       ++number;
+      // Most of a tick that was too long: without the driver it would not have been.
+      const Instant end = clock_.now();
+      driver_overran = end > deadline && 2 * run_->loop.driver_time() > end - now;
     }
+  }
+
+  // A look that is interrupted shows too little, so the most of several is right.
+  [[nodiscard]] Nanoseconds suspended_time() const noexcept {
+    constexpr int kLooks = 8;
+    Nanoseconds most = clock_.suspended_time();
+    for (int i = 1; i < kLooks; ++i) most = std::max(most, clock_.suspended_time());
+    return most;
   }
 
   void run_without_deadlines() noexcept {

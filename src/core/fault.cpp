@@ -35,6 +35,10 @@ std::string_view name_of(Fault::Code code) noexcept {
       return "driver_hangs";
     case Fault::Code::kBackendDied:
       return "backend_died";
+    case Fault::Code::kMeasurementStale:
+      return "measurement_stale";
+    case Fault::Code::kMachineSuspended:
+      return "machine_suspended";
   }
   return "unknown";
 }
@@ -64,8 +68,10 @@ std::string describe(const Fault& fault, std::string_view driver_text) {
              "; append it earlier, or let the back-end repeat actions (late_action in its "
              "configuration)";
     case Fault::Code::kBackendLate:
-      return "the back-end was late by " + detail + " periods" + at_step +
-             "; 'trifinger doctor' tells what this machine lacks for real time";
+      return (fault.detail < 0 ? "the back-end was late in " +
+                                     std::to_string(-std::int64_t{fault.detail}) + " steps in a row"
+                               : "the back-end was late by " + detail + " periods") +
+             at_step + "; 'trifinger doctor' tells what this machine lacks for real time";
     case Fault::Code::kActionsRejected:
       return detail + " actions in a row up to step " + step + " were not fit to apply";
     case Fault::Code::kQueueDamaged:
@@ -78,6 +84,12 @@ std::string describe(const Fault& fault, std::string_view driver_text) {
     case Fault::Code::kBackendDied:
       return fault.time_index < 0 ? "the back-end died before the first whole step"
                                   : "the back-end died; the last whole step is " + step;
+    case Fault::Code::kMeasurementStale:
+      return "a measurement was " + detail + " ms old" + at_step +
+             ", more than the back-end allows (max_measurement_age)";
+    case Fault::Code::kMachineSuspended:
+      return "the machine was suspended for " + detail + " ms" + at_step +
+             "; keep it awake while a robot is in use";
   }
   return "unknown fault " + std::to_string(static_cast<int>(fault.code));
 }

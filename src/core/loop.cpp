@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "loop.hpp"
 
+#include <algorithm>
 #include <cstring>
+#include <limits>
 
 #include "trifinger/ipc/ring.hpp"
 
@@ -12,15 +14,24 @@ std::vector<std::uint64_t> element_buffer(std::size_t size) {
   return std::vector<std::uint64_t>((size + 7) / 8);
 }
 
+// For the detail of a fault; more than 24 days are told as that.
+std::int32_t in_milliseconds(Nanoseconds time) noexcept {
+  constexpr std::int64_t kMost = std::numeric_limits<std::int32_t>::max();
+  return static_cast<std::int32_t>(
+      std::min(std::chrono::ceil<std::chrono::milliseconds>(time).count(), kMost));
+}
+
 }  // namespace
 
 Loop::Loop(UntypedDriver& driver, SessionPlace::Writers& writers, const BackendOptions& options,
-           const std::atomic<bool>& stop_requested)
+           const std::atomic<bool>& stop_requested, const Clock& clock)
     : driver_(driver),
       writer_(*writers.robot),
       companions_(writers.companions),
       options_(options),
       stop_requested_(stop_requested),
+      clock_(clock),
+      late_after_(options.late_after.value_or(options.period / 2)),
       queue_entry_(element_buffer(8 + driver.description().action.size())),
       desired_(element_buffer(driver.description().action.size())),
       applied_(element_buffer(driver.description().applied_action.size())),
@@ -33,6 +44,8 @@ Loop::Loop(UntypedDriver& driver, SessionPlace::Writers& writers, const BackendO
 
 Progress Loop::tick(const Tick& now) noexcept {
   last_time_ = now.time;
+  driver_time_ = Nanoseconds::zero();
+  suspended_ = now.suspended;
   beat(now.time);
   // acquire: the watchdog has spoken the last word, nothing may follow it.
   if (was_cut_.load(std::memory_order_acquire)) stage_ = Stage::kDone;
@@ -52,9 +65,7 @@ Progress Loop::tick(const Tick& now) noexcept {
 }
 
 Progress Loop::prepare(const Tick& now) noexcept {
-  if (const Fault::Code request = end_request(); request != Fault::Code::kNone) {
-    return end(request, 0);
-  }
+  if (const Fault request = end_request()) return end(request.code, request.detail);
   const DriverReport report = call_driver([&] { return driver_.prepare(count_); });
   ++count_;
   if (report.state == DriverReport::State::kFault)
@@ -91,9 +102,7 @@ Progress Loop::hold(const Tick& now) noexcept {
     first.skipped = 0;
     return run(first);
   }
-  if (const Fault::Code request = end_request(); request != Fault::Code::kNone) {
-    return end(request, 0);
-  }
+  if (const Fault request = end_request()) return end(request.code, request.detail);
   if ((requests_before & layout::kFinish) != 0) return end(Fault::Code::kFinished, 0);
   if (!is_real_time()) return Progress::kWaiting;
 
@@ -124,17 +133,19 @@ Progress Loop::run(const Tick& now) noexcept {
   status_.tick = is_real_time() ? now.number - first_tick_ : time_index_;
   status_.lateness = now.lateness.count();
   status_.skipped_ticks = now.skipped;
+  if (is_real_time()) note_lateness(now);
   if (!is_measured_ && !measure(now)) return Progress::kStepped;
   if (now.skipped > options_.max_skipped_ticks && is_real_time()) {
     return end(Fault::Code::kBackendLate, static_cast<std::int32_t>(now.skipped));
+  }
+  if (late_in_a_row_ > options_.max_late_steps) {
+    return end(Fault::Code::kBackendLate, -static_cast<std::int32_t>(late_in_a_row_));
   }
   // Here, not behind the step: the last step has an observation.
   if (status_.rejected_actions > options_.max_rejected_actions) {
     return end(Fault::Code::kActionsRejected, static_cast<std::int32_t>(status_.rejected_actions));
   }
-  if (const Fault::Code request = end_request(); request != Fault::Code::kNone) {
-    return end(request, 0);
-  }
+  if (const Fault request = end_request()) return end(request.code, request.detail);
 
   // Read before the queue: whatever was appended before finish() must be found.
   const bool finish_requested = (requests() & layout::kFinish) != 0;
@@ -169,7 +180,7 @@ Progress Loop::run(const Tick& now) noexcept {
   if (!is_published_) publish_observation();
   writer_.append(Series::kDesiredAction, desired_.data());
   writer_.append(Series::kAppliedAction, applied_.data());
-  writer_.append(Series::kStatus, &status_);
+  publish_status();
   announce(is_real_time());
 
   ++time_index_;
@@ -214,6 +225,10 @@ bool Loop::measure(const Tick& now) noexcept {
   status_.measurement_age = report.measurement_age;
   status_.lost_frames = report.lost_frames;
   is_measured_ = true;
+  if (Nanoseconds(report.measurement_age) > options_.max_measurement_age) {
+    end(Fault::Code::kMeasurementStale, in_milliseconds(Nanoseconds(report.measurement_age)));
+    return false;
+  }
   if (stage_ == Stage::kRunning) publish_companions(now, time_index_);
   if (report.state == DriverReport::State::kEnd) {
     end(Fault::Code::kExhausted, report.fault_code);
@@ -255,12 +270,25 @@ Loop::Take Loop::close_index() noexcept {
   return take;
 }
 
-Fault::Code Loop::end_request() const noexcept {
+Fault Loop::end_request() const noexcept {
   // relaxed: flags without data behind them.
-  if (stop_requested_.load(std::memory_order_relaxed)) return Fault::Code::kStopped;
-  if ((requests() & layout::kDetach) != 0) return Fault::Code::kDetached;
-  if (controller_died_.load(std::memory_order_relaxed)) return Fault::Code::kControllerDied;
-  return Fault::Code::kNone;
+  if (stop_requested_.load(std::memory_order_relaxed)) return {.code = Fault::Code::kStopped};
+  if ((requests() & layout::kDetach) != 0) return {.code = Fault::Code::kDetached};
+  if (controller_died_.load(std::memory_order_relaxed)) {
+    return {.code = Fault::Code::kControllerDied};
+  }
+  // The robot was without control for longer than it ever is.
+  if (suspended_ > options_.period) {
+    return {.code = Fault::Code::kMachineSuspended, .detail = in_milliseconds(suspended_)};
+  }
+  return {};
+}
+
+// Says whether the step is late, and who is to blame if it was not the user.
+void Loop::note_lateness(const Tick& now) noexcept {
+  const bool is_late = now.skipped > 0 || now.lateness > late_after_;
+  late_in_a_row_ = is_late ? late_in_a_row_ + 1 : 0;
+  if (is_late) status_.flags |= now.driver_overran ? Status::kDriverLate : Status::kSchedulerLate;
 }
 
 void Loop::set_phase(layout::Phase phase) noexcept {
@@ -271,6 +299,15 @@ void Loop::set_phase(layout::Phase phase) noexcept {
 void Loop::publish_observation() noexcept {
   writer_.append(Series::kObservation, observation_.data());
   is_published_ = true;
+}
+
+void Loop::publish_status() noexcept {
+  // First: whoever finds the status finds it counted.
+  if (is_real_time()) {
+    timing_.add(time_index_, status_, options_.period);
+    writer_.write_timing(timing_);
+  }
+  writer_.append(Series::kStatus, &status_);
 }
 
 void Loop::publish_companions(const Tick& now, TimeIndex time_index) noexcept {
@@ -324,7 +361,7 @@ Progress Loop::end(Fault::Code code, std::int32_t detail) noexcept {
     status_.flags |= Status::kEnd;
     status_.fault_code = static_cast<std::int32_t>(code);
     status_.fault_detail = detail;
-    writer_.append(Series::kStatus, &status_);
+    publish_status();
   }
   const std::string_view text =
       code == Fault::Code::kDriver ? driver_.fault_text(detail) : std::string_view();
@@ -376,7 +413,9 @@ DriverReport Loop::call_driver(const Call& call) noexcept {
   // relaxed: the watchdog compares the number with its last look, nothing more.
   const std::uint64_t count = driver_calls_.load(std::memory_order_relaxed);
   driver_calls_.store(count + 1, std::memory_order_relaxed);
+  const Instant begin = is_real_time() ? clock_.now() : Instant{};
   const DriverReport report = call();
+  if (is_real_time()) driver_time_ += clock_.now() - begin;
   driver_calls_.store(count + 2, std::memory_order_relaxed);
   // acquire: what the call said counts no more if the watchdog has cut the power meanwhile.
   return was_cut_.load(std::memory_order_acquire) ? DriverReport::fault(0) : report;

@@ -8,6 +8,7 @@
 #include "session_memory.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/status.hpp"
+#include "trifinger/core/timing.hpp"
 
 namespace trifinger::detail {
 
@@ -17,6 +18,8 @@ struct Tick {
   std::int64_t number{0};
   Nanoseconds lateness{0};
   std::uint32_t skipped{0};
+  bool driver_overran{false};  // calls of the driver took up the tick before
+  Nanoseconds suspended{0};    // for how long the machine has slept since the session began
 };
 
 // One session's way through its stages, tick by tick. No function here allocates, locks, throws or
@@ -24,7 +27,7 @@ struct Tick {
 class Loop {
  public:
   Loop(UntypedDriver& driver, SessionPlace::Writers& writers, const BackendOptions& options,
-       const std::atomic<bool>& stop_requested);
+       const std::atomic<bool>& stop_requested, const Clock& clock);
 
   // Does one tick.
   [[nodiscard]] Progress tick(const Tick& now) noexcept TRIFINGER_REALTIME;
@@ -39,6 +42,8 @@ class Loop {
   // From the watchdog, when the driver hangs.
   void cut() noexcept;
 
+  // With deadlines: the time that the last tick has spent in calls of the driver.
+  [[nodiscard]] Nanoseconds driver_time() const noexcept { return driver_time_; }
   // The step in work.
   [[nodiscard]] TimeIndex time_index() const noexcept { return time_index_; }
   // True if the next tick could do more than wait: an action or a request is there.
@@ -60,9 +65,11 @@ class Loop {
   bool measure(const Tick& now) noexcept;
   Take take_action() noexcept;
   Take close_index() noexcept;
-  [[nodiscard]] Fault::Code end_request() const noexcept;
+  [[nodiscard]] Fault end_request() const noexcept;
+  void note_lateness(const Tick& now) noexcept;
   void set_phase(layout::Phase phase) noexcept;
   void publish_observation() noexcept;
+  void publish_status() noexcept;
   void publish_companions(const Tick& now, TimeIndex time_index) noexcept;
   void announce(bool always) noexcept;
   Progress end(Fault::Code code, std::int32_t detail) noexcept;
@@ -82,6 +89,8 @@ class Loop {
   std::vector<std::unique_ptr<SessionWriter>>& companions_;
   const BackendOptions& options_;
   const std::atomic<bool>& stop_requested_;
+  const Clock& clock_;
+  const Nanoseconds late_after_;
   std::atomic<bool> controller_died_{false};
   std::atomic<std::uint64_t> driver_calls_{0};
   std::atomic<bool> was_cut_{false};
@@ -101,6 +110,10 @@ class Loop {
   TimeIndex count_{0};       // of calls in the stages kPreparing and kStopping
   TimeIndex time_index_{0};  // the step in work
   Status status_;
+  TimingRecord timing_;
+  std::uint32_t late_in_a_row_{0};
+  Nanoseconds driver_time_{0};
+  Nanoseconds suspended_{0};
   bool is_measured_{false};   // y of the step in work is in observation_
   bool is_published_{false};  // and in its series
   bool has_hold_action_{false};

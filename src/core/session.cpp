@@ -153,6 +153,11 @@ SessionInfo Session::info() const {
   return info;
 }
 
+std::optional<TimingRecord> Session::timing() const {
+  mapping_->require_own();
+  return mapping_->timing();
+}
+
 const RobotTypes& Session::description() const noexcept { return mapping_->description(); }
 
 const ElementDescription& Session::element(Series series) const {

@@ -15,7 +15,7 @@ namespace trifinger::layout {
 
 inline constexpr std::uint64_t kStateMagic = 0x3154532d52474654;   // "TFGR-ST1"
 inline constexpr std::uint64_t kActionMagic = 0x3143412d52474654;  // "TFGR-AC1"
-inline constexpr std::uint32_t kLayoutVersion = 2;
+inline constexpr std::uint32_t kLayoutVersion = 3;
 
 inline constexpr std::size_t kNumSeries = 6;
 inline constexpr std::size_t kNumWaitSlots = 8;
@@ -59,6 +59,7 @@ struct StateHeader {
   std::uint64_t backend_start_time;
   std::array<RingPlace, kNumSeries> rings;  // by Series
   RingPlace queue;                          // in the action file
+  RingPlace timing;                         // of TimingRecords; robots in real-time mode only
   TextPlace name;
   TextPlace type;
   TextPlace host;
@@ -81,6 +82,7 @@ struct StateHeader {
   std::atomic<std::uint32_t> backend_waits;
 
   alignas(64) std::atomic<std::int64_t> heartbeat;  // monotonic [ns]
+  std::atomic<std::int64_t> timing_end;             // records written so far; the newest counts
   // Valid once the phase is kEnded.
   std::atomic<std::int32_t> fault_code;
   std::atomic<std::int32_t> fault_detail;

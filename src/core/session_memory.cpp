@@ -218,7 +218,7 @@ void SessionMapping::check() {
   const auto& ends = header_->ends;
   if (!std::ranges::all_of(ends, [&](const auto& end) { return is_sound(end, 0); }) ||
       !is_sound(header_->next_action, 0) || !is_sound(header_->complete_through, -2) ||
-      !is_sound(header_->heartbeat, 0)) {
+      !is_sound(header_->heartbeat, 0) || !is_sound(header_->timing_end, 0)) {
     throw incompatible("a counter in its header is out of range");
   }
 
@@ -257,6 +257,14 @@ void SessionMapping::check() {
           throw InvalidArgument("its series '" + std::string(trifinger::name_of(series)) +
                                 "' has other fields than its observations");
         }
+      }
+      if (const layout::RingPlace& timing = header_->timing; timing.shape.capacity > 0) {
+        if (!timing.shape.is_valid() || timing.offset % 8 != 0 ||
+            timing.shape.element_size != sizeof(TimingRecord) ||
+            !is_inside(timing.offset, timing.shape.size())) {
+          throw InvalidArgument("its record of the timing has a wrong size");
+        }
+        timing_ = ipc::Ring(memory_.data() + timing.offset, timing.shape);
       }
       const layout::RingPlace& queue = header_->queue;
       if (!queue.shape.is_valid() || queue.offset % 8 != 0 || queue.offset > kMaxQueueOffset ||
@@ -382,11 +390,30 @@ Fault SessionMapping::fault() const noexcept {
   };
 }
 
+std::optional<TimingRecord> SessionMapping::timing() const noexcept {
+  if (timing_.shape().capacity == 0) return std::nullopt;
+  TimingRecord record;
+  while (true) {
+    // acquire: the record was written before.
+    const std::int64_t newest = header_->timing_end.load(std::memory_order_acquire) - 1;
+    if (newest < 0) return std::nullopt;
+    if (timing_.read(newest, &record) == ipc::ReadResult::kDone) return record;
+    // Overtaken by the writer, so there is a newer one; unless the file is damaged.
+    if (header_->timing_end.load(std::memory_order_acquire) - 1 == newest) return std::nullopt;
+  }
+}
+
 std::string SessionMapping::fault_text() const {
   const auto& text = header_->fault_text;
   const auto* end = static_cast<const char*>(std::memchr(text.data(), 0, text.size()));
   const auto size = end == nullptr ? text.size() : static_cast<std::size_t>(end - text.data());
-  return describe(fault(), has_ended() ? std::string_view(text.data(), size) : std::string_view());
+  const Fault fault = this->fault();
+  std::string sentence =
+      describe(fault, has_ended() ? std::string_view(text.data(), size) : std::string_view());
+  if (fault.code == Fault::Code::kActionLate || fault.code == Fault::Code::kBackendLate) {
+    if (const auto record = timing()) sentence += "; " + describe(*record);
+  }
+  return sentence;
 }
 
 void SessionMapping::throw_stopped() const {
@@ -415,6 +442,13 @@ SessionWriter::SessionWriter(std::shared_ptr<Directory> directory, const Session
     }
     rings[i] = {.offset = file.add(shape.size()), .shape = shape};
     texts[i] = {.offset = file.add(descriptions[i].size()), .size = descriptions[i].size()};
+  }
+  layout::RingPlace timing{};
+  if (plan.is_real_time && plan.queue > 0) {
+    // A reader that the back-end overtakes finds the next one.
+    constexpr std::uint64_t kTimingHistory = 4;
+    timing.shape = {.capacity = kTimingHistory, .element_size = sizeof(TimingRecord)};
+    timing.offset = file.add(timing.shape.size());
   }
   const std::string host = host_name();
   const layout::TextPlace name_place{file.add(plan.name.size()), plan.name.size()};
@@ -457,6 +491,8 @@ SessionWriter::SessionWriter(std::shared_ptr<Directory> directory, const Session
   header_->backend_pid = backend.pid;
   header_->backend_start_time = backend.start_time;
   header_->rings = rings;
+  header_->timing = timing;
+  timing_ = ipc::Ring(data + timing.offset, timing.shape);
   header_->name = name_place;
   header_->type = type_place;
   header_->host = host_place;
@@ -528,6 +564,15 @@ void SessionWriter::append(Series series, const void* element) noexcept {
   // relaxed: a driver's call that comes back after its session was ended from outside adds nothing
   // to it.
   if (!ended_.test(std::memory_order_relaxed)) write(series, element);
+}
+
+void SessionWriter::write_timing(const TimingRecord& timing) noexcept {
+  // relaxed: see append; the count is the writer's own.
+  if (ended_.test(std::memory_order_relaxed)) return;
+  const std::int64_t index = header_->timing_end.load(std::memory_order_relaxed);
+  timing_.write(index, &timing);
+  // release: whoever sees the new end finds the record.
+  header_->timing_end.store(index + 1, std::memory_order_release);
 }
 
 void SessionWriter::write(Series series, const void* element) noexcept {

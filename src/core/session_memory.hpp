@@ -106,6 +106,8 @@ class SessionMapping {
   [[nodiscard]] std::vector<Document> documents() const;
   // The companion `name` of this session. Throws SessionNotFound, RobotStopped.
   [[nodiscard]] std::shared_ptr<const SessionMapping> companion(const std::string& name) const;
+  // Of a robot in real-time mode, from its first whole step on.
+  [[nodiscard]] std::optional<TimingRecord> timing() const noexcept;
   [[nodiscard]] bool is_companion() const noexcept { return !has(Series::kStatus); }
   [[nodiscard]] const std::shared_ptr<Directory>& directory() const noexcept { return directory_; }
 
@@ -139,6 +141,7 @@ class SessionMapping {
   std::string host_;
   RobotTypes description_;
   ElementDescription status_;
+  ipc::Ring timing_;
   std::vector<std::string> companion_names_;
   ipc::ForkGuard fork_;
 };
@@ -185,6 +188,7 @@ class SessionWriter {
 
   // Writes the next element; readers find it at once, sleepers after `announce`.
   void append(Series series, const void* element) noexcept;
+  void write_timing(const TimingRecord& timing) noexcept;
   [[nodiscard]] std::int64_t end_of(Series series) const noexcept {
     return ends_[static_cast<std::size_t>(series)];
   }
@@ -224,6 +228,7 @@ class SessionWriter {
   std::array<ipc::Ring, layout::kNumSeries> rings_;
   std::array<std::int64_t, layout::kNumSeries> ends_{};
   ipc::Ring queue_;
+  ipc::Ring timing_;
   std::atomic_flag ended_;
   ipc::ForkGuard fork_;
 };

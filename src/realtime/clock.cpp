@@ -30,6 +30,15 @@ void MonotonicClock::sleep_until(Instant deadline) noexcept {
   }
 }
 
+Nanoseconds MonotonicClock::suspended_time() const noexcept {
+  // The clock that runs on in a suspended machine first: a thread that is interrupted between the
+  // two sees too little, and the rest at its next look.
+  timespec with_suspension{};
+  ::clock_gettime(CLOCK_BOOTTIME, &with_suspension);
+  return std::chrono::seconds(with_suspension.tv_sec) + Nanoseconds(with_suspension.tv_nsec) -
+         now().time_since_epoch();
+}
+
 MonotonicClock& MonotonicClock::instance() noexcept {
   static MonotonicClock clock;
   return clock;
@@ -39,6 +48,7 @@ struct ManualClock::State {
   pthread_mutex_t mutex;
   pthread_cond_t changed;
   Instant now;
+  Nanoseconds suspended{0};
   Instant earliest_deadline{Instant::max()};  // of the sleeper; one back-end sleeps on a clock
   bool free{false};
 
@@ -89,6 +99,16 @@ void ManualClock::sleep_until(Instant deadline) noexcept {
   }
   state_->now = std::max(state_->now, deadline);
   state_->earliest_deadline = Instant::max();
+}
+
+Nanoseconds ManualClock::suspended_time() const noexcept {
+  const State::Lock lock(*state_);
+  return state_->suspended;
+}
+
+void ManualClock::suspend(Nanoseconds time) {
+  const State::Lock lock(*state_);
+  state_->suspended += time;
 }
 
 void ManualClock::advance(Nanoseconds step) {

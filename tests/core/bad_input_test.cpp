@@ -327,6 +327,8 @@ TEST_F(BadInput, WrongOptionsOfABackendAreNamed) {
               HasSubstr("first_action_timeout"));
   EXPECT_THAT(message({.driver_timeout = Nanoseconds::zero()}), HasSubstr("driver_timeout"));
   EXPECT_THAT(message({.max_stop_time = Nanoseconds(-1)}), HasSubstr("max_stop_time"));
+  EXPECT_THAT(message({.late_after = Nanoseconds(-1)}), HasSubstr("late_after"));
+  EXPECT_THAT(message({.max_measurement_age = Nanoseconds(-1)}), HasSubstr("max_measurement_age"));
 }
 
 TEST_F(BadInput, RealTimeCannotRunInline) {

@@ -12,12 +12,22 @@
 namespace trifinger {
 namespace {
 
-constexpr Fault::Code kAll[] = {
-    Fault::Code::kNone,           Fault::Code::kFinished,    Fault::Code::kDetached,
-    Fault::Code::kControllerDied, Fault::Code::kStopped,     Fault::Code::kFirstActionLate,
-    Fault::Code::kActionLate,     Fault::Code::kBackendLate, Fault::Code::kActionsRejected,
-    Fault::Code::kQueueDamaged,   Fault::Code::kDriver,      Fault::Code::kDriverHangs,
-    Fault::Code::kBackendDied,    Fault::Code::kExhausted};
+constexpr Fault::Code kAll[] = {Fault::Code::kNone,
+                                Fault::Code::kFinished,
+                                Fault::Code::kDetached,
+                                Fault::Code::kControllerDied,
+                                Fault::Code::kStopped,
+                                Fault::Code::kFirstActionLate,
+                                Fault::Code::kActionLate,
+                                Fault::Code::kBackendLate,
+                                Fault::Code::kActionsRejected,
+                                Fault::Code::kQueueDamaged,
+                                Fault::Code::kDriver,
+                                Fault::Code::kDriverHangs,
+                                Fault::Code::kBackendDied,
+                                Fault::Code::kExhausted,
+                                Fault::Code::kMeasurementStale,
+                                Fault::Code::kMachineSuspended};
 
 TEST(Fault, HasANameAndASentenceForEveryCode) {
   std::set<std::string> names;
@@ -45,7 +55,8 @@ TEST(Fault, NeedsRecoveryOnlyIfSomethingWentWrong) {
   for (const Fault::Code code :
        {Fault::Code::kFirstActionLate, Fault::Code::kActionLate, Fault::Code::kBackendLate,
         Fault::Code::kActionsRejected, Fault::Code::kQueueDamaged, Fault::Code::kDriver,
-        Fault::Code::kDriverHangs}) {
+        Fault::Code::kDriverHangs, Fault::Code::kMeasurementStale,
+        Fault::Code::kMachineSuspended}) {
     EXPECT_TRUE(Fault{.code = code}.needs_recovery()) << name_of(code);
   }
 }
@@ -54,6 +65,13 @@ TEST(Fault, TellsTheStepAndTheRemedyOfALateAction) {
   EXPECT_THAT(describe({.code = Fault::Code::kActionLate, .detail = 4, .time_index = 1234}),
               ::testing::AllOf(::testing::HasSubstr("step 1234"), ::testing::HasSubstr("4 repeats"),
                                ::testing::HasSubstr("append it earlier")));
+}
+
+TEST(Fault, TellsHowTheBackendWasLate) {
+  EXPECT_THAT(describe({.code = Fault::Code::kBackendLate, .detail = 6, .time_index = 5}),
+              ::testing::HasSubstr("late by 6 periods at step 5"));
+  EXPECT_THAT(describe({.code = Fault::Code::kBackendLate, .detail = -6, .time_index = 5}),
+              ::testing::HasSubstr("late in 6 steps in a row at step 5"));
 }
 
 TEST(Fault, TellsWhatTheDriverSaidOrItsCode) {

@@ -6,7 +6,9 @@
 #include <cstdint>
 #include <exception>
 #include <functional>
+#include <limits>
 #include <memory>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -28,6 +30,8 @@ struct BackendOptions {
     kRealTime,     ///< One step per period, whatever the user does.
   };
 
+  static constexpr std::uint32_t kUnlimited = std::numeric_limits<std::uint32_t>::max();
+
   Mode mode{Mode::kNonRealTime};
   Nanoseconds period{std::chrono::milliseconds(1)};
 
@@ -36,6 +40,10 @@ struct BackendOptions {
       0};  ///< How often in a row a missing action may be replaced by the one before.
   std::uint32_t max_skipped_ticks{
       5};  ///< By how many periods at once the back-end itself may be late.
+  std::optional<Nanoseconds> late_after{};  ///< A step that begins later than this after its
+                                            ///< deadline counts as late; by default half a period.
+  std::uint32_t max_late_steps{
+      kUnlimited};  ///< How many steps in a row the back-end itself may be late.
   Timeout first_action_timeout{kForever};  ///< How long to hold before step 0.
   Timeout driver_timeout{
       std::chrono::seconds(1)};  ///< After this time in one call of the driver the power is cut.
@@ -47,6 +55,8 @@ struct BackendOptions {
                                  ///< again once it is back in the history.
 
   std::uint32_t max_rejected_actions{10};  ///< How many actions in a row the driver may reject.
+  Timeout max_measurement_age{
+      kForever};  ///< How old the oldest measurement of an observation may be.
   Timeout max_stop_time{
       std::chrono::seconds(10)};  ///< How long the orderly stop may take before the power is cut.
 

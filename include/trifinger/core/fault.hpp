@@ -22,14 +22,17 @@ struct Fault {
     kExhausted = 5,       ///< The driver has no further steps: the log that it replays is over.
 
     // Faults: `recover()` is needed before the next session.
-    kFirstActionLate = 16,  ///< No action arrived within the first-action timeout.
-    kActionLate = 17,       ///< The action for `time_index` was missing and no repeats were left.
-    kBackendLate = 18,      ///< The back-end skipped more ticks at once than allowed.
-    kActionsRejected = 19,  ///< Too many actions in a row were not fit to apply.
-    kQueueDamaged = 20,     ///< The queue of actions was overwritten or truncated by its writer.
-    kDriver = 21,           ///< The driver gave up; `detail` is its own code.
-    kDriverHangs = 22,      ///< A call of the driver did not return; the power was cut.
-    kBackendDied = 23,      ///< The back-end ended without a word. Noticed by those who read.
+    kFirstActionLate = 16,   ///< No action arrived within the first-action timeout.
+    kActionLate = 17,        ///< The action for `time_index` was missing and no repeats were left.
+    kBackendLate = 18,       ///< The back-end was itself too late: `detail` periods at once, or, if
+                             ///< negative, that many steps in a row.
+    kActionsRejected = 19,   ///< Too many actions in a row were not fit to apply.
+    kQueueDamaged = 20,      ///< The queue of actions was overwritten or truncated by its writer.
+    kDriver = 21,            ///< The driver gave up; `detail` is its own code.
+    kDriverHangs = 22,       ///< A call of the driver did not return; the power was cut.
+    kBackendDied = 23,       ///< The back-end ended without a word. Noticed by those who read.
+    kMeasurementStale = 24,  ///< A measurement was too old; `detail` is its age [ms].
+    kMachineSuspended = 25,  ///< The machine slept while the robot was in use, for `detail` [ms].
   };
 
   Code code{Code::kNone};

@@ -198,6 +198,9 @@ class Frontend {
   void recover(Timeout timeout = kForever) { untyped_.recover(timeout); }
   /// Why the session ended; nothing while it goes on.
   [[nodiscard]] std::optional<Fault> fault() const { return untyped_.fault(); }
+  /// How the session keeps its time, so far or in the end; nothing outside real-time mode and
+  /// before the first whole step.
+  [[nodiscard]] std::optional<TimingRecord> timing() const { return session().timing(); }
 
   /// Reads the companion `name` of this robot, as in "object".
   [[nodiscard]] UntypedFrontend companion(const std::string& name) const {

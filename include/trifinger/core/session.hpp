@@ -14,6 +14,7 @@
 #include "trifinger/core/document.hpp"
 #include "trifinger/core/fault.hpp"
 #include "trifinger/core/robot.hpp"
+#include "trifinger/core/timing.hpp"
 #include "trifinger/ipc/process.hpp"
 
 namespace trifinger {
@@ -70,6 +71,9 @@ class Session {
   [[nodiscard]] static Session open(const std::string& name);
 
   [[nodiscard]] SessionInfo info() const;
+  /// How the session keeps its time; nothing outside real-time mode and before the first whole
+  /// step. Can be read for ever, also when the back-end has died.
+  [[nodiscard]] std::optional<TimingRecord> timing() const;
   /// The types of the robot; of a companion, only the observation.
   [[nodiscard]] const RobotTypes& description() const noexcept;
   /// The layout of the elements of one series.

@@ -15,6 +15,8 @@ struct Status {
     kAcausal = 2,  ///< The action was appended by someone who had already read y_t.
     kActionRejected = 4,  ///< The action was not fit to apply; something safe was applied instead.
     kEnd = 8,             ///< The last status of the session: no action was applied at this step.
+    kSchedulerLate = 16,  ///< The tick began late: the back-end did not get the processor in time.
+    kDriverLate = 32,     ///< The tick began late: calls of the driver took up the one before.
   };
 
   std::int64_t time{0};  ///< When y_t was measured, monotonic clock [ns].

@@ -17,6 +17,9 @@ class Clock {
   [[nodiscard]] virtual Instant now() const noexcept TRIFINGER_REALTIME = 0;
   /// Returns at `deadline` or later.
   virtual void sleep_until(Instant deadline) noexcept = 0;
+  /// For how long the machine has been suspended, since any instant in the past: a suspended
+  /// machine does not count as time of this clock.
+  [[nodiscard]] virtual Nanoseconds suspended_time() const noexcept TRIFINGER_REALTIME = 0;
 };
 
 /// The monotonic clock of the machine.
@@ -24,6 +27,7 @@ class MonotonicClock final : public Clock {
  public:
   [[nodiscard]] Instant now() const noexcept override;
   void sleep_until(Instant deadline) noexcept override;
+  [[nodiscard]] Nanoseconds suspended_time() const noexcept override;
 
   /// One for everybody: it has no state.
   [[nodiscard]] static MonotonicClock& instance() noexcept;
@@ -39,7 +43,10 @@ class ManualClock final : public Clock {
 
   [[nodiscard]] Instant now() const noexcept override;
   void sleep_until(Instant deadline) noexcept override;
+  [[nodiscard]] Nanoseconds suspended_time() const noexcept override;
 
+  /// As if the machine were suspended for `time`, which this clock does not notice.
+  void suspend(Nanoseconds time);
   /// Lets `step` pass at once: a sleeper whose deadline lies within it wakes late, as on a machine
   /// that stalls.
   void advance(Nanoseconds step);
