@@ -3,9 +3,6 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <array>
-#include <bit>
-#include <cmath>
 #include <cstring>
 #include <map>
 #include <memory>
@@ -40,48 +37,9 @@ struct Options {
   bool events{false};
 };
 
-// Counts times [ns] so that their quantiles are known to 2 %, however many there are.
-class TimeHistogram {
- public:
-  void add(std::int64_t time) noexcept {
-    const auto value = static_cast<std::uint64_t>(std::max<std::int64_t>(time, 0));
-    max_ = std::max(max_, value);
-    ++count_;
-    ++bins_[bin_of(value)];
-  }
-  [[nodiscard]] Nanoseconds quantile(double fraction) const noexcept {
-    const auto rank = static_cast<std::uint64_t>(fraction * static_cast<double>(count_));
-    std::uint64_t below = 0;
-    for (std::size_t bin = 0; bin < bins_.size(); ++bin) {
-      below += bins_[bin];
-      if (below > rank) return Nanoseconds(std::min(end_of(bin), max_));
-    }
-    return max();
-  }
-  [[nodiscard]] Nanoseconds max() const noexcept { return Nanoseconds(max_); }
-
- private:
-  // 32 bins for each power of two.
-  static constexpr unsigned kBits = 5;
-
-  static std::size_t bin_of(std::uint64_t value) noexcept {
-    if (value < (1U << kBits)) return static_cast<std::size_t>(value);
-    const auto shift = static_cast<unsigned>(std::bit_width(value)) - kBits - 1;
-    return static_cast<std::size_t>((std::uint64_t{shift} << kBits) + (value >> shift));
-  }
-  static std::uint64_t end_of(std::size_t bin) noexcept {
-    const std::size_t shift = bin < (1U << kBits) ? 0 : (bin >> kBits) - 1;
-    return ((bin - (shift << kBits)) + 1) << shift;
-  }
-
-  std::array<std::uint64_t, 64U << kBits> bins_{};
-  std::uint64_t count_{0};
-  std::uint64_t max_{0};
-};
-
 // What the statuses of a session say, summed up.
 struct LoopSummary {
-  TimeHistogram lateness;
+  TimingRecord timing;
   std::int64_t repeats{0};
   std::int64_t skipped{0};
   std::int64_t rejected{0};
@@ -114,7 +72,7 @@ struct SessionSummary {
 
 constexpr std::size_t kBlock = 4096;
 
-// Goes through all elements once; `use(pointers, rows)` gets those of the columns.
+// Goes through all elements once; `use(indices, pointers, rows)` gets those of the columns.
 template <class Use>
 StreamSummary summary_of(const LoggedSession& session, const std::vector<Column>& columns,
                          const Use& use) {
@@ -136,7 +94,7 @@ StreamSummary summary_of(const LoggedSession& session, const std::vector<Column>
     summary.last = indices[rows - 1];
     summary.end = times[rows - 1];
     summary.count += static_cast<std::int64_t>(rows);
-    use(addresses, rows);
+    use(indices, addresses, rows);
   }
   return summary;
 }
@@ -148,20 +106,22 @@ SessionSummary summary_of(const LoggedSession& session) {
     columns.push_back({Series::kStatus, {}});
     summary.loop.emplace();
   }
-  summary.steps = summary_of(session, columns, [&](const auto& addresses, std::size_t rows) {
-    for (std::size_t i = 0; summary.loop && i < rows; ++i) {
-      Status status;
-      std::memcpy(&status, static_cast<const std::byte*>(addresses[0]) + i * sizeof(status),
-                  sizeof(status));
-      summary.loop->lateness.add(status.lateness);
-      summary.loop->repeats += (status.flags & Status::kActionRepeated) != 0 ? 1 : 0;
-      summary.loop->rejected += (status.flags & Status::kActionRejected) != 0 ? 1 : 0;
-      summary.loop->acausal += (status.flags & Status::kAcausal) != 0 ? 1 : 0;
-      summary.loop->skipped += status.skipped_ticks;
-    }
-  });
+  summary.steps = summary_of(
+      session, columns, [&](const auto& indices, const auto& addresses, std::size_t rows) {
+        for (std::size_t i = 0; summary.loop && i < rows; ++i) {
+          Status status;
+          std::memcpy(&status, static_cast<const std::byte*>(addresses[0]) + i * sizeof(status),
+                      sizeof(status));
+          summary.loop->timing.add(indices[i], status, session.header().period);
+          summary.loop->repeats += (status.flags & Status::kActionRepeated) != 0 ? 1 : 0;
+          summary.loop->rejected += (status.flags & Status::kActionRejected) != 0 ? 1 : 0;
+          summary.loop->acausal += (status.flags & Status::kAcausal) != 0 ? 1 : 0;
+          summary.loop->skipped += status.skipped_ticks;
+        }
+      });
   for (const LoggedSession& companion : session.companions()) {
-    summary.companions.push_back(summary_of(companion, {}, [](const auto&, std::size_t) {}));
+    summary.companions.push_back(
+        summary_of(companion, {}, [](const auto&, const auto&, std::size_t) {}));
   }
   return summary;
 }
@@ -208,9 +168,10 @@ std::string gap_text(const StreamSummary& stream, const Gap& gap, const std::str
 void print_loop(const Sheet& sheet, const SessionSummary& summary) {
   const LoopSummary& loop = *summary.loop;
   if (summary.session.header().is_real_time) {
-    sheet.line("lateness",
-               fmt::format("p50 {}, p99 {}, max {}", text_of(loop.lateness.quantile(0.5)),
-                           text_of(loop.lateness.quantile(0.99)), text_of(loop.lateness.max())));
+    const bool is_late = loop.timing.late_steps() > 0;
+    sheet.line("lateness", lateness_text(loop.timing.lateness()));
+    sheet.line("late", describe(loop.timing), is_late ? Style::kWarning : Style::kPlain);
+    if (is_late) sheet.line("worst", worst_text(loop.timing));
   }
   const auto count = [&sheet](const std::string& label, std::int64_t number) {
     if (number > 0) sheet.line(label, std::to_string(number), Style::kWarning);
@@ -328,9 +289,22 @@ Json json_of(const SessionSummary& summary) {
   for (const Document& document : header.documents) documents.emplace_back(document.name);
   const auto loop = [&]() -> Json {
     if (!summary.loop) return nullptr;
-    return Json::object({{"lateness_p50", seconds(summary.loop->lateness.quantile(0.5))},
-                         {"lateness_p99", seconds(summary.loop->lateness.quantile(0.99))},
-                         {"lateness_max", seconds(summary.loop->lateness.max())},
+    const TimingRecord& timing = summary.loop->timing;
+    Json late = Json::object();
+    for (const LateCause cause : {LateCause::kUser, LateCause::kScheduler, LateCause::kDriver}) {
+      late[std::string(name_of(cause))] = timing.late_steps(cause);
+    }
+    Json worst = Json::array();
+    for (const LateStep& step : timing.worst()) {
+      worst.push_back(Json::object({{"time_index", step.time_index},
+                                    {"lateness", seconds(step.lateness)},
+                                    {"cause", name_of(step.cause)}}));
+    }
+    return Json::object({{"lateness_p50", seconds(timing.lateness().quantile(0.5))},
+                         {"lateness_p99", seconds(timing.lateness().quantile(0.99))},
+                         {"lateness_max", seconds(timing.lateness().max())},
+                         {"late", late},
+                         {"worst", worst},
                          {"repeats", summary.loop->repeats},
                          {"skipped", summary.loop->skipped},
                          {"rejected", summary.loop->rejected},

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -123,8 +124,8 @@ class Observer {
     sheet.add("rate", rate_text(figures_.rate()));
     if (info.is_real_time) {
       const LoopFigures::Lateness lateness = figures_.lateness();
-      sheet.add("lateness", fmt::format("p50 {}, p99 {}, max {}", text_of(lateness.p50),
-                                        text_of(lateness.p99), text_of(lateness.max)));
+      sheet.add("lateness", lateness_text(lateness.p50, lateness.p99, lateness.max));
+      if (const auto timing = session.session().timing()) add_timing(sheet, *timing);
       sheet.add("repeats", count_text(recent.repeats, total.repeats, first),
                 warn_if(recent.repeats > 0));
       sheet.add("skipped", count_text(recent.skipped, total.skipped, first),
@@ -138,6 +139,17 @@ class Observer {
     if (figures_.newest().lost_frames > 0) {
       sheet.add("lost frames", std::to_string(figures_.newest().lost_frames), Style::kWarning);
     }
+  }
+
+  // What the back-end has noted since step 0, also of steps that the history has lost.
+  static void add_timing(Sheet& sheet, const TimingRecord& timing) {
+    sheet.add("since 0", lateness_text(timing.lateness()));
+    sheet.add("in time",
+              fmt::format("{:.1f} % of the last {} steps", 100.0 * timing.success_rate(),
+                          std::min(timing.steps(), TimingRecord::kRecentSteps)),
+              warn_if(timing.success_rate() < 1.0));
+    sheet.add("late", describe(timing), warn_if(timing.late_steps() > 0));
+    if (timing.late_steps() > 0) sheet.add("worst", worst_text(timing));
   }
 
   std::string name_;
@@ -185,6 +197,12 @@ void add_status(CLI::App& program, Action& action) {
   command->footer(
       "It only reads and never slows the robot.\n"
       "  lateness   how long after their deadlines the steps of the last second began\n"
+      "  since 0    the same of all steps, those left out counted in\n"
+      "  in time    the share of the last 1000 steps that were in time\n"
+      "  late       steps that were not: their action was missing (user), or they began more than\n"
+      "             half a period late; scheduler: the back-end did not get the processor, "
+      "driver:\n"
+      "             the driver's calls took up the step before\n"
       "  repeats    actions that were not there in time, so that the one before was repeated\n"
       "  skipped    steps left out because the back-end itself was late\n"
       "  discarded  actions that came for a step already closed\n"

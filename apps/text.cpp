@@ -24,4 +24,21 @@ std::string counted(std::int64_t count, const std::string& what) {
   return fmt::format("{} {}{}", count, what, count == 1 ? "" : "s");
 }
 
+std::string lateness_text(Nanoseconds p50, Nanoseconds p99, Nanoseconds max) {
+  return fmt::format("p50 {}, p99 {}, max {}", text_of(p50), text_of(p99), text_of(max));
+}
+
+std::string lateness_text(const LatenessHistogram& lateness) {
+  return lateness_text(lateness.quantile(0.5), lateness.quantile(0.99), lateness.max());
+}
+
+std::string worst_text(const TimingRecord& timing) {
+  std::string text;
+  for (const LateStep& step : timing.worst()) {
+    text += fmt::format("{}step {} by {} ({})", text.empty() ? "" : ", ", step.time_index,
+                        text_of(step.lateness), name_of(step.cause));
+  }
+  return text;
+}
+
 }  // namespace trifinger::apps

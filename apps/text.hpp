@@ -5,6 +5,7 @@
 #include <string>
 
 #include "trifinger/base/time.hpp"
+#include "trifinger/core/timing.hpp"
 
 // Figures in words, the same in every command.
 namespace trifinger::apps {
@@ -15,5 +16,10 @@ namespace trifinger::apps {
 [[nodiscard]] std::string rate_text(double rate);
 // "1 step", "12 steps".
 [[nodiscard]] std::string counted(std::int64_t count, const std::string& what);
+// "p50 12 µs, p99 80 µs, max 1.2 ms"
+[[nodiscard]] std::string lateness_text(Nanoseconds p50, Nanoseconds p99, Nanoseconds max);
+[[nodiscard]] std::string lateness_text(const LatenessHistogram& lateness);
+// "step 77 by 1.2 ms (user), step 12 by 800 µs (driver)"
+[[nodiscard]] std::string worst_text(const TimingRecord& timing);
 
 }  // namespace trifinger::apps

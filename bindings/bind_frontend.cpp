@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <nanobind/nanobind.h>
+#include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/string_view.h>
@@ -164,6 +165,10 @@ This handle remains stopped: connect again.)")
           "fault", [](const PythonFrontend& frontend) { return to_python(frontend.fault()); },
           nb::sig("def fault(self) -> trifinger.session_info.Fault | None"),
           "Why the session ended; None while it goes on.")
+      .def(
+          "timing", &PythonFrontend::timing,
+          R"(How the session keeps its time, so far or in the end; None outside real-time mode and before the
+first whole step.)")
       .def("companion", &PythonFrontend::companion, "name"_a,
            "Reads the companion `name` of this robot, as in \"object\".")
       .def(

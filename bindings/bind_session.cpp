@@ -53,7 +53,11 @@ void bind_session(nb::module_& m) {
       .value("ACTION_REJECTED", Status::kActionRejected,
              "The action was not fit to apply; something safe was applied instead.")
       .value("END", Status::kEnd,
-             "The last status of the session: no action was applied at this step.");
+             "The last status of the session: no action was applied at this step.")
+      .value("SCHEDULER_LATE", Status::kSchedulerLate,
+             "The tick began late: the back-end did not get the processor in time.")
+      .value("DRIVER_LATE", Status::kDriverLate,
+             "The tick began late: calls of the driver took up the one before.");
 
   m.def(
       "list_sessions",

@@ -252,6 +252,10 @@ void PythonFrontend::recover(nb::handle timeout) const {
 
 std::optional<Fault> PythonFrontend::fault() const { return open()->frontend.fault(); }
 
+std::optional<TimingRecord> PythonFrontend::timing() const {
+  return open()->frontend.session().timing();
+}
+
 std::unique_ptr<PythonFrontend> PythonFrontend::companion(const std::string& name) const {
   require_own_thread();
   const std::shared_ptr<Handle> handle = open();

@@ -49,6 +49,7 @@ class PythonFrontend {
   void finish(nanobind::handle timeout) const;
   void recover(nanobind::handle timeout) const;
   [[nodiscard]] std::optional<Fault> fault() const;
+  [[nodiscard]] std::optional<TimingRecord> timing() const;
   [[nodiscard]] std::unique_ptr<PythonFrontend> companion(const std::string& name) const;
 
   [[nodiscard]] SessionInfo session_info() const;

@@ -15,6 +15,7 @@ NB_MODULE(_trifinger, m) {
   trifinger::python::register_errors();
   trifinger::python::bind_element(m);
   trifinger::python::bind_session(m);
+  trifinger::python::bind_timing(m);
   trifinger::python::bind_frontend(m);
   trifinger::python::bind_backend(m);
   trifinger::python::bind_simulation(m);

@@ -42,6 +42,12 @@ class Status(enum.IntFlag):
     END = 8
     """The last status of the session: no action was applied at this step."""
 
+    SCHEDULER_LATE = 16
+    """The tick began late: the back-end did not get the processor in time."""
+
+    DRIVER_LATE = 32
+    """The tick began late: calls of the driver took up the one before."""
+
 def list_sessions() -> list[trifinger.session_info.SessionInfo]:
     """
     What runs on this machine, robots and companions, in the order of their names. Sessions whose
@@ -55,6 +61,71 @@ def recover(name: str, timeout: float | None = 5.0) -> None:
 
     Raises SessionNotFound, TimedOut, or RobotStopped if the back-end is gone.
     """
+
+class LatenessHistogram:
+    """
+    Counts times in bins that widen with the time: eight for each power of two, so a quantile is
+    known to an eighth of itself however many times there are.
+    """
+
+    def count(self) -> int:
+        """How many times there are."""
+
+    def quantile(self, fraction: float) -> float:
+        """
+        The time [s] below which the share `fraction` of all times lies; 0 if there are none.
+        """
+
+    def max(self) -> float:
+        """The longest time [s]."""
+
+class LateStep:
+    """A step that was late."""
+
+    @property
+    def time_index(self) -> int: ...
+
+    @property
+    def lateness(self) -> float:
+        """
+        How late the tick began [s]; if the user was to blame, for how long there has been no new
+        action.
+        """
+
+    @property
+    def cause(self) -> str:
+        """Who was to blame: "user", "scheduler" or "driver"."""
+
+class TimingRecord:
+    """
+    How a session in real time keeps its time; str() tells it in a sentence.
+
+    A step is late because its action was missing ("user"), because the back-end was woken late or
+    did not get the processor ("scheduler"), or because calls of the driver took up the tick before
+    ("driver").
+    """
+
+    def lateness(self) -> LatenessHistogram:
+        """How late the ticks began, those left out counted in."""
+
+    def steps(self) -> int:
+        """Steps so far, the one that ended the session included."""
+
+    def late_steps(self, cause: str | None = ...) -> int:
+        """How many steps were late, all of them or because of `cause`."""
+
+    def success_rate(self) -> float:
+        """
+        The share of the newest 1000 steps that were in time: 1 if all of them were.
+        """
+
+    def worst(self) -> list[LateStep]:
+        """
+        The worst late steps, the worst first. Of steps that are later and later in a row there is
+        only the last one.
+        """
+
+    def __str__(self) -> str: ...
 
 class Frontend:
     """
@@ -164,6 +235,12 @@ class Frontend:
 
     def fault(self) -> trifinger.session_info.Fault | None:
         """Why the session ended; None while it goes on."""
+
+    def timing(self) -> TimingRecord | None:
+        """
+        How the session keeps its time, so far or in the end; None outside real-time mode and before the
+        first whole step.
+        """
 
     def companion(self, name: str) -> Frontend:
         """Reads the companion `name` of this robot, as in "object"."""

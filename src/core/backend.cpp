@@ -94,12 +94,16 @@ class Watchdog {
   [[nodiscard]] bool driver_hangs() noexcept {
     if (driver_timeout_ == kForever) return false;
     const Instant now = std::chrono::steady_clock::now();
+    // No single absence of our own counts in full: a process that was stopped has stopped the
+    // driver, too.
+    call_time_ += std::min(now - last_look_, driver_timeout_ / 2);
+    last_look_ = now;
     const std::uint64_t calls = run_.loop.driver_calls();
     if (calls != seen_calls_ || calls % 2 == 0) {
       seen_calls_ = calls;
-      seen_time_ = now;
+      call_time_ = Nanoseconds::zero();
     }
-    return now - seen_time_ > driver_timeout_;
+    return call_time_ > driver_timeout_;
   }
 
   Run& run_;
@@ -109,7 +113,8 @@ class Watchdog {
   bool done_{false};
   bool was_cut_{false};
   std::uint64_t seen_calls_{0};
-  Instant seen_time_{std::chrono::steady_clock::now()};
+  Nanoseconds call_time_{0};  // for which that call has been seen to last
+  Instant last_look_{std::chrono::steady_clock::now()};
   std::thread thread_;
 };
 

@@ -89,7 +89,9 @@ class UntypedFrontend::Implementation {
     require_own();
     require_control();
     while (true) {
-      if (mapping_->has_ended()) mapping_->throw_stopped();
+      // relaxed: a flag without data behind it.
+      const bool has_died = backend_died_.load(std::memory_order_relaxed);
+      if (has_died || mapping_->has_ended()) mapping_->throw_stopped();
       // acquire: slots of indices taken before are free.
       const TimeIndex open = header().next_action.load(std::memory_order_acquire);
       const TimeIndex t = std::max(last_appended_ + 1, open);
@@ -401,7 +403,11 @@ class UntypedFrontend::Implementation {
       const bool has_ended = mapping_->has_ended();
       if (ready()) return;
       if (has_ended) mapping_->throw_stopped();
-      if (deadline.passed()) throw TimedOut(what() + " did not come in time");
+      if (deadline.passed()) {
+        // Who looks often and never waits for long must learn it, too.
+        throw_if_backend_died(ready);
+        throw TimedOut(what() + " did not come in time");
+      }
       {
         const WaitSlot slot(action_header(), wanted);
         if (header().event.load(std::memory_order_seq_cst) == event) {
@@ -411,11 +417,17 @@ class UntypedFrontend::Implementation {
       if (!slice.passed()) continue;
       slice = Deadline(kSlice);
       if (interrupt_) interrupt_();
-      // Its lock is given back after its last word: look for that once more.
-      if (!mapping_->backend_is_alive() && !mapping_->has_ended() && !ready()) {
-        mapping_->throw_stopped();
-      }
+      throw_if_backend_died(ready);
     }
+  }
+
+  template <class Ready>
+  void throw_if_backend_died(const Ready& ready) const {
+    // Its lock is given back after its last word: look for that once more.
+    if (mapping_->backend_is_alive() || mapping_->has_ended() || ready()) return;
+    // relaxed: see append, which has no time to look.
+    backend_died_.store(true, std::memory_order_relaxed);
+    mapping_->throw_stopped();
   }
 
   // The wait itself runs the back-end.
@@ -458,6 +470,7 @@ class UntypedFrontend::Implementation {
   std::vector<std::uint64_t> queue_entry_;
   TimeIndex last_appended_{-1};
   mutable std::atomic<TimeIndex> handed_out_{-1};
+  mutable std::atomic<bool> backend_died_{false};
 };
 
 namespace {

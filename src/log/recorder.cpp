@@ -13,6 +13,7 @@
 #include <deque>
 #include <limits>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <utility>
 
@@ -39,6 +40,8 @@ constexpr double kHarmlessLag = 0.25;
 // Ended sessions that wait for the disk stay in memory.
 constexpr std::size_t kMaxWaiting = 16;
 constexpr std::size_t kMaxEvents = 1000;
+// Clocks that are slewed come to this, too, in the end.
+constexpr Nanoseconds kWallClockChange = std::chrono::milliseconds(100);
 constexpr Nanoseconds kMaxWaitOfBackend = std::chrono::seconds(1);
 
 Instant now() noexcept { return std::chrono::steady_clock::now(); }
@@ -119,6 +122,7 @@ class Recorder::Implementation {
     try {
       while (!stop_requested_.load(std::memory_order_acquire) && !is_over()) {
         look_for_sessions();
+        watch_wall_clock();
         work();
         update_state();
         wait();
@@ -416,6 +420,25 @@ class Recorder::Implementation {
     events_.push_back(std::move(event));
   }
 
+  // The steps of a session keep the offset with which it began; so a wall clock that was set is
+  // told, with the new one.
+  void watch_wall_clock() {
+    const auto before = std::chrono::steady_clock::now();
+    const std::int64_t wall = wall_time();
+    const auto after = std::chrono::steady_clock::now();
+    // Interrupted between the looks, which shows too much.
+    if (after - before > kWallClockChange / 10) return;
+    const Nanoseconds offset = Nanoseconds(wall) - before.time_since_epoch();
+    const Nanoseconds change = offset - wall_clock_offset_.value_or(offset);
+    if (!wall_clock_offset_) wall_clock_offset_ = offset;
+    if (std::chrono::abs(change) < kWallClockChange) return;
+    wall_clock_offset_ = offset;
+    const auto seconds = static_cast<double>(change.count()) / 1e9;
+    tell(Level::kWarning, kRecorder,
+         "the wall clock was set by " + std::to_string(seconds) +
+             " s; minus the monotonic clock it is now " + std::to_string(offset.count()) + " ns");
+  }
+
   // Nothing more will come.
   bool is_over() {
     const bool can_end = options_.until_end || options_.until_process_ends.has_value();
@@ -505,6 +528,7 @@ class Recorder::Implementation {
   std::atomic<bool> stop_requested_{false};
   Nanoseconds period_{kPollPeriod};
   bool hurry_{false};
+  std::optional<Nanoseconds> wall_clock_offset_;  // to the monotonic clock, as last told
   Instant next_slow_look_;
   Instant next_look_at_ends_;
 

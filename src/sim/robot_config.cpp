@@ -152,14 +152,17 @@ BackendOptions read_backend(const Node& section, SessionOptions& session) {
   }
   options.max_rejected_actions = section.required<std::uint32_t>("max_rejected_actions", count);
   options.max_skipped_ticks = section.required<std::uint32_t>("max_skipped_ticks", count);
-  const auto first_action_timeout = section.required<double>(
-      "first_action_timeout", {.unit = "s", .min = 0, .above_min = true, .allow_infinite = true});
-  // In nanoseconds; more than 30 years is for ever.
-  constexpr double kLongest = 1e9;
-  options.first_action_timeout =
-      first_action_timeout > kLongest
-          ? kForever
-          : std::chrono::ceil<Nanoseconds>(std::chrono::duration<double>(first_action_timeout));
+  options.max_late_steps = section.required<std::uint32_t>("max_late_steps", count);
+  const auto timeout = [&section](const char* name) {
+    const auto time = section.required<double>(
+        name, {.unit = "s", .min = 0, .above_min = true, .allow_infinite = true});
+    // In nanoseconds; more than 30 years is for ever.
+    constexpr double kLongest = 1e9;
+    return time > kLongest ? kForever
+                           : std::chrono::ceil<Nanoseconds>(std::chrono::duration<double>(time));
+  };
+  options.max_measurement_age = timeout("max_measurement_age");
+  options.first_action_timeout = timeout("first_action_timeout");
   session.history = section.required<std::size_t>("history", {.min = 16, .max = 1048576});
   session.mode = section.required_choice<unsigned>("access", {{"owner", 0600U}, {"group", 0660U}});
   return options;

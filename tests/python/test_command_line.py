@@ -374,6 +374,10 @@ def test_the_status_counts_what_the_back_end_has_noted(start_program: StartProgr
         status = run("status", "fake")
     assert int(re.search(r"repeats +\d+ in the last second, (\d+) since step 0", status)[1]) >= 49
     assert re.search(r"lateness +p50 \d.*, p99 \d.*, max \d", status)
+    assert re.search(r"since 0 +p50 \d.*, p99 \d.*, max \d", status)
+    assert re.search(r"in time +\d+\.\d % of the last \d+ steps", status)
+    assert re.search(r"late +\d+ of \d+ steps were late \((user|scheduler)", status)
+    assert re.search(r"worst +step \d+ by \d.* \((user|scheduler|driver)\)", status)
     assert re.search(r"rate +\d+ Hz", status)
     assert re.search(r"mode +real-time, 1000 Hz", status)
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Robots in other processes, and what happens when one of the processes does not behave."""
 
+import itertools
 import os
 import signal
 import subprocess
@@ -218,6 +219,13 @@ def test_a_missing_action_stops_a_robot_in_real_time(start_fake: StartChild) -> 
     assert fault is not None
     assert (fault.code, fault.detail, fault.needs_recovery) == ("action_late", 3, True)
     assert robot.get_statuses(1, fault.time_index)["action_repeats"].tolist() == [1, 2, 3]
+    timing = robot.timing()
+    assert timing is not None
+    # Those that the machine began late are blamed on nobody else.
+    assert timing.late_steps("user") <= 4 <= timing.late_steps()
+    assert timing.steps() == fault.time_index + 1 == timing.lateness().count()
+    assert timing.success_rate() == pytest.approx(1 - timing.late_steps() / timing.steps())
+    assert str(raised.value).endswith(str(timing))
     robot.close()
     with pytest.raises(trifinger.RobotStopped, match=r"clear this with recover\(\)"):
         trifinger.connect("robot")
@@ -237,6 +245,15 @@ def test_a_robot_in_real_time_can_be_waited_for_by_its_clock(start_fake: StartCh
         robot.wait_until_time_index(t + 20)
         ticks = robot.get_statuses(0, t + 20)["tick"].astype(np.int64)
         assert (np.diff(ticks) >= 1).all()
+        timing = robot.timing()
+        assert timing is not None
+        lateness = timing.lateness()
+        assert 0 <= lateness.quantile(0.5) <= lateness.quantile(0.99) <= lateness.max()
+        for worst, other in itertools.pairwise(timing.worst()):
+            assert worst.lateness >= other.lateness
+        assert {step.cause for step in timing.worst()} <= {"user", "scheduler", "driver"}
+        with pytest.raises(trifinger.InvalidArgument, match="'user', 'scheduler' and 'driver'"):
+            timing.late_steps("weather")
 
 
 def test_fault_14_nobody_acts_in_time(start_fake: StartChild) -> None:

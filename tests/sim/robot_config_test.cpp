@@ -147,6 +147,8 @@ TEST_F(RobotConfigFile, FillsEveryOption) {
                                           "backend.history=1024",
                                           "backend.late_action.max_repeats=7",
                                           "backend.max_skipped_ticks=8",
+                                          "backend.max_late_steps=11",
+                                          "backend.max_measurement_age=0.25",
                                           "backend.max_rejected_actions=9",
                                           "backend.first_action_timeout=1.5",
                                           "simulation.seed=42",
@@ -159,6 +161,8 @@ TEST_F(RobotConfigFile, FillsEveryOption) {
   EXPECT_EQ(config.backend.period, std::chrono::milliseconds(2));
   EXPECT_EQ(config.backend.max_action_repeats, 7U);
   EXPECT_EQ(config.backend.max_skipped_ticks, 8U);
+  EXPECT_EQ(config.backend.max_late_steps, 11U);
+  EXPECT_EQ(config.backend.max_measurement_age, std::chrono::milliseconds(250));
   EXPECT_EQ(config.backend.max_rejected_actions, 9U);
   EXPECT_EQ(config.backend.first_action_timeout, std::chrono::milliseconds(1500));
   EXPECT_EQ(config.session.history, 1024U);

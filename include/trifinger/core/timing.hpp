@@ -71,7 +71,7 @@ class TimingRecord {
   /// Steps of which `success_rate` is the share.
   static constexpr std::uint64_t kRecentSteps = 1000;
 
-  /// Takes in the status of step `t`, the one after that of the last call.
+  /// Takes in the status of step `t`, in the order of the steps.
   void add(TimeIndex t, const Status& status, Nanoseconds period) noexcept;
 
   /// How late the ticks began, those left out counted in.

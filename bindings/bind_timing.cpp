@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <nanobind/nanobind.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "bindings.hpp"
+#include "timeout.hpp"
+#include "trifinger/base/error.hpp"
+#include "trifinger/core/timing.hpp"
+
+namespace nb = nanobind;
+using namespace nanobind::literals;
+
+namespace trifinger::python {
+namespace {
+
+LateCause cause_of(std::string_view name) {
+  for (const LateCause cause : {LateCause::kUser, LateCause::kScheduler, LateCause::kDriver}) {
+    if (name == name_of(cause)) return cause;
+  }
+  throw InvalidArgument("'" + std::string(name) +
+                        "' is no cause; there are 'user', 'scheduler' and 'driver'");
+}
+
+}  // namespace
+
+void bind_timing(nb::module_& m) {
+  nb::class_<LatenessHistogram>(
+      m, "LatenessHistogram",
+      R"(Counts times in bins that widen with the time: eight for each power of two, so a quantile is
+known to an eighth of itself however many times there are.)")
+      .def("count", &LatenessHistogram::count, "How many times there are.")
+      .def(
+          "quantile",
+          [](const LatenessHistogram& histogram, double fraction) {
+            return to_seconds(histogram.quantile(fraction));
+          },
+          "fraction"_a,
+          "The time [s] below which the share `fraction` of all times lies; 0 if there are none.")
+      .def(
+          "max", [](const LatenessHistogram& histogram) { return to_seconds(histogram.max()); },
+          "The longest time [s].");
+
+  nb::class_<LateStep>(m, "LateStep", "A step that was late.")
+      .def_ro("time_index", &LateStep::time_index)
+      .def_prop_ro(
+          "lateness", [](const LateStep& step) { return to_seconds(step.lateness); },
+          R"(How late the tick began [s]; if the user was to blame, for how long there has been no new
+action.)")
+      .def_prop_ro(
+          "cause", [](const LateStep& step) { return std::string(name_of(step.cause)); },
+          R"(Who was to blame: "user", "scheduler" or "driver".)");
+
+  nb::class_<TimingRecord>(
+      m, "TimingRecord",
+      R"(How a session in real time keeps its time; str() tells it in a sentence.
+
+A step is late because its action was missing ("user"), because the back-end was woken late or
+did not get the processor ("scheduler"), or because calls of the driver took up the tick before
+("driver").)")
+      .def("lateness", &TimingRecord::lateness, nb::rv_policy::reference_internal,
+           "How late the ticks began, those left out counted in.")
+      .def("steps", &TimingRecord::steps, "Steps so far, the one that ended the session included.")
+      .def(
+          "late_steps",
+          [](const TimingRecord& timing, const std::optional<std::string>& cause) {
+            return cause ? timing.late_steps(cause_of(*cause)) : timing.late_steps();
+          },
+          "cause"_a = nb::none(), "How many steps were late, all of them or because of `cause`.")
+      .def("success_rate", &TimingRecord::success_rate,
+           "The share of the newest 1000 steps that were in time: 1 if all of them were.")
+      .def(
+          "worst",
+          [](const TimingRecord& timing) {
+            const auto worst = timing.worst();
+            return std::vector<LateStep>(worst.begin(), worst.end());
+          },
+          R"(The worst late steps, the worst first. Of steps that are later and later in a row there is
+only the last one.)")
+      .def("__str__", [](const TimingRecord& timing) { return describe(timing); });
+}
+
+}  // namespace trifinger::python

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "support/changed_clocks.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "log/recorder_under_test.hpp"
+#include "log/recordings.hpp"
+#include "support/session_folder.hpp"
+#include "trifinger/log/log.hpp"
+
+namespace trifinger::test {
+namespace {
+
+class RecorderOfChangedClocks : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    if (!clocks_.work()) GTEST_SKIP() << "the library does not ask our clock_gettime";
+  }
+
+  ChangedClocks clocks_;
+  const SessionFolder sessions_;
+  const Folder logs_;
+};
+
+TEST_F(RecorderOfChangedClocks, fault_55_TellsTheNewOffsetAndKeepsTheTimeOfTheSteps) {
+  FakeDriver driver;
+  SessionHost host = SessionHost::named("robot");
+  Backend backend(driver, host,
+                  {.mode = BackendOptions::Mode::kRealTime,
+                   .max_action_repeats = 1'000'000'000,
+                   .max_skipped_ticks = 1'000'000'000});
+  const BackendThread thread(backend);
+  RecorderThread recorder({"robot"}, {.folder = logs_.path(), .keep_free = 0});
+  Frontend<FakeRobot> robot(host);
+  robot.append_desired_action({});
+  recorder.wait_for_step(20);
+  clocks_.set_wall_ahead(std::chrono::hours(1));
+  recorder.wait_for_event("the wall clock was set by 3");
+  recorder.wait_for_step(robot.current_time_index() + 20);
+  robot.finish();
+  recorder.stop();
+  EXPECT_EQ(recorder.count_events("the wall clock was set"), 1U) << recorder.all_events();
+
+  const log::Log log(logs_.path());
+  const std::vector<log::Event> events = log.events();
+  EXPECT_TRUE(std::ranges::any_of(events, [](const log::Event& event) {
+    return event.text.find("minus the monotonic clock it is now") != std::string::npos;
+  }));
+  ASSERT_EQ(log.sessions().size(), 1U);
+  log::SeriesReader reader = log.sessions().front().read({});
+  std::vector<TimeIndex> indices(10'000);
+  std::vector<std::int64_t> times(indices.size());
+  const std::size_t steps = reader.read(indices.size(), {indices.data(), times.data(), {}});
+  ASSERT_GT(steps, 20U);
+  for (std::size_t i = 1; i < steps; ++i) {
+    EXPECT_GT(times[i], times[i - 1]);
+    EXPECT_LT(times[i] - times[i - 1], Nanoseconds(std::chrono::minutes(30)).count());
+  }
+}
+
+}  // namespace
+}  // namespace trifinger::test

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "support/changed_clocks.hpp"
+
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cstdint>
+#include <ctime>
+
+namespace {
+
+std::atomic<std::int64_t> wall_ahead{0};  // [s]
+std::atomic<std::int64_t> suspended{0};   // [s]
+
+}  // namespace
+
+// In the place of the C library's.
+extern "C" int clock_gettime(clockid_t clock, timespec* time) noexcept {
+  if (::syscall(SYS_clock_gettime, clock, time) != 0) return -1;
+  if (clock == CLOCK_REALTIME) time->tv_sec += wall_ahead.load();
+  if (clock == CLOCK_BOOTTIME) time->tv_sec += suspended.load();
+  return 0;
+}
+
+namespace trifinger::test {
+
+ChangedClocks::~ChangedClocks() {
+  wall_ahead = 0;
+  suspended = 0;
+}
+
+void ChangedClocks::set_wall_ahead(std::chrono::seconds ahead) noexcept {
+  wall_ahead = ahead.count();
+}
+
+void ChangedClocks::set_suspended(std::chrono::seconds time) noexcept { suspended = time.count(); }
+
+bool ChangedClocks::work() noexcept {
+  const auto before = std::chrono::system_clock::now();
+  const std::int64_t ahead = wall_ahead.exchange(86'400);
+  const auto after = std::chrono::system_clock::now();
+  wall_ahead = ahead;
+  return after - before > std::chrono::hours(12);
+}
+
+}  // namespace trifinger::test
