@@ -424,7 +424,7 @@ TYPED_TEST_P(TimingContract, EndsWhenTheDriverFaultsWhileApplying) {
   expect_end(robot, 5, {.code = Fault::Code::kDriver, .detail = DriverUnderTest::kFaultCode});
 }
 
-TYPED_TEST_P(TimingContract, EndsWhenTooManyActionsInARowAreRejected) {
+TYPED_TEST_P(TimingContract, fault_06_EndsWhenTooManyActionsInARowAreRejected) {
   typename TypeParam::Rig rig(
       {.backend = {.max_rejected_actions = 3}, .injection = {.reject_from = 5}});
   auto robot = rig.connect();
@@ -630,7 +630,7 @@ REGISTER_TYPED_TEST_SUITE_P(
     fault_05_AppendWaitsWhileTheQueueIsFull, EndsBehindTheLastActionWhenFinished,
     EndsWhenFinishedBeforeAnyAction, EndsWhenTheControllerLetsGo,
     StaysWhenAControllerWithoutActionsLetsGo, EndsWhenTheDriverFaultsWhileMeasuring,
-    EndsWhenTheDriverFaultsWhileApplying, EndsWhenTooManyActionsInARowAreRejected,
+    EndsWhenTheDriverFaultsWhileApplying, fault_06_EndsWhenTooManyActionsInARowAreRejected,
     EndsWhenTheBackendIsAskedToStop, EndsWhenTheBackendIsAskedToStopBeforeAnyAction,
     EndsWhenTheDriverFaultsBeforeAnyAction, SaysWhyInTheText,
     BeginsTheNextSessionAtOnceAfterACleanEnd, NeedsRecoveryAfterAFault,
@@ -720,7 +720,7 @@ TYPED_TEST_P(RealTimeContract, StopsWhenAnActionIsLate) {
             robot.fault());
 }
 
-TYPED_TEST_P(RealTimeContract, RepeatsALateActionOnlySoOften) {
+TYPED_TEST_P(RealTimeContract, fault_04_RepeatsALateActionOnlySoOften) {
   typename TypeParam::Rig rig(with_deadlines(3));
   auto robot = rig.connect();
   rig.tick();
@@ -748,7 +748,7 @@ TYPED_TEST_P(RealTimeContract, CountsRepetitionsInARow) {
   EXPECT_FALSE(robot.fault().has_value());
 }
 
-TYPED_TEST_P(RealTimeContract, AppendGoesOnAtTheFirstOpenStepAfterRepetitions) {
+TYPED_TEST_P(RealTimeContract, fault_04_AppendGoesOnAtTheFirstOpenStepAfterRepetitions) {
   typename TypeParam::Rig rig(with_deadlines(100));
   auto robot = rig.connect();
   rig.tick();
@@ -1064,8 +1064,8 @@ TYPED_TEST_P(RealTimeContract, ClosesNoStepBeforeItsTick) {
 
 REGISTER_TYPED_TEST_SUITE_P(
     RealTimeContract, HoldsUntilTheFirstAction, BeginsWithTheFirstTickThatFindsAnAction,
-    DoesOneStepPerPeriod, StopsWhenAnActionIsLate, RepeatsALateActionOnlySoOften,
-    CountsRepetitionsInARow, AppendGoesOnAtTheFirstOpenStepAfterRepetitions,
+    DoesOneStepPerPeriod, StopsWhenAnActionIsLate, fault_04_RepeatsALateActionOnlySoOften,
+    CountsRepetitionsInARow, fault_04_AppendGoesOnAtTheFirstOpenStepAfterRepetitions,
     AnAppendThatReturnsAStepWasAppliedAtThatStep, SkipsTheTicksThatALateBackendMissed,
     KeepsThePhaseHoweverLateItWas, TooManySkippedTicksAreAFault,
     fault_14_EndsWhenTheFirstActionDoesNotCome, EndsWhenTheDriverFaultsWhileHolding,

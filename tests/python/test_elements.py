@@ -114,7 +114,9 @@ def test_what_a_field_cannot_hold_is_an_error(robot: trifinger.Frontend, value: 
         robot.new_action(setpoint=value)  # type: ignore[arg-type]
 
 
-def test_nan_is_refused_where_it_does_not_stand_for_not_given(robot: trifinger.Frontend) -> None:
+def test_fault_06_nan_is_refused_where_it_does_not_stand_for_not_given(
+    robot: trifinger.Frontend,
+) -> None:
     with pytest.raises(trifinger.InvalidArgument, match="number 0 of field 'setpoint' is NaN"):
         robot.append_desired_action(robot.new_action(setpoint=np.nan))
     burst = np.zeros(3, robot.action_dtype)
