@@ -5,6 +5,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <csignal>
 #include <cstdint>
@@ -85,8 +86,10 @@ TEST_P(KillAtInstruction, fault_01_LeavesWholeActionsAndTheRobotToTheNext) {
     if (!controller.is_traced()) GTEST_SKIP() << "this machine does not allow ptrace";
     while (controller.step()) ++instructions;
   }
-  // All of them, unless sanitizers make thousands of a few hundred.
-  const std::int64_t stride = is_soak() ? 1 : 1 + instructions / 300;
+  // All of them, unless sanitizers make thousands of a few hundred: to step through them takes
+  // long.
+  const std::int64_t most_kills = std::clamp<std::int64_t>(600'000 / instructions, 40, 300);
+  const std::int64_t stride = is_soak() ? 1 : 1 + instructions / most_kills;
   std::int64_t kills = 0;
   std::int64_t with_action = 0;
   for (std::int64_t target = 0; target <= instructions; target += stride, ++kills) {

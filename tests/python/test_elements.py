@@ -127,7 +127,7 @@ def test_fault_06_nan_is_refused_where_it_does_not_stand_for_not_given(
 
 
 @given(st.floats(allow_nan=False))
-def test_every_other_number_arrives_bit_for_bit(setpoint: float) -> None:
+def test_fault_10_every_other_number_arrives_bit_for_bit(setpoint: float) -> None:
     robot = trifinger.fake()
     robot.append_desired_action(robot.new_action(setpoint=setpoint))
     robot.wait_until_time_index(0)
