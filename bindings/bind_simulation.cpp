@@ -314,17 +314,22 @@ void bind_simulation(nb::module_& m) {
 
   m.def(
       "simulate",
-      [](const std::string& config, const nb::dict& overrides, bool strict, nb::handle record) {
-        const PythonSimulation simulation(load(config, overrides));
+      [](const std::string& config, const nb::dict& overrides, bool strict, nb::handle record,
+         const nb::iterable& checks) {
+        PythonSimulation simulation(load(config, overrides));
+        for (const nb::handle check : checks) simulation.add_check(nb::borrow(check));
         if (!record.is_none()) static_cast<void>(simulation.record(path_of(record), "double"));
         return simulation.connect(strict);
       },
       "config"_a = "sim", "overrides"_a = nb::dict(), nb::kw_only(), "strict"_a = true,
-      "record"_a = nb::none(),
+      "record"_a = nb::none(), "checks"_a = nb::tuple(),
       nb::sig("def simulate(config: str = 'sim', overrides: dict[str, object] = {}, *, strict: "
-              "bool = True, record: str | os.PathLike[str] | None = None) -> Frontend"),
+              "bool = True, record: str | os.PathLike[str] | None = None, "
+              "checks: collections.abc.Iterable[collections.abc.Callable[[Element, Element], "
+              "None]] = ()) -> Frontend"),
       "Starts a simulated robot in this process and controls it; see Simulation. `record` is the "
-      "folder for a log.\nconnect() is for one that runs elsewhere.");
+      "folder for a log,\n`checks` are safety checks of your own, see Simulation.add_check(). "
+      "connect() is for one that runs elsewhere.");
 
   m.def(
       "export_mjcf",

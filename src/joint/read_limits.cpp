@@ -2,6 +2,7 @@
 #include "trifinger/joint/read_limits.hpp"
 
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace trifinger::detail {
@@ -28,20 +29,38 @@ void read_repeated(const config::Node& node, const config::Range& range, std::sp
   for (std::size_t i = 0; i < values.size(); ++i) values[i] = given[i % given.size()];
 }
 
+// The value under a key that may name a member of a section, "plausibility.stuck_time".
+config::Node node_of(const config::Node& section, std::string_view key, std::string_view unit) {
+  const std::size_t dot = key.find('.');
+  if (dot == std::string_view::npos) return section.at(key, unit);
+  return section.section(key.substr(0, dot)).at(key.substr(dot + 1), unit);
+}
+
+// Tells the section that it knows this key.
+void announce(const config::Node& section, std::string_view key) {
+  const std::size_t dot = key.find('.');
+  if (dot == std::string_view::npos) {
+    (void)section.find(key);
+  } else if (const auto inner = section.optional_section(key.substr(0, dot))) {
+    (void)inner->find(key.substr(dot + 1));
+  }
+}
+
 }  // namespace
 
-void read_joint_limits(const config::Node& section,
-                       std::span<const std::span<double>, kJointLimitFields> values) {
+void read_joint_limits(const config::Node& section, const MutableJointLimitValues& values) {
   const auto fields = joint_limit_fields();
   // Ask for all first: then a key that is missing is not taken for a misspelling of its neighbour.
-  for (const JointLimitField& field : fields) (void)section.find(field.name);
+  for (const JointLimitField& field : fields) announce(section, field.name);
   JointLimitValues read;
   for (std::size_t i = 0; i < kJointLimitFields; ++i) {
-    read_repeated(section.at(fields[i].name, fields[i].unit), {.unit = fields[i].unit}, values[i]);
+    const auto [name, unit, may_be_infinite] = fields[i];
+    read_repeated(node_of(section, name, unit), {.unit = unit, .allow_infinite = may_be_infinite},
+                  values[i]);
     read[i] = values[i];
   }
   if (const auto problem = find_problem(read)) {
-    section.at(problem->field)
+    node_of(section, problem->field, "")
         .fail("of joint " + std::to_string(problem->joint) + " " + problem->text);
   }
 }

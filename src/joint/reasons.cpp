@@ -6,12 +6,16 @@
 namespace trifinger {
 namespace {
 
-constexpr std::array kAllReasons{
-    Reason::kTorqueNotFinite, Reason::kPositionNotFinite, Reason::kKpOutOfBounds,
-    Reason::kKdOutOfBounds,   Reason::kOwnCheck,          Reason::kTargetClamped,
-    Reason::kPushedBack,      Reason::kTorqueClipped,     Reason::kDamped,
-    Reason::kHardLimit,       Reason::kBadMeasurement,    Reason::kOwnCheckFailed,
-    Reason::kBraking};
+constexpr std::array kAllReasons{Reason::kTorqueNotFinite,  Reason::kPositionNotFinite,
+                                 Reason::kKpOutOfBounds,    Reason::kKdOutOfBounds,
+                                 Reason::kOwnCheck,         Reason::kTargetClamped,
+                                 Reason::kPushedBack,       Reason::kTorqueClipped,
+                                 Reason::kDamped,           Reason::kHardLimit,
+                                 Reason::kBadMeasurement,   Reason::kOwnCheckFailed,
+                                 Reason::kBraking,          Reason::kTorqueRateLimited,
+                                 Reason::kDerated,          Reason::kTooFast,
+                                 Reason::kOverheated,       Reason::kPositionJumped,
+                                 Reason::kVelocityMismatch, Reason::kStuck};
 
 }  // namespace
 
@@ -45,6 +49,20 @@ std::string_view name_of(Reason reason) noexcept {
       return "own_check_failed";
     case Reason::kBraking:
       return "braking";
+    case Reason::kTorqueRateLimited:
+      return "torque_rate_limited";
+    case Reason::kDerated:
+      return "derated";
+    case Reason::kTooFast:
+      return "too_fast";
+    case Reason::kOverheated:
+      return "overheated";
+    case Reason::kPositionJumped:
+      return "position_jumped";
+    case Reason::kVelocityMismatch:
+      return "velocity_mismatch";
+    case Reason::kStuck:
+      return "stuck";
   }
   return "unknown";
 }
@@ -82,11 +100,26 @@ std::string_view describe(Reason reason) noexcept {
     case Reason::kHardLimit:
       return "the joint is beyond its hard limit";
     case Reason::kBadMeasurement:
-      return "the measured position or velocity is no plausible number";
+      return "the measured position, velocity or torque is no plausible number";
     case Reason::kOwnCheckFailed:
       return "a check that was added for this robot or task threw an exception";
     case Reason::kBraking:
       return "the robot brakes because of a fault";
+    case Reason::kTorqueRateLimited:
+      return "the torque asked for changed faster than max_torque_rate and follows with delay";
+    case Reason::kDerated:
+      return "the motor is warm and the torque was clipped to what it can carry";
+    case Reason::kTooFast:
+      return "the joint is faster than max_velocity, or than it may be so near to a soft limit, "
+             "and is braked";
+    case Reason::kOverheated:
+      return "the motor is too warm: it has given more torque than it was told";
+    case Reason::kPositionJumped:
+      return "the measured position changed faster than a joint can move";
+    case Reason::kVelocityMismatch:
+      return "the measured velocity is not that of the measured position";
+    case Reason::kStuck:
+      return "the measurements do not change at all, whatever the torque";
   }
   return "unknown reason";
 }

@@ -18,6 +18,30 @@ JointTexts texts_for_joints(const std::string& what) {
   return texts;
 }
 
+// What is wrong with one joint, to stand behind "joint 4 "; empty for what is not about one joint.
+std::string_view predicate_of(SafetyFault fault) noexcept {
+  switch (fault) {
+    case SafetyFault::kNone:
+    case SafetyFault::kOwnCheck:
+      return {};
+    case SafetyFault::kHardLimit:
+      return "is beyond its hard limit";
+    case SafetyFault::kBadMeasurement:
+      return "has measured a position, velocity or torque that is no plausible number";
+    case SafetyFault::kPositionJumped:
+      return "has measured a position that changed faster than it can move";
+    case SafetyFault::kVelocityMismatch:
+      return "has measured a velocity that is not that of its position";
+    case SafetyFault::kStuck:
+      return "has measured the same for too long while its torque changed";
+    case SafetyFault::kOverheated:
+      return "is too warm: it has given more torque than it was told";
+  }
+  return {};
+}
+
+constexpr auto kLastFault = static_cast<std::size_t>(SafetyFault::kOverheated);
+
 }  // namespace
 
 std::string_view describe(SafetyFault fault) noexcept {
@@ -27,27 +51,36 @@ std::string_view describe(SafetyFault fault) noexcept {
     case SafetyFault::kHardLimit:
       return "a joint is beyond its hard limit";
     case SafetyFault::kBadMeasurement:
-      return "a measured position or velocity is no plausible number";
+      return "a measured position, velocity or torque is no plausible number";
     case SafetyFault::kOwnCheck:
       return "a check that was added for this robot or task threw an exception";
+    case SafetyFault::kPositionJumped:
+      return "a measured position changed faster than a joint can move";
+    case SafetyFault::kVelocityMismatch:
+      return "a measured velocity is not that of the measured position";
+    case SafetyFault::kStuck:
+      return "a joint measures the same for too long while its torque changes";
+    case SafetyFault::kOverheated:
+      return "a motor is too warm: it has given more torque than it was told";
   }
   return "unknown fault";
 }
 
 std::string_view fault_text_of(std::int32_t fault_code) noexcept {
-  static const JointTexts hard_limit = texts_for_joints("is beyond its hard limit");
-  static const JointTexts bad_measurement =
-      texts_for_joints("has measured a position or velocity that is no plausible number");
-  const std::int32_t low_bits = fault_code & 0xFF;
-  if (low_bits <= 0 || low_bits > static_cast<std::int32_t>(SafetyFault::kOwnCheck)) return {};
+  static const auto texts = [] {
+    std::array<JointTexts, kLastFault + 1> all;
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      all[i] = texts_for_joints(std::string(predicate_of(static_cast<SafetyFault>(i))));
+    }
+    return all;
+  }();
+  const auto low_bits = static_cast<std::size_t>(fault_code & 0xFF);
+  if (low_bits == 0 || low_bits > kLastFault) return {};
   const auto fault = static_cast<SafetyFault>(low_bits);
   // A joint of -1, which is none, wraps around to more than there are.
   const auto joint = static_cast<std::size_t>((fault_code >> 8) - 1);
-  if (joint < kNamedJoints) {
-    if (fault == SafetyFault::kHardLimit) return hard_limit[joint];
-    if (fault == SafetyFault::kBadMeasurement) return bad_measurement[joint];
-  }
-  return describe(fault);
+  if (joint >= kNamedJoints || predicate_of(fault).empty()) return describe(fault);
+  return texts[low_bits][joint];
 }
 
 }  // namespace trifinger

@@ -20,7 +20,8 @@ constexpr double kLowestFingers = 0.2;
 constexpr double kHighestFingers = 0.6;
 
 constexpr ActuatorParameters kTwoAmpere{.torque_limit = 0.36};
-constexpr ActuatorParameters kTwoPointTwoAmpere{.torque_limit = 0.396};
+// Needs 0.37 Nm to hold its middle link level, so its torque is not reduced by any heat.
+constexpr ActuatorParameters kTwoPointTwoAmpere{.torque_limit = 0.396, .continuous_torque = 0.396};
 
 constexpr FingerJoints kUsualSafetyDamping{0.09, 0.09, 0.05};
 
@@ -36,6 +37,7 @@ constexpr VariantFigures kEduTri{
     .kp = {7, 7, 6.5},
     .kd = {0.01, 0.015, 0.02},
     .safety_kd = kUsualSafetyDamping,
+    .braking = {10, 10, 10},
     .actuator = kTwoAmpere,
 };
 
@@ -51,6 +53,7 @@ constexpr VariantFigures kProTri{
     .kp = {9, 9, 9},
     .kd = {0.01, 0.01, 0.01},
     .safety_kd = kUsualSafetyDamping,
+    .braking = {5, 5, 5},
     .actuator = kTwoPointTwoAmpere,
 };
 
@@ -67,6 +70,7 @@ constexpr VariantFigures kOneTri{
     .kp = {6, 6, 6},
     .kd = {0.03, 0.03, 0.03},
     .safety_kd = kUsualSafetyDamping,
+    .braking = {10, 10, 10},
     .actuator = kTwoAmpere,
 };
 
@@ -89,6 +93,7 @@ constexpr VariantFigures kOneSingle{
     .kp = {6, 6, 6},
     .kd = {0.03, 0.03, 0.03},
     .safety_kd = {0.08, 0.08, 0.04},
+    .braking = {10, 10, 10},
     .actuator = kTwoAmpere,
 };
 
@@ -106,6 +111,8 @@ void require_in(std::string_view what, double value, double lowest, double highe
 
 void validate_actuator(const ActuatorParameters& actuator) {
   require_in("actuator.torque_limit [Nm]", actuator.torque_limit, 1e-3, 10);
+  require_in("actuator.continuous_torque [Nm]", actuator.continuous_torque, 1e-3, 10);
+  require_in("actuator.thermal_time [s]", actuator.thermal_time, 1e-3, 1e6);
   require_in("actuator.torque_constant [Nm/A]", actuator.torque_constant, 1e-6, 10);
   require_in("actuator.gear_ratio", actuator.gear_ratio, 1e-3, 1e4);
   require_in("actuator.rotor_inertia [kg m^2]", actuator.rotor_inertia, 0, 1);

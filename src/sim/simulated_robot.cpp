@@ -28,8 +28,22 @@ constexpr Nanoseconds kPhysicsStep = std::chrono::milliseconds(1);
 constexpr double kMaxKp = 50.0;
 constexpr double kMaxKd = 0.5;
 
+// Ours: a little more than the motors reach against the safety damping [rad/s].
+constexpr FingerJoints kMaxVelocity{5.0, 5.0, 8.0};
+// Of real joints: what a motor without load reaches, and half as much again where something hits
+// the arm [rad/s].
+constexpr double kMaxPositionRate = 65.0;
+// Ours: a velocity that is wrong by 1 rad/s for a tenth of a second, a joint that does not move by
+// the last bit while its torque varies by half of its maximum.
+constexpr double kMaxVelocityError = 1.0;   // [rad/s]
+constexpr double kVelocityErrorTime = 0.1;  // [s]
+constexpr double kStuckTime = 0.1;          // [s]
+constexpr double kStuckShare = 0.5;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
 // Begins every saved state: one of another version is told apart.
-constexpr std::uint64_t kStateMagic = 0x31534d4953465254;  // "TRFSIMS1"
+constexpr std::uint64_t kStateMagic = 0x32534d4953465254;  // "TRFSIMS2"
 
 // Random bits from a counter (SplitMix64). Small, so that it is saved at every step, and any bits
 // are a valid state.
@@ -121,6 +135,16 @@ JointLimits<R::kJoints> default_limits(const RobotDescription& description) {
     limits.default_kd[i] = figures.kd[joint];
     limits.max_kp[i] = kMaxKp;
     limits.max_kd[i] = kMaxKd;
+    limits.max_velocity[i] = kMaxVelocity[joint];
+    limits.braking[i] = figures.braking[joint];
+    limits.max_torque_rate[i] = kInfinity;
+    limits.continuous_torque[i] = figures.actuator.continuous_torque;
+    limits.thermal_time[i] = figures.actuator.thermal_time;
+    limits.plausibility.max_position_rate[i] = kMaxPositionRate;
+    limits.plausibility.max_velocity_error[i] = kMaxVelocityError;
+    limits.plausibility.velocity_error_time[i] = kVelocityErrorTime;
+    limits.plausibility.stuck_torque[i] = kStuckShare * figures.actuator.torque_limit;
+    limits.plausibility.stuck_time[i] = kStuckTime;
   }
   return limits;
 }
@@ -198,10 +222,9 @@ class SimulatedRobot<R>::Implementation {
   DriverReport apply_action(const Action& desired, AppliedAction& applied) noexcept {
     memory_before_step_ = memory_;
     physics_.get_state(before_step_);
-    const SafetyReport report = safety_.apply(desired, observation_, memory_.safety, applied);
-    if (report.fault != SafetyFault::kNone) {
-      return DriverReport::fault(static_cast<std::int32_t>(report.fault));
-    }
+    const SafetyReport report =
+        safety_.apply(desired, observation_, options_.period, memory_.safety, applied);
+    if (report.fault != SafetyFault::kNone) return DriverReport::fault(fault_code_of(report));
     if (!step(applied.torque)) {
       keep_state_before_divergence();
       return DriverReport::fault(kDiverged);
@@ -562,7 +585,7 @@ bool SimulatedRobot<R>::get_companion_element(std::size_t, TimeIndex time_index,
 template <class R>
 std::string_view SimulatedRobot<R>::fault_text(std::int32_t fault_code) const noexcept {
   if (fault_code == kDiverged) return "the simulation diverged";
-  return describe(static_cast<SafetyFault>(fault_code));
+  return fault_text_of(fault_code);
 }
 template <class R>
 auto SimulatedRobot<R>::options() const noexcept -> const Options& {

@@ -1,13 +1,16 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <array>
+#include <limits>
 
 #include "trifinger/joint/limits.hpp"
 
 namespace trifinger::test {
 
-/// Limits of N joints that differ from joint to joint, so that a mixed-up index shows.
+inline constexpr double kOff = std::numeric_limits<double>::infinity();
+
+/// Limits of N joints that differ from joint to joint, so that a mixed-up index shows. What can be
+/// switched off is off.
 template <std::size_t N>
 JointLimits<N> some_limits() {
   JointLimits<N> limits{};
@@ -23,7 +26,17 @@ JointLimits<N> some_limits() {
     limits.default_kd[i] = 0.02 + step;
     limits.max_kp[i] = 50.0 + step;
     limits.max_kd[i] = 0.5 + step;
+    limits.max_velocity[i] = kOff;
+    limits.braking[i] = kOff;
+    limits.max_torque_rate[i] = kOff;
+    limits.continuous_torque[i] = kOff;
+    limits.thermal_time[i] = kOff;
   }
+  limits.plausibility = {.max_position_rate = detail::filled<N>(kOff),
+                         .max_velocity_error = detail::filled<N>(kOff),
+                         .velocity_error_time = detail::filled<N>(kOff),
+                         .stuck_torque = detail::filled<N>(kOff),
+                         .stuck_time = detail::filled<N>(kOff)};
   return limits;
 }
 

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -30,7 +31,18 @@ constexpr const char* kSafety =
     "  default_kp: [7, 7, 6.5]\n"
     "  default_kd: [0.01, 0.015, 0.02]\n"
     "  max_kp: 50\n"
-    "  max_kd: 0.5\n";
+    "  max_kd: 0.5\n"
+    "  max_velocity: 10\n"
+    "  braking: 5\n"
+    "  max_torque_rate: .inf\n"
+    "  continuous_torque: 0.3\n"
+    "  thermal_time: 20\n"
+    "  plausibility:\n"
+    "    max_position_rate: 60\n"
+    "    max_velocity_error: [1, 2, 3]\n"
+    "    velocity_error_time: 0.1\n"
+    "    stuck_torque: 0.2\n"
+    "    stuck_time: .inf\n";
 
 template <std::size_t N>
 JointLimits<N> limits_with(const std::vector<std::string>& overrides = {}) {
@@ -57,18 +69,34 @@ TEST(ReadJointLimits, FillsEveryMemberFromTheKeyOfItsName) {
   EXPECT_EQ(limits.default_kd[2], 0.02);
   EXPECT_EQ(limits.max_kp[2], 50.0);
   EXPECT_EQ(limits.max_kd[2], 0.5);
+  EXPECT_EQ(limits.max_velocity[2], 10.0);
+  EXPECT_EQ(limits.braking[2], 5.0);
+  EXPECT_EQ(limits.max_torque_rate[2], std::numeric_limits<double>::infinity());
+  EXPECT_EQ(limits.continuous_torque[2], 0.3);
+  EXPECT_EQ(limits.thermal_time[2], 20.0);
+  EXPECT_EQ(limits.plausibility.max_position_rate[2], 60.0);
+  EXPECT_EQ(limits.plausibility.max_velocity_error[2], 3.0);
+  EXPECT_EQ(limits.plausibility.velocity_error_time[2], 0.1);
+  EXPECT_EQ(limits.plausibility.stuck_torque[2], 0.2);
+  EXPECT_EQ(limits.plausibility.stuck_time[2], std::numeric_limits<double>::infinity());
 }
 
 TEST(ReadJointLimits, fault_59_HasNoDefaultForAnyMember) {
-  for (std::size_t line = 1; line <= 10; ++line) {
-    std::string text = kSafety;
-    std::size_t begin = 0;
-    for (std::size_t i = 0; i < line; ++i) begin = text.find('\n', begin) + 1;
-    text.erase(begin, text.find('\n', begin) + 1 - begin);
+  const std::string whole = kSafety;
+  std::size_t members = 0;
+  for (std::size_t begin = whole.find('\n') + 1; begin < whole.size();
+       begin = whole.find('\n', begin) + 1) {
+    const std::string line = whole.substr(begin, whole.find('\n', begin) + 1 - begin);
+    if (line == "  plausibility:\n") continue;
+    ++members;
+    std::string text = whole;
+    text.erase(begin, line.size());
     const File file = File::parse(text, "robot.yml");
     EXPECT_THAT(message_of([&] { (void)read_joint_limits<9>(file.root().section("safety")); }),
-                testing::EndsWith("] is missing"));
+                testing::EndsWith("] is missing"))
+        << line;
   }
+  EXPECT_EQ(members, detail::kJointLimitFields);
 }
 
 TEST(ReadJointLimits, RefusesListsThatDoNotFit) {

@@ -3,15 +3,13 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cmath>
 #include <cstdint>
 #include <cstring>
-#include <iterator>
 #include <limits>
-#include <random>
 #include <string>
 #include <vector>
 
+#include "sim/bare_driver.hpp"
 #include "sim/robots.hpp"
 #include "support/allocation_counter.hpp"
 #include "trifinger/core/errors.hpp"
@@ -22,145 +20,6 @@ namespace {
 
 using testing::HasSubstr;
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
-// Everything that a user could send: numbers of every size, NaN, infinities, and now and then
-// something sensible.
-template <class R>
-class Hostile {
- public:
-  explicit Hostile(std::uint32_t seed) : random_(seed) {}
-
-  typename R::Action operator()() {
-    typename R::Action action;
-    for (auto* const values :
-         {&action.torque, &action.position, &action.position_kp, &action.position_kd}) {
-      for (double& value : *values) value = number();
-    }
-    return action;
-  }
-
- private:
-  double number() {
-    switch (random_() % 10) {
-      case 0:
-        return kNotGiven;
-      case 1:
-        return kInfinity;
-      case 2:
-        return -1e300;
-      case 3:
-        return std::pow(10.0, 300 * uniform_(random_));
-      default:
-        return 3 * uniform_(random_);
-    }
-  }
-
-  std::mt19937 random_;
-  std::uniform_real_distribution<double> uniform_{-1.0, 1.0};
-};
-
-// The driver as the back-end calls it, without the back-end's own limits.
-template <class R>
-class BareDriver {
- public:
-  explicit BareDriver(SimulationOptions<R> options) : robot(std::move(options)) {
-    (void)robot.prepare(0);
-    (void)robot.get_latest_observation(observation);
-  }
-
-  DriverReport step(const typename R::Action& desired) {
-    const DriverReport report = robot.apply_action(desired, applied);
-    (void)robot.get_latest_observation(observation);
-    return report;
-  }
-  DriverReport fault_after(const typename R::Action& desired, int max_steps) {
-    for (int i = 0; i < max_steps; ++i) {
-      const DriverReport report = step(desired);
-      if (report.state == DriverReport::State::kFault) return report;
-    }
-    return {};
-  }
-
-  SimulatedRobot<R> robot;
-  typename R::Observation observation;
-  typename R::AppliedAction applied;
-};
-
-// --- A million random actions
-
-// A million for each robot in all scenes together; a sanitizer takes ten times as long for each.
-#ifdef __SANITIZE_ADDRESS__
-constexpr int kRandomActions = 100'000;
-#else
-constexpr int kRandomActions = 1'000'000;
-#endif
-
-struct Scene {
-  const char* name;
-  Variant variant;
-  bool flipped{false};
-  double lowered_by{0.0};  // [m]
-};
-constexpr double kLow = 0.05;  // the table is in the way of the fingers
-constexpr Scene kScenes[] = {
-    {"Edu", Variant::kEdu},
-    {"EduFlipped", Variant::kEdu, true},
-    {"EduLow", Variant::kEdu, false, kLow},
-    {"Pro", Variant::kPro},
-    {"ProFlipped", Variant::kPro, true},
-    {"ProLow", Variant::kPro, false, kLow},
-    {"One", Variant::kOne},
-    {"OneFlipped", Variant::kOne, true},
-    {"OneLow", Variant::kOne, false, kLow},
-};
-
-// The parameter is the number of a scene, and the seed of its actions.
-class RandomActions : public testing::TestWithParam<std::uint32_t> {
- protected:
-  template <class R>
-  static void expect_limits_hold() {
-    constexpr int kSteps = kRandomActions / static_cast<int>(std::size(kScenes)) + 1;
-    const Scene& scene = kScenes[GetParam()];
-    SimulationOptions<R> options = options_of<R>(scene.variant);
-    options.description.flipped = scene.flipped;
-    options.description.finger_height =
-        figures(options.description).finger_height - scene.lowered_by;
-    // Bent, as on the platform: a finger that hangs straight down would begin in the table.
-    const auto bent = figures(options_of<TriFinger>(scene.variant).description).initial_position;
-    options.initial_position.emplace();
-    for (std::size_t i = 0; i < R::kJoints; ++i) (*options.initial_position)[i] = bent[i % 3];
-    const JointLimits<R::kJoints> limits = default_limits<R>(options.description);
-    BareDriver<R> driver(options);
-    Hostile<R> hostile(GetParam());
-    int faults = 0;
-    for (int i = 0; i < kSteps; ++i) {
-      const DriverReport report = driver.step(hostile());
-      for (std::size_t joint = 0; joint < R::kJoints; ++joint) {
-        // Written so that NaN fails.
-        ASSERT_LE(std::abs(driver.applied.torque[joint]), limits.max_torque[joint]);
-        ASSERT_LE(std::abs(driver.observation.torque[joint]), limits.max_torque[joint]);
-        ASSERT_LE(std::abs(driver.observation.position[joint]), 2 * std::acos(-1.0));
-        ASSERT_LE(std::abs(driver.observation.velocity[joint]), 100.0);
-      }
-      if (report.state != DriverReport::State::kFault) continue;
-      ASSERT_NE(report.fault_code, SimulatedRobot<R>::kDiverged) << "step " << i;
-      ++faults;
-      driver.robot.reset();
-      (void)driver.robot.get_latest_observation(driver.observation);
-    }
-    // Hard limits may be met now and then, or else the test would be about nothing else.
-    EXPECT_LT(faults, kSteps / 100);
-  }
-};
-
-TEST_P(RandomActions, NeverLeadATriFingerOutOfItsLimits) { expect_limits_hold<TriFinger>(); }
-TEST_P(RandomActions, NeverLeadAFingerOutOfItsLimits) { expect_limits_hold<Finger>(); }
-
-INSTANTIATE_TEST_SUITE_P(Scenes, RandomActions,
-                         testing::Range(0U, static_cast<std::uint32_t>(std::size(kScenes))),
-                         [](const auto& scene) { return kScenes[scene.param].name; });
-
 // --- Limits one by one
 
 template <class R>
@@ -168,7 +27,7 @@ class Limits : public testing::Test {};
 using Robots = testing::Types<TriFinger, Finger>;
 TYPED_TEST_SUITE(Limits, Robots);
 
-TYPED_TEST(Limits, SoftLimitsKeepTheJointOffTheHardOnes) {
+TYPED_TEST(Limits, fault_11_SoftLimitsKeepTheJointOffTheHardOnes) {
   using R = TypeParam;
   for (const Variant variant : kVariants) {
     SimulationOptions<R> options = options_of<R>(variant);
@@ -197,10 +56,11 @@ SimulationOptions<R> without_soft_limits(Variant variant) {
   options.limits->soft_lower = options.limits->hard_lower;
   options.limits->soft_upper = options.limits->hard_upper;
   options.limits->safety_kd = {};
+  options.limits->braking.fill(std::numeric_limits<double>::infinity());
   return options;
 }
 
-TYPED_TEST(Limits, AHardLimitIsAFault) {
+TYPED_TEST(Limits, fault_12_AHardLimitIsAFault) {
   using R = TypeParam;
   for (const Variant variant : kVariants) {
     const Simulation<R> simulation(without_soft_limits<R>(variant));
@@ -215,8 +75,9 @@ TYPED_TEST(Limits, AHardLimitIsAFault) {
       FAIL() << "no fault with variant " << static_cast<int>(variant);
     } catch (const RobotStopped& stopped) {
       EXPECT_EQ(stopped.fault().code, Fault::Code::kDriver);
-      EXPECT_EQ(stopped.fault().detail, static_cast<std::int32_t>(SafetyFault::kHardLimit));
-      EXPECT_THAT(stopped.what(), HasSubstr("a joint is beyond its hard limit"));
+      EXPECT_EQ(stopped.fault().detail,
+                fault_code_of({.fault = SafetyFault::kHardLimit, .joint = 0}));
+      EXPECT_THAT(stopped.what(), HasSubstr("joint 0 is beyond its hard limit"));
       const auto last = robot.get_observation(stopped.fault().time_index);
       EXPECT_LT(last.position[0], figures(simulation.robot().options().description).hard_lower[0]);
     }

@@ -7,6 +7,7 @@
 #include <atomic>
 #include <cmath>
 #include <cstdlib>
+#include <limits>
 #include <vector>
 
 #include "sim/robots.hpp"
@@ -66,6 +67,8 @@ TYPED_TEST(Physics, AFastJointGetsLessTorqueThanItAsksFor) {
   options.description.objects.clear();
   options.limits = default_limits<R>(options.description);
   options.limits->safety_kd = {};
+  options.limits->max_velocity.fill(std::numeric_limits<double>::infinity());
+  options.limits->braking.fill(std::numeric_limits<double>::infinity());
   const Simulation<R> simulation(options);
   Frontend<R> robot = simulation.connect();
   typename R::Action action = hold_position(robot.latest_observation());

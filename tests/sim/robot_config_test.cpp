@@ -114,8 +114,8 @@ TEST_F(RobotConfigFile, SaysTheSameAsTheFiguresOfTheRobot) {
     const auto of_figures = default_limits<std::conditional_t<
         std::is_same_v<std::decay_t<decltype(options)>, SimulationOptions<Finger>>, Finger,
         TriFinger>>(options.description);
-    const auto values = detail::joint_limit_values(*options.limits);
-    const auto expected = detail::joint_limit_values(of_figures);
+    const auto values = detail::joint_limit_arrays<detail::JointLimitValues>(*options.limits);
+    const auto expected = detail::joint_limit_arrays<detail::JointLimitValues>(of_figures);
     for (std::size_t i = 0; i < values.size(); ++i) {
       EXPECT_TRUE(std::equal(values[i].begin(), values[i].end(), expected[i].begin()))
           << detail::joint_limit_fields()[i].name;
@@ -236,7 +236,10 @@ TEST_F(RobotConfigFile, NamesAValueThatIsNoChoice) {
 TEST_F(RobotConfigFile, fault_59_NamesReversedLimits) {
   const std::string safety =
       "safety: {max_torque: 0.36, safety_kd: 0.09, soft_lower: 1.2, soft_upper: 1.0, "
-      "hard_lower: -2, hard_upper: 2, default_kp: 7, default_kd: 0.01, max_kp: 50, max_kd: 0.5}\n";
+      "hard_lower: -2, hard_upper: 2, default_kp: 7, default_kd: 0.01, max_kp: 50, max_kd: 0.5, "
+      "max_velocity: 5, braking: 10, max_torque_rate: .inf, continuous_torque: .inf, "
+      "thermal_time: .inf, plausibility: {max_position_rate: .inf, max_velocity_error: .inf, "
+      "velocity_error_time: .inf, stuck_torque: .inf, stuck_time: .inf}}\n";
   EXPECT_THAT(message(safety), AllOf(StartsWith("my.yml:2:"), HasSubstr("soft_lower"),
                                      HasSubstr("1.2 rad"), HasSubstr("soft_upper (1 rad)")));
 }

@@ -14,6 +14,16 @@
 
 namespace trifinger {
 
+/// When measurements are not believed. `.inf` in a configuration, infinity here, switches one off.
+template <std::size_t N>
+struct PlausibilityLimits {
+  JointVector<N> max_position_rate;    ///< A position that changes faster has jumped [rad/s].
+  JointVector<N> max_velocity_error;   ///< Between velocity and change of position [rad/s].
+  JointVector<N> velocity_error_time;  ///< Time constant of the filter of this error [s].
+  JointVector<N> stuck_torque;         ///< Torque must vary by more than this, ... [Nm]
+  JointVector<N> stuck_time;           ///< ... and nothing move for this long [s].
+};
+
 /// What the joints of a robot may do. There are no defaults: a limit that was forgotten must not be
 /// a guess.
 template <std::size_t N>
@@ -29,46 +39,104 @@ struct JointLimits {
   JointVector<N> default_kd;  ///< [Nms/rad]
   JointVector<N> max_kp;      ///< Largest gains that a user may ask for [Nm/rad].
   JointVector<N> max_kd;      ///< [Nms/rad]
+  JointVector<N>
+      max_velocity;        ///< A faster joint is not driven, but braked [rad/s]; may be infinite.
+  JointVector<N> braking;  ///< It comes to a soft limit no faster than this stops [rad/s^2].
+  JointVector<N> max_torque_rate;    ///< Of the torque asked for [Nm/s]; may be infinite.
+  JointVector<N> continuous_torque;  ///< What the motor carries for ever [Nm]; may be infinite.
+  JointVector<N> thermal_time;       ///< Time constant of its warming [s]; may be infinite.
+  PlausibilityLimits<N> plausibility;
 
   /// @throws InvalidArgument naming the joint, the value found and the value allowed.
   void validate() const;
 };
 
+/// The limits of one joint, as in `JointLimits`.
+struct JointLimit {
+  double max_torque;
+  double safety_kd;
+  double soft_lower;
+  double soft_upper;
+  double hard_lower;
+  double hard_upper;
+  double default_kp;
+  double default_kd;
+  double max_kp;
+  double max_kd;
+  double max_velocity;
+  double braking;
+  double max_torque_rate;
+  double continuous_torque;
+  double thermal_time;
+  double max_position_rate;
+  double max_velocity_error;
+  double velocity_error_time;
+  double stuck_torque;
+  double stuck_time;
+};
+
 /// A limit that makes no sense.
 struct JointLimitProblem {
   std::size_t joint{0};
-  std::string_view field;  ///< As in "soft_lower".
+  std::string_view field;  ///< As in "soft_lower" and "plausibility.stuck_time".
   std::string text;        ///< "is 1.2 rad, must be less than soft_upper (0.5 rad)"
 };
 
 namespace detail {
 
-// The ten arrays of JointLimits in the order of their declaration.
+// The arrays of JointLimits in the order of their declaration.
 struct JointLimitField {
-  std::string_view name;
+  std::string_view name;  // dotted where it is a member of a member
   std::string_view unit;
+  bool may_be_infinite{false};  // "no limit"
 };
-inline constexpr std::size_t kJointLimitFields = 10;
+inline constexpr std::size_t kJointLimitFields = 20;
 [[nodiscard]] std::span<const JointLimitField, kJointLimitFields> joint_limit_fields() noexcept;
 
 using JointLimitValues = std::array<std::span<const double>, kJointLimitFields>;
 
-template <std::size_t N>
-[[nodiscard]] JointLimitValues joint_limit_values(const JointLimits<N>& limits) noexcept {
-  return {limits.max_torque, limits.safety_kd,  limits.soft_lower, limits.soft_upper,
-          limits.hard_lower, limits.hard_upper, limits.default_kp, limits.default_kd,
-          limits.max_kp,     limits.max_kd};
+// `Limits` is a JointLimits, const or not; `Values` an array of spans of its numbers.
+template <class Values, class Limits>
+[[nodiscard]] Values joint_limit_arrays(Limits& limits) noexcept {
+  auto& plausibility = limits.plausibility;
+  return {limits.max_torque,
+          limits.safety_kd,
+          limits.soft_lower,
+          limits.soft_upper,
+          limits.hard_lower,
+          limits.hard_upper,
+          limits.default_kp,
+          limits.default_kd,
+          limits.max_kp,
+          limits.max_kd,
+          limits.max_velocity,
+          limits.braking,
+          limits.max_torque_rate,
+          limits.continuous_torque,
+          limits.thermal_time,
+          plausibility.max_position_rate,
+          plausibility.max_velocity_error,
+          plausibility.velocity_error_time,
+          plausibility.stuck_torque,
+          plausibility.stuck_time};
 }
 
+[[nodiscard]] JointLimit limit_of_joint(const JointLimitValues& values, std::size_t joint) noexcept;
 [[nodiscard]] std::optional<JointLimitProblem> find_problem(const JointLimitValues& values);
 [[noreturn]] void throw_problem(const JointLimitProblem& problem);
 
 }  // namespace detail
 
+template <std::size_t N>
+[[nodiscard]] JointLimit limit_of_joint(const JointLimits<N>& limits, std::size_t joint) noexcept {
+  return detail::limit_of_joint(detail::joint_limit_arrays<detail::JointLimitValues>(limits),
+                                joint);
+}
+
 /// The first thing that is wrong with `limits`, if anything is.
 template <std::size_t N>
 [[nodiscard]] std::optional<JointLimitProblem> find_problem(const JointLimits<N>& limits) {
-  return detail::find_problem(detail::joint_limit_values(limits));
+  return detail::find_problem(detail::joint_limit_arrays<detail::JointLimitValues>(limits));
 }
 
 template <std::size_t N>

@@ -25,9 +25,19 @@ enum class Reason : std::uint64_t {
 
   // Faults: the whole robot brakes.
   kHardLimit = 1U << 9U,        ///< The joint is beyond its hard limit.
-  kBadMeasurement = 1U << 10U,  ///< The measured position or velocity is no plausible number.
+  kBadMeasurement = 1U << 10U,  ///< A measured number is no plausible one.
   kOwnCheckFailed = 1U << 11U,  ///< A check that was added has thrown.
   kBraking = 1U << 12U,         ///< The robot brakes because of a fault.
+
+  // Added later; bits keep their meaning. The action was fit, but changed.
+  kTorqueRateLimited = 1U << 13U,  ///< The torque asked for changed faster than it may.
+  kDerated = 1U << 14U,            ///< The motor is warm: torque is clipped below the maximum.
+  kTooFast = 1U << 15U,            ///< The joint is too fast, at all or so near to a soft limit.
+  // Faults.
+  kOverheated = 1U << 16U,        ///< The motor is too warm: it does not obey.
+  kPositionJumped = 1U << 17U,    ///< The position changed faster than it can.
+  kVelocityMismatch = 1U << 18U,  ///< Velocity and change of position differ for too long.
+  kStuck = 1U << 19U,             ///< Nothing moves, whatever the torque.
 };
 
 /// All reasons, in the order of their bits.
@@ -39,6 +49,11 @@ inline constexpr std::uint64_t kRejected = 0xFU;
 [[nodiscard]] constexpr std::uint64_t bit(Reason reason) noexcept {
   return static_cast<std::uint64_t>(reason);
 }
+/// The reasons that mean "what this joint measures cannot be true".
+inline constexpr std::uint64_t kImplausible = bit(Reason::kBadMeasurement) |
+                                              bit(Reason::kPositionJumped) |
+                                              bit(Reason::kVelocityMismatch) | bit(Reason::kStuck);
+
 [[nodiscard]] constexpr bool has(std::uint64_t reasons, Reason reason) noexcept {
   return (reasons & bit(reason)) != 0;
 }

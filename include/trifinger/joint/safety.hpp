@@ -3,15 +3,17 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
+#include <chrono>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <string_view>
 #include <utility>
 #include <vector>
 
+#include "trifinger/base/time.hpp"
 #include "trifinger/joint/limits.hpp"
 #include "trifinger/joint/reasons.hpp"
 #include "trifinger/joint/types.hpp"
@@ -19,23 +21,39 @@
 
 namespace trifinger {
 
+/// What the checks remember of one joint from one step to the next.
+struct JointMemory {
+  double accepted_position{kNotGiven};  ///< Target of the last accepted action; NaN for none [rad].
+  double asked_torque{0.0};             ///< What the last action came to before damping [Nm].
+  double applied_torque{0.0};           ///< In the last step [Nm].
+  double heat{0.0};                     ///< 0 when cold, 1 when it carries all it can for ever.
+  double position{kNotGiven};           ///< Measured last; NaN for never [rad].
+  double velocity{kNotGiven};           ///< Likewise [rad/s].
+  double velocity_error{0.0};           ///< Filtered [rad/s].
+  // Of the torques since the measurements changed; none at first [Nm].
+  double least_torque{std::numeric_limits<double>::infinity()};
+  double most_torque{-std::numeric_limits<double>::infinity()};
+  double still_time{0.0};  ///< Since these are further apart than they may be [s].
+};
+
 /// All that the checks remember from one step to the next. Plain data: save it, restore it, hold a
 /// thousand of them.
 template <std::size_t N>
 struct SafetyState {
-  /// The target of the last action that was accepted; NaN where it had none [rad].
-  JointVector<N> accepted_position{detail::filled<N>(kNotGiven)};
-
-  friend bool operator==(const SafetyState&, const SafetyState&) = default;
+  std::array<JointMemory, N> joints{};
 };
 
 /// Why the checks want the robot to stop. The values are stable: drivers use them as their fault
 /// code.
 enum class SafetyFault : std::int32_t {
   kNone = 0,
-  kHardLimit = 1,       ///< A joint is beyond its hard limit.
-  kBadMeasurement = 2,  ///< A position or velocity is not finite or beyond `kPlausible`.
-  kOwnCheck = 3,        ///< A check that was added has thrown.
+  kHardLimit = 1,         ///< A joint is beyond its hard limit.
+  kBadMeasurement = 2,    ///< A measured number is not finite or beyond `kPlausible`.
+  kOwnCheck = 3,          ///< A check that was added has thrown.
+  kPositionJumped = 4,    ///< A position changed faster than `max_position_rate`.
+  kVelocityMismatch = 5,  ///< Velocity and change of position differ by `max_velocity_error`.
+  kStuck = 6,             ///< Nothing moved for `stuck_time` while the torque varied.
+  kOverheated = 7,        ///< A motor is warmer than it could be if it obeyed.
 };
 
 /// A sentence without the joint, as in "a joint is beyond its hard limit".
@@ -58,25 +76,11 @@ struct SafetyReport {
 /// ever. Not for the loop: the first call makes the texts.
 [[nodiscard]] std::string_view fault_text_of(std::int32_t fault_code) noexcept;
 
-/// Larger measured positions [rad] and velocities [rad/s] are no measurements. The bound also keeps
-/// every sum below finite, whatever is asked.
+/// Larger measured positions [rad], velocities [rad/s] and torques [Nm] are no measurements. The
+/// bound also keeps every sum below finite, whatever is asked.
 inline constexpr double kPlausible = 1e6;
 
 // The checks, one joint at a time. Pure functions, in the order in which the chain calls them.
-
-/// The limits of one joint.
-struct JointLimit {
-  double max_torque;
-  double safety_kd;
-  double soft_lower;
-  double soft_upper;
-  double hard_lower;
-  double hard_upper;
-  double default_kp;
-  double default_kd;
-  double max_kp;
-  double max_kd;
-};
 
 /// What one joint is asked to do. After `accept_command` all of it is finite, but for the three NaN
 /// of "no target".
@@ -91,6 +95,13 @@ struct JointCommand {
 struct CheckedCommand {
   JointCommand command;
   std::uint64_t reasons{0};
+};
+
+/// What one joint has measured.
+struct JointMeasurement {
+  double position{0.0};
+  double velocity{0.0};
+  double torque{0.0};
 };
 
 /// A torque and why it is no longer the one that came in.
@@ -169,41 +180,186 @@ struct CheckedTorque {
          (command.position_kp * (command.position - position) - command.position_kd * velocity);
 }
 
-/// Clip, damp, clip.
-[[nodiscard]] inline CheckedTorque limit_torque(
-    double torque, double velocity, const JointLimit& limit) noexcept TRIFINGER_REALTIME {
-  const auto clip = [&](double value) {
-    return std::clamp(value, -limit.max_torque, limit.max_torque);
-  };
+/// Lets the torque asked for change by `max_torque_rate` at most, seen from `before`. What comes
+/// out is a torque that the user could have asked for, so nothing that holds for all of those
+/// depends on this limit. Damping comes later and is never delayed; nor is the way back from beyond
+/// a soft limit.
+[[nodiscard]] inline CheckedTorque limit_torque_rate(
+    double torque, double before, double position, double elapsed,
+    const JointLimit& limit) noexcept TRIFINGER_REALTIME {
+  const double step = limit.max_torque_rate * elapsed;
+  const bool is_above = position > limit.soft_upper;
+  const bool is_below = position < limit.soft_lower;
+  double limited = torque;
+  if (!is_below) limited = std::min(limited, before + step);
+  if (!is_above) limited = std::max(limited, before - step);
+  return {limited, limited != torque ? bit(Reason::kTorqueRateLimited) : 0U};
+}
+
+/// Clip, damp, clip; `max_torque` is that of a cold motor or less.
+[[nodiscard]] inline CheckedTorque limit_torque(double torque, double velocity, double max_torque,
+                                                const JointLimit& limit) noexcept
+    TRIFINGER_REALTIME {
   // Clip before damping too, or a huge request would drown the brake.
-  const double clipped = clip(torque);
-  const double damped = clip(clipped - limit.safety_kd * velocity);
+  const double clipped = std::clamp(torque, -max_torque, max_torque);
+  const double damped = std::clamp(clipped - limit.safety_kd * velocity, -max_torque, max_torque);
   std::uint64_t reasons = 0;
-  if (clipped != torque) reasons |= bit(Reason::kTorqueClipped);
+  if (std::abs(torque) > limit.max_torque) reasons |= bit(Reason::kTorqueClipped);
+  if (clipped != torque && max_torque < limit.max_torque) reasons |= bit(Reason::kDerated);
   if (damped != clipped) reasons |= bit(Reason::kDamped);
   return {damped, reasons};
 }
 
+/// Brakes a joint that is faster than `max_velocity`, or too fast to be stopped at the soft limit
+/// before it with the deceleration `braking`: no torque drives it on, and the brake grows to all of
+/// `max_torque` at 1 rad/s more.
+[[nodiscard]] inline CheckedTorque limit_velocity(
+    double torque, double position, double velocity, double max_torque,
+    const JointLimit& limit) noexcept TRIFINGER_REALTIME {
+  constexpr double kBand = 1.0;
+  const double distance =
+      velocity > 0.0 ? limit.soft_upper - position : position - limit.soft_lower;
+  // Without a limit of the braking this is infinite, or NaN, which is never the smaller one.
+  const double stoppable = std::sqrt(2.0 * limit.braking * std::max(distance, 0.0));
+  const double excess = std::abs(velocity) - std::min(limit.max_velocity, stoppable);
+  if (!(excess > 0.0)) return {torque, 0};
+  const double brake = max_torque * std::min(excess / kBand, 1.0);
+  const double braked = velocity > 0.0 ? std::min(torque, -brake) : std::max(torque, brake);
+  return {braked, braked != torque ? bit(Reason::kTooFast) : 0U};
+}
+
+/// A motor as warm as this has given more torque than it was told: one that obeys stays below 1.
+inline constexpr double kHeatOfFault = 1.2;
+/// Heat from which on the torque is limited.
+inline constexpr double kHeatOfDerating = 0.8;
+
+/// The heat of a motor after `elapsed` seconds with `torque`, the larger of applied and measured:
+/// heat' = ((torque / continuous_torque)^2 - heat) / thermal_time, one implicit Euler step of it.
+[[nodiscard]] inline double heat_after(double heat, double torque, double elapsed,
+                                       const JointLimit& limit) noexcept TRIFINGER_REALTIME {
+  // More than this says nothing more, and would take long to forget.
+  constexpr double kMost = 2.0;
+  const double load = torque / limit.continuous_torque;
+  const double share = elapsed / (limit.thermal_time + elapsed);
+  return std::min(heat + share * (load * load - heat), kMost);
+}
+
+/// What a motor of this heat may give: `max_torque` up to 0.8, from there on a straight line to
+/// `continuous_torque` at 1.
+[[nodiscard]] inline double derated_torque(double heat,
+                                           const JointLimit& limit) noexcept TRIFINGER_REALTIME {
+  const double least = std::min(limit.continuous_torque, limit.max_torque);
+  const double share = std::clamp((1.0 - heat) / (1.0 - kHeatOfDerating), 0.0, 1.0);
+  return least + (limit.max_torque - least) * share;
+}
+
+/// 1 - `heat`, as it is published: rounded down to multiples of 1/256, so that logs stay small.
+[[nodiscard]] inline double thermal_margin_of(double heat) noexcept TRIFINGER_REALTIME {
+  constexpr double kParts = 256.0;
+  // Positive, so that cutting off is rounding down.
+  return static_cast<double>(static_cast<int>((2.0 - heat) * kParts)) / kParts - 1.0;
+}
+
 /// Whether one joint's measurement lets the robot go on: 0, `kBadMeasurement` or `kHardLimit`.
 [[nodiscard]] inline std::uint64_t check_measurement(
-    double position, double velocity, const JointLimit& limit) noexcept TRIFINGER_REALTIME {
+    const JointMeasurement& measured, const JointLimit& limit) noexcept TRIFINGER_REALTIME {
   // Written so that NaN fails.
-  const bool is_plausible = std::abs(position) <= kPlausible && std::abs(velocity) <= kPlausible;
+  const bool is_plausible = std::abs(measured.position) <= kPlausible &&
+                            std::abs(measured.velocity) <= kPlausible &&
+                            std::abs(measured.torque) <= kPlausible;
   if (!is_plausible) return bit(Reason::kBadMeasurement);
-  if (position < limit.hard_lower || position > limit.hard_upper) return bit(Reason::kHardLimit);
+  if (measured.position < limit.hard_lower || measured.position > limit.hard_upper) {
+    return bit(Reason::kHardLimit);
+  }
   return 0;
+}
+
+/// A joint cannot have moved faster than `max_position_rate` since `before`, which may be NaN: 0 or
+/// `kPositionJumped`.
+[[nodiscard]] inline std::uint64_t check_jump(double position, double before, double elapsed,
+                                              const JointLimit& limit) noexcept TRIFINGER_REALTIME {
+  const bool has_jumped = std::abs(position - before) > limit.max_position_rate * elapsed;
+  return has_jumped ? bit(Reason::kPositionJumped) : 0U;
+}
+
+/// How far the velocity is from the change of position since the last measurement, low-pass
+/// filtered with `velocity_error_time`: the mean of both velocities is compared, so that the error
+/// of steady acceleration is nil.
+[[nodiscard]] inline double velocity_error_after(
+    const JointMemory& memory, const JointMeasurement& measured, double elapsed,
+    const JointLimit& limit) noexcept TRIFINGER_REALTIME {
+  if (std::isnan(memory.position)) return memory.velocity_error;
+  const double error =
+      0.5 * (measured.velocity + memory.velocity) - (measured.position - memory.position) / elapsed;
+  const double share = elapsed / (limit.velocity_error_time + elapsed);
+  return memory.velocity_error + share * (error - memory.velocity_error);
+}
+
+/// 0 or `kVelocityMismatch`.
+[[nodiscard]] inline std::uint64_t check_velocity(
+    double velocity_error, const JointLimit& limit) noexcept TRIFINGER_REALTIME {
+  const bool differs = std::abs(velocity_error) > limit.max_velocity_error;
+  return differs ? bit(Reason::kVelocityMismatch) : 0U;
+}
+
+/// Remembers between which torques the measurements have stayed the same, to the last bit, and for
+/// how long these torques have been more than `stuck_torque` apart.
+[[nodiscard]] inline JointMemory with_stillness(
+    JointMemory memory, const JointMeasurement& measured, double elapsed,
+    const JointLimit& limit) noexcept TRIFINGER_REALTIME {
+  if (measured.position != memory.position || measured.velocity != memory.velocity) {
+    memory.least_torque = JointMemory{}.least_torque;
+    memory.most_torque = JointMemory{}.most_torque;
+    memory.still_time = 0.0;
+    return memory;
+  }
+  memory.least_torque = std::min(memory.least_torque, memory.applied_torque);
+  memory.most_torque = std::max(memory.most_torque, memory.applied_torque);
+  if (memory.most_torque - memory.least_torque > limit.stuck_torque) memory.still_time += elapsed;
+  return memory;
+}
+
+/// A joint that is pressed against a wall is still, too, but moves when the torque changes: 0 or
+/// `kStuck`.
+[[nodiscard]] inline std::uint64_t check_stuck(double still_time, const JointLimit& limit) noexcept
+    TRIFINGER_REALTIME {
+  return still_time >= limit.stuck_time ? bit(Reason::kStuck) : 0U;
+}
+
+/// 0 or `kOverheated`.
+[[nodiscard]] inline std::uint64_t check_heat(double heat) noexcept TRIFINGER_REALTIME {
+  return heat > kHeatOfFault ? bit(Reason::kOverheated) : 0U;
+}
+
+/// The fault that stands in the reasons of one joint, the most telling one first: a joint whose
+/// measurement cannot be true need not be where it seems to be.
+[[nodiscard]] inline SafetyFault fault_of(std::uint64_t reasons) noexcept TRIFINGER_REALTIME {
+  constexpr std::array<std::pair<Reason, SafetyFault>, 6> kFaults{
+      {{Reason::kBadMeasurement, SafetyFault::kBadMeasurement},
+       {Reason::kPositionJumped, SafetyFault::kPositionJumped},
+       {Reason::kVelocityMismatch, SafetyFault::kVelocityMismatch},
+       {Reason::kStuck, SafetyFault::kStuck},
+       {Reason::kOverheated, SafetyFault::kOverheated},
+       {Reason::kHardLimit, SafetyFault::kHardLimit}}};
+  for (const auto& [reason, fault] : kFaults) {
+    if (has(reasons, reason)) return fault;
+  }
+  return SafetyFault::kNone;
 }
 
 /// The checks that stand between a desired action and the motors of the robot R, the same in
 /// simulation and on hardware:
 ///
-///  1. measurements that are no numbers, and joints beyond a hard limit: a fault, every joint is
-///  damped only;
+///  1. measurements that cannot be true, joints beyond a hard limit, motors that are too warm: a
+///  fault, every joint is damped only;
 ///  2. the action as data: joints whose command is not fit to apply hold their last accepted
 ///  target;
 ///  3. checks that were added for this robot or task;
 ///  4. soft limits, which nothing above can override;
-///  5. PD, clip, damp, clip.
+///  5. PD, limit of the torque rate, clip to what the heat allows, damp, clip;
+///  6. limit of the velocity.
+///
+/// docs/safety.md has the equation of each.
 ///
 /// Constant once set up: threads may share one chain, each with its own `SafetyState`.
 template <class R>
@@ -225,12 +381,7 @@ class SafetyChain {
   /// @throws InvalidArgument if `limits` make no sense.
   explicit SafetyChain(const Limits& limits) : limits_(limits) {
     limits.validate();
-    for (std::size_t i = 0; i < kJoints; ++i) {
-      joint_limits_[i] = {limits.max_torque[i], limits.safety_kd[i],  limits.soft_lower[i],
-                          limits.soft_upper[i], limits.hard_lower[i], limits.hard_upper[i],
-                          limits.default_kp[i], limits.default_kd[i], limits.max_kp[i],
-                          limits.max_kd[i]};
-    }
+    for (std::size_t i = 0; i < kJoints; ++i) joint_limits_[i] = limit_of_joint(limits, i);
   }
 
   /// Adds a check behind those that are there.
@@ -238,33 +389,37 @@ class SafetyChain {
 
   [[nodiscard]] const Limits& limits() const noexcept { return limits_; }
 
-  /// Finds what may be applied in place of `desired`, given the newest `observation`.
+  /// Finds what may be applied in place of `desired`, given the newest `observation`, `elapsed`
+  /// after the step before.
   [[nodiscard]] SafetyReport apply(const Action& desired, const Observation& observation,
-                                   State& state,
+                                   Nanoseconds elapsed, State& state,
                                    AppliedAction& applied) const noexcept TRIFINGER_REALTIME {
-    SafetyReport report = check_measurements(observation, applied);
+    const double seconds = in_seconds(elapsed);
+    SafetyReport report = check_measurements(observation, seconds, state, applied);
     if (report.fault != SafetyFault::kNone) {
-      brake(observation, applied);
+      brake(observation, state, applied);
       return report;
     }
 
     Action accepted;
     for (std::size_t i = 0; i < kJoints; ++i) {
+      double& accepted_position = state.joints[i].accepted_position;
       const CheckedCommand checked =
-          accept_command(command_of(desired, i), state.accepted_position[i], joint_limits_[i]);
+          accept_command(command_of(desired, i), accepted_position, joint_limits_[i]);
       applied.reasons[i] = checked.reasons;
       // A rejected command is the last accepted target itself.
-      state.accepted_position[i] = checked.command.position;
+      accepted_position = checked.command.position;
       set_command(accepted, i, checked.command);
     }
     if (!checks_.empty() && !run_own_checks(observation, accepted, state, applied)) {
-      brake(observation, applied);
+      brake(observation, state, applied);
       report.fault = SafetyFault::kOwnCheck;
       return report;
     }
 
     for (std::size_t i = 0; i < kJoints; ++i) {
       const JointLimit& limit = joint_limits_[i];
+      JointMemory& memory = state.joints[i];
       const double position = observation.position[i];
       const double velocity = observation.velocity[i];
       std::uint64_t reasons = applied.reasons[i];
@@ -272,9 +427,15 @@ class SafetyChain {
 
       const CheckedCommand inside =
           stay_within_soft_limits(command_of(accepted, i), position, limit);
+      const CheckedTorque asked = limit_torque_rate(torque_of(inside.command, position, velocity),
+                                                    memory.asked_torque, position, seconds, limit);
+      const double max_torque = derated_torque(memory.heat, limit);
+      const CheckedTorque damped = limit_torque(asked.torque, velocity, max_torque, limit);
       const CheckedTorque safe =
-          limit_torque(torque_of(inside.command, position, velocity), velocity, limit);
-      reasons |= inside.reasons | safe.reasons;
+          limit_velocity(damped.torque, position, velocity, max_torque, limit);
+      reasons |= inside.reasons | asked.reasons | damped.reasons | safe.reasons;
+      memory.asked_torque = std::clamp(asked.torque, -limit.max_torque, limit.max_torque);
+      memory.applied_torque = safe.torque;
 
       JointCommand result = inside.command;
       result.torque = safe.torque;
@@ -324,29 +485,57 @@ class SafetyChain {
     return is_same(asked, result);
   }
 
-  [[nodiscard]] SafetyReport check_measurements(const Observation& observation,
+  // An elapsed time of nothing would make every movement a jump.
+  [[nodiscard]] static double in_seconds(Nanoseconds elapsed) noexcept {
+    return std::chrono::duration<double>(std::max(elapsed, Nanoseconds(1))).count();
+  }
+
+  // Compares the measurements with the memory, and brings the memory up to them.
+  [[nodiscard]] SafetyReport check_measurements(const Observation& observation, double elapsed,
+                                                State& state,
                                                 AppliedAction& applied) const noexcept {
     SafetyReport report;
     for (std::size_t i = 0; i < kJoints; ++i) {
-      applied.reasons[i] =
-          check_measurement(observation.position[i], observation.velocity[i], joint_limits_[i]);
-      if (applied.reasons[i] != 0 && report.fault == SafetyFault::kNone) {
+      const JointLimit& limit = joint_limits_[i];
+      JointMemory& memory = state.joints[i];
+      const JointMeasurement measured{observation.position[i], observation.velocity[i],
+                                      observation.torque[i]};
+      std::uint64_t reasons = check_measurement(measured, limit);
+      double torque = std::abs(memory.applied_torque);
+      if (!has(reasons, Reason::kBadMeasurement)) {
+        reasons |= check_jump(measured.position, memory.position, elapsed, limit);
+        memory.velocity_error = velocity_error_after(memory, measured, elapsed, limit);
+        reasons |= check_velocity(memory.velocity_error, limit);
+        memory = with_stillness(memory, measured, elapsed, limit);
+        reasons |= check_stuck(memory.still_time, limit);
+        memory.position = measured.position;
+        memory.velocity = measured.velocity;
+        torque = std::max(torque, std::abs(measured.torque));
+      }
+      memory.heat = heat_after(memory.heat, torque, elapsed, limit);
+      reasons |= check_heat(memory.heat);
+
+      applied.reasons[i] = reasons;
+      applied.thermal_margin[i] = thermal_margin_of(memory.heat);
+      if (reasons != 0 && report.fault == SafetyFault::kNone) {
         report.joint = static_cast<std::int32_t>(i);
-        report.fault = has(applied.reasons[i], Reason::kHardLimit) ? SafetyFault::kHardLimit
-                                                                   : SafetyFault::kBadMeasurement;
+        report.fault = fault_of(reasons);
       }
     }
     return report;
   }
 
   // Every joint is damped, as far as its velocity is known, and nothing else.
-  void brake(const Observation& observation, AppliedAction& applied) const noexcept {
+  void brake(const Observation& observation, State& state, AppliedAction& applied) const noexcept {
     for (std::size_t i = 0; i < kJoints; ++i) {
-      const double velocity = observation.velocity[i];
-      const bool is_known = std::abs(velocity) <= kPlausible;
-      set_command(
-          applied, i,
-          {.torque = limit_torque(0.0, is_known ? velocity : 0.0, joint_limits_[i]).torque});
+      JointMemory& memory = state.joints[i];
+      const bool is_known = (applied.reasons[i] & kImplausible) == 0;
+      memory.asked_torque = 0.0;
+      memory.applied_torque =
+          limit_torque(0.0, is_known ? observation.velocity[i] : 0.0,
+                       derated_torque(memory.heat, joint_limits_[i]), joint_limits_[i])
+              .torque;
+      set_command(applied, i, {.torque = memory.applied_torque});
       applied.reasons[i] |= bit(Reason::kBraking);
     }
   }
@@ -366,7 +555,7 @@ class SafetyChain {
       if (is_same(after, command_of(accepted, i))) continue;
       // A check is no better than a user: what it leaves behind is data to be checked.
       const CheckedCommand checked =
-          accept_command(after, state.accepted_position[i], joint_limits_[i]);
+          accept_command(after, state.joints[i].accepted_position, joint_limits_[i]);
       applied.reasons[i] |= checked.reasons | bit(Reason::kOwnCheck);
       set_command(accepted, i, checked.command);
     }

@@ -101,6 +101,9 @@ struct JointObservation<N, 0> {
 /// `reasons` of a joint is zero exactly if the joint got what was asked: its torque and the PD of
 /// its position, with the gains given or, where none were, the robot's own. In the step of a fault
 /// every joint has a reason.
+///
+/// `thermal_margin` of a joint is 1 for a cold motor and falls to 0 for one that carries all it can
+/// for ever; from 0.2 on its torque is limited. Multiples of 1/256, rounded down.
 template <std::size_t N>
 struct AppliedJointAction {
   JointVector<N> torque{};  ///< All that the motor gets, PD included [Nm].
@@ -108,13 +111,15 @@ struct AppliedJointAction {
   JointVector<N> position_kp{detail::filled<N>(kNotGiven)};  ///< NaN without a target [Nm/rad].
   JointVector<N> position_kd{detail::filled<N>(kNotGiven)};  ///< NaN without a target [Nms/rad].
   std::array<std::uint64_t, N> reasons{};                    ///< Bits of `Reason`.
+  JointVector<N> thermal_margin{detail::filled<N>(1.0)};     ///< [1]
 
   static constexpr auto fields() {
     return std::tuple{field("torque", &AppliedJointAction::torque, "Nm"),
                       field("position", &AppliedJointAction::position, "rad"),
                       field("position_kp", &AppliedJointAction::position_kp, "Nm/rad"),
                       field("position_kd", &AppliedJointAction::position_kd, "Nms/rad"),
-                      field("reasons", &AppliedJointAction::reasons)};
+                      field("reasons", &AppliedJointAction::reasons),
+                      field("thermal_margin", &AppliedJointAction::thermal_margin)};
   }
 };
 

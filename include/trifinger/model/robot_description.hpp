@@ -40,6 +40,11 @@ enum class Arrangement {
 struct ActuatorParameters {
   /// Largest torque [Nm]: current limit x torque constant x gear. Edu and One 2.0 A, Pro 2.2 A.
   double torque_limit{0.36};
+  /// Torque that the motor carries for ever [Nm]; estimate, 1.8 A. The paper calls 2.0 A
+  /// admissible, without saying for how long.
+  double continuous_torque{0.32};
+  /// Time constant of the motor's warming [s]; estimate for a motor of 53 g.
+  double thermal_time{30.0};
   /// Motor torque per current [Nm/A]; finger drivers. Another robot's driver says 0.025 for this
   /// motor.
   double torque_constant{0.02};
@@ -144,6 +149,7 @@ struct VariantFigures {
   FingerJoints kp;                ///< Default stiffness [Nm/rad].
   FingerJoints kd;                ///< Default damping [Nm s/rad].
   FingerJoints safety_kd;         ///< Damping that the safety layer always adds [Nm s/rad].
+  FingerJoints braking;           ///< With which it stops at its soft limits [rad/s^2].
   ActuatorParameters actuator;
 };
 
