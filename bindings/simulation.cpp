@@ -151,14 +151,20 @@ void PythonSimulation::add_check(nb::object function) {
   }
   std::visit(
       [&]<class R>(const Simulation<R>& simulation) {
-        auto check = std::make_shared<Check>(Check{std::move(function),
-                                                   ElementType(describe<typename R::Observation>()),
-                                                   ElementType(describe<typename R::Action>())});
+        // The last to let go may be a wait of the front-end, which has given the GIL back.
+        const auto let_go = [](Check* check) {
+          const nb::gil_scoped_acquire gil;
+          delete check;
+        };
+        const std::shared_ptr<Check> check(
+            new Check{std::move(function), ElementType(describe<typename R::Observation>()),
+                      ElementType(describe<typename R::Action>())},
+            let_go);
         simulation.robot().safety().add_check(
             [check](const typename R::Observation& y, typename R::Action& action) {
               check->call(y, action);
             });
-        checks_.push_back(std::move(check));
+        checks_.push_back(check);
       },
       simulation_);
 }

@@ -1,5 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import (
+    Callable,
+    Iterable,
+    Iterator,
+    Mapping,
+    Sequence
+)
 import enum
 import os
 import pathlib
@@ -375,13 +381,38 @@ class Reason(enum.IntFlag):
     """the joint is beyond its hard limit"""
 
     BAD_MEASUREMENT = 1024
-    """the measured position or velocity is no plausible number"""
+    """the measured position, velocity or torque is no plausible number"""
 
     OWN_CHECK_FAILED = 2048
     """a check that was added for this robot or task threw an exception"""
 
     BRAKING = 4096
     """the robot brakes because of a fault"""
+
+    TORQUE_RATE_LIMITED = 8192
+    """
+    the torque asked for changed faster than max_torque_rate and follows with delay
+    """
+
+    DERATED = 16384
+    """the motor is warm and the torque was clipped to what it can carry"""
+
+    TOO_FAST = 32768
+    """
+    the joint is faster than max_velocity, or than it may be so near to a soft limit, and is braked
+    """
+
+    OVERHEATED = 65536
+    """the motor is too warm: it has given more torque than it was told"""
+
+    POSITION_JUMPED = 131072
+    """the measured position changed faster than a joint can move"""
+
+    VELOCITY_MISMATCH = 262144
+    """the measured velocity is not that of the measured position"""
+
+    STUCK = 524288
+    """the measurements do not change at all, whatever the torque"""
 
 class Recorder:
     """
@@ -465,10 +496,10 @@ class Simulation:
     def mjcf(self) -> str:
         """The scene in MuJoCo's format."""
 
-def simulate(config: str = 'sim', overrides: dict[str, object] = {}, *, strict: bool = True, record: str | os.PathLike[str] | None = None) -> Frontend:
+def simulate(config: str = 'sim', overrides: dict[str, object] = {}, *, strict: bool = True, record: str | os.PathLike[str] | None = None, checks: Iterable[Callable[[Element, Element], None]] = ()) -> Frontend:
     """
-    Starts a simulated robot in this process and controls it; see Simulation. `record` is the folder for a log.
-    connect() is for one that runs elsewhere.
+    Starts a simulated robot in this process and controls it; see Simulation. `record` is the folder for a log,
+    `checks` are safety checks of your own, see Simulation.add_check(). connect() is for one that runs elsewhere.
     """
 
 def export_mjcf(config: str = 'sim', overrides: dict[str, object] = {}) -> str:

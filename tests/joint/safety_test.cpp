@@ -194,7 +194,7 @@ TEST(TorqueOf, AddsThePdOfTheTarget) {
   EXPECT_DOUBLE_EQ(torque_of({0.2, 0.5, 3.0, 0.1}, 0.4, 2.0), 0.2 + 3.0 * 0.1 - 0.1 * 2.0);
 }
 
-TEST(LimitTorque, BrakesAFastJointHoweverMuchTorqueIsAsked) {
+TEST(LimitTorque, fault_07_BrakesAFastJointHoweverMuchTorqueIsAsked) {
   for (const double huge : {1e9, 1e300, std::numeric_limits<double>::max()}) {
     EXPECT_DOUBLE_EQ(limit_torque(huge, 2.0, kLimit.max_torque, kLimit).torque, 0.36 - 0.09 * 2.0);
     EXPECT_DOUBLE_EQ(limit_torque(-huge, -2.0, kLimit.max_torque, kLimit).torque,
@@ -594,7 +594,7 @@ TEST(SafetyChain, DoesNotReturnToATargetThatWasGivenUp) {
   EXPECT_THAT(applied.torque, Each(0.0));
 }
 
-TEST(SafetyChain, PushesBackAgainstAnyTorqueTargetAndGains) {
+TEST(SafetyChain, fault_11_PushesBackAgainstAnyTorqueTargetAndGains) {
   const Observation beyond{.position = {1.6, 0.0, 0.0}};
   for (const double torque : {0.0, 0.36, 1e300}) {
     for (const double position : {kNotGiven, 1.5, 9.0, 1e300}) {
@@ -607,7 +607,7 @@ TEST(SafetyChain, PushesBackAgainstAnyTorqueTargetAndGains) {
   }
 }
 
-TEST(SafetyChain, BrakesEveryJointWhenOneIsBeyondItsHardLimit) {
+TEST(SafetyChain, fault_12_BrakesEveryJointWhenOneIsBeyondItsHardLimit) {
   const Chain chain(equal_limits());
   SafetyState<3> state;
   Applied applied;

@@ -66,7 +66,7 @@ def test_fault_47_a_warm_motor_shows_in_the_thermal_margin() -> None:
             t = robot.append_desired_action(robot.new_action(torque=[-1.0] * 9))
         margin = robot.get_applied_actions(0, t + 1)["thermal_margin"]
     assert (margin[0] == 1.0).all()
-    assert (margin[-1] < 0.5).all()
+    assert (margin[-1] < 0.6).all()
     assert (margin >= 0.0).all()
     assert (margin * 256 % 1 == 0).all()
 
