@@ -49,7 +49,6 @@ Row safety_chain(const Effort& effort) {
     samples.add(std::chrono::duration<double, std::nano>(Clock::now() - begin).count() /
                 kApplications);
   }
-  constexpr double kReach = 300.0;
   Row row;
   row.measure = "safety chain, nine joints";
   row.value = samples.median();
