@@ -44,7 +44,7 @@ def test_checks_run_in_their_order_and_before_the_robots_own() -> None:
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_a_check_that_raises_ends_the_session_with_a_fault() -> None:
-    def broken(y: trifinger.Element, action: trifinger.Element) -> None:
+    def broken(_: trifinger.Element, __: trifinger.Element) -> None:
         raise ValueError("no")
 
     with (
