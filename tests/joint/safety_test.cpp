@@ -465,6 +465,15 @@ TEST(VelocityError, fault_45_GrowsToTheErrorWithItsTimeConstant) {
   EXPECT_NEAR(velocity_error(still, wrong, 2000), 2.0, 1e-6);
 }
 
+TEST(VelocityError, fault_45_IsNotSeenInStepsTooLongToTell) {
+  JointLimit limit = kLimit;
+  limit.velocity_error_time = 0.1;
+  const JointMemory before{.position = 0.0, .velocity = 2.0};
+  const JointMeasurement still{0.0, 2.0, 0.0};
+  EXPECT_GT(velocity_error_after(before, still, 0.01, limit), 0.0);
+  EXPECT_EQ(velocity_error_after(before, still, 0.011, limit), 0.0);
+}
+
 TEST(VelocityError, fault_45_IsAFaultAboveItsBound) {
   JointLimit limit = kLimit;
   limit.max_velocity_error = 1.0;

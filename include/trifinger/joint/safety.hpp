@@ -284,11 +284,14 @@ inline constexpr double kHeatOfDerating = 0.8;
 
 /// How far the velocity is from the change of position since the last measurement, low-pass
 /// filtered with `velocity_error_time`: the mean of both velocities is compared, so that the error
-/// of steady acceleration is nil.
+/// of steady acceleration is nil. A step longer than a tenth of this time tells nothing: too much
+/// may have happened between its ends.
 [[nodiscard]] inline double velocity_error_after(
     const JointMemory& memory, const JointMeasurement& measured, double elapsed,
     const JointLimit& limit) noexcept TRIFINGER_REALTIME {
-  if (std::isnan(memory.position)) return memory.velocity_error;
+  constexpr double kLongest = 0.1;
+  const bool is_too_long = elapsed > kLongest * limit.velocity_error_time;
+  if (std::isnan(memory.position) || is_too_long) return memory.velocity_error;
   const double error =
       0.5 * (measured.velocity + memory.velocity) - (measured.position - memory.position) / elapsed;
   const double share = elapsed / (limit.velocity_error_time + elapsed);
