@@ -180,8 +180,10 @@ Progress Loop::run(const Tick& now) noexcept {
   if (!is_published_) publish_observation();
   writer_.append(Series::kDesiredAction, desired_.data());
   writer_.append(Series::kAppliedAction, applied_.data());
-  publish_status();
+  writer_.append(Series::kStatus, &status_);
   announce(is_real_time());
+  // Behind the wake: nobody waits for it.
+  record_timing();
 
   ++time_index_;
   is_measured_ = false;
@@ -301,13 +303,10 @@ void Loop::publish_observation() noexcept {
   is_published_ = true;
 }
 
-void Loop::publish_status() noexcept {
-  // First: whoever finds the status finds it counted.
-  if (is_real_time()) {
-    timing_.add(time_index_, status_, options_.period);
-    writer_.write_timing(timing_);
-  }
-  writer_.append(Series::kStatus, &status_);
+void Loop::record_timing() noexcept {
+  if (!is_real_time()) return;
+  timing_.add(time_index_, status_, options_.period);
+  writer_.write_timing(timing_);
 }
 
 void Loop::publish_companions(const Tick& now, TimeIndex time_index) noexcept {
@@ -361,7 +360,8 @@ Progress Loop::end(Fault::Code code, std::int32_t detail) noexcept {
     status_.flags |= Status::kEnd;
     status_.fault_code = static_cast<std::int32_t>(code);
     status_.fault_detail = detail;
-    publish_status();
+    writer_.append(Series::kStatus, &status_);
+    record_timing();
   }
   const std::string_view text =
       code == Fault::Code::kDriver ? driver_.fault_text(detail) : std::string_view();

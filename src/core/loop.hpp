@@ -69,7 +69,7 @@ class Loop {
   void note_lateness(const Tick& now) noexcept;
   void set_phase(layout::Phase phase) noexcept;
   void publish_observation() noexcept;
-  void publish_status() noexcept;
+  void record_timing() noexcept;
   void publish_companions(const Tick& now, TimeIndex time_index) noexcept;
   void announce(bool always) noexcept;
   Progress end(Fault::Code code, std::int32_t detail) noexcept;

@@ -4,6 +4,7 @@
 
 #include <chrono>
 #include <concepts>
+#include <cstdint>
 #include <string>
 
 #include "core/drivers_of_tests.hpp"
@@ -94,12 +95,13 @@ TYPED_TEST(LateSteps, BeginWhereTheOptionsSay) {
   }
 }
 
-// What a driver's call does to the clock: the fourth measurement takes longer than a period.
+// What a driver's call does to the clock: the fourth measurement takes some time.
 ManualClock* slow_drivers_clock = nullptr;
+Nanoseconds slow_measurement{0};
 int measurements = 0;
 void measure_slowly() {
   if (slow_drivers_clock != nullptr && ++measurements == 4) {
-    slow_drivers_clock->advance(kPeriod * 17 / 10);
+    slow_drivers_clock->advance(slow_measurement);
   }
 }
 
@@ -111,6 +113,7 @@ TEST(LateStep, BehindATickThatTheDriverTookUpIsTheDrivers) {
   rig.tick();
   append_ahead<Traits>(robot, 0, 19);
   measurements = 0;
+  slow_measurement = kPeriod * 17 / 10;
   slow_drivers_clock = &rig.clock();
   rig.tick(4);
   catch_up(rig, kPeriod * 7 / 10);
@@ -124,6 +127,23 @@ TEST(LateStep, BehindATickThatTheDriverTookUpIsTheDrivers) {
   ASSERT_TRUE(timing.has_value());
   EXPECT_EQ(timing->late_steps(LateCause::kDriver), 1U);
   EXPECT_EQ(timing->worst().front().lateness, kPeriod * 7 / 10);
+}
+
+TEST(LateStep, BehindATickThatTheDriverLeftInTimeIsNotTheDrivers) {
+  Plan plan = with_deadlines();
+  plan.injection.on_observation = measure_slowly;
+  InProcess::Rig<Traits> rig(plan);
+  auto robot = rig.connect();
+  rig.tick();
+  append_ahead<Traits>(robot, 0, 19);
+  measurements = 0;
+  slow_measurement = kPeriod * 3 / 10;
+  slow_drivers_clock = &rig.clock();
+  rig.tick(4);
+  slow_drivers_clock = nullptr;
+  catch_up(rig, kPeriod * 3 / 10 - kPeriod * 6 / 10);
+  EXPECT_TRUE(has_flag(robot, 4, Status::kSchedulerLate));
+  EXPECT_FALSE(has_flag(robot, 4, Status::kDriverLate));
 }
 
 TYPED_TEST(LateSteps, WithoutAnActionAreTheUsers) {
@@ -206,6 +226,27 @@ TEST(LateStep, DoesNotExistOutsideRealTimeMode) {
   run_steps<Traits>(robot, 0, 9);
   EXPECT_FALSE(robot.timing().has_value());
   EXPECT_FALSE(robot.companion("sensor").session().timing().has_value());
+}
+
+TEST(LateStep, IsCountedInARecordThatIsWholeWhileTheBackendWrites) {
+  InProcess::Rig<Traits> rig(with_deadlines(1'000'000'000));
+  auto robot = rig.connect();
+  robot.append_desired_action({});
+  rig.clock().run_free();
+  std::uint64_t steps = 0;
+  while (steps < 20'000) {
+    const auto timing = robot.timing();
+    if (!timing) continue;
+    ASSERT_GE(timing->steps(), steps);
+    steps = timing->steps();
+    ASSERT_EQ(timing->lateness().count(), steps);
+    ASSERT_EQ(timing->late_steps() + timing->late_steps(LateCause::kNone), steps);
+    // All steps but the first are repeats, each later than the one before.
+    ASSERT_EQ(timing->late_steps(LateCause::kUser), steps - 1);
+    if (steps > 1) {
+      ASSERT_EQ(timing->worst().front().time_index, static_cast<TimeIndex>(steps) - 1);
+    }
+  }
 }
 
 // --- What else ends a session because of time ---

@@ -263,7 +263,7 @@ TEST(StoppedBackend, fault_56_IsSilentForThoseWhoLookAndAFaultWhenItGoesOn) {
   next.wait_until_time_index(5);
 }
 
-// Stays in its fifth action until it may go on.
+// Stays in its fifth action until it may go on. The watchdog looks before and behind that.
 class SlowDriver final : public Driver<FakeRobot> {
  public:
   struct Shared {
@@ -284,8 +284,10 @@ class SlowDriver final : public Driver<FakeRobot> {
   [[nodiscard]] DriverReport apply_action(const FakeAction& desired,
                                           FakeAction& applied) noexcept override {
     if (++actions_ == 5) {
+      stay();
       shared_.is_in_call = true;
       while (!shared_.may_go_on) std::this_thread::yield();
+      stay();
     }
     applied = desired;
     return DriverReport::ready();
@@ -293,6 +295,11 @@ class SlowDriver final : public Driver<FakeRobot> {
   void hold(const FakeObservation&, FakeAction& action) noexcept override { action = {}; }
 
  private:
+  static void stay() noexcept {
+    const Deadline end(std::chrono::milliseconds(100));
+    while (!end.passed()) std::this_thread::yield();
+  }
+
   Shared& shared_;
   int actions_{0};
 };
