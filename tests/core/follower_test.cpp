@@ -22,6 +22,7 @@
 #include "core/timing_contract.hpp"
 #include "core/transports.hpp"
 #include "trifinger/core/backend.hpp"
+#include "trifinger/core/errors.hpp"
 #include "trifinger/core/fake_robot.hpp"
 #include "trifinger/core/frontend.hpp"
 
@@ -320,6 +321,8 @@ TEST(Followers, AreNeverWaitedForInRealTimeMode) {
     clock.tick(test::kPeriod, 4 * kHistory);
     robot.wait_until_time_index(4 * kHistory - 1);
     clock.run_free();
+    // An end that no session follows: to let go sooner would make another one.
+    EXPECT_THROW(static_cast<void>(robot.get_status(4 * kHistory + 1)), RobotStopped);
   }
   EXPECT_EQ(follower.sessions.size(), 1U);
   EXPECT_EQ(follower.asked, 0);
