@@ -116,7 +116,7 @@ bool is_fit(const Action& action, const JointLimits<9>& limits, std::size_t i) {
          is_gain(action.position_kd[i], limits.max_kd[i]);
 }
 
-TEST(SafetyProperty, HoldsForAMillionRandomActions) {
+TEST(SafetyProperty, fault_06_HoldsForAMillionRandomActions) {
   const JointLimits<9> limits = test::some_limits<9>();
   const Chain chain(limits);
   SafetyState<9> state;
@@ -296,7 +296,35 @@ TEST(SafetyProperty, HoldsWithEveryLimitOn) {
   }
 }
 
-TEST(SafetyProperty, NoRequestCancelsTheBrake) {
+TEST(SafetyProperty, fault_10_TheSmallestNumbersActAsZero) {
+  using Numbers = std::numeric_limits<double>;
+  const Chain chain(test::some_limits<9>());
+  const Observation observation{.velocity = detail::filled<9>(5.0)};
+  Chance chance(10);
+  for (int step = 0; step < 10'000; ++step) {
+    for (const auto field :
+         {&Action::torque, &Action::position, &Action::position_kp, &Action::position_kd}) {
+      Action zero = chance.action();
+      zero.*field = {};
+      SafetyState<9> state_of_zero;
+      Applied expected;
+      (void)chain.apply(zero, observation, kPeriod, state_of_zero, expected);
+      for (const double tiny : {Numbers::denorm_min(), Numbers::min(), -0.0}) {
+        Action action = zero;
+        action.*field = detail::filled<9>(tiny);
+        SafetyState<9> state;
+        Applied applied;
+        (void)chain.apply(action, observation, kPeriod, state, applied);
+        for (std::size_t i = 0; i < 9; ++i) {
+          ASSERT_NEAR(applied.torque[i], expected.torque[i], 1e-300) << tiny;
+          ASSERT_EQ(applied.reasons[i], expected.reasons[i]) << tiny;
+        }
+      }
+    }
+  }
+}
+
+TEST(SafetyProperty, fault_07_NoRequestCancelsTheBrake) {
   const JointLimits<9> limits = test::some_limits<9>();
   const Chain chain(limits);
   Chance chance(7);

@@ -110,7 +110,7 @@ TEST(AcceptCommand, IgnoresGainsWithoutAPosition) {
   }
 }
 
-TEST(AcceptCommand, NamesTheFieldThatIsNotFit) {
+TEST(AcceptCommand, fault_06_NamesTheFieldThatIsNotFit) {
   const auto reasons_of = [](const JointCommand& command) {
     return accept_command(command, kNotGiven, kLimit).reasons;
   };
@@ -129,7 +129,7 @@ TEST(AcceptCommand, AcceptsGainsAtTheirBounds) {
   EXPECT_EQ(accept_command({0.0, 0.5, 0.0, 0.0}, kNotGiven, kLimit).reasons, 0U);
 }
 
-TEST(AcceptCommand, HoldsTheLastAcceptedTargetInsteadOfABadCommand) {
+TEST(AcceptCommand, fault_06_HoldsTheLastAcceptedTargetInsteadOfABadCommand) {
   const auto [command, reasons] = accept_command({kNotGiven, 0.5, 3.0, 0.1}, 0.2, kLimit);
   EXPECT_EQ(reasons, bit(Reason::kTorqueNotFinite));
   EXPECT_EQ(command.torque, 0.0);
@@ -565,7 +565,7 @@ TEST(SafetyChain, KeepsEachJointsLimitsApart) {
   EXPECT_EQ(applied.torque, limits.max_torque);
 }
 
-TEST(SafetyChain, LetsOneBadJointHoldAndTheOthersMove) {
+TEST(SafetyChain, fault_06_LetsOneBadJointHoldAndTheOthersMove) {
   const Chain chain(equal_limits());
   SafetyState<3> state;
   Applied applied;
