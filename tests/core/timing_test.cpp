@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <deque>
 #include <random>
+#include <utility>
 #include <vector>
 
 #include "trifinger/core/fault.hpp"
@@ -153,7 +154,7 @@ TEST(TimingRecord, RatesTheNewestThousandSteps) {
   std::deque<bool> newest;
   for (TimeIndex t = 0; t < 4000; ++t) {
     // Worse and worse, then well again.
-    const bool is_late = t < 2500 && static_cast<TimeIndex>(random() % 2500) < t;
+    const bool is_late = t < 2500 && std::cmp_less(random() % 2500, t);
     record.add(t, is_late ? repeated(1) : in_time(), kPeriod);
     newest.push_back(is_late);
     if (newest.size() > TimingRecord::kRecentSteps) newest.pop_front();

@@ -16,10 +16,10 @@ std::atomic<std::int64_t> suspended{0};   // [s]
 }  // namespace
 
 // In the place of the C library's.
-extern "C" int clock_gettime(clockid_t clock, timespec* time) noexcept {
-  if (::syscall(SYS_clock_gettime, clock, time) != 0) return -1;
-  if (clock == CLOCK_REALTIME) time->tv_sec += wall_ahead.load();
-  if (clock == CLOCK_BOOTTIME) time->tv_sec += suspended.load();
+extern "C" int clock_gettime(clockid_t clock_id, timespec* tp) noexcept {
+  if (::syscall(SYS_clock_gettime, clock_id, tp) != 0) return -1;
+  if (clock_id == CLOCK_REALTIME) tp->tv_sec += wall_ahead.load();
+  if (clock_id == CLOCK_BOOTTIME) tp->tv_sec += suspended.load();
   return 0;
 }
 
