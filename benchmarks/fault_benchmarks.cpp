@@ -26,6 +26,9 @@ namespace {
 
 constexpr Nanoseconds kPeriod = std::chrono::milliseconds(1);
 constexpr Nanoseconds kSearch = std::chrono::seconds(20);  // a wait of a process that starts
+// Names of robots.
+constexpr const char* kDetection = "benchmark-detection";
+constexpr const char* kKills = "benchmark-kills";
 // Whoever stands still for so long hangs.
 constexpr Nanoseconds kHang = std::chrono::seconds(20);
 
@@ -147,7 +150,7 @@ Instant deadline_of(const Status& status) { return time_of(status) - Nanoseconds
 // The robot goes on with what the controller had appended, so the first tick that can notice the
 // death is that of the first missing action.
 Row dead_user_row(int kills) {
-  const std::string name = "benchmark-detection";
+  const std::string name = kDetection;
   const Child backend([&] { run_backend(name, at_one_kilohertz(0)); });
   Random random;
   Samples from_last_action;  // [periods]
@@ -176,7 +179,7 @@ Row dead_user_row(int kills) {
 
 // The same where missing actions may be repeated: a watchdog finds the lock of the controller free.
 Row dead_user_with_repeats_row(int kills) {
-  const std::string name = "benchmark-detection";
+  const std::string name = kDetection;
   const Child backend([&] { run_backend(name, at_one_kilohertz(1'000'000)); });
   Random random;
   Samples samples;  // [ms]
@@ -191,7 +194,7 @@ Row dead_user_with_repeats_row(int kills) {
 }
 
 Row dead_backend_row(int kills) {
-  const std::string name = "benchmark-detection";
+  const std::string name = kDetection;
   Random random;
   Samples samples;  // [ms]
   for (int i = 0; i < kills; ++i) {
@@ -407,7 +410,7 @@ class FourProcesses {
     }
   }
 
-  std::string name_{"benchmark-kills"};
+  std::string name_{kKills};
   Folder logs_;
   Shared<Work> work_;
   Random random_;
@@ -452,10 +455,18 @@ std::vector<Row> kill_rows(int kills) {
 }  // namespace
 
 std::vector<Row> fault_rows(const Effort& effort) {
+  // Whoever takes a name removes what the dead have left under it, be it of another version.
+  const auto clean = [] {
+    for (const char* const name : {kDetection, kKills}) {
+      const SessionHost host = SessionHost::named(name);
+    }
+  };
+  clean();
   const int deaths = std::max(4, effort.kills / 5);
   std::vector<Row> rows{dead_user_row(deaths), dead_user_with_repeats_row(deaths),
                         dead_backend_row(deaths)};
   for (Row& row : kill_rows(effort.kills)) rows.push_back(std::move(row));
+  clean();
   return rows;
 }
 
