@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/core.h>
 #include <sys/statvfs.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cstdint>
 #include <cstdlib>
 #include <filesystem>
@@ -68,6 +70,23 @@ class Machine {
   std::filesystem::path root_;
 };
 
+// The numbers in a list of the kernel, as in "0-2,5".
+std::set<int> parse_list(const std::string& list) {
+  std::set<int> numbers;
+  std::istringstream ranges(list);
+  for (std::string range; std::getline(ranges, range, ',');) {
+    std::istringstream ends(range);
+    int first = 0;
+    if (!(ends >> first)) continue;
+    int last = first;
+    if (char dash = 0; ends >> dash) ends >> last;
+    for (int number = first; number <= last; ++number) numbers.insert(number);
+  }
+  return numbers;
+}
+
+constexpr const char* kIsolated = "sys/devices/system/cpu/isolated";
+
 // Capabilities stand above limits. The bits are those of linux/capability.h.
 constexpr unsigned kIpcLock = 14;
 constexpr unsigned kSysNice = 23;
@@ -106,10 +125,11 @@ Finding check_priority(const Machine& machine) {
   }
   const std::string limit = soft_limit(machine, "Max realtime priority");
   const bool is_enough = limit == "unlimited" || std::strtol(limit.c_str(), nullptr, 10) >= 80;
-  return {
-      "real-time priority", is_enough ? Verdict::kGood : Verdict::kLacks,
-      "limit " + limit + ", 80 is wanted",
-      is_enough ? "" : "add '@users - rtprio 99' to /etc/security/limits.conf and log in again"};
+  return {"real-time priority", is_enough ? Verdict::kGood : Verdict::kLacks,
+          "limit " + limit + ", 80 is wanted",
+          is_enough ? ""
+                    : "add '@realtime - rtprio 99' to /etc/security/limits.conf, yourself to the "
+                      "group, and log in again"};
 }
 
 Finding check_locked_memory(const Machine& machine) {
@@ -120,9 +140,9 @@ Finding check_locked_memory(const Machine& machine) {
   const bool is_enough = limit == "unlimited";
   return {"locked memory", is_enough ? Verdict::kGood : Verdict::kLacks,
           is_enough ? "unlimited" : "limit " + limit + " bytes, unlimited is wanted",
-          is_enough
-              ? ""
-              : "add '@users - memlock unlimited' to /etc/security/limits.conf and log in again"};
+          is_enough ? ""
+                    : "add '@realtime - memlock unlimited' to /etc/security/limits.conf, yourself "
+                      "to the group, and log in again"};
 }
 
 Finding check_governor(const Machine& machine) {
@@ -146,11 +166,85 @@ Finding check_governor(const Machine& machine) {
 }
 
 Finding check_isolated_processors(const Machine& machine) {
-  const std::string isolated = machine.read("sys/devices/system/cpu/isolated").value_or("");
+  const std::string isolated = machine.read(kIsolated).value_or("");
   if (!isolated.empty()) return {"isolated processors", Verdict::kGood, isolated, ""};
   return {"isolated processors", Verdict::kNote, "none",
-          "boot with isolcpus=N nohz_full=N and run with --cpu N: other programs then leave the "
-          "loop alone"};
+          "boot with isolcpus=N nohz_full=N rcu_nocbs=N and run with --cpu N: other programs then "
+          "leave the loop alone"};
+}
+
+bool has_process(const Machine& machine, const std::string& name) {
+  std::error_code ignored;
+  for (const auto& entry : std::filesystem::directory_iterator(machine.path("proc"), ignored)) {
+    const std::string process = entry.path().filename().string();
+    const bool is_number = std::ranges::all_of(
+        process, [](char digit) { return std::isdigit(static_cast<unsigned char>(digit)) != 0; });
+    if (is_number && machine.read("proc/" + process + "/comm") == name) return true;
+  }
+  return false;
+}
+
+Finding check_interrupts(const Machine& machine) {
+  const std::string isolated = machine.read(kIsolated).value_or("");
+  const std::set<int> quiet = parse_list(isolated);
+  if (quiet.empty()) {
+    return {"interrupts", Verdict::kGood, "anywhere: no processor is isolated", ""};
+  }
+  std::size_t total = 0;
+  std::size_t disturbing = 0;
+  std::error_code ignored;
+  for (const auto& entry : std::filesystem::directory_iterator(machine.path("proc/irq"), ignored)) {
+    const std::string interrupt = "proc/irq/" + entry.path().filename().string();
+    const auto allowed = machine.read(interrupt + "/smp_affinity_list");
+    if (!allowed) continue;
+    ++total;
+    const std::set<int> cpus = parse_list(*allowed);
+    disturbing += std::ranges::any_of(cpus, [&](int cpu) { return quiet.contains(cpu); }) ? 1U : 0U;
+  }
+  if (disturbing > 0) {
+    return {"interrupts", Verdict::kNote,
+            fmt::format("{} of {} are allowed on the isolated processor {}", disturbing, total,
+                        isolated),
+            "boot with irqaffinity=M, M being the other processors, or write M to "
+            "/proc/irq/*/smp_affinity_list"};
+  }
+  if (has_process(machine, "irqbalance")) {
+    return {"interrupts", Verdict::kNote, "irqbalance moves them about",
+            "systemctl disable --now irqbalance, or set IRQBALANCE_BANNED_CPULIST=" + isolated +
+                " in /etc/default/irqbalance"};
+  }
+  return {"interrupts", Verdict::kGood, "none on the isolated processor " + isolated, ""};
+}
+
+Finding check_throttling(const Machine& machine) {
+  const std::string runtime =
+      machine.read("proc/sys/kernel/sched_rt_runtime_us").value_or("unknown");
+  if (runtime == "-1") return {"real-time throttling", Verdict::kGood, "off", ""};
+  constexpr const char* kRemedy = "sysctl kernel.sched_rt_runtime_us=-1";
+  const double period =
+      std::strtod(machine.read("proc/sys/kernel/sched_rt_period_us").value_or("").c_str(), nullptr);
+  const double share = period > 0.0 ? 100.0 * std::strtod(runtime.c_str(), nullptr) / period : 0.0;
+  // The kernel's own default. Whether it ever strikes depends on the other real-time programs.
+  constexpr double kUsual = 95.0;
+  return {"real-time throttling", share >= kUsual ? Verdict::kNote : Verdict::kLacks,
+          fmt::format("at {:.0f} % of a processor all real-time threads on it are stopped", share),
+          kRemedy};
+}
+
+Finding check_sleep(const Machine& machine) {
+  constexpr const char* kFile = "dev/cpu_dma_latency";
+  const std::filesystem::path file = machine.path(kFile);
+  if (::access(file.c_str(), W_OK) == 0) {
+    return {"processor sleep", Verdict::kGood, "can be kept light while a robot runs", ""};
+  }
+  if (::access(file.c_str(), F_OK) != 0) {
+    return {"processor sleep", Verdict::kNote, "cannot be kept light: no /dev/cpu_dma_latency",
+            "in a container: --device /dev/cpu_dma_latency; otherwise boot with "
+            "processor.max_cstate=1 intel_idle.max_cstate=0"};
+  }
+  return {"processor sleep", Verdict::kNote, "may be deep: no access to /dev/cpu_dma_latency",
+          "add the udev rule KERNEL==\"cpu_dma_latency\", GROUP=\"realtime\", MODE=\"0660\" in "
+          "/etc/udev/rules.d/99-realtime.rules and restart"};
 }
 
 Finding check_clock(const Machine& machine) {
@@ -209,15 +303,11 @@ Finding check_steal(const Machine& machine) {
 
 int doctor(const Options& options) {
   const Machine machine(options.root);
-  const std::vector<Finding> findings{check_kernel(machine),
-                                      check_priority(machine),
-                                      check_locked_memory(machine),
-                                      check_governor(machine),
-                                      check_isolated_processors(machine),
-                                      check_clock(machine),
-                                      check_steal(machine),
-                                      check_shared_memory(machine),
-                                      check_protected_files(machine)};
+  const std::vector<Finding> findings{
+      check_kernel(machine),     check_priority(machine),      check_locked_memory(machine),
+      check_governor(machine),   check_sleep(machine),         check_isolated_processors(machine),
+      check_interrupts(machine), check_throttling(machine),    check_clock(machine),
+      check_steal(machine),      check_shared_memory(machine), check_protected_files(machine)};
 
   const Terminal terminal;
   const std::size_t width = terminal.is_live() ? terminal.width() : std::string::npos;

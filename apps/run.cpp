@@ -54,8 +54,9 @@ struct Options {
       {{"require", Demand::kRequire}, {"try", Demand::kTry}, {"off", Demand::kOff}}};
   double fault_log{10.0};  // [s]
   std::optional<std::filesystem::path> record;
-  int priority{80};
-  std::optional<int> cpu;
+  RealtimeOptions realtime;
+  bool no_memory_lock{false};
+  bool let_cpus_sleep{false};
 };
 
 // The back-end in a thread of its own. When it returns, for whatever reason, it notifies `Signals`.
@@ -289,8 +290,10 @@ int run(const Options& options) {
   const std::string name = options.name.value_or(robot.name);
   if (options.real_time) robot.backend.mode = BackendOptions::Mode::kRealTime;
   if (options.non_real_time) robot.backend.mode = BackendOptions::Mode::kNonRealTime;
-  RealtimeOptions realtime{
-      .demand = options.scheduling.value(), .priority = options.priority, .cpu = options.cpu};
+  RealtimeOptions realtime = options.realtime;
+  realtime.demand = options.scheduling.value();
+  realtime.lock_memory = !options.no_memory_lock;
+  realtime.keep_cpus_awake = !options.let_cpus_sleep;
   if (robot.backend.mode == BackendOptions::Mode::kNonRealTime) realtime.demand = Demand::kOff;
 
   SessionHost host = SessionHost::named(name, robot.session);
@@ -391,17 +394,25 @@ void add_run(CLI::App& program, Action& action) {
       ->add_option("--record", options->record,
                    "Record everything into this folder, as 'trifinger record' does")
       ->option_text("DIR");
-  options->scheduling.add_to(*command, "Real-time scheduling; default: try, and go on without");
+  options->scheduling.add_to(*command,
+                             "Real-time priority, locked memory, processors that stay awake; "
+                             "default: try, and go on without");
   command
-      ->add_option("--priority", options->priority,
+      ->add_option("--priority", options->realtime.priority,
                    "SCHED_FIFO priority of the loop, 1 to 99; default: 80")
       ->check(CLI::Range(1, 99))
       ->option_text("N");
-  command->add_option("--cpu", options->cpu, "Processor on which the loop stays; default: any")
+  command
+      ->add_option("--cpu", options->realtime.cpu,
+                   "Processor on which the loop stays; default: any")
       ->check(CLI::Range(0, CPU_SETSIZE - 1))
       ->option_text("N");
+  command->add_flag("--no-memory-lock", options->no_memory_lock,
+                    "Let the kernel move memory out when it is scarce");
+  command->add_flag("--let-cpus-sleep", options->let_cpus_sleep,
+                    "Save power: processors may enter states that they wake from slowly");
   command->footer(
-      "Ctrl-C, SIGTERM and SIGHUP bring the robot to rest; a second Ctrl-C kills.\n"
+      "Ctrl-C, SIGTERM and SIGHUP bring the robot to rest, exit code 0; a second one kills.\n"
       "A fault leaves a log of the last seconds in $TRIFINGER_LOG_DIR, default\n"
       "~/.local/state/trifinger; a simulation that diverges leaves the state before, too.\n"
       "Example:\n"

@@ -1,12 +1,20 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "trifinger/realtime/thread.hpp"
 
+#include <fcntl.h>
+#include <linux/capability.h>
+#include <malloc.h>
 #include <pthread.h>
 #include <sched.h>
 #include <sys/mman.h>
+#include <sys/resource.h>
+#include <sys/syscall.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
+#include <cstdlib>
 #include <cstring>
 #include <system_error>
 
@@ -15,7 +23,66 @@
 namespace trifinger {
 namespace {
 
-std::string because(int error) { return ": " + std::generic_category().message(error); }
+// Why a setting was refused, and the remedy; nothing if it was granted.
+using Refusal = std::optional<std::string>;
+
+std::string message_of(int error) { return std::generic_category().message(error); }
+
+Refusal set_priority(int priority) {
+  const sched_param parameters{.sched_priority = priority};
+  const int error = pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameters);
+  if (error == 0) return std::nullopt;
+  return "no real-time priority " + std::to_string(priority) + ": " + message_of(error) +
+         "; allow it with 'rtprio 99' in /etc/security/limits.conf";
+}
+
+// As in "0 to 3, 6".
+std::string allowed_processors() {
+  cpu_set_t allowed;
+  CPU_ZERO(&allowed);
+  ::sched_getaffinity(0, sizeof(allowed), &allowed);
+  std::string text;
+  for (std::size_t cpu = 0; cpu < CPU_SETSIZE; ++cpu) {
+    if (!CPU_ISSET(cpu, &allowed)) continue;
+    const std::size_t first = cpu;
+    while (cpu + 1 < CPU_SETSIZE && CPU_ISSET(cpu + 1, &allowed)) ++cpu;
+    text += (text.empty() ? "" : ", ") + std::to_string(first);
+    if (cpu > first) text += " to " + std::to_string(cpu);
+  }
+  return text;
+}
+
+Refusal stay_on(int cpu) {
+  cpu_set_t set;
+  CPU_ZERO(&set);
+  CPU_SET(static_cast<std::size_t>(cpu), &set);
+  const int error = pthread_setaffinity_np(pthread_self(), sizeof(set), &set);
+  if (error == 0) return std::nullopt;
+  return "cannot stay on processor " + std::to_string(cpu) + ": " + message_of(error) +
+         "; this process may use " + allowed_processors();
+}
+
+bool has_capability(unsigned capability) {
+  __user_cap_header_struct header{.version = _LINUX_CAPABILITY_VERSION_3, .pid = 0};
+  std::array<__user_cap_data_struct, _LINUX_CAPABILITY_U32S_3> data{};
+  return ::syscall(SYS_capget, &header, data.data()) == 0 &&
+         (data[CAP_TO_INDEX(capability)].effective & CAP_TO_MASK(capability)) != 0;
+}
+
+Refusal lock_memory() {
+  constexpr const char* kRemedy =
+      "; allow it with 'memlock unlimited' in /etc/security/limits.conf";
+  rlimit limit{};
+  ::getrlimit(RLIMIT_MEMLOCK, &limit);
+  // What fits below a limit today may not fit tomorrow: then threads and sessions could no longer
+  // be made, in the middle of everything.
+  if (limit.rlim_cur != RLIM_INFINITY && !has_capability(CAP_IPC_LOCK)) {
+    return "memory is not locked: the limit is " + std::to_string(limit.rlim_cur >> 10U) + " KiB" +
+           kRemedy;
+  }
+  if (::mlockall(MCL_CURRENT | MCL_FUTURE) == 0) return std::nullopt;
+  return "memory is not locked: " + message_of(errno) + kRemedy;
+}
 
 // Touches the part of the stack that the loop may use, so that it is there before the first
 // deadline.
@@ -27,31 +94,63 @@ std::string because(int error) { return ": " + std::generic_category().message(e
   asm volatile("" : : "r"(stack) : "memory");
 }
 
+// The loop takes no memory, but between two sessions its thread does. It gets pages that were
+// touched before: large blocks come from the heap like small ones, and the heap never shrinks.
+void fill_heap(std::size_t size) {
+  ::mallopt(M_TRIM_THRESHOLD, -1);
+  ::mallopt(M_MMAP_MAX, 0);
+  void* const block = std::malloc(size);
+  if (block == nullptr) return;
+  std::memset(block, 1, size);
+  asm volatile("" : : "r"(block) : "memory");
+  std::free(block);
+}
+
+// The kernel keeps every processor as awake as the file's text asks while the file is open.
+class AwakeCpus {
+ public:
+  AwakeCpus() = default;
+  AwakeCpus(const AwakeCpus&) = delete;
+  AwakeCpus& operator=(const AwakeCpus&) = delete;
+  ~AwakeCpus() {
+    if (file_ >= 0) ::close(file_);
+  }
+
+  Refusal keep() {
+    if (file_ >= 0) return std::nullopt;
+    constexpr const char* kFile = "/dev/cpu_dma_latency";
+    constexpr std::int32_t kLatency = 0;  // [us] that a processor may take to wake up
+    const int file = ::open(kFile, O_WRONLY | O_CLOEXEC);
+    if (file >= 0 && ::write(file, &kLatency, sizeof(kLatency)) == sizeof(kLatency)) {
+      file_ = file;
+      return std::nullopt;
+    }
+    const int error = errno;
+    if (file >= 0) ::close(file);
+    return std::string("processors may fall asleep: ") + kFile + ": " + message_of(error) +
+           "; allow it with the udev rule KERNEL==\"cpu_dma_latency\", GROUP=\"realtime\", "
+           "MODE=\"0660\"";
+  }
+
+ private:
+  int file_{-1};
+};
+
+thread_local AwakeCpus awake_cpus;
+
 }  // namespace
 
 std::vector<std::string> enter_realtime(const RealtimeOptions& options) {
   std::vector<std::string> refused;
   if (options.demand == Demand::kOff) return refused;
-
-  const sched_param parameters{.sched_priority = options.priority};
-  if (const int error = pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameters);
-      error != 0) {
-    refused.push_back("no real-time priority " + std::to_string(options.priority) + because(error) +
-                      "; allow it with 'rtprio 99' in /etc/security/limits.conf");
-  }
-  if (options.cpu) {
-    cpu_set_t set;
-    CPU_ZERO(&set);
-    CPU_SET(static_cast<std::size_t>(*options.cpu), &set);
-    if (const int error = pthread_setaffinity_np(pthread_self(), sizeof(set), &set); error != 0) {
-      refused.push_back("cannot stay on processor " + std::to_string(*options.cpu) +
-                        because(error));
-    }
-  }
-  if (options.lock_memory && ::mlockall(MCL_CURRENT | MCL_FUTURE) != 0) {
-    refused.push_back("memory is not locked" + because(errno) +
-                      "; allow it with 'memlock unlimited' in /etc/security/limits.conf");
-  }
+  const auto note = [&refused](Refusal refusal) {
+    if (refusal) refused.push_back(*std::move(refusal));
+  };
+  note(set_priority(options.priority));
+  if (options.cpu) note(stay_on(*options.cpu));
+  if (options.lock_memory) note(lock_memory());
+  if (options.keep_cpus_awake) note(awake_cpus.keep());
+  if (options.heap > 0) fill_heap(options.heap);
   touch_stack();
 
   if (options.demand == Demand::kRequire && !refused.empty()) {

@@ -168,6 +168,54 @@ BackendOptions read_backend(const Node& section, SessionOptions& session) {
   return options;
 }
 
+// Angles within the soft limits: three for every finger, or one for each joint.
+template <std::size_t N>
+JointVector<N> read_pose(const Node& section, std::string_view key, const JointLimits<N>& limits) {
+  const Node position = section.at(key, "rad");
+  const auto angles = position.as<std::vector<double>>({.unit = "rad"});
+  if (angles.empty() || N % angles.size() != 0) {
+    position.fail("has " + std::to_string(angles.size()) + " angles, must have " +
+                  std::to_string(kJointsPerFinger) + " or " + std::to_string(N));
+  }
+  JointVector<N> pose{};
+  for (std::size_t i = 0; i < N; ++i) {
+    pose[i] = angles[i % angles.size()];
+    if (pose[i] < limits.soft_lower[i] || pose[i] > limits.soft_upper[i]) {
+      position.fail("has " + text_of(pose[i]) + " rad for joint " + std::to_string(i) +
+                    ", must be within its soft limits, " + text_of(limits.soft_lower[i]) + " to " +
+                    text_of(limits.soft_upper[i]) + " rad");
+    }
+  }
+  return pose;
+}
+
+Nanoseconds read_time(const Node& node, const Range& range) {
+  return std::chrono::round<Nanoseconds>(std::chrono::duration<double>(node.as<double>(range)));
+}
+
+template <std::size_t N>
+OrderlyStopOptions<N> read_stop(const Node& root, const JointLimits<N>& limits) {
+  OrderlyStopOptions<N> options;
+  const auto section = root.optional_section("stop");
+  if (!section) return options;
+  // Together below the back-end's limit for the whole stop.
+  options.damping_time =
+      read_time(section->at("damping_time", "s"), {.unit = "s", .min = 0, .max = 2});
+  // Read in either case: a pose that is taken out again must not demand more changes.
+  const auto move_time = section->find("move_time");
+  const Range range{.unit = "s", .min = 0, .max = 7, .above_min = true};
+  if (move_time) options.move_time = read_time(*move_time, range);
+  if (!section->find("rest_position")) return options;
+  options.rest_position = read_pose(*section, "rest_position", limits);
+  const Node required = section->at("move_time", "s");
+  if (const Nanoseconds shortest = options.shortest_move_time(limits);
+      options.move_time < shortest) {
+    required.fail("is " + text_of(in_seconds(options.move_time)) + " s, must be at least " +
+                  text_of(in_seconds(shortest)) + " s, or the joints cannot follow");
+  }
+  return options;
+}
+
 template <class R>
 SimulationOptions<R> read_simulation(const Node& root, RobotDescription description,
                                      Nanoseconds period) {
@@ -176,22 +224,9 @@ SimulationOptions<R> read_simulation(const Node& root, RobotDescription descript
   options.limits = read_joint_limits<R::kJoints>(root.section("safety"));
   options.period = period;
 
-  const Node position = root.section("fingers").at("initial_position", "rad");
-  const auto angles = position.as<std::vector<double>>({.unit = "rad"});
-  if (angles.empty() || R::kJoints % angles.size() != 0) {
-    position.fail("has " + std::to_string(angles.size()) + " angles, must have " +
-                  std::to_string(kJointsPerFinger) + " or " + std::to_string(R::kJoints));
-  }
-  options.initial_position.emplace();
-  for (std::size_t i = 0; i < R::kJoints; ++i) {
-    const double angle = angles[i % angles.size()];
-    if (angle < options.limits->soft_lower[i] || angle > options.limits->soft_upper[i]) {
-      position.fail("has " + text_of(angle) + " rad for joint " + std::to_string(i) +
-                    ", must be within its soft limits, " + text_of(options.limits->soft_lower[i]) +
-                    " to " + text_of(options.limits->soft_upper[i]) + " rad");
-    }
-    (*options.initial_position)[i] = angle;
-  }
+  options.initial_position =
+      read_pose(root.section("fingers"), "initial_position", *options.limits);
+  options.stop = read_stop(root, *options.limits);
 
   const Node section = root.section("simulation");
   options.seed = section.required<std::uint64_t>("seed", {.min = 0});

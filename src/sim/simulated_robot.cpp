@@ -166,6 +166,7 @@ void SimulationOptions<R>::validate() const {
           "a robot of type '" + std::string(R::kType) + "' has " + std::to_string(R::kJoints) +
               " joints, this description has " + std::to_string(num_joints(description)));
   used.validate();
+  stop.validate(used);
   require(period >= kPhysicsStep && period % kPhysicsStep == Nanoseconds::zero(),
           "period is " + std::to_string(period.count()) +
               " ns, must be a whole number of milliseconds");
@@ -191,6 +192,7 @@ class SimulatedRobot<R>::Implementation {
         actuator_(trifinger::actuator(options_.description)),
         physics_(options_.description, static_cast<int>(options_.period / kPhysicsStep)),
         safety_(options_.limits ? *options_.limits : default_limits<R>(options_.description)),
+        stop_(options_.stop, options_.period),
         companion_{CompanionDescription{.name = "object",
                                         .type = "object_observation",
                                         .element = describe_objects(physics_.model())}},
@@ -236,6 +238,20 @@ class SimulatedRobot<R>::Implementation {
     action = hold_position(observation);
     // Without these the fingers would sink until the position controller carries their weight.
     physics_.gravity_torques(action.torque);
+  }
+
+  // The observation is that of the period before: the last one of the session, or what the loop has
+  // measured since.
+  DriverReport stop(TimeIndex step) noexcept {
+    Action action;
+    if (!stop_.next(step, observation_, action)) return DriverReport::ready();
+    // What the position controller alone would sink under, as in `hold`.
+    if (!std::isnan(action.position[0])) physics_.gravity_torques(action.torque);
+    AppliedAction applied;
+    const SafetyReport report = safety_.apply(action, observation_, memory_.safety, applied);
+    if (report.fault != SafetyFault::kNone) stop_.give_up(step);
+    // What has diverged will not come to rest.
+    return this->step(applied.torque) ? DriverReport::busy() : DriverReport::ready();
   }
 
   std::span<const CompanionDescription> companions() const noexcept {
@@ -532,6 +548,7 @@ class SimulatedRobot<R>::Implementation {
   ActuatorParameters actuator_;
   sim::Physics physics_;
   SafetyChain<R> safety_;
+  OrderlyStop<R> stop_;
   std::array<CompanionDescription, 1> companion_;
   Joints begin_at_{};
   Header header_{.magic = kStateMagic, .model = fingerprint()};
@@ -572,6 +589,10 @@ DriverReport SimulatedRobot<R>::apply_action(const Action& desired,
 template <class R>
 void SimulatedRobot<R>::hold(const Observation& observation, Action& action) noexcept {
   implementation_->hold(observation, action);
+}
+template <class R>
+DriverReport SimulatedRobot<R>::stop(TimeIndex step) noexcept {
+  return implementation_->stop(step);
 }
 template <class R>
 std::span<const CompanionDescription> SimulatedRobot<R>::companions() const noexcept {

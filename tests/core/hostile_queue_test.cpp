@@ -3,24 +3,13 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
-#include <array>
 #include <atomic>
-#include <cstddef>
-#include <cstring>
-#include <filesystem>
-#include <memory>
-#include <optional>
 #include <random>
-#include <string>
-#include <thread>
 
 #include "core/drivers_of_tests.hpp"
+#include "core/intruder.hpp"
 #include "core/timing_contract.hpp"
-#include "session_layout.hpp"
-#include "session_memory.hpp"
 #include "support/session_folder.hpp"
-#include "trifinger/ipc/file_lock.hpp"
-#include "trifinger/ipc/shared_memory.hpp"
 
 // The queue of actions belongs to the user, who may write what they like into it: the back-end
 // believes nothing. The tests write where only the layout of the session knows.
@@ -28,42 +17,10 @@
 namespace trifinger {
 namespace {
 
+using test::action_path;
 using test::FakeDriverTraits;
+using Intruder = test::Intruder<FakeAction>;
 using Rig = test::AcrossProcesses::Rig<FakeDriverTraits>;
-
-// The action file of the current session.
-std::filesystem::path action_path() {
-  return session_folder() / detail::action_file("robot", Session::open("robot").info().session_id);
-}
-
-// Another mapping of the queue, beside the controller's.
-class Intruder {
- public:
-  Intruder()
-      : mapping_(std::make_shared<detail::FolderDirectory>(session_folder()), "robot"),
-        memory_(ipc::SharedMemory::open(action_path(), ipc::Access::kReadWrite)),
-        queue_(memory_.data() + mapping_.header().queue.offset, mapping_.header().queue.shape) {}
-
-  [[nodiscard]] layout::ActionHeader& header() const noexcept {
-    return *reinterpret_cast<layout::ActionHeader*>(memory_.data());
-  }
-  [[nodiscard]] const ipc::Ring& queue() const noexcept { return queue_; }
-  void put(TimeIndex t, const FakeAction& action) const {
-    std::array<std::byte, 8 + sizeof(FakeAction)> entry{};
-    std::memcpy(entry.data() + 8, &action, sizeof(action));
-    queue_.write(t, entry.data(), std::memory_order_seq_cst);
-  }
-  void scribble(std::mt19937& random, int count) const {
-    for (int i = 0; i < count; ++i) {
-      memory_.data()[random() % memory_.size()] = static_cast<std::byte>(random());
-    }
-  }
-
- private:
-  detail::SessionMapping mapping_;
-  ipc::SharedMemory memory_;
-  ipc::Ring queue_;
-};
 
 TEST(HostileQueue, CutOffWhileTheRobotHoldsItIsAFault) {
   Rig rig;

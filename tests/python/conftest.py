@@ -66,22 +66,32 @@ class Child:
 
 
 class Running:
-    """The program `trifinger` at work. Its output is read line by line."""
+    """The program `trifinger` at work, as another user on request. Its output is read by lines."""
 
-    def __init__(self, *arguments: str) -> None:
+    def __init__(self, *arguments: str, user: int | None = None) -> None:
         self.process = subprocess.Popen(
-            [PROGRAM, *arguments], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+            [PROGRAM, *arguments],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            user=user,
+            group=user,
+            extra_groups=None if user is None else [],
         )
 
-    def wait_for(self, text: str) -> str:
-        """Reads up to the line that contains `text` and returns that line."""
+    def read_until(self, text: str) -> list[str]:
+        """Reads up to the line that contains `text` and returns all lines that were read."""
         assert self.process.stdout is not None
         seen = []
         for line in self.process.stdout:
             seen.append(line)
             if text in line:
-                return line
+                return seen
         raise AssertionError(f"it ended without {text!r}:\n{''.join(seen)}")
+
+    def wait_for(self, text: str) -> str:
+        """Reads up to the line that contains `text` and returns that line."""
+        return self.read_until(text)[-1]
 
     def end(self, number: signal.Signals = signal.SIGTERM) -> tuple[int, str]:
         """Sends a signal, waits for the end, returns the exit status and the rest of the output."""
@@ -159,8 +169,8 @@ def start_program() -> Iterator[StartProgram]:
     """Starts the program `trifinger`; it does not outlive the test."""
     started: list[Running] = []
 
-    def start(*arguments: str) -> Running:
-        started.append(Running(*arguments))
+    def start(*arguments: str, user: int | None = None) -> Running:
+        started.append(Running(*arguments, user=user))
         return started[-1]
 
     yield start

@@ -8,6 +8,7 @@ import re
 import signal
 import struct
 import subprocess
+import tempfile
 import termios
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -22,9 +23,11 @@ COMMANDS = ("run", "list", "status", "read", "record", "stop", "recover", "model
 ESCAPE = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 
 
-def run(*arguments: str, expect: int = 0) -> str:
-    """Runs the program to its end and returns all that it printed."""
-    result = subprocess.run([PROGRAM, *arguments], capture_output=True, text=True, check=False)
+def run(*arguments: str, expect: int = 0, user: int | None = None) -> str:
+    """Runs the program to its end, as another user on request; returns all that it printed."""
+    result = subprocess.run(
+        [PROGRAM, *arguments], capture_output=True, text=True, check=False, user=user
+    )
     assert result.returncode == expect, result.stdout + result.stderr
     assert "\x1b" not in result.stdout + result.stderr  # nobody asked for colours
     return result.stdout + result.stderr
@@ -214,7 +217,43 @@ def test_what_the_machine_refuses_is_said_or_ends_the_program(start_program: Sta
     assert "cannot stay on processor 1023" in message
 
 
+<<<<<<< HEAD
 def test_fault_59_a_mistake_in_a_file_is_named_with_its_place(tmp_path: Path) -> None:
+=======
+def may_be_run_by_all(program: Path) -> bool:
+    """Whether nobody finds the program and may start it."""
+    return all(folder.stat().st_mode & 0o001 for folder in (program, *program.parents))
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only the administrator can become nobody")
+def test_fault_58_without_permission_a_robot_runs_and_says_what_to_do(
+    start_program: StartProgram, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if not may_be_run_by_all(Path(PROGRAM)):
+        pytest.skip(f"nobody may not start {PROGRAM}")
+    nobody = 65534
+    with tempfile.TemporaryDirectory() as folder:
+        os.chown(folder, nobody, nobody)
+        monkeypatch.setenv("TRIFINGER_SESSION_DIR", folder)
+        monkeypatch.setenv("TRIFINGER_LOG_DIR", folder)
+        program = start_program("run", "fake", user=nobody)
+        lines = program.read_until("holds its pose")
+        for problem, remedy in [
+            ("no real-time priority 80", "rtprio 99"),
+            ("memory is not locked", "memlock unlimited"),
+            ("processors may fall asleep", "udev rule"),
+        ]:
+            assert len([line for line in lines if problem in line and remedy in line]) == 1
+        assert program.end()[0] == 0
+        message = run("run", "fake", "--scheduling", "require", expect=1, user=nobody)
+        assert "the machine refuses what real time requires" in message
+        assert "rtprio 99" in message
+        quiet = start_program("run", "fake", "--scheduling", "off", user=nobody)
+        assert not [line for line in quiet.read_until("holds its pose") if "allow it" in line]
+
+
+def test_a_mistake_in_a_file_is_named_with_its_place(tmp_path: Path) -> None:
+>>>>>>> b4157bf (Give the loop what the machine grants, prove what it calls, and come to rest in order)
     file = tmp_path / "robot.yml"
     file.write_text("name: robot\ndriver: simulation\nrobot:\n  variant: edu2\n")
     assert f"{file}:4:12: robot.variant is 'edu2'" in run("run", str(file), expect=1)
@@ -580,10 +619,16 @@ GOOD_MACHINE = {
     ),
     "proc/stat": "cpu  1000 0 1000 100000 0 0 0 0 0 0\n",
     "proc/sys/fs/protected_regular": "2",
+    "proc/sys/kernel/sched_rt_runtime_us": "-1",
+    "proc/sys/kernel/sched_rt_period_us": "1000000",
+    "proc/irq/24/smp_affinity_list": "0-2",
+    "proc/irq/default_smp_affinity": "7",
+    "proc/1/comm": "systemd",
     "sys/devices/system/cpu/isolated": "3",
     "sys/devices/system/cpu/cpu0/cpufreq/scaling_governor": "performance",
     "sys/devices/system/clocksource/clocksource0/current_clocksource": "tsc",
     "dev/shm/.keep": "",
+    "dev/cpu_dma_latency": "",
 }
 
 
@@ -623,6 +668,12 @@ def test_the_doctor_finds_nothing_on_a_good_machine(tmp_path: Path) -> None:
             "cpupower frequency-set",
         ),
         ("proc/stat", "cpu  1000 0 1000 1000 0 0 0 500 0 0", "stolen time", "hypervisor"),
+        (
+            "proc/sys/kernel/sched_rt_runtime_us",
+            "0",
+            "real-time throttling",
+            "sched_rt_runtime_us=-1",
+        ),
     ],
 )
 def test_the_doctor_tells_what_is_lacking_and_the_remedy(
@@ -630,26 +681,54 @@ def test_the_doctor_tells_what_is_lacking_and_the_remedy(
 ) -> None:
     report = examine(tmp_path, {path: text}, expect=1)
     assert re.search(rf"^lacks  {what} .*\n +.*{remedy}", report, re.MULTILINE)
-    assert "lacks 1 of 9 things" in report
+    assert "lacks 1 of 12 things" in report
 
 
 @pytest.mark.parametrize(
-    ("path", "text", "what"),
+    ("path", "text", "what", "remedy"),
     [
-        ("proc/version", "Linux version 6.1.0 #1 SMP PREEMPT_DYNAMIC", "kernel"),
-        ("sys/devices/system/cpu/isolated", "", "isolated processors"),
+        ("proc/version", "Linux version 6.1.0 #1 SMP PREEMPT_DYNAMIC", "kernel", "PREEMPT_RT"),
+        ("sys/devices/system/cpu/isolated", "", "isolated processors", "isolcpus=N"),
         (
             "sys/devices/system/clocksource/clocksource0/current_clocksource",
             "hpet",
             "clock source",
+            "tsc=reliable",
         ),
-        ("proc/sys/fs/protected_regular", "0", "fs.protected_regular"),
+        ("proc/sys/fs/protected_regular", "0", "fs.protected_regular", "protected_regular=2"),
+        ("proc/irq/24/smp_affinity_list", "0-3", "interrupts", "irqaffinity=M"),
+        ("proc/irq/24/smp_affinity_list", "3", "interrupts", "smp_affinity_list"),
+        ("proc/77/comm", "irqbalance", "interrupts", "BANNED_CPULIST=3"),
+        (
+            "proc/sys/kernel/sched_rt_runtime_us",
+            "950000",
+            "real-time throttling",
+            "sched_rt_runtime_us=-1",
+        ),
     ],
 )
 def test_what_could_be_better_is_no_failure(
-    tmp_path: Path, path: str, text: str, what: str
+    tmp_path: Path, path: str, text: str, what: str, remedy: str
 ) -> None:
-    assert re.search(rf"^note   {what} ", examine(tmp_path, {path: text}, expect=0), re.MULTILINE)
+    report = examine(tmp_path, {path: text}, expect=0)
+    assert re.search(rf"^note   {what} .*\n +.*{remedy}", report, re.MULTILINE)
+
+
+def test_processors_that_cannot_be_kept_awake_are_noted(tmp_path: Path) -> None:
+    examine(tmp_path, {}, expect=0)
+    (tmp_path / "dev" / "cpu_dma_latency").unlink()
+    report = run("doctor", "--root", str(tmp_path))
+    assert re.search(r"^note   processor sleep .*\n +.*--device", report, re.MULTILINE)
+
+
+@pytest.mark.parametrize("isolated", ["3", "2-3", "0,3"])
+def test_only_interrupts_on_isolated_processors_disturb(tmp_path: Path, isolated: str) -> None:
+    changes = {
+        "sys/devices/system/cpu/isolated": isolated,
+        "proc/irq/24/smp_affinity_list": "1",
+        "proc/irq/25/smp_affinity_list": "1,4-7",
+    }
+    assert "note" not in examine(tmp_path, changes, expect=0)
 
 
 def test_capabilities_stand_above_limits(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 """What `cmake --install` leaves behind, moved elsewhere and used without the build folder."""
 
 import re
+import shutil
 import subprocess
 import sysconfig
 import tomllib
@@ -96,6 +97,30 @@ def test_program_is_not_mistaken_for_what_has_its_name_in_the_working_directory(
     path = f"{prefix / 'bin'}:{ENVIRONMENT['PATH']}"
     refusal = run("trifinger", "run", "nonsense", succeeds=False, cwd=tmp_path, path=path)
     assert "trifinger_pro" in refusal
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="there is no systemd here")
+def test_service_is_one_that_systemd_accepts(prefix: Path, tmp_path: Path) -> None:
+    units = tmp_path / "units"
+    shutil.copytree(prefix / "lib" / "systemd" / "system", units)
+    # As an administrator says it who has installed the program elsewhere.
+    changes = units / "trifinger@sim.service.d"
+    changes.mkdir()
+    program = prefix / "bin" / "trifinger"
+    (changes / "program.conf").write_text(f'[Service]\nExecStart=\nExecStart="{program}" run %i\n')
+    verdict = run(
+        "env", f"SYSTEMD_UNIT_PATH={units}:", "systemd-analyze", "verify", "trifinger@sim.service"
+    )
+    assert verdict == ""
+
+
+def test_service_never_starts_a_robot_again_by_itself(prefix: Path) -> None:
+    unit = (prefix / "lib" / "systemd" / "system" / "trifinger@.service").read_text()
+    for setting in ("Restart=no", "KillSignal=SIGTERM", "LimitRTPRIO=99", "LimitMEMLOCK=infinity"):
+        assert f"\n{setting}\n" in unit
+    assert "RestrictRealtime" not in unit
+    for file in ("99-trifinger.conf", "99-trifinger.rules"):
+        assert (prefix / "share" / "trifinger" / "system" / file).is_file()
 
 
 def test_public_headers_do_not_include_mujoco(prefix: Path) -> None:

@@ -2,20 +2,32 @@
 #include "trifinger/realtime/thread.hpp"
 
 #include <gmock/gmock.h>
+#include <grp.h>
 #include <gtest/gtest.h>
 #include <sched.h>
+#include <sys/resource.h>
+#include <unistd.h>
 
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
 #include <string>
+#include <string_view>
 #include <thread>
 #include <vector>
 
+#include "support/child_process.hpp"
+#include "support/sanitizers.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace trifinger {
 namespace {
 
 // What a thread asks for, in a thread of its own: the rest of the program stays as it is. Memory is
-// not locked here, since a sanitizer's shadow would have to be locked as well.
+// not locked there, since a sanitizer's shadow would have to be locked as well.
 struct Answer {
   std::vector<std::string> refused;
   std::string error;
@@ -36,7 +48,8 @@ Answer ask(const RealtimeOptions& options) {
 }
 
 // No machine has it.
-constexpr RealtimeOptions kImpossible{.priority = 1000, .lock_memory = false};
+constexpr RealtimeOptions kImpossible{
+    .priority = 1000, .lock_memory = false, .heap = 0, .keep_cpus_awake = false};
 
 TEST(EnterRealtime, AsksForNothingWhenOff) {
   RealtimeOptions options = kImpossible;
@@ -74,8 +87,177 @@ TEST(EnterRealtime, NamesEverySettingThatWasRefused) {
 }
 
 TEST(EnterRealtime, EitherHasThePriorityOrSaysThatItHasNot) {
-  const Answer answer = ask({.demand = Demand::kTry, .priority = 1, .lock_memory = false});
+  const Answer answer = ask({.demand = Demand::kTry,
+                             .priority = 1,
+                             .lock_memory = false,
+                             .heap = 0,
+                             .keep_cpus_awake = false});
   EXPECT_EQ(answer.policy == SCHED_FIFO, answer.refused.empty());
+}
+
+// --- Memory
+// ----------------------------------------------------------------------------------------------
+
+[[nodiscard]] long page_faults() {
+  rusage usage{};
+  ::getrusage(RUSAGE_THREAD, &usage);
+  return usage.ru_minflt;
+}
+
+// In a process of its own: a heap that was filled once stays so.
+TEST(EnterRealtime, fault_57_TheHeapThatWasAskedForIsThereBeforeItIsUsed) {
+  if (test::kHasSanitizer) GTEST_SKIP() << "a sanitizer has a heap of its own";
+  test::ChildProcess child([] {
+    int code = 1;
+    std::thread([&code] {
+      constexpr std::size_t kUsed = 4U << 20U;
+      enter_realtime({.priority = 1, .lock_memory = false, .heap = 2 * kUsed});
+      const long before = page_faults();
+      for (int i = 0; i < 3; ++i) {
+        void* const block = std::malloc(kUsed);
+        std::memset(block, i, kUsed);
+        asm volatile("" : : "r"(block) : "memory");
+        std::free(block);
+      }
+      const long faults = page_faults() - before;
+      // What malloc itself notes down may be in a page of its own.
+      code = faults <= 2 ? 0 : 2;
+    }).join();
+    return code;
+  });
+  EXPECT_EQ(child.wait(), 0);
+}
+
+// The text behind `name` in /proc/self/status.
+[[nodiscard]] std::string own_status(std::string_view name) {
+  std::ifstream file("/proc/self/status");
+  for (std::string line; std::getline(file, line);) {
+    if (line.starts_with(name)) return line.substr(name.size() + 1);
+  }
+  return "";
+}
+
+TEST(EnterRealtime, fault_57_AllMemoryIsLockedWhereThatIsAllowed) {
+  if (test::kHasSanitizer) GTEST_SKIP() << "a sanitizer's shadow cannot be locked";
+  if (::geteuid() != 0) GTEST_SKIP() << "only the administrator has the right for sure";
+  test::ChildProcess child([] {
+    const std::vector<std::string> refused =
+        enter_realtime({.priority = 1, .keep_cpus_awake = false});
+    for (const std::string& sentence : refused) {
+      // A container may have taken the right away.
+      if (sentence.find("memory") != std::string::npos) return 77;
+    }
+    return std::stol(own_status("VmLck:")) > 0 ? 0 : 1;
+  });
+  const int code = child.wait();
+  if (code == 77) GTEST_SKIP() << "this machine does not let the administrator lock memory";
+  EXPECT_EQ(code, 0);
+}
+
+// --- Without rights
+// --------------------------------------------------------------------------------------
+
+// Becomes a user who may do nothing.
+void become_nobody() {
+  constexpr uid_t kNobody = 65534;
+  const rlimit none{.rlim_cur = 0, .rlim_max = 0};
+  const rlimit little{.rlim_cur = 64U << 10U, .rlim_max = 64U << 10U};
+  if (::setrlimit(RLIMIT_RTPRIO, &none) != 0 || ::setrlimit(RLIMIT_MEMLOCK, &little) != 0 ||
+      ::setgroups(0, nullptr) != 0 || ::setgid(kNobody) != 0 || ::setuid(kNobody) != 0) {
+    throw SystemError("become nobody", errno);
+  }
+}
+
+// What nobody is told. The sentences come out of the child as its exit code: a bit for each that
+// was found, and one for every other.
+class Nobody {
+ public:
+  static constexpr int kPriority = 1;
+  static constexpr int kMemory = 2;
+  static constexpr int kCpus = 4;
+  static constexpr int kOther = 8;
+  static constexpr int kThrew = 16;
+
+  [[nodiscard]] static int ask(Demand demand) {
+    test::ChildProcess child([demand] {
+      become_nobody();
+      try {
+        int found = 0;
+        for (const std::string& sentence : enter_realtime({.demand = demand})) {
+          found |= kind_of(sentence);
+        }
+        return found;
+      } catch (const Error& error) {
+        int found = kThrew;
+        std::istringstream lines(error.what());
+        std::string line;
+        std::getline(lines, line);  // the heading
+        while (std::getline(lines, line)) found |= kind_of(line);
+        return found;
+      }
+    });
+    return child.wait();
+  }
+
+ private:
+  // Each with what was refused, why, and the remedy.
+  [[nodiscard]] static int kind_of(const std::string& sentence) {
+    const auto has = [&sentence](std::string_view text) {
+      return sentence.find(text) != std::string::npos;
+    };
+    if (sentence.find('\n') != std::string::npos) return kOther;
+    if (has("no real-time priority 80: Operation not permitted") && has("'rtprio 99'")) {
+      return kPriority;
+    }
+    if (has("memory is not locked: the limit is 64 KiB") && has("'memlock unlimited'")) {
+      return kMemory;
+    }
+    if (has("processors may fall asleep: /dev/cpu_dma_latency") && has("udev rule")) return kCpus;
+    return kOther;
+  }
+};
+
+TEST(EnterRealtime, fault_58_WithoutPermissionItGoesOnAndSaysWhatToDoInALineEach) {
+  if (::geteuid() != 0) GTEST_SKIP() << "only the administrator can become nobody";
+  EXPECT_EQ(Nobody::ask(Demand::kTry), Nobody::kPriority | Nobody::kMemory | Nobody::kCpus);
+}
+
+TEST(EnterRealtime, fault_58_WithoutPermissionItFailsWithAllLinesWhereItIsRequired) {
+  if (::geteuid() != 0) GTEST_SKIP() << "only the administrator can become nobody";
+  EXPECT_EQ(Nobody::ask(Demand::kRequire),
+            Nobody::kThrew | Nobody::kPriority | Nobody::kMemory | Nobody::kCpus);
+}
+
+TEST(EnterRealtime, fault_58_WhereNothingIsAskedForNothingIsSaid) {
+  if (::geteuid() != 0) GTEST_SKIP() << "only the administrator can become nobody";
+  EXPECT_EQ(Nobody::ask(Demand::kOff), 0);
+}
+
+// --- Processors that stay awake
+// ---------------------------------------------------------------------------------
+
+// How many descriptors of this process keep processors awake.
+[[nodiscard]] int awake_files() {
+  int count = 0;
+  for (const auto& entry : std::filesystem::directory_iterator("/proc/self/fd")) {
+    std::error_code ignored;
+    count += std::filesystem::read_symlink(entry, ignored) == "/dev/cpu_dma_latency" ? 1 : 0;
+  }
+  return count;
+}
+
+TEST(EnterRealtime, KeepsProcessorsAwakeAsLongAsTheThreadLives) {
+  if (::access("/dev/cpu_dma_latency", W_OK) != 0) GTEST_SKIP() << "not allowed here";
+  const RealtimeOptions options{.priority = 1, .lock_memory = false, .heap = 0};
+  std::vector<int> files;
+  std::thread([&] {
+    enter_realtime(options);
+    files.push_back(awake_files());
+    enter_realtime(options);
+    files.push_back(awake_files());
+  }).join();
+  files.push_back(awake_files());
+  EXPECT_THAT(files, ::testing::ElementsAre(1, 1, 0));
 }
 
 }  // namespace

@@ -274,6 +274,35 @@ TEST_F(RobotConfigFile, NamesAnInitialPositionBeyondTheSoftLimits) {
             "9");
 }
 
+TEST_F(RobotConfigFile, HasNoOrderlyStopUnlessItSaysSo) {
+  const RobotConfig config = load_robot_config("sim");
+  const auto& options = std::get<SimulationOptions<TriFinger>>(config.simulation);
+  EXPECT_EQ(options.stop.damping_time, Nanoseconds::zero());
+  EXPECT_FALSE(options.stop.rest_position.has_value());
+}
+
+TEST_F(RobotConfigFile, SaysHowTheRobotComesToRest) {
+  const RobotConfig config = load_robot_config(
+      extended("stop: {damping_time: 0.5, rest_position: [0, 0.9, -1.7], move_time: 4}\n"));
+  const auto& stop = std::get<SimulationOptions<TriFinger>>(config.simulation).stop;
+  EXPECT_EQ(stop.damping_time, std::chrono::milliseconds(500));
+  EXPECT_EQ(stop.rest_position, (JointVector<9>{0, 0.9, -1.7, 0, 0.9, -1.7, 0, 0.9, -1.7}));
+  EXPECT_EQ(stop.move_time, std::chrono::seconds(4));
+}
+
+TEST_F(RobotConfigFile, NamesAnOrderlyStopThatCannotBe) {
+  EXPECT_EQ(
+      message("stop: {damping_time: 0.5, rest_position: [0, 2, 0], move_time: 4}\n"),
+      "my.yml:2:42: stop.rest_position has 2 rad for joint 1, must be within its soft limits, "
+      "-1.2 to 1.6 rad");
+  EXPECT_THAT(message("stop: {damping_time: 0.5, rest_position: [0, 0, 0], move_time: 0.1}\n"),
+              AllOf(HasSubstr("stop.move_time is 0.1 s, must be at least "),
+                    HasSubstr("or the joints cannot follow")));
+  EXPECT_THAT(message("stop: {damping_time: 0.5, rest_position: [0, 0, 0]}\n"),
+              HasSubstr("move_time"));
+  EXPECT_THAT(message("stop: {damping_time: 3}\n"), HasSubstr("must be 0 to 2 s"));
+}
+
 TEST_F(RobotConfigFile, NamesObjectsThatDoNotGoTogether) {
   EXPECT_EQ(message("objects:\n  - {name: a, type: cube}\n  - {name: a, type: ball}\n"),
             "my.yml:3:3: Two objects are called 'a'; names must differ.");

@@ -13,6 +13,7 @@
 #include "trifinger/core/document.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/joint/limits.hpp"
+#include "trifinger/joint/orderly_stop.hpp"
 #include "trifinger/joint/safety.hpp"
 #include "trifinger/joint/types.hpp"
 #include "trifinger/model/robot_description.hpp"
@@ -34,6 +35,8 @@ struct SimulationOptions {
   std::optional<JointLimits<R::kJoints>> limits{};
   /// Where every session begins [rad]; default: the variant's initial pose.
   std::optional<JointVector<R::kJoints>> initial_position{};
+  /// What happens behind the end of a session; default: nothing moves any more.
+  OrderlyStopOptions<R::kJoints> stop{};
   /// Of all that is random: the same seed gives the same series.
   std::uint64_t seed{0};
   /// Length of a step; a whole number of milliseconds, the step of the physics.
@@ -64,7 +67,7 @@ using SimulationState = std::vector<std::byte>;
 /// simulation; they must not be called while another thread runs the back-end. Every session begins
 /// in the state that the last `reset`, `place_object` or `restore` has left. In a session that goes
 /// on they take effect at once, to be seen from the next observation on. The end of a session moves
-/// nothing: what `save` returns behind it goes on behind the last action.
+/// nothing unless `stop` says so: what `save` returns behind it goes on behind the last action.
 template <class R>
 class SimulatedRobot final : public Driver<R> {
  public:
@@ -90,6 +93,7 @@ class SimulatedRobot final : public Driver<R> {
   [[nodiscard]] DriverReport apply_action(const Action& desired,
                                           AppliedAction& applied) noexcept override;
   void hold(const Observation& observation, Action& action) noexcept override;
+  [[nodiscard]] DriverReport stop(TimeIndex step) noexcept override;
   [[nodiscard]] std::span<const CompanionDescription> companions() const noexcept override;
   [[nodiscard]] bool get_companion_element(std::size_t index, TimeIndex time_index,
                                            void* element) noexcept override;

@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstddef>
+#include <optional>
+#include <string>
+
+#include "trifinger/base/error.hpp"
+#include "trifinger/base/time.hpp"
+#include "trifinger/joint/limits.hpp"
+#include "trifinger/joint/types.hpp"
+#include "trifinger/realtime/annotations.hpp"
+
+namespace trifinger {
+
+/// How a robot of N joints comes to rest behind the end of a session.
+template <std::size_t N>
+struct OrderlyStopOptions {
+  Nanoseconds damping_time{0};                     ///< How long joints are damped, nothing else.
+  std::optional<JointVector<N>> rest_position{};   ///< Where it goes then; default: nowhere [rad].
+  Nanoseconds move_time{std::chrono::seconds(3)};  ///< How long the way there takes.
+
+  /// The shortest `move_time` in which every joint can follow, from wherever it may be.
+  [[nodiscard]] Nanoseconds shortest_move_time(const JointLimits<N>& limits) const noexcept {
+    // The way with the least jerk is this much faster in its middle than on average.
+    constexpr double kPeak = 1.875;
+    // Part of the torque that the safety damping may take; the rest carries and accelerates.
+    constexpr double kDamping = 0.5;
+    double shortest = 0.0;
+    for (std::size_t i = 0; rest_position && i < N; ++i) {
+      const double rest = (*rest_position)[i];
+      const double way = std::max(limits.soft_upper[i] - rest, rest - limits.soft_lower[i]);
+      shortest =
+          std::max(shortest, kPeak * way * limits.safety_kd[i] / (kDamping * limits.max_torque[i]));
+    }
+    return std::chrono::ceil<Nanoseconds>(std::chrono::duration<double>(shortest));
+  }
+
+  /// `limits` must be valid.
+  /// @throws InvalidArgument naming the option, the value found and the values allowed
+  void validate(const JointLimits<N>& limits) const {
+    if (damping_time < Nanoseconds::zero()) throw InvalidArgument("damping_time is negative");
+    if (!rest_position) return;
+    for (std::size_t i = 0; i < N; ++i) {
+      const double rest = (*rest_position)[i];
+      // Written so that NaN fails.
+      if (rest >= limits.soft_lower[i] && rest <= limits.soft_upper[i]) continue;
+      throw InvalidArgument("rest_position of joint " + std::to_string(i) + " is " +
+                            std::to_string(rest) + " rad, must be within its soft limits, " +
+                            std::to_string(limits.soft_lower[i]) + " to " +
+                            std::to_string(limits.soft_upper[i]) + " rad");
+    }
+    const auto in_seconds = [](Nanoseconds time) {
+      return std::to_string(std::chrono::duration<double>(time).count());
+    };
+    if (const Nanoseconds shortest = shortest_move_time(limits);
+        move_time < shortest || move_time <= Nanoseconds::zero()) {
+      throw InvalidArgument("move_time is " + in_seconds(move_time) + " s, must be at least " +
+                            in_seconds(shortest) + " s, or the joints cannot follow");
+    }
+  }
+};
+
+/// The orderly stop, as the actions that a user would send: joints without torque, which the safety
+/// chain damps; then a smooth way to the rest position. The number of steps is bounded.
+///
+/// A driver passes every action through its safety chain and takes the torque away at the end.
+template <class R>
+class OrderlyStop {
+ public:
+  using Action = typename R::Action;
+  using Observation = typename R::Observation;
+  using Options = OrderlyStopOptions<R::kJoints>;
+
+  /// `options` must be valid. Without damping and a rest position it is over at once.
+  OrderlyStop(const Options& options, Nanoseconds period) noexcept
+      : damping_steps_(steps_in(options.damping_time, period)),
+        move_steps_(options.rest_position ? steps_in(options.move_time, period) : 0),
+        rest_(options.rest_position.value_or(JointVector<R::kJoints>{})) {}
+
+  /// How many periods it takes if nothing comes in between.
+  [[nodiscard]] TimeIndex num_steps() const noexcept { return damping_steps_ + move_steps_; }
+
+  /// Writes what is to be asked for in period `step`, counted from 0 behind the end of the session.
+  /// Answers false once it is over.
+  [[nodiscard]] bool next(TimeIndex step, const Observation& observation,
+                          Action& action) noexcept TRIFINGER_REALTIME {
+    if (step == 0) {
+      end_ = num_steps();
+      is_given_up_ = false;
+    }
+    if (step >= end_) return false;
+    action = Action{};
+    if (step < damping_steps_ || is_given_up_) return true;
+    if (step == damping_steps_) start_ = observation.position;
+    const double done =
+        smooth(static_cast<double>(step - damping_steps_ + 1) / static_cast<double>(move_steps_));
+    for (std::size_t i = 0; i < R::kJoints; ++i) {
+      action.position[i] = start_[i] + done * (rest_[i] - start_[i]);
+    }
+    return true;
+  }
+
+  /// The safety chain has found a fault in period `step`: nothing moves by itself any more. Joints
+  /// are damped for what is left of the damping time, or for all of it if the way had begun.
+  void give_up(TimeIndex step) noexcept TRIFINGER_REALTIME {
+    if (is_given_up_) return;
+    is_given_up_ = true;
+    end_ = step < damping_steps_ ? damping_steps_ : step + 1 + damping_steps_;
+  }
+
+ private:
+  [[nodiscard]] static TimeIndex steps_in(Nanoseconds time, Nanoseconds period) noexcept {
+    return (time + period - Nanoseconds(1)) / period;
+  }
+  // The way with the least jerk, from 0 to 1, at rest at both ends.
+  [[nodiscard]] static double smooth(double x) noexcept {
+    return x * x * x * (10.0 - 15.0 * x + 6.0 * x * x);
+  }
+
+  TimeIndex damping_steps_;
+  TimeIndex move_steps_;
+  JointVector<R::kJoints> rest_;
+  JointVector<R::kJoints> start_{};
+  TimeIndex end_{0};
+  bool is_given_up_{false};
+};
+
+}  // namespace trifinger

@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstdint>
+#include <cstdlib>
+#include <optional>
+#include <random>
+#include <thread>
+
+#include "core/intruder.hpp"
+#include "core/timing_contract.hpp"
+#include "sim/drivers_of_tests.hpp"
+
+// The user's file is hostile: while a simulated robot runs, another thread writes random bytes and
+// random actions into it.
+
+namespace trifinger::test {
+namespace {
+
+using Traits = SimulatedRobotTraits<TriFinger>;
+using Robot = Frontend<TriFinger>;
+
+// Any bits at all in every number.
+TriFinger::Action random_bits(std::mt19937& random) {
+  TriFinger::Action action;
+  for (auto* const values :
+       {&action.torque, &action.position, &action.position_kp, &action.position_kd}) {
+    for (double& value : *values) {
+      value = std::bit_cast<double>((std::uint64_t{random()} << 32U) | random());
+    }
+  }
+  return action;
+}
+
+// Bounded by counts, so that slow machines do the same.
+struct Attack {
+  static constexpr int kSteps = 30;
+  static constexpr int kScribbles = 300;
+
+  explicit Attack(unsigned seed) : random(seed), bytes(1 << (seed % 6)) {}
+
+  void operator()() {
+    const Intruder<TriFinger::Action> intruder;
+    for (int i = 0; i < kScribbles; ++i) {
+      intruder.scribble(random, bytes);
+      intruder.put(static_cast<TimeIndex>(random() % (2 * kSteps)), random_bits(random));
+    }
+  }
+
+  std::mt19937 random;
+  int bytes;
+};
+
+// Every step there is, as the back-end has written it.
+void expect_no_limit_broken(const Robot& observer, const JointLimits<9>& limits) {
+  constexpr TimeIndex kKept = 4000;
+  const TimeIndex steps = observer.session().info().steps;
+  for (TimeIndex t = std::max<TimeIndex>(0, steps - kKept); t < steps; ++t) {
+    const auto applied = observer.get_applied_action(t);
+    const auto observation = observer.get_observation(t);
+    for (std::size_t i = 0; i < 9; ++i) {
+      // Written so that NaN fails.
+      ASSERT_TRUE(std::abs(applied.torque[i]) <= limits.max_torque[i]) << t << " joint " << i;
+      ASSERT_TRUE(observation.position[i] >= limits.hard_lower[i] &&
+                  observation.position[i] <= limits.hard_upper[i])
+          << t << " joint " << i;
+    }
+  }
+}
+
+TEST(HostileQueueOfASimulation, fault_29_RandomBytesBreakNoLimitAndTheNextSessionWorks) {
+  const auto limits = default_limits<TriFinger>(options_of_tests<TriFinger>().description);
+  // `./run soak` does more of the same.
+  const unsigned rounds = std::getenv("TRIFINGER_SOAK") != nullptr ? 20000 : 100;
+  AcrossProcesses::Rig<Traits> rig({.session = {.history = 4096, .queue = 64}});
+  int stopped = 0;
+  for (unsigned round = 0; round < rounds; ++round) {
+    SCOPED_TRACE(round);
+    std::optional<Robot> robot(rig.connect({}));
+    const Robot observer = rig.observe();
+    const auto fault = [&]() -> std::optional<Fault> {
+      std::jthread attacker{Attack(round)};
+      try {
+        for (int i = 0; i < Attack::kSteps; ++i) {
+          const TimeIndex t = robot->append_desired_action(Traits::action(i), kLong);
+          static_cast<void>(robot->get_observation(t, kLong));
+        }
+      } catch (const RobotStopped& end) {
+        return end.fault();
+      } catch (const HistoryLost&) {
+        // The bytes made more actions than we did.
+      }
+      return std::nullopt;
+    }();
+    stopped += fault ? 1 : 0;
+    if (fault) {
+      // A fault of the user's, never of the robot, nor of its program.
+      EXPECT_NE(fault->code, Fault::Code::kDriver);
+      EXPECT_NE(fault->code, Fault::Code::kBackendDied);
+    }
+    expect_no_limit_broken(observer, limits);
+    if (HasFatalFailure()) return;
+    robot.reset();
+    recover("robot", kLong);
+  }
+  EXPECT_GT(stopped, 0) << "the bytes did no harm; is the intruder at the right place?";
+
+  Robot robot = rig.connect();
+  run_steps<Traits>(robot, 0, 9);
+  robot.finish();
+  expect_end(robot, 10, {.code = Fault::Code::kFinished});
+}
+
+}  // namespace
+}  // namespace trifinger::test

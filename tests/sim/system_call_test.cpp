@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "core/allocation_contract.hpp"
+#include "core/system_call_contract.hpp"
+#include "sim/drivers_of_tests.hpp"
+
+namespace trifinger::test {
+namespace {
+
+using Drivers = ::testing::Types<SimulatedRobotTraits<TriFinger>, SimulatedRobotTraits<Finger>>;
+INSTANTIATE_TYPED_TEST_SUITE_P(Sim, SystemCallContract, Drivers);
+INSTANTIATE_TYPED_TEST_SUITE_P(Sim, AllocationContract, Drivers);
+
+}  // namespace
+}  // namespace trifinger::test
