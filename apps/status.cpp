@@ -11,6 +11,7 @@
 
 #include "commands.hpp"
 #include "loop_figures.hpp"
+#include "scheduling.hpp"
 #include "session_state.hpp"
 #include "signals.hpp"
 #include "terminal.hpp"
@@ -115,6 +116,13 @@ class Observer {
     const double wanted_rate = 1e9 / static_cast<double>(info.period.count());
     sheet.add("mode", info.is_real_time ? "real-time, " + rate_text(wanted_rate)
                                         : "non-real-time, steps of " + text_of(info.period));
+    if (info.is_real_time && info.backend_is_alive) {
+      const auto priority = realtime_priority(static_cast<pid_t>(info.backend.pid));
+      sheet.add("priority",
+                priority ? fmt::format("SCHED_FIFO {}", *priority)
+                         : "none, other programs may be first; see 'trifinger doctor'",
+                warn_if(!priority));
+    }
     sheet.add("steps", std::to_string(info.steps));
     if (figures_.total().steps == 0) return;
 

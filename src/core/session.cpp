@@ -95,12 +95,6 @@ Session Session::open(const std::string& name) {
     return Session(std::make_shared<detail::SessionMapping>(session_directory(), name));
   } catch (const SystemError& error) {
     if (error.error_number() == ENOENT) throw SessionNotFound(not_found_text(name));
-    if (error.error_number() == EACCES) {
-      throw SystemError("open session '" + name +
-                            "', which belongs to another user (its back-end " +
-                            "may share it with a group: option mode of its configuration)",
-                        EACCES);
-    }
     throw;
   }
 }

@@ -1,11 +1,16 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "session_memory.hpp"
 
+#include <grp.h>
+#include <pwd.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cerrno>
+#include <cstdio>
 #include <cstring>
 #include <random>
 #include <sstream>
@@ -45,6 +50,32 @@ std::string host_name() {
   std::array<char, 256> name{};
   ::gethostname(name.data(), name.size() - 1);
   return name.data();
+}
+
+std::string user_name(uid_t user) {
+  passwd entry{};
+  passwd* found = nullptr;
+  std::array<char, 4096> text{};
+  ::getpwuid_r(user, &entry, text.data(), text.size(), &found);
+  return found != nullptr ? found->pw_name : std::to_string(user);
+}
+
+std::string group_name(gid_t group) {
+  struct group entry{};
+  struct group* found = nullptr;
+  std::array<char, 4096> text{};
+  ::getgrgid_r(group, &entry, text.data(), text.size(), &found);
+  return found != nullptr ? found->gr_name : std::to_string(group);
+}
+
+// Whose file it is, as the rest of a sentence; nothing if its folder cannot be searched.
+std::string owner_text(const std::filesystem::path& path) {
+  struct stat status{};
+  if (::stat(path.c_str(), &status) != 0) return "";
+  std::array<char, 8> mode{};
+  std::snprintf(mode.data(), mode.size(), "%04o", status.st_mode & 07777U);
+  return ", which belongs to user " + user_name(status.st_uid) + " and group " +
+         group_name(status.st_gid) + " with mode " + mode.data();
 }
 
 // Far beyond any header, far from overflow.
@@ -91,7 +122,16 @@ ipc::SharedMemory FolderDirectory::open_or_create(const std::string& file, unsig
 }
 
 ipc::SharedMemory FolderDirectory::open(const std::string& file, ipc::Access access) {
-  return ipc::SharedMemory::open(folder_ / file, access);
+  const std::filesystem::path path = folder_ / file;
+  try {
+    return ipc::SharedMemory::open(path, access);
+  } catch (const SystemError& error) {
+    if (error.error_number() != EACCES) throw;
+    throw SystemError("open " + path.string() + owner_text(path) +
+                          "; a back-end shares its sessions with its group if its configuration "
+                          "says 'backend.access: group'",
+                      EACCES);
+  }
 }
 
 void FolderDirectory::remove(const std::string& file) noexcept {
@@ -370,10 +410,15 @@ void SessionMapping::require_own() const {
 }
 
 bool SessionMapping::backend_is_alive() const noexcept {
+  // What was cut off says nothing any more: for us it is gone.
+  if (memory_.is_damaged()) return false;
   // A back-end ends its session before the file goes. One without an end was removed by a later
-  // back-end, whose lock says nothing about ours.
+  // back-end, whose lock says nothing about ours, or by somebody who tidied up.
   const bool is_named = !memory_.path().empty();
-  if (is_named && !memory_.has_name() && !has_ended()) return false;
+  if (is_named && !memory_.has_name() && !has_ended()) {
+    const ipc::ProcessIdentity backend{header_->backend_pid, header_->backend_start_time};
+    if (!backend.is_alive()) return false;
+  }
   return lock_.has_value() && ipc::is_locked_by_other(lock_->file());
 }
 

@@ -22,7 +22,7 @@ using test::FakeDriverTraits;
 using Intruder = test::Intruder<FakeAction>;
 using Rig = test::AcrossProcesses::Rig<FakeDriverTraits>;
 
-TEST(HostileQueue, CutOffWhileTheRobotHoldsItIsAFault) {
+TEST(HostileQueue, fault_32_CutOffWhileTheRobotHoldsItIsAFault) {
   Rig rig;
   auto robot = rig.connect();
   static_cast<void>(robot.latest_observation());
@@ -38,7 +38,7 @@ TEST(HostileQueue, CutOffWhileTheRobotHoldsItIsAFault) {
   test::run_steps<FakeDriverTraits>(next, 0, 5);
 }
 
-TEST(HostileQueue, CutOffBetweenTwoActionsItIsAFault) {
+TEST(HostileQueue, fault_32_CutOffBetweenTwoActionsItIsAFault) {
   Rig rig;
   auto robot = rig.connect();
   test::run_steps<FakeDriverTraits>(robot, 0, 4);
@@ -47,7 +47,7 @@ TEST(HostileQueue, CutOffBetweenTwoActionsItIsAFault) {
   test::expect_end(robot, 5, {.code = Fault::Code::kQueueDamaged});
 }
 
-TEST(HostileQueue, CutOffInRealTimeItIsAFault) {
+TEST(HostileQueue, fault_32_CutOffInRealTimeItIsAFault) {
   Rig rig(test::with_deadlines(1000));
   auto robot = rig.connect();
   rig.tick();
@@ -58,7 +58,7 @@ TEST(HostileQueue, CutOffInRealTimeItIsAFault) {
   test::expect_end(robot, 5, {.code = Fault::Code::kQueueDamaged});
 }
 
-TEST(HostileQueue, WithoutItsMagicItIsAFault) {
+TEST(HostileQueue, fault_29_WithoutItsMagicItIsAFault) {
   Rig rig;
   auto robot = rig.connect();
   test::run_steps<FakeDriverTraits>(robot, 0, 4);
@@ -67,7 +67,7 @@ TEST(HostileQueue, WithoutItsMagicItIsAFault) {
   test::expect_end(robot, 5, {.code = Fault::Code::kQueueDamaged});
 }
 
-TEST(HostileQueue, AnActionFromTheFutureIsAFault) {
+TEST(HostileQueue, fault_29_AnActionFromTheFutureIsAFault) {
   Rig rig(test::with_deadlines(1000));
   auto robot = rig.connect();
   rig.tick();
@@ -106,7 +106,7 @@ TEST(HostileQueue, AnActionForAClosedStepIsDiscardedAndCounted) {
   EXPECT_EQ(robot.get_status(5).flags, 0U);
 }
 
-TEST(HostileQueue, RandomBytesEndNoBackendAndHangNobody) {
+TEST(HostileQueue, fault_29_RandomBytesEndNoBackendAndHangNobody) {
   std::mt19937 random(1);
   Rig rig({.backend = {.max_rejected_actions = 1'000'000}});
   int ends = 0;

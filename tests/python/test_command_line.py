@@ -217,9 +217,6 @@ def test_what_the_machine_refuses_is_said_or_ends_the_program(start_program: Sta
     assert "cannot stay on processor 1023" in message
 
 
-<<<<<<< HEAD
-def test_fault_59_a_mistake_in_a_file_is_named_with_its_place(tmp_path: Path) -> None:
-=======
 def may_be_run_by_all(program: Path) -> bool:
     """Whether nobody finds the program and may start it."""
     return all(folder.stat().st_mode & 0o001 for folder in (program, *program.parents))
@@ -252,8 +249,7 @@ def test_fault_58_without_permission_a_robot_runs_and_says_what_to_do(
         assert not [line for line in quiet.read_until("holds its pose") if "allow it" in line]
 
 
-def test_a_mistake_in_a_file_is_named_with_its_place(tmp_path: Path) -> None:
->>>>>>> b4157bf (Give the loop what the machine grants, prove what it calls, and come to rest in order)
+def test_fault_59_a_mistake_in_a_file_is_named_with_its_place(tmp_path: Path) -> None:
     file = tmp_path / "robot.yml"
     file.write_text("name: robot\ndriver: simulation\nrobot:\n  variant: edu2\n")
     assert f"{file}:4:12: robot.variant is 'edu2'" in run("run", str(file), expect=1)
@@ -403,6 +399,19 @@ def test_a_stopped_back_end_is_called_silent(start_program: StartProgram) -> Non
     while "silent for" not in run("list"):
         pass
     assert "silent for" in run("status", "fake")
+
+
+def test_fault_58_the_status_says_whether_the_loop_has_priority(
+    start_program: StartProgram,
+) -> None:
+    none = "priority    none, other programs may be first; see 'trifinger doctor'"
+    start_program("run", "fake", "--name", "a", "--scheduling", "off").wait_for("holds its pose")
+    assert none in run("status", "a", "--once")
+    program = start_program("run", "fake", "--name", "b", "--priority", "7")
+    is_refused = any(
+        "no real-time priority 7" in line for line in program.read_until("holds its pose")
+    )
+    assert (none if is_refused else "priority    SCHED_FIFO 7\n") in run("status", "b", "--once")
 
 
 def test_the_status_counts_what_the_back_end_has_noted(start_program: StartProgram) -> None:

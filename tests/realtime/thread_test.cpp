@@ -2,7 +2,6 @@
 #include "trifinger/realtime/thread.hpp"
 
 #include <gmock/gmock.h>
-#include <grp.h>
 #include <gtest/gtest.h>
 #include <sched.h>
 #include <sys/resource.h>
@@ -20,6 +19,7 @@
 #include <vector>
 
 #include "support/child_process.hpp"
+#include "support/nobody.hpp"
 #include "support/sanitizers.hpp"
 #include "trifinger/base/error.hpp"
 
@@ -158,14 +158,13 @@ TEST(EnterRealtime, fault_57_AllMemoryIsLockedWhereThatIsAllowed) {
 // --------------------------------------------------------------------------------------
 
 // Becomes a user who may do nothing.
-void become_nobody() {
-  constexpr uid_t kNobody = 65534;
+void become_nobody_without_rights() {
   const rlimit none{.rlim_cur = 0, .rlim_max = 0};
   const rlimit little{.rlim_cur = 64U << 10U, .rlim_max = 64U << 10U};
-  if (::setrlimit(RLIMIT_RTPRIO, &none) != 0 || ::setrlimit(RLIMIT_MEMLOCK, &little) != 0 ||
-      ::setgroups(0, nullptr) != 0 || ::setgid(kNobody) != 0 || ::setuid(kNobody) != 0) {
-    throw SystemError("become nobody", errno);
+  if (::setrlimit(RLIMIT_RTPRIO, &none) != 0 || ::setrlimit(RLIMIT_MEMLOCK, &little) != 0) {
+    throw SystemError("lower limits", errno);
   }
+  test::become_nobody();
 }
 
 // What nobody is told. The sentences come out of the child as its exit code: a bit for each that
@@ -180,7 +179,7 @@ class Nobody {
 
   [[nodiscard]] static int ask(Demand demand) {
     test::ChildProcess child([demand] {
-      become_nobody();
+      become_nobody_without_rights();
       try {
         int found = 0;
         for (const std::string& sentence : enter_realtime({.demand = demand})) {

@@ -5,7 +5,6 @@
 #include <bit>
 #include <cmath>
 #include <cstdint>
-#include <cstdlib>
 #include <optional>
 #include <random>
 #include <thread>
@@ -13,6 +12,7 @@
 #include "core/intruder.hpp"
 #include "core/timing_contract.hpp"
 #include "sim/drivers_of_tests.hpp"
+#include "support/soak.hpp"
 
 // The user's file is hostile: while a simulated robot runs, another thread writes random bytes and
 // random actions into it.
@@ -73,8 +73,7 @@ void expect_no_limit_broken(const Robot& observer, const JointLimits<9>& limits)
 
 TEST(HostileQueueOfASimulation, fault_29_RandomBytesBreakNoLimitAndTheNextSessionWorks) {
   const auto limits = default_limits<TriFinger>(options_of_tests<TriFinger>().description);
-  // `./run soak` does more of the same.
-  const unsigned rounds = std::getenv("TRIFINGER_SOAK") != nullptr ? 20000 : 100;
+  const auto rounds = static_cast<unsigned>(repetitions(100, 20'000));
   AcrossProcesses::Rig<Traits> rig({.session = {.history = 4096, .queue = 64}});
   int stopped = 0;
   for (unsigned round = 0; round < rounds; ++round) {

@@ -1,0 +1,169 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <atomic>
+#include <cerrno>
+#include <cstdio>
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <thread>
+
+#include "core/named_robot.hpp"
+#include "core/transports.hpp"
+#include "support/nobody.hpp"
+#include "trifinger/core/errors.hpp"
+
+// Who may do what with a session: files of 0600 are their owner's, others are shared by choice.
+
+namespace trifinger::test {
+namespace {
+
+using std::filesystem::perms;
+
+// The robot "robot" of the administrator with files of `mode`, and another user who does something
+// with it.
+class Permission : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    if (::geteuid() != 0) GTEST_SKIP() << "only the administrator can become nobody";
+    // Open to everybody, as /dev/shm.
+    std::filesystem::permissions(folder_.path(), perms::all | perms::sticky_bit);
+  }
+
+  // What `visit` returns when nobody calls it, a member of `group`. A sentence of an error that is
+  // wanted goes through a file.
+  [[nodiscard]] int as_nobody(unsigned mode, gid_t group, const std::function<int()>& visit) {
+    // Before the robot's threads: a sanitizer wants that.
+    ChildProcess child([&] {
+      become_nobody(group);
+      const Deadline deadline(kLong);
+      while (!deadline.passed()) {
+        try {
+          return visit();
+        } catch (const SessionNotFound&) {
+          std::this_thread::yield();  // not there yet
+        }
+      }
+      return 99;
+    });
+    const NamedRobot robot("robot", {.history = 64, .queue = 64, .mode = mode});
+    return child.wait();
+  }
+
+  // Whether the text of `error` names the file that ends with `file`, its owner, its mode and the
+  // remedy.
+  static bool says_all(const SystemError& error, const std::string& file, const std::string& mode) {
+    const std::string text = error.what();
+    for (const std::string& part :
+         {file, std::string("user root and group root"), "with mode " + mode,
+          std::string("'backend.access: group'"), std::string("Permission denied")}) {
+      if (text.find(part) != std::string::npos) continue;
+      std::fprintf(stderr, "'%s' is not in '%s'\n", part.c_str(), text.c_str());
+      return false;
+    }
+    return error.error_number() == EACCES;
+  }
+
+  static constexpr int kRefused = 3;
+  static constexpr int kWrongText = 4;
+
+  SessionFolder folder_;
+};
+
+TEST_F(Permission, fault_31_ByDefaultFilesAreTheirOwnersAlone) {
+  const NamedRobot robot;
+  for (const auto& entry : std::filesystem::directory_iterator(folder_.path())) {
+    EXPECT_EQ(entry.status().permissions(), perms::owner_read | perms::owner_write) << entry;
+  }
+}
+
+TEST_F(Permission, fault_31_AnotherUserIsToldWhoseTheRobotIsAndTheRemedy) {
+  const auto visit = [] {
+    for (const bool control : {true, false}) {
+      try {
+        const Frontend<FakeRobot> robot("robot", {.control = control});
+        return 1;
+      } catch (const SystemError& error) {
+        if (!says_all(error, "/trifinger.robot.state", "0600")) return kWrongText;
+      }
+    }
+    return kRefused;
+  };
+  EXPECT_EQ(as_nobody(0600, kNobody, visit), kRefused);
+  EXPECT_EQ(as_nobody(0600, 0, visit), kRefused) << "the group has no rights either";
+}
+
+TEST_F(Permission, fault_31_OutsideTheGroupNothingIsShared) {
+  EXPECT_EQ(as_nobody(0660, kNobody,
+                      [] {
+                        try {
+                          const Frontend<FakeRobot> robot("robot", {.control = false});
+                          return 1;
+                        } catch (const SystemError& error) {
+                          return says_all(error, "/trifinger.robot.state", "0660") ? kRefused
+                                                                                   : kWrongText;
+                        }
+                      }),
+            kRefused);
+}
+
+TEST_F(Permission, fault_31_WithGroupAccessAMemberControlsTheRobot) {
+  EXPECT_EQ(as_nobody(0660, 0,
+                      [] {
+                        Frontend<FakeRobot> robot("robot");
+                        TimeIndex t = 0;
+                        for (int i = 0; i < 10; ++i) {
+                          t = robot.append_desired_action({.setpoint = 2.0 * i});
+                          static_cast<void>(robot.get_observation(t));
+                        }
+                        robot.finish();
+                        return robot.get_desired_action(9).setpoint == 18.0 ? 0 : 1;
+                      }),
+            0);
+}
+
+TEST_F(Permission, fault_31_AnObserverWithoutWritePermissionReadsAllAndAppendsNothing) {
+  if (::geteuid() != 0) GTEST_SKIP() << "only the administrator can become nobody";
+  // Whoever looks on belongs to the group, which may only read.
+  SharedValue<std::atomic<bool>> is_looking;
+  ChildProcess observer([&] {
+    become_nobody(0);
+    const Deadline deadline(kLong);
+    while (!deadline.passed()) {
+      try {
+        const Frontend<FakeRobot> robot("robot", {.control = false, .timeout = kLong});
+        is_looking->store(true);
+        // A wait, without a file to say so in.
+        if (robot.get_observation(5).applied_actions != 5) return 1;
+        if (robot.get_desired_action(4).setpoint != 4.0) return 1;
+        if (robot.get_applied_action(4).setpoint != 4.0) return 1;
+        if (robot.get_status(4).flags != 0) return 1;
+        static_cast<void>(robot.session().companion("sensor"));
+        try {
+          const Frontend<FakeRobot> controller("robot");
+          return 2;
+        } catch (const SystemError& error) {
+          return says_all(error, ".action", "0640") ? kRefused : kWrongText;
+        }
+      } catch (const SessionNotFound&) {
+        std::this_thread::yield();
+      }
+    }
+    return 99;
+  });
+  const NamedRobot robot("robot", {.history = 64, .queue = 64, .mode = 0640});
+  Frontend<FakeRobot> user("robot");
+  const Deadline deadline(kLong);
+  while (!is_looking->load() && !deadline.passed()) std::this_thread::yield();
+  // Steps 0 to 5, and no end before the observer has gone.
+  for (TimeIndex t = 0; t < 6; ++t) {
+    static_cast<void>(user.append_desired_action({.setpoint = static_cast<double>(t)}));
+  }
+  EXPECT_EQ(observer.wait(), kRefused);
+}
+
+}  // namespace
+}  // namespace trifinger::test

@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <grp.h>
+#include <sys/types.h>
+#include <unistd.h>
+
+#include <cerrno>
+
+#include "trifinger/base/error.hpp"
+
+namespace trifinger::test {
+
+/// The user who owns nothing.
+inline constexpr uid_t kNobody = 65534;
+
+/// Makes this process, a child of the test's that runs as the administrator, one of nobody, in
+/// `group` alone.
+inline void become_nobody(gid_t group = kNobody) {
+  if (::setgroups(0, nullptr) != 0 || ::setgid(group) != 0 || ::setuid(kNobody) != 0) {
+    throw SystemError("become nobody", errno);
+  }
+}
+
+}  // namespace trifinger::test
