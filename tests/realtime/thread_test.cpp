@@ -221,6 +221,11 @@ TEST(EnterRealtime, fault_58_WithoutPermissionItGoesOnAndSaysWhatToDoInALineEach
   EXPECT_EQ(Nobody::ask(Demand::kTry), Nobody::kPriority | Nobody::kMemory | Nobody::kCpus);
 }
 
+TEST(EnterRealtime, fault_57_ALimitThatForbidsToLockMemoryIsNamedWithItsRemedy) {
+  if (::geteuid() != 0) GTEST_SKIP() << "only the administrator can become nobody";
+  EXPECT_NE(Nobody::ask(Demand::kTry) & Nobody::kMemory, 0);
+}
+
 TEST(EnterRealtime, fault_58_WithoutPermissionItFailsWithAllLinesWhereItIsRequired) {
   if (::geteuid() != 0) GTEST_SKIP() << "only the administrator can become nobody";
   EXPECT_EQ(Nobody::ask(Demand::kRequire),
