@@ -69,8 +69,9 @@ did not get the processor ("scheduler"), or because calls of the driver took up 
       .def("steps", &TimingRecord::steps, "Steps so far, the one that ended the session included.")
       .def(
           "late_steps",
-          [](const TimingRecord& timing, const std::optional<std::string>& cause) {
-            return cause ? timing.late_steps(cause_of(*cause)) : timing.late_steps();
+          // Of a std::string g++ 12 says that it is used before it is set.
+          [](const TimingRecord& timing, const std::optional<nb::str>& cause) {
+            return cause ? timing.late_steps(cause_of(cause->c_str())) : timing.late_steps();
           },
           "cause"_a = nb::none(), "How many steps were late, all of them or because of `cause`.")
       .def("success_rate", &TimingRecord::success_rate,
