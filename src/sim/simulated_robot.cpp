@@ -248,7 +248,8 @@ class SimulatedRobot<R>::Implementation {
     // What the position controller alone would sink under, as in `hold`.
     if (!std::isnan(action.position[0])) physics_.gravity_torques(action.torque);
     AppliedAction applied;
-    const SafetyReport report = safety_.apply(action, observation_, memory_.safety, applied);
+    const SafetyReport report =
+        safety_.apply(action, observation_, options_.period, memory_.safety, applied);
     if (report.fault != SafetyFault::kNone) stop_.give_up(step);
     // What has diverged will not come to rest.
     return this->step(applied.torque) ? DriverReport::busy() : DriverReport::ready();

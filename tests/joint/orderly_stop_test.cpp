@@ -47,7 +47,7 @@ class Joints {
   // What the motors got.
   SafetyReport apply(const Action& action) {
     AppliedJointAction<9> applied;
-    const SafetyReport report = chain.apply(action, observation, state, applied);
+    const SafetyReport report = chain.apply(action, observation, kPeriod, state, applied);
     for (std::size_t i = 0; i < 9; ++i) {
       constexpr double kInertia = 0.002;  // [kg m^2], of a link
       EXPECT_LE(std::abs(applied.torque[i]), limits.max_torque[i]);
