@@ -72,8 +72,7 @@ TEST(Recover, KeepsAllOfAWholeFile) {
   EXPECT_THAT(log.events(), SizeIs(2));
 }
 
-TEST(Recover,
-     fault_24_MakesAWholeFileOfEveryDamagedOneAndWritesDownWhatIsMissing) {
+TEST(Recover, fault_24_MakesAWholeFileOfEveryDamagedOneAndWritesDownWhatIsMissing) {
   const Folder folder;
   const OddSession written = random_session(1, 100);
   test::write_log(folder / "whole.mcap", {written}, {}, 10);
