@@ -63,8 +63,9 @@ Samples cyclictest_window(double window_time) {
       "--interval={} --duration={} --histogram=100000 2>/dev/null",
       kRealtime.priority, *kRealtime.cpu, kPeriod / std::chrono::microseconds(1),
       std::max(1.0, std::round(window_time)));
-  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> output(::popen(command.c_str(), "r"),
-                                                               ::pclose);
+  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> output(
+      // NOLINTNEXTLINE(bugprone-command-processor): all words of the command are ours.
+      ::popen(command.c_str(), "r"), ::pclose);
   Samples samples;
   // One line for each microsecond, "000042 001234"; all others begin with '#' or are empty.
   std::array<char, 256> line{};

@@ -61,24 +61,24 @@ class LoopGuard {
   static inline int file{-1};
 
   static void watch() {
-    if (is_watching_) {
+    if (is_watching) {
       // relaxed: read when the process is gone.
-      allocations->store(allocations_->count(), std::memory_order_relaxed);
+      allocations->store(allocation_counter->count(), std::memory_order_relaxed);
       return;
     }
-    is_watching_ = allow_only_what_the_loop_needs();
-    allocations_.emplace();
+    is_watching = allow_only_what_the_loop_needs();
+    allocation_counter.emplace();
   }
   static void watch_and_write() {
     watch();
-    if (++observations_ < 50) return;
+    if (++num_observations < 50) return;
     static_cast<void>(::write(file, "", 1));
   }
 
  private:
-  static inline thread_local bool is_watching_{false};
-  static inline thread_local std::optional<AllocationCounter> allocations_;
-  static inline thread_local int observations_{0};
+  static inline thread_local bool is_watching{false};
+  static inline thread_local std::optional<AllocationCounter> allocation_counter;
+  static inline thread_local int num_observations{0};
 };
 
 /// The back-end in a process of its own, in real time, with all that the machine grants.
