@@ -94,9 +94,8 @@ class Watchdog {
   [[nodiscard]] bool driver_hangs() noexcept {
     if (driver_timeout_ == kForever) return false;
     const Instant now = std::chrono::steady_clock::now();
-    // No single absence of our own counts in full: a process that was stopped has stopped the
-    // driver, too.
-    call_time_ += std::min(now - last_look_, driver_timeout_ / 2);
+    // No absence of our own counts in full: a process that was stopped has stopped the driver, too.
+    call_time_ += std::min<Nanoseconds>(now - last_look_, 3 * kWatchPeriod);
     last_look_ = now;
     const std::uint64_t calls = run_.loop.driver_calls();
     if (calls != seen_calls_ || calls % 2 == 0) {
@@ -322,6 +321,10 @@ class Backend::Implementation {
     while (!stop_requested()) {
       const std::uint32_t seen = event.load(std::memory_order_acquire);
       if (was_recovered()) return;
+      // Nobody can ask in files that were cut off; the next session has files of its own.
+      if (last_fault_.code == Fault::Code::kQueueDamaged && run_->writers.robot->is_cut_off()) {
+        return;
+      }
       // Whose action was late because the process was killed cannot recover; the next user shall
       // not have to.
       if (last_fault_.code == Fault::Code::kActionLate && run_->writers.robot->controller_died()) {

@@ -75,7 +75,7 @@ std::string describe(const Fault& fault, std::string_view driver_text) {
     case Fault::Code::kActionsRejected:
       return detail + " actions in a row up to step " + step + " were not fit to apply";
     case Fault::Code::kQueueDamaged:
-      return "the queue of actions was damaged by its writer" + at_step;
+      return "the queue of actions was damaged, or shared memory was cut off" + at_step;
     case Fault::Code::kDriver:
       return "the driver gave up" + at_step + ": " +
              (driver_text.empty() ? "its code is " + detail : std::string(driver_text));

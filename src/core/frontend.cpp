@@ -406,6 +406,8 @@ class UntypedFrontend::Implementation {
       if (deadline.passed()) {
         // Who looks often and never waits for long must learn it, too.
         throw_if_backend_died(ready);
+        if (ready()) return;
+        if (mapping_->has_ended()) continue;
         throw TimedOut(what() + " did not come in time");
       }
       {

@@ -89,7 +89,7 @@ Progress Loop::hold(const Tick& now) noexcept {
   const std::uint32_t requests_before = requests();
   const std::uint64_t sequence = writer_.queue().sequence_in_slot(0);
   // Behind the look at the slot, which notices what was cut off.
-  if (writer_.queue_is_damaged() || sequence > ipc::Ring::sequence_of(0)) {
+  if (writer_.is_damaged() || sequence > ipc::Ring::sequence_of(0)) {
     return end(Fault::Code::kQueueDamaged, 0);
   }
   if (sequence == ipc::Ring::sequence_of(0)) {
@@ -227,11 +227,11 @@ bool Loop::measure(const Tick& now) noexcept {
   status_.measurement_age = report.measurement_age;
   status_.lost_frames = report.lost_frames;
   is_measured_ = true;
+  if (stage_ == Stage::kRunning) publish_companions(now, time_index_);
   if (Nanoseconds(report.measurement_age) > options_.max_measurement_age) {
     end(Fault::Code::kMeasurementStale, in_milliseconds(Nanoseconds(report.measurement_age)));
     return false;
   }
-  if (stage_ == Stage::kRunning) publish_companions(now, time_index_);
   if (report.state == DriverReport::State::kEnd) {
     end(Fault::Code::kExhausted, report.fault_code);
     return false;
@@ -240,7 +240,7 @@ bool Loop::measure(const Tick& now) noexcept {
 }
 
 Loop::Take Loop::take_action() noexcept {
-  if (writer_.queue_is_damaged()) return Take::kDamaged;
+  if (writer_.is_damaged()) return Take::kDamaged;
   const ipc::Ring& queue = writer_.queue();
   if (closed_index_ >= 0) {
     if (queue.sequence_in_slot(closed_index_) == ipc::Ring::sequence_of(closed_index_)) {
@@ -398,7 +398,7 @@ Fault Loop::fault() const noexcept {
 
 bool Loop::has_work() const noexcept {
   return writer_.queue().sequence_in_slot(time_index_) >= ipc::Ring::sequence_of(time_index_) ||
-         (requests() & layout::kEndRequests) != 0 || writer_.queue_is_damaged() ||
+         (requests() & layout::kEndRequests) != 0 || writer_.is_damaged() ||
          stop_requested_.load(std::memory_order_relaxed) ||
          controller_died_.load(std::memory_order_relaxed);
 }

@@ -711,6 +711,10 @@ SessionPlace::SessionPlace(std::shared_ptr<Directory> directory, std::string nam
   if (options_.history == 0 || options_.queue == 0) {
     throw InvalidArgument("history and queue need room for at least one element each");
   }
+  take_name();
+}
+
+void SessionPlace::take_name() {
   if (!ipc::try_lock(lock_.file())) {
     std::string owner = "another process";
     try {
@@ -736,6 +740,11 @@ SessionPlace::Writers SessionPlace::begin(const UntypedDriver& driver, bool is_r
   if (fork_.is_inherited()) {
     throw InheritedHandle("the host of '" + name_ +
                           "' was made before fork(), and the name is its parent's");
+  }
+  // Somebody tidied up: whoever comes from now on looks at another file.
+  if (!lock_.path().empty() && !lock_.has_name()) {
+    lock_ = directory_->open_or_create(lock_file(name_), options_.mode);
+    take_name();
   }
   const RobotTypes& robot = driver.description();
   SessionPlan plan{

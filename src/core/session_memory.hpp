@@ -178,8 +178,12 @@ class SessionWriter {
     return *action_header_;
   }
   [[nodiscard]] const ipc::Ring& queue() const noexcept { return queue_; }
-  [[nodiscard]] bool queue_is_damaged() const noexcept {
-    return action_->is_damaged() || action_header_->magic != layout::kActionMagic;
+  // True if one of the files was cut off while it was in use.
+  [[nodiscard]] bool is_cut_off() const noexcept {
+    return state_->is_damaged() || action_->is_damaged();
+  }
+  [[nodiscard]] bool is_damaged() const noexcept {
+    return is_cut_off() || action_header_->magic != layout::kActionMagic;
   }
   // True if the process whose actions are applied ended without giving control back. One system
   // call.
@@ -261,13 +265,16 @@ class SessionPlace {
     std::unique_ptr<SessionWriter> robot;
     std::vector<std::unique_ptr<SessionWriter>> companions;
   };
-  // The next session and its companions.
+  // The next session and its companions. Throws RobotOwned if the name was lost meanwhile.
   [[nodiscard]] Writers begin(const UntypedDriver& driver, bool is_real_time, Nanoseconds period);
 
   [[nodiscard]] const std::shared_ptr<Directory>& directory() const noexcept { return directory_; }
   [[nodiscard]] const std::string& name() const noexcept { return name_; }
 
  private:
+  // Throws RobotOwned.
+  void take_name();
+
   std::shared_ptr<Directory> directory_;
   std::string name_;
   SessionOptions options_;

@@ -22,8 +22,9 @@ Nanoseconds lateness_of(const Status& status, LateCause cause, Nanoseconds perio
   if (cause != LateCause::kUser) {
     return Nanoseconds(status.lateness) + status.skipped_ticks * period;
   }
-  const bool is_last = (status.flags & Status::kEnd) != 0;
-  return (status.action_repeats + (is_last ? 1 : 0)) * period;
+  // In a last step without its action there was nothing left to repeat.
+  const bool is_repeated = (status.flags & Status::kActionRepeated) != 0;
+  return (status.action_repeats + (is_repeated ? 0 : 1)) * period;
 }
 
 // "1.2 ms"

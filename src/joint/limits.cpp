@@ -56,6 +56,8 @@ constexpr std::array<JointLimitField, kJointLimitFields> kFields{
 
 // With plausible measurements (at most 1e6) no product or sum in the checks can overflow.
 constexpr double kLargest = 1e6;
+// Nor, in a motor that carries no less than this for ever [Nm], a quotient.
+constexpr double kLeastContinuousTorque = 1e-6;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 std::string text_of(double number, std::string_view unit) {
@@ -134,6 +136,9 @@ std::optional<JointLimitProblem> find_problem(const JointLimitValues& values) {
     }
     if (value(kDefaultKp) > value(kMaxKp)) return problem(kDefaultKp, "at most " + named(kMaxKp));
     if (value(kDefaultKd) > value(kMaxKd)) return problem(kDefaultKd, "at most " + named(kMaxKd));
+    if (value(kContinuousTorque) < kLeastContinuousTorque) {
+      return problem(kContinuousTorque, "at least " + text_of(kLeastContinuousTorque, "Nm"));
+    }
     // The derating is to be faster than the warming, whatever the time between two steps.
     const double shortest = std::pow(value(kMaxTorque) / value(kContinuousTorque), 2);
     if (value(kThermalTime) < shortest) {

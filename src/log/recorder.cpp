@@ -435,7 +435,7 @@ class Recorder::Implementation {
     wall_clock_offset_ = offset;
     const auto seconds = static_cast<double>(change.count()) / 1e9;
     tell(Level::kWarning, kRecorder,
-         "the wall clock was set by " + std::to_string(seconds) +
+         "the wall clock has moved by " + std::to_string(seconds) +
              " s; minus the monotonic clock it is now " + std::to_string(offset.count()) + " ns");
   }
 

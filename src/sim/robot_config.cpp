@@ -198,12 +198,13 @@ OrderlyStopOptions<N> read_stop(const Node& root, const JointLimits<N>& limits) 
   OrderlyStopOptions<N> options;
   const auto section = root.optional_section("stop");
   if (!section) return options;
-  // Together below the back-end's limit for the whole stop.
+  // A way that is given up is followed by the damping once more: 2 + 5.5 + 2 s are below the
+  // back-end's limit for the whole stop.
   options.damping_time =
       read_time(section->at("damping_time", "s"), {.unit = "s", .min = 0, .max = 2});
   // Read in either case: a pose that is taken out again must not demand more changes.
   const auto move_time = section->find("move_time");
-  const Range range{.unit = "s", .min = 0, .max = 7, .above_min = true};
+  const Range range{.unit = "s", .min = 0, .max = 5.5, .above_min = true};
   if (move_time) options.move_time = read_time(*move_time, range);
   if (!section->find("rest_position")) return options;
   options.rest_position = read_pose(*section, "rest_position", limits);

@@ -212,6 +212,7 @@ class SimulatedRobot<R>::Implementation {
     read_state(begin_state_);
     move_to_step(0);
     has_initial_pose_ = false;
+    has_safety_fault_ = false;
     return DriverReport::ready();
   }
 
@@ -226,7 +227,8 @@ class SimulatedRobot<R>::Implementation {
     physics_.get_state(before_step_);
     const SafetyReport report =
         safety_.apply(desired, observation_, options_.period, memory_.safety, applied);
-    if (report.fault != SafetyFault::kNone) return DriverReport::fault(fault_code_of(report));
+    has_safety_fault_ = report.fault != SafetyFault::kNone;
+    if (has_safety_fault_) return DriverReport::fault(fault_code_of(report));
     if (!step(applied.torque)) {
       keep_state_before_divergence();
       return DriverReport::fault(kDiverged);
@@ -245,6 +247,11 @@ class SimulatedRobot<R>::Implementation {
   DriverReport stop(TimeIndex step) noexcept {
     Action action;
     if (!stop_.next(step, observation_, action)) return DriverReport::ready();
+    if (step == 0 && has_safety_fault_) {
+      // The fault of the session may not show again.
+      stop_.give_up(step);
+      action = {};
+    }
     // What the position controller alone would sink under, as in `hold`.
     if (!std::isnan(action.position[0])) physics_.gravity_torques(action.torque);
     AppliedAction applied;
@@ -550,6 +557,7 @@ class SimulatedRobot<R>::Implementation {
   sim::Physics physics_;
   SafetyChain<R> safety_;
   OrderlyStop<R> stop_;
+  bool has_safety_fault_{false};  // the chain has ended the session
   std::array<CompanionDescription, 1> companion_;
   Joints begin_at_{};
   Header header_{.magic = kStateMagic, .model = fingerprint()};

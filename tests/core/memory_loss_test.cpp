@@ -32,6 +32,7 @@ TEST(MemoryLoss, fault_32_FilesThatAreUnlinkedServeThoseWhoHaveThem) {
   // As systemd-logind does when a user logs out.
   std::filesystem::remove(action_path());
   std::filesystem::remove(state_path());
+  std::filesystem::remove(state_path().parent_path() / "trifinger.robot.lock");
   run_steps<FakeDriverTraits>(robot, 5, 9);
   EXPECT_EQ(bytes_of(observer.get_desired_action(9)), bytes_of(FakeDriverTraits::action(9)));
   // Nor does a long wait take it for dead.
@@ -41,9 +42,10 @@ TEST(MemoryLoss, fault_32_FilesThatAreUnlinkedServeThoseWhoHaveThem) {
   EXPECT_THROW(static_cast<void>(Session::open("robot")), SessionNotFound);
   robot.finish();
   expect_end(robot, 10, {.code = Fault::Code::kFinished});
-  // The next session has files of its own.
+  // The next session has files of its own, and holds the name again.
   auto next = rig.connect();
   run_steps<FakeDriverTraits>(next, 0, 4);
+  EXPECT_THROW(static_cast<void>(SessionHost::named("robot")), RobotOwned);
 }
 
 TEST(MemoryLoss, fault_32_AStateFileThatIsCutOffHangsNobody) {
@@ -60,6 +62,9 @@ TEST(MemoryLoss, fault_32_AStateFileThatIsCutOffHangsNobody) {
         static_cast<void>(robot.get_observation(1000, kLong));
       },
       Error);
+  // It was the end of that session alone.
+  auto next = rig.connect();
+  run_steps<FakeDriverTraits>(next, 0, 4);
 }
 
 // Becomes alone with a file system of 2 MiB for sessions. False where that is not allowed.

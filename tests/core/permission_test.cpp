@@ -28,7 +28,7 @@ using std::filesystem::perms;
 class Permission : public ::testing::Test {
  protected:
   void SetUp() override {
-    if (::geteuid() != 0) GTEST_SKIP() << "only the administrator can become nobody";
+    if (!may_become_nobody()) GTEST_SKIP() << "only the administrator can become nobody";
     // Open to everybody, as /dev/shm.
     std::filesystem::permissions(folder_.path(), perms::all | perms::sticky_bit);
   }
@@ -126,7 +126,7 @@ TEST_F(Permission, fault_31_WithGroupAccessAMemberControlsTheRobot) {
 }
 
 TEST_F(Permission, fault_31_AnObserverWithoutWritePermissionReadsAllAndAppendsNothing) {
-  if (::geteuid() != 0) GTEST_SKIP() << "only the administrator can become nobody";
+  if (!may_become_nobody()) GTEST_SKIP() << "only the administrator can become nobody";
   // Whoever looks on belongs to the group, which may only read.
   SharedValue<std::atomic<bool>> is_looking;
   ChildProcess observer([&] {

@@ -398,6 +398,16 @@ TEST(Heat, fault_47_IsAFaultOnlyAboveWhatAnObedientMotorReaches) {
   EXPECT_EQ(check_heat(1.21), bit(Reason::kOverheated));
 }
 
+TEST(Heat, fault_47_ThatNobodyKnowsIsTheMost) {
+  for (const double heat : {kNotGiven, kInfinity}) {
+    EXPECT_EQ(derated_torque(heat, kThermal), 0.18);
+    EXPECT_EQ(check_heat(heat), bit(Reason::kOverheated));
+    EXPECT_EQ(check_heat(heat_after(heat, 0.1, kStep, kThermal)), bit(Reason::kOverheated));
+  }
+  EXPECT_EQ(check_heat(heat_after(0.0, kNotGiven, kStep, kThermal)), bit(Reason::kOverheated));
+  EXPECT_EQ(thermal_margin_of(heat_after(-5.0, 0.0, kStep, kThermal)), 1.0);
+}
+
 // --- Measurements ---
 
 TEST(CheckMeasurement, RefusesWhatIsNoMeasurement) {

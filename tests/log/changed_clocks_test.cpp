@@ -41,11 +41,11 @@ TEST_F(RecorderOfChangedClocks, fault_55_TellsTheNewOffsetAndKeepsTheTimeOfTheSt
   robot.append_desired_action({});
   recorder.wait_for_step(20);
   clocks_.set_wall_ahead(std::chrono::hours(1));
-  recorder.wait_for_event("the wall clock was set by 3");
+  recorder.wait_for_event("the wall clock has moved by 3");
   recorder.wait_for_step(robot.current_time_index() + 20);
   robot.finish();
   recorder.stop();
-  EXPECT_EQ(recorder.count_events("the wall clock was set"), 1U) << recorder.all_events();
+  EXPECT_EQ(recorder.count_events("the wall clock has moved"), 1U) << recorder.all_events();
 
   const log::Log log(logs_.path());
   const std::vector<log::Event> events = log.events();

@@ -98,6 +98,25 @@ TYPED_TEST(SimulatedStop, IsMeasuredButNoPartOfTheSession) {
   EXPECT_EQ(Frontend<TypeParam>(backend).latest_observation().position, begin);
 }
 
+TYPED_TEST(SimulatedStop, GoesNowhereBehindAFaultOfTheSafetyChain) {
+  const auto options = all_with_rest_position<TypeParam>().front();
+  SimulatedRobot<TypeParam> robot(options);
+  bool is_broken = true;
+  robot.safety().add_check([&is_broken](const auto&, auto&) {
+    if (is_broken) throw InvalidArgument("broken");
+  });
+  ASSERT_EQ(robot.prepare(0).state, DriverReport::State::kReady);
+  typename TypeParam::Observation observation;
+  typename TypeParam::AppliedAction applied;
+  static_cast<void>(robot.get_latest_observation(observation));
+  ASSERT_EQ(robot.apply_action({}, applied).state, DriverReport::State::kFault);
+  // What was wrong does not show again.
+  is_broken = false;
+  TimeIndex step = 0;
+  while (robot.stop(step).state == DriverReport::State::kBusy) ++step;
+  EXPECT_EQ(step, options.stop.damping_time / options.period);
+}
+
 TYPED_TEST(SimulatedStop, IsOverAtOnceIfNoneIsConfigured) {
   SimulatedRobot<TypeParam> robot(options_of<TypeParam>());
   ASSERT_EQ(robot.prepare(0).state, DriverReport::State::kReady);

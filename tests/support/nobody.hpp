@@ -7,6 +7,7 @@
 
 #include <cerrno>
 
+#include "support/child_process.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace trifinger::test {
@@ -20,6 +21,15 @@ inline void become_nobody(gid_t group = kNobody) {
   if (::setgroups(0, nullptr) != 0 || ::setgid(group) != 0 || ::setuid(kNobody) != 0) {
     throw SystemError("become nobody", errno);
   }
+}
+
+/// Whether a child may do that: the administrator of a container may lack the right.
+inline bool may_become_nobody() {
+  ChildProcess child([] {
+    become_nobody();
+    return 0;
+  });
+  return child.wait() == 0;
 }
 
 }  // namespace trifinger::test

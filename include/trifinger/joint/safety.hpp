@@ -241,7 +241,9 @@ inline constexpr double kHeatOfDerating = 0.8;
   constexpr double kMost = 2.0;
   const double load = torque / limit.continuous_torque;
   const double share = elapsed / (limit.thermal_time + elapsed);
-  return std::min(heat + share * (load * load - heat), kMost);
+  const double after = heat + share * (load * load - heat);
+  // Written so that NaN is as warm as can be.
+  return after <= kMost ? std::max(after, 0.0) : kMost;
 }
 
 /// What a motor of this heat may give: `max_torque` up to 0.8, from there on a straight line to
@@ -249,7 +251,8 @@ inline constexpr double kHeatOfDerating = 0.8;
 [[nodiscard]] inline double derated_torque(double heat,
                                            const JointLimit& limit) noexcept TRIFINGER_REALTIME {
   const double least = std::min(limit.continuous_torque, limit.max_torque);
-  const double share = std::clamp((1.0 - heat) / (1.0 - kHeatOfDerating), 0.0, 1.0);
+  // Written so that of NaN the least comes out.
+  const double share = heat <= 1.0 ? std::min((1.0 - heat) / (1.0 - kHeatOfDerating), 1.0) : 0.0;
   return least + (limit.max_torque - least) * share;
 }
 
@@ -301,8 +304,9 @@ inline constexpr double kHeatOfDerating = 0.8;
 /// 0 or `kVelocityMismatch`.
 [[nodiscard]] inline std::uint64_t check_velocity(
     double velocity_error, const JointLimit& limit) noexcept TRIFINGER_REALTIME {
-  const bool differs = std::abs(velocity_error) > limit.max_velocity_error;
-  return differs ? bit(Reason::kVelocityMismatch) : 0U;
+  // Written so that NaN fails.
+  const bool agrees = std::abs(velocity_error) <= limit.max_velocity_error;
+  return agrees ? 0U : bit(Reason::kVelocityMismatch);
 }
 
 /// Remembers between which torques the measurements have stayed the same, to the last bit, and for
@@ -331,7 +335,7 @@ inline constexpr double kHeatOfDerating = 0.8;
 
 /// 0 or `kOverheated`.
 [[nodiscard]] inline std::uint64_t check_heat(double heat) noexcept TRIFINGER_REALTIME {
-  return heat > kHeatOfFault ? bit(Reason::kOverheated) : 0U;
+  return heat <= kHeatOfFault ? 0U : bit(Reason::kOverheated);
 }
 
 /// The fault that stands in the reasons of one joint, the most telling one first: a joint whose
