@@ -90,7 +90,8 @@ TEST(Recover, fault_24_MakesAWholeFileOfEveryDamagedOneAndWritesDownWhatIsMissin
 
     // Written down, and not only found again.
     std::ptrdiff_t num_records = 0;
-    for (const mcap::Metadata& record : mcap::Reader(folder / "b.mcap").contents().metadata) {
+    const mcap::Reader recovered(folder / "b.mcap");
+    for (const mcap::Metadata& record : recovered.contents().metadata) {
       num_records += record.name == "trifinger.gap" ? 1 : 0;
     }
     const Log before(folder / "a.mcap");
