@@ -13,6 +13,10 @@ import pytest
 import trifinger
 from trifinger import _trifinger
 
+# A shell without job control starts what runs in the background with SIGINT ignored, and so would
+# be everything that the tests start.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+
 # The folder of the build that the module under test comes from.
 BUILD = Path(_trifinger.__file__).parents[2]
 PROGRAM = os.environ.get("TRIFINGER_PROGRAM", str(BUILD / "apps/trifinger"))
