@@ -163,12 +163,18 @@ def main() -> int:
         for file in sorted(arguments.results.glob("*.xml"))
         for case in results_in(file.read_text())
     ]
-    result_of = {
-        test: worst([result for *names, result in cases if test.is_result(*names)])
-        for test in tests
+    results_of = {
+        test: [result for *names, result in cases if test.is_result(*names)] for test in tests
     }
+    result_of = {test: worst(results) for test, results in results_of.items()}
     faults = read_faults((ROOT / LIST).read_text(), tests)
     found = list(problems(faults, result_of))
+    # To be skipped is a result, too; a test without any was never built.
+    found += [
+        f"{test.file}: {test.suite}.{test.name} has no result in {arguments.results}."
+        for test, results in results_of.items()
+        if not results
+    ]
     text = page(faults, result_of)
     if arguments.write:
         (ROOT / PAGE).write_text(text)

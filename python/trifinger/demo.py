@@ -210,7 +210,8 @@ def main() -> int:
     path = max(arguments.output.glob(f"{name}_*.mcap"))
     log = trifinger.Log(path)
     session = log.session(name)
-    print(table(session), end="\n\n")
+    # The next lines are those of another process.
+    print(table(session), end="\n\n", flush=True)
     subprocess.run([program.path(), "log", "info", path], check=True)
 
     scene, picture = arguments.output / "scene.png", arguments.output / "plot.png"
