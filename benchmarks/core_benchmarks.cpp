@@ -219,15 +219,8 @@ Row inline_row(const Effort& effort) {
     }
     samples.add(kSteps / seconds_since(begin));
   }
-  Row row;
-  row.measure = "inline loop of the fake robot, C++";
-  row.value = samples.median();
-  row.low = samples.quantile(0.0);
-  row.high = samples.quantile(1.0);
-  row.unit = "steps/s";
-  row.reach = ">= 5000000 steps/s";
-  row.holds = row.value >= 5e6;
-  return row;
+  return make_row("inline loop of the fake robot, C++", "steps/s", samples, ">= 5000000 steps/s",
+                  samples.median() >= 5e6);
 }
 
 }  // namespace

@@ -5,8 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
-#include <cerrno>
-#include <cstdlib>
 #include <filesystem>
 #include <map>
 #include <memory>
@@ -104,20 +102,6 @@ class Random {
   std::mt19937 generator_{1};
 };
 
-Row figure(std::string measure, std::string unit, const Samples& samples, std::string reach,
-           bool holds, std::string remark) {
-  return {.measure = std::move(measure),
-          .value = samples.median(),
-          .low = samples.quantile(0.0),
-          .high = samples.quantile(1.0),
-          .unit = std::move(unit),
-          .reference = {},
-          .ratio = {},
-          .reach = std::move(reach),
-          .holds = holds,
-          .remark = std::move(remark)};
-}
-
 // A session in which a controller at 1 kHz was killed.
 struct KilledController {
   Instant time;  // of the kill
@@ -170,11 +154,12 @@ Row dead_user_row(int kills) {
     }
     recover(name);
   }
-  return figure("dead user: from the kill, or its last action, to the tick that stops the robot",
-                "periods", from_last_action, "<= 1 period + the tick's lateness", holds,
-                fmt::format("{} kills; from the kill, with an action that was still queued: median "
-                            "{:.3g} ms, 95 % {:.3g} ms",
-                            kills, from_kill.median(), from_kill.quantile(0.95)));
+  return make_row(
+      "dead user: from the kill, or its last action, to the tick that stops the robot", "periods",
+      from_last_action, "<= 1 period + the tick's lateness", holds,
+      fmt::format("{} kills; from the kill, with an action that was still queued: median "
+                  "{:.3g} ms, 95 % {:.3g} ms",
+                  kills, from_kill.median(), from_kill.quantile(0.95)));
 }
 
 // The same where missing actions may be repeated: a watchdog finds the lock of the controller free.
@@ -189,10 +174,10 @@ Row dead_user_with_repeats_row(int kills) {
     ++counted;
     samples.add(milliseconds(time_of(killed.end) - killed.time));
   }
-  return figure("dead user whose actions may be repeated: kill to the end of the session", "ms",
-                samples, "95 % <= 25 ms", samples.quantile(0.95) <= 25.0,
-                fmt::format("{} kills; the watchdog looks every 20 ms; 95 % {:.3g} ms", kills,
-                            samples.quantile(0.95)));
+  return make_row("dead user whose actions may be repeated: kill to the end of the session", "ms",
+                  samples, "95 % <= 25 ms", samples.quantile(0.95) <= 25.0,
+                  fmt::format("{} kills; the watchdog looks every 20 ms; 95 % {:.3g} ms", kills,
+                              samples.quantile(0.95)));
 }
 
 Row dead_backend_row(int kills) {
@@ -218,32 +203,11 @@ Row dead_backend_row(int kills) {
     killer.join();
     samples.add(milliseconds(noticed - killed));
   }
-  return figure("dead back-end: kill to the error of a user who waits", "ms", samples, "<= 200 ms",
-                samples.quantile(1.0) <= 200.0, fmt::format("{} kills", kills));
+  return make_row("dead back-end: kill to the error of a user who waits", "ms", samples,
+                  "<= 200 ms", samples.quantile(1.0) <= 200.0, fmt::format("{} kills", kills));
 }
 
 // --- Kills of any process ---
-
-// A folder that goes with its owner.
-class Folder {
- public:
-  Folder() {
-    std::string name =
-        (std::filesystem::temp_directory_path() / "trifinger_benchmark_XXXXXX").string();
-    if (::mkdtemp(name.data()) == nullptr) throw SystemError("make a folder", errno);
-    path_ = name;
-  }
-  Folder(const Folder&) = delete;
-  Folder& operator=(const Folder&) = delete;
-  ~Folder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  [[nodiscard]] const std::filesystem::path& path() const noexcept { return path_; }
-
- private:
-  std::filesystem::path path_;
-};
 
 // What the four processes say of their work.
 struct Work {
@@ -413,7 +377,7 @@ class FourProcesses {
   }
 
   std::string name_{kKills};
-  Folder logs_;
+  TemporaryFolder logs_;
   Shared<Work> work_;
   Random random_;
   std::array<std::unique_ptr<Child>, kProcesses> processes_;

@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
+#include <cstdlib>
 
 #include "trifinger/base/error.hpp"
 
@@ -52,19 +53,38 @@ Paired alternate(int rounds, const std::function<double()>& measure,
   return paired;
 }
 
+Row make_row(std::string measure, std::string unit, const Samples& samples, std::string reach,
+             bool holds, std::string remark) {
+  return {.measure = std::move(measure),
+          .value = samples.median(),
+          .low = samples.quantile(0.0),
+          .high = samples.quantile(1.0),
+          .unit = std::move(unit),
+          .reference = {},
+          .ratio = {},
+          .reach = std::move(reach),
+          .holds = holds,
+          .remark = std::move(remark)};
+}
+
 Row make_row(std::string measure, std::string unit, const Paired& paired, std::string reference,
              std::string reach, bool holds) {
-  Row row;
-  row.measure = std::move(measure);
-  row.value = paired.measure.median();
-  row.low = paired.measure.quantile(0.0);
-  row.high = paired.measure.quantile(1.0);
-  row.unit = std::move(unit);
+  Row row = make_row(std::move(measure), std::move(unit), paired.measure, std::move(reach), holds);
   row.reference = fmt::format("{} ({:.4g} {})", reference, paired.reference.median(), row.unit);
   row.ratio = paired.ratio.median();
-  row.reach = std::move(reach);
-  row.holds = holds;
   return row;
+}
+
+TemporaryFolder::TemporaryFolder() {
+  std::string name =
+      (std::filesystem::temp_directory_path() / "trifinger_benchmark_XXXXXX").string();
+  if (::mkdtemp(name.data()) == nullptr) throw SystemError("make a folder", errno);
+  path_ = name;
+}
+
+TemporaryFolder::~TemporaryFolder() {
+  std::error_code ignored;
+  std::filesystem::remove_all(path_, ignored);
 }
 
 std::string to_json(const std::vector<Row>& rows) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <filesystem>
 #include <functional>
 #include <optional>
 #include <string>
@@ -45,6 +46,9 @@ struct Paired {
 [[nodiscard]] Paired alternate(int rounds, const std::function<double()>& measure,
                                const std::function<double()>& reference);
 
+/// A row with nothing measured beside it.
+[[nodiscard]] Row make_row(std::string measure, std::string unit, const Samples& samples,
+                           std::string reach, bool holds, std::string remark = {});
 [[nodiscard]] Row make_row(std::string measure, std::string unit, const Paired& paired,
                            std::string reference, std::string reach, bool holds);
 
@@ -53,6 +57,20 @@ struct Paired {
 
 /// Keeps the calling thread on one processor. False if there is no such processor.
 bool pin(int cpu);
+
+/// A folder that goes with its owner.
+class TemporaryFolder {
+ public:
+  TemporaryFolder();
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+  ~TemporaryFolder();
+
+  [[nodiscard]] const std::filesystem::path& path() const noexcept { return path_; }
+
+ private:
+  std::filesystem::path path_;
+};
 
 /// A child process that runs `body` and exits; killed and awaited at the end of its life here.
 class Child {

@@ -37,24 +37,6 @@ double seconds_since(Clock::time_point begin) {
   return std::chrono::duration<double>(Clock::now() - begin).count();
 }
 
-// A folder that is gone at the end.
-class TemporaryFolder {
- public:
-  TemporaryFolder()
-      : folder_(std::filesystem::temp_directory_path() /
-                fmt::format("trifinger_benchmark_{}", Clock::now().time_since_epoch().count())) {
-    std::filesystem::create_directory(folder_);
-  }
-  TemporaryFolder(const TemporaryFolder&) = delete;
-  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-  ~TemporaryFolder() { std::filesystem::remove_all(folder_); }
-
-  [[nodiscard]] const std::filesystem::path& path() const { return folder_; }
-
- private:
-  std::filesystem::path folder_;
-};
-
 // The series of a run, in memory.
 struct Run {
   explicit Run(std::size_t steps)

@@ -148,13 +148,7 @@ Pairs measure_pairs(const Effort& effort, const std::function<Samples(double)>& 
 
 Row lateness_row(const Effort& effort, const Pairs& pairs, std::string measure,
                  const std::string& reference) {
-  Row row;
-  row.measure = std::move(measure);
-  row.value = pairs.p99.measure.median();
-  row.low = pairs.p99.measure.quantile(0.0);
-  row.high = pairs.p99.measure.quantile(1.0);
-  row.unit = "us";
-  row.reach = "<= 1.2x";
+  Row row = make_row(std::move(measure), "us", pairs.p99.measure, "<= 1.2x", false);
   if (pairs.p99.reference.empty()) {
     row.reference = reference + ": missing, or refused";
     return row;

@@ -49,16 +49,9 @@ Row safety_chain(const Effort& effort) {
     samples.add(std::chrono::duration<double, std::nano>(Clock::now() - begin).count() /
                 kApplications);
   }
-  Row row;
-  row.measure = "safety chain, nine joints";
-  row.value = samples.median();
-  row.low = samples.quantile(0.0);
-  row.high = samples.quantile(1.0);
-  row.unit = "ns";
-  row.reach = "<= 300 ns";
   // Looks at the sum, so that no compiler leaves out what made it.
-  row.holds = row.value <= 300.0 && std::isfinite(sum);
-  return row;
+  return make_row("safety chain, nine joints", "ns", samples, "<= 300 ns",
+                  samples.median() <= 300.0 && std::isfinite(sum));
 }
 
 }  // namespace

@@ -32,4 +32,24 @@ struct OddDriverTraits {
   }
 };
 
+/// Measures nothing and does what it is told: for drivers that differ from it in one thing.
+class IdleDriver : public Driver<FakeRobot> {
+ public:
+  using Driver::apply_action;
+  using Driver::get_latest_observation;
+  using Driver::hold;
+
+  [[nodiscard]] DriverReport get_latest_observation(
+      FakeObservation& observation) noexcept override {
+    observation = {};
+    return DriverReport::ready();
+  }
+  [[nodiscard]] DriverReport apply_action(const FakeAction& desired,
+                                          FakeAction& applied) noexcept override {
+    applied = desired;
+    return DriverReport::ready();
+  }
+  void hold(const FakeObservation&, FakeAction& action) noexcept override { action = {}; }
+};
+
 }  // namespace trifinger::test

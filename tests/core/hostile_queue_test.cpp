@@ -159,24 +159,15 @@ TEST(ControllerDied, IsTrueOnlyOnceActionsAreApplied) {
 // ----------------------------------------------------------------------------------
 
 // Hangs in its fifth action until it is released.
-class HangingDriver final : public Driver<FakeRobot> {
+class HangingDriver final : public test::IdleDriver {
  public:
-  using Driver::apply_action;
-  using Driver::get_latest_observation;
-  using Driver::hold;
+  using IdleDriver::apply_action;
 
-  [[nodiscard]] DriverReport get_latest_observation(
-      FakeObservation& observation) noexcept override {
-    observation = {};
-    return DriverReport::ready();
-  }
   [[nodiscard]] DriverReport apply_action(const FakeAction& desired,
                                           FakeAction& applied) noexcept override {
     if (++actions_ == 5) released_.wait(false);
-    applied = desired;
-    return DriverReport::ready();
+    return IdleDriver::apply_action(desired, applied);
   }
-  void hold(const FakeObservation&, FakeAction& action) noexcept override { action = {}; }
   void cut() noexcept override { ++cuts_; }
 
   void release() {

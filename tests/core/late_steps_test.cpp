@@ -252,11 +252,10 @@ TEST(LateStep, IsCountedInARecordThatIsWholeWhileTheBackendWrites) {
 // --- What else ends a session because of time ---
 
 // Measures what is older at every step.
-class AgeingDriver final : public Driver<FakeRobot> {
+class AgeingDriver final : public IdleDriver {
  public:
-  using Driver::apply_action;
-  using Driver::get_latest_observation;
-  using Driver::hold;
+  using IdleDriver::apply_action;
+  using IdleDriver::get_latest_observation;
 
   [[nodiscard]] DriverReport get_latest_observation(
       FakeObservation& observation) noexcept override {
@@ -268,10 +267,8 @@ class AgeingDriver final : public Driver<FakeRobot> {
   [[nodiscard]] DriverReport apply_action(const FakeAction& desired,
                                           FakeAction& applied) noexcept override {
     age_ += kPeriod;
-    applied = desired;
-    return DriverReport::ready();
+    return IdleDriver::apply_action(desired, applied);
   }
-  void hold(const FakeObservation&, FakeAction& action) noexcept override { action = {}; }
 
  private:
   Nanoseconds age_{0};

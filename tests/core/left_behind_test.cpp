@@ -169,11 +169,10 @@ void die(Death death) {
 }
 
 // Takes its process along in the sixth action.
-class DeadlyDriver final : public Driver<FakeRobot> {
+class DeadlyDriver final : public IdleDriver {
  public:
-  using Driver::apply_action;
-  using Driver::get_latest_observation;
-  using Driver::hold;
+  using IdleDriver::apply_action;
+  using IdleDriver::get_latest_observation;
 
   explicit DeadlyDriver(Death death) : death_(death) {}
 
@@ -185,10 +184,8 @@ class DeadlyDriver final : public Driver<FakeRobot> {
   [[nodiscard]] DriverReport apply_action(const FakeAction& desired,
                                           FakeAction& applied) noexcept override {
     if (++actions_ == 6) die(death_);
-    applied = desired;
-    return DriverReport::ready();
+    return IdleDriver::apply_action(desired, applied);
   }
-  void hold(const FakeObservation&, FakeAction& action) noexcept override { action = {}; }
 
  private:
   Death death_;

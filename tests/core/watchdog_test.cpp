@@ -264,7 +264,7 @@ TEST(StoppedBackend, fault_56_IsSilentForThoseWhoLookAndAFaultWhenItGoesOn) {
 }
 
 // Stays in its fifth action until it may go on. The watchdog looks before and behind that.
-class SlowDriver final : public Driver<FakeRobot> {
+class SlowDriver final : public IdleDriver {
  public:
   struct Shared {
     std::atomic<bool> is_in_call{false};
@@ -272,15 +272,8 @@ class SlowDriver final : public Driver<FakeRobot> {
   };
   explicit SlowDriver(Shared& shared) : shared_(shared) {}
 
-  using Driver::apply_action;
-  using Driver::get_latest_observation;
-  using Driver::hold;
+  using IdleDriver::apply_action;
 
-  [[nodiscard]] DriverReport get_latest_observation(
-      FakeObservation& observation) noexcept override {
-    observation = {};
-    return DriverReport::ready();
-  }
   [[nodiscard]] DriverReport apply_action(const FakeAction& desired,
                                           FakeAction& applied) noexcept override {
     if (++actions_ == 5) {
@@ -289,10 +282,8 @@ class SlowDriver final : public Driver<FakeRobot> {
       while (!shared_.may_go_on) std::this_thread::yield();
       stay();
     }
-    applied = desired;
-    return DriverReport::ready();
+    return IdleDriver::apply_action(desired, applied);
   }
-  void hold(const FakeObservation&, FakeAction& action) noexcept override { action = {}; }
 
  private:
   static void stay() noexcept {
@@ -390,13 +381,12 @@ INSTANTIATE_TEST_SUITE_P(OfEveryKind, LatchedFault, ::testing::ValuesIn(breaks()
                          });
 
 // Has a condition, as an emergency stop that is pressed.
-class PressedDriver final : public Driver<FakeRobot> {
+class PressedDriver final : public IdleDriver {
  public:
   static constexpr std::int32_t kPressed = 7;
 
-  using Driver::apply_action;
-  using Driver::get_latest_observation;
-  using Driver::hold;
+  using IdleDriver::apply_action;
+  using IdleDriver::get_latest_observation;
 
   [[nodiscard]] DriverReport prepare(TimeIndex) noexcept override { return report(); }
   [[nodiscard]] DriverReport get_latest_observation(
@@ -407,10 +397,8 @@ class PressedDriver final : public Driver<FakeRobot> {
   [[nodiscard]] DriverReport apply_action(const FakeAction& desired,
                                           FakeAction& applied) noexcept override {
     ++actions_;
-    applied = desired;
-    return DriverReport::ready();
+    return IdleDriver::apply_action(desired, applied);
   }
-  void hold(const FakeObservation&, FakeAction& action) noexcept override { action = {}; }
   [[nodiscard]] std::string_view fault_text(std::int32_t) const noexcept override {
     return "the emergency stop is pressed";
   }
