@@ -12,6 +12,9 @@
 namespace trifinger::sim {
 namespace {
 
+// What a step changes of the state: the rest are inputs that nobody here gives.
+constexpr int kChangedByStep = mjSTATE_FULLPHYSICS | mjSTATE_WARMSTART | mjSTATE_CTRL;
+
 // MuJoCo writes warnings to a file in the working directory. Ours are faults: the counters in
 // mjData tell.
 void silence_warnings() {
@@ -28,6 +31,8 @@ Physics::Physics(const RobotDescription& description, int substeps)
       substeps_(substeps),
       data_(mj_makeData(model_.mujoco())),
       state_size_(static_cast<std::size_t>(mj_stateSize(model_.mujoco(), mjSTATE_INTEGRATION))),
+      before_step_(static_cast<std::size_t>(mj_stateSize(model_.mujoco(), kChangedByStep))),
+      after_step_(before_step_.size()),
       tip_forces_(static_cast<std::size_t>(model_.num_fingers())),
       bias_(static_cast<std::size_t>(model_.mujoco()->nv)) {
   if (data_ == nullptr) throw Error("MuJoCo has no memory for the scene");
@@ -45,6 +50,7 @@ double Physics::position(int joint) const noexcept { return data_->qpos[joint]; 
 double Physics::velocity(int joint) const noexcept { return data_->qvel[joint]; }
 
 bool Physics::step(std::span<const double> torque) noexcept {
+  mj_getState(model_.mujoco(), data_.get(), before_step_.data(), kChangedByStep);
   std::ranges::copy(torque, data_->ctrl);
   for (int i = 0; i < substeps_; ++i) mj_step(model_.mujoco(), data_.get());
   measure_tip_forces();
@@ -104,6 +110,13 @@ void Physics::place_object(const ObjectAddress& object, const ObjectPose& pose) 
 
 void Physics::get_state(std::span<double> state) const noexcept {
   mj_getState(model_.mujoco(), data_.get(), state.data(), mjSTATE_INTEGRATION);
+}
+
+void Physics::get_state_before_step(std::span<double> state) noexcept {
+  mj_getState(model_.mujoco(), data_.get(), after_step_.data(), kChangedByStep);
+  mj_setState(model_.mujoco(), data_.get(), before_step_.data(), kChangedByStep);
+  get_state(state);
+  mj_setState(model_.mujoco(), data_.get(), after_step_.data(), kChangedByStep);
 }
 
 void Physics::set_state(std::span<const double> state) noexcept {

@@ -47,6 +47,8 @@ class Physics {
   // lacks the warm start of the solver.
   [[nodiscard]] std::size_t state_size() const noexcept { return state_size_; }
   void get_state(std::span<double> state) const noexcept;
+  // Likewise, of the instant before the last step.
+  void get_state_before_step(std::span<double> state) noexcept;
   void set_state(std::span<const double> state) noexcept;
   // The compiled model as MuJoCo stores it: what tells one model from another.
   [[nodiscard]] std::vector<std::byte> model_bytes() const;
@@ -65,6 +67,8 @@ class Physics {
   int substeps_;
   std::unique_ptr<mjData_, Delete> data_;
   std::size_t state_size_;
+  std::vector<double> before_step_;  // what a step changes; the rest of the state stays as it is
+  std::vector<double> after_step_;   // likewise
   std::vector<double> tip_forces_;
   std::vector<double> bias_;
 };

@@ -197,8 +197,7 @@ class SimulatedRobot<R>::Implementation {
                                         .type = "object_observation",
                                         .element = describe_objects(physics_.model())}},
         pending_(static_cast<std::size_t>(options_.object_delay / options_.object_period) + 2,
-                 Pose(num_objects())),
-        before_step_(physics_.state_size()) {
+                 Pose(num_objects())) {
     for (std::size_t i = 0; i < R::kJoints; ++i) {
       begin_at_[i] = physics_.model().initial_position()[i];
     }
@@ -224,7 +223,6 @@ class SimulatedRobot<R>::Implementation {
 
   DriverReport apply_action(const Action& desired, AppliedAction& applied) noexcept {
     memory_before_step_ = memory_;
-    physics_.get_state(before_step_);
     const SafetyReport report =
         safety_.apply(desired, observation_, options_.period, memory_.safety, applied);
     has_safety_fault_ = report.fault != SafetyFault::kNone;
@@ -547,7 +545,8 @@ class SimulatedRobot<R>::Implementation {
   void keep_state_before_divergence() noexcept {
     // No memory is taken here: this runs in the loop.
     if (state_before_divergence_.empty()) state_before_divergence_.swap(spare_state_);
-    write_state(state_before_divergence_, before_step_, memory_before_step_);
+    physics_.get_state_before_step(scratch());
+    write_state(state_before_divergence_, scratch(), memory_before_step_);
   }
 
   [[nodiscard]] std::span<double> scratch() const noexcept { return scratch_; }
@@ -569,7 +568,6 @@ class SimulatedRobot<R>::Implementation {
   bool has_initial_pose_{false};
 
   SimulationState begin_state_;
-  std::vector<double> before_step_;
   Memory memory_before_step_;
   SimulationState state_before_divergence_;
   SimulationState spare_state_;  // memory for the one above

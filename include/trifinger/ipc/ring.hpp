@@ -65,6 +65,11 @@ class Ring {
     slot[words_].store(last, std::memory_order_release);
     // At least release: whoever sees the even number sees the whole element.
     slot[0].store(sequence, commit);
+    // The next slot was last touched a whole history ago. Its lines come into the cache while
+    // others work, instead of holding up the stores of the next write.
+    const auto* const next = reinterpret_cast<const std::byte*>(slot_of(index + 1));
+    for (std::uint64_t offset = 0; offset < slot_size_; offset += kCacheLine)
+      __builtin_prefetch(next + offset, 1);
   }
 
   /// Copies element `index` to `element`, which holds nothing useful unless the answer is kDone.
@@ -104,6 +109,8 @@ class Ring {
   }
 
  private:
+  static constexpr std::uint64_t kCacheLine = 64;  // [bytes]
+
   using Word = std::atomic<std::uint64_t>;
   static_assert(sizeof(Word) == 8 && Word::is_always_lock_free);
 
