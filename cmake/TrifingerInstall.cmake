@@ -10,6 +10,8 @@ if(TRIFINGER_BUILD_ROBOT)
   # MuJoCo's licence asks that it goes with every copy.
   file(GLOB licences ${MuJoCo_ROOT}/../mujoco_core-${MuJoCo_VERSION}.dist-info/licenses/*)
   install(FILES ${licences} DESTINATION share/trifinger/licences/mujoco)
+  # Eiquadprog's templates are compiled into the layer `control`; its licence (LGPL) asks for the same.
+  install(FILES ${Eiquadprog_LICENCES} DESTINATION share/trifinger/licences/eiquadprog)
 endif()
 
 get_property(TRIFINGER_LAYERS GLOBAL PROPERTY TRIFINGER_LAYERS)

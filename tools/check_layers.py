@@ -22,9 +22,10 @@ DIRECTLY_BELOW = {
     "log": ("core", "mcap"),
     "joint": ("core", "config"),
     "model": ("base",),
+    "control": ("model",),
     "sim": ("joint", "model"),
     "apps": ("sim", "log"),
-    "bindings": ("sim", "log"),
+    "bindings": ("control", "sim", "log"),
 }
 
 INCLUDE = re.compile(r'^\s*#\s*include\s*["<]trifinger/(\w+)/')

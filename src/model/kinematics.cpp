@@ -104,8 +104,6 @@ void Kinematics::update(const JointValues& position) noexcept {
   Eigen::Map<Eigen::VectorXd>(data->qpos, num_joints()) = position;
   mj_kinematics(model, data);
   mj_comPos(model, data);
-  mj_crb(model, data);
-  mj_comVel(model, data);
 }
 
 Eigen::Vector3d Kinematics::tip_position(int finger) const noexcept {
@@ -128,14 +126,30 @@ TipJacobian Kinematics::tip_jacobian(int finger) const noexcept {
   return rows;
 }
 
+JointMatrix Kinematics::tip_jacobians() const noexcept {
+  JointMatrix jacobians(3 * num_fingers(), num_joints());
+  for (int finger = 0; finger < num_fingers(); ++finger)
+    jacobians.middleRows<3>(3 * finger) = tip_jacobian(finger);
+  return jacobians;
+}
+
 JointValues Kinematics::gravity_torques() const noexcept {
+  return bias_torques(JointValues::Zero(num_joints()));
+}
+
+JointValues Kinematics::bias_torques(const JointValues& velocity) const noexcept {
+  assert(velocity.size() == num_joints());
+  const mjModel* model = state_->model.mujoco();
+  mjData* data = state_->data.get();
+  Eigen::Map<Eigen::VectorXd>(data->qvel, num_joints()) = velocity;
+  mj_comVel(model, data);
   JointValues torques(num_joints());
-  // At rest the inverse dynamics without acceleration is gravity alone.
-  mj_rne(state_->model.mujoco(), state_->data.get(), 0, torques.data());
+  mj_rne(model, data, 0, torques.data());
   return torques;
 }
 
 JointMatrix Kinematics::mass_matrix() const noexcept {
+  mj_crb(state_->model.mujoco(), state_->data.get());
   JointMatrix mass(num_joints(), num_joints());
   mj_fullM(state_->model.mujoco(), state_->data.get(), mass.data());
   return mass;

@@ -2,10 +2,13 @@
 #include "trifinger/model/kinematics.hpp"
 
 #include <gtest/gtest.h>
+#include <mujoco/mujoco.h>
 
+#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <random>
 #include <span>
 #include <thread>
@@ -13,6 +16,7 @@
 #include "check_values.hpp"
 #include "scenes.hpp"
 #include "support/allocation_counter.hpp"
+#include "trifinger/model/robot_model.hpp"
 
 namespace trifinger {
 namespace {
@@ -180,6 +184,16 @@ TEST(TipJacobians, AreTheDerivativesOfTheTipPositions) {
   }
 }
 
+TEST(TipJacobians, LieBelowEachOtherInOneMatrix) {
+  for (const RobotDescription& robot : test::all_robots()) {
+    const Kinematics kinematics(robot);
+    const JointMatrix all = kinematics.tip_jacobians();
+    ASSERT_EQ(all.rows(), 3 * kinematics.num_fingers());
+    for (int finger = 0; finger < kinematics.num_fingers(); ++finger)
+      EXPECT_EQ(all.middleRows<3>(3 * finger), kinematics.tip_jacobian(finger));
+  }
+}
+
 struct DynamicsCheck {
   RobotDescription robot;
   std::array<double, 3> hold_at_pose, hold_at_zero;
@@ -280,6 +294,117 @@ TEST(MassMatrix, IsSymmetricPositiveAndCarriesTheRotorsOnItsDiagonal) {
   }
 }
 
+// Potential energy of all bodies [J], from where MuJoCo says that their centres of mass are.
+class PotentialEnergy {
+ public:
+  explicit PotentialEnergy(const RobotDescription& robot)
+      : model_(robot), data_(mj_makeData(model_.mujoco()), mj_deleteData) {}
+
+  double operator()(const JointValues& position) {
+    const mjModel* model = model_.mujoco();
+    Eigen::Map<Eigen::VectorXd>(data_->qpos, position.size()) = position;
+    mj_kinematics(model, data_.get());
+    double energy = 0;
+    for (int body = 1; body < model->nbody; ++body)
+      energy -= model->body_mass[body] * model->opt.gravity[2] * data_->xipos[3 * body + 2];
+    return energy;
+  }
+
+ private:
+  RobotModel model_;
+  std::unique_ptr<mjData, decltype(&mj_deleteData)> data_;
+};
+
+TEST(GravityTorques, AreTheDerivativesOfThePotentialEnergy) {
+  constexpr double kStep = 1e-5;
+  for (RobotDescription robot : test::all_robots()) {
+    robot.objects.clear();
+    Kinematics kinematics(robot);
+    PotentialEnergy energy(robot);
+    RandomPoses poses(robot);
+    for (int sample = 0; sample < 50; ++sample) {
+      const JointValues position = poses.next(kinematics.num_fingers());
+      kinematics.update(position);
+      const JointValues torques = kinematics.gravity_torques();
+      for (int joint = 0; joint < kinematics.num_joints(); ++joint) {
+        JointValues before = position;
+        JointValues after = position;
+        before[joint] -= kStep;
+        after[joint] += kStep;
+        EXPECT_NEAR(torques[joint], (energy(after) - energy(before)) / (2 * kStep), 1e-8)
+            << label(robot);
+      }
+    }
+  }
+}
+
+TEST(BiasTorques, AreThoseOfLagrangesEquations) {
+  constexpr double kStep = 1e-5;
+  std::mt19937_64 generator(3);
+  std::uniform_real_distribution<double> speed(-5, 5);
+  for (const RobotDescription& robot : test::all_robots()) {
+    Kinematics kinematics(robot);
+    RandomPoses poses(robot);
+    const int joints = kinematics.num_joints();
+    for (int sample = 0; sample < 30; ++sample) {
+      const JointValues position = poses.next(kinematics.num_fingers());
+      const JointValues velocity =
+          JointValues::NullaryExpr(joints, [&](Eigen::Index) { return speed(generator); });
+      const auto mass_at = [&](const JointValues& pose) {
+        kinematics.update(pose);
+        return kinematics.mass_matrix();
+      };
+      // d/dt (M v) at constant v, less the derivative of the kinetic energy by the pose.
+      JointValues expected =
+          (mass_at(position + kStep * velocity) - mass_at(position - kStep * velocity)) /
+          (2 * kStep) * velocity;
+      for (int joint = 0; joint < joints; ++joint) {
+        JointValues before = position;
+        JointValues after = position;
+        before[joint] -= kStep;
+        after[joint] += kStep;
+        expected[joint] -=
+            velocity.dot((mass_at(after) - mass_at(before)) * velocity) / (4 * kStep);
+      }
+      kinematics.update(position);
+      expected += kinematics.gravity_torques();
+      EXPECT_LT((kinematics.bias_torques(velocity) - expected).norm(), 1e-8) << label(robot);
+    }
+  }
+}
+
+TEST(BiasTorques, KeepTheEnergyOfAFreeMotion) {
+  constexpr double kStep = 1e-4;
+  for (RobotDescription robot : test::all_robots()) {
+    robot.objects.clear();
+    Kinematics kinematics(robot);
+    PotentialEnergy potential(robot);
+    const auto acceleration = [&](const JointValues& position, const JointValues& velocity) {
+      kinematics.update(position);
+      return JointValues(-kinematics.mass_matrix().llt().solve(kinematics.bias_torques(velocity)));
+    };
+    const auto energy = [&](const JointValues& position, const JointValues& velocity) {
+      kinematics.update(position);
+      return velocity.dot(kinematics.mass_matrix() * velocity) / 2 + potential(position);
+    };
+    JointValues position = repeated({0.2, 0.5, -1.2}, kinematics.num_fingers());
+    JointValues velocity = repeated({2, -1, 3}, kinematics.num_fingers());
+    const double before = energy(position, velocity);
+    for (int i = 0; i < 1000; ++i) {  // Runge and Kutta's method of fourth order.
+      const JointValues a1 = acceleration(position, velocity);
+      const JointValues v2 = velocity + kStep / 2 * a1;
+      const JointValues a2 = acceleration(position + kStep / 2 * velocity, v2);
+      const JointValues v3 = velocity + kStep / 2 * a2;
+      const JointValues a3 = acceleration(position + kStep / 2 * v2, v3);
+      const JointValues v4 = velocity + kStep * a3;
+      const JointValues a4 = acceleration(position + kStep * v3, v4);
+      position += kStep / 6 * (velocity + 2 * v2 + 2 * v3 + v4);
+      velocity += kStep / 6 * (a1 + 2 * a2 + 2 * a3 + a4);
+    }
+    EXPECT_NEAR(energy(position, velocity), before, 1e-9) << label(robot);
+  }
+}
+
 TEST(InverseKinematics, FindsThePoseThatItIsNear) {
   for (const RobotDescription& robot : test::all_robots()) {
     Kinematics kinematics(robot);
@@ -365,7 +490,9 @@ TEST(Kinematics, DoesNotAllocateOnceItExists) {
     kinematics.update(position);
     (void)kinematics.tip_positions();
     (void)kinematics.tip_jacobian(0);
+    (void)kinematics.tip_jacobians();
     (void)kinematics.gravity_torques();
+    (void)kinematics.bias_torques(position);
     (void)kinematics.mass_matrix();
     (void)kinematics.inverse_kinematics(0, {0.02, 0.03, 0.05});
     EXPECT_EQ(allocations.count(), 0U) << label(robot);

@@ -162,6 +162,11 @@ def test_others_build_programs_that_simulate(prefix: Path, tmp_path: Path) -> No
     assert run(program) == "at step 100 the cube is 0.032 m above the table\n"
 
 
+def test_others_build_controllers_without_simulation(prefix: Path, tmp_path: Path) -> None:
+    program = build_consumer(CONSUMERS / "control", tmp_path, prefix, *without("Eiquadprog"))
+    assert run(program) == "each of two tips presses with 1.30 N\n"
+
+
 @pytest.mark.parametrize(
     ("wish", "answer"),
     [

@@ -63,8 +63,15 @@ class Kinematics {
   /// Derivative of `tip_position(finger)` by all joints [m/rad]: 3 rows, `num_joints` columns.
   [[nodiscard]] TipJacobian tip_jacobian(int finger) const noexcept;
 
+  /// The Jacobians of all tips below each other [m/rad]: square, `num_joints` rows and columns.
+  [[nodiscard]] JointMatrix tip_jacobians() const noexcept;
+
   /// Torques that hold the pose against gravity [Nm].
   [[nodiscard]] JointValues gravity_torques() const noexcept;
+
+  /// Torques that keep joints at their `velocity` [rad/s] without acceleration: against gravity,
+  /// Coriolis and centrifugal forces [Nm]. Friction is not part of it.
+  [[nodiscard]] JointValues bias_torques(const JointValues& velocity) const noexcept;
 
   /// Inertia seen by the joints, with that of the rotors [kg m^2].
   [[nodiscard]] JointMatrix mass_matrix() const noexcept;

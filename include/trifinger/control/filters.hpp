@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+
+#include "trifinger/control/motion.hpp"
+#include "trifinger/model/kinematics.hpp"
+
+namespace trifinger::control {
+
+/// Up to nine numbers that are measured together, held in place: never on the heap.
+using Signal = JointValues;
+
+/// A first-order low-pass. Samples may come at uneven intervals.
+class LowPassFilter {
+ public:
+  /// `cutoff_frequency` is where half of the power is left [Hz].
+  /// @throws InvalidArgument if it is not above zero.
+  explicit LowPassFilter(double cutoff_frequency);
+
+  /// Takes the next sample, `elapsed` after the one before, and returns the filtered signal. The
+  /// first sample passes as it is, and so does one with another number of values.
+  const Signal& update(const Signal& sample, Seconds elapsed) noexcept;
+
+  /// The filtered signal; without numbers before the first sample.
+  [[nodiscard]] const Signal& value() const noexcept { return value_; }
+
+  /// The next sample will be the first.
+  void reset() noexcept { value_.resize(0); }
+
+ private:
+  double angular_frequency_;
+  Signal value_;
+};
+
+/// The rate at which a signal changes, low-pass filtered.
+class Derivative {
+ public:
+  /// @throws InvalidArgument if `cutoff_frequency` [Hz] is not above zero.
+  explicit Derivative(double cutoff_frequency);
+
+  /// Takes the next sample, `elapsed` after the one before, and returns the rate [1/s]: zero for
+  /// the first sample. A sample without time since the one before changes nothing.
+  const Signal& update(const Signal& sample, Seconds elapsed) noexcept;
+
+  /// The next sample will be the first.
+  void reset() noexcept;
+
+ private:
+  LowPassFilter rate_;
+  Signal last_sample_;
+};
+
+}  // namespace trifinger::control
