@@ -108,6 +108,7 @@ struct Effort {
   int kills;           ///< Of processes at random instants.
 };
 
+[[nodiscard]] std::vector<Row> control_rows(const Effort& effort);
 [[nodiscard]] std::vector<Row> core_rows(const Effort& effort);
 [[nodiscard]] std::vector<Row> realtime_rows(const Effort& effort);
 [[nodiscard]] std::vector<Row> simulation_rows(const Effort& effort);

@@ -28,6 +28,7 @@ constexpr std::array kParts{Part{"realtime", trifinger::benchmarks::realtime_row
                             Part{"faults", trifinger::benchmarks::fault_rows},
                             Part{"core", trifinger::benchmarks::core_rows},
                             Part{"simulation", trifinger::benchmarks::simulation_rows},
+                            Part{"control", trifinger::benchmarks::control_rows},
                             Part{"log", trifinger::benchmarks::log_rows}};
 
 }  // namespace
@@ -42,7 +43,8 @@ int main(int argc, char** argv) {
     } else if (std::ranges::find(kParts, argument, &Part::name) != kParts.end()) {
       only = argument;
     } else {
-      fmt::print(stderr, "usage: {} [--quick] [realtime | faults | core | simulation | log]\n",
+      fmt::print(stderr,
+                 "usage: {} [--quick] [realtime | faults | core | simulation | control | log]\n",
                  argv[0]);
       return 2;
     }

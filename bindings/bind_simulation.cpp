@@ -157,6 +157,16 @@ void bind_kinematics(nb::module_& m) {
                   "numpy.typing.NDArray[numpy.float64]"),
           "Derivative of one tip's position by all joints [m/rad]: 3 rows, `num_joints` columns.")
       .def(
+          "tip_jacobians",
+          [](Kinematics& kinematics, nb::handle position) {
+            kinematics.update(joints(kinematics, position));
+            return RowMajor(kinematics.tip_jacobians());
+          },
+          "position"_a,
+          nb::sig("def tip_jacobians(self, position: numpy.typing.ArrayLike) -> "
+                  "numpy.typing.NDArray[numpy.float64]"),
+          "The Jacobians of all tips below each other [m/rad].")
+      .def(
           "gravity_torques",
           [](Kinematics& kinematics, nb::handle position) {
             kinematics.update(joints(kinematics, position));
@@ -166,6 +176,18 @@ void bind_kinematics(nb::module_& m) {
           nb::sig("def gravity_torques(self, position: numpy.typing.ArrayLike) -> "
                   "numpy.typing.NDArray[numpy.float64]"),
           "Torques that hold the pose against gravity [Nm].")
+      .def(
+          "bias_torques",
+          [](Kinematics& kinematics, nb::handle position, nb::handle velocity) {
+            kinematics.update(joints(kinematics, position));
+            return Values(
+                kinematics.bias_torques(to_values(velocity, kinematics.num_joints(), "velocity")));
+          },
+          "position"_a, "velocity"_a,
+          nb::sig("def bias_torques(self, position: numpy.typing.ArrayLike, velocity: "
+                  "numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]"),
+          "Torques that keep joints at their `velocity` [rad/s] without acceleration: against "
+          "gravity, Coriolis and\ncentrifugal forces [Nm]. Friction is not part of it.")
       .def(
           "mass_matrix",
           [](Kinematics& kinematics, nb::handle position) {

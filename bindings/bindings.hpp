@@ -17,6 +17,8 @@ void bind_log(nanobind::module_& m);
 void bind_replay(nanobind::module_& m);
 /// Simulation, simulate, Kinematics, export_mjcf, export_urdf.
 void bind_simulation(nanobind::module_& m);
+/// What python/trifinger/control.py gives its names.
+void bind_control(nanobind::module_& m);
 /// TimingRecord, LatenessHistogram, LateStep.
 void bind_timing(nanobind::module_& m);
 

@@ -539,8 +539,17 @@ class Kinematics:
         Derivative of one tip's position by all joints [m/rad]: 3 rows, `num_joints` columns.
         """
 
+    def tip_jacobians(self, position: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
+        """The Jacobians of all tips below each other [m/rad]."""
+
     def gravity_torques(self, position: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
         """Torques that hold the pose against gravity [Nm]."""
+
+    def bias_torques(self, position: numpy.typing.ArrayLike, velocity: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Torques that keep joints at their `velocity` [rad/s] without acceleration: against gravity, Coriolis and
+        centrifugal forces [Nm]. Friction is not part of it.
+        """
 
     def mass_matrix(self, position: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
         """Inertia seen by the joints, with that of the rotors [kg m^2]."""
@@ -551,6 +560,465 @@ class Kinematics:
         'too_far', 'too_close' or 'outside_limits'. Where it cannot, the pose comes near it. Of several poses it is the
         one nearest to `near` [rad], by default to the initial pose.
         """
+
+class Pose:
+    """Where a body is and how it is turned. Cannot be changed."""
+
+    def __init__(self, position: numpy.typing.ArrayLike = ..., orientation: numpy.typing.ArrayLike = ...) -> None:
+        """
+        `position` of the centre of mass [m]; `orientation` from the body's frame, a quaternion w, x, y, z of unit length.
+        """
+
+    @property
+    def position(self) -> numpy.typing.NDArray[numpy.float64]:
+        """Of the centre of mass [m]."""
+
+    @property
+    def orientation(self) -> numpy.typing.NDArray[numpy.float64]:
+        """From the body's frame: w, x, y, z."""
+
+class Twist:
+    """How a body moves. Cannot be changed."""
+
+    def __init__(self, linear: numpy.typing.ArrayLike = ..., angular: numpy.typing.ArrayLike = ...) -> None: ...
+
+    @property
+    def linear(self) -> numpy.typing.NDArray[numpy.float64]:
+        """Of the centre of mass [m/s]."""
+
+    @property
+    def angular(self) -> numpy.typing.NDArray[numpy.float64]:
+        """[rad/s], not in the body's frame."""
+
+class Acceleration:
+    """How the twist of a body changes. Cannot be changed."""
+
+    def __init__(self, linear: numpy.typing.ArrayLike = ..., angular: numpy.typing.ArrayLike = ...) -> None: ...
+
+    @property
+    def linear(self) -> numpy.typing.NDArray[numpy.float64]:
+        """[m/s^2]"""
+
+    @property
+    def angular(self) -> numpy.typing.NDArray[numpy.float64]:
+        """[rad/s^2]"""
+
+class Motion:
+    """A body at one instant of a motion. Cannot be changed."""
+
+    def __init__(self, pose: Pose = ..., twist: Twist = ..., acceleration: Acceleration = ...) -> None: ...
+
+    @property
+    def pose(self) -> Pose: ...
+
+    @property
+    def twist(self) -> Twist: ...
+
+    @property
+    def acceleration(self) -> Acceleration: ...
+
+class PointMotion:
+    """A point at one instant of a motion. Cannot be changed."""
+
+    def __init__(self, position: numpy.typing.ArrayLike = ..., velocity: numpy.typing.ArrayLike = ..., acceleration: numpy.typing.ArrayLike = ...) -> None: ...
+
+    @property
+    def position(self) -> numpy.typing.NDArray[numpy.float64]:
+        """[m]"""
+
+    @property
+    def velocity(self) -> numpy.typing.NDArray[numpy.float64]:
+        """[m/s]"""
+
+    @property
+    def acceleration(self) -> numpy.typing.NDArray[numpy.float64]:
+        """[m/s^2]"""
+
+def rotation_from_vector(vector: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
+    """
+    The rotation by `vector` [rad], about its direction and by its length, as w, x, y, z.
+    """
+
+def rotation_vector(rotation: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
+    """
+    The shortest vector that `rotation_from_vector` makes `rotation` of [rad].
+    """
+
+def rotation_error(desired: numpy.typing.ArrayLike, actual: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
+    """
+    By what `actual` must still be turned to become `desired` [rad], in the frame in which both are given.
+    """
+
+def moved(pose: Pose, twist: Twist, duration: float) -> Pose:
+    """
+    Where `pose` is after moving with a constant `twist` for `duration` [s].
+    """
+
+def point_of_body(body: Motion, point: numpy.typing.ArrayLike) -> PointMotion:
+    """
+    How a point moves that is fixed to a body; `point` is in the body's frame, from its centre [m].
+    """
+
+class Wrench:
+    """A force and a moment. Cannot be changed."""
+
+    def __init__(self, force: numpy.typing.ArrayLike = ..., moment: numpy.typing.ArrayLike = ...) -> None: ...
+
+    @property
+    def force(self) -> numpy.typing.NDArray[numpy.float64]:
+        """[N]"""
+
+    @property
+    def moment(self) -> numpy.typing.NDArray[numpy.float64]:
+        """About a point that goes with it [Nm]."""
+
+class Contact:
+    """
+    A point at which a tip touches an object and pushes, with friction and without adhesion. Cannot be changed.
+
+    A tip that does not touch is a contact with `max_normal_force` 0: it gets no force.
+    """
+
+    def __init__(self, position: numpy.typing.ArrayLike, normal: numpy.typing.ArrayLike, friction: float = ..., min_normal_force: float = ..., max_normal_force: float = ...) -> None: ...
+
+    @property
+    def position(self) -> numpy.typing.NDArray[numpy.float64]:
+        """[m]"""
+
+    @property
+    def normal(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Into the object, of any length but zero: the direction in which the tip can push.
+        """
+
+    @property
+    def friction(self) -> float:
+        """What a controller relies on; less than what there is."""
+
+    @property
+    def min_normal_force(self) -> float:
+        """[N]"""
+
+    @property
+    def max_normal_force(self) -> float:
+        """[N]"""
+
+def contact_frame(normal: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
+    """
+    Columns: two tangents and `normal`, orthonormal and right-handed. The first tangent is normal to z, or to x
+    where the normal is nearly along z.
+    """
+
+def grasp_map(grasp: Sequence[Contact], centre: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
+    """
+    Turns contact forces into the wrench on the object about `centre` [m]: 6 rows, force and moment; 9 columns,
+    three for each of the three contacts.
+    """
+
+def wrench_of(grasp: Sequence[Contact], centre: numpy.typing.ArrayLike, forces: numpy.typing.ArrayLike) -> Wrench:
+    """
+    What nine `forces` [N] at the three contacts amount to about `centre` [m].
+    """
+
+class FrictionPyramid:
+    """
+    The forces that a contact with friction can bear, as a pyramid of 3 to 8 sides inside Coulomb's cone.
+    With four sides it is the paper's.
+    """
+
+    def __init__(self, sides: int = ...) -> None: ...
+
+    @property
+    def sides(self) -> int: ...
+
+    def side(self, i: int, friction: float) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Points inward from side `i`, in the contact frame. Its tangential part has the length 1.
+        """
+
+    def margin(self, force: numpy.typing.ArrayLike, friction: float) -> float:
+        """
+        How much more tangential force fits into the pyramid beside `force` [N], which is in the contact frame;
+        negative outside.
+        """
+
+class TorqueLimits:
+    """
+    The torques that joints can give, for tips that press. Cannot be changed.
+    """
+
+    def __init__(self, jacobians: numpy.typing.ArrayLike, bias: numpy.typing.ArrayLike, limits: numpy.typing.ArrayLike) -> None: ...
+
+    @property
+    def jacobians(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        9 x 9, of the contacts in the frame of the grasp [m/rad]; `Kinematics.tip_jacobians` in the world's.
+        """
+
+    @property
+    def bias(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        What the joints need without any contact [Nm]; `Kinematics.bias_torques`.
+        """
+
+    @property
+    def limits(self) -> numpy.typing.NDArray[numpy.float64]:
+        """[Nm]"""
+
+class ForceStatus(enum.Enum):
+    """How good an answer of the force optimisation is, best first."""
+
+    EXACT = 0
+    """The wrench is the one wanted."""
+
+    CLOSEST_WRENCH = 1
+    """No allowed forces make the wanted wrench; these come closest to it."""
+
+    TORQUE_LIMITS_EXCEEDED = 2
+    """
+    Even the smallest normal forces ask for more torque than there is. The torque limits were left aside.
+    """
+
+    INVALID = 3
+    """A number was not finite or out of its range. All forces are zero."""
+
+class ForceDistribution:
+    """An answer of the force optimisation."""
+
+    @property
+    def forces(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Of the tips on the object [N], in the frame of the grasp: three numbers for each of the three contacts.
+        """
+
+    @property
+    def wrench(self) -> Wrench:
+        """That they amount to."""
+
+    @property
+    def status(self) -> ForceStatus: ...
+
+    def __bool__(self) -> bool: ...
+
+class ForceOptimizer:
+    """
+    Finds the contact forces that make a wanted wrench: the paper's quadratic program, with bounds on normal forces
+    and joint torques. Not for several threads at once.
+    """
+
+    def __init__(self, friction_sides: int = ..., normal_weight: float = ..., tangential_weight: float = ...) -> None: ...
+
+    def solve(self, grasp: Sequence[Contact], centre: numpy.typing.ArrayLike, wrench: Wrench, torques: TorqueLimits | None = ...) -> ForceDistribution:
+        """
+        Distributes `wrench`, which is about `centre` [m], over the three contacts. Where it cannot, the answer comes
+        closest to it and its `status` says so.
+        """
+
+class RigidBody:
+    """What moves when a wrench acts. Cannot be changed."""
+
+    def __init__(self, mass: float, inertia: numpy.typing.ArrayLike) -> None: ...
+
+    @property
+    def mass(self) -> float:
+        """[kg]"""
+
+    @property
+    def inertia(self) -> numpy.typing.NDArray[numpy.float64]:
+        """About the centre of mass, in the body's frame [kg m^2]."""
+
+def rigid_body(shape: str, size: numpy.typing.ArrayLike, mass: float) -> RigidBody:
+    """
+    A 'box', a 'stick' along x or a 'ball' of evenly spread mass. `size` has the whole lengths x, y, z of a box, the
+    length and diameter of a stick, the diameter of a ball [m].
+    """
+
+def gravity() -> numpy.typing.NDArray[numpy.float64]:
+    """[m/s^2], in the world frame."""
+
+class ObjectGains:
+    """How stiffly an object is held."""
+
+    def __init__(self, stiffness: float = ..., damping: float = ..., rotational_stiffness: float = ..., rotational_damping: float = ...) -> None: ...
+
+    @property
+    def stiffness(self) -> float:
+        """[N/m]"""
+
+    @stiffness.setter
+    def stiffness(self, arg: float, /) -> None: ...
+
+    @property
+    def damping(self) -> float:
+        """[Ns/m]"""
+
+    @damping.setter
+    def damping(self, arg: float, /) -> None: ...
+
+    @property
+    def rotational_stiffness(self) -> float:
+        """[Nm/rad]"""
+
+    @rotational_stiffness.setter
+    def rotational_stiffness(self, arg: float, /) -> None: ...
+
+    @property
+    def rotational_damping(self) -> float:
+        """[Nms/rad]"""
+
+    @rotational_damping.setter
+    def rotational_damping(self, arg: float, /) -> None: ...
+
+def object_impedance(desired: Motion, pose: Pose, twist: Twist, body: RigidBody, gains: ObjectGains = ...) -> Wrench:
+    """
+    The wrench about the object's centre that keeps it on its way, in the world frame, with its weight and inertia.
+    """
+
+class TipGains:
+    """How stiffly a tip is held."""
+
+    def __init__(self, stiffness: float = ..., damping: float = ...) -> None: ...
+
+    @property
+    def stiffness(self) -> float:
+        """[N/m]"""
+
+    @stiffness.setter
+    def stiffness(self, arg: float, /) -> None: ...
+
+    @property
+    def damping(self) -> float:
+        """[Ns/m]"""
+
+    @damping.setter
+    def damping(self, arg: float, /) -> None: ...
+
+def tip_impedance(desired: PointMotion, position: numpy.typing.ArrayLike, velocity: numpy.typing.ArrayLike, gains: TipGains = ...) -> numpy.typing.NDArray[numpy.float64]:
+    """
+    The force that brings a tip to where it should be [N]. What it should press with comes on top.
+    """
+
+class Progress:
+    """How far a movement is, and how that changes."""
+
+    @property
+    def value(self) -> float:
+        """0 at the begin, 1 at the end."""
+
+    @property
+    def rate(self) -> float:
+        """[1/s]"""
+
+    @property
+    def acceleration(self) -> float:
+        """[1/s^2]"""
+
+def minimum_jerk(time: float, duration: float) -> Progress:
+    """The movement of the least jerk from rest to rest; times in [s]."""
+
+class LineTrajectory:
+    """A straight line with the least jerk."""
+
+    def __init__(self, start: numpy.typing.ArrayLike, end: numpy.typing.ArrayLike, duration: float) -> None: ...
+
+    @property
+    def duration(self) -> float:
+        """[s]"""
+
+    def at(self, time: float) -> PointMotion:
+        """
+        `time` since the begin [s]; before it at rest at the begin, after `duration` at the end.
+        """
+
+class PoseTrajectory:
+    """
+    A straight line and a rotation about a fixed axis, the shorter way round, with the least jerk.
+    """
+
+    def __init__(self, start: Pose, end: Pose, duration: float) -> None: ...
+
+    @property
+    def duration(self) -> float:
+        """[s]"""
+
+    def at(self, time: float) -> Motion:
+        """
+        `time` since the begin [s]; before it at rest at the begin, after `duration` at the end.
+        """
+
+class CircleTrajectory:
+    """
+    A horizontal circle that gains its speed smoothly and loses it at the end.
+    """
+
+    def __init__(self, centre: numpy.typing.ArrayLike, radius: float = ..., start_angle: float = ..., turns: float = ..., period: float = ..., ramp_time: float = ...) -> None:
+        """
+        `start_angle` from x towards y [rad]; below zero `turns` go clockwise; `period` of one turn at full speed [s].
+        """
+
+    @property
+    def duration(self) -> float:
+        """[s]"""
+
+    def at(self, time: float) -> PointMotion:
+        """
+        `time` since the begin [s]; before it at rest at the begin, after `duration` at the end.
+        """
+
+class LowPassFilter:
+    """
+    A first-order low-pass for up to nine numbers. Samples may come at uneven intervals.
+    """
+
+    def __init__(self, cutoff_frequency: float) -> None: ...
+
+    def update(self, sample: numpy.typing.ArrayLike, elapsed: float) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Takes the next sample, `elapsed` [s] after the one before, and returns the filtered signal. The first sample
+        passes as it is, and so does one with another number of values.
+        """
+
+    def reset(self) -> None:
+        """The next sample will be the first."""
+
+class Derivative:
+    """The rate at which up to nine numbers change, low-pass filtered."""
+
+    def __init__(self, cutoff_frequency: float) -> None: ...
+
+    def update(self, sample: numpy.typing.ArrayLike, elapsed: float) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Takes the next sample, `elapsed` [s] after the one before, and returns the rate [1/s]: zero for the first sample and for one with another number of values.
+        """
+
+    def reset(self) -> None:
+        """The next sample will be the first."""
+
+class PoseEstimator:
+    """
+    Where an object is now and how it moves, from poses that are few, noisy and old.
+
+    It filters how far the object is from a motion that is known, such as the one it is led on, and predicts that
+    deviation across the delay. Times are those since any begin [s].
+    """
+
+    def __init__(self, bandwidth: float = ...) -> None: ...
+
+    def update(self, time: float, pose: Pose, known: Motion = ...) -> bool:
+        """
+        Takes `pose`, measured at `time`, when the known motion was at `known`. False if it was ignored: not newer than
+        the one before, or not finite.
+        """
+
+    def predict(self, time: float, known: Motion = ...) -> Motion:
+        """Where the object is at `time`, when the known motion is at `known`."""
+
+    @property
+    def last_time(self) -> float:
+        """Of the newest pose; negative infinity before the first."""
+
+    def reset(self) -> None:
+        """Forgets all poses."""
 
 class StepsIterator:
     """What LoggedSession.chunks() goes through."""

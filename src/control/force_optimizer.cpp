@@ -24,15 +24,16 @@ using Offsets = Eigen::Matrix<double, kRows, 1>;
 
 // The largest violation of a constraint in a solution that counts as one [N].
 constexpr double kTolerance = 1e-6;
-// How much of the squared forces is added where the squared error of the wrench is minimised.
+// How much of the forces' own cost is added where the squared error of the wrench is minimised. It
+// is small, and the same cost, so that forces do not jump where a wrench goes out of reach.
 //
-// Together with the range of weights and constraints of unit length it keeps the inverse root of
-// the Hessian below 1e3. Then the solver never meets its branch for constraints that depend on each
-// other in spite of a step that is not zero: its step threshold is 1.5e-8, so what is left of the
-// constraint is above 1.5e-11, and it compares that with 2.2e-16 times at most 2e3. That branch
+// With weights from 1 to `kMaxWeightRatio` and constraints of unit length it keeps the inverse root
+// of the Hessian below 1e3. Then the solver never meets its branch for constraints that depend on
+// each other in spite of a step that is not zero: its step threshold is 1.5e-8, so what is left of
+// the constraint is above 1.5e-11, and it compares that with 2.2e-16 times at most 2e3. That branch
 // writes outside its arrays and may not end.
 constexpr double kRegularisation = 1e-6;
-constexpr double kMaxWeightRatio = 1e6;
+constexpr double kMaxWeightRatio = 100.0;
 constexpr int kMaxIterations = 200;
 
 struct Problem {
@@ -78,10 +79,10 @@ struct ForceOptimizer::State {
     const double larger = std::max(config.normal_weight, config.tangential_weight);
     const double smaller = std::min(config.normal_weight, config.tangential_weight);
     if (larger > kMaxWeightRatio * smaller)
-      throw InvalidArgument("normal_weight and tangential_weight differ by more than a factor 1e6");
+      throw InvalidArgument("normal_weight and tangential_weight differ by more than a factor 100");
     const Eigen::Vector3d weights(config.tangential_weight, config.tangential_weight,
                                   config.normal_weight);
-    hessian = (weights / larger).replicate<kContacts, 1>().asDiagonal();
+    hessian = (weights / smaller).replicate<kContacts, 1>().asDiagonal();
     exact.setMaxIter(kMaxIterations);
     closest.setMaxIter(kMaxIterations);
   }
@@ -153,7 +154,7 @@ struct ForceOptimizer::State {
 
   [[nodiscard]] bool solve_closely() {
     Hessian squared_error = problem.map.transpose() * problem.map;
-    squared_error.diagonal().array() += kRegularisation;
+    squared_error += kRegularisation * hessian;
     const auto status =
         closest.solve_quadprog(squared_error, -problem.map.transpose() * problem.wrench,
                                Eigen::Matrix<double, 0, kForces>(), Eigen::Matrix<double, 0, 1>(),

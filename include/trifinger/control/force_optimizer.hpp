@@ -8,7 +8,8 @@
 
 namespace trifinger::control {
 
-/// What the optimisation minimises, and its friction cones.
+/// What the optimisation minimises, and its friction cones. The weights differ by a factor 100 at
+/// most.
 struct ForceOptimizerConfig {
   int friction_sides{4};          ///< Of the friction pyramids, 3 to 8.
   double normal_weight{1.0};      ///< Of squared normal forces; above zero.

@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+#include <Eigen/Core>
+
+#include "numpy.hpp"
+
+namespace trifinger::python {
+
+/// An argument or result of `M`, a matrix or vector of doubles: whatever NumPy takes for an array
+/// of this shape, and an array that belongs to Python.
+template <class M>
+struct Array {
+  M value;
+
+  operator const M&() const noexcept { return value; }  // NOLINT(misc-explicit-constructor)
+};
+
+template <class M>
+Array(M) -> Array<M>;
+
+/// Takes the numbers out of `object`. Vectors have one dimension, matrices two, and only those
+/// sizes that are free in `M` may be any, up to its maximum. False, without an error of Python, if
+/// that does not fit.
+template <class M>
+bool read_array(nanobind::handle object, M& value) noexcept {
+  const nanobind::object array =
+      nanobind::steal(PyArray_FROM_OTF(object.ptr(), NPY_DOUBLE, NPY_ARRAY_IN_ARRAY));
+  if (!array.is_valid()) {
+    PyErr_Clear();
+    return false;
+  }
+  constexpr int kDimensions = M::ColsAtCompileTime == 1 ? 1 : 2;
+  auto* const numbers = reinterpret_cast<PyArrayObject*>(array.ptr());
+  if (PyArray_NDIM(numbers) != kDimensions) return false;
+  const Eigen::Index rows = PyArray_DIM(numbers, 0);
+  const Eigen::Index columns = kDimensions == 1 ? 1 : PyArray_DIM(numbers, kDimensions - 1);
+  constexpr bool kAnyRows = M::RowsAtCompileTime == Eigen::Dynamic;
+  if (kAnyRows ? rows > M::MaxRowsAtCompileTime : rows != M::RowsAtCompileTime) return false;
+  if (columns != M::ColsAtCompileTime) return false;
+  using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  value =
+      Eigen::Map<const RowMajor>(static_cast<const double*>(PyArray_DATA(numbers)), rows, columns);
+  return true;
+}
+
+/// A new array with the numbers of `value`; null with an error of Python if there is no memory.
+template <class M>
+PyObject* write_array(const M& value) noexcept {
+  constexpr int kDimensions = M::ColsAtCompileTime == 1 ? 1 : 2;
+  npy_intp shape[] = {value.rows(), value.cols()};
+  PyObject* const array = PyArray_SimpleNew(kDimensions, shape, NPY_DOUBLE);
+  if (array == nullptr) return nullptr;
+  using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  auto* const numbers = reinterpret_cast<PyArrayObject*>(array);
+  Eigen::Map<RowMajor>(static_cast<double*>(PyArray_DATA(numbers)), value.rows(), value.cols()) =
+      value;
+  return array;
+}
+
+}  // namespace trifinger::python
+
+namespace nanobind::detail {
+
+template <class M>
+struct type_caster<trifinger::python::Array<M>> {
+  NB_TYPE_CASTER(trifinger::python::Array<M>,
+                 io_name("numpy.typing.ArrayLike", "numpy.typing.NDArray[numpy.float64]"))
+
+  bool from_python(handle source, uint8_t, cleanup_list*) noexcept {
+    return trifinger::python::read_array(source, value.value);
+  }
+
+  static handle from_cpp(const trifinger::python::Array<M>& array, rv_policy,
+                         cleanup_list*) noexcept {
+    return trifinger::python::write_array(array.value);
+  }
+};
+
+}  // namespace nanobind::detail

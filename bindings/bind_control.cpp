@@ -1,0 +1,491 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <nanobind/nanobind.h>
+#include <nanobind/stl/array.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
+
+#include <array>
+#include <optional>
+#include <string>
+
+#include "array.hpp"
+#include "bindings.hpp"
+#include "trifinger/base/error.hpp"
+#include "trifinger/control/filters.hpp"
+#include "trifinger/control/force_optimizer.hpp"
+#include "trifinger/control/grasp.hpp"
+#include "trifinger/control/impedance.hpp"
+#include "trifinger/control/motion.hpp"
+#include "trifinger/control/pose_estimator.hpp"
+#include "trifinger/control/trajectories.hpp"
+
+namespace nb = nanobind;
+using namespace nanobind::literals;
+
+namespace trifinger::python {
+namespace {
+
+using namespace control;
+
+using Vector3 = Array<Eigen::Vector3d>;
+using Vector4 = Array<Eigen::Vector4d>;
+using Vector9 = Array<ContactForces>;
+using Matrix3 = Array<Eigen::Matrix3d>;
+using Matrix9 = Array<Eigen::Matrix<double, 9, 9>>;
+using AnySignal = Array<Signal>;
+
+// Quaternions are w, x, y, z in Python.
+Eigen::Quaterniond to_quaternion(const Eigen::Vector4d& numbers) {
+  return {numbers[0], numbers[1], numbers[2], numbers[3]};
+}
+Vector4 from_quaternion(const Eigen::Quaterniond& quaternion) {
+  return {{quaternion.w(), quaternion.x(), quaternion.y(), quaternion.z()}};
+}
+
+nb::tuple zeros() { return nb::make_tuple(0.0, 0.0, 0.0); }
+
+// What reads a member that is a matrix or vector.
+template <class T, class M>
+auto array_of(M T::* member) {
+  return [member](const T& object) { return Array<M>{object.*member}; };
+}
+
+void bind_motion(nb::module_& m) {
+  nb::class_<Pose>(m, "Pose", "Where a body is and how it is turned. Cannot be changed.")
+      .def(
+          "__init__",
+          [](Pose* self, const Vector3& position, const Vector4& orientation) {
+            new (self) Pose{position, to_quaternion(orientation)};
+          },
+          "position"_a = zeros(), "orientation"_a = nb::make_tuple(1.0, 0.0, 0.0, 0.0),
+          "`position` of the centre of mass [m]; `orientation` from the body's frame, a quaternion "
+          "w, x, y, z of unit length.")
+      .def_prop_ro("position", array_of(&Pose::position), "Of the centre of mass [m].")
+      .def_prop_ro(
+          "orientation", [](const Pose& pose) { return from_quaternion(pose.orientation); },
+          "From the body's frame: w, x, y, z.");
+
+  const auto bind_rates = [&m]<class T>(nb::class_<T> type, const char* linear,
+                                        const char* angular) {
+    type.def(
+            "__init__",
+            [](T* self, const Vector3& linear_part, const Vector3& angular_part) {
+              new (self) T{linear_part, angular_part};
+            },
+            "linear"_a = zeros(), "angular"_a = zeros())
+        .def_prop_ro("linear", array_of(&T::linear), linear)
+        .def_prop_ro("angular", array_of(&T::angular), angular);
+  };
+  bind_rates(nb::class_<Twist>(m, "Twist", "How a body moves. Cannot be changed."),
+             "Of the centre of mass [m/s].", "[rad/s], not in the body's frame.");
+  bind_rates(nb::class_<Acceleration>(m, "Acceleration",
+                                      "How the twist of a body changes. Cannot be changed."),
+             "[m/s^2]", "[rad/s^2]");
+
+  nb::class_<Motion>(m, "Motion", "A body at one instant of a motion. Cannot be changed.")
+      .def(
+          "__init__",
+          [](Motion* self, const Pose& pose, const Twist& twist, const Acceleration& acceleration) {
+            new (self) Motion{pose, twist, acceleration};
+          },
+          "pose"_a = Pose{}, "twist"_a = Twist{}, "acceleration"_a = Acceleration{},
+          nb::sig("def __init__(self, pose: Pose = ..., twist: Twist = ..., acceleration: "
+                  "Acceleration = ...) -> None"))
+      .def_ro("pose", &Motion::pose)
+      .def_ro("twist", &Motion::twist)
+      .def_ro("acceleration", &Motion::acceleration);
+
+  nb::class_<PointMotion>(m, "PointMotion",
+                          "A point at one instant of a motion. Cannot be changed.")
+      .def(
+          "__init__",
+          [](PointMotion* self, const Vector3& position, const Vector3& velocity,
+             const Vector3& acceleration) {
+            new (self) PointMotion{position, velocity, acceleration};
+          },
+          "position"_a = zeros(), "velocity"_a = zeros(), "acceleration"_a = zeros())
+      .def_prop_ro("position", array_of(&PointMotion::position), "[m]")
+      .def_prop_ro("velocity", array_of(&PointMotion::velocity), "[m/s]")
+      .def_prop_ro("acceleration", array_of(&PointMotion::acceleration), "[m/s^2]");
+
+  m.def(
+      "rotation_from_vector",
+      [](const Vector3& vector) { return from_quaternion(rotation_from_vector(vector)); },
+      "vector"_a,
+      "The rotation by `vector` [rad], about its direction and by its length, as w, x, y, z.");
+  m.def(
+      "rotation_vector",
+      [](const Vector4& rotation) { return Array{rotation_vector(to_quaternion(rotation))}; },
+      "rotation"_a, "The shortest vector that `rotation_from_vector` makes `rotation` of [rad].");
+  m.def(
+      "rotation_error",
+      [](const Vector4& desired, const Vector4& actual) {
+        return Array{rotation_error(to_quaternion(desired), to_quaternion(actual))};
+      },
+      "desired"_a, "actual"_a,
+      "By what `actual` must still be turned to become `desired` [rad], in the frame in which both "
+      "are given.");
+  m.def(
+      "moved",
+      [](const Pose& pose, const Twist& twist, double duration) {
+        return moved(pose, twist, Seconds(duration));
+      },
+      "pose"_a, "twist"_a, "duration"_a,
+      "Where `pose` is after moving with a constant `twist` for `duration` [s].");
+  m.def(
+      "point_of_body",
+      [](const Motion& body, const Vector3& point) { return point_of_body(body, point); }, "body"_a,
+      "point"_a,
+      "How a point moves that is fixed to a body; `point` is in the body's frame, from its centre "
+      "[m].");
+}
+
+void bind_grasp(nb::module_& m) {
+  nb::class_<Wrench>(m, "Wrench", "A force and a moment. Cannot be changed.")
+      .def(
+          "__init__",
+          [](Wrench* self, const Vector3& force, const Vector3& moment) {
+            new (self) Wrench{force, moment};
+          },
+          "force"_a = zeros(), "moment"_a = zeros())
+      .def_prop_ro("force", array_of(&Wrench::force), "[N]")
+      .def_prop_ro("moment", array_of(&Wrench::moment), "About a point that goes with it [Nm].");
+
+  const Contact usual;
+  nb::class_<Contact>(
+      m, "Contact",
+      "A point at which a tip touches an object and pushes, with friction and without adhesion. "
+      "Cannot be changed.\n\nA tip that does not touch is a contact with `max_normal_force` 0: it "
+      "gets no force.")
+      .def(
+          "__init__",
+          [](Contact* self, const Vector3& position, const Vector3& normal, double friction,
+             double min_normal_force, double max_normal_force) {
+            new (self) Contact{position, normal, friction, min_normal_force, max_normal_force};
+          },
+          "position"_a, "normal"_a, "friction"_a = usual.friction,
+          "min_normal_force"_a = usual.min_normal_force,
+          "max_normal_force"_a = usual.max_normal_force)
+      .def_prop_ro("position", array_of(&Contact::position), "[m]")
+      .def_prop_ro("normal", array_of(&Contact::normal),
+                   "Into the object, of any length but zero: the direction in which the tip can "
+                   "push.")
+      .def_ro("friction", &Contact::friction,
+              "What a controller relies on; less than what there is.")
+      .def_ro("min_normal_force", &Contact::min_normal_force, "[N]")
+      .def_ro("max_normal_force", &Contact::max_normal_force, "[N]");
+
+  m.def(
+      "contact_frame", [](const Vector3& normal) { return Array{contact_frame(normal)}; },
+      "normal"_a,
+      "Columns: two tangents and `normal`, orthonormal and right-handed. The first tangent is "
+      "normal to z, or to x\nwhere the normal is nearly along z.");
+  m.def(
+      "grasp_map",
+      [](const Grasp& grasp, const Vector3& centre) { return Array{grasp_map(grasp, centre)}; },
+      "grasp"_a, "centre"_a,
+      "Turns contact forces into the wrench on the object about `centre` [m]: 6 rows, force and "
+      "moment; 9 columns,\nthree for each of the three contacts.");
+  m.def(
+      "wrench_of",
+      [](const Grasp& grasp, const Vector3& centre, const Vector9& forces) {
+        return wrench_of(grasp, centre, forces);
+      },
+      "grasp"_a, "centre"_a, "forces"_a,
+      "What nine `forces` [N] at the three contacts amount to about `centre` [m].");
+
+  nb::class_<FrictionPyramid>(
+      m, "FrictionPyramid",
+      "The forces that a contact with friction can bear, as a pyramid of 3 to 8 sides inside "
+      "Coulomb's cone.\nWith four sides it is the paper's.")
+      .def(nb::init<int>(), "sides"_a = 4)
+      .def_prop_ro("sides", &FrictionPyramid::sides)
+      .def(
+          "side",
+          [](const FrictionPyramid& pyramid, int i, double friction) {
+            if (i < 0 || i >= pyramid.sides()) {
+              throw InvalidArgument("side is " + std::to_string(i) + ", must be 0 to " +
+                                    std::to_string(pyramid.sides() - 1));
+            }
+            return Array{pyramid.side(i, friction)};
+          },
+          "i"_a, "friction"_a,
+          "Points inward from side `i`, in the contact frame. Its tangential part has the length "
+          "1.")
+      .def(
+          "margin",
+          [](const FrictionPyramid& pyramid, const Vector3& force, double friction) {
+            return pyramid.margin(force, friction);
+          },
+          "force"_a, "friction"_a,
+          "How much more tangential force fits into the pyramid beside `force` [N], which is in "
+          "the "
+          "contact frame;\nnegative outside.");
+}
+
+void bind_force_optimizer(nb::module_& m) {
+  nb::class_<TorqueLimits>(m, "TorqueLimits",
+                           "The torques that joints can give, for tips that press. Cannot be "
+                           "changed.")
+      .def(
+          "__init__",
+          [](TorqueLimits* self, const Matrix9& jacobians, const Vector9& bias,
+             const Vector9& limits) { new (self) TorqueLimits{jacobians, bias, limits}; },
+          "jacobians"_a, "bias"_a, "limits"_a)
+      .def_prop_ro("jacobians", array_of(&TorqueLimits::jacobians),
+                   "9 x 9, of the contacts in the frame of the grasp [m/rad]; "
+                   "`Kinematics.tip_jacobians` in the world's.")
+      .def_prop_ro("bias", array_of(&TorqueLimits::bias),
+                   "What the joints need without any contact [Nm]; `Kinematics.bias_torques`.")
+      .def_prop_ro("limits", array_of(&TorqueLimits::limits), "[Nm]");
+
+  nb::enum_<ForceStatus>(m, "ForceStatus",
+                         "How good an answer of the force optimisation is, best first.")
+      .value("EXACT", ForceStatus::kExact, "The wrench is the one wanted.")
+      .value("CLOSEST_WRENCH", ForceStatus::kClosestWrench,
+             "No allowed forces make the wanted wrench; these come closest to it.")
+      .value("TORQUE_LIMITS_EXCEEDED", ForceStatus::kTorqueLimitsExceeded,
+             "Even the smallest normal forces ask for more torque than there is. The torque limits "
+             "were left aside.")
+      .value("INVALID", ForceStatus::kInvalid,
+             "A number was not finite or out of its range. All forces are zero.");
+
+  nb::class_<ForceDistribution>(m, "ForceDistribution", "An answer of the force optimisation.")
+      .def_prop_ro("forces", array_of(&ForceDistribution::forces),
+                   "Of the tips on the object [N], in the frame of the grasp: three numbers for "
+                   "each of the three contacts.")
+      .def_ro("wrench", &ForceDistribution::wrench, "That they amount to.")
+      .def_ro("status", &ForceDistribution::status)
+      .def("__bool__", [](const ForceDistribution& found) { return static_cast<bool>(found); });
+
+  const ForceOptimizerConfig usual;
+  nb::class_<ForceOptimizer>(
+      m, "ForceOptimizer",
+      "Finds the contact forces that make a wanted wrench: the paper's quadratic program, with "
+      "bounds on normal forces\nand joint torques. Not for several threads at once.")
+      .def(
+          "__init__",
+          [](ForceOptimizer* self, int friction_sides, double normal_weight,
+             double tangential_weight) {
+            new (self) ForceOptimizer({.friction_sides = friction_sides,
+                                       .normal_weight = normal_weight,
+                                       .tangential_weight = tangential_weight});
+          },
+          "friction_sides"_a = usual.friction_sides, "normal_weight"_a = usual.normal_weight,
+          "tangential_weight"_a = usual.tangential_weight)
+      .def(
+          "solve",
+          [](ForceOptimizer& optimizer, const Grasp& grasp, const Vector3& centre,
+             const Wrench& wrench, std::optional<TorqueLimits> torques) {
+            return torques ? optimizer.solve(grasp, centre, wrench, *torques)
+                           : optimizer.solve(grasp, centre, wrench);
+          },
+          "grasp"_a, "centre"_a, "wrench"_a, "torques"_a = nb::none(),
+          "Distributes `wrench`, which is about `centre` [m], over the three contacts. Where it "
+          "cannot, the answer comes\nclosest to it and its `status` says so.");
+}
+
+ObjectShape shape_of(const std::string& name) {
+  if (name == "box") return ObjectShape::kBox;
+  if (name == "stick") return ObjectShape::kStick;
+  if (name == "ball") return ObjectShape::kBall;
+  throw InvalidArgument("there is no shape '" + name + "', only box, stick, ball");
+}
+
+void bind_impedance(nb::module_& m) {
+  nb::class_<RigidBody>(m, "RigidBody", "What moves when a wrench acts. Cannot be changed.")
+      .def(
+          "__init__",
+          [](RigidBody* self, double mass, const Matrix3& inertia) {
+            new (self) RigidBody{mass, inertia};
+          },
+          "mass"_a, "inertia"_a)
+      .def_ro("mass", &RigidBody::mass, "[kg]")
+      .def_prop_ro("inertia", array_of(&RigidBody::inertia),
+                   "About the centre of mass, in the body's frame [kg m^2].");
+  m.def(
+      "rigid_body",
+      [](const std::string& shape, const Vector3& size, double mass) {
+        return rigid_body({.name = {},
+                           .shape = shape_of(shape),
+                           .size = {size.value[0], size.value[1], size.value[2]},
+                           .mass = mass});
+      },
+      "shape"_a, "size"_a, "mass"_a,
+      "A 'box', a 'stick' along x or a 'ball' of evenly spread mass. `size` has the whole lengths "
+      "x, y, z of a box, the\nlength and diameter of a stick, the diameter of a ball [m].");
+  m.def("gravity", [] { return Array{gravity()}; }, "[m/s^2], in the world frame.");
+
+  const ObjectGains object;
+  nb::class_<ObjectGains>(m, "ObjectGains", "How stiffly an object is held.")
+      .def(
+          "__init__",
+          [](ObjectGains* self, double stiffness, double damping, double rotational_stiffness,
+             double rotational_damping) {
+            new (self) ObjectGains{stiffness, damping, rotational_stiffness, rotational_damping};
+          },
+          "stiffness"_a = object.stiffness, "damping"_a = object.damping,
+          "rotational_stiffness"_a = object.rotational_stiffness,
+          "rotational_damping"_a = object.rotational_damping)
+      .def_rw("stiffness", &ObjectGains::stiffness, "[N/m]")
+      .def_rw("damping", &ObjectGains::damping, "[Ns/m]")
+      .def_rw("rotational_stiffness", &ObjectGains::rotational_stiffness, "[Nm/rad]")
+      .def_rw("rotational_damping", &ObjectGains::rotational_damping, "[Nms/rad]");
+  m.def("object_impedance", &object_impedance, "desired"_a, "pose"_a, "twist"_a, "body"_a,
+        "gains"_a = object,
+        nb::sig("def object_impedance(desired: Motion, pose: Pose, twist: Twist, body: RigidBody, "
+                "gains: ObjectGains = ...) -> Wrench"),
+        "The wrench about the object's centre that keeps it on its way, in the world frame, with "
+        "its weight and inertia.");
+
+  const TipGains tip;
+  nb::class_<TipGains>(m, "TipGains", "How stiffly a tip is held.")
+      .def(
+          "__init__",
+          [](TipGains* self, double stiffness, double damping) {
+            new (self) TipGains{stiffness, damping};
+          },
+          "stiffness"_a = tip.stiffness, "damping"_a = tip.damping)
+      .def_rw("stiffness", &TipGains::stiffness, "[N/m]")
+      .def_rw("damping", &TipGains::damping, "[Ns/m]");
+  m.def(
+      "tip_impedance",
+      [](const PointMotion& desired, const Vector3& position, const Vector3& velocity,
+         const TipGains& gains) {
+        return Array{tip_impedance(desired, position, velocity, gains)};
+      },
+      "desired"_a, "position"_a, "velocity"_a, "gains"_a = tip,
+      nb::sig("def tip_impedance(desired: PointMotion, position: numpy.typing.ArrayLike, velocity: "
+              "numpy.typing.ArrayLike, gains: TipGains = ...) -> "
+              "numpy.typing.NDArray[numpy.float64]"),
+      "The force that brings a tip to where it should be [N]. What it should press with comes on "
+      "top.");
+}
+
+void bind_trajectories(nb::module_& m) {
+  nb::class_<Progress>(m, "Progress", "How far a movement is, and how that changes.")
+      .def_ro("value", &Progress::value, "0 at the begin, 1 at the end.")
+      .def_ro("rate", &Progress::rate, "[1/s]")
+      .def_ro("acceleration", &Progress::acceleration, "[1/s^2]");
+  m.def(
+      "minimum_jerk",
+      [](double time, double duration) { return minimum_jerk(Seconds(time), Seconds(duration)); },
+      "time"_a, "duration"_a, "The movement of the least jerk from rest to rest; times in [s].");
+
+  const auto bind_trajectory = []<class T>(nb::class_<T> type) {
+    type.def_prop_ro(
+            "duration", [](const T& way) { return way.duration().count(); }, "[s]")
+        .def(
+            "at", [](const T& way, double time) { return way.at(Seconds(time)); }, "time"_a,
+            "`time` since the begin [s]; before it at rest at the begin, after `duration` at the "
+            "end.");
+  };
+  nb::class_<LineTrajectory> line(m, "LineTrajectory", "A straight line with the least jerk.");
+  line.def(
+      "__init__",
+      [](LineTrajectory* self, const Vector3& start, const Vector3& end, double duration) {
+        new (self) LineTrajectory(start, end, Seconds(duration));
+      },
+      "start"_a, "end"_a, "duration"_a);
+  bind_trajectory(line);
+
+  nb::class_<PoseTrajectory> pose(m, "PoseTrajectory",
+                                  "A straight line and a rotation about a fixed axis, the shorter "
+                                  "way round, with the least jerk.");
+  pose.def(
+      "__init__",
+      [](PoseTrajectory* self, const Pose& start, const Pose& end, double duration) {
+        new (self) PoseTrajectory(start, end, Seconds(duration));
+      },
+      "start"_a, "end"_a, "duration"_a);
+  bind_trajectory(pose);
+
+  const CircleConfig usual;
+  nb::class_<CircleTrajectory> circle(
+      m, "CircleTrajectory",
+      "A horizontal circle that gains its speed smoothly and loses it at the end.");
+  circle.def(
+      "__init__",
+      [](CircleTrajectory* self, const Vector3& centre, double radius, double start_angle,
+         double turns, double period, double ramp_time) {
+        new (self) CircleTrajectory({.centre = centre,
+                                     .radius = radius,
+                                     .start_angle = start_angle,
+                                     .turns = turns,
+                                     .period = Seconds(period),
+                                     .ramp_time = Seconds(ramp_time)});
+      },
+      "centre"_a, "radius"_a = usual.radius, "start_angle"_a = usual.start_angle,
+      "turns"_a = usual.turns, "period"_a = usual.period.count(),
+      "ramp_time"_a = usual.ramp_time.count(),
+      "`start_angle` from x towards y [rad]; below zero `turns` go clockwise; `period` of one turn "
+      "at full speed [s].");
+  bind_trajectory(circle);
+}
+
+void bind_estimation(nb::module_& m) {
+  const auto bind_filter = []<class T>(nb::class_<T> type, const char* doc) {
+    type.def(nb::init<double>(), "cutoff_frequency"_a)
+        .def(
+            "update",
+            [](T& filter, const AnySignal& sample, double elapsed) {
+              return AnySignal{filter.update(sample, Seconds(elapsed))};
+            },
+            "sample"_a, "elapsed"_a, doc)
+        .def("reset", &T::reset, "The next sample will be the first.");
+  };
+  bind_filter(nb::class_<LowPassFilter>(
+                  m, "LowPassFilter",
+                  "A first-order low-pass for up to nine numbers. Samples may come at uneven "
+                  "intervals."),
+              "Takes the next sample, `elapsed` [s] after the one before, and returns the filtered "
+              "signal. The first sample\npasses as it is, and so does one with another number of "
+              "values.");
+  bind_filter(nb::class_<Derivative>(m, "Derivative",
+                                     "The rate at which up to nine numbers change, low-pass "
+                                     "filtered."),
+              "Takes the next sample, `elapsed` [s] after the one before, and returns the rate "
+              "[1/s]: zero for the first sample "
+              "and for one with another number of values.");
+
+  nb::class_<PoseEstimator>(
+      m, "PoseEstimator",
+      "Where an object is now and how it moves, from poses that are few, noisy and old.\n\nIt "
+      "filters how far the object is from a motion that is known, such as the one it is led on, "
+      "and predicts that\ndeviation across the delay. Times are those since any begin [s].")
+      .def(nb::init<double>(), "bandwidth"_a = 3.0)
+      .def(
+          "update",
+          [](PoseEstimator& estimator, double time, const Pose& pose, const Motion& known) {
+            return estimator.update(Seconds(time), pose, known);
+          },
+          "time"_a, "pose"_a, "known"_a = Motion{},
+          nb::sig("def update(self, time: float, pose: Pose, known: Motion = ...) -> bool"),
+          "Takes `pose`, measured at `time`, when the known motion was at `known`. False if it was "
+          "ignored: not newer than\nthe one before, or not finite.")
+      .def(
+          "predict",
+          [](const PoseEstimator& estimator, double time, const Motion& known) {
+            return estimator.predict(Seconds(time), known);
+          },
+          "time"_a, "known"_a = Motion{},
+          nb::sig("def predict(self, time: float, known: Motion = ...) -> Motion"),
+          "Where the object is at `time`, when the known motion is at `known`.")
+      .def_prop_ro(
+          "last_time", [](const PoseEstimator& estimator) { return estimator.last_time().count(); },
+          "Of the newest pose; negative infinity before the first.")
+      .def("reset", &PoseEstimator::reset, "Forgets all poses.");
+}
+
+}  // namespace
+
+void bind_control(nb::module_& m) {
+  bind_motion(m);
+  bind_grasp(m);
+  bind_force_optimizer(m);
+  bind_impedance(m);
+  bind_trajectories(m);
+  bind_estimation(m);
+}
+
+}  // namespace trifinger::python
