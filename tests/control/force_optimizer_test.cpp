@@ -6,6 +6,7 @@
 #include <Eigen/Dense>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <optional>
 #include <vector>
 
@@ -312,7 +313,7 @@ TEST(ForceOptimizer, HoldsACubeWithTheLeastForce) {
   EXPECT_NEAR(found.forces[2], half_weight, 1e-9);
   EXPECT_NEAR(found.forces[5], half_weight, 1e-9);
   // At the edge of the pyramid: |tangential| = friction / sqrt(2) * normal.
-  EXPECT_NEAR(-found.forces[0], half_weight / (0.5 / std::sqrt(2.0)), 1e-9);
+  EXPECT_NEAR(-found.forces[0], half_weight / (0.5 / std::numbers::sqrt2), 1e-9);
 }
 
 TEST(ForceOptimizer, PressesLessWithMoreSides) {
@@ -437,7 +438,7 @@ TEST(ForceOptimizer, AnswersNumbersOfAnySizeWithFiniteForces) {
   Random random(4);
   for (int i = 0; i < 5000; ++i) {
     Instance instance = random_instance(random);
-    const auto stretch = [&] { return std::pow(10.0, random.between(-12, 12)); };
+    const auto stretch = [&] { return std::pow(10.0, random.between(-300, 300)); };
     instance.wrench.force *= stretch();
     instance.wrench.moment *= stretch();
     for (Contact& contact : instance.grasp) {

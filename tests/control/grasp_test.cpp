@@ -104,7 +104,7 @@ TEST(FrictionPyramid, HasThePapersFourSides) {
   for (int i = 0; i < 10'000; ++i) {
     const Eigen::Vector3d force(random.between(-1, 1), random.between(-1, 1),
                                 random.between(-1, 3));
-    const double room = 0.7 / std::sqrt(2.0) * force.z();
+    const double room = 0.7 / std::numbers::sqrt2 * force.z();
     EXPECT_NEAR(pyramid.margin(force, 0.7),
                 std::min(room - std::abs(force.x()), room - std::abs(force.y())), 1e-15);
   }

@@ -44,29 +44,35 @@ TEST(PoseEstimator, FollowsAConstantTwistWithoutLag) {
   }
 }
 
-// An object led round a circle in the air that follows with a constant error.
+// A way round a circle while turning.
 Motion led(const CircleTrajectory& circle, Seconds time) {
+  const Eigen::Vector3d spin(0.5, -1, 2);
   const PointMotion point = circle.at(time);
-  return {.pose = {.position = point.position},
-          .twist = {.linear = point.velocity},
+  return {.pose = {point.position, rotation_from_vector(time.count() * spin)},
+          .twist = {point.velocity, spin},
           .acceleration = {.linear = point.acceleration}};
 }
 
 TEST(PoseEstimator, NeedsNoBandwidthForAMotionThatIsKnown) {
   const CircleTrajectory circle({.period = Seconds(1), .ramp_time = Seconds(0.3)});
-  const Pose error{Eigen::Vector3d(0.002, -0.001, 0.003), rotation_from_vector({0.02, 0.05, -0.1})};
+  // The object follows with a constant error.
+  const Eigen::Vector3d off(0.002, -0.001, 0.003);
+  const Eigen::Quaterniond turn = rotation_from_vector({0.02, 0.05, -0.1});
+  const auto object = [&](const Motion& known) {
+    return Pose{known.pose.position + off, turn * known.pose.orientation};
+  };
   PoseEstimator estimator(0.5);
   const Seconds delay{0.02};
   for (Seconds time{0}; time < circle.duration(); time += kPeriod) {
     const Motion then = led(circle, time - delay);
-    const Pose seen{then.pose.position + error.position, error.orientation};
-    ASSERT_TRUE(estimator.update(time - delay, seen, then));
+    ASSERT_TRUE(estimator.update(time - delay, object(then), then));
     const Motion now = led(circle, time);
     const Motion found = estimator.predict(time, now);
-    ASSERT_LT(position_error(found, {now.pose.position + error.position, error.orientation}),
-              1e-12);
-    ASSERT_LT(turn_error(found, error), 1e-12);
+    ASSERT_LT(position_error(found, object(now)), 1e-12);
+    ASSERT_LT(turn_error(found, object(now)), 1e-12);
     ASSERT_LT((found.twist.linear - now.twist.linear).norm(), 1e-12);
+    ASSERT_LT((found.twist.angular - turn * now.twist.angular).norm(), 1e-12);
+    ASSERT_EQ(found.acceleration.linear, now.acceleration.linear);
   }
 }
 

@@ -60,7 +60,7 @@ struct CircleConfig {
   double start_angle{0.0};                          ///< From x towards y [rad].
   double turns{3.0};       ///< Any number but zero; below zero it goes clockwise.
   Seconds period{4.0};     ///< Of one turn at full speed.
-  Seconds ramp_time{1.0};  ///< To full speed, and again to rest; with half of it lost each time.
+  Seconds ramp_time{1.0};  ///< From rest to full speed, and at the end back to rest.
 };
 
 /// A horizontal circle that gains its speed smoothly and loses it at the end.
