@@ -65,8 +65,7 @@ void bind_motion(nb::module_& m) {
           "orientation", [](const Pose& pose) { return from_quaternion(pose.orientation); },
           "From the body's frame: w, x, y, z.");
 
-  const auto bind_rates = [&m]<class T>(nb::class_<T> type, const char* linear,
-                                        const char* angular) {
+  const auto bind_rates = []<class T>(nb::class_<T> type, const char* linear, const char* angular) {
     type.def(
             "__init__",
             [](T* self, const Vector3& linear_part, const Vector3& angular_part) {
