@@ -48,7 +48,7 @@ int stop(const Options& options) {
   const Deadline deadline(
       std::chrono::round<Nanoseconds>(std::chrono::duration<double>(options.timeout)));
   pollfd wanted{.fd = process.get(), .events = POLLIN, .revents = 0};
-  while (::poll(&wanted, 1, 100) == 0) {
+  while (::poll(&wanted, 1, 100) <= 0) {  // also if a signal has interrupted it
     if (deadline.passed()) {
       throw Error(fmt::format(
           "{} has not ended within {:g} s, it is still bringing the robot to rest or hangs; "

@@ -20,9 +20,18 @@ namespace trifinger::ipc {
 namespace {
 
 void allocate(const FileDescriptor& file, std::size_t size, const std::string& what) {
-  const int error = ::posix_fallocate(file.get(), 0, static_cast<off_t>(size));
-  if (error != 0) {
-    throw SystemError("reserve " + std::to_string(size) + " bytes for " + what, error);
+  // A signal makes the kernel give back what a call has taken so far, and begin again or fail. In
+  // small pieces this comes to an end however often one arrives.
+  constexpr std::size_t kPiece = 256 * 1024;
+  for (std::size_t done = 0; done < size;) {
+    const std::size_t piece = std::min(kPiece, size - done);
+    const int error =
+        ::posix_fallocate(file.get(), static_cast<off_t>(done), static_cast<off_t>(piece));
+    if (error == 0) {
+      done += piece;
+    } else if (error != EINTR) {
+      throw SystemError("reserve " + std::to_string(size) + " bytes for " + what, error);
+    }
   }
 }
 

@@ -9,10 +9,12 @@
 #include <cstring>
 #include <random>
 #include <thread>
+#include <type_traits>
 #include <vector>
 
 #include "core/drivers_of_tests.hpp"
 #include "core/timing_contract.hpp"
+#include "support/interruptions.hpp"
 
 // A program that reads by index gives the same series, bit for bit, whatever the delays of any
 // process. The program here is a feedback loop: each action follows from the observation and from
@@ -74,20 +76,35 @@ Bytes series_of(const Frontend<R>& robot, CompanionBytes<R>& companion) {
   return bytes;
 }
 
+// The back-end's process where that is not this one.
+std::vector<pid_t> other_process_of(const auto& rig) {
+  if constexpr (requires { rig.process(); }) return {rig.process().pid()};
+  return {};
+}
+
 void sleep_sometimes(std::minstd_rand& random, bool may_sleep) {
   if (!may_sleep || random() % 4 != 0) return;
   std::this_thread::sleep_for(std::chrono::microseconds(random() % 300));
 }
 
+struct Circumstances {
+  std::uint32_t delay_seed{0};
+  bool has_deadlines{false};
+  bool has_interruptions{false};
+};
+
 template <class Case>
-Bytes run_program(std::uint32_t delay_seed, bool has_deadlines = false) {
+Bytes run_program(const Circumstances& circumstances = {}) {
   using Traits = typename Case::Traits;
+  const auto [delay_seed, has_deadlines, has_interruptions] = circumstances;
   const auto driver = Traits::make_driver();
   const CompanionDescription& description = driver->companions()[0];
   Plan plan = has_deadlines ? with_deadlines() : Plan{};
   plan.session = {.history = 512, .queue = 64};
   plan.injection = {.delay_seed = delay_seed};
+  Interruptions interruptions;
   typename Case::Rig rig(plan);
+  if (has_interruptions) interruptions.begin(other_process_of(rig));
   auto robot = rig.connect();
   if (has_deadlines) rig.tick();  // the first one is over before the first action
   CompanionBytes<typename Case::Robot> companion(robot, description);
@@ -116,17 +133,32 @@ using Drivers = ::testing::Types<FakeDriverTraits, OddDriverTraits>;
 TYPED_TEST_SUITE(Determinism, Drivers);
 
 TYPED_TEST(Determinism, HoldsWhateverTheDelaysOfAnyThread) {
-  const Bytes expected = run_program<Case<TypeParam, Inline>>(0);
-  EXPECT_EQ((run_program<Case<TypeParam, Inline>>(1)), expected);
+  const Bytes expected = run_program<Case<TypeParam, Inline>>();
+  EXPECT_EQ((run_program<Case<TypeParam, Inline>>({.delay_seed = 1})), expected);
   for (const std::uint32_t seed : {0U, 2U, 3U}) {
-    EXPECT_EQ((run_program<Case<TypeParam, InProcess>>(seed)), expected) << seed;
+    EXPECT_EQ((run_program<Case<TypeParam, InProcess>>({.delay_seed = seed})), expected) << seed;
   }
 }
 
 TYPED_TEST(Determinism, HoldsWhateverTheDelaysOfAnyProcess) {
-  const Bytes expected = run_program<Case<TypeParam, Inline>>(0);
+  const Bytes expected = run_program<Case<TypeParam, Inline>>();
   for (const std::uint32_t seed : {0U, 4U, 5U}) {
-    EXPECT_EQ((run_program<Case<TypeParam, AcrossProcesses>>(seed)), expected) << seed;
+    EXPECT_EQ((run_program<Case<TypeParam, AcrossProcesses>>({.delay_seed = seed})), expected)
+        << seed;
+  }
+}
+
+TYPED_TEST(Determinism, fault_23_HoldsHoweverOftenSignalsInterruptAnyThread) {
+  const Bytes expected = run_program<Case<TypeParam, Inline>>();
+  for (const bool has_deadlines : {false, true}) {
+    // Held before step 0, the fake robot counts the actions.
+    if (has_deadlines && std::is_same_v<TypeParam, FakeDriverTraits>) continue;
+    const Circumstances interrupted{.has_deadlines = has_deadlines, .has_interruptions = true};
+    const std::int64_t enough = Interruptions::count() + 1000;
+    do {
+      ASSERT_EQ((run_program<Case<TypeParam, InProcess>>(interrupted)), expected);
+      ASSERT_EQ((run_program<Case<TypeParam, AcrossProcesses>>(interrupted)), expected);
+    } while (Interruptions::count() < enough);
   }
 }
 
@@ -158,9 +190,11 @@ TYPED_TEST(Determinism, AnObserverInAThirdProcessSeesTheSame) {
 // With deadlines the robot is held before step 0. The odd robot does not move meanwhile; the fake
 // one counts the actions.
 TEST(Deadlines, fault_62_DoNotChangeTheSeriesOfAProgram) {
-  const Bytes expected = run_program<Case<OddDriverTraits, Inline>>(0);
-  EXPECT_EQ((run_program<Case<OddDriverTraits, InProcess>>(0, true)), expected);
-  EXPECT_EQ((run_program<Case<OddDriverTraits, AcrossProcesses>>(8, true)), expected);
+  const Bytes expected = run_program<Case<OddDriverTraits, Inline>>();
+  EXPECT_EQ((run_program<Case<OddDriverTraits, InProcess>>({.has_deadlines = true})), expected);
+  EXPECT_EQ((run_program<Case<OddDriverTraits, AcrossProcesses>>(
+                {.delay_seed = 8, .has_deadlines = true})),
+            expected);
 }
 
 }  // namespace

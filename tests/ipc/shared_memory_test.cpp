@@ -8,11 +8,13 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <utility>
 
 #include "support/child_process.hpp"
+#include "support/interruptions.hpp"
 #include "support/session_folder.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/ipc/file_lock.hpp"
@@ -52,6 +54,17 @@ TEST(AnonymousMemory, BeginsWithZeros) {
   EXPECT_EQ(memory.size(), kSize);
   EXPECT_TRUE(std::all_of(memory.data(), memory.data() + kSize,
                           [](std::byte b) { return b == std::byte{0}; }));
+}
+
+// The kernel interrupts whoever takes memory from it, too, and that takes a while.
+TEST(AnonymousMemory, fault_23_IsThereHoweverOftenASignalInterruptsWhoMakesIt) {
+  constexpr std::size_t kLarge = std::size_t{64} << 20U;
+  const std::int64_t enough = test::Interruptions::count() + 1000;
+  test::Interruptions interruptions;
+  interruptions.begin();
+  while (test::Interruptions::count() < enough) {
+    ASSERT_EQ(SharedMemory::create_anonymous(kLarge).size(), kLarge);
+  }
 }
 
 TEST(AnonymousMemory, IsSeenByEveryMapping) {

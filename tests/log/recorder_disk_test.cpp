@@ -17,6 +17,7 @@
 #include "log/recorder_under_test.hpp"
 #include "log/recordings.hpp"
 #include "support/child_process.hpp"
+#include "support/interruptions.hpp"
 #include "support/session_folder.hpp"
 #include "trifinger/log/recorder.hpp"
 
@@ -87,6 +88,25 @@ TEST_P(RecorderDiskError, fault_23_CostsNothingThatTheHistoryHolds) {
   // It is in the log, too.
   EXPECT_EQ(log.count_events("cannot write: "), 1);
   EXPECT_EQ(log.count_events("writes again after "), 1);
+}
+
+TEST_F(RecorderDisk, fault_23_GetsEveryStepHoweverOftenSignalsInterrupt) {
+  rotate_size_ = 20'000;
+  const std::int64_t before = Interruptions::count();
+  Interruptions interruptions;
+  interruptions.begin();
+  start();
+  go_on(2000);
+  catch_up();
+  recorder_->stop();
+  EXPECT_GT(Interruptions::count(), before);
+  const Recorded log(logs_.path());
+  EXPECT_GT(log.files.size(), 1);
+  EXPECT_GT(log.first().steps.size(), 2000);
+  EXPECT_THAT(log.first().holes(), IsEmpty());
+  EXPECT_TRUE(log.first().is_ordered());
+  EXPECT_EQ(log.damages, 0);
+  EXPECT_EQ(recorder_->count_events("cannot"), 0U) << recorder_->all_events();
 }
 
 TEST_P(RecorderDiskError, fault_21_IsAGapWhereTheHistoryIsTooShort) {
