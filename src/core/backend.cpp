@@ -322,7 +322,7 @@ class Backend::Implementation {
       const std::uint32_t seen = event.load(std::memory_order_acquire);
       if (was_recovered()) return;
       // Nobody can ask in files that were cut off; the next session has files of its own.
-      if (last_fault_.code == Fault::Code::kQueueDamaged && run_->writers.robot->is_cut_off()) {
+      if (last_fault_.code == Fault::Code::kMemoryDamaged && run_->writers.robot->is_cut_off()) {
         return;
       }
       // Whose action was late because the process was killed cannot recover; the next user shall

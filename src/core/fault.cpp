@@ -27,8 +27,8 @@ std::string_view name_of(Fault::Code code) noexcept {
       return "backend_late";
     case Fault::Code::kActionsRejected:
       return "actions_rejected";
-    case Fault::Code::kQueueDamaged:
-      return "queue_damaged";
+    case Fault::Code::kMemoryDamaged:
+      return "memory_damaged";
     case Fault::Code::kDriver:
       return "driver";
     case Fault::Code::kDriverHangs:
@@ -74,7 +74,7 @@ std::string describe(const Fault& fault, std::string_view driver_text) {
              at_step + "; 'trifinger doctor' tells what this machine lacks for real time";
     case Fault::Code::kActionsRejected:
       return detail + " actions in a row up to step " + step + " were not fit to apply";
-    case Fault::Code::kQueueDamaged:
+    case Fault::Code::kMemoryDamaged:
       return "the queue of actions was damaged, or shared memory was cut off" + at_step;
     case Fault::Code::kDriver:
       return "the driver gave up" + at_step + ": " +

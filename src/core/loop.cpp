@@ -90,7 +90,7 @@ Progress Loop::hold(const Tick& now) noexcept {
   const std::uint64_t sequence = writer_.queue().sequence_in_slot(0);
   // Behind the look at the slot, which notices what was cut off.
   if (writer_.is_damaged() || sequence > ipc::Ring::sequence_of(0)) {
-    return end(Fault::Code::kQueueDamaged, 0);
+    return end(Fault::Code::kMemoryDamaged, 0);
   }
   if (sequence == ipc::Ring::sequence_of(0)) {
     stage_ = Stage::kRunning;
@@ -159,7 +159,7 @@ Progress Loop::run(const Tick& now) noexcept {
     return Progress::kWaiting;
   }
   if (take == Take::kMissing) take = close_index();
-  if (take == Take::kDamaged) return end(Fault::Code::kQueueDamaged, 0);
+  if (take == Take::kDamaged) return end(Fault::Code::kMemoryDamaged, 0);
   if (take == Take::kMissing) {
     if (time_index_ == 0 || status_.action_repeats >= options_.max_action_repeats) {
       return end(Fault::Code::kActionLate, static_cast<std::int32_t>(status_.action_repeats));

@@ -21,7 +21,7 @@ constexpr Fault::Code kAll[] = {Fault::Code::kNone,
                                 Fault::Code::kActionLate,
                                 Fault::Code::kBackendLate,
                                 Fault::Code::kActionsRejected,
-                                Fault::Code::kQueueDamaged,
+                                Fault::Code::kMemoryDamaged,
                                 Fault::Code::kDriver,
                                 Fault::Code::kDriverHangs,
                                 Fault::Code::kBackendDied,
@@ -54,7 +54,7 @@ TEST(Fault, NeedsRecoveryOnlyIfSomethingWentWrong) {
   }
   for (const Fault::Code code :
        {Fault::Code::kFirstActionLate, Fault::Code::kActionLate, Fault::Code::kBackendLate,
-        Fault::Code::kActionsRejected, Fault::Code::kQueueDamaged, Fault::Code::kDriver,
+        Fault::Code::kActionsRejected, Fault::Code::kMemoryDamaged, Fault::Code::kDriver,
         Fault::Code::kDriverHangs, Fault::Code::kMeasurementStale,
         Fault::Code::kMachineSuspended}) {
     EXPECT_TRUE(Fault{.code = code}.needs_recovery()) << name_of(code);

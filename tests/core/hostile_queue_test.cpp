@@ -31,7 +31,7 @@ TEST(HostileQueue, fault_32_CutOffWhileTheRobotHoldsItIsAFault) {
     robot.append_desired_action({});
     static_cast<void>(robot.get_observation(0));
   });
-  EXPECT_EQ(code, Fault::Code::kQueueDamaged);
+  EXPECT_EQ(code, Fault::Code::kMemoryDamaged);
   // The robot can be had again.
   robot.recover();
   auto next = rig.connect();
@@ -44,7 +44,7 @@ TEST(HostileQueue, fault_32_CutOffBetweenTwoActionsItIsAFault) {
   test::run_steps<FakeDriverTraits>(robot, 0, 4);
   robot.wait_until_time_index(5);
   ASSERT_EQ(::truncate(action_path().c_str(), 1), 0);
-  test::expect_end(robot, 5, {.code = Fault::Code::kQueueDamaged});
+  test::expect_end(robot, 5, {.code = Fault::Code::kMemoryDamaged});
 }
 
 TEST(HostileQueue, fault_32_CutOffInRealTimeItIsAFault) {
@@ -55,7 +55,7 @@ TEST(HostileQueue, fault_32_CutOffInRealTimeItIsAFault) {
   rig.tick(5);
   ASSERT_EQ(::truncate(action_path().c_str(), 1), 0);
   rig.tick();
-  test::expect_end(robot, 5, {.code = Fault::Code::kQueueDamaged});
+  test::expect_end(robot, 5, {.code = Fault::Code::kMemoryDamaged});
 }
 
 TEST(HostileQueue, fault_29_WithoutItsMagicItIsAFault) {
@@ -64,7 +64,7 @@ TEST(HostileQueue, fault_29_WithoutItsMagicItIsAFault) {
   test::run_steps<FakeDriverTraits>(robot, 0, 4);
   robot.wait_until_time_index(5);
   Intruder().header().magic = 0;
-  test::expect_end(robot, 5, {.code = Fault::Code::kQueueDamaged});
+  test::expect_end(robot, 5, {.code = Fault::Code::kMemoryDamaged});
 }
 
 TEST(HostileQueue, fault_29_AnActionFromTheFutureIsAFault) {
@@ -76,7 +76,7 @@ TEST(HostileQueue, fault_29_AnActionFromTheFutureIsAFault) {
   // In the place of action 3, a whole queue ahead.
   intruder.put(3 + static_cast<TimeIndex>(intruder.queue().shape().capacity), {});
   rig.tick(4);
-  test::expect_end(robot, 3, {.code = Fault::Code::kQueueDamaged});
+  test::expect_end(robot, 3, {.code = Fault::Code::kMemoryDamaged});
 }
 
 TEST(HostileQueue, AnActionFromTheFutureBeforeStepZeroIsAFault) {
@@ -85,7 +85,7 @@ TEST(HostileQueue, AnActionFromTheFutureBeforeStepZeroIsAFault) {
   static_cast<void>(robot.latest_observation());
   const Intruder intruder;
   intruder.put(static_cast<TimeIndex>(intruder.queue().shape().capacity), {});
-  EXPECT_EQ(test::code_of([&] { return robot.get_observation(0); }), Fault::Code::kQueueDamaged);
+  EXPECT_EQ(test::code_of([&] { return robot.get_observation(0); }), Fault::Code::kMemoryDamaged);
 }
 
 TEST(HostileQueue, AnActionForAClosedStepIsDiscardedAndCounted) {

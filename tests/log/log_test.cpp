@@ -396,6 +396,43 @@ TEST(Log, fault_27_SaysWhichVersionIsNeededForALaterFormat) {
               AllOf(HasSubstr("a.mcap"), HasSubstr("needs trifinger >= 9.0.0")));
 }
 
+// memory_damaged was queue_damaged once.
+TEST(Log, fault_27_KnowsAFaultByItsCodeWhateverItsNameWasThen) {
+  const Folder folder;
+  mcap::FileSink sink = mcap::FileSink::create(folder / "a.mcap");
+  mcap::Writer writer(sink, {.profile = "ros2", .library = "trifinger 0.1.0"});
+  writer.write(
+      mcap::Metadata{"trifinger.log", {{"format_version", "1"}, {"trifinger_version", "0.1.0"}}});
+  writer.write(mcap::Metadata{"trifinger.session",
+                              {{"name", "odd"},
+                               {"type", "odd"},
+                               {"session_id", "7"},
+                               {"is_real_time", "1"},
+                               {"period", "1000000"},
+                               {"created", "0"},
+                               {"host", "host"},
+                               {"backend_pid", "1"},
+                               {"time_offset", "0"},
+                               {"companions", ""},
+                               {"companion_first_indices", ""},
+                               {"first_index", "0"}}});
+  writer.write(mcap::Metadata{"trifinger.end",
+                              {{"name", "odd"},
+                               {"session_id", "7"},
+                               {"steps", "5"},
+                               {"observations", "6"},
+                               {"fault_code", "20"},
+                               {"fault", "queue_damaged"},
+                               {"fault_detail", "0"},
+                               {"fault_time_index", "5"},
+                               {"fault_text", "the queue of actions was damaged"}}});
+  writer.finish();
+  const Log log(folder / "a.mcap");
+  EXPECT_THAT(log.damage(), IsEmpty());
+  EXPECT_EQ(name_of(log.session().fault().code), "memory_damaged");
+  EXPECT_EQ(log.session().fault_text(), "the queue of actions was damaged");
+}
+
 TEST(Log, TellsAnotherMcapFileFromALog) {
   const Folder folder;
   mcap::FileSink sink = mcap::FileSink::create(folder / "a.mcap");

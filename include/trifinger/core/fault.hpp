@@ -27,7 +27,7 @@ struct Fault {
     kBackendLate = 18,       ///< The back-end was itself too late: `detail` periods at once, or, if
                              ///< negative, that many steps in a row.
     kActionsRejected = 19,   ///< Too many actions in a row were not fit to apply.
-    kQueueDamaged = 20,      ///< The queue of actions was overwritten, or shared memory cut off.
+    kMemoryDamaged = 20,     ///< The queue of actions was overwritten, or shared memory cut off.
     kDriver = 21,            ///< The driver gave up; `detail` is its own code.
     kDriverHangs = 22,       ///< A call of the driver did not return; the power was cut.
     kBackendDied = 23,       ///< The back-end ended without a word. Noticed by those who read.
