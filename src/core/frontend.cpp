@@ -136,8 +136,10 @@ class UntypedFrontend::Implementation {
 
   bool try_get(Series series, TimeIndex t, void* element) const {
     require_own();
-    if (t < 0)
-      throw InvalidArgument("step " + std::to_string(t) + " does not exist; steps begin at 0");
+    if (t < header().first_index) {
+      throw InvalidArgument("step " + std::to_string(t) + " does not exist; steps begin at " +
+                            std::to_string(header().first_index));
+    }
     if (!mapping_->has(series)) static_cast<void>(mapping_->element(series));  // throws
     switch (mapping_->ring(series).read(t, element)) {
       case ipc::ReadResult::kDone:
@@ -193,8 +195,9 @@ class UntypedFrontend::Implementation {
       // one.
       while (true) {
         const TimeIndex end = mapping_->end_of(Series::kObservation);
-        const Series series =
-            end > 0 || !mapping_->has(Series::kHolding) ? Series::kObservation : Series::kHolding;
+        const Series series = end > header().first_index || !mapping_->has(Series::kHolding)
+                                  ? Series::kObservation
+                                  : Series::kHolding;
         const TimeIndex newest = mapping_->end_of(series) - 1;
         if (newest < 0) return false;
         if (mapping_->ring(series).read(newest, observation) != ipc::ReadResult::kDone) {
@@ -245,7 +248,7 @@ class UntypedFrontend::Implementation {
   [[nodiscard]] std::pair<TimeIndex, TimeIndex> range(Series series) const {
     const TimeIndex end = mapping_->end_of(series);
     const auto capacity = static_cast<TimeIndex>(mapping_->ring(series).shape().capacity);
-    return {std::max<TimeIndex>(0, end - capacity), end};
+    return {std::max(mapping_->begin_of(series), end - capacity), end};
   }
 
   [[nodiscard]] std::optional<Fault> fault() const {
@@ -505,7 +508,8 @@ std::optional<ipc::SharedMemory> take_control(const SessionMapping& mapping) {
   // A predecessor that died after its first action leaves a session that is about to end.
   const ipc::Ring queue(action->data() + place.offset, place.shape);
   // One that died in the midst of it leaves nothing: the next first action takes its place.
-  if (mapping.has_ended() || queue.sequence_in_slot(0) >= ipc::Ring::sequence_of(0) ||
+  const TimeIndex first = mapping.header().first_index;
+  if (mapping.has_ended() || queue.sequence_in_slot(first) >= ipc::Ring::sequence_of(first) ||
       (header.requests.load(std::memory_order_relaxed) & layout::kEndRequests) != 0) {
     return std::nullopt;
   }

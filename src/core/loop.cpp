@@ -36,7 +36,8 @@ Loop::Loop(UntypedDriver& driver, SessionPlace::Writers& writers, const BackendO
       desired_(element_buffer(driver.description().action.size())),
       applied_(element_buffer(driver.description().applied_action.size())),
       observation_(element_buffer(driver.description().observation.size())),
-      hold_action_(element_buffer(driver.description().action.size())) {
+      hold_action_(element_buffer(driver.description().action.size())),
+      time_index_(writer_.first_index()) {
   for (const CompanionDescription& companion : driver.companions()) {
     companion_elements_.push_back(element_buffer(companion.element.size()));
   }
@@ -82,21 +83,21 @@ Progress Loop::hold(const Tick& now) noexcept {
   if (!is_measured_) {
     if (!measure(now)) return Progress::kStepped;
     writer_.append(Series::kHolding, observation_.data());
-    publish_companions(now, -1);
+    publish_companions(now, time_index_ - 1);
     announce(true);
   }
 
   const std::uint32_t requests_before = requests();
-  const std::uint64_t sequence = writer_.queue().sequence_in_slot(0);
+  const std::uint64_t sequence = writer_.queue().sequence_in_slot(time_index_);
   // Behind the look at the slot, which notices what was cut off.
-  if (writer_.is_damaged() || sequence > ipc::Ring::sequence_of(0)) {
+  if (writer_.is_damaged() || sequence > ipc::Ring::sequence_of(time_index_)) {
     return end(Fault::Code::kMemoryDamaged, 0);
   }
-  if (sequence == ipc::Ring::sequence_of(0)) {
+  if (sequence == ipc::Ring::sequence_of(time_index_)) {
     stage_ = Stage::kRunning;
     first_tick_ = now.number;
     set_phase(layout::Phase::kRunning);
-    publish_companions(now, 0);
+    publish_companions(now, time_index_);
     // What was late before step 0 is not the fault of step 0.
     Tick first = now;
     first.skipped = 0;
@@ -130,7 +131,7 @@ Progress Loop::hold(const Tick& now) noexcept {
 
 Progress Loop::run(const Tick& now) noexcept {
   // First of all: the last status tells of its tick, too, if the driver can measure no more.
-  status_.tick = is_real_time() ? now.number - first_tick_ : time_index_;
+  status_.tick = is_real_time() ? now.number - first_tick_ : time_index_ - writer_.first_index();
   status_.lateness = now.lateness.count();
   status_.skipped_ticks = now.skipped;
   if (is_real_time()) note_lateness(now);
@@ -161,7 +162,8 @@ Progress Loop::run(const Tick& now) noexcept {
   if (take == Take::kMissing) take = close_index();
   if (take == Take::kDamaged) return end(Fault::Code::kMemoryDamaged, 0);
   if (take == Take::kMissing) {
-    if (time_index_ == 0 || status_.action_repeats >= options_.max_action_repeats) {
+    if (time_index_ == writer_.first_index() ||
+        status_.action_repeats >= options_.max_action_repeats) {
       return end(Fault::Code::kActionLate, static_cast<std::int32_t>(status_.action_repeats));
     }
     ++status_.action_repeats;

@@ -107,8 +107,8 @@ class Loop {
   std::vector<Element> companion_elements_;
 
   Stage stage_{Stage::kPreparing};
-  TimeIndex count_{0};       // of calls in the stages kPreparing and kStopping
-  TimeIndex time_index_{0};  // the step in work
+  TimeIndex count_{0};    // of calls in the stages kPreparing and kStopping
+  TimeIndex time_index_;  // the step in work
   Status status_;
   TimingRecord timing_;
   std::uint32_t late_in_a_row_{0};

@@ -117,8 +117,8 @@ SessionInfo Session::info() const {
   info.backend = {header.backend_pid, header.backend_start_time};
   info.backend_is_alive = mapping_->backend_is_alive();
   info.phase = static_cast<SessionInfo::Phase>(header.phase.load(std::memory_order_acquire));
-  info.steps =
-      mapping_->end_of(mapping_->is_companion() ? Series::kObservation : Series::kAppliedAction);
+  const Series counted = info.is_companion ? Series::kObservation : Series::kAppliedAction;
+  info.steps = mapping_->end_of(counted) - mapping_->begin_of(counted);
   const std::int64_t heartbeat = header.heartbeat.load(std::memory_order_relaxed);
   if (heartbeat != 0) {
     info.since_heartbeat =

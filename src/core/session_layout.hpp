@@ -15,7 +15,7 @@ namespace trifinger::layout {
 
 inline constexpr std::uint64_t kStateMagic = 0x3154532d52474654;   // "TFGR-ST1"
 inline constexpr std::uint64_t kActionMagic = 0x3143412d52474654;  // "TFGR-AC1"
-inline constexpr std::uint32_t kLayoutVersion = 3;
+inline constexpr std::uint32_t kLayoutVersion = 4;
 
 inline constexpr std::size_t kNumSeries = 6;
 inline constexpr std::size_t kNumWaitSlots = 8;
@@ -57,6 +57,7 @@ struct StateHeader {
   std::int64_t created_time;  // since 1970 [ns]
   std::int64_t backend_pid;
   std::uint64_t backend_start_time;
+  std::int64_t first_index;                 // the step that a robot begins with, here called step 0
   std::array<RingPlace, kNumSeries> rings;  // by Series
   RingPlace queue;                          // in the action file
   RingPlace timing;                         // of TimingRecords; robots in real-time mode only

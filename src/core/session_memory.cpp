@@ -257,6 +257,7 @@ void SessionMapping::check() {
   };
   const auto& ends = header_->ends;
   if (!std::ranges::all_of(ends, [&](const auto& end) { return is_sound(end, 0); }) ||
+      header_->first_index < 0 || header_->first_index >= kEndless ||
       !is_sound(header_->next_action, 0) || !is_sound(header_->complete_through, -2) ||
       !is_sound(header_->heartbeat, 0) || !is_sound(header_->timing_end, 0)) {
     throw incompatible("a counter in its header is out of range");
@@ -424,8 +425,10 @@ bool SessionMapping::backend_is_alive() const noexcept {
 
 Fault SessionMapping::fault() const noexcept {
   if (!has_ended()) {
-    return {
-        .code = Fault::Code::kBackendDied, .detail = 0, .time_index = end_of(Series::kStatus) - 1};
+    const TimeIndex end = end_of(Series::kStatus);
+    return {.code = Fault::Code::kBackendDied,
+            .detail = 0,
+            .time_index = end > begin_of(Series::kStatus) ? end - 1 : -1};
   }
   // relaxed: written before the phase, which has_ended() acquired.
   return {
@@ -468,7 +471,9 @@ void SessionMapping::throw_stopped() const {
 // --- SessionWriter ---
 
 SessionWriter::SessionWriter(std::shared_ptr<Directory> directory, const SessionPlan& plan)
-    : directory_(std::move(directory)), state_file_(state_file(plan.name)) {
+    : directory_(std::move(directory)),
+      state_file_(state_file(plan.name)),
+      first_index_(plan.first_index) {
   std::uint64_t hash = hash_of(plan.type);
   std::array<std::string, layout::kNumSeries> descriptions;
   std::array<layout::RingPlace, layout::kNumSeries> rings{};
@@ -535,6 +540,7 @@ SessionWriter::SessionWriter(std::shared_ptr<Directory> directory, const Session
   const auto backend = ipc::ProcessIdentity::of_this_process();
   header_->backend_pid = backend.pid;
   header_->backend_start_time = backend.start_time;
+  header_->first_index = plan.first_index;
   header_->rings = rings;
   header_->timing = timing;
   timing_ = ipc::Ring(data + timing.offset, timing.shape);
@@ -559,8 +565,11 @@ SessionWriter::SessionWriter(std::shared_ptr<Directory> directory, const Session
   for (std::size_t i = 0; i < layout::kNumSeries; ++i) {
     write_text(texts[i], descriptions[i].data());
     rings_[i] = ipc::Ring(data + rings[i].offset, rings[i].shape);
+    ends_[i] = is_indexed_by_step(static_cast<Series>(i)) ? plan.first_index : 0;
+    // relaxed, as below: nobody sees the file before it is published.
+    header_->ends[i].store(ends_[i], std::memory_order_relaxed);
   }
-  // relaxed: nobody sees the file before it is published.
+  header_->next_action.store(plan.first_index, std::memory_order_relaxed);
   header_->complete_through.store(-2, std::memory_order_relaxed);
 
   if (plan.queue > 0) {
@@ -753,6 +762,7 @@ SessionPlace::Writers SessionPlace::begin(const UntypedDriver& driver, bool is_r
       .session_id = random_id(),
       .is_real_time = is_real_time,
       .period = period,
+      .first_index = first_index_,
       .elements = {&robot.action, &robot.applied_action, &robot.observation, &describe<Status>(),
                    &robot.observation, &robot.observation},
       .default_action = robot.default_action,

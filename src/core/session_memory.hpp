@@ -75,6 +75,11 @@ class ProcessDirectory final : public Directory {
   std::map<std::string, ipc::SharedMemory> files_;
 };
 
+// True for the series of a robot that have one element per step, under its index.
+[[nodiscard]] constexpr bool is_indexed_by_step(Series series) noexcept {
+  return series != Series::kHolding && series != Series::kStopping;
+}
+
 [[nodiscard]] std::string state_file(const std::string& name);
 [[nodiscard]] std::string action_file(const std::string& name, std::uint64_t session_id);
 [[nodiscard]] std::string lock_file(const std::string& name);
@@ -119,6 +124,10 @@ class SessionMapping {
   [[nodiscard]] std::int64_t end_of(Series series) const noexcept {
     return header_->ends[static_cast<std::size_t>(series)].load(std::memory_order_acquire);
   }
+  // The index of the first element there ever was.
+  [[nodiscard]] std::int64_t begin_of(Series series) const noexcept {
+    return is_indexed_by_step(series) ? header_->first_index : 0;
+  }
   // Two system calls.
   [[nodiscard]] bool backend_is_alive() const noexcept;
   // Throws InheritedHandle in a forked child, where the lock cannot be asked for.
@@ -154,6 +163,7 @@ struct SessionPlan {
   std::uint64_t robot_session_id{0};
   bool is_real_time{false};
   Nanoseconds period{0};
+  TimeIndex first_index{0};
   std::array<const ElementDescription*, layout::kNumSeries> elements{};  // nullptr: no such series
   std::array<std::size_t, layout::kNumSeries> capacities{};
   std::vector<std::byte> default_action{};
@@ -189,6 +199,7 @@ class SessionWriter {
   // call.
   [[nodiscard]] bool controller_died() const noexcept;
   [[nodiscard]] std::uint64_t session_id() const noexcept { return header_->session_id; }
+  [[nodiscard]] TimeIndex first_index() const noexcept { return first_index_; }
 
   // Writes the next element; readers find it at once, sleepers after `announce`.
   void append(Series series, const void* element) noexcept;
@@ -229,6 +240,7 @@ class SessionWriter {
   std::optional<ipc::SharedMemory> action_;
   layout::StateHeader* header_{nullptr};
   layout::ActionHeader* action_header_{nullptr};
+  TimeIndex first_index_;
   std::array<ipc::Ring, layout::kNumSeries> rings_;
   std::array<std::int64_t, layout::kNumSeries> ends_{};
   ipc::Ring queue_;
@@ -267,6 +279,8 @@ class SessionPlace {
   };
   // The next session and its companions. Throws RobotOwned if the name was lost meanwhile.
   [[nodiscard]] Writers begin(const UntypedDriver& driver, bool is_real_time, Nanoseconds period);
+  // From now on sessions begin as if they had gone on for ages: their step 0 has this index.
+  void begin_at(TimeIndex first_index) noexcept { first_index_ = first_index; }
 
   [[nodiscard]] const std::shared_ptr<Directory>& directory() const noexcept { return directory_; }
   [[nodiscard]] const std::string& name() const noexcept { return name_; }
@@ -278,6 +292,7 @@ class SessionPlace {
   std::shared_ptr<Directory> directory_;
   std::string name_;
   SessionOptions options_;
+  TimeIndex first_index_{0};
   ipc::SharedMemory lock_;
   ipc::ForkGuard fork_;
 };

@@ -88,6 +88,7 @@ void SessionRecorder::begin_after(std::int64_t time) noexcept {
 }
 
 std::int64_t SessionRecorder::last_time() const noexcept {
+  if (header_.is_real_time) return 0;
   return header_.time_offset + next_step() * header_.period.count();
 }
 

@@ -51,7 +51,7 @@ class SessionRecorder {
   [[nodiscard]] const SessionHeader& header() const noexcept { return header_; }
   // Outside real-time mode: moves the simulated time behind `time`, where another session ends.
   void begin_after(std::int64_t time) noexcept;
-  // Of the last step that is in the log.
+  // Outside real-time mode: of the last step that is in the log. 0 in it.
   [[nodiscard]] std::int64_t last_time() const noexcept;
 
   // Moves what there is to `log`. If the log throws, what is left comes the next time. `file` is

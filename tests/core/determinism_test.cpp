@@ -39,18 +39,23 @@ std::uint64_t hash_of(const Bytes& bytes) {
   return hash;
 }
 
-// What the companion knew at step t, clocks apart.
+// What the companion knew at step t, clocks apart, counted from step 0.
 template <class R>
 class CompanionBytes {
  public:
-  CompanionBytes(const Frontend<R>& robot, const CompanionDescription& description)
-      : companion_(robot.companion(description.name)), element_(description.element.size()) {}
+  CompanionBytes(const Frontend<R>& robot, const CompanionDescription& description,
+                 TimeIndex first_index = 0)
+      : companion_(robot.companion(description.name)),
+        element_(description.element.size()),
+        first_index_(first_index) {}
 
   [[nodiscard]] Bytes at(TimeIndex t) {
     if (!companion_.get_latest_at(t, element_.data(), kForever)) return {};
     Stamp stamp;
     std::memcpy(&stamp, element_.data(), sizeof(stamp));
     stamp.arrival_time = stamp.capture_time = 0;
+    stamp.arrival_index -= first_index_;
+    stamp.capture_index -= first_index_;
     std::memcpy(element_.data(), &stamp, sizeof(stamp));
     return element_;
   }
@@ -58,13 +63,14 @@ class CompanionBytes {
  private:
   UntypedFrontend companion_;
   Bytes element_;
+  TimeIndex first_index_;
 };
 
 // All series, clocks apart.
 template <class R>
-Bytes series_of(const Frontend<R>& robot, CompanionBytes<R>& companion) {
+Bytes series_of(const Frontend<R>& robot, CompanionBytes<R>& companion, TimeIndex first_index = 0) {
   Bytes bytes;
-  for (TimeIndex t = 0; t < kSteps; ++t) {
+  for (TimeIndex t = first_index; t < first_index + kSteps; ++t) {
     append(bytes, bytes_of(robot.get_observation(t)));
     append(bytes, bytes_of(robot.get_desired_action(t)));
     append(bytes, bytes_of(robot.get_applied_action(t)));
@@ -91,27 +97,29 @@ struct Circumstances {
   std::uint32_t delay_seed{0};
   bool has_deadlines{false};
   bool has_interruptions{false};
+  TimeIndex first_index{0};
 };
 
 template <class Case>
 Bytes run_program(const Circumstances& circumstances = {}) {
   using Traits = typename Case::Traits;
-  const auto [delay_seed, has_deadlines, has_interruptions] = circumstances;
+  const auto [delay_seed, has_deadlines, has_interruptions, first] = circumstances;
   const auto driver = Traits::make_driver();
   const CompanionDescription& description = driver->companions()[0];
   Plan plan = has_deadlines ? with_deadlines() : Plan{};
   plan.session = {.history = 512, .queue = 64};
   plan.injection = {.delay_seed = delay_seed};
+  plan.first_index = first;
   Interruptions interruptions;
   typename Case::Rig rig(plan);
   if (has_interruptions) interruptions.begin(other_process_of(rig));
   auto robot = rig.connect();
   if (has_deadlines) rig.tick();  // the first one is over before the first action
-  CompanionBytes<typename Case::Robot> companion(robot, description);
+  CompanionBytes<typename Case::Robot> companion(robot, description, first);
   std::minstd_rand random(delay_seed);
   std::uint64_t knowledge = 0;
-  for (TimeIndex t = 0; t < kSteps; ++t) {
-    if (t > 0) {
+  for (TimeIndex t = first; t < first + kSteps; ++t) {
+    if (t > first) {
       // In either order: reading takes nothing away.
       if (random() % 2 == 0) static_cast<void>(companion.at(t - 1));
       Bytes known = bytes_of(robot.get_observation(t - 1));
@@ -124,7 +132,7 @@ Bytes run_program(const Circumstances& circumstances = {}) {
     if (has_deadlines) rig.tick();
   }
   if (!has_deadlines) robot.finish();
-  return series_of(robot, companion);
+  return series_of(robot, companion, first);
 }
 
 template <class Traits>
@@ -160,6 +168,19 @@ TYPED_TEST(Determinism, fault_23_HoldsHoweverOftenSignalsInterruptAnyThread) {
       ASSERT_EQ((run_program<Case<TypeParam, AcrossProcesses>>(interrupted)), expected);
     } while (Interruptions::count() < enough);
   }
+}
+
+TYPED_TEST(Determinism, fault_71_HoldsHoweverLongTheRobotHasRun) {
+  const Bytes expected = run_program<Case<TypeParam, Inline>>();
+  for (const int bits : {31, 32, 53}) {
+    const Circumstances old{.first_index = (TimeIndex{1} << bits) - kSteps / 2};
+    EXPECT_EQ((run_program<Case<TypeParam, Inline>>(old)), expected) << bits;
+    EXPECT_EQ((run_program<Case<TypeParam, InProcess>>(old)), expected) << bits;
+    EXPECT_EQ((run_program<Case<TypeParam, AcrossProcesses>>(old)), expected) << bits;
+  }
+  // The last steps of all, 146 million years later at 1 kHz.
+  const Circumstances oldest{.first_index = (TimeIndex{1} << 62U) - kSteps - 2};
+  EXPECT_EQ((run_program<Case<TypeParam, AcrossProcesses>>(oldest)), expected);
 }
 
 TYPED_TEST(Determinism, AnObserverInAThirdProcessSeesTheSame) {

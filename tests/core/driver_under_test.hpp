@@ -5,6 +5,7 @@
 #include <atomic>
 #include <chrono>
 #include <cstdint>
+#include <cstring>
 #include <memory>
 #include <random>
 #include <thread>
@@ -48,10 +49,13 @@ class DriverUnderTest final : public UntypedDriver {
  public:
   static constexpr std::int32_t kFaultCode = 4711;
 
-  DriverUnderTest(std::unique_ptr<UntypedDriver> driver, const Injection& injection, CallLog& log)
+  /// `first_index` is that of step 0, which the driver itself knows as 0.
+  DriverUnderTest(std::unique_ptr<UntypedDriver> driver, const Injection& injection, CallLog& log,
+                  TimeIndex first_index = 0)
       : driver_(std::move(driver)),
         injection_(injection),
         log_(log),
+        first_index_(first_index),
         random_(injection.delay_seed) {}
 
   [[nodiscard]] const RobotTypes& description() const noexcept override {
@@ -114,7 +118,13 @@ class DriverUnderTest final : public UntypedDriver {
   }
   [[nodiscard]] bool get_companion_element(std::size_t index, TimeIndex time_index,
                                            void* element) noexcept override {
-    return driver_->get_companion_element(index, time_index, element);
+    if (!driver_->get_companion_element(index, time_index - first_index_, element)) return false;
+    Stamp stamp;
+    std::memcpy(&stamp, element, sizeof(stamp));
+    stamp.arrival_index += first_index_;
+    stamp.capture_index += first_index_;
+    std::memcpy(element, &stamp, sizeof(stamp));
+    return true;
   }
   [[nodiscard]] std::string_view fault_text(std::int32_t fault_code) const noexcept override {
     return fault_code == kFaultCode ? "a test injected this" : driver_->fault_text(fault_code);
@@ -131,6 +141,7 @@ class DriverUnderTest final : public UntypedDriver {
   std::unique_ptr<UntypedDriver> driver_;
   Injection injection_;
   CallLog& log_;
+  TimeIndex first_index_;
   std::minstd_rand random_;
 };
 

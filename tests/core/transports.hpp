@@ -15,6 +15,7 @@
 #include <utility>
 
 #include "core/driver_under_test.hpp"
+#include "session_memory.hpp"
 #include "support/child_process.hpp"
 #include "support/session_folder.hpp"
 #include "support/shared_value.hpp"
@@ -30,6 +31,7 @@ struct Plan {
   BackendOptions backend{};
   SessionOptions session{.history = 256, .queue = 64};
   Injection injection{};
+  TimeIndex first_index{0};  ///< Of step 0: a robot that has run for ages.
 };
 
 inline constexpr Nanoseconds kPeriod = std::chrono::milliseconds(1);
@@ -68,7 +70,12 @@ class Rig {
 
  protected:
   [[nodiscard]] std::unique_ptr<UntypedDriver> make_driver() {
-    return std::make_unique<DriverUnderTest>(Traits::make_driver(), plan_.injection, *log_);
+    return std::make_unique<DriverUnderTest>(Traits::make_driver(), plan_.injection, *log_,
+                                             plan_.first_index);
+  }
+  [[nodiscard]] SessionHost prepared(SessionHost host) const {
+    host.place().begin_at(plan_.first_index);
+    return host;
   }
   [[nodiscard]] static FrontendOptions with_long_timeout(FrontendOptions options) {
     options.timeout = kLong;
@@ -95,7 +102,7 @@ struct Inline {
     explicit Rig(const Plan& plan = {})
         : test::Rig<Traits>(plan),
           driver_(this->make_driver()),
-          host_(SessionHost::anonymous(plan.session)),
+          host_(this->prepared(SessionHost::anonymous(plan.session))),
           backend_(*driver_, host_, plan.backend, this->clock_) {}
 
     [[nodiscard]] Frontend<Robot> connect(FrontendOptions options = {.strict = true}) {
@@ -124,7 +131,7 @@ struct InProcess {
     explicit Rig(const Plan& plan = {})
         : test::Rig<Traits>(plan),
           driver_(this->make_driver()),
-          host_(SessionHost::anonymous(plan.session)),
+          host_(this->prepared(SessionHost::anonymous(plan.session))),
           backend_(*driver_, host_, plan.backend, this->clock_),
           thread_(backend_) {}
     Rig(const Rig&) = delete;
@@ -219,7 +226,7 @@ struct AcrossProcesses {
 
     int run() {
       const auto driver = this->make_driver();
-      SessionHost host = SessionHost::named("robot", this->plan_.session);
+      SessionHost host = this->prepared(SessionHost::named("robot", this->plan_.session));
       Backend backend(*driver, host, this->plan_.backend, this->clock_);
       std::thread stopper([&] {
         stop_.wait_for_a_byte();

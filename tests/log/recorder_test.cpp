@@ -12,6 +12,7 @@
 
 #include "log/recorder_under_test.hpp"
 #include "log/recordings.hpp"
+#include "session_memory.hpp"
 #include "support/child_process.hpp"
 #include "support/session_folder.hpp"
 #include "trifinger/log/log.hpp"
@@ -457,6 +458,40 @@ TEST_F(RecorderTest, FlushesTheDisksOwnMemoryNowAndThen) {
   robot.append_desired_action({});
   recorder.wait_until([&](const auto&) { return disk.syncs() >= 3; });
   recorder.stop();
+}
+
+TEST_F(RecorderTest, fault_71_RecordsStepsOfAnyIndex) {
+  for (const int bits : {31, 32, 53}) {
+    const TimeIndex first = (TimeIndex{1} << bits) - 500;
+    FakeDriver driver({.sensor_period = 0});
+    SessionHost host = SessionHost::named("robot" + std::to_string(bits));
+    host.place().begin_at(first);
+    Backend backend(driver, host, kRealTime);
+    const BackendThread thread(backend);
+    Frontend<FakeRobot> robot(host);
+    RecorderThread recorder({"robot" + std::to_string(bits)}, options());
+    recorder.wait_until([](const auto& state) { return state.robots[0].session_id != 0; });
+    robot.append_desired_action({.setpoint = 1.0});
+    recorder.wait_for_step(first + 1000);
+    robot.finish();
+    recorder.stop();
+
+    const log::Log log(logs_.path());
+    const log::LoggedRobot<FakeRobot> recorded(log);
+    const auto [begin, end] = recorded.session().range(Series::kAppliedAction);
+    // A recorder of a robot that has run for ages cannot know that there was no step before.
+    EXPECT_LE(begin, first + 1);
+    EXPECT_GE(end, first + 1000);
+    EXPECT_THAT(recorded.session().gaps(), IsEmpty());
+    std::vector<Status> statuses(static_cast<std::size_t>(end - begin));
+    recorded.get_statuses(begin, statuses);
+    std::int64_t before = -1;
+    for (const Status& status : statuses) {
+      ASSERT_GT(status.tick, before);
+      before = status.tick;
+    }
+    EXPECT_EQ(recorded.session().fault().time_index, end);
+  }
 }
 
 TEST_F(RecorderTest, StartsAnotherFileIfSomebodyTakesItsFileAway) {
