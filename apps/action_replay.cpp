@@ -178,7 +178,7 @@ Position blend(Player& player, const Joints& joints, const Position& here, const
                              std::chrono::ceil<Nanoseconds>(std::chrono::duration<double>(needed)));
   const TimeIndex steps = steps_in(time, period);
   tell(fmt::format("moves to the start pose, {:.2f} rad away, in {}", distance(here, there),
-                   text_of(steps * period)));
+                   duration_text(steps * period)));
   Position position = here;
   for (TimeIndex k = 1; k <= steps; ++k) {
     const double part = smooth(static_cast<double>(k) / static_cast<double>(steps));
@@ -251,8 +251,8 @@ void replay_actions(Motion motion, Nanoseconds period, UntypedFrontend& robot,
                     const std::function<void(const std::string&)>& tell) {
   require_same_robot(robot.session(), motion.types);
   if (const Nanoseconds found = robot.session().info().period; found != period) {
-    throw InvalidArgument("the motion was recorded with steps of " + text_of(period) +
-                          ", those of the robot are " + text_of(found));
+    throw InvalidArgument("the motion was recorded with steps of " + duration_text(period) +
+                          ", those of the robot are " + duration_text(found));
   }
   Player player(robot);
   const std::optional<Joints> joints = Joints::of(motion.types);

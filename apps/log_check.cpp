@@ -8,6 +8,7 @@
 #include "log_commands.hpp"
 #include "log_text.hpp"
 #include "terminal.hpp"
+#include "trifinger/log/log.hpp"
 #include "trifinger/log/tools.hpp"
 
 namespace trifinger::apps {
@@ -17,7 +18,7 @@ int check(const std::vector<std::string>& paths) {
   const Terminal terminal;
   bool is_whole = true;
   for (const std::string& path : paths) {
-    for (const std::filesystem::path& file : files_of(path)) {
+    for (const std::filesystem::path& file : log::files_of(path)) {
       const log::FileReport report = log::check(file);
       is_whole = is_whole && report.is_whole();
       const std::string verdict = report.is_whole()    ? terminal.paint("whole", Style::kGood)

@@ -189,7 +189,7 @@ void print_session(const Sheet& sheet, const SessionSummary& summary) {
   const std::string mode =
       header.is_real_time
           ? "real-time at " + rate_text(1e9 / static_cast<double>(header.period.count()))
-          : "non-real-time, steps of " + text_of(header.period);
+          : "non-real-time, steps of " + duration_text(header.period);
   sheet.heading(session.name(), session.type() + ", " + mode);
   sheet.line("began", fmt::format("{} on {}", date_text(header.created), header.host));
   const auto [first, end] = session.range(Series::kAppliedAction);

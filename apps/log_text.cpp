@@ -4,10 +4,7 @@
 #include <fmt/chrono.h>
 #include <fmt/core.h>
 
-#include <algorithm>
 #include <ctime>
-
-#include "trifinger/base/error.hpp"
 
 namespace trifinger::apps {
 
@@ -29,17 +26,6 @@ std::string text_of(const log::Damage& damage) {
   if (damage.size == 0) return damage.reason;
   return fmt::format("bytes {} to {}: {}", damage.offset, damage.offset + damage.size - 1,
                      damage.reason);
-}
-
-std::vector<std::filesystem::path> files_of(const std::string& path) {
-  if (!std::filesystem::is_directory(path)) return {path};
-  std::vector<std::filesystem::path> files;
-  for (const auto& entry : std::filesystem::directory_iterator(path)) {
-    if (entry.path().extension() == ".mcap") files.push_back(entry.path());
-  }
-  if (files.empty()) throw InvalidArgument("the folder " + path + " has no .mcap files");
-  std::ranges::sort(files);
-  return files;
 }
 
 }  // namespace trifinger::apps

@@ -2,9 +2,7 @@
 #pragma once
 
 #include <cstdint>
-#include <filesystem>
 #include <string>
-#include <vector>
 
 #include "trifinger/log/log.hpp"
 
@@ -17,7 +15,5 @@ namespace trifinger::apps {
 [[nodiscard]] std::string date_text(std::int64_t time);
 // "bytes 4711 to 4999: The checksum of a chunk is wrong", with the file if there are several.
 [[nodiscard]] std::string text_of(const log::Damage& damage);
-// `path`, or the .mcap files in it.
-[[nodiscard]] std::vector<std::filesystem::path> files_of(const std::string& path);
 
 }  // namespace trifinger::apps

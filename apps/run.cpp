@@ -186,7 +186,8 @@ class Reporter {
     std::string text =
         fmt::format("{}, {} at the end", counted(info.steps, "step"), rate_text(figures_.rate()));
     if (info.is_real_time) {
-      text += fmt::format(", worst lateness {}, {}, {} skipped", text_of(figures_.worst_lateness()),
+      text += fmt::format(", worst lateness {}, {}, {} skipped",
+                          duration_text(figures_.worst_lateness()),
                           counted(total.repeats, "repeat"), total.skipped);
     }
     return text;
@@ -204,9 +205,9 @@ class Reporter {
       segments.push_back({fmt::format("step {}", info.steps), 8, Style::kPlain});
       if (info.is_real_time) {
         const LoopFigures::Lateness lateness = figures_.lateness();
-        segments.push_back(
-            {fmt::format("late p99 {} max {}", text_of(lateness.p99), text_of(lateness.max)), 6,
-             Style::kPlain});
+        segments.push_back({fmt::format("late p99 {} max {}", duration_text(lateness.p99),
+                                        duration_text(lateness.max)),
+                            6, Style::kPlain});
         segments.push_back({fmt::format("repeats {}", figures_.total().repeats), 7,
                             recent.repeats > 0 ? Style::kWarning : Style::kPlain});
       }
@@ -228,7 +229,7 @@ std::string timing_text(const BackendOptions& options) {
   if (options.mode == BackendOptions::Mode::kNonRealTime) {
     return fmt::format(
         "non-real-time mode, steps of {}: time stands still until the next action is there",
-        text_of(options.period));
+        duration_text(options.period));
   }
   const std::string late = options.max_action_repeats == 0
                                ? "a late action ends the session with a fault"

@@ -43,7 +43,7 @@ std::string state_text(const SessionInfo& info) {
     case Health::kFault:
       return fmt::format("fault: {}", name_of(info.fault.code));
     case Health::kSilent:
-      return fmt::format("silent for {}", text_of(info.since_heartbeat));
+      return fmt::format("silent for {}", duration_text(info.since_heartbeat));
     case Health::kStopped:
       return info.fault.needs_recovery() ? fmt::format("gone: {}", name_of(info.fault.code))
                                          : "gone";

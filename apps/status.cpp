@@ -115,7 +115,7 @@ class Observer {
     figures_.update(session);
     const double wanted_rate = 1e9 / static_cast<double>(info.period.count());
     sheet.add("mode", info.is_real_time ? "real-time, " + rate_text(wanted_rate)
-                                        : "non-real-time, steps of " + text_of(info.period));
+                                        : "non-real-time, steps of " + duration_text(info.period));
     if (info.is_real_time && info.backend_is_alive) {
       const auto priority = realtime_priority(static_cast<pid_t>(info.backend.pid));
       sheet.add("priority",

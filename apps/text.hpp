@@ -10,8 +10,6 @@
 // Figures in words, the same in every command.
 namespace trifinger::apps {
 
-// "850 ns", "12 µs", "1.28 ms", "2 s".
-[[nodiscard]] std::string text_of(Nanoseconds duration);
 // "1000 Hz", "184 kHz".
 [[nodiscard]] std::string rate_text(double rate);
 // "1 step", "12 steps".

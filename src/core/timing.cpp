@@ -3,10 +3,8 @@
 
 #include <algorithm>
 #include <bit>
-#include <cstdio>
 #include <functional>
 #include <numeric>
-#include <utility>
 
 #include "trifinger/core/fault.hpp"
 
@@ -25,17 +23,6 @@ Nanoseconds lateness_of(const Status& status, LateCause cause, Nanoseconds perio
   // In a last step without its action there was nothing left to repeat.
   const bool is_repeated = (status.flags & Status::kActionRepeated) != 0;
   return (status.action_repeats + (is_repeated ? 0 : 1)) * period;
-}
-
-// "1.2 ms"
-std::string text_of(Nanoseconds time) {
-  const auto nanoseconds = static_cast<double>(time.count());
-  const auto [unit, name] = nanoseconds < 1e6   ? std::pair(1e3, "us")
-                            : nanoseconds < 1e9 ? std::pair(1e6, "ms")
-                                                : std::pair(1e9, "s");
-  std::array<char, 64> text{};
-  std::snprintf(text.data(), text.size(), "%.3g %s", nanoseconds / unit, name);
-  return text.data();
 }
 
 }  // namespace
@@ -168,7 +155,7 @@ std::string describe(const TimingRecord& timing) {
   if (!causes.empty()) text += " (" + causes + ")";
   if (!timing.worst().empty()) {
     const LateStep& worst = timing.worst().front();
-    text += ", the worst by " + text_of(worst.lateness) + " at step " +
+    text += ", the worst by " + duration_text(worst.lateness) + " at step " +
             std::to_string(worst.time_index);
   }
   return text;

@@ -456,25 +456,21 @@ LoggedSession LoggedSession::companion(const std::string& name) const {
 
 // ---- Log ----
 
-namespace {
-
-std::vector<std::filesystem::path> parts_of(const std::filesystem::path& path) {
+std::vector<std::filesystem::path> files_of(const std::filesystem::path& path) {
   std::error_code error;
   if (!std::filesystem::is_directory(path, error)) return {path};
-  std::vector<std::filesystem::path> parts;
+  std::vector<std::filesystem::path> files;
   for (const auto& entry : std::filesystem::directory_iterator(path, error)) {
-    if (entry.path().extension() == ".mcap") parts.push_back(entry.path());
+    if (entry.path().extension() == ".mcap") files.push_back(entry.path());
   }
   if (error) throw SystemError("look into " + path.string(), error.value());
-  if (parts.empty()) throw InvalidArgument("the folder " + path.string() + " has no .mcap files");
-  std::ranges::sort(parts);
-  return parts;
+  if (files.empty()) throw InvalidArgument("the folder " + path.string() + " has no .mcap files");
+  std::ranges::sort(files);
+  return files;
 }
 
-}  // namespace
-
 Log::Log(const std::filesystem::path& path)
-    : data_(std::make_shared<LogData>(parts_of(path), LogData::Several::kTakeNewest)) {}
+    : data_(std::make_shared<LogData>(files_of(path), LogData::Several::kTakeNewest)) {}
 
 Log::Log(const std::vector<std::filesystem::path>& parts) {
   if (parts.empty()) throw InvalidArgument("a log has at least one file");

@@ -44,5 +44,18 @@ TEST(Deadline, RemainingIsNeverMoreThanTheTimeLeft) {
   EXPECT_GT(deadline.remaining(hours(2)), Nanoseconds::zero());
 }
 
+TEST(DurationText, HasTheUnitThatLeavesFewDigits) {
+  const auto text = [](double seconds) {
+    return duration_text(std::chrono::round<Nanoseconds>(std::chrono::duration<double>(seconds)));
+  };
+  EXPECT_EQ(text(0.0), "0 ns");
+  EXPECT_EQ(text(999e-9), "999 ns");
+  EXPECT_EQ(text(12.4e-6), "12 µs");
+  EXPECT_EQ(text(999.6e-6), "1 ms");
+  EXPECT_EQ(text(1.284e-3), "1.28 ms");
+  EXPECT_EQ(text(0.9996), "1 s");
+  EXPECT_EQ(text(2.0), "2 s");
+}
+
 }  // namespace
 }  // namespace trifinger

@@ -95,55 +95,61 @@ TYPED_TEST(LateSteps, BeginWhereTheOptionsSay) {
   }
 }
 
-// What a driver's call does to the clock: the fourth measurement takes some time.
-ManualClock* slow_drivers_clock = nullptr;
-Nanoseconds slow_measurement{0};
-int measurements = 0;
-void measure_slowly() {
-  if (slow_drivers_clock != nullptr && ++measurements == 4) {
-    slow_drivers_clock->advance(slow_measurement);
+// A robot in its first steps, and a driver that takes its time for one of them.
+class SlowDriver : public ::testing::Test {
+ protected:
+  SlowDriver() {
+    rig_.tick();
+    append_ahead<Traits>(robot_, 0, 19);
   }
-}
+  ~SlowDriver() override { clock_ = nullptr; }
 
-TEST(LateStep, BehindATickThatTheDriverTookUpIsTheDrivers) {
-  Plan plan = with_deadlines();
-  plan.injection.on_observation = measure_slowly;
-  InProcess::Rig<Traits> rig(plan);
-  auto robot = rig.connect();
-  rig.tick();
-  append_ahead<Traits>(robot, 0, 19);
-  measurements = 0;
-  slow_measurement = kPeriod * 17 / 10;
-  slow_drivers_clock = &rig.clock();
-  rig.tick(4);
-  catch_up(rig, kPeriod * 7 / 10);
-  rig.tick(2);
-  slow_drivers_clock = nullptr;
-  for (TimeIndex t = 0; t <= 7; ++t) {
-    EXPECT_EQ(has_flag(robot, t, Status::kDriverLate), t == 4) << t;
-    EXPECT_FALSE(has_flag(robot, t, Status::kSchedulerLate)) << t;
+  // Four ticks, in the last of which the measurement takes this long.
+  void tick_with_slow_measurement(Nanoseconds time) {
+    measurements_ = 0;
+    time_ = time;
+    clock_ = &rig_.clock();
+    rig_.tick(4);
   }
-  const auto timing = robot.timing();
+
+ private:
+  static Plan plan() {
+    Plan plan = with_deadlines();
+    plan.injection.on_observation = [] {
+      if (clock_ != nullptr && ++measurements_ == 4) clock_->advance(time_);
+    };
+    return plan;
+  }
+
+  // The loop's thread reads them while it has the clock's time.
+  static inline ManualClock* clock_{nullptr};
+  static inline Nanoseconds time_{0};
+  static inline int measurements_{0};
+
+ protected:
+  InProcess::Rig<Traits> rig_{plan()};
+  Frontend<FakeRobot> robot_{rig_.connect()};
+};
+
+TEST_F(SlowDriver, IsToBlameForTheStepBehindATickThatItTookUp) {
+  tick_with_slow_measurement(kPeriod * 17 / 10);
+  catch_up(rig_, kPeriod * 7 / 10);
+  rig_.tick(2);
+  for (TimeIndex t = 0; t <= 7; ++t) {
+    EXPECT_EQ(has_flag(robot_, t, Status::kDriverLate), t == 4) << t;
+    EXPECT_FALSE(has_flag(robot_, t, Status::kSchedulerLate)) << t;
+  }
+  const auto timing = robot_.timing();
   ASSERT_TRUE(timing.has_value());
   EXPECT_EQ(timing->late_steps(LateCause::kDriver), 1U);
   EXPECT_EQ(timing->worst().front().lateness, kPeriod * 7 / 10);
 }
 
-TEST(LateStep, BehindATickThatTheDriverLeftInTimeIsNotTheDrivers) {
-  Plan plan = with_deadlines();
-  plan.injection.on_observation = measure_slowly;
-  InProcess::Rig<Traits> rig(plan);
-  auto robot = rig.connect();
-  rig.tick();
-  append_ahead<Traits>(robot, 0, 19);
-  measurements = 0;
-  slow_measurement = kPeriod * 3 / 10;
-  slow_drivers_clock = &rig.clock();
-  rig.tick(4);
-  slow_drivers_clock = nullptr;
-  catch_up(rig, kPeriod * 3 / 10 - kPeriod * 6 / 10);
-  EXPECT_TRUE(has_flag(robot, 4, Status::kSchedulerLate));
-  EXPECT_FALSE(has_flag(robot, 4, Status::kDriverLate));
+TEST_F(SlowDriver, IsNotToBlameForTheStepBehindATickThatItLeftInTime) {
+  tick_with_slow_measurement(kPeriod * 3 / 10);
+  catch_up(rig_, kPeriod * 3 / 10 - kPeriod * 6 / 10);
+  EXPECT_TRUE(has_flag(robot_, 4, Status::kSchedulerLate));
+  EXPECT_FALSE(has_flag(robot_, 4, Status::kDriverLate));
 }
 
 TYPED_TEST(LateSteps, WithoutAnActionAreTheUsers) {

@@ -48,51 +48,56 @@ void stop(const ChildProcess& process) {
 
 // --- The user ---
 
-TEST(StoppedUser, fault_03_FindsTheRobotStoppedAndLearnsWhichActionWasLate) {
-  AcrossProcesses::Rig<Traits> rig(with_deadlines(2));
-  const auto observer = rig.observe();
-  rig.tick();
-  SharedValue<std::atomic<bool>> has_appended;
-  SharedValue<std::atomic<bool>> may_go_on;
-  ChildProcess user([&] {
-    auto robot = rig.connect();
-    append_ahead<Traits>(robot, 0, 4);
-    has_appended->store(true);
-    while (!may_go_on->load()) std::this_thread::yield();
-    const auto fault = fault_of([&] { return robot.append_desired_action({}); });
-    const Fault expected{.code = Fault::Code::kActionLate, .detail = 2, .time_index = 7};
-    return fault == expected ? 0 : 1;
+class StoppedUser : public ::testing::Test {
+ protected:
+  // A user in a process of its own appends the actions of the steps 0 to 4 and is stopped. When it
+  // goes on, `then(robot)` says whether it finds what it should.
+  template <class Then>
+  void stop_behind_step_4(std::uint32_t max_action_repeats, const Then& then) {
+    rig_.emplace(with_deadlines(max_action_repeats));
+    observer_.emplace(rig_->observe());
+    rig_->tick();
+    user_.emplace([&] {
+      auto robot = rig_->connect();
+      append_ahead<Traits>(robot, 0, 4);
+      has_appended_->store(true);
+      while (!may_go_on_->load()) std::this_thread::yield();
+      return then(robot) ? 0 : 1;
+    });
+    wait_until([&] { return has_appended_->load(); });
+    stop(*user_);
+  }
+  void go_on() {
+    may_go_on_->store(true);
+    user_->send(SIGCONT);
+    EXPECT_EQ(user_->wait(), 0) << "the exit of the user";
+  }
+
+  std::optional<AcrossProcesses::Rig<Traits>> rig_;
+  std::optional<Frontend<FakeRobot>> observer_;
+
+ private:
+  SharedValue<std::atomic<bool>> has_appended_;
+  SharedValue<std::atomic<bool>> may_go_on_;
+  std::optional<ChildProcess> user_;
+};
+
+TEST_F(StoppedUser, fault_03_FindsTheRobotStoppedAndLearnsWhichActionWasLate) {
+  const Fault late{.code = Fault::Code::kActionLate, .detail = 2, .time_index = 7};
+  stop_behind_step_4(2, [&](auto& robot) {
+    return fault_of([&] { return robot.append_desired_action({}); }) == late;
   });
-  wait_until([&] { return has_appended->load(); });
-  stop(user);
-  rig.tick(8);
-  rig.last_tick();  // of the orderly stop
-  expect_end(observer, 7, {.code = Fault::Code::kActionLate, .detail = 2});
-  may_go_on->store(true);
-  user.send(SIGCONT);
-  EXPECT_EQ(user.wait(), 0) << "the exit of the user";
+  rig_->tick(8);
+  rig_->last_tick();  // of the orderly stop
+  expect_end(*observer_, 7, late);
+  go_on();
 }
 
-TEST(StoppedUser, fault_03_GoesOnWhereItsRobotIsIfThatHasRepeatedItsAction) {
-  AcrossProcesses::Rig<Traits> rig(with_deadlines(1000));
-  const auto observer = rig.observe();
-  rig.tick();
-  SharedValue<std::atomic<bool>> has_appended;
-  SharedValue<std::atomic<bool>> may_go_on;
-  ChildProcess user([&] {
-    auto robot = rig.connect();
-    append_ahead<Traits>(robot, 0, 4);
-    has_appended->store(true);
-    while (!may_go_on->load()) std::this_thread::yield();
-    return robot.append_desired_action({}) == 50 ? 0 : 1;
-  });
-  wait_until([&] { return has_appended->load(); });
-  stop(user);
-  rig.tick(50);
-  may_go_on->store(true);
-  user.send(SIGCONT);
-  EXPECT_EQ(user.wait(), 0) << "the exit of the user";
-  const auto timing = observer.timing();
+TEST_F(StoppedUser, fault_03_GoesOnWhereItsRobotIsIfThatHasRepeatedItsAction) {
+  stop_behind_step_4(1000, [](auto& robot) { return robot.append_desired_action({}) == 50; });
+  rig_->tick(50);
+  go_on();
+  const auto timing = observer_->timing();
   ASSERT_TRUE(timing.has_value());
   EXPECT_EQ(timing->late_steps(LateCause::kUser), 45U);
 }

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdint>
+#include <string>
 
 namespace trifinger {
 
@@ -44,5 +45,8 @@ class Deadline {
 
   Instant end_;
 };
+
+/// In words, three digits at most where there is a point: "850 ns", "12 µs", "1.28 ms", "2 s".
+[[nodiscard]] std::string duration_text(Nanoseconds duration);
 
 }  // namespace trifinger

@@ -163,6 +163,10 @@ class LoggedSession {
   const detail::Stream* stream_;
 };
 
+/// `path`, or the .mcap files in that folder, in the order of their names.
+/// @throws SystemError, InvalidArgument if there are none
+[[nodiscard]] std::vector<std::filesystem::path> files_of(const std::filesystem::path& path);
+
 /// A recording: one file, or all its parts.
 ///
 /// Opening reads no messages if the files were finished and are whole. What is damaged is left out
