@@ -197,6 +197,13 @@ void print_session(const Sheet& sheet, const SessionSummary& summary) {
                                                 first, end - 1, summary.steps.duration(),
                                                 rate_text(summary.steps.rate()))
                                   : "none");
+  if (header.realtime_lacks) {
+    const Style style = header.realtime_lacks->empty() ? Style::kPlain : Style::kWarning;
+    std::string label = "realtime";
+    for (const std::string& line : realtime_lines(*header.realtime_lacks)) {
+      sheet.line(std::exchange(label, {}), line, style);
+    }
+  }
   if (summary.loop && summary.steps.count > 0) print_loop(sheet, summary);
   for (const StreamSummary& companion : summary.companions) {
     sheet.line(companion.name.substr(companion.name.find('.') + 1),
@@ -318,10 +325,12 @@ Json json_of(const SessionSummary& summary) {
                          {"needs_recovery", session.fault().needs_recovery()},
                          {"text", session.fault_text()}});
   };
+  const Json lacks = header.realtime_lacks ? Json(*header.realtime_lacks) : Json();
   return Json::object({{"name", session.name()},
                        {"type", session.type()},
                        {"session_id", header.session_id},
                        {"is_real_time", header.is_real_time},
+                       {"realtime_lacks", lacks},
                        {"period", seconds(header.period)},
                        {"created", static_cast<double>(header.created) / 1e9},
                        {"host", header.host},

@@ -123,6 +123,12 @@ class Observer {
                          : "none, other programs may be first; see 'trifinger doctor'",
                 warn_if(!priority));
     }
+    if (info.is_real_time) {
+      std::string label = "realtime";
+      for (const std::string& line : realtime_lines(info.realtime_lacks)) {
+        sheet.add(std::exchange(label, {}), line, warn_if(!info.realtime_lacks.empty()));
+      }
+    }
     sheet.add("steps", std::to_string(info.steps));
     if (figures_.total().steps == 0) return;
 
@@ -204,6 +210,7 @@ void add_status(CLI::App& program, Action& action) {
   command->add_flag("--once", options->once, "Look once, also on a terminal");
   command->footer(
       "It only reads and never slows the robot.\n"
+      "  realtime   whether the loop has all that was asked for: priority, locked memory, ...\n"
       "  lateness   how long after their deadlines the steps of the last second began\n"
       "  since 0    the same of all steps, those left out counted in\n"
       "  in time    the share of the last 1000 steps that were in time\n"

@@ -16,6 +16,13 @@ std::string counted(std::int64_t count, const std::string& what) {
   return fmt::format("{} {}{}", count, what, count == 1 ? "" : "s");
 }
 
+std::vector<std::string> realtime_lines(const std::vector<std::string>& lacks) {
+  if (lacks.empty()) return {"yes"};
+  std::vector<std::string> lines = lacks;
+  lines.front() = "no: " + lines.front();
+  return lines;
+}
+
 std::string lateness_text(Nanoseconds p50, Nanoseconds p99, Nanoseconds max) {
   return fmt::format("p50 {}, p99 {}, max {}", duration_text(p50), duration_text(p99),
                      duration_text(max));

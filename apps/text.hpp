@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "trifinger/base/time.hpp"
 #include "trifinger/core/timing.hpp"
@@ -14,6 +15,8 @@ namespace trifinger::apps {
 [[nodiscard]] std::string rate_text(double rate);
 // "1 step", "12 steps".
 [[nodiscard]] std::string counted(std::int64_t count, const std::string& what);
+// Whether a loop is a real-time thread, a line each: "yes", or "no: " and what it lacks.
+[[nodiscard]] std::vector<std::string> realtime_lines(const std::vector<std::string>& lacks);
 // "p50 12 µs, p99 80 µs, max 1.2 ms"
 [[nodiscard]] std::string lateness_text(Nanoseconds p50, Nanoseconds p99, Nanoseconds max);
 [[nodiscard]] std::string lateness_text(const LatenessHistogram& lateness);

@@ -105,6 +105,9 @@ Any number of threads may read.)")
           [](const PythonLoggedSession& session) { return session.session().is_companion(); })
       .def_prop_ro("session_id", header(&log::SessionHeader::session_id))
       .def_prop_ro("is_real_time", header(&log::SessionHeader::is_real_time))
+      .def_prop_ro("realtime_lacks", header(&log::SessionHeader::realtime_lacks),
+                   "In real-time mode what the loop lacked to be a real-time thread, a sentence "
+                   "each; None if the log does not\nsay.")
       .def_prop_ro(
           "period",
           [](const PythonLoggedSession& session) {

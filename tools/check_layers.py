@@ -15,9 +15,9 @@ from tracked_files import ROOT, tracked_files
 DIRECTLY_BELOW = {
     "base": (),
     "ipc": ("base",),
-    "realtime": ("base",),
+    "realtime": ("ipc",),
     "config": ("base",),
-    "core": ("ipc", "realtime"),
+    "core": ("realtime",),
     "mcap": ("ipc",),
     "log": ("core", "mcap"),
     "joint": ("core", "config"),

@@ -1059,6 +1059,13 @@ class LoggedSession:
     def is_real_time(self) -> bool: ...
 
     @property
+    def realtime_lacks(self) -> list[str] | None:
+        """
+        In real-time mode what the loop lacked to be a real-time thread, a sentence each; None if the log does not
+        say.
+        """
+
+    @property
     def period(self) -> float:
         """Of the robot's steps [s]."""
 

@@ -28,6 +28,8 @@ class SessionInfo:
     is_companion: bool
     session_id: int
     is_real_time: bool
+    realtime_lacks: tuple[str, ...]
+    """In real-time mode what the loop lacks to be a real-time thread, with the remedy."""
     period: float
     """[s]"""
     created: float

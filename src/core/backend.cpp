@@ -28,8 +28,8 @@ constexpr Nanoseconds kWaitSlice = std::chrono::milliseconds(50);
 struct Run {
   Run(UntypedDriver& driver, detail::SessionPlace& place, const BackendOptions& options,
       const std::atomic<bool>& stop_requested, const Clock& clock)
-      : writers(
-            place.begin(driver, options.mode == BackendOptions::Mode::kRealTime, options.period)),
+      : writers(place.begin(driver, options.mode == BackendOptions::Mode::kRealTime, options.period,
+                            realtime_lacks())),
         loop(driver, writers, options, stop_requested, clock) {}
 
   detail::SessionPlace::Writers writers;

@@ -109,6 +109,7 @@ SessionInfo Session::info() const {
   info.session_id = header.session_id;
   info.robot_session_id = header.robot_session_id;
   info.is_real_time = header.is_real_time != 0;
+  info.realtime_lacks = mapping_->realtime_lacks();
   info.period = Nanoseconds(header.period);
   info.created = std::chrono::system_clock::time_point(
       std::chrono::duration_cast<std::chrono::system_clock::duration>(

@@ -68,6 +68,7 @@ struct StateHeader {
   TextPlace default_action;  // bytes
   TextPlace companions;      // names, each with a newline behind it
   TextPlace documents;       // DocumentPlaces
+  TextPlace realtime_lacks;  // sentences, each with a newline behind it
 
   // What readers sleep on, and how far the series have come.
   alignas(64) std::atomic<std::uint32_t> event;

@@ -28,6 +28,13 @@ constexpr std::string_view kPrefix = "trifinger.";
 
 std::size_t index_of(Series series) noexcept { return static_cast<std::size_t>(series); }
 
+std::vector<std::string> lines_of(const std::string& text) {
+  std::vector<std::string> lines;
+  std::istringstream stream(text);
+  for (std::string line; std::getline(stream, line);) lines.push_back(line);
+  return lines;
+}
+
 constexpr std::uint64_t round_up(std::uint64_t size, std::uint64_t step) noexcept {
   return (size + step - 1) / step * step;
 }
@@ -313,11 +320,9 @@ void SessionMapping::check() {
         throw InvalidArgument("its queue has a wrong size");
       }
     }
-    std::istringstream companions(text(header_->companions));
-    for (std::string companion; std::getline(companions, companion);) {
-      require_valid_name(companion);
-      companion_names_.push_back(companion);
-    }
+    companion_names_ = lines_of(text(header_->companions));
+    for (const std::string& companion : companion_names_) require_valid_name(companion);
+    realtime_lacks_ = lines_of(text(header_->realtime_lacks));
     if (is_companion() && !companion_names_.empty()) {
       throw InvalidArgument("it is a companion and has companions");
     }
@@ -508,6 +513,8 @@ SessionWriter::SessionWriter(std::shared_ptr<Directory> directory, const Session
                                         plan.default_action.size()};
   const layout::TextPlace companions_place{file.add(plan.companions.size()),
                                            plan.companions.size()};
+  const layout::TextPlace lacks_place{file.add(plan.realtime_lacks.size()),
+                                      plan.realtime_lacks.size()};
   const auto add_text = [&file](const std::string& text) {
     return layout::TextPlace{file.add(text.size()), text.size()};
   };
@@ -551,12 +558,14 @@ SessionWriter::SessionWriter(std::shared_ptr<Directory> directory, const Session
   header_->default_action = default_place;
   header_->companions = companions_place;
   header_->documents = documents_place;
+  header_->realtime_lacks = lacks_place;
   write_text(name_place, plan.name.data());
   write_text(type_place, plan.type.data());
   write_text(host_place, host.data());
   write_text(default_place, plan.default_action.data());
   write_text(companions_place, plan.companions.data());
   write_text(documents_place, documents.data());
+  write_text(lacks_place, plan.realtime_lacks.data());
   for (std::size_t i = 0; i < documents.size(); ++i) {
     write_text(documents[i].name, plan.documents[i].name.data());
     write_text(documents[i].media_type, plan.documents[i].media_type.data());
@@ -745,7 +754,8 @@ SessionPlace::~SessionPlace() {
 }
 
 SessionPlace::Writers SessionPlace::begin(const UntypedDriver& driver, bool is_real_time,
-                                          Nanoseconds period) {
+                                          Nanoseconds period,
+                                          const std::vector<std::string>& realtime_lacks) {
   if (fork_.is_inherited()) {
     throw InheritedHandle("the host of '" + name_ +
                           "' was made before fork(), and the name is its parent's");
@@ -772,6 +782,9 @@ SessionPlace::Writers SessionPlace::begin(const UntypedDriver& driver, bool is_r
   };
   plan.robot_session_id = plan.session_id;
   plan.capacities.fill(options_.history);
+  if (is_real_time) {
+    for (const std::string& sentence : realtime_lacks) plan.realtime_lacks += sentence + "\n";
+  }
   constexpr std::size_t kHoldingHistory = 16;
   plan.capacities[index_of(Series::kHolding)] = kHoldingHistory;
   // A second at 1 kHz: longer than a damped stop takes.

@@ -107,6 +107,9 @@ class SessionMapping {
   [[nodiscard]] const std::vector<std::string>& companion_names() const noexcept {
     return companion_names_;
   }
+  [[nodiscard]] const std::vector<std::string>& realtime_lacks() const noexcept {
+    return realtime_lacks_;
+  }
   // Throws IncompatibleSession.
   [[nodiscard]] std::vector<Document> documents() const;
   // The companion `name` of this session. Throws SessionNotFound, RobotStopped.
@@ -152,6 +155,7 @@ class SessionMapping {
   ElementDescription status_;
   ipc::Ring timing_;
   std::vector<std::string> companion_names_;
+  std::vector<std::string> realtime_lacks_;
   ipc::ForkGuard fork_;
 };
 
@@ -169,7 +173,8 @@ struct SessionPlan {
   std::vector<std::byte> default_action{};
   std::string companions{};  // names, each with a newline behind it
   std::span<const Document> documents{};
-  std::size_t queue{0};  // capacity; 0: no action file
+  std::string realtime_lacks{};  // sentences, likewise
+  std::size_t queue{0};          // capacity; 0: no action file
   unsigned mode{0600};
 };
 
@@ -277,8 +282,10 @@ class SessionPlace {
     std::unique_ptr<SessionWriter> robot;
     std::vector<std::unique_ptr<SessionWriter>> companions;
   };
-  // The next session and its companions. Throws RobotOwned if the name was lost meanwhile.
-  [[nodiscard]] Writers begin(const UntypedDriver& driver, bool is_real_time, Nanoseconds period);
+  // The next session and its companions. `realtime_lacks`, see SessionInfo, counts in real-time
+  // mode only. Throws RobotOwned if the name was lost meanwhile.
+  [[nodiscard]] Writers begin(const UntypedDriver& driver, bool is_real_time, Nanoseconds period,
+                              const std::vector<std::string>& realtime_lacks = {});
   // From now on sessions begin as if they had gone on for ages: their step 0 has this index.
   void begin_at(TimeIndex first_index) noexcept { first_index_ = first_index; }
 

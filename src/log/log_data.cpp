@@ -128,6 +128,7 @@ class LogData::Entries {
  public:
   explicit Entries(const mcap::Metadata& record) : record_(record) {}
 
+  [[nodiscard]] bool has(const std::string& key) const { return record_.entries.contains(key); }
   [[nodiscard]] std::string text(const std::string& key) const {
     return entry_of(record_.entries, key);
   }
@@ -336,6 +337,13 @@ void LogData::read_session(const Entries& entries) {
   header.name = name;
   header.session_id = entries.session_id();
   header.is_real_time = entries.integer("is_real_time") != 0;
+  if (entries.has("realtime_lacks")) {
+    std::istringstream lacks(entries.text("realtime_lacks"));
+    header.realtime_lacks.emplace();
+    for (std::string sentence; std::getline(lacks, sentence);) {
+      header.realtime_lacks->push_back(sentence);
+    }
+  }
   header.period = Nanoseconds(entries.integer("period"));
   header.created = entries.integer("created");
   header.time_offset = entries.integer("time_offset");

@@ -184,6 +184,7 @@ SessionHeader SessionHeader::of(const Session& robot, const std::vector<Session>
   header.name = info.name;
   header.session_id = info.session_id;
   header.is_real_time = info.is_real_time;
+  if (info.is_real_time) header.realtime_lacks = info.realtime_lacks;
   header.period = info.period;
   header.created = std::chrono::duration_cast<Nanoseconds>(info.created.time_since_epoch()).count();
   header.time_offset = header.created;
@@ -439,19 +440,24 @@ class LogWriter::Implementation {
         companions += separator + companion.name;
         first_indices += separator + std::to_string(companion.first_index);
       }
-      writer_.write(mcap::Metadata{"trifinger.session",
-                                   {{"name", header.name},
-                                    {"type", header.types.type},
-                                    {"session_id", id},
-                                    {"is_real_time", header.is_real_time ? "1" : "0"},
-                                    {"period", std::to_string(header.period.count())},
-                                    {"created", std::to_string(header.created)},
-                                    {"host", header.host},
-                                    {"backend_pid", std::to_string(header.backend_pid)},
-                                    {"time_offset", std::to_string(header.time_offset)},
-                                    {"companions", companions},
-                                    {"companion_first_indices", first_indices},
-                                    {"first_index", std::to_string(header.first_index)}}});
+      mcap::Metadata record{"trifinger.session",
+                            {{"name", header.name},
+                             {"type", header.types.type},
+                             {"session_id", id},
+                             {"is_real_time", header.is_real_time ? "1" : "0"},
+                             {"period", std::to_string(header.period.count())},
+                             {"created", std::to_string(header.created)},
+                             {"host", header.host},
+                             {"backend_pid", std::to_string(header.backend_pid)},
+                             {"time_offset", std::to_string(header.time_offset)},
+                             {"companions", companions},
+                             {"companion_first_indices", first_indices},
+                             {"first_index", std::to_string(header.first_index)}}};
+      if (header.realtime_lacks) {
+        std::string& lacks = record.entries["realtime_lacks"];
+        for (const std::string& sentence : *header.realtime_lacks) lacks += sentence + "\n";
+      }
+      writer_.write(record);
     }
     session.is_announced = true;
   }

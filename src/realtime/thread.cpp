@@ -17,8 +17,10 @@
 #include <cstdlib>
 #include <cstring>
 #include <system_error>
+#include <utility>
 
 #include "trifinger/base/error.hpp"
+#include "trifinger/ipc/file_descriptor.hpp"
 
 namespace trifinger {
 namespace {
@@ -34,6 +36,15 @@ Refusal set_priority(int priority) {
   if (error == 0) return std::nullopt;
   return "no real-time priority " + std::to_string(priority) + ": " + message_of(error) +
          "; allow it with 'rtprio 99' in /etc/security/limits.conf";
+}
+
+// The one above is tried, too: a watchdog that cannot have it may never see that the loop hangs.
+Refusal take_priority(int priority) {
+  if (Refusal refusal = set_priority(priority)) return refusal;
+  if (Refusal refusal = set_priority(priority + 1)) {
+    return "its watchdog cannot be above the loop: " + *refusal + ", or take a lower one";
+  }
+  return set_priority(priority);
 }
 
 // As in "0 to 3, 6".
@@ -106,37 +117,28 @@ void fill_heap(std::size_t size) {
   std::free(block);
 }
 
-// The kernel keeps every processor as awake as the file's text asks while the file is open.
-class AwakeCpus {
- public:
-  AwakeCpus() = default;
-  AwakeCpus(const AwakeCpus&) = delete;
-  AwakeCpus& operator=(const AwakeCpus&) = delete;
-  ~AwakeCpus() {
-    if (file_ >= 0) ::close(file_);
+// The kernel keeps every processor as awake as the file's text asks while the file is open. It is
+// closed with its thread, and in forked children.
+thread_local ipc::FileDescriptor awake_cpus;
+
+Refusal keep_cpus_awake() {
+  constexpr const char* kFile = "/dev/cpu_dma_latency";
+  constexpr std::int32_t kLatency = 0;  // [us] that a processor may take to wake up
+  ipc::FileDescriptor file([] { return ::open(kFile, O_WRONLY | O_CLOEXEC); });
+  if (file && ::write(file.get(), &kLatency, sizeof(kLatency)) == sizeof(kLatency)) {
+    awake_cpus = std::move(file);
+    return std::nullopt;
   }
+  const int error = errno;
+  return std::string("processors may fall asleep: ") + kFile + ": " + message_of(error) +
+         "; allow it with the udev rule KERNEL==\"cpu_dma_latency\", GROUP=\"realtime\", "
+         "MODE=\"0660\"";
+}
 
-  Refusal keep() {
-    if (file_ >= 0) return std::nullopt;
-    constexpr const char* kFile = "/dev/cpu_dma_latency";
-    constexpr std::int32_t kLatency = 0;  // [us] that a processor may take to wake up
-    const int file = ::open(kFile, O_WRONLY | O_CLOEXEC);
-    if (file >= 0 && ::write(file, &kLatency, sizeof(kLatency)) == sizeof(kLatency)) {
-      file_ = file;
-      return std::nullopt;
-    }
-    const int error = errno;
-    if (file >= 0) ::close(file);
-    return std::string("processors may fall asleep: ") + kFile + ": " + message_of(error) +
-           "; allow it with the udev rule KERNEL==\"cpu_dma_latency\", GROUP=\"realtime\", "
-           "MODE=\"0660\"";
-  }
-
- private:
-  int file_{-1};
-};
-
-thread_local AwakeCpus awake_cpus;
+std::vector<std::string>& own_lacks() {
+  thread_local std::vector<std::string> lacks{"no real-time settings were asked for"};
+  return lacks;
+}
 
 }  // namespace
 
@@ -146,10 +148,10 @@ std::vector<std::string> enter_realtime(const RealtimeOptions& options) {
   const auto note = [&refused](Refusal refusal) {
     if (refusal) refused.push_back(*std::move(refusal));
   };
-  note(set_priority(options.priority));
+  note(take_priority(options.priority));
   if (options.cpu) note(stay_on(*options.cpu));
   if (options.lock_memory) note(lock_memory());
-  if (options.keep_cpus_awake) note(awake_cpus.keep());
+  if (options.keep_cpus_awake) note(keep_cpus_awake());
   if (options.heap > 0) fill_heap(options.heap);
   touch_stack();
 
@@ -158,8 +160,11 @@ std::vector<std::string> enter_realtime(const RealtimeOptions& options) {
     for (const std::string& sentence : refused) text += "\n  " + sentence;
     throw Error(text);
   }
+  own_lacks() = refused;
   return refused;
 }
+
+std::vector<std::string> realtime_lacks() { return own_lacks(); }
 
 void outrank_realtime() noexcept {
   int policy = SCHED_OTHER;

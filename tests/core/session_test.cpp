@@ -56,6 +56,24 @@ TEST(SessionDocuments, AreReadAsTheyWereGivenInEverySession) {
   EXPECT_THAT(Session::open("robot.sensor").documents(), IsEmpty());
 }
 
+TEST(SessionInfo, fault_58_SaysWhatTheLoopLacksForRealTime) {
+  using Mode = BackendOptions::Mode;
+  const RealtimeOptions impossible{
+      .priority = 1000, .lock_memory = false, .heap = 0, .keep_cpus_awake = false};
+  const auto lacks_of = [](Mode mode, const RealtimeOptions& realtime) {
+    FakeDriver driver;
+    SessionHost host = SessionHost::anonymous();
+    Backend backend(driver, host, {.mode = mode});
+    const BackendThread thread(backend, realtime);
+    return Frontend<FakeRobot>(host).session().info().realtime_lacks;
+  };
+  EXPECT_THAT(lacks_of(Mode::kRealTime, impossible),
+              ElementsAre(HasSubstr("no real-time priority 1000")));
+  EXPECT_THAT(lacks_of(Mode::kRealTime, {.demand = Demand::kOff}),
+              ElementsAre("no real-time settings were asked for"));
+  EXPECT_THAT(lacks_of(Mode::kNonRealTime, {.demand = Demand::kOff}), IsEmpty());
+}
+
 TEST(SessionDocuments, AreNoneUnlessTheyAreGiven) {
   FakeDriver driver;
   SessionHost host = SessionHost::anonymous();

@@ -47,6 +47,7 @@ std::string message_of(const Function& function) {
 }
 
 void expect_same(const LoggedSession& found, const OddSession& written) {
+  EXPECT_EQ(found.header().realtime_lacks, written.header.realtime_lacks);
   const test::FoundSteps steps = test::read_steps(found);
   EXPECT_EQ(steps.indices.size(), written.desired_actions.size());
   EXPECT_TRUE(test::is_true(steps, written));

@@ -430,7 +430,42 @@ def test_fault_58_the_status_says_whether_the_loop_has_priority(
     is_refused = any(
         "no real-time priority 7" in line for line in program.read_until("holds its pose")
     )
-    assert (none if is_refused else "priority    SCHED_FIFO 7\n") in run("status", "b", "--once")
+    status = run("status", "b", "--once")
+    assert (none if is_refused else "priority    SCHED_FIFO 7\n") in status
+
+
+@pytest.mark.parametrize(
+    ("options", "lacks"),
+    [
+        (["--scheduling", "off"], ["no real-time settings were asked for"]),
+        (["--cpu", "1023"], ["cannot stay on processor 1023"]),
+        (["--non-real-time"], []),
+    ],
+)
+def test_fault_58_what_a_loop_lacks_is_in_its_status_and_its_log(
+    options: list[str], lacks: list[str], start_program: StartProgram, tmp_path: Path
+) -> None:
+    patient = ("--set", "max_repeats=1000000", "--record", str(tmp_path))
+    program = start_program("run", "fake", *options, *patient)
+    program.wait_for("holds its pose")
+    with trifinger.connect("fake") as robot:
+        robot.wait_until_time_index(robot.append_desired_action(robot.new_action()) + 1)
+        found = robot.session_info().realtime_lacks
+    is_real_time = "--non-real-time" not in options
+    for sentence in lacks:
+        assert any(sentence in line for line in found)
+    status = run("status", "fake", "--once")
+    assert ("realtime" in status) == is_real_time
+    program.end()
+    info = run("log", "info", str(tmp_path))
+    session = trifinger.Log(tmp_path).sessions[0]
+    if is_real_time:
+        assert f"realtime    no: {found[0]}" in status
+        assert f"realtime    no: {found[0]}" in info
+        assert tuple(session.realtime_lacks or ()) == found
+    else:
+        assert "realtime" not in info
+        assert session.realtime_lacks is None
 
 
 def test_the_status_counts_what_the_back_end_has_noted(start_program: StartProgram) -> None:

@@ -7,6 +7,7 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
@@ -157,11 +158,11 @@ TEST(EnterRealtime, fault_57_AllMemoryIsLockedWhereThatIsAllowed) {
 // --- Without rights
 // --------------------------------------------------------------------------------------
 
-// Becomes a user who may do nothing.
-void become_nobody_without_rights() {
-  const rlimit none{.rlim_cur = 0, .rlim_max = 0};
+// Becomes a user who may have a real-time priority up to this one, and nothing else.
+void become_nobody_without_rights(rlim_t priority) {
+  const rlimit highest{.rlim_cur = priority, .rlim_max = priority};
   const rlimit little{.rlim_cur = 64U << 10U, .rlim_max = 64U << 10U};
-  if (::setrlimit(RLIMIT_RTPRIO, &none) != 0 || ::setrlimit(RLIMIT_MEMLOCK, &little) != 0) {
+  if (::setrlimit(RLIMIT_RTPRIO, &highest) != 0 || ::setrlimit(RLIMIT_MEMLOCK, &little) != 0) {
     throw SystemError("lower limits", errno);
   }
   test::become_nobody();
@@ -176,10 +177,11 @@ class Nobody {
   static constexpr int kCpus = 4;
   static constexpr int kOther = 8;
   static constexpr int kThrew = 16;
+  static constexpr int kWatchdog = 32;
 
-  [[nodiscard]] static int ask(Demand demand) {
-    test::ChildProcess child([demand] {
-      become_nobody_without_rights();
+  [[nodiscard]] static int ask(Demand demand, rlim_t priority = 0) {
+    test::ChildProcess child([demand, priority] {
+      become_nobody_without_rights(priority);
       try {
         int found = 0;
         for (const std::string& sentence : enter_realtime({.demand = demand})) {
@@ -208,6 +210,10 @@ class Nobody {
     if (has("no real-time priority 80: Operation not permitted") && has("'rtprio 99'")) {
       return kPriority;
     }
+    if (has("its watchdog cannot be above the loop: no real-time priority 81: Operation not") &&
+        has("or take a lower one")) {
+      return kWatchdog;
+    }
     if (has("memory is not locked: the limit is 64 KiB") && has("'memlock unlimited'")) {
       return kMemory;
     }
@@ -219,6 +225,45 @@ class Nobody {
 TEST(EnterRealtime, fault_58_WithoutPermissionItGoesOnAndSaysWhatToDoInALineEach) {
   if (!test::may_become_nobody()) GTEST_SKIP() << "only the administrator can become nobody";
   EXPECT_EQ(Nobody::ask(Demand::kTry), Nobody::kPriority | Nobody::kMemory | Nobody::kCpus);
+}
+
+// Otherwise nobody would see a driver that hangs, and nobody would know that.
+TEST(EnterRealtime, fault_58_WithoutAPriorityForItsWatchdogItSaysSo) {
+  // There is none above.
+  const Answer answer =
+      ask({.priority = 99, .lock_memory = false, .heap = 0, .keep_cpus_awake = false});
+  ASSERT_THAT(answer.refused, ::testing::SizeIs(1));
+  EXPECT_THAT(answer.refused[0],
+              ::testing::HasSubstr(answer.policy == SCHED_FIFO
+                                       ? "its watchdog cannot be above the loop: no real-time "
+                                         "priority 100"
+                                       : "no real-time priority 99"));
+}
+
+TEST(EnterRealtime, fault_58_WithoutPermissionForItsWatchdogItSaysSo) {
+  if (!test::may_become_nobody()) GTEST_SKIP() << "only the administrator can become nobody";
+  rlimit limit{};
+  ::getrlimit(RLIMIT_RTPRIO, &limit);
+  limit.rlim_max = std::max<rlim_t>(limit.rlim_max, 81);
+  if (::setrlimit(RLIMIT_RTPRIO, &limit) != 0) {
+    GTEST_SKIP() << "this machine does not let the administrator give permissions";
+  }
+  EXPECT_EQ(Nobody::ask(Demand::kTry, 80), Nobody::kWatchdog | Nobody::kMemory | Nobody::kCpus);
+  EXPECT_EQ(Nobody::ask(Demand::kTry, 81), Nobody::kMemory | Nobody::kCpus);
+}
+
+TEST(EnterRealtime, AThreadKnowsWhatItLacks) {
+  std::vector<std::string> before;
+  std::vector<std::string> refused;
+  std::vector<std::string> after;
+  std::thread([&] {
+    before = realtime_lacks();
+    refused = enter_realtime(kImpossible);
+    after = realtime_lacks();
+  }).join();
+  EXPECT_THAT(before, ::testing::ElementsAre("no real-time settings were asked for"));
+  EXPECT_THAT(after, ::testing::ElementsAreArray(refused));
+  EXPECT_EQ(realtime_lacks(), before) << "of another thread";
 }
 
 TEST(EnterRealtime, fault_57_ALimitThatForbidsToLockMemoryIsNamedWithItsRemedy) {
@@ -262,6 +307,17 @@ TEST(EnterRealtime, KeepsProcessorsAwakeAsLongAsTheThreadLives) {
   }).join();
   files.push_back(awake_files());
   EXPECT_THAT(files, ::testing::ElementsAre(1, 1, 0));
+}
+
+TEST(EnterRealtime, fault_64_AForkedChildKeepsNoProcessorAwake) {
+  if (::access("/dev/cpu_dma_latency", W_OK) != 0) GTEST_SKIP() << "not allowed here";
+  test::ChildProcess child([] {
+    // In a process of its own, whose only thread forks.
+    enter_realtime({.priority = 1, .lock_memory = false, .heap = 0});
+    test::ChildProcess grandchild([] { return awake_files(); });
+    return awake_files() == 1 ? grandchild.wait() : 2;
+  });
+  EXPECT_EQ(child.wait(), 0);
 }
 
 }  // namespace

@@ -26,7 +26,7 @@ def test_no_two_layers_include_each_other(layer: str) -> None:
     assert not any(layer in allowed_layers(below) for below in allowed_layers(layer) - {layer})
 
 
-@pytest.mark.parametrize(("layer", "sibling"), [("ipc", "realtime"), ("joint", "model")])
+@pytest.mark.parametrize(("layer", "sibling"), [("mcap", "realtime"), ("joint", "model")])
 def test_siblings_do_not_include_each_other(layer: str, sibling: str) -> None:
     assert found(f"tests/{layer}/x_test.cpp", f"#include <trifinger/{sibling}/x.hpp>")
     assert found(f"tests/{sibling}/x_test.cpp", f"#include <trifinger/{layer}/x.hpp>")

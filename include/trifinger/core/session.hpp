@@ -45,6 +45,9 @@ struct SessionInfo {
   std::uint64_t session_id{0};
   std::uint64_t robot_session_id{0};  ///< Of a companion: its robot's session; of a robot: its own.
   bool is_real_time{false};
+  /// Of a robot in real-time mode: what its loop lacks to be a real-time thread, a sentence each
+  /// with the remedy; empty if it lacks nothing.
+  std::vector<std::string> realtime_lacks;
   Nanoseconds period{0};
   std::chrono::system_clock::time_point created;
   std::string host;

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -24,6 +25,8 @@ struct SessionHeader {
   std::string name;
   std::uint64_t session_id{0};
   bool is_real_time{false};
+  /// Real-time mode: see `SessionInfo`; nothing if it was not written down.
+  std::optional<std::vector<std::string>> realtime_lacks{};
   Nanoseconds period{0};
   std::int64_t created{0};  ///< Since 1970 [ns].
   /// What turns times of the session into times since 1970 [ns]: in real-time mode the wall clock

@@ -33,8 +33,13 @@ struct RealtimeOptions {
 /// @throws Error with these sentences if `demand` is kRequire.
 std::vector<std::string> enter_realtime(const RealtimeOptions& options);
 
+/// What the calling thread lacks to be a real-time thread: the sentences that `enter_realtime` has
+/// returned here, or one that says that nobody has asked for anything.
+[[nodiscard]] std::vector<std::string> realtime_lacks();
+
 /// Lets the calling thread run even if the real-time thread that has made it never gives way: on
-/// any processor, one priority above. Does nothing in an ordinary thread.
+/// any processor, one priority above, which `enter_realtime` has tried. Does nothing in an ordinary
+/// thread.
 void outrank_realtime() noexcept;
 
 }  // namespace trifinger
