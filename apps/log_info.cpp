@@ -206,8 +206,9 @@ void print_session(const Sheet& sheet, const SessionSummary& summary) {
   }
   if (summary.loop && summary.steps.count > 0) print_loop(sheet, summary);
   for (const StreamSummary& companion : summary.companions) {
-    sheet.line(companion.name.substr(companion.name.find('.') + 1),
-               fmt::format("{} elements, {}", companion.count, rate_text(companion.rate())));
+    sheet.line(
+        companion.name.substr(companion.name.find('.') + 1),
+        fmt::format("{}, {}", counted(companion.count, "element"), rate_text(companion.rate())));
   }
   sheet.line("end", end_text(session),
              session.fault().needs_recovery() ? Style::kBad : Style::kPlain);
@@ -231,7 +232,9 @@ void print_for_people(const Log& log, const std::vector<SessionSummary>& session
   for (const SessionSummary& session : sessions) steps += session.steps.count;
   sheet.heading(
       log.files().front().filename().string(),
-      log.files().size() > 1 ? fmt::format("and {} more parts", log.files().size() - 1) : "");
+      log.files().size() > 1
+          ? "and " + counted(static_cast<std::int64_t>(log.files().size()) - 1, "more part")
+          : "");
   sheet.line("size", size_text(log.size()) +
                          (steps > 0 ? fmt::format(", {} bytes per step",
                                                   log.size() / static_cast<std::uint64_t>(steps))

@@ -81,8 +81,20 @@ log::RecorderOptions recorder_options(const Options& options) {
                            Nanoseconds& time) {
     if (text) time = parse_duration(name, *text);
   };
+  // Every file says anew what its sessions are: their fields, their documents.
+  constexpr std::uint64_t kSmallestFile = 1'000'000;
+  const auto require_room = [](const char* name, std::uint64_t size, std::uint64_t smallest) {
+    if (size >= smallest) return;
+    throw UsageError(fmt::format(
+        "{} is {}, must be at least {}: every file describes its sessions anew, and would hold "
+        "little else",
+        name, size_text(size), size_text(smallest)));
+  };
   set_size("--rotate-size", options.rotate_size, recorder.rotate_size);
+  require_room("--rotate-size", recorder.rotate_size, kSmallestFile);
   set_size("--max-total", options.max_total, recorder.max_total);
+  // A file is at most an eighth of it.
+  if (recorder.max_total > 0) require_room("--max-total", recorder.max_total, 8 * kSmallestFile);
   set_size("--keep-free", options.keep_free, recorder.keep_free);
   set_time("--rotate-time", options.rotate_time, recorder.rotate_time);
   set_time("--sync", options.sync, recorder.sync_period);

@@ -12,6 +12,7 @@
 #include "bindings.hpp"
 #include "errors.hpp"
 #include "frontend.hpp"
+#include "garbage.hpp"
 #include "series.hpp"
 #include "session_info.hpp"
 #include "timeout.hpp"
@@ -54,7 +55,7 @@ void bind_frontend(nb::module_& m) {
   };
 
   nb::class_<PythonFrontend>(
-      m, "Frontend",
+      m, "Frontend", nb::type_slots(kGarbageCollected<PythonFrontend>),
       R"(The user's view of a running robot: append desired actions, read back what happened.
 
 Reading step t waits until the back-end has filled it in, so a loop that reads y[t] and appends

@@ -16,6 +16,8 @@
 #include <vector>
 
 #include "bindings.hpp"
+#include "checks.hpp"
+#include "garbage.hpp"
 #include "gil.hpp"
 #include "numpy.hpp"
 #include "recorder.hpp"
@@ -79,24 +81,6 @@ std::string_view name_of(Reach reach) {
   }
   return "";
 }
-
-// `arg` is the name that Py_VISIT expects.
-int traverse_simulation(PyObject* self, visitproc visit, void* arg) {
-  Py_VISIT(Py_TYPE(self));
-  if (!nb::inst_ready(self)) return 0;
-  return nb::inst_ptr<PythonSimulation>(self)->traverse(visit, arg);
-}
-
-int clear_simulation(PyObject* self) {
-  nb::inst_ptr<PythonSimulation>(self)->clear();
-  return 0;
-}
-
-PyType_Slot simulation_slots[] = {
-    {Py_tp_traverse, reinterpret_cast<void*>(traverse_simulation)},
-    {Py_tp_clear, reinterpret_cast<void*>(clear_simulation)},
-    {0, nullptr},
-};
 
 // "OWN_CHECK" for "own_check".
 std::string constant_name(std::string_view name) {
@@ -261,10 +245,11 @@ void bind_recorder(nb::module_& m) {
 }  // namespace
 
 void bind_simulation(nb::module_& m) {
+  nb::class_<Checks>(m, "_Checks", nb::type_slots(kGarbageCollected<Checks>));
   bind_reasons(m);
   bind_recorder(m);
   nb::class_<PythonSimulation>(
-      m, "Simulation", nb::type_slots(simulation_slots),
+      m, "Simulation", nb::type_slots(kGarbageCollected<PythonSimulation>),
       "A simulated robot in this process, with its back-end inside the waits of its front-end: no "
       "threads, "
       "deterministic,\nas fast as the physics. simulate() is the short form.\n\n"

@@ -80,8 +80,10 @@ class PythonFrontend::Appending {
   bool& is_appending_;
 };
 
-PythonFrontend::PythonFrontend(UntypedFrontend frontend, Role role)
-    : role_(role), handle_(std::make_shared<Handle>(std::move(frontend))) {
+PythonFrontend::PythonFrontend(UntypedFrontend frontend, Role role, nb::object checks)
+    : role_(role),
+      checks_(std::move(checks)),
+      handle_(std::make_shared<Handle>(std::move(frontend))) {
   const Session& session = handle_->frontend.session();
   types_[static_cast<std::size_t>(Series::kObservation)] =
       ElementType(session.element(Series::kObservation));
@@ -260,7 +262,7 @@ std::unique_ptr<PythonFrontend> PythonFrontend::companion(const std::string& nam
   require_own_thread();
   const std::shared_ptr<Handle> handle = open();
   auto companion = std::make_unique<PythonFrontend>(handle->frontend.companion(name),
-                                                    Role{.is_inline = role_.is_inline});
+                                                    Role{.is_inline = role_.is_inline}, checks_);
   if (role_.is_inline) companion->handle_->robot = handle;
   return companion;
 }

@@ -25,7 +25,8 @@ class PythonFrontend {
     bool is_inline{false};  ///< The robot runs in the waits of the thread that makes this object.
   };
 
-  PythonFrontend(UntypedFrontend frontend, Role role);
+  /// `checks`: of the simulation that it runs, if there is one.
+  PythonFrontend(UntypedFrontend frontend, Role role, nanobind::object checks = {});
   PythonFrontend(const PythonFrontend&) = delete;
   PythonFrontend& operator=(const PythonFrontend&) = delete;
   ~PythonFrontend() { close(); }
@@ -60,6 +61,13 @@ class PythonFrontend {
   /// The end of a `with` block: finishes after a clean one, lets go after an exception.
   void exit(bool is_clean);
 
+  /// For the garbage collector.
+  int traverse(visitproc visit, void* arg) const noexcept {
+    Py_VISIT(checks_.ptr());
+    return 0;
+  }
+  void clear() noexcept { checks_.reset(); }
+
  private:
   // What a waiting thread keeps, even if this object is closed.
   struct Handle {
@@ -85,6 +93,7 @@ class PythonFrontend {
   std::array<ElementType, 4> types_;  // by Series
   NanCheck nan_check_;
   bool is_appending_{false};
+  nanobind::object checks_;         // Checks; behind the robot that calls them
   std::shared_ptr<Handle> handle_;  // none once closed; replaced under the GIL only
 };
 

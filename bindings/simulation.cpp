@@ -3,11 +3,10 @@
 
 #include <algorithm>
 #include <array>
-#include <cstring>
 #include <span>
 #include <utility>
 
-#include "gil.hpp"
+#include "checks.hpp"
 #include "trifinger/model/export.hpp"
 
 namespace nb = nanobind;
@@ -30,32 +29,6 @@ nb::bytes to_bytes(const SimulationState& state) { return nb::bytes(state.data()
 
 }  // namespace
 
-// A user's check. It is called with or without the GIL: inline waits give it back.
-struct PythonSimulation::Check {
-  nb::object function;
-  ElementType observation;
-  ElementType action;
-
-  template <class Observation, class Action>
-  void call(const Observation& y, Action& changed) const {
-    const nb::gil_scoped_acquire gil;
-    try {
-      const auto [observation_element, observation_bytes] = observation.new_element();
-      std::memcpy(observation_bytes, &y, sizeof(y));
-      const auto [action_element, action_bytes] = action.new_element();
-      std::memcpy(action_bytes, &changed, sizeof(changed));
-      function(observation_element, action_element);
-      std::memcpy(&changed, action_bytes, sizeof(changed));
-    } catch (nb::python_error& error) {
-      // The chain turns whatever is thrown into a fault and has no place for a text: the traceback
-      // goes where Python's go.
-      error.restore();
-      PyErr_WriteUnraisable(function.ptr());
-      throw Error("a safety check has thrown");
-    }
-  }
-};
-
 std::vector<std::string> to_overrides(const nb::dict& overrides) {
   // JSON is YAML, and Python writes it.
   const nb::object dumps = nb::module_::import_("json").attr("dumps");
@@ -67,7 +40,8 @@ std::vector<std::string> to_overrides(const nb::dict& overrides) {
 }
 
 PythonSimulation::PythonSimulation(const RobotConfig& config)
-    : simulation_(std::visit(
+    : checks_(nb::cast(new Checks, nb::rv_policy::take_ownership)),
+      simulation_(std::visit(
           [&](const auto& options) -> decltype(simulation_) {
             if constexpr (std::is_same_v<std::decay_t<decltype(options)>,
                                          SimulationOptions<Finger>>) {
@@ -83,7 +57,7 @@ std::unique_ptr<PythonFrontend> PythonSimulation::connect(bool strict) const {
       [&](const auto& simulation) {
         return std::make_unique<PythonFrontend>(
             simulation.connect_untyped({.strict = strict}),
-            PythonFrontend::Role{.controls = true, .is_inline = true});
+            PythonFrontend::Role{.controls = true, .is_inline = true}, checks_);
       },
       simulation_);
 }
@@ -146,38 +120,16 @@ std::shared_ptr<log::RecorderThread> PythonSimulation::record(const std::string&
 }
 
 void PythonSimulation::add_check(nb::object function) {
-  if (PyCallable_Check(function.ptr()) == 0) {
-    throw InvalidArgument("a check is a function of an observation and an action");
-  }
   std::visit(
       [&]<class R>(const Simulation<R>& simulation) {
-        // The last to let go may be a wait of the front-end, which has given the GIL back.
-        const auto let_go = [](Check* check) {
-          const nb::gil_scoped_acquire gil;
-          delete check;
-        };
-        const std::shared_ptr<Check> check(
-            new Check{std::move(function), ElementType(describe<typename R::Observation>()),
-                      ElementType(describe<typename R::Action>())},
-            let_go);
+        auto check =
+            nb::cast<Checks&>(checks_).add(std::move(function), describe<typename R::Observation>(),
+                                           describe<typename R::Action>());
         simulation.robot().safety().add_check(
-            [check](const typename R::Observation& y, typename R::Action& action) {
-              check->call(y, action);
-            });
-        checks_.push_back(check);
+            [check = std::move(check)](const typename R::Observation& y,
+                                       typename R::Action& action) { check->call(&y, &action); });
       },
       simulation_);
-}
-
-int PythonSimulation::traverse(visitproc visit, void* argument) const noexcept {
-  for (const auto& check : checks_) {
-    if (const int result = visit(check->function.ptr(), argument); result != 0) return result;
-  }
-  return 0;
-}
-
-void PythonSimulation::clear() noexcept {
-  for (const auto& check : checks_) check->function.reset();
 }
 
 std::string PythonSimulation::mjcf() const {

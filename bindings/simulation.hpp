@@ -42,14 +42,15 @@ class PythonSimulation {
   /// Adds `function(observation, action)` to the safety checks; it changes the action in place.
   void add_check(nanobind::object function);
 
-  /// For Python's garbage collector: a check may refer to its simulation.
-  int traverse(visitproc visit, void* argument) const noexcept;
-  void clear() noexcept;
+  /// For the garbage collector.
+  int traverse(visitproc visit, void* arg) const noexcept {
+    Py_VISIT(checks_.ptr());
+    return 0;
+  }
+  void clear() noexcept { checks_.reset(); }
 
  private:
-  struct Check;
-
-  std::vector<std::shared_ptr<Check>> checks_;
+  nanobind::object checks_;  // Checks
   std::variant<Simulation<TriFinger>, Simulation<Finger>> simulation_;
 };
 

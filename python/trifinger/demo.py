@@ -142,7 +142,8 @@ def table(session: trifinger.LoggedSession) -> str:
     cubes = session.companion("object")
     duration = (statuses["time"][-1] - statuses["time"][0]) * 1e-9
     repeats = int(np.count_nonzero(statuses["flags"] & trifinger.Status.ACTION_REPEATED))
-    lateness = statuses["lateness"] * 1e-6
+    # As `trifinger log info` has it: steps that were left out before one made it later.
+    lateness = statuses["lateness"] * 1e-6 + statuses["skipped_ticks"] * session.period * 1e3
     moved = np.linalg.norm(cube_at(cubes, len(statuses)).position - cube_at(cubes, -1).position)
     rows = [
         ("steps", f"{len(statuses)}"),

@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
+import json
 import re
 import subprocess
 import sys
@@ -6,6 +7,7 @@ from pathlib import Path
 
 import pytest
 import trifinger
+from trifinger import program
 
 
 @pytest.mark.release
@@ -27,3 +29,11 @@ def test_the_demo_moves_the_cube_and_leaves_a_log_and_pictures(tmp_path: Path) -
     (log,) = tmp_path.glob("*.mcap")
     assert str(log) in result.stdout
     assert trifinger.Log(log).session("demo").steps == int(table["steps"])
+    # Both say the same.
+    info = subprocess.run(
+        [program.path(), "log", "info", log, "--json"], capture_output=True, text=True, check=True
+    )
+    worst = json.loads(info.stdout)["sessions"][0]["loop"]["lateness_max"]
+    assert float(table["lateness, worst"].removesuffix(" ms")) == pytest.approx(
+        1e3 * worst, abs=1e-3
+    )

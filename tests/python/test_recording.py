@@ -320,6 +320,8 @@ def test_a_terminal_shows_how_the_recorder_is_doing(tmp_path: Path, start_fake: 
         ("robot.sensor", "companions are recorded with their robot"),
         ("robot robot", "'robot' is named twice"),
         ("robot --rotate-size 5apples", "--rotate-size is '5apples', must be a size such as"),
+        ("robot --rotate-size 3", "--rotate-size is 3 bytes, must be at least 1 MB: every file"),
+        ("robot --max-total 7MB", "--max-total is 7 MB, must be at least 8 MB"),
         ("robot --rotate-time 3", "--rotate-time is '3', must be a time such as 30s, 10min or 1h"),
         ("robot --keep-free -1MB", "--keep-free is '-1MB', must be a size"),
         ("robot --compression gzip", "must be 'zstd', 'lz4' or 'none'"),

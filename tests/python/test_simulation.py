@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The simulated robot inside a Python program."""
 
+import gc
+import weakref
+
 import pytest
 import trifinger
 from conftest import diverging_state
@@ -57,6 +60,39 @@ def test_a_check_that_raises_ends_the_session_with_a_fault() -> None:
 def test_a_check_that_is_no_function_is_refused() -> None:
     with pytest.raises(ValueError, match="a check is a function"):
         trifinger.simulate(checks=[3])  # type: ignore[list-item]
+
+
+@pytest.mark.parametrize("way", ["simulate", "Simulation", "companion"])
+def test_a_robot_that_its_own_check_refers_to_is_collected(way: str) -> None:
+    def made() -> weakref.ref[object]:
+        known: list[object] = []
+
+        def check(_: trifinger.Element, __: trifinger.Element) -> None:
+            assert known is not None
+
+        if way == "simulate":
+            robot = trifinger.simulate(checks=[check])
+        else:
+            simulation = trifinger.Simulation()
+            simulation.add_check(check)
+            robot = simulation.connect()
+            known.append(simulation)
+        robot.get_applied_action(robot.append_desired_action(robot.new_action()))
+        known.append(robot.companion("object") if way == "companion" else robot)
+        return weakref.ref(check)
+
+    check = made()
+    gc.collect()
+    assert check() is None
+
+
+def test_a_check_stays_as_long_as_any_handle_of_its_robot() -> None:
+    calls = []
+    robot = trifinger.simulate(checks=[lambda *_: calls.append(1)])
+    for _ in range(3):
+        gc.collect()
+        robot.get_applied_action(robot.append_desired_action(robot.new_action()))
+    assert len(calls) == 3
 
 
 def test_fault_47_a_warm_motor_shows_in_the_thermal_margin() -> None:
