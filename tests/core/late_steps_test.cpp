@@ -102,13 +102,13 @@ class SlowDriver : public ::testing::Test {
     rig_.tick();
     append_ahead<Traits>(robot_, 0, 19);
   }
-  ~SlowDriver() override { clock_ = nullptr; }
+  ~SlowDriver() override { slow_clock = nullptr; }
 
   // Four ticks, in the last of which the measurement takes this long.
   void tick_with_slow_measurement(Nanoseconds time) {
-    measurements_ = 0;
-    time_ = time;
-    clock_ = &rig_.clock();
+    measurements = 0;
+    slow_time = time;
+    slow_clock = &rig_.clock();
     rig_.tick(4);
   }
 
@@ -116,15 +116,15 @@ class SlowDriver : public ::testing::Test {
   static Plan plan() {
     Plan plan = with_deadlines();
     plan.injection.on_observation = [] {
-      if (clock_ != nullptr && ++measurements_ == 4) clock_->advance(time_);
+      if (slow_clock != nullptr && ++measurements == 4) slow_clock->advance(slow_time);
     };
     return plan;
   }
 
   // The loop's thread reads them while it has the clock's time.
-  static inline ManualClock* clock_{nullptr};
-  static inline Nanoseconds time_{0};
-  static inline int measurements_{0};
+  static inline ManualClock* slow_clock{nullptr};
+  static inline Nanoseconds slow_time{0};
+  static inline int measurements{0};
 
  protected:
   InProcess::Rig<Traits> rig_{plan()};

@@ -33,7 +33,7 @@ class Interruptions {
     struct sigaction action{};
     action.sa_handler = [](int) {
       // relaxed: a number without data behind it.
-      count_->fetch_add(1, std::memory_order_relaxed);
+      total->fetch_add(1, std::memory_order_relaxed);
     };
     if (::sigaction(SIGUSR1, &action, nullptr) != 0) throw SystemError("handle a signal", errno);
   }
@@ -53,12 +53,12 @@ class Interruptions {
   }
   /// How often threads were interrupted so far, in all processes together, since this one began.
   [[nodiscard]] static std::int64_t count() noexcept {
-    return count_->load(std::memory_order_relaxed);
+    return total->load(std::memory_order_relaxed);
   }
 
  private:
   // Outlives its test, as the handler does.
-  static inline SharedValue<std::atomic<std::int64_t>> count_;
+  static inline SharedValue<std::atomic<std::int64_t>> total;
 
   void interrupt(const std::vector<pid_t>& processes) const {
     std::minstd_rand random(1);
