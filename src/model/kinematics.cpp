@@ -133,6 +133,23 @@ JointMatrix Kinematics::tip_jacobians() const noexcept {
   return jacobians;
 }
 
+TipPositions Kinematics::tip_accelerations(const JointValues& velocity) const noexcept {
+  assert(velocity.size() == num_joints());
+  const mjModel* model = state_->model.mujoco();
+  mjData* data = state_->data.get();
+  Eigen::Map<Eigen::VectorXd>(data->qvel, num_joints()) = velocity;
+  mj_comVel(model, data);
+  TipPositions accelerations(3 * num_fingers());
+  for (int finger = 0; finger < num_fingers(); ++finger) {
+    const int site = state_->model.tip_sites()[static_cast<std::size_t>(finger)];
+    Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor, 3, kMaxJoints> rows(3, num_joints());
+    mj_jacDot(model, data, rows.data(), nullptr, data->site_xpos + 3 * site,
+              model->site_bodyid[site]);
+    accelerations.segment<3>(3 * finger) = rows * velocity;
+  }
+  return accelerations;
+}
+
 JointValues Kinematics::gravity_torques() const noexcept {
   return bias_torques(JointValues::Zero(num_joints()));
 }

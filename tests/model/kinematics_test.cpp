@@ -373,6 +373,30 @@ TEST(BiasTorques, AreThoseOfLagrangesEquations) {
   }
 }
 
+TEST(TipAccelerations, AreTheChangeOfTheVelocitiesOfTips) {
+  constexpr double kStep = 1e-5;
+  std::mt19937_64 generator(5);
+  std::uniform_real_distribution<double> speed(-5, 5);
+  for (const RobotDescription& robot : test::all_robots()) {
+    Kinematics kinematics(robot);
+    RandomPoses poses(robot);
+    for (int sample = 0; sample < 30; ++sample) {
+      const JointValues position = poses.next(kinematics.num_fingers());
+      const JointValues velocity = JointValues::NullaryExpr(
+          kinematics.num_joints(), [&](Eigen::Index) { return speed(generator); });
+      const auto tip_velocity_at = [&](const JointValues& pose) {
+        kinematics.update(pose);
+        return JointValues(kinematics.tip_jacobians() * velocity);
+      };
+      const JointValues expected = (tip_velocity_at(position + kStep * velocity) -
+                                    tip_velocity_at(position - kStep * velocity)) /
+                                   (2 * kStep);
+      kinematics.update(position);
+      EXPECT_LT((kinematics.tip_accelerations(velocity) - expected).norm(), 1e-7) << label(robot);
+    }
+  }
+}
+
 TEST(BiasTorques, KeepTheEnergyOfAFreeMotion) {
   constexpr double kStep = 1e-4;
   for (RobotDescription robot : test::all_robots()) {

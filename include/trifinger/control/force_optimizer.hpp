@@ -37,9 +37,10 @@ enum class ForceStatus {
 };
 
 struct ForceDistribution {
-  ContactForces forces;  ///< Of the tips on the object [N], in the frame of the grasp.
-  Wrench wrench;         ///< That they amount to.
-  ForceStatus status;
+  ContactForces forces{
+      ContactForces::Zero()};  ///< Of the tips on the object [N], in the frame of the grasp.
+  Wrench wrench{};             ///< That they amount to.
+  ForceStatus status{ForceStatus::kInvalid};
 
   explicit operator bool() const noexcept { return status == ForceStatus::kExact; }
 };

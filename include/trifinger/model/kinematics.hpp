@@ -66,6 +66,10 @@ class Kinematics {
   /// The Jacobians of all tips below each other [m/rad]: square, `num_joints` rows and columns.
   [[nodiscard]] JointMatrix tip_jacobians() const noexcept;
 
+  /// How the tips accelerate with joints of constant `velocity` [rad/s]: the derivative of the
+  /// Jacobians by time, times the velocity [m/s^2].
+  [[nodiscard]] TipPositions tip_accelerations(const JointValues& velocity) const noexcept;
+
   /// Torques that hold the pose against gravity [Nm].
   [[nodiscard]] JointValues gravity_torques() const noexcept;
 

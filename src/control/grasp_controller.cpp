@@ -1,0 +1,311 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/control/grasp_controller.hpp"
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <array>
+#include <utility>
+
+#include "check.hpp"
+#include "tip_path.hpp"
+#include "trifinger/base/error.hpp"
+
+namespace trifinger::control {
+namespace {
+
+using TipMotions = std::array<PointMotion, kContacts>;
+
+constexpr Seconds kFirmTouch{0.02};  // A touch that lasts is no knock.
+
+Eigen::Vector3d across(const Eigen::Vector3d& vector, const Eigen::Vector3d& normal) {
+  return vector - vector.dot(normal) * normal;
+}
+
+void check(const GraspControllerConfig& config) {
+  require_positive("friction", config.friction);
+  require_positive("slip_friction", config.slip_friction);
+  require_positive("min_normal_force", config.min_normal_force);
+  require_positive("touch_force", config.touch_force);
+  require_positive("approach_speed", config.approach_speed);
+  require_positive("closing_speed", config.closing_speed);
+  require_positive("penetration", config.penetration);
+  require_positive("closing_time", config.closing_time.count());
+  require_positive("engage_time", config.engage_time.count());
+  require_positive("roll_time", config.roll_time.count());
+  require_positive("lost_time", config.lost_time.count());
+  require_positive("lost_distance", config.lost_distance);
+  if (!(config.max_normal_force >= config.min_normal_force))
+    throw InvalidArgument("max_normal_force is below min_normal_force");
+}
+
+}  // namespace
+
+struct GraspController::State {
+  State(const RobotDescription& description, RigidBody object,
+        const GraspControllerConfig& settings)
+      : config(settings),
+        body(std::move(object)),
+        kinematics(description),
+        path(config.approach_speed) {
+    check(config);
+    if (kinematics.num_fingers() != kContacts)
+      throw InvalidArgument("a grasp needs a robot with three fingers");
+    const VariantFigures& limits = figures(description);
+    radius = limits.tip_radius;
+    damping.resize(kinematics.num_joints());
+    for (int i = 0; i < kinematics.num_joints(); ++i)
+      damping[i] = limits.safety_kd[static_cast<std::size_t>(i % kJointsPerFinger)];
+    torque_limits.limits.setConstant(actuator(description).torque_limit);
+    torques.setZero(kinematics.num_joints());
+  }
+
+  void enter(GraspPhase phase) {
+    state.phase = phase;
+    time = Seconds(0);
+  }
+
+  void lose() {
+    path.rest_at(tips);
+    enter(GraspPhase::kLost);
+  }
+
+  // Where the tips are and what they feel.
+  void sense(const JointState& joints, const Pose& object) {
+    kinematics.update(joints.position);
+    jacobians = kinematics.tip_jacobians();
+    bias = kinematics.bias_torques(joints.velocity);
+    tip_velocity = jacobians * joints.velocity;
+    rotation = object.orientation.toRotationMatrix();
+    for (int i = 0; i < kContacts; ++i) {
+      const auto k = static_cast<std::size_t>(i);
+      tips[k] = kinematics.tip_position(i);
+      normals[k] = rotation * touches[k].normal;
+      // What neither weight nor movement explains.
+      const Eigen::Matrix3d jacobian = jacobians.block<3, 3>(3 * i, 3 * i);
+      const Eigen::Vector3d force = jacobian.transpose().partialPivLu().solve(
+          joints.torque.segment<3>(3 * i) - bias.segment<3>(3 * i));
+      state.normal_forces[i] = force.dot(normals[k]);
+      state.tangential_forces[i] = across(force, normals[k]).norm();
+    }
+    if (!has_sensed) path.rest_at(tips);
+    has_sensed = true;
+  }
+
+  TipMotions close(Seconds elapsed, const Pose& object) {
+    TipMotions motions;
+    bool all_touch = true;
+    const double end = kStandoff + config.penetration;
+    for (std::size_t k = 0; k < motions.size(); ++k) {
+      const Eigen::Vector3d inward = rest.orientation * touches[k].normal;
+      const bool moves = depth[k] < end;
+      if (moves) depth[k] += config.closing_speed * elapsed.count();
+      motions[k] = {.position = approach_to(touches[k], rest, radius).beside + depth[k] * inward,
+                    .velocity = (moves ? config.closing_speed : 0.0) * inward,
+                    .acceleration = Eigen::Vector3d::Zero()};
+      // Before that it is something else that is felt.
+      const bool feels = state.normal_forces[static_cast<Eigen::Index>(k)] > config.touch_force &&
+                         depth[k] > kStandoff - config.penetration;
+      touch_time[k] = feels ? touch_time[k] + elapsed : Seconds(0);
+      all_touch = all_touch && touch_time[k] > kFirmTouch;
+    }
+    if (all_touch) {
+      for (std::size_t k = 0; k < tips.size(); ++k) {
+        first_touch[k] = in_object(tips[k], object);
+        targets[k] = in_object(motions[k].position, object);
+      }
+      numb_time.fill(Seconds(0));
+      enter(GraspPhase::kEngage);
+    } else if (time > config.closing_time) {
+      lose();
+    }
+    return motions;
+  }
+
+  TipMotions hold(Seconds elapsed, const Motion& object, const Motion& desired,
+                  const JointValues& velocity) {
+    double share = 1.0;
+    if (state.phase == GraspPhase::kEngage) {
+      share = minimum_jerk(time, config.engage_time).value;
+      if (time >= config.engage_time) enter(GraspPhase::kHold);
+    }
+    Grasp grasp;
+    for (std::size_t k = 0; k < grasp.size(); ++k) {
+      grasp[k] = {.position = tips[k] + radius * normals[k],
+                  .normal = normals[k],
+                  .friction = config.friction,
+                  .min_normal_force =
+                      config.touch_force + share * (config.min_normal_force - config.touch_force),
+                  .max_normal_force = config.max_normal_force};
+    }
+    Wrench wrench = object_impedance(desired, object.pose, object.twist, body, config.object);
+    wrench.force *= share;
+    wrench.moment *= share;
+    torque_limits.jacobians = jacobians;
+    torque_limits.bias = bias + damping.cwiseProduct(velocity);
+    state.wanted = optimizer.solve(grasp, object.pose.position, wrench, torque_limits);
+
+    TipMotions motions;
+    bool is_lost = (object.pose.position - desired.pose.position).norm() > config.lost_distance;
+    const double follow = std::min(elapsed / config.roll_time, 1.0);
+    for (std::size_t k = 0; k < motions.size(); ++k) {
+      const auto i = static_cast<Eigen::Index>(k);
+      const Eigen::Vector3d tip = in_object(tips[k], object.pose);
+      targets[k] += follow * (tip - targets[k]);
+      motions[k] = point_of_body(desired, targets[k]);
+      state.travel[i] = across(tip - first_touch[k], touches[k].normal).norm();
+      const bool feels = state.normal_forces[i] > 0.3 * config.touch_force;
+      numb_time[k] = feels ? Seconds(0) : numb_time[k] + elapsed;
+      is_lost = is_lost || numb_time[k] > config.lost_time;
+    }
+    if (is_lost) lose();
+    return motions;
+  }
+
+  void plan_release() {
+    std::array<Eigen::Vector3d, kContacts> back;
+    std::array<Eigen::Vector3d, kContacts> up;
+    for (std::size_t k = 0; k < tips.size(); ++k) {
+      back[k] = tips[k] - kStandoff * normals[k];
+      up[k] = back[k];
+      up[k].z() = std::max(back[k].z(), kApproachHeight);
+    }
+    path.begin(tips, {back, up});
+    is_release_planned = true;
+  }
+
+  [[nodiscard]] Eigen::Vector3d in_object(const Eigen::Vector3d& point, const Pose& object) const {
+    return rotation.transpose() * (point - object.position);
+  }
+
+  // Forces of the tips on their surroundings that go along with `motions`.
+  void press(const TipMotions& motions, bool holds) {
+    forces.setZero(3 * kContacts);
+    if (holds) forces = state.wanted.forces;
+    for (int i = 0; i < kContacts; ++i) {
+      const auto k = static_cast<std::size_t>(i);
+      auto force = forces.segment<3>(3 * i);
+      force += tip_impedance(motions[k], tips[k], tip_velocity.segment<3>(3 * i), config.tips);
+      if (!holds) continue;
+      // What is needed and what stiffens together must not make a tip slip.
+      const double normal = std::max(force.dot(normals[k]), config.touch_force);
+      const Eigen::Vector3d tangential = across(force, normals[k]);
+      const double most = config.slip_friction * normal;
+      const double length = tangential.norm();
+      force = normal * normals[k] + (length > most ? most / length : 1.0) * tangential;
+    }
+  }
+
+  GraspControllerConfig config;
+  RigidBody body;
+  Kinematics kinematics;
+  ForceOptimizer optimizer;
+  TorqueLimits torque_limits;
+  double radius;  // Of the tips.
+  JointValues damping;
+
+  GraspState state;
+  Seconds time{0};  // In this phase.
+  bool has_sensed{false};
+
+  Touches touches;
+  Pose rest;  // Of the object until it is held.
+  TipPath path;
+  bool is_release_planned{false};
+
+  JointMatrix jacobians;
+  JointValues bias;
+  JointValues tip_velocity;
+  Eigen::Matrix3d rotation;
+  std::array<Eigen::Vector3d, kContacts> tips;
+  std::array<Eigen::Vector3d, kContacts> normals;
+
+  std::array<double, kContacts> depth{};        // Of closing tips, from the standoff.
+  std::array<Seconds, kContacts> touch_time{};  // For how long each feels its face.
+  std::array<Seconds, kContacts> numb_time{};   // For how long each does not.
+  // Centres of the tips, in the object's frame.
+  std::array<Eigen::Vector3d, kContacts> first_touch;
+  std::array<Eigen::Vector3d, kContacts> targets;
+
+  JointValues forces;
+  JointValues torques;
+};
+
+GraspController::GraspController(const RobotDescription& description, const RigidBody& body,
+                                 const GraspControllerConfig& config)
+    : state_(std::make_unique<State>(description, body, config)) {}
+GraspController::GraspController(GraspController&&) noexcept = default;
+GraspController& GraspController::operator=(GraspController&&) noexcept = default;
+GraspController::~GraspController() = default;
+
+void GraspController::grasp(const Touches& touches, const Pose& object) noexcept {
+  State& s = *state_;
+  s.touches = touches;
+  s.rest = object;
+  std::array<Eigen::Vector3d, kContacts> above;
+  std::array<Eigen::Vector3d, kContacts> beside;
+  for (std::size_t k = 0; k < touches.size(); ++k) {
+    const Approach approach = approach_to(touches[k], object, s.radius);
+    above[k] = approach.above;
+    beside[k] = approach.beside;
+  }
+  s.path.begin({above, beside});
+  s.depth.fill(0.0);
+  s.touch_time.fill(Seconds(0));
+  s.enter(GraspPhase::kApproach);
+}
+
+void GraspController::release() noexcept {
+  state_->is_release_planned = false;
+  state_->enter(GraspPhase::kRelease);
+}
+
+const GraspState& GraspController::state() const noexcept { return state_->state; }
+
+const JointValues& GraspController::update(Seconds elapsed, const JointState& joints,
+                                           const Motion& object, const Motion& desired) noexcept {
+  State& s = *state_;
+  s.time += elapsed;
+  s.sense(joints, object.pose);
+  s.state.wanted = {};
+
+  TipMotions motions;
+  const GraspPhase phase = s.state.phase;
+  switch (phase) {
+    case GraspPhase::kIdle:
+    case GraspPhase::kLost:
+      motions = s.path.advance(elapsed);
+      break;
+    case GraspPhase::kApproach:
+      motions = s.path.advance(elapsed);
+      if (s.path.is_complete()) s.enter(GraspPhase::kClose);
+      break;
+    case GraspPhase::kClose:
+      motions = s.close(elapsed, object.pose);
+      break;
+    case GraspPhase::kEngage:
+    case GraspPhase::kHold:
+      motions = s.hold(elapsed, object, desired, joints.velocity);
+      break;
+    case GraspPhase::kRelease:
+      if (!s.is_release_planned) s.plan_release();
+      motions = s.path.advance(elapsed);
+      if (s.path.is_complete()) s.enter(GraspPhase::kIdle);
+      break;
+  }
+  s.press(motions, phase == GraspPhase::kEngage || phase == GraspPhase::kHold);
+
+  const TipPositions drift = s.kinematics.tip_accelerations(joints.velocity);
+  JointValues acceleration(3 * kContacts);
+  for (int i = 0; i < kContacts; ++i) {
+    const Eigen::Matrix3d jacobian = s.jacobians.block<3, 3>(3 * i, 3 * i);
+    acceleration.segment<3>(3 * i) = jacobian.partialPivLu().solve(
+        motions[static_cast<std::size_t>(i)].acceleration - drift.segment<3>(3 * i));
+  }
+  s.torques = s.jacobians.transpose() * s.forces + s.kinematics.mass_matrix() * acceleration +
+              s.bias + s.damping.cwiseProduct(joints.velocity);
+  s.state.torque_share = s.torques.cwiseQuotient(s.torque_limits.limits).cwiseAbs().maxCoeff();
+  return s.torques;
+}
+
+}  // namespace trifinger::control

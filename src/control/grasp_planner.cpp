@@ -1,0 +1,313 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/control/grasp_planner.hpp"
+
+#include <mujoco/mujoco.h>
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <utility>
+
+#include "trifinger/base/error.hpp"
+#include "trifinger/control/force_optimizer.hpp"
+#include "trifinger/control/impedance.hpp"
+#include "trifinger/model/kinematics.hpp"
+#include "trifinger/model/robot_model.hpp"
+
+namespace trifinger::control {
+namespace {
+
+struct DeleteModel {
+  void operator()(mjModel* model) const noexcept { mj_deleteModel(model); }
+};
+struct DeleteData {
+  void operator()(mjData* data) const noexcept { mj_deleteData(data); }
+};
+
+// A side face of a box, in its frame.
+struct Face {
+  Eigen::Vector3d outward;
+  Eigen::Vector3d along;
+  Eigen::Vector3d up;
+  double distance;  // From the centre.
+};
+
+std::array<Face, 4> side_faces(const Eigen::Quaterniond& orientation, const Triple& size) {
+  const Eigen::Matrix3d rotation = orientation.toRotationMatrix();
+  Eigen::Index upright = 0;
+  rotation.row(2).cwiseAbs().maxCoeff(&upright);
+  const Eigen::Vector3d up =
+      (rotation(2, upright) > 0.0 ? 1.0 : -1.0) * Eigen::Vector3d::Unit(upright);
+  std::array<Face, 4> faces;
+  for (std::size_t i = 0; i < faces.size(); ++i) {
+    const auto axis = (upright + 1 + static_cast<Eigen::Index>(i / 2)) % 3;
+    const Eigen::Vector3d outward = (i % 2 == 0 ? 1.0 : -1.0) * Eigen::Vector3d::Unit(axis);
+    faces[i] = {outward, up.cross(outward), up, size[static_cast<std::size_t>(axis)] / 2};
+  }
+  return faces;
+}
+
+// One finger with its tip at one place of a face.
+struct Candidate {
+  std::size_t face;
+  Touch touch;
+  // At each point of the way: the finger's pose, the Jacobian of its tip and the torques that it
+  // needs besides those for the forces.
+  std::vector<Eigen::Vector3d> poses;
+  std::vector<Eigen::Matrix3d> jacobians;
+  std::vector<Eigen::Vector3d> torques;
+};
+
+using Candidates = std::array<const Candidate*, kContacts>;
+
+struct Choice {
+  double torque_share;
+  Candidates candidates;
+};
+
+}  // namespace
+
+Approach approach_to(const Touch& touch, const Pose& object, double tip_radius) noexcept {
+  const Eigen::Vector3d outward = object.orientation * -touch.normal;
+  const Eigen::Vector3d point = object.position + object.orientation * touch.point;
+  Approach approach;
+  approach.beside = point + (tip_radius + kStandoff) * outward;
+  approach.above = approach.beside;
+  approach.above.z() = kApproachHeight;
+  return approach;
+}
+
+struct GraspPlanner::State {
+  State(const RobotDescription& description, const std::string& name, GraspPlannerConfig wanted)
+      : config(std::move(wanted)),
+        limits(figures(description)),
+        torque_limit(actuator(description).torque_limit),
+        robot(description),
+        kinematics(description),
+        address(robot.object(name)),
+        object(*std::ranges::find(description.objects, name, &ObjectDescription::name)),
+        body(rigid_body(object)),
+        damping(limits.safety_kd.data()),
+        // A copy, because it gets margins.
+        model(mj_copyModel(nullptr, robot.mujoco())),
+        data(mj_makeData(model.get())) {
+    if (robot.num_fingers() != kContacts)
+      throw InvalidArgument("a grasp needs a robot with three fingers");
+    if (object.shape != ObjectShape::kBox)
+      throw InvalidArgument("'" + name + "' cannot be grasped: it is not a box");
+    for (int geom = 0; geom < model->ngeom; ++geom) {
+      finger_of_geom.push_back(finger_of_body(model->geom_bodyid[geom]));
+      // Whatever is nearer than this becomes a contact.
+      if (finger_of_geom.back() >= 0) model->geom_margin[geom] = config.clearance;
+    }
+  }
+
+  // -1 for a body that is no part of a finger.
+  [[nodiscard]] int finger_of_body(int id) const {
+    for (; id != 0; id = model->body_parentid[id]) {
+      if (model->body_jntnum[id] == 0) continue;
+      const int joint = model->body_jntadr[id];
+      return joint < robot.num_joints() ? joint / kJointsPerFinger : -1;
+    }
+    return -1;
+  }
+
+  void place_object(const Pose& pose) const {
+    double* const values = data->qpos + address.position;
+    std::copy_n(pose.position.data(), 3, values);
+    const Eigen::Quaterniond& q = pose.orientation;
+    const std::array<double, 4> quaternion{q.w(), q.x(), q.y(), q.z()};
+    std::ranges::copy(quaternion, values + 3);
+  }
+
+  void place_finger(int finger, const Eigen::Vector3d& pose) const {
+    std::copy_n(pose.data(), kJointsPerFinger,
+                data->qpos + static_cast<std::ptrdiff_t>(kJointsPerFinger * finger));
+  }
+
+  [[nodiscard]] bool is_allowed(int tip, int other) const {
+    const int finger = finger_of_geom[static_cast<std::size_t>(tip)];
+    return finger >= 0 && robot.tip_geoms()[static_cast<std::size_t>(finger)] == tip &&
+           model->geom_bodyid[other] == address.body;
+  }
+
+  // Whether fingers are too near to what they should not touch. Of one finger: to itself and to
+  // what is no finger. Of `kAllFingers`: to anything.
+  static constexpr int kAllFingers = -1;
+  [[nodiscard]] bool collides(int finger) {
+    mj_kinematics(model.get(), data.get());
+    mj_collision(model.get(), data.get());
+    for (int i = 0; i < data->ncon; ++i) {
+      const auto& geoms = data->contact[i].geom;
+      const int first = finger_of_geom[static_cast<std::size_t>(geoms[0])];
+      const int second = finger_of_geom[static_cast<std::size_t>(geoms[1])];
+      const bool counts = finger == kAllFingers ? first >= 0 || second >= 0
+                                                : (first == finger || second == finger) &&
+                                                      std::min(first, second) < 0;
+      const bool is_own = finger >= 0 && first == finger && second == finger;
+      if ((counts || is_own) && !is_allowed(geoms[0], geoms[1]) && !is_allowed(geoms[1], geoms[0]))
+        return true;
+    }
+    return false;
+  }
+
+  // The pose of a finger for a point, if it is well within the limits and free.
+  [[nodiscard]] std::optional<Eigen::Vector3d> reach(int finger, const Eigen::Vector3d& tip,
+                                                     const Eigen::Vector3d& near) {
+    const FingerPose pose = kinematics.inverse_kinematics(finger, tip, near);
+    if (!pose) return std::nullopt;
+    for (std::size_t j = 0; j < limits.soft_lower.size(); ++j) {
+      const double angle = pose.position[static_cast<Eigen::Index>(j)];
+      if (angle < limits.soft_lower[j] + config.limit_margin ||
+          angle > limits.soft_upper[j] - config.limit_margin)
+        return std::nullopt;
+    }
+    place_finger(finger, pose.position);
+    if (collides(finger)) return std::nullopt;
+    return pose.position;
+  }
+
+  // The finger on its approach and on the whole way, if it can.
+  [[nodiscard]] std::optional<Candidate> try_out(int finger, std::size_t face, const Touch& touch,
+                                                 std::span<const Motion> way) {
+    const Eigen::Vector3d tip = touch.point - limits.tip_radius * touch.normal;
+    Eigen::Vector3d near = Eigen::Vector3d::Map(limits.initial_position.data());
+    place_object(way.front().pose);
+    const Approach approach = approach_to(touch, way.front().pose, limits.tip_radius);
+    for (const Eigen::Vector3d& point : {approach.above, approach.beside}) {
+      const auto pose = reach(finger, point, near);
+      if (!pose) return std::nullopt;
+      near = *pose;
+    }
+    Candidate candidate{face, touch, {}, {}, {}};
+    const Eigen::Index first = static_cast<Eigen::Index>(kJointsPerFinger) * finger;
+    JointValues joints = JointValues::Zero(kinematics.num_joints());
+    for (const Motion& motion : way) {
+      place_object(motion.pose);
+      const PointMotion point = point_of_body(motion, tip);
+      const auto pose = reach(finger, point.position, near);
+      if (!pose) return std::nullopt;
+      near = *pose;
+      joints.segment<kJointsPerFinger>(first) = near;
+      kinematics.update(joints);
+      const Eigen::Matrix3d jacobian =
+          kinematics.tip_jacobian(finger).middleCols<kJointsPerFinger>(first);
+      const Eigen::Vector3d velocity = jacobian.partialPivLu().solve(point.velocity);
+      candidate.poses.push_back(near);
+      candidate.jacobians.push_back(jacobian);
+      candidate.torques.emplace_back(kinematics.gravity_torques().segment<kJointsPerFinger>(first) +
+                                     damping.cwiseProduct(velocity));
+    }
+    return candidate;
+  }
+
+  // The largest share of a motor's torque with these three; nothing if they cannot hold the weight.
+  [[nodiscard]] std::optional<double> torque_share(const Candidates& three,
+                                                   std::span<const Motion> way) {
+    Grasp grasp;
+    for (std::size_t i = 0; i < grasp.size(); ++i) {
+      grasp[i] = {.position = three[i]->touch.point,
+                  .normal = three[i]->touch.normal,
+                  .friction = config.friction,
+                  .min_normal_force = config.min_normal_force};
+    }
+    // In the object's frame, where it is the same on all of the way.
+    const Wrench weight{
+        .force = -body.mass * (way.front().pose.orientation.conjugate() * gravity()),
+        .moment = Eigen::Vector3d::Zero()};
+    const ForceDistribution held = optimizer.solve(grasp, Eigen::Vector3d::Zero(), weight);
+    if (!held) return std::nullopt;
+    double largest = 0.0;
+    for (std::size_t point = 0; point < way.size(); ++point) {
+      for (std::size_t i = 0; i < three.size(); ++i) {
+        const Eigen::Vector3d force =
+            way[point].pose.orientation *
+            Eigen::Vector3d(held.forces.segment<3>(3 * static_cast<Eigen::Index>(i)));
+        const Eigen::Vector3d torque =
+            three[i]->jacobians[point].transpose() * force + three[i]->torques[point];
+        largest = std::max(largest, torque.cwiseAbs().maxCoeff());
+      }
+    }
+    return largest / torque_limit;
+  }
+
+  // Whether the fingers are out of each other's way.
+  [[nodiscard]] bool is_free(const Candidates& three, std::span<const Motion> way) {
+    for (std::size_t point = 0; point < way.size(); ++point) {
+      place_object(way[point].pose);
+      for (std::size_t i = 0; i < three.size(); ++i)
+        place_finger(static_cast<int>(i), three[i]->poses[point]);
+      if (collides(kAllFingers)) return false;
+    }
+    return true;
+  }
+
+  GraspPlannerConfig config;
+  const VariantFigures& limits;
+  double torque_limit;
+  RobotModel robot;
+  Kinematics kinematics;
+  ObjectAddress address;
+  ObjectDescription object;
+  RigidBody body;
+  Eigen::Vector3d damping;  // Of the safety checks.
+  std::unique_ptr<mjModel, DeleteModel> model;
+  std::unique_ptr<mjData, DeleteData> data;
+  std::vector<int> finger_of_geom;
+  ForceOptimizer optimizer;
+};
+
+GraspPlanner::GraspPlanner(const RobotDescription& description, const std::string& object,
+                           GraspPlannerConfig config)
+    : state_(std::make_unique<State>(description, object, std::move(config))) {}
+GraspPlanner::GraspPlanner(GraspPlanner&&) noexcept = default;
+GraspPlanner& GraspPlanner::operator=(GraspPlanner&&) noexcept = default;
+GraspPlanner::~GraspPlanner() = default;
+
+std::optional<PlannedGrasp> GraspPlanner::plan(std::span<const Motion> way) {
+  State& s = *state_;
+  if (way.empty()) return std::nullopt;
+  const auto faces = side_faces(way.front().pose.orientation, s.object.size);
+  std::vector<double> offsets;
+  for (const double offset : s.config.offsets) {
+    offsets.push_back(offset);
+    if (offset != 0.0) offsets.push_back(-offset);
+  }
+
+  // All tips at one height: of different ones the object would tip over.
+  std::vector<std::array<std::vector<Candidate>, kContacts>> levels(s.config.heights.size());
+  std::vector<Choice> choices;
+  for (std::size_t level = 0; level < levels.size(); ++level) {
+    auto& candidates = levels[level];
+    for (std::size_t finger = 0; finger < candidates.size(); ++finger) {
+      for (std::size_t face = 0; face < faces.size(); ++face) {
+        for (const double offset : offsets) {
+          const Face& at = faces[face];
+          const Touch touch{
+              at.distance * at.outward + offset * at.along + s.config.heights[level] * at.up,
+              -at.outward};
+          if (auto candidate = s.try_out(static_cast<int>(finger), face, touch, way))
+            candidates[finger].push_back(std::move(*candidate));
+        }
+      }
+    }
+    for (const Candidate& a : candidates[0]) {
+      for (const Candidate& b : candidates[1]) {
+        for (const Candidate& c : candidates[2]) {
+          if (a.face == b.face || b.face == c.face || c.face == a.face) continue;
+          const Candidates three{&a, &b, &c};
+          const auto share = s.torque_share(three, way);
+          if (share && *share <= s.config.largest_torque) choices.push_back({*share, three});
+        }
+      }
+    }
+  }
+  std::ranges::stable_sort(choices, {}, &Choice::torque_share);
+  for (const auto& [share, three] : choices) {
+    if (s.is_free(three, way))
+      return PlannedGrasp{{three[0]->touch, three[1]->touch, three[2]->touch}, share};
+  }
+  return std::nullopt;
+}
+
+}  // namespace trifinger::control

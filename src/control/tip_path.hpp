@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <algorithm>
+#include <array>
+
+#include "trifinger/control/grasp.hpp"
+#include "trifinger/control/motion.hpp"
+#include "trifinger/control/trajectories.hpp"
+
+namespace trifinger::control {
+
+// A way of all tips through points, straight and with a rest at each; all tips arrive together.
+class TipPath {
+ public:
+  using Points = std::array<Eigen::Vector3d, kContacts>;
+
+  // `speed` is the mean one of the tip with the longest way [m/s].
+  explicit TipPath(double speed) : speed_(speed) {}
+
+  // Stays at `points`.
+  void rest_at(const Points& points) noexcept {
+    from_ = to_ = points;
+    next_ = kLegs;
+    time_ = duration_ = Seconds(0);
+  }
+
+  // Goes through `points` from where it is wanted now.
+  void begin(const std::array<Points, 2>& points) noexcept {
+    points_ = points;
+    next_ = 0;
+    begin_leg();
+  }
+  void begin(const Points& from, const std::array<Points, 2>& points) noexcept {
+    rest_at(from);
+    begin(points);
+  }
+
+  [[nodiscard]] bool is_complete() const noexcept { return next_ == kLegs && time_ >= duration_; }
+
+  // Where the tips should be `elapsed` later.
+  std::array<PointMotion, kContacts> advance(Seconds elapsed) noexcept {
+    time_ += elapsed;
+    if (time_ >= duration_ && next_ < kLegs) begin_leg();
+    const Progress progress = minimum_jerk(time_, duration_);
+    std::array<PointMotion, kContacts> motions;
+    for (std::size_t k = 0; k < motions.size(); ++k) {
+      const Eigen::Vector3d leg = to_[k] - from_[k];
+      motions[k] = {.position = from_[k] + progress.value * leg,
+                    .velocity = progress.rate * leg,
+                    .acceleration = progress.acceleration * leg};
+    }
+    return motions;
+  }
+
+ private:
+  static constexpr std::size_t kLegs = 2;
+
+  void begin_leg() noexcept {
+    from_ = to_;
+    to_ = points_[next_++];
+    double length = 0.0;
+    for (std::size_t k = 0; k < to_.size(); ++k)
+      length = std::max(length, (to_[k] - from_[k]).norm());
+    duration_ = Seconds(length / speed_);
+    time_ = Seconds(0);
+  }
+
+  double speed_;
+  static Points at_origin() noexcept {
+    Points points;
+    points.fill(Eigen::Vector3d::Zero());
+    return points;
+  }
+
+  std::array<Points, kLegs> points_{at_origin(), at_origin()};
+  std::size_t next_{kLegs};  // Of `points_`, behind `to_`.
+  Points from_{at_origin()};
+  Points to_{at_origin()};
+  Seconds time_{0};
+  Seconds duration_{0};
+};
+
+}  // namespace trifinger::control

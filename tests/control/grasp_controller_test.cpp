@@ -1,0 +1,235 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/control/grasp_controller.hpp"
+
+#include <gtest/gtest.h>
+#include <mujoco/mujoco.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <memory>
+
+#include "support/allocation_counter.hpp"
+#include "trifinger/base/error.hpp"
+#include "trifinger/control/trajectories.hpp"
+#include "trifinger/model/robot_model.hpp"
+
+namespace trifinger::control {
+namespace {
+
+constexpr double kHalfWidth = 0.0325;
+constexpr Seconds kStep(1e-3);
+
+// The controller in a loop with the physics: torques of a step ago, and the safety layer's damping.
+class Bench {
+ public:
+  Bench()
+      : robot_(description()),
+        data_(mj_makeData(robot_.mujoco()), &mj_deleteData),
+        controller_(description(), rigid_body(cube())) {
+    mj_resetDataKeyframe(robot_.mujoco(), data_.get(), 0);
+    place_cube(start_);
+    torques_.setZero(kMaxJoints);
+    desired_.pose = start_;
+  }
+
+  static RobotDescription description() {
+    RobotDescription description;
+    description.finger_height = 0.300;
+    return description;
+  }
+
+  [[nodiscard]] Touches plan(double height) const {
+    std::vector<Motion> way(2, {.pose = start_});
+    way[1].pose.position.z() += height;
+    return GraspPlanner(description()).plan(way).value().touches;
+  }
+
+  void place_cube(const Pose& pose) const {
+    const Eigen::Quaterniond& q = pose.orientation;
+    Eigen::Map<Eigen::Vector<double, 7>>(data_->qpos + robot_.object("cube").position)
+        << pose.position,
+        q.w(), q.x(), q.y(), q.z();
+  }
+
+  [[nodiscard]] Motion cube_motion() const {
+    const double* p = data_->qpos + robot_.object("cube").position;
+    const double* v = data_->qvel + robot_.object("cube").velocity;
+    Motion motion;
+    motion.pose.position = Eigen::Vector3d::Map(p);
+    motion.pose.orientation = Eigen::Quaterniond(p[3], p[4], p[5], p[6]);
+    motion.twist.linear = Eigen::Vector3d::Map(v);
+    motion.twist.angular = motion.pose.orientation * Eigen::Vector3d::Map(v + 3);
+    return motion;
+  }
+
+  void step() {
+    joints_ = {.position = Eigen::Map<const Eigen::VectorXd>(data_->qpos, kMaxJoints),
+               .velocity = Eigen::Map<const Eigen::VectorXd>(data_->qvel, kMaxJoints),
+               .torque = torques_};
+    const VariantFigures& limits = figures(robot_.description());
+    torques_ = controller_.update(kStep, joints_, cube_motion(), desired_);
+    for (int i = 0; i < kMaxJoints; ++i) {
+      const double most = limits.actuator.torque_limit;
+      const double damping = limits.safety_kd[static_cast<std::size_t>(i % kJointsPerFinger)];
+      torques_[i] = std::clamp(std::clamp(torques_[i], -most, most) - damping * joints_.velocity[i],
+                               -most, most);
+    }
+    Eigen::Map<Eigen::VectorXd>(data_->ctrl, kMaxJoints) = torques_;
+    mj_step(robot_.mujoco(), data_.get());
+  }
+
+  // Until the phase is reached; false if it is not within ten seconds.
+  [[nodiscard]] bool run_until(GraspPhase phase) {
+    for (int i = 0; i < 10000 && this->phase() != phase; ++i) step();
+    return this->phase() == phase;
+  }
+
+  void lead_to(const Pose& goal, Seconds duration) {
+    const PoseTrajectory way(desired_.pose, goal, duration);
+    for (Seconds time{0}; time <= duration + kStep; time += kStep) {
+      desired_ = way.at(time);
+      step();
+    }
+  }
+
+  void run_for(Seconds duration) {
+    for (Seconds time{0}; time < duration; time += kStep) step();
+  }
+
+  // Normal force between each tip and the cube, from the physics.
+  [[nodiscard]] Eigen::Vector3d normal_forces() const {
+    Eigen::Vector3d forces = Eigen::Vector3d::Zero();
+    for (int i = 0; i < data_->ncon; ++i) {
+      for (int finger = 0; finger < kContacts; ++finger) {
+        const int tip = robot_.tip_geoms()[static_cast<std::size_t>(finger)];
+        const auto& geoms = data_->contact[i].geom;
+        if (geoms[0] != tip && geoms[1] != tip) continue;
+        std::array<mjtNum, 6> force{};
+        mj_contactForce(robot_.mujoco(), data_.get(), i, force.data());
+        forces[finger] += force[0];
+      }
+    }
+    return forces;
+  }
+
+  [[nodiscard]] GraspPhase phase() const { return controller_.state().phase; }
+  [[nodiscard]] const GraspState& state() const { return controller_.state(); }
+  [[nodiscard]] GraspController& controller() { return controller_; }
+  [[nodiscard]] const Pose& start() const { return start_; }
+
+ private:
+  Pose start_{.position = {0.005, -0.005, kHalfWidth}};
+  RobotModel robot_;
+  std::unique_ptr<mjData, decltype(&mj_deleteData)> data_;
+  GraspController controller_;
+  JointState joints_;
+  JointValues torques_;
+  Motion desired_;
+};
+
+double distance(const Pose& a, const Pose& b) { return (a.position - b.position).norm(); }
+
+TEST(GraspController, DoesNotTouchOnItsApproach) {
+  Bench bench;
+  bench.controller().grasp(bench.plan(0.05), bench.start());
+  bench.step();
+  const Pose before = bench.cube_motion().pose;
+  ASSERT_TRUE(bench.run_until(GraspPhase::kClose));
+  EXPECT_LT(distance(bench.cube_motion().pose, before), 1e-4);
+  EXPECT_EQ(bench.normal_forces(), Eigen::Vector3d::Zero());
+}
+
+TEST(GraspController, LiftsTurnsAndPutsBack) {
+  Bench bench;
+  bench.controller().grasp(bench.plan(0.05), bench.start());
+  ASSERT_TRUE(bench.run_until(GraspPhase::kHold));
+  Pose goal = bench.start();
+  goal.position += Eigen::Vector3d(-0.01, 0.01, 0.05);
+  goal.orientation = Eigen::AngleAxisd(0.15, Eigen::Vector3d::UnitZ()) * goal.orientation;
+  bench.lead_to(goal, Seconds(1.5));
+  bench.run_for(Seconds(2));
+  EXPECT_EQ(bench.phase(), GraspPhase::kHold);
+  const Pose held = bench.cube_motion().pose;
+  EXPECT_LT(distance(held, goal), 2e-3);
+  EXPECT_LT(rotation_error(goal.orientation, held.orientation).norm(), 0.05);
+
+  bench.lead_to(bench.start(), Seconds(1.5));
+  bench.controller().release();
+  ASSERT_TRUE(bench.run_until(GraspPhase::kIdle));
+  bench.run_for(Seconds(0.5));
+  EXPECT_LT(distance(bench.cube_motion().pose, bench.start()), 4e-3);
+  EXPECT_EQ(bench.normal_forces(), Eigen::Vector3d::Zero());
+}
+
+TEST(GraspController, FeelsWhatItsTipsPressWith) {
+  Bench bench;
+  bench.controller().grasp(bench.plan(0.05), bench.start());
+  ASSERT_TRUE(bench.run_until(GraspPhase::kHold));
+  bench.lead_to({bench.start().position + Eigen::Vector3d(0, 0, 0.04), bench.start().orientation},
+                Seconds(1));
+  bench.run_for(Seconds(1));
+  const Eigen::Vector3d pressed = bench.normal_forces();
+  EXPECT_GT(pressed.minCoeff(), 0.5);
+  EXPECT_LT((bench.state().normal_forces - pressed).cwiseAbs().maxCoeff(), 0.05);
+  EXPECT_EQ(bench.state().wanted.status, ForceStatus::kExact);
+  // Together the tips carry the cube: what they do not press they rub.
+  EXPECT_GT(bench.state().tangential_forces.sum(), cube().mass * 9.81 * 0.9);
+}
+
+TEST(GraspController, SaysThatThereIsNothingToGrasp) {
+  Bench bench;
+  const Touches touches = bench.plan(0.05);
+  bench.place_cube({.position = {0.13, 0.13, kHalfWidth}});
+  bench.controller().grasp(touches, bench.start());
+  ASSERT_TRUE(bench.run_until(GraspPhase::kLost));
+  bench.controller().release();
+  EXPECT_TRUE(bench.run_until(GraspPhase::kIdle));
+}
+
+TEST(GraspController, NoticesThatTheObjectIsGone) {
+  Bench bench;
+  bench.controller().grasp(bench.plan(0.05), bench.start());
+  ASSERT_TRUE(bench.run_until(GraspPhase::kHold));
+  bench.run_for(Seconds(0.5));
+  bench.place_cube({.position = {0.13, 0.13, kHalfWidth}});
+  ASSERT_TRUE(bench.run_until(GraspPhase::kLost));
+  bench.run_for(Seconds(0.2));
+  EXPECT_LE(bench.state().torque_share, 1.0);
+}
+
+// What slipped away is grasped again.
+TEST(GraspController, GraspsAgain) {
+  Bench bench;
+  const Touches touches = bench.plan(0.05);
+  bench.controller().grasp(touches, bench.start());
+  ASSERT_TRUE(bench.run_until(GraspPhase::kHold));
+  bench.controller().release();
+  ASSERT_TRUE(bench.run_until(GraspPhase::kIdle));
+  bench.place_cube(bench.start());
+  bench.controller().grasp(touches, bench.start());
+  EXPECT_TRUE(bench.run_until(GraspPhase::kHold));
+}
+
+TEST(GraspController, DoesNotAllocate) {
+  Bench bench;
+  bench.controller().grasp(bench.plan(0.05), bench.start());
+  bench.step();
+  const trifinger::test::AllocationCounter allocations;
+  EXPECT_TRUE(bench.run_until(GraspPhase::kHold));
+  bench.run_for(Seconds(0.1));
+  bench.controller().release();
+  EXPECT_TRUE(bench.run_until(GraspPhase::kIdle));
+  EXPECT_EQ(allocations.count(), 0U);
+}
+
+TEST(GraspController, NeedsThreeFingersAndSoundFigures) {
+  const RigidBody body = rigid_body(cube());
+  EXPECT_THROW(GraspController({.arrangement = Arrangement::kSingleFinger}, body), InvalidArgument);
+  EXPECT_THROW(GraspController({}, body, {.friction = 0.0}), InvalidArgument);
+  EXPECT_THROW(GraspController({}, body, {.min_normal_force = 6.0}), InvalidArgument);
+  EXPECT_THROW(GraspController({}, body, {.roll_time = Seconds(-1)}), InvalidArgument);
+}
+
+}  // namespace
+}  // namespace trifinger::control

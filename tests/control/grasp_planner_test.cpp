@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/control/grasp_planner.hpp"
+
+#include <gtest/gtest.h>
+#include <mujoco/mujoco.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <numbers>
+#include <span>
+#include <vector>
+
+#include "trifinger/base/error.hpp"
+#include "trifinger/model/kinematics.hpp"
+#include "trifinger/model/robot_model.hpp"
+
+namespace trifinger::control {
+namespace {
+
+constexpr double kHalfWidth = 0.0325;
+constexpr double kPi = std::numbers::pi;
+
+Pose on_table(double x, double y, double yaw) {
+  return {{x, y, kHalfWidth}, Eigen::Quaterniond(Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()))};
+}
+
+std::vector<Motion> upwards(const Pose& from, double height) {
+  constexpr int kPoints = 5;
+  std::vector<Motion> way(kPoints, {.pose = from});
+  for (std::size_t i = 0; i < way.size(); ++i)
+    way[i].pose.position.z() += height * static_cast<double>(i) / (kPoints - 1);
+  return way;
+}
+
+RobotDescription raised() {
+  RobotDescription description;
+  description.finger_height = 0.300;
+  return description;
+}
+
+TEST(GraspPlanner, GraspsTheCubeInTheMiddleHoweverItIsTurned) {
+  GraspPlanner planner(raised());
+  for (int degrees = -180; degrees < 180; degrees += 20) {
+    const double yaw = degrees * kPi / 180;
+    const auto grasp = planner.plan(upwards(on_table(0, 0, yaw), 0.2));
+    ASSERT_TRUE(grasp) << "yaw " << yaw;
+    EXPECT_GT(grasp->torque_share, 0.2);
+    EXPECT_LT(grasp->torque_share, 0.9);
+    for (std::size_t i = 0; i < grasp->touches.size(); ++i) {
+      const Touch& touch = grasp->touches[i];
+      // On a side face, whose normal points at the inside.
+      EXPECT_NEAR(touch.point.dot(-touch.normal), kHalfWidth, 1e-12);
+      EXPECT_LT(touch.point.cwiseAbs().maxCoeff(), kHalfWidth + 1e-12);
+      EXPECT_EQ(touch.normal.z(), 0.0);
+      for (std::size_t k = 0; k < i; ++k)
+        EXPECT_LT(touch.normal.dot(grasp->touches[k].normal), 0.5) << "two tips on one face";
+    }
+  }
+}
+
+// The robot looks the same after a third of a turn, and its grasps do.
+TEST(GraspPlanner, TurnsItsGraspsWithTheRobot) {
+  GraspPlanner planner(raised());
+  for (const auto& [x, y, yaw] : {std::array{0.01, 0.005, 0.3}, std::array{-0.02, 0.01, 1.2},
+                                  std::array{0.0, -0.015, -0.7}}) {
+    std::optional<double> first;
+    for (const double turn : {0.0, 2 * kPi / 3, 4 * kPi / 3}) {
+      const auto grasp =
+          planner.plan(upwards(on_table(std::cos(turn) * x - std::sin(turn) * y,
+                                        std::sin(turn) * x + std::cos(turn) * y, yaw + turn),
+                               0.15));
+      ASSERT_TRUE(grasp);
+      if (!first) first = grasp->torque_share;
+      EXPECT_NEAR(grasp->torque_share, *first, 1e-6);
+    }
+  }
+}
+
+TEST(GraspPlanner, TouchesTheCubeWithTipsAndNothingElse) {
+  const RobotDescription description = raised();
+  GraspPlanner planner(description);
+  const RobotModel robot(description);
+  const Kinematics kinematics(description);
+  const mjModel* model = robot.mujoco();
+  const std::unique_ptr<mjData, decltype(&mj_deleteData)> data(mj_makeData(model), &mj_deleteData);
+  const double radius = figures(description).tip_radius;
+  for (int degrees = 0; degrees < 90; degrees += 15) {
+    const double yaw = degrees * kPi / 180;
+    const auto way = upwards(on_table(0, 0, yaw), 0.2);
+    const auto grasp = planner.plan(way);
+    ASSERT_TRUE(grasp);
+    std::array<Eigen::Vector3d, kContacts> near;
+    near.fill(Eigen::Vector3d::Map(robot.initial_position().data()));
+    for (const Motion& motion : way) {
+      mj_resetDataKeyframe(model, data.get(), 0);
+      const Eigen::Quaterniond& q = motion.pose.orientation;
+      double* const object = data->qpos + robot.object("cube").position;
+      Eigen::Map<Eigen::Vector<double, 7>>(object) << motion.pose.position, q.w(), q.x(), q.y(),
+          q.z();
+      for (int finger = 0; finger < kContacts; ++finger) {
+        const auto i = static_cast<std::size_t>(finger);
+        const Touch& touch = grasp->touches[i];
+        // A little off the face, so that the tips do not touch either.
+        const Eigen::Vector3d tip = touch.point - (radius + 1e-4) * touch.normal;
+        const FingerPose pose = kinematics.inverse_kinematics(
+            finger, motion.pose.position + motion.pose.orientation * tip, near[i]);
+        ASSERT_TRUE(pose);
+        near[i] = pose.position;
+        Eigen::Map<Eigen::Vector3d>(data->qpos + 3 * finger) = pose.position;
+      }
+      mj_forward(model, data.get());
+      for (const mjContact& contact :
+           std::span(data->contact, static_cast<std::size_t>(data->ncon))) {
+        // Only the cube may touch, and only the table.
+        const int first = model->geom_bodyid[contact.geom[0]];
+        const int second = model->geom_bodyid[contact.geom[1]];
+        const int cube = robot.object("cube").body;
+        EXPECT_TRUE((first == cube || second == cube) && std::min(first, second) == 0)
+            << "at " << motion.pose.position.z() << " m: " << mj_id2name(model, mjOBJ_BODY, first)
+            << " and " << mj_id2name(model, mjOBJ_BODY, second);
+      }
+    }
+  }
+}
+
+TEST(GraspPlanner, FindsNothingOutOfReach) {
+  GraspPlanner planner{RobotDescription()};
+  EXPECT_FALSE(planner.plan(upwards(on_table(0, 0, 0), 0.4)));
+  EXPECT_FALSE(planner.plan(upwards(on_table(0.18, 0, 0), 0.01)));
+  EXPECT_FALSE(planner.plan({}));
+}
+
+TEST(GraspPlanner, FindsNothingForWhatIsTooHeavy) {
+  RobotDescription description = raised();
+  description.objects[0].mass = 2.0;
+  GraspPlanner planner(description);
+  EXPECT_FALSE(planner.plan(upwards(on_table(0, 0, 0), 0.1)));
+}
+
+TEST(GraspPlanner, NeedsThreeFingersAndABox) {
+  EXPECT_THROW(GraspPlanner({.arrangement = Arrangement::kSingleFinger}), InvalidArgument);
+  EXPECT_THROW(GraspPlanner({.objects = {ball()}}, "ball"), InvalidArgument);
+  EXPECT_THROW(GraspPlanner({}, "cup"), InvalidArgument);
+}
+
+}  // namespace
+}  // namespace trifinger::control
