@@ -23,21 +23,20 @@ namespace trifinger::test {
 namespace {
 
 // Actions of several words, so that a torn one would be seen.
-using Traits = OddDriverTraits;
-using Rig = AcrossProcesses::Rig<Traits>;
+using OddRig = AcrossProcesses::Rig<OddDriverTraits>;
 
 // A controller that has appended `appended` actions and is led through the next append instruction
 // by instruction.
 class TracedController {
  public:
-  TracedController(Rig& rig, TimeIndex appended)
+  TracedController(OddRig& rig, TimeIndex appended)
       : child_([&rig, appended] {
           auto robot = rig.connect();
-          run_steps<Traits>(robot, 0, appended - 1);
+          run_steps<OddDriverTraits>(robot, 0, appended - 1);
           if (appended > 0) static_cast<void>(robot.get_observation(appended - 1));
           if (::ptrace(PTRACE_TRACEME, 0, nullptr, nullptr) != 0) return kMayNotBeTraced;
           ::raise(SIGSTOP);
-          robot.append_desired_action(Traits::action(appended));
+          robot.append_desired_action(OddDriverTraits::action(appended));
           ::raise(SIGSTOP);
           while (true) ::pause();
           return 0;
@@ -71,7 +70,7 @@ class TracedController {
 
 void expect_action(const Frontend<OddRobot>& robot, TimeIndex t) {
   const OddAction desired = robot.get_desired_action(t);
-  const OddAction expected = Traits::action(t);
+  const OddAction expected = OddDriverTraits::action(t);
   EXPECT_EQ(std::memcmp(&desired, &expected, sizeof(desired)), 0) << "the action of step " << t;
 }
 
@@ -79,7 +78,7 @@ class KillAtInstruction : public ::testing::TestWithParam<TimeIndex> {};
 
 TEST_P(KillAtInstruction, fault_01_LeavesWholeActionsAndTheRobotToTheNext) {
   const TimeIndex appended = GetParam();
-  Rig rig;
+  OddRig rig;
   std::int64_t instructions = 0;
   {
     TracedController controller(rig, appended);
@@ -104,7 +103,7 @@ TEST_P(KillAtInstruction, fault_01_LeavesWholeActionsAndTheRobotToTheNext) {
 
     // The next one attaches at once, and the robot does what it says.
     auto next = rig.connect();
-    run_steps<Traits>(next, 0, 2);
+    run_steps<OddDriverTraits>(next, 0, 2);
     static_cast<void>(next.get_observation(3));
     for (TimeIndex t = 0; t < 3; ++t) expect_action(next, t);
 

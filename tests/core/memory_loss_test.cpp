@@ -20,12 +20,12 @@
 namespace trifinger::test {
 namespace {
 
-using Rig = AcrossProcesses::Rig<FakeDriverTraits>;
+using FakeRig = AcrossProcesses::Rig<FakeDriverTraits>;
 
 std::filesystem::path state_path() { return session_folder() / detail::state_file("robot"); }
 
 TEST(MemoryLoss, fault_32_FilesThatAreUnlinkedServeThoseWhoHaveThem) {
-  Rig rig;
+  FakeRig rig;
   auto robot = rig.connect();
   const auto observer = rig.observe();
   run_steps<FakeDriverTraits>(robot, 0, 4);
@@ -49,7 +49,7 @@ TEST(MemoryLoss, fault_32_FilesThatAreUnlinkedServeThoseWhoHaveThem) {
 }
 
 TEST(MemoryLoss, fault_32_AStateFileThatIsCutOffHangsNobody) {
-  Rig rig;
+  FakeRig rig;
   auto robot = rig.connect();
   const auto observer = rig.observe();
   run_steps<FakeDriverTraits>(robot, 0, 4);
@@ -74,7 +74,7 @@ bool has_little_memory(const std::filesystem::path& folder) {
          ::mount("none", folder.c_str(), "tmpfs", 0, "size=2M") == 0;
 }
 
-std::set<std::string> files_in(const std::filesystem::path& folder) {
+std::set<std::string> names_in(const std::filesystem::path& folder) {
   std::set<std::string> names;
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {
     names.insert(entry.path().filename().string());
@@ -90,7 +90,7 @@ TEST(MemoryLoss, fault_33_WithoutRoomASessionIsRefusedAndTheOthersGoOn) {
     const NamedRobot small("small");
     Frontend<FakeRobot> robot("small");
     run_steps<FakeDriverTraits>(robot, 0, 4);
-    const std::set<std::string> before = files_in(folder.path());
+    const std::set<std::string> before = names_in(folder.path());
     const std::string message = message_of<SystemError>([] {
       FakeDriver driver;
       SessionHost host = SessionHost::named("big");
@@ -104,7 +104,7 @@ TEST(MemoryLoss, fault_33_WithoutRoomASessionIsRefusedAndTheOthersGoOn) {
       return 2;
     }
     // Nothing of it stays but its lock, which may.
-    std::set<std::string> after = files_in(folder.path());
+    std::set<std::string> after = names_in(folder.path());
     after.erase("trifinger.big.lock");
     if (after != before) return 3;
     run_steps<FakeDriverTraits>(robot, 5, 9);

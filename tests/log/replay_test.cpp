@@ -40,14 +40,14 @@ constexpr TimeIndex kSteps = 200;
 
 // All that can be read of a session, clocks apart.
 template <class R>
-struct Series {
+struct AllSeries {
   std::vector<typename R::Observation> observations;
   std::vector<typename R::Action> desired_actions;
   std::vector<AppliedActionOf<R>> applied_actions;
   std::vector<Status> statuses;
   std::vector<std::vector<std::byte>> companion;  // what was known at each step
 
-  friend bool operator==(const Series& one, const Series& other) {
+  friend bool operator==(const AllSeries& one, const AllSeries& other) {
     const auto same = [](const auto& left, const auto& right) {
       return left.size() == right.size() &&
              (left.empty() ||
@@ -61,8 +61,9 @@ struct Series {
 };
 
 template <class R>
-Series<R> series_of(const Frontend<R>& robot, const UntypedFrontend& companion, TimeIndex steps) {
-  Series<R> series;
+AllSeries<R> series_of(const Frontend<R>& robot, const UntypedFrontend& companion,
+                       TimeIndex steps) {
+  AllSeries<R> series;
   for (TimeIndex t = 0; t < steps; ++t) {
     series.observations.push_back(robot.get_observation(t));
     series.desired_actions.push_back(robot.get_desired_action(t));
@@ -137,7 +138,7 @@ class ReplayTest : public ::testing::Test {
 
   [[nodiscard]] std::string companion_name() const { return driver_->companions()[0].name; }
   [[nodiscard]] LoggedSession session() const { return Log(folder_ / "log.mcap").session(); }
-  [[nodiscard]] Series<Robot> replayed_by(Frontend<Robot>& robot, TimeIndex steps) const {
+  [[nodiscard]] AllSeries<Robot> replayed_by(Frontend<Robot>& robot, TimeIndex steps) const {
     const UntypedFrontend companion = robot.companion(companion_name());
     run_program<Traits>(robot, companion, steps);
     robot.finish();
@@ -148,7 +149,7 @@ class ReplayTest : public ::testing::Test {
   std::unique_ptr<UntypedDriver> driver_;
   SessionHost host_{SessionHost::anonymous({.history = 1024, .queue = 1024})};
   Backend backend_;
-  Series<Robot> recorded_;
+  AllSeries<Robot> recorded_;
 };
 
 using Drivers = ::testing::Types<test::FakeDriverTraits, test::OddDriverTraits>;

@@ -22,14 +22,14 @@ SimulationOptions<TriFinger> noisy_options(std::uint64_t seed = 1) {
   return options;
 }
 
-constexpr int kSteps = 1500;
+constexpr int kRecordedSteps = 1500;
 constexpr Triple kCentre{0, 0, 0.035};
 
 Recording<TriFinger> reference(const SimulationOptions<TriFinger>& options) {
   auto robot = simulate(options);
   Poking<TriFinger> poking(options.description, kCentre, 1);
   Recording<TriFinger> recording;
-  record(robot, poking, kSteps, recording);
+  record(robot, poking, kRecordedSteps, recording);
   return recording;
 }
 
@@ -65,7 +65,7 @@ TYPED_TEST(Determinism, GivesTheSameSeriesBitForBitWhateverTheDelays) {
     return poking();
   };
   Recording<TriFinger> recording;
-  record(robot, slow_poking, kSteps, recording);
+  record(robot, slow_poking, kRecordedSteps, recording);
 
   EXPECT_EQ(first_difference(recording, reference(noisy_options())), "");
 }

@@ -193,7 +193,7 @@ std::unique_ptr<Enemy<R>> enemy_of(std::string_view kind, const SimulationOption
 }
 
 template <class R>
-SimulationOptions<R> options_of(const Scene& scene) {
+SimulationOptions<R> options_in(const Scene& scene) {
   SimulationOptions<R> options = test::options_of<R>(scene.variant);
   options.description.flipped = scene.is_flipped;
   options.description.objects.clear();
@@ -219,15 +219,15 @@ struct Figures {
   int hard_limits{0};       // stops
 };
 
-using Case = std::tuple<std::uint32_t, std::uint32_t>;  // scene and kind
+using SceneAndKind = std::tuple<std::uint32_t, std::uint32_t>;
 
-class HostileActions : public testing::TestWithParam<Case> {
+class HostileActions : public testing::TestWithParam<SceneAndKind> {
  protected:
   template <class R>
   static void expect_limits_hold(const char* robot) {
     const auto [scene_index, kind_index] = GetParam();
     const Scene& scene = kScenes[scene_index];
-    const SimulationOptions<R> options = options_of<R>(scene);
+    const SimulationOptions<R> options = options_in<R>(scene);
     const JointLimits<R::kJoints> limits = default_limits<R>(options.description);
     BareDriver<R> driver(options);
     const auto enemy = enemy_of<R>(kKinds[kind_index], options, 10 * scene_index + kind_index);
@@ -286,7 +286,7 @@ TEST_P(HostileActions, fault_13_LeadNoFingerBeyondItsBoundsOrItsSpeed) {
   expect_limits_hold<Finger>("Finger");
 }
 
-std::string name_of(const testing::TestParamInfo<Case>& info) {
+std::string name_of(const testing::TestParamInfo<SceneAndKind>& info) {
   const auto [scene, kind] = info.param;
   return std::string(kScenes[scene].name) + kKinds[kind];
 }
