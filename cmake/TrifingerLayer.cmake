@@ -3,6 +3,7 @@
 
 set(TRIFINGER_SANITIZE "" CACHE STRING "Sanitizers of our own targets: '', 'address,undefined' or 'thread'")
 option(TRIFINGER_WARNINGS_AS_ERRORS "Treat warnings in our own targets as errors" OFF)
+option(TRIFINGER_JOIN_TESTS "Compile files of tests together: fast from nothing, slow after a change" OFF)
 
 # Options of every target that we compile; private, so that users of the libraries keep theirs.
 function(trifinger_target_options target)
@@ -57,6 +58,11 @@ function(trifinger_test name)
   set(target ${name}_test)
   add_executable(${target} ${test_SOURCES})
   trifinger_target_options(${target})
+  set_target_properties(${target} PROPERTIES UNITY_BUILD ${TRIFINGER_JOIN_TESTS})
+  # What stands in for functions of the C++ and C libraries must not be seen by those who call them.
+  set(support ${test_SOURCES})
+  list(FILTER support INCLUDE REGEX "^\\.\\./support/")
+  set_source_files_properties(${support} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
   target_include_directories(${target} PRIVATE ${PROJECT_SOURCE_DIR}/tests)
   target_link_libraries(${target} PRIVATE ${test_LIBRARIES} GTest::gmock GTest::gtest_main)
   gtest_discover_tests(${target} DISCOVERY_MODE PRE_TEST PROPERTIES TIMEOUT 300 LABELS ${name})

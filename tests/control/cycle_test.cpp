@@ -16,8 +16,6 @@
 namespace trifinger::control {
 namespace {
 
-constexpr double kHalfWidth = 0.0325;
-
 struct Cycle {
   explicit Cycle(const RobotDescription& description = {})
       : kinematics(description), body(rigid_body(cube())) {
@@ -29,10 +27,10 @@ struct Cycle {
     for (int finger = 0; finger < kContacts; ++finger) {
       const double azimuth = M_PI / 2 * (1 - finger);
       const Eigen::Vector3d out(std::cos(azimuth), std::sin(azimuth), 0);
-      contacts[static_cast<std::size_t>(finger)] = {.position = centre + kHalfWidth * out,
+      contacts[static_cast<std::size_t>(finger)] = {.position = centre + test::kCubeHalfWidth * out,
                                                     .normal = -out};
       const FingerPose pose = kinematics.inverse_kinematics(
-          finger, centre + (kHalfWidth + figures(description).tip_radius) * out);
+          finger, centre + (test::kCubeHalfWidth + figures(description).tip_radius) * out);
       reaches = reaches && pose;
       position.segment<3>(3 * finger) = pose.position;
     }

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <memory>
 
+#include "random_grasps.hpp"
 #include "support/allocation_counter.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/control/trajectories.hpp"
@@ -17,8 +18,7 @@
 namespace trifinger::control {
 namespace {
 
-constexpr double kHalfWidth = 0.0325;
-constexpr Seconds kStep(1e-3);
+constexpr Seconds kPeriod(1e-3);
 
 // The controller in a loop with the physics: torques of a step ago, and the safety layer's damping.
 class Bench {
@@ -68,7 +68,7 @@ class Bench {
                .velocity = Eigen::Map<const Eigen::VectorXd>(data_->qvel, kMaxJoints),
                .torque = torques_};
     const VariantFigures& limits = figures(robot_.description());
-    torques_ = controller_.update(kStep, joints_, cube_motion(), desired_);
+    torques_ = controller_.update(kPeriod, joints_, cube_motion(), desired_);
     for (int i = 0; i < kMaxJoints; ++i) {
       const double most = limits.actuator.torque_limit;
       const double damping = limits.safety_kd[static_cast<std::size_t>(i % kJointsPerFinger)];
@@ -87,14 +87,14 @@ class Bench {
 
   void lead_to(const Pose& goal, Seconds duration) {
     const PoseTrajectory way(desired_.pose, goal, duration);
-    for (Seconds time{0}; time <= duration + kStep; time += kStep) {
+    for (Seconds time{0}; time <= duration + kPeriod; time += kPeriod) {
       desired_ = way.at(time);
       step();
     }
   }
 
   void run_for(Seconds duration) {
-    for (Seconds time{0}; time < duration; time += kStep) step();
+    for (Seconds time{0}; time < duration; time += kPeriod) step();
   }
 
   // Normal force between each tip and the cube, from the physics.
@@ -119,7 +119,7 @@ class Bench {
   [[nodiscard]] const Pose& start() const { return start_; }
 
  private:
-  Pose start_{.position = {0.005, -0.005, kHalfWidth}};
+  Pose start_{.position = {0.005, -0.005, test::kCubeHalfWidth}};
   RobotModel robot_;
   std::unique_ptr<mjData, decltype(&mj_deleteData)> data_;
   GraspController controller_;
@@ -180,7 +180,7 @@ TEST(GraspController, FeelsWhatItsTipsPressWith) {
 TEST(GraspController, SaysThatThereIsNothingToGrasp) {
   Bench bench;
   const Touches touches = bench.plan(0.05);
-  bench.place_cube({.position = {0.13, 0.13, kHalfWidth}});
+  bench.place_cube({.position = {0.13, 0.13, test::kCubeHalfWidth}});
   bench.controller().grasp(touches, bench.start());
   ASSERT_TRUE(bench.run_until(GraspPhase::kLost));
   bench.controller().release();
@@ -192,7 +192,7 @@ TEST(GraspController, NoticesThatTheObjectIsGone) {
   bench.controller().grasp(bench.plan(0.05), bench.start());
   ASSERT_TRUE(bench.run_until(GraspPhase::kHold));
   bench.run_for(Seconds(0.5));
-  bench.place_cube({.position = {0.13, 0.13, kHalfWidth}});
+  bench.place_cube({.position = {0.13, 0.13, test::kCubeHalfWidth}});
   ASSERT_TRUE(bench.run_until(GraspPhase::kLost));
   bench.run_for(Seconds(0.2));
   EXPECT_LE(bench.state().torque_share, 1.0);

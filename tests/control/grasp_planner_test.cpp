@@ -10,6 +10,7 @@
 #include <span>
 #include <vector>
 
+#include "random_grasps.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/model/kinematics.hpp"
 #include "trifinger/model/robot_model.hpp"
@@ -17,11 +18,11 @@
 namespace trifinger::control {
 namespace {
 
-constexpr double kHalfWidth = 0.0325;
 constexpr double kPi = std::numbers::pi;
 
 Pose on_table(double x, double y, double yaw) {
-  return {{x, y, kHalfWidth}, Eigen::Quaterniond(Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()))};
+  return {{x, y, test::kCubeHalfWidth},
+          Eigen::Quaterniond(Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()))};
 }
 
 std::vector<Motion> upwards(const Pose& from, double height) {
@@ -49,8 +50,8 @@ TEST(GraspPlanner, GraspsTheCubeInTheMiddleHoweverItIsTurned) {
     for (std::size_t i = 0; i < grasp->touches.size(); ++i) {
       const Touch& touch = grasp->touches[i];
       // On a side face, whose normal points at the inside.
-      EXPECT_NEAR(touch.point.dot(-touch.normal), kHalfWidth, 1e-12);
-      EXPECT_LT(touch.point.cwiseAbs().maxCoeff(), kHalfWidth + 1e-12);
+      EXPECT_NEAR(touch.point.dot(-touch.normal), test::kCubeHalfWidth, 1e-12);
+      EXPECT_LT(touch.point.cwiseAbs().maxCoeff(), test::kCubeHalfWidth + 1e-12);
       EXPECT_EQ(touch.normal.z(), 0.0);
       for (std::size_t k = 0; k < i; ++k)
         EXPECT_LT(touch.normal.dot(grasp->touches[k].normal), 0.5) << "two tips on one face";

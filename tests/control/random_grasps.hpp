@@ -9,6 +9,9 @@
 
 namespace trifinger::control::test {
 
+/// Of the cube of the default scene [m].
+inline constexpr double kCubeHalfWidth = 0.0325;
+
 /// Draws what control is tested with; the same sequence for the same seed.
 class Random {
  public:

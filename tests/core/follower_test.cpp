@@ -236,8 +236,8 @@ TEST(Followers, LoseNoElementOfACompanionWithAShortHistory) {
   Backend backend(driver, host, kPatient);
   backend.follow(follower);
   Frontend<FakeRobot> robot(backend);
-  constexpr TimeIndex kAll = 50;
-  for (TimeIndex t = 0; t < kAll; ++t) robot.append_desired_action({});
+  constexpr TimeIndex kSteps = 50;
+  for (TimeIndex t = 0; t < kSteps; ++t) robot.append_desired_action({});
 
   const UntypedFrontend sensor(follower.companions.at(0));
   std::int64_t read = 0;
