@@ -55,7 +55,7 @@ void bind_frontend(nb::module_& m) {
   };
 
   nb::class_<PythonFrontend>(
-      m, "Frontend", nb::type_slots(kGarbageCollected<PythonFrontend>),
+      m, "Frontend", nb::type_slots(garbage_collected<PythonFrontend>()),
       R"(The user's view of a running robot: append desired actions, read back what happened.
 
 Reading step t waits until the back-end has filled it in, so a loop that reads y[t] and appends

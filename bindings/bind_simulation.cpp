@@ -245,11 +245,12 @@ void bind_recorder(nb::module_& m) {
 }  // namespace
 
 void bind_simulation(nb::module_& m) {
-  nb::class_<Checks>(m, "_Checks", nb::type_slots(kGarbageCollected<Checks>));
+  // NOLINTNEXTLINE(bugprone-unused-raii): made for what it registers.
+  nb::class_<Checks>(m, "_Checks", nb::type_slots(garbage_collected<Checks>()));
   bind_reasons(m);
   bind_recorder(m);
   nb::class_<PythonSimulation>(
-      m, "Simulation", nb::type_slots(kGarbageCollected<PythonSimulation>),
+      m, "Simulation", nb::type_slots(garbage_collected<PythonSimulation>()),
       "A simulated robot in this process, with its back-end inside the waits of its front-end: no "
       "threads, "
       "deterministic,\nas fast as the physics. simulate() is the short form.\n\n"

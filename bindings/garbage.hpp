@@ -8,18 +8,21 @@ namespace trifinger::python {
 /// Slots of a type whose objects may be part of a circle of references: `T` has the functions
 /// `traverse`, which visits the objects of Python that it owns, and `clear`, which lets go of them.
 template <class T>
-inline PyType_Slot kGarbageCollected[] = {
-    {Py_tp_traverse, reinterpret_cast<void*>(+[](PyObject* self, visitproc visit, void* arg) {
-       Py_VISIT(Py_TYPE(self));
-       // Not yet, or no more, while it is being made or destroyed.
-       if (!nanobind::inst_ready(self)) return 0;
-       return nanobind::inst_ptr<T>(self)->traverse(visit, arg);
-     })},
-    {Py_tp_clear, reinterpret_cast<void*>(+[](PyObject* self) {
-       nanobind::inst_ptr<T>(self)->clear();
-       return 0;
-     })},
-    {0, nullptr},
-};
+PyType_Slot* garbage_collected() {
+  static PyType_Slot slots[] = {
+      {Py_tp_traverse, reinterpret_cast<void*>(+[](PyObject* self, visitproc visit, void* arg) {
+         Py_VISIT(Py_TYPE(self));
+         // Not yet, or no more, while it is being made or destroyed.
+         if (!nanobind::inst_ready(self)) return 0;
+         return nanobind::inst_ptr<T>(self)->traverse(visit, arg);
+       })},
+      {Py_tp_clear, reinterpret_cast<void*>(+[](PyObject* self) {
+         nanobind::inst_ptr<T>(self)->clear();
+         return 0;
+       })},
+      {0, nullptr},
+  };
+  return slots;
+}
 
 }  // namespace trifinger::python

@@ -24,12 +24,19 @@ std::size_t AllocationCounter::total() noexcept { return allocation_count; }
 
 }  // namespace trifinger::test
 
-// The array and nothrow forms call these.
+// The array forms call these, the nothrow forms do so only without AddressSanitizer.
 void* operator new(std::size_t size) {
   return trifinger::test::allocate(size, __STDCPP_DEFAULT_NEW_ALIGNMENT__);
 }
 void* operator new(std::size_t size, std::align_val_t alignment) {
   return trifinger::test::allocate(size, static_cast<std::size_t>(alignment));
+}
+void* operator new(std::size_t size, const std::nothrow_t& /*tag*/) noexcept {
+  try {
+    return operator new(size);
+  } catch (const std::bad_alloc&) {
+    return nullptr;
+  }
 }
 void operator delete(void* memory) noexcept { std::free(memory); }
 void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
