@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// With the torques that their weight asks for and nothing else, the fingers float: whoever pushes
+// them can lead them, and they stay where they are left. Afterwards they get no torque at all.
+#include <array>
+#include <cstdlib>
+#include <iomanip>
+#include <iostream>
+#include <utility>
+
+#include "trifinger/model/kinematics.hpp"
+#include "trifinger/sim/simulation.hpp"
+
+namespace {
+
+using trifinger::JointValues;
+
+JointValues values(const std::array<double, 9>& numbers) {
+  return JointValues::Map(numbers.data(), 9);
+}
+
+}  // namespace
+
+int main() {
+  auto robot = trifinger::simulate<trifinger::TriFinger>();
+  trifinger::Kinematics kinematics;
+
+  // Lets one joint be pushed for a fifth of a second. How far the joints move until then, and in
+  // the second after.
+  const auto push = [&](bool compensates) {
+    auto y = robot.latest_observation();
+    const JointValues begin = values(y.position);
+    JointValues left = begin;
+    for (int i = 0; i < 1200; ++i) {
+      trifinger::TriFinger::Action action;
+      if (compensates) {
+        kinematics.update(values(y.position));
+        JointValues::Map(action.torque.data(), 9) = kinematics.gravity_torques();
+      }
+      if (i < 200) action.torque[1] += 0.05;
+      y = robot.get_observation(robot.append_desired_action(action));
+      if (i == 199) left = values(y.position);
+    }
+    return std::pair((left - begin).cwiseAbs().maxCoeff(),
+                     (values(y.position) - left).cwiseAbs().maxCoeff());
+  };
+
+  const auto [pushed, drifted] = push(true);
+  const double fallen = push(false).second;
+  std::cout << std::fixed << std::setprecision(3) << "floating, a joint was pushed by " << pushed
+            << " rad and moved by " << drifted << " rad when left alone; falling, by " << fallen
+            << " rad\n";
+  return pushed > 0.05 && drifted < 0.02 && fallen > 0.2 ? EXIT_SUCCESS : EXIT_FAILURE;
+}

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Each tip hangs on a spring and a damper, whose other end moves up by 3 cm: the force becomes
+// joint torques through the transposed Jacobian.
+#include <array>
+#include <cstdlib>
+#include <iomanip>
+#include <iostream>
+#include <vector>
+
+#include "trifinger/control/impedance.hpp"
+#include "trifinger/control/trajectories.hpp"
+#include "trifinger/model/kinematics.hpp"
+#include "trifinger/sim/simulation.hpp"
+
+namespace {
+
+using trifinger::JointValues;
+
+JointValues values(const std::array<double, 9>& numbers) {
+  return JointValues::Map(numbers.data(), 9);
+}
+
+}  // namespace
+
+int main() {
+  auto robot = trifinger::simulate<trifinger::TriFinger>();
+  trifinger::Kinematics kinematics;
+  const trifinger::control::Seconds period(1e-3);
+
+  auto y = robot.latest_observation();
+  kinematics.update(values(y.position));
+  std::vector<trifinger::control::LineTrajectory> ways;
+  for (int finger = 0; finger < 3; ++finger) {
+    const Eigen::Vector3d tip = kinematics.tip_position(finger);
+    ways.emplace_back(tip, tip + Eigen::Vector3d(0, 0, 0.03), trifinger::control::Seconds(1));
+  }
+
+  double error = 0;
+  for (int i = 0; i < 2000; ++i) {
+    kinematics.update(values(y.position));
+    const trifinger::JointMatrix jacobians = kinematics.tip_jacobians();
+    const JointValues velocity = jacobians * values(y.velocity);
+    JointValues forces(9);
+    error = 0;
+    for (int finger = 0; finger < 3; ++finger) {
+      const auto wanted = ways[static_cast<std::size_t>(finger)].at(i * period);
+      const Eigen::Vector3d tip = kinematics.tip_position(finger);
+      forces.segment<3>(3 * finger) = trifinger::control::tip_impedance(
+          wanted, tip, velocity.segment<3>(3 * finger), {.stiffness = 200, .damping = 2.5});
+      error = std::max(error, (wanted.position - tip).norm());
+    }
+    trifinger::TriFinger::Action action;
+    JointValues::Map(action.torque.data(), 9) =
+        jacobians.transpose() * forces + kinematics.bias_torques(values(y.velocity));
+    y = robot.get_observation(robot.append_desired_action(action));
+  }
+  std::cout << std::fixed << std::setprecision(3) << "the tips are within " << 1e3 * error
+            << " mm of where they should be\n";
+  return error < 1e-3 ? EXIT_SUCCESS : EXIT_FAILURE;
+}
