@@ -85,11 +85,15 @@ TEST(GraspPlanner, TouchesTheCubeWithTipsAndNothingElse) {
   const mjModel* model = robot.mujoco();
   const std::unique_ptr<mjData, decltype(&mj_deleteData)> data(mj_makeData(model), &mj_deleteData);
   const double radius = figures(description).tip_radius;
-  for (int degrees = 0; degrees < 90; degrees += 15) {
-    const double yaw = degrees * kPi / 180;
-    const auto way = upwards(on_table(0, 0, yaw), 0.2);
+  int grasps = 0;
+  for (int degrees = 0; degrees < 360; degrees += 15) {
+    const double angle = degrees * kPi / 180;
+    // Around the middle there is not always a grasp; where there is none, nothing is touched.
+    const auto way =
+        upwards(on_table(0.02 * std::cos(angle), 0.02 * std::sin(angle), 2.5 * angle), 0.19);
     const auto grasp = planner.plan(way);
-    ASSERT_TRUE(grasp);
+    if (!grasp) continue;
+    ++grasps;
     std::array<Eigen::Vector3d, kContacts> near;
     near.fill(Eigen::Vector3d::Map(robot.initial_position().data()));
     for (const Motion& motion : way) {
@@ -122,6 +126,7 @@ TEST(GraspPlanner, TouchesTheCubeWithTipsAndNothingElse) {
       }
     }
   }
+  EXPECT_GE(grasps, 12);
 }
 
 TEST(GraspPlanner, FindsNothingOutOfReach) {
