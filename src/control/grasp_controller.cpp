@@ -162,16 +162,27 @@ struct GraspController::State {
     return motions;
   }
 
+  void plan_approach() {
+    TipPath::Points above;
+    TipPath::Points beside;
+    for (std::size_t k = 0; k < touches.size(); ++k) {
+      const Approach approach = approach_to(touches[k], rest, radius);
+      above[k] = approach.above;
+      beside[k] = approach.beside;
+    }
+    path.begin({above, beside});
+  }
+
   void plan_release() {
-    std::array<Eigen::Vector3d, kContacts> back;
-    std::array<Eigen::Vector3d, kContacts> up;
+    TipPath::Points back;
+    TipPath::Points up;
     for (std::size_t k = 0; k < tips.size(); ++k) {
       back[k] = tips[k] - kStandoff * normals[k];
       up[k] = back[k];
       up[k].z() = std::max(back[k].z(), kApproachHeight);
     }
-    path.begin(tips, {back, up});
-    is_release_planned = true;
+    path.rest_at(tips);
+    path.begin({back, up});
   }
 
   [[nodiscard]] Eigen::Vector3d in_object(const Eigen::Vector3d& point, const Pose& object) const {
@@ -211,7 +222,7 @@ struct GraspController::State {
   Touches touches;
   Pose rest;  // Of the object until it is held.
   TipPath path;
-  bool is_release_planned{false};
+  bool is_path_planned{true};
 
   JointMatrix jacobians;
   JointValues bias;
@@ -242,21 +253,14 @@ void GraspController::grasp(const Touches& touches, const Pose& object) noexcept
   State& s = *state_;
   s.touches = touches;
   s.rest = object;
-  std::array<Eigen::Vector3d, kContacts> above;
-  std::array<Eigen::Vector3d, kContacts> beside;
-  for (std::size_t k = 0; k < touches.size(); ++k) {
-    const Approach approach = approach_to(touches[k], object, s.radius);
-    above[k] = approach.above;
-    beside[k] = approach.beside;
-  }
-  s.path.begin({above, beside});
   s.depth.fill(0.0);
   s.touch_time.fill(Seconds(0));
+  s.is_path_planned = false;
   s.enter(GraspPhase::kApproach);
 }
 
 void GraspController::release() noexcept {
-  state_->is_release_planned = false;
+  state_->is_path_planned = false;
   state_->enter(GraspPhase::kRelease);
 }
 
@@ -277,6 +281,7 @@ const JointValues& GraspController::update(Seconds elapsed, const JointState& jo
       motions = s.path.advance(elapsed);
       break;
     case GraspPhase::kApproach:
+      if (!std::exchange(s.is_path_planned, true)) s.plan_approach();
       motions = s.path.advance(elapsed);
       if (s.path.is_complete()) s.enter(GraspPhase::kClose);
       break;
@@ -288,7 +293,7 @@ const JointValues& GraspController::update(Seconds elapsed, const JointState& jo
       motions = s.hold(elapsed, object, desired, joints.velocity);
       break;
     case GraspPhase::kRelease:
-      if (!s.is_release_planned) s.plan_release();
+      if (!std::exchange(s.is_path_planned, true)) s.plan_release();
       motions = s.path.advance(elapsed);
       if (s.path.is_complete()) s.enter(GraspPhase::kIdle);
       break;

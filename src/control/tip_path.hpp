@@ -31,10 +31,6 @@ class TipPath {
     next_ = 0;
     begin_leg();
   }
-  void begin(const Points& from, const std::array<Points, 2>& points) noexcept {
-    rest_at(from);
-    begin(points);
-  }
 
   [[nodiscard]] bool is_complete() const noexcept { return next_ == kLegs && time_ >= duration_; }
 

@@ -6,6 +6,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <memory>
 
@@ -113,6 +114,14 @@ class Bench {
     return forces;
   }
 
+  [[nodiscard]] std::array<Eigen::Vector3d, kContacts> tips() const {
+    std::array<Eigen::Vector3d, kContacts> tips;
+    for (std::size_t k = 0; k < tips.size(); ++k)
+      tips[k] = Eigen::Vector3d::Map(data_->site_xpos +
+                                     static_cast<std::ptrdiff_t>(3 * robot_.tip_sites()[k]));
+    return tips;
+  }
+
   [[nodiscard]] GraspPhase phase() const { return controller_.state().phase; }
   [[nodiscard]] const GraspState& state() const { return controller_.state(); }
   [[nodiscard]] GraspController& controller() { return controller_; }
@@ -138,6 +147,29 @@ TEST(GraspController, DoesNotTouchOnItsApproach) {
   ASSERT_TRUE(bench.run_until(GraspPhase::kClose));
   EXPECT_LT(distance(bench.cube_motion().pose, before), 1e-4);
   EXPECT_EQ(bench.normal_forces(), Eigen::Vector3d::Zero());
+}
+
+TEST(GraspController, ComesFromAboveAndFromTheSide) {
+  Bench bench;
+  const Touches touches = bench.plan(0.05);
+  bench.controller().grasp(touches, bench.start());
+  const double radius = figures(Bench::description()).tip_radius;
+  Eigen::Vector3d to_above = Eigen::Vector3d::Constant(1.0);
+  Eigen::Vector3d to_beside = to_above;
+  bench.step();
+  while (bench.phase() == GraspPhase::kApproach) {
+    const auto tips = bench.tips();
+    for (std::size_t k = 0; k < tips.size(); ++k) {
+      const auto i = static_cast<Eigen::Index>(k);
+      const Approach approach = approach_to(touches[k], bench.start(), radius);
+      to_above[i] = std::min(to_above[i], (tips[k] - approach.above).norm());
+      to_beside[i] = std::min(to_beside[i], (tips[k] - approach.beside).norm());
+    }
+    bench.step();
+  }
+  EXPECT_EQ(bench.phase(), GraspPhase::kClose);
+  EXPECT_LT(to_above.maxCoeff(), 3e-3);
+  EXPECT_LT(to_beside.maxCoeff(), 3e-3);
 }
 
 TEST(GraspController, LiftsTurnsAndPutsBack) {
