@@ -15,6 +15,8 @@ class TipPath {
  public:
   using Points = std::array<Eigen::Vector3d, kContacts>;
 
+  static constexpr std::size_t kLegs = 2;
+
   // `speed` is the mean one of the tip with the longest way [m/s].
   explicit TipPath(double speed) : speed_(speed) {}
 
@@ -26,7 +28,7 @@ class TipPath {
   }
 
   // Goes through `points` from where it is wanted now.
-  void begin(const std::array<Points, 2>& points) noexcept {
+  void begin(const std::array<Points, kLegs>& points) noexcept {
     points_ = points;
     next_ = 0;
     begin_leg();
@@ -50,8 +52,6 @@ class TipPath {
   }
 
  private:
-  static constexpr std::size_t kLegs = 2;
-
   void begin_leg() noexcept {
     from_ = to_;
     to_ = points_[next_++];
@@ -62,13 +62,13 @@ class TipPath {
     time_ = Seconds(0);
   }
 
-  double speed_;
   static Points at_origin() noexcept {
     Points points;
     points.fill(Eigen::Vector3d::Zero());
     return points;
   }
 
+  double speed_;
   std::array<Points, kLegs> points_{at_origin(), at_origin()};
   std::size_t next_{kLegs};  // Of `points_`, behind `to_`.
   Points from_{at_origin()};
