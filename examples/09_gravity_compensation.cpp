@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // With the torques that their weight asks for and nothing else, the fingers float: whoever pushes
 // them can lead them, and they stay where they are left. Afterwards they get no torque at all.
-#include <array>
 #include <cstdlib>
 #include <iomanip>
 #include <iostream>
@@ -10,15 +9,8 @@
 #include "trifinger/model/kinematics.hpp"
 #include "trifinger/sim/simulation.hpp"
 
-namespace {
-
+using trifinger::joint_values;
 using trifinger::JointValues;
-
-JointValues values(const std::array<double, 9>& numbers) {
-  return JointValues::Map(numbers.data(), 9);
-}
-
-}  // namespace
 
 int main() {
   auto robot = trifinger::simulate<trifinger::TriFinger>();
@@ -28,20 +20,20 @@ int main() {
   // the second after.
   const auto push = [&](bool compensates) {
     auto y = robot.latest_observation();
-    const JointValues begin = values(y.position);
+    const JointValues begin = joint_values(y.position);
     JointValues left = begin;
     for (int i = 0; i < 1200; ++i) {
       trifinger::TriFinger::Action action;
       if (compensates) {
-        kinematics.update(values(y.position));
+        kinematics.update(joint_values(y.position));
         JointValues::Map(action.torque.data(), 9) = kinematics.gravity_torques();
       }
       if (i < 200) action.torque[1] += 0.05;
       y = robot.get_observation(robot.append_desired_action(action));
-      if (i == 199) left = values(y.position);
+      if (i == 199) left = joint_values(y.position);
     }
     return std::pair((left - begin).cwiseAbs().maxCoeff(),
-                     (values(y.position) - left).cwiseAbs().maxCoeff());
+                     (joint_values(y.position) - left).cwiseAbs().maxCoeff());
   };
 
   const auto [pushed, drifted] = push(true);

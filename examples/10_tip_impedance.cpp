@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Each tip hangs on a spring and a damper, whose other end moves up by 3 cm: the force becomes
 // joint torques through the transposed Jacobian.
-#include <array>
 #include <cstdlib>
 #include <iomanip>
 #include <iostream>
@@ -12,15 +11,8 @@
 #include "trifinger/model/kinematics.hpp"
 #include "trifinger/sim/simulation.hpp"
 
-namespace {
-
+using trifinger::joint_values;
 using trifinger::JointValues;
-
-JointValues values(const std::array<double, 9>& numbers) {
-  return JointValues::Map(numbers.data(), 9);
-}
-
-}  // namespace
 
 int main() {
   auto robot = trifinger::simulate<trifinger::TriFinger>();
@@ -28,7 +20,7 @@ int main() {
   const trifinger::control::Seconds period(1e-3);
 
   auto y = robot.latest_observation();
-  kinematics.update(values(y.position));
+  kinematics.update(joint_values(y.position));
   std::vector<trifinger::control::LineTrajectory> ways;
   for (int finger = 0; finger < 3; ++finger) {
     const Eigen::Vector3d tip = kinematics.tip_position(finger);
@@ -37,9 +29,9 @@ int main() {
 
   double error = 0;
   for (int i = 0; i < 2000; ++i) {
-    kinematics.update(values(y.position));
+    kinematics.update(joint_values(y.position));
     const trifinger::JointMatrix jacobians = kinematics.tip_jacobians();
-    const JointValues velocity = jacobians * values(y.velocity);
+    const JointValues velocity = jacobians * joint_values(y.velocity);
     JointValues forces(9);
     error = 0;
     for (int finger = 0; finger < 3; ++finger) {
@@ -51,7 +43,7 @@ int main() {
     }
     trifinger::TriFinger::Action action;
     JointValues::Map(action.torque.data(), 9) =
-        jacobians.transpose() * forces + kinematics.bias_torques(values(y.velocity));
+        jacobians.transpose() * forces + kinematics.bias_torques(joint_values(y.velocity));
     y = robot.get_observation(robot.append_desired_action(action));
   }
   std::cout << std::fixed << std::setprecision(3) << "the tips are within " << 1e3 * error

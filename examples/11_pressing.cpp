@@ -2,7 +2,6 @@
 // The tips go down to the table and press on it with 1 N each. Upwards and downwards they have
 // a force instead of a spring; sideways the spring remains.
 #include <algorithm>
-#include <array>
 #include <cstdlib>
 #include <iostream>
 
@@ -10,15 +9,8 @@
 #include "trifinger/model/kinematics.hpp"
 #include "trifinger/sim/simulation.hpp"
 
-namespace {
-
+using trifinger::joint_values;
 using trifinger::JointValues;
-
-JointValues values(const std::array<double, 9>& numbers) {
-  return JointValues::Map(numbers.data(), 9);
-}
-
-}  // namespace
 
 int main() {
   auto robot = trifinger::simulate<trifinger::TriFinger>();
@@ -27,12 +19,12 @@ int main() {
   constexpr double kDownwardSpeed = 0.1;  // [m/s]
 
   auto y = robot.latest_observation();
-  kinematics.update(values(y.position));
+  kinematics.update(joint_values(y.position));
   const JointValues begin = kinematics.tip_positions();
   for (int i = 0; i < 2000; ++i) {
-    kinematics.update(values(y.position));
+    kinematics.update(joint_values(y.position));
     const trifinger::JointMatrix jacobians = kinematics.tip_jacobians();
-    const JointValues velocity = jacobians * values(y.velocity);
+    const JointValues velocity = jacobians * joint_values(y.velocity);
     JointValues forces(9);
     for (int finger = 0; finger < 3; ++finger) {
       trifinger::control::PointMotion wanted{.position = begin.segment<3>(3 * finger)};
@@ -46,7 +38,7 @@ int main() {
     }
     trifinger::TriFinger::Action action;
     JointValues::Map(action.torque.data(), 9) =
-        jacobians.transpose() * forces + kinematics.bias_torques(values(y.velocity));
+        jacobians.transpose() * forces + kinematics.bias_torques(joint_values(y.velocity));
     y = robot.get_observation(robot.append_desired_action(action));
   }
   const auto [least, most] = std::ranges::minmax(y.tip_force);

@@ -55,8 +55,8 @@ class Grasp {
   }
 
   JointAction<9> action(const TriFinger::Observation& observation) {
-    kinematics_.update(Eigen::Map<const Eigen::VectorXd>(observation.position.data(), 9));
-    const Eigen::Map<const Eigen::VectorXd> velocity(observation.velocity.data(), 9);
+    kinematics_.update(joint_values(observation.position));
+    const JointValues velocity = joint_values(observation.velocity);
     JointValues torque = kinematics_.gravity_torques();
     for (int finger = 0; finger < 3; ++finger) {
       const auto i = static_cast<std::size_t>(finger);
@@ -73,7 +73,7 @@ class Grasp {
   /// Where the cube is relative to the middle of the tips [m].
   [[nodiscard]] Eigen::Vector3d cube_relative_to_tips(const SimulatedRobot<TriFinger>& robot,
                                                       const TriFinger::Observation& observation) {
-    kinematics_.update(Eigen::Map<const Eigen::VectorXd>(observation.position.data(), 9));
+    kinematics_.update(joint_values(observation.position));
     Eigen::Vector3d middle = Eigen::Vector3d::Zero();
     for (int finger = 0; finger < 3; ++finger) middle += kinematics_.tip_position(finger) / 3;
     const Triple cube = robot.object_pose("cube").position;

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
+#include <cstddef>
 #include <memory>
 
 #include "trifinger/model/robot_description.hpp"
@@ -15,6 +17,13 @@ using JointMatrix =
     Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxJoints, kMaxJoints>;
 /// Three numbers per finger: the tips below each other, finger 0 first.
 using TipPositions = JointValues;
+
+/// The numbers of a measurement as one vector.
+template <std::size_t N>
+[[nodiscard]] JointValues joint_values(const std::array<double, N>& numbers) noexcept {
+  static_assert(N <= kMaxJoints);
+  return JointValues::Map(numbers.data(), N);
+}
 
 /// Whether a finger can bring its tip to a point.
 enum class Reach {
