@@ -14,6 +14,12 @@ inline void require_positive(const char* name, double value) {
   throw InvalidArgument(std::string(name) + " is " + std::to_string(value) + ", must be above 0");
 }
 
+inline void require_not_negative(const char* name, double value) {
+  if (std::isfinite(value) && value >= 0.0) return;
+  throw InvalidArgument(std::string(name) + " is " + std::to_string(value) +
+                        ", must be at least 0");
+}
+
 template <class Numbers>
 void require_finite(const char* name, const Numbers& numbers) {
   if (numbers.allFinite()) return;

@@ -37,6 +37,7 @@ void check(const GraspControllerConfig& config) {
   require_positive("lost_distance", config.lost_distance);
   if (!(config.max_normal_force >= config.min_normal_force))
     throw InvalidArgument("max_normal_force is below min_normal_force");
+  if (config.limits) validate(*config.limits);
 }
 
 }  // namespace
@@ -51,13 +52,11 @@ struct GraspController::State {
     check(config);
     if (kinematics.num_fingers() != kContacts)
       throw InvalidArgument("a grasp needs a robot with three fingers");
-    const VariantFigures& limits = figures(description);
-    radius = limits.tip_radius;
-    damping.resize(kinematics.num_joints());
-    for (int i = 0; i < kinematics.num_joints(); ++i)
-      damping[i] = limits.safety_kd[static_cast<std::size_t>(i % kJointsPerFinger)];
-    torque_limits.limits.setConstant(actuator(description).torque_limit);
-    torques.setZero(kinematics.num_joints());
+    radius = figures(description).tip_radius;
+    const SafetyLimits limits = config.limits.value_or(safety_limits(description));
+    damping = JointValues::Map(limits.safety_kd.data(), kMaxJoints);
+    torque_limits.limits = JointValues::Map(limits.max_torque.data(), kMaxJoints);
+    torques.setZero(kMaxJoints);
   }
 
   void enter(GraspPhase phase) {

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "check.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/control/force_optimizer.hpp"
 #include "trifinger/control/impedance.hpp"
@@ -23,6 +24,15 @@ struct DeleteModel {
 struct DeleteData {
   void operator()(mjData* data) const noexcept { mj_deleteData(data); }
 };
+
+void check(const GraspPlannerConfig& config) {
+  require_positive("friction", config.friction);
+  require_not_negative("min_normal_force", config.min_normal_force);
+  require_not_negative("clearance", config.clearance);
+  require_not_negative("limit_margin", config.limit_margin);
+  require_positive("largest_torque", config.largest_torque);
+  if (config.limits) validate(*config.limits);
+}
 
 // A side face of a box, in its frame.
 struct Face {
@@ -80,17 +90,17 @@ Approach approach_to(const Touch& touch, const Pose& object, double tip_radius) 
 struct GraspPlanner::State {
   State(const RobotDescription& description, const std::string& name, GraspPlannerConfig wanted)
       : config(std::move(wanted)),
-        limits(figures(description)),
-        torque_limit(actuator(description).torque_limit),
+        fingers(figures(description)),
+        limits(config.limits.value_or(safety_limits(description))),
         robot(description),
         kinematics(description),
         address(robot.object(name)),
         object(*std::ranges::find(description.objects, name, &ObjectDescription::name)),
         body(rigid_body(object)),
-        damping(limits.safety_kd.data()),
         // A copy, because it gets margins.
         model(mj_copyModel(nullptr, robot.mujoco())),
         data(mj_makeData(model.get())) {
+    check(config);
     if (robot.num_fingers() != kContacts)
       throw InvalidArgument("a grasp needs a robot with three fingers");
     if (object.shape != ObjectShape::kBox)
@@ -156,12 +166,12 @@ struct GraspPlanner::State {
                                                      const Eigen::Vector3d& near) {
     const FingerPose pose = kinematics.inverse_kinematics(finger, tip, near);
     if (!pose) return std::nullopt;
-    for (std::size_t j = 0; j < limits.soft_lower.size(); ++j) {
-      const double angle = pose.position[static_cast<Eigen::Index>(j)];
-      if (angle < limits.soft_lower[j] + config.limit_margin ||
-          angle > limits.soft_upper[j] - config.limit_margin)
-        return std::nullopt;
-    }
+    const Eigen::Index first = static_cast<Eigen::Index>(kJointsPerFinger) * finger;
+    const Eigen::Array3d lowest = Eigen::Array3d::Map(limits.soft_lower.data() + first);
+    const Eigen::Array3d highest = Eigen::Array3d::Map(limits.soft_upper.data() + first);
+    const Eigen::Array3d angles = pose.position.array();
+    if ((angles < lowest + config.limit_margin || angles > highest - config.limit_margin).any())
+      return std::nullopt;
     place_finger(finger, pose.position);
     if (collides(finger)) return std::nullopt;
     return pose.position;
@@ -170,10 +180,10 @@ struct GraspPlanner::State {
   // The finger on its approach and on the whole way, if it can.
   [[nodiscard]] std::optional<Candidate> try_out(int finger, std::size_t face, const Touch& touch,
                                                  std::span<const Motion> way) {
-    const Eigen::Vector3d tip = touch.point - limits.tip_radius * touch.normal;
-    Eigen::Vector3d near = Eigen::Vector3d::Map(limits.initial_position.data());
+    const Eigen::Vector3d tip = touch.point - fingers.tip_radius * touch.normal;
+    Eigen::Vector3d near = Eigen::Vector3d::Map(fingers.initial_position.data());
     place_object(way.front().pose);
-    const Approach approach = approach_to(touch, way.front().pose, limits.tip_radius);
+    const Approach approach = approach_to(touch, way.front().pose, fingers.tip_radius);
     for (const Eigen::Vector3d& point : {approach.above, approach.beside}) {
       const auto pose = reach(finger, point, near);
       if (!pose) return std::nullopt;
@@ -181,6 +191,7 @@ struct GraspPlanner::State {
     }
     Candidate candidate{face, touch, {}, {}, {}};
     const Eigen::Index first = static_cast<Eigen::Index>(kJointsPerFinger) * finger;
+    const auto damping = Eigen::Vector3d::Map(limits.safety_kd.data() + first);
     JointValues joints = JointValues::Zero(kinematics.num_joints());
     for (const Motion& motion : way) {
       place_object(motion.pose);
@@ -225,10 +236,11 @@ struct GraspPlanner::State {
             Eigen::Vector3d(held.forces.segment<3>(3 * static_cast<Eigen::Index>(i)));
         const Eigen::Vector3d torque =
             three[i]->jacobians[point].transpose() * force + three[i]->torques[point];
-        largest = std::max(largest, torque.cwiseAbs().maxCoeff());
+        const auto most = Eigen::Vector3d::Map(limits.max_torque.data() + kJointsPerFinger * i);
+        largest = std::max(largest, torque.cwiseQuotient(most).cwiseAbs().maxCoeff());
       }
     }
-    return largest / torque_limit;
+    return largest;
   }
 
   // Whether the fingers are out of each other's way.
@@ -243,14 +255,13 @@ struct GraspPlanner::State {
   }
 
   GraspPlannerConfig config;
-  const VariantFigures& limits;
-  double torque_limit;
+  const VariantFigures& fingers;
+  SafetyLimits limits;
   RobotModel robot;
   Kinematics kinematics;
   ObjectAddress address;
   ObjectDescription object;
   RigidBody body;
-  Eigen::Vector3d damping;  // Of the safety checks.
   std::unique_ptr<mjModel, DeleteModel> model;
   std::unique_ptr<mjData, DeleteData> data;
   std::vector<int> finger_of_geom;

@@ -24,10 +24,10 @@ constexpr Seconds kPeriod(1e-3);
 // The controller in a loop with the physics: torques of a step ago, and the safety layer's damping.
 class Bench {
  public:
-  Bench()
+  explicit Bench(const GraspControllerConfig& config = {})
       : robot_(description()),
         data_(mj_makeData(robot_.mujoco()), &mj_deleteData),
-        controller_(description(), rigid_body(cube())) {
+        controller_(description(), rigid_body(cube()), config) {
     mj_resetDataKeyframe(robot_.mujoco(), data_.get(), 0);
     place_cube(start_);
     torques_.setZero(kMaxJoints);
@@ -69,7 +69,8 @@ class Bench {
                .velocity = Eigen::Map<const Eigen::VectorXd>(data_->qvel, kMaxJoints),
                .torque = torques_};
     const VariantFigures& limits = figures(robot_.description());
-    torques_ = controller_.update(kPeriod, joints_, cube_motion(), desired_);
+    cube_ = cube_motion();
+    torques_ = asked_ = controller_.update(kPeriod, joints_, cube_, desired_);
     for (int i = 0; i < kMaxJoints; ++i) {
       const double most = limits.actuator.torque_limit;
       const double damping = limits.safety_kd[static_cast<std::size_t>(i % kJointsPerFinger)];
@@ -97,6 +98,29 @@ class Bench {
   void run_for(Seconds duration) {
     for (Seconds time{0}; time < duration; time += kPeriod) step();
   }
+
+  // What the torques of the last step amount to at the tips, in the frame of the cube: the
+  // controller's last equation, solved for the forces. For a desired motion without acceleration.
+  [[nodiscard]] std::array<Eigen::Vector3d, kContacts> asked_forces() const {
+    Kinematics kinematics(description());
+    kinematics.update(joints_.position);
+    const Eigen::MatrixXd jacobians = kinematics.tip_jacobians();
+    const SafetyLimits limits = safety_limits(description());
+    const Eigen::VectorXd acceleration =
+        -jacobians.lu().solve(Eigen::VectorXd(kinematics.tip_accelerations(joints_.velocity)));
+    const Eigen::VectorXd forces = jacobians.transpose().lu().solve(
+        asked_ - kinematics.mass_matrix() * acceleration -
+        kinematics.bias_torques(joints_.velocity) -
+        joint_values(limits.safety_kd).cwiseProduct(joints_.velocity));
+    std::array<Eigen::Vector3d, kContacts> in_cube;
+    for (std::size_t k = 0; k < in_cube.size(); ++k)
+      in_cube[k] = cube_.pose.orientation.conjugate() *
+                   Eigen::Vector3d(forces.segment<3>(3 * static_cast<Eigen::Index>(k)));
+    return in_cube;
+  }
+
+  // Wants the cube to rest at `pose` from now on, however far away that is.
+  void want(const Pose& pose) { desired_ = {.pose = pose}; }
 
   // Normal force between each tip and the cube, from the physics.
   [[nodiscard]] Eigen::Vector3d normal_forces() const {
@@ -133,7 +157,9 @@ class Bench {
   std::unique_ptr<mjData, decltype(&mj_deleteData)> data_;
   GraspController controller_;
   JointState joints_;
-  JointValues torques_;
+  Motion cube_;
+  JointValues asked_;
+  JointValues torques_;  // What the safety checks leave of them.
   Motion desired_;
 };
 
@@ -209,6 +235,57 @@ TEST(GraspController, FeelsWhatItsTipsPressWith) {
   EXPECT_GT(bench.state().tangential_forces.sum(), cube().mass * 9.81 * 0.9);
 }
 
+// Whatever is wanted of the cube, no tip is to slip along its face.
+TEST(GraspController, NeverPressesAcrossMoreThanItsShareOfWhatItPressesAlong) {
+  test::Random random(3);
+  for (const double slip_friction : {0.5, 0.55, 0.7}) {
+    Bench bench({.slip_friction = slip_friction});
+    const Touches touches = bench.plan(0.05);
+    bench.controller().grasp(touches, bench.start());
+    ASSERT_TRUE(bench.run_until(GraspPhase::kHold));
+    bench.lead_to({bench.start().position + Eigen::Vector3d(0, 0, 0.02)}, Seconds(0.5));
+    int cut_off = 0;
+    for (int i = 0; i < 200; ++i) {
+      // Somewhere else for a step, so that the tips are pulled across; then back.
+      const Pose place{bench.start().position + Eigen::Vector3d(0, 0, 0.02)};
+      bench.want({place.position + random.numbers<3>(0.012),
+                  rotation_from_vector(random.numbers<3>(0.2))});
+      bench.step();
+      ASSERT_EQ(bench.phase(), GraspPhase::kHold);
+      const auto forces = bench.asked_forces();
+      for (std::size_t k = 0; k < forces.size(); ++k) {
+        const double along = forces[k].dot(touches[k].normal);
+        const double across = (forces[k] - along * touches[k].normal).norm();
+        EXPECT_GT(along, 0.0);
+        EXPECT_LE(across, slip_friction * along * (1 + 1e-9));
+        if (across > slip_friction * along * (1 - 1e-9)) ++cut_off;
+      }
+      bench.want(place);
+      for (int rest = 0; rest < 20; ++rest) bench.step();
+    }
+    EXPECT_GT(cut_off, 100) << "the tips were hardly pulled across";
+  }
+}
+
+TEST(GraspController, MakesUpForTheDampingThatItIsGiven) {
+  const RigidBody body = rigid_body(cube());
+  SafetyLimits limits = safety_limits({});
+  test::Random random(4);
+  const JointState joints{joint_values(std::array{0.0, 0.9, -1.7, 0.0, 0.9, -1.7, 0.0, 0.9, -1.7}),
+                          random.numbers<9>(2.0), JointValues::Zero(9)};
+  GraspController usual({}, body);
+  const JointValues torques = usual.update(kPeriod, joints, {}, {});
+  const JointValues more = random.numbers<9>(0.05).cwiseAbs();
+  for (std::size_t i = 0; i < limits.safety_kd.size(); ++i) {
+    limits.safety_kd[i] += more[static_cast<Eigen::Index>(i)];
+    limits.max_torque[i] = 0.5;
+  }
+  GraspController damped({}, body, {.limits = limits});
+  const JointValues change = damped.update(kPeriod, joints, {}, {}) - torques;
+  EXPECT_LT((change - more.cwiseProduct(joints.velocity)).cwiseAbs().maxCoeff(), 1e-12);
+  EXPECT_DOUBLE_EQ(damped.state().torque_share, (torques + change).cwiseAbs().maxCoeff() / 0.5);
+}
+
 TEST(GraspController, SaysThatThereIsNothingToGrasp) {
   Bench bench;
   const Touches touches = bench.plan(0.05);
@@ -261,6 +338,9 @@ TEST(GraspController, NeedsThreeFingersAndSoundFigures) {
   EXPECT_THROW(GraspController({}, body, {.friction = 0.0}), InvalidArgument);
   EXPECT_THROW(GraspController({}, body, {.min_normal_force = 6.0}), InvalidArgument);
   EXPECT_THROW(GraspController({}, body, {.roll_time = Seconds(-1)}), InvalidArgument);
+  SafetyLimits limits = safety_limits({});
+  limits.safety_kd[0] = -0.1;
+  EXPECT_THROW(GraspController({}, body, {.limits = limits}), InvalidArgument);
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <mujoco/mujoco.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <span>
@@ -143,10 +144,66 @@ TEST(GraspPlanner, FindsNothingForWhatIsTooHeavy) {
   EXPECT_FALSE(planner.plan(upwards(on_table(0, 0, 0), 0.1)));
 }
 
+TEST(GraspPlanner, MeasuresTorquesByTheLimitsThatItIsGiven) {
+  const auto way = upwards(on_table(0.01, 0, 0.4), 0.1);
+  SafetyLimits limits = safety_limits(raised());
+  const auto usual = GraspPlanner(raised(), "cube", {.limits = limits}).plan(way);
+  ASSERT_TRUE(usual);
+  EXPECT_EQ(usual->torque_share, GraspPlanner(raised()).plan(way).value().torque_share);
+  for (double& torque : limits.max_torque) torque /= 4;
+  GraspPlanner weak(raised(), "cube", {.largest_torque = 10.0, .limits = limits});
+  EXPECT_NEAR(weak.plan(way).value().torque_share, 4 * usual->torque_share, 1e-12);
+  EXPECT_FALSE(GraspPlanner(raised(), "cube", {.limits = limits}).plan(way));
+}
+
+// The lowest angle of finger 1's last joint on a way.
+double lowest_angle(const PlannedGrasp& grasp, std::span<const Motion> way) {
+  const Kinematics kinematics(raised());
+  const Touch& touch = grasp.touches[1];
+  const Eigen::Vector3d tip = touch.point - figures(raised()).tip_radius * touch.normal;
+  Eigen::Vector3d near = Eigen::Vector3d::Map(figures(raised()).initial_position.data());
+  double lowest = near[2];
+  for (const Motion& motion : way) {
+    near = kinematics.inverse_kinematics(1, point_of_body(motion, tip).position, near).position;
+    lowest = std::min(lowest, near[2]);
+  }
+  return lowest;
+}
+
+TEST(GraspPlanner, StaysWithinTheSoftLimitsThatItIsGiven) {
+  const auto way = upwards(on_table(0.01, 0.005, 0.3), 0.15);
+  GraspPlannerConfig config{.limit_margin = 0.0, .limits = safety_limits(raised())};
+  const auto usual = GraspPlanner(raised(), "cube", config).plan(way);
+  ASSERT_TRUE(usual);
+  const double lowest = lowest_angle(*usual, way);
+  double& limit = config.limits->soft_lower[5];
+  limit = lowest - 1e-6;
+  EXPECT_EQ(GraspPlanner(raised(), "cube", config).plan(way).value().torque_share,
+            usual->torque_share);
+  limit = lowest + 1e-6;
+  if (const auto other = GraspPlanner(raised(), "cube", config).plan(way)) {
+    EXPECT_GT(other->torque_share, usual->torque_share);
+    EXPECT_GE(lowest_angle(*other, way), limit);
+  }
+  limit = 2.9;
+  EXPECT_FALSE(GraspPlanner(raised(), "cube", config).plan(way));
+}
+
 TEST(GraspPlanner, NeedsThreeFingersAndABox) {
   EXPECT_THROW(GraspPlanner({.arrangement = Arrangement::kSingleFinger}), InvalidArgument);
   EXPECT_THROW(GraspPlanner({.objects = {ball()}}, "ball"), InvalidArgument);
   EXPECT_THROW(GraspPlanner({}, "cup"), InvalidArgument);
+}
+
+TEST(GraspPlanner, NeedsSoundFigures) {
+  EXPECT_THROW(GraspPlanner({}, "cube", {.friction = 0.0}), InvalidArgument);
+  EXPECT_THROW(GraspPlanner({}, "cube", {.clearance = -1e-3}), InvalidArgument);
+  SafetyLimits limits = safety_limits({});
+  limits.max_torque[3] = 0.0;
+  EXPECT_THROW(GraspPlanner({}, "cube", {.limits = limits}), InvalidArgument);
+  limits = safety_limits({});
+  limits.soft_upper[8] = limits.soft_lower[8];
+  EXPECT_THROW(GraspPlanner({}, "cube", {.limits = limits}), InvalidArgument);
 }
 
 }  // namespace

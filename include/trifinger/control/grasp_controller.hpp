@@ -3,11 +3,13 @@
 
 #include <Eigen/Core>
 #include <memory>
+#include <optional>
 
 #include "trifinger/control/force_optimizer.hpp"
 #include "trifinger/control/grasp_planner.hpp"
 #include "trifinger/control/impedance.hpp"
 #include "trifinger/control/motion.hpp"
+#include "trifinger/control/safety_limits.hpp"
 #include "trifinger/model/kinematics.hpp"
 
 namespace trifinger::control {
@@ -29,6 +31,7 @@ struct GraspControllerConfig {
   Seconds roll_time{0.3};        ///< In which the tips' targets follow tips that roll.
   Seconds lost_time{0.1};        ///< Without touch, after which the object is lost.
   double lost_distance{0.03};    ///< From where it should be, likewise [m].
+  std::optional<SafetyLimits> limits{};  ///< Default: those of the variant.
 };
 
 enum class GraspPhase {
@@ -59,7 +62,8 @@ struct GraspState {
   /// How far each tip has moved along its face since all of them touched, by rolling and slipping
   /// [m].
   Eigen::Vector3d travel{Eigen::Vector3d::Zero()};
-  /// Of the largest torque that a motor may be asked for, the share that is asked for: at most 1.
+  /// The largest share of a joint's torque limit that is asked for; what is above 1 the safety
+  /// checks cut off.
   double torque_share{0.0};
 };
 

@@ -11,6 +11,7 @@
 
 #include "trifinger/control/grasp.hpp"
 #include "trifinger/control/motion.hpp"
+#include "trifinger/control/safety_limits.hpp"
 #include "trifinger/model/robot_description.hpp"
 
 namespace trifinger::control {
@@ -49,6 +50,7 @@ struct GraspPlannerConfig {
   double clearance{0.0005};    ///< Of fingers from all they do not touch with their tips [m].
   double limit_margin{0.03};   ///< Of joints from their soft limits [rad].
   double largest_torque{1.0};  ///< Share of the motors' torque that carrying may take.
+  std::optional<SafetyLimits> limits{};  ///< Default: those of the variant.
 };
 
 /// What a planner has chosen.
@@ -63,7 +65,8 @@ struct PlannedGrasp {
 /// for as little torque as can be.
 class GraspPlanner {
  public:
-  /// @throws InvalidArgument if the robot has not three fingers or its scene no box of this name
+  /// @throws InvalidArgument if the robot has not three fingers or its scene no box of this name,
+  /// or naming the first value of `config` that makes no sense.
   explicit GraspPlanner(const RobotDescription& description, const std::string& object = "cube",
                         GraspPlannerConfig config = {});
   GraspPlanner(GraspPlanner&&) noexcept;
