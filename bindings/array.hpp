@@ -21,6 +21,12 @@ struct Array {
 template <class M>
 Array(M) -> Array<M>;
 
+/// Reads a member that is a matrix or vector.
+template <class T, class M>
+auto array_of(M T::* member) {
+  return [member](const T& object) { return Array<M>{object.*member}; };
+}
+
 /// Takes the numbers out of `object`. Vectors have one dimension, matrices two, and only those
 /// sizes that are free in `M` may be any, up to its maximum. False, without an error of Python, if
 /// that does not fit.

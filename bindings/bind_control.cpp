@@ -44,12 +44,6 @@ Vector4 from_quaternion(const Eigen::Quaterniond& quaternion) {
 
 nb::tuple zeros() { return nb::make_tuple(0.0, 0.0, 0.0); }
 
-// What reads a member that is a matrix or vector.
-template <class T, class M>
-auto array_of(M T::* member) {
-  return [member](const T& object) { return Array<M>{object.*member}; };
-}
-
 void bind_motion(nb::module_& m) {
   nb::class_<Pose>(m, "Pose", "Where a body is and how it is turned. Cannot be changed.")
       .def(
@@ -485,6 +479,7 @@ void bind_control(nb::module_& m) {
   bind_impedance(m);
   bind_trajectories(m);
   bind_estimation(m);
+  bind_grasping(m);
 }
 
 }  // namespace trifinger::python

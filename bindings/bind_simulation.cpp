@@ -32,14 +32,6 @@ using namespace nanobind::literals;
 namespace trifinger::python {
 namespace {
 
-RobotConfig load(const std::string& config, const nb::dict& overrides) {
-  return load_robot_config(config, to_overrides(overrides));
-}
-
-RobotDescription description_of(const RobotConfig& config) {
-  return std::visit([](const auto& options) { return options.description; }, config.simulation);
-}
-
 using Values = Eigen::VectorXd;
 
 // Whatever NumPy takes for a list of `size` numbers.
@@ -109,7 +101,7 @@ void bind_kinematics(nb::module_& m) {
       .def(
           "__init__",
           [](Kinematics* self, const std::string& config, const nb::dict& overrides) {
-            new (self) Kinematics(description_of(load(config, overrides)));
+            new (self) Kinematics(description_of(load_config(config, overrides)));
           },
           "config"_a = "sim", "overrides"_a = nb::dict(),
           nb::sig(
@@ -150,6 +142,20 @@ void bind_kinematics(nb::module_& m) {
           nb::sig("def tip_jacobians(self, position: numpy.typing.ArrayLike) -> "
                   "numpy.typing.NDArray[numpy.float64]"),
           "The Jacobians of all tips below each other [m/rad].")
+      .def(
+          "tip_accelerations",
+          [](Kinematics& kinematics, nb::handle position, nb::handle velocity) {
+            kinematics.update(joints(kinematics, position));
+            return RowMajor(
+                kinematics
+                    .tip_accelerations(to_values(velocity, kinematics.num_joints(), "velocity"))
+                    .reshaped<Eigen::RowMajor>(kinematics.num_fingers(), 3));
+          },
+          "position"_a, "velocity"_a,
+          nb::sig("def tip_accelerations(self, position: numpy.typing.ArrayLike, velocity: "
+                  "numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]"),
+          "How the tips accelerate with joints of constant `velocity` [rad/s]: a row x, y, z for "
+          "each finger [m/s^2].")
       .def(
           "gravity_torques",
           [](Kinematics& kinematics, nb::handle position) {
@@ -260,7 +266,7 @@ void bind_simulation(nb::module_& m) {
       .def(
           "__init__",
           [](PythonSimulation* self, const std::string& config, const nb::dict& overrides) {
-            new (self) PythonSimulation(load(config, overrides));
+            new (self) PythonSimulation(load_config(config, overrides));
           },
           "config"_a = "sim", "overrides"_a = nb::dict(),
           nb::sig(
@@ -324,7 +330,7 @@ void bind_simulation(nb::module_& m) {
       "simulate",
       [](const std::string& config, const nb::dict& overrides, bool strict, nb::handle record,
          const nb::iterable& checks) {
-        PythonSimulation simulation(load(config, overrides));
+        PythonSimulation simulation(load_config(config, overrides));
         for (const nb::handle check : checks) simulation.add_check(nb::borrow(check));
         if (!record.is_none()) static_cast<void>(simulation.record(path_of(record), "double"));
         return simulation.connect(strict);
@@ -342,7 +348,7 @@ void bind_simulation(nb::module_& m) {
   m.def(
       "export_mjcf",
       [](const std::string& config, const nb::dict& overrides) {
-        return export_mjcf(description_of(load(config, overrides)));
+        return export_mjcf(description_of(load_config(config, overrides)));
       },
       "config"_a = "sim", "overrides"_a = nb::dict(),
       nb::sig("def export_mjcf(config: str = 'sim', overrides: dict[str, object] = {}) -> str"),
@@ -350,7 +356,7 @@ void bind_simulation(nb::module_& m) {
   m.def(
       "export_urdf",
       [](const std::string& config, const nb::dict& overrides) {
-        return export_urdf(description_of(load(config, overrides)));
+        return export_urdf(description_of(load_config(config, overrides)));
       },
       "config"_a = "sim", "overrides"_a = nb::dict(),
       nb::sig("def export_urdf(config: str = 'sim', overrides: dict[str, object] = {}) -> str"),

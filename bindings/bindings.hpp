@@ -19,6 +19,8 @@ void bind_replay(nanobind::module_& m);
 void bind_simulation(nanobind::module_& m);
 /// What python/trifinger/control.py gives its names.
 void bind_control(nanobind::module_& m);
+/// Of these, planning and controlling grasps.
+void bind_grasping(nanobind::module_& m);
 /// TimingRecord, LatenessHistogram, LateStep.
 void bind_timing(nanobind::module_& m);
 

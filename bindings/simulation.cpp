@@ -29,14 +29,18 @@ nb::bytes to_bytes(const SimulationState& state) { return nb::bytes(state.data()
 
 }  // namespace
 
-std::vector<std::string> to_overrides(const nb::dict& overrides) {
+RobotConfig load_config(const std::string& name, const nb::dict& overrides) {
   // JSON is YAML, and Python writes it.
   const nb::object dumps = nb::module_::import_("json").attr("dumps");
   std::vector<std::string> texts;
   for (const auto& [key, value] : overrides) {
     texts.push_back(std::string(nb::str(key).c_str()) + "=" + nb::str(dumps(value)).c_str());
   }
-  return texts;
+  return load_robot_config(name, texts);
+}
+
+RobotDescription description_of(const RobotConfig& config) {
+  return std::visit([](const auto& options) { return options.description; }, config.simulation);
 }
 
 PythonSimulation::PythonSimulation(const RobotConfig& config)

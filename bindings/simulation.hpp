@@ -17,8 +17,10 @@
 
 namespace trifinger::python {
 
-/// "a.b=value" for each entry of a dict {"a.b": value}, the values as YAML.
-[[nodiscard]] std::vector<std::string> to_overrides(const nanobind::dict& overrides);
+/// The configuration `name`, with the value of each entry of a dict {"a.b": value}.
+[[nodiscard]] RobotConfig load_config(const std::string& name, const nanobind::dict& overrides);
+
+[[nodiscard]] RobotDescription description_of(const RobotConfig& config);
 
 /// A simulated robot in this process, whatever its number of fingers.
 class PythonSimulation {

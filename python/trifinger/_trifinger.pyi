@@ -542,6 +542,11 @@ class Kinematics:
     def tip_jacobians(self, position: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
         """The Jacobians of all tips below each other [m/rad]."""
 
+    def tip_accelerations(self, position: numpy.typing.ArrayLike, velocity: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        How the tips accelerate with joints of constant `velocity` [rad/s]: a row x, y, z for each finger [m/s^2].
+        """
+
     def gravity_torques(self, position: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
         """Torques that hold the pose against gravity [Nm]."""
 
@@ -1019,6 +1024,341 @@ class PoseEstimator:
 
     def reset(self) -> None:
         """Forgets all poses."""
+
+class Touch:
+    """
+    Where one tip touches an object, in the object's frame. Cannot be changed.
+    """
+
+    def __init__(self, point: numpy.typing.ArrayLike, normal: numpy.typing.ArrayLike) -> None: ...
+
+    @property
+    def point(self) -> numpy.typing.NDArray[numpy.float64]:
+        """On the surface, from the centre [m]."""
+
+    @property
+    def normal(self) -> numpy.typing.NDArray[numpy.float64]:
+        """Into the object, of unit length."""
+
+class Approach:
+    """
+    How a tip comes to its touch: through these points, for the centre of its sphere, in the world frame.
+    """
+
+    @property
+    def above(self) -> numpy.typing.NDArray[numpy.float64]:
+        """[m]"""
+
+    @property
+    def beside(self) -> numpy.typing.NDArray[numpy.float64]:
+        """[m]"""
+
+def approach_to(touch: Touch, object: Pose, tip_radius: float) -> Approach:
+    """
+    The approach of a tip of `tip_radius` [m] to an object at rest at the pose `object`.
+    """
+
+class GraspPlannerConfig:
+    """Among what a planner looks, and what it asks for."""
+
+    def __init__(self, *, offsets: Sequence[float] = ..., heights: Sequence[float] = ..., friction: float = ..., min_normal_force: float = ..., clearance: float = ..., limit_margin: float = ..., largest_torque: float = ...) -> None: ...
+
+    @property
+    def offsets(self) -> list[float]:
+        """To both sides of a face's middle [m]."""
+
+    @offsets.setter
+    def offsets(self, arg: Sequence[float], /) -> None: ...
+
+    @property
+    def heights(self) -> list[float]:
+        """Above the object's centre [m]."""
+
+    @heights.setter
+    def heights(self, arg: Sequence[float], /) -> None: ...
+
+    @property
+    def friction(self) -> float:
+        """On which the forces rely."""
+
+    @friction.setter
+    def friction(self, arg: float, /) -> None: ...
+
+    @property
+    def min_normal_force(self) -> float:
+        """[N]"""
+
+    @min_normal_force.setter
+    def min_normal_force(self, arg: float, /) -> None: ...
+
+    @property
+    def clearance(self) -> float:
+        """Of fingers from all they do not touch with their tips [m]."""
+
+    @clearance.setter
+    def clearance(self, arg: float, /) -> None: ...
+
+    @property
+    def limit_margin(self) -> float:
+        """Of joints from their soft limits [rad]."""
+
+    @limit_margin.setter
+    def limit_margin(self, arg: float, /) -> None: ...
+
+    @property
+    def largest_torque(self) -> float:
+        """Share of the motors' torque that carrying may take."""
+
+    @largest_torque.setter
+    def largest_torque(self, arg: float, /) -> None: ...
+
+class PlannedGrasp:
+    """What a planner has chosen."""
+
+    @property
+    def touches(self) -> list[Touch]:
+        """One for each of the three tips, finger 0 first."""
+
+    @property
+    def torque_share(self) -> float:
+        """
+        The largest share of a motor's torque that carrying the object takes, anywhere on the way.
+        """
+
+class GraspPlanner:
+    """
+    Chooses which finger touches which side face of a box, and where. The fingers reach the whole way, touch nothing
+    but the box with nothing but their tips, carry it within friction and ask for as little torque as can be. Not for
+    several threads at once.
+    """
+
+    def __init__(self, config: str = 'sim', overrides: dict[str, object] = {}, object: str = 'cube', settings: GraspPlannerConfig = ...) -> None:
+        """
+        For the robot, the limits and the scene of a configuration, as in `Kinematics`; `object` is the name of the box.
+        """
+
+    def plan(self, way: Sequence[Motion]) -> PlannedGrasp | None:
+        """
+        The best grasp for leading the object along `way`, which begins where it is grasped; None if there is none. The
+        object is as upright on all of the way as where it begins. Takes some milliseconds.
+        """
+
+class GraspControllerConfig:
+    """How a `GraspController` works."""
+
+    def __init__(self, *, object: ObjectGains = ..., tips: TipGains = ..., friction: float = ..., slip_friction: float = ..., min_normal_force: float = ..., max_normal_force: float = ..., touch_force: float = ..., approach_speed: float = ..., closing_speed: float = ..., penetration: float = ..., closing_time: float = ..., engage_time: float = ..., roll_time: float = ..., lost_time: float = ..., lost_distance: float = ...) -> None: ...
+
+    @property
+    def object(self) -> ObjectGains:
+        """How stiffly the object is held."""
+
+    @object.setter
+    def object(self, arg: ObjectGains, /) -> None: ...
+
+    @property
+    def tips(self) -> TipGains:
+        """How stiffly each tip is."""
+
+    @tips.setter
+    def tips(self, arg: TipGains, /) -> None: ...
+
+    @property
+    def friction(self) -> float:
+        """On which the forces that hold the object rely."""
+
+    @friction.setter
+    def friction(self, arg: float, /) -> None: ...
+
+    @property
+    def slip_friction(self) -> float:
+        """Tangential forces of tips that hold never exceed this share."""
+
+    @slip_friction.setter
+    def slip_friction(self, arg: float, /) -> None: ...
+
+    @property
+    def min_normal_force(self) -> float:
+        """Of each tip while it holds [N]."""
+
+    @min_normal_force.setter
+    def min_normal_force(self, arg: float, /) -> None: ...
+
+    @property
+    def max_normal_force(self) -> float:
+        """Likewise [N]."""
+
+    @max_normal_force.setter
+    def max_normal_force(self, arg: float, /) -> None: ...
+
+    @property
+    def touch_force(self) -> float:
+        """What is felt as a touch [N]."""
+
+    @touch_force.setter
+    def touch_force(self, arg: float, /) -> None: ...
+
+    @property
+    def approach_speed(self) -> float:
+        """Of the tips, on average [m/s]."""
+
+    @approach_speed.setter
+    def approach_speed(self, arg: float, /) -> None: ...
+
+    @property
+    def closing_speed(self) -> float:
+        """With which tips look for the faces [m/s]."""
+
+    @closing_speed.setter
+    def closing_speed(self, arg: float, /) -> None: ...
+
+    @property
+    def penetration(self) -> float:
+        """How far behind a face they look for it [m]."""
+
+    @penetration.setter
+    def penetration(self, arg: float, /) -> None: ...
+
+    @property
+    def closing_time(self) -> float:
+        """In which all tips must have felt their faces [s]."""
+
+    @closing_time.setter
+    def closing_time(self, arg: float, /) -> None: ...
+
+    @property
+    def engage_time(self) -> float:
+        """In which touching becomes holding [s]."""
+
+    @engage_time.setter
+    def engage_time(self, arg: float, /) -> None: ...
+
+    @property
+    def roll_time(self) -> float:
+        """In which the tips' targets follow tips that roll [s]."""
+
+    @roll_time.setter
+    def roll_time(self, arg: float, /) -> None: ...
+
+    @property
+    def lost_time(self) -> float:
+        """Without touch, after which the object is lost [s]."""
+
+    @lost_time.setter
+    def lost_time(self, arg: float, /) -> None: ...
+
+    @property
+    def lost_distance(self) -> float:
+        """From where it should be, likewise [m]."""
+
+    @lost_distance.setter
+    def lost_distance(self, arg: float, /) -> None: ...
+
+class GraspPhase(enum.Enum):
+    """What a `GraspController` is doing."""
+
+    IDLE = 0
+    """The tips stay where they are."""
+
+    APPROACH = 1
+    """On the way to the object, without touching it."""
+
+    CLOSE = 2
+    """Towards the faces, until all tips feel them."""
+
+    ENGAGE = 3
+    """Forces grow until they hold the object."""
+
+    HOLD = 4
+    """The object follows the desired motion."""
+
+    RELEASE = 5
+    """Off the faces, and up."""
+
+    LOST = 6
+    """
+    It slipped away, or was not where it should be. The tips stay: release them.
+    """
+
+class JointState:
+    """
+    What the nine joints measure, finger 0 first, from the base to the tip.
+    """
+
+    def __init__(self, position: numpy.typing.ArrayLike, velocity: numpy.typing.ArrayLike, torque: numpy.typing.ArrayLike) -> None: ...
+
+    @property
+    def position(self) -> numpy.typing.NDArray[numpy.float64]:
+        """[rad]"""
+
+    @property
+    def velocity(self) -> numpy.typing.NDArray[numpy.float64]:
+        """[rad/s]"""
+
+    @property
+    def torque(self) -> numpy.typing.NDArray[numpy.float64]:
+        """[Nm]"""
+
+class GraspState:
+    """What a `GraspController` feels and does."""
+
+    @property
+    def phase(self) -> GraspPhase: ...
+
+    @property
+    def wanted(self) -> ForceDistribution:
+        """Of the contacts while the object is held, in the world frame."""
+
+    @property
+    def normal_forces(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        What the three tips press with along their faces' normals, from the joints' torques [N].
+        """
+
+    @property
+    def tangential_forces(self) -> numpy.typing.NDArray[numpy.float64]:
+        """Likewise across the normals [N]."""
+
+    @property
+    def travel(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        How far each of the three tips has moved along its face since all of them touched, by rolling and slipping
+        [m].
+        """
+
+    @property
+    def torque_share(self) -> float:
+        """
+        The largest share of a joint's torque limit that is asked for; what is above 1 the safety checks cut off.
+        """
+
+class GraspController:
+    """
+    The paper's controller: grasps an object with three tips, makes it follow a motion, and lets it go. Its equations are
+    in docs/control.md. Call `update` once per step. Not for several threads at once.
+    """
+
+    def __init__(self, body: RigidBody, config: str = 'sim', overrides: dict[str, object] = {}, settings: GraspControllerConfig = ...) -> None:
+        """
+        `body` is the object, the robot and its limits are those of a configuration, as in `Kinematics`.
+        """
+
+    def grasp(self, touches: Sequence[Touch], object: Pose) -> None:
+        """
+        Goes to the object, which rests at the pose `object`, and takes it at three `touches`, finger 0 first.
+        """
+
+    def release(self) -> None:
+        """Lets the object go, whatever the phase."""
+
+    def update(self, elapsed: float, joints: JointState, object: Motion, desired: Motion) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        The nine joint torques for the next step [Nm], `elapsed` [s] after the step before. `object` is where the object
+        is and how it moves, `desired` how it should while it is held; until it is, `desired` should be where it rests.
+        """
+
+    @property
+    def state(self) -> GraspState:
+        """As of the last `update`."""
 
 class StepsIterator:
     """What LoggedSession.chunks() goes through."""
