@@ -81,9 +81,9 @@ struct GraspController::State {
       tips[k] = kinematics.tip_position(i);
       normals[k] = rotation * touches[k].normal;
       // What neither weight nor movement explains.
-      const Eigen::Matrix3d jacobian = jacobians.block<3, 3>(3 * i, 3 * i);
-      const Eigen::Vector3d force = jacobian.transpose().partialPivLu().solve(
-          joints.torque.segment<3>(3 * i) - bias.segment<3>(3 * i));
+      inverses[k] = jacobians.block<3, 3>(3 * i, 3 * i).inverse();
+      const Eigen::Vector3d force =
+          inverses[k].transpose() * (joints.torque.segment<3>(3 * i) - bias.segment<3>(3 * i));
       state.normal_forces[i] = force.dot(normals[k]);
       state.tangential_forces[i] = across(force, normals[k]).norm();
     }
@@ -224,6 +224,7 @@ struct GraspController::State {
   bool is_path_planned{true};
 
   JointMatrix jacobians;
+  std::array<Eigen::Matrix3d, kContacts> inverses;  // Of each finger's own Jacobian.
   JointValues bias;
   JointValues tip_velocity;
   Eigen::Matrix3d rotation;
@@ -302,9 +303,9 @@ const JointValues& GraspController::update(Seconds elapsed, const JointState& jo
   const TipPositions drift = s.kinematics.tip_accelerations(joints.velocity);
   JointValues acceleration(3 * kContacts);
   for (int i = 0; i < kContacts; ++i) {
-    const Eigen::Matrix3d jacobian = s.jacobians.block<3, 3>(3 * i, 3 * i);
-    acceleration.segment<3>(3 * i) = jacobian.partialPivLu().solve(
-        motions[static_cast<std::size_t>(i)].acceleration - drift.segment<3>(3 * i));
+    const auto k = static_cast<std::size_t>(i);
+    acceleration.segment<3>(3 * i) =
+        s.inverses[k] * (motions[k].acceleration - drift.segment<3>(3 * i));
   }
   s.torques = s.jacobians.transpose() * s.forces + s.kinematics.mass_matrix() * acceleration +
               s.bias + s.damping.cwiseProduct(joints.velocity);

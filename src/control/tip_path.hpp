@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 
+#include "line.hpp"
 #include "trifinger/control/grasp.hpp"
 #include "trifinger/control/motion.hpp"
 #include "trifinger/control/trajectories.hpp"
@@ -42,12 +43,8 @@ class TipPath {
     if (time_ >= duration_ && next_ < kLegs) begin_leg();
     const Progress progress = minimum_jerk(time_, duration_);
     std::array<PointMotion, kContacts> motions;
-    for (std::size_t k = 0; k < motions.size(); ++k) {
-      const Eigen::Vector3d leg = to_[k] - from_[k];
-      motions[k] = {.position = from_[k] + progress.value * leg,
-                    .velocity = progress.rate * leg,
-                    .acceleration = progress.acceleration * leg};
-    }
+    for (std::size_t k = 0; k < motions.size(); ++k)
+      motions[k] = on_line(from_[k], to_[k] - from_[k], progress);
     return motions;
   }
 

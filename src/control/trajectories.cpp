@@ -6,6 +6,7 @@
 #include <string>
 
 #include "check.hpp"
+#include "line.hpp"
 
 namespace trifinger::control {
 namespace {
@@ -40,8 +41,7 @@ LineTrajectory::LineTrajectory(const Eigen::Vector3d& start, const Eigen::Vector
 }
 
 PointMotion LineTrajectory::at(Seconds time) const noexcept {
-  const Progress progress = minimum_jerk(time, duration_);
-  return {start_ + progress.value * way_, progress.rate * way_, progress.acceleration * way_};
+  return on_line(start_, way_, minimum_jerk(time, duration_));
 }
 
 PoseTrajectory::PoseTrajectory(const Pose& start, const Pose& end, Seconds duration)

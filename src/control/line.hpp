@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "trifinger/control/motion.hpp"
+#include "trifinger/control/trajectories.hpp"
+
+namespace trifinger::control {
+
+// A point that has made `progress` on the straight line from `start` along `way`.
+inline PointMotion on_line(const Eigen::Vector3d& start, const Eigen::Vector3d& way,
+                           const Progress& progress) noexcept {
+  return {start + progress.value * way, progress.rate * way, progress.acceleration * way};
+}
+
+}  // namespace trifinger::control
