@@ -3,21 +3,22 @@
 #include <mujoco/mujoco.h>
 #include <time.h>
 
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <cmath>
 #include <memory>
-#include <numbers>
+#include <optional>
 #include <vector>
 
 #include "harness.hpp"
 #include "support/allocation_counter.hpp"
-#include "trifinger/control/force_optimizer.hpp"
-#include "trifinger/control/impedance.hpp"
+#include "trifinger/control/grasp_controller.hpp"
 #include "trifinger/control/pose_estimator.hpp"
 #include "trifinger/control/trajectories.hpp"
 #include "trifinger/model/kinematics.hpp"
 #include "trifinger/model/robot_model.hpp"
+#include "trifinger/sim/simulation.hpp"
 
 namespace trifinger::benchmarks {
 namespace {
@@ -28,90 +29,82 @@ using namespace control;
 constexpr int kCycles = 3000;  // A lift of 3 s.
 constexpr Seconds kPeriod{1e-3};
 
-// Three tips lift a cube by 10 cm; its pose comes at 100 Hz.
+RobotDescription description() { return {.finger_height = 0.3}; }
+
+// What a controller is given in one step.
+struct Input {
+  JointState joints;
+  std::optional<Pose> seen;  // Every 10 ms, of the cube.
+  Motion desired;
+};
+
+// A controller with its estimator, as it goes to a cube, grasps it and lifts it by 10 cm.
 class Controller {
  public:
-  Controller() {
-    torques_.limits.setConstant(actuator(kinematics_.description()).torque_limit);
-    const double tip_radius = figures(kinematics_.description()).tip_radius;
-    for (int finger = 0; finger < kContacts; ++finger) {
-      const double azimuth = std::numbers::pi / 2 * (1 - finger);
-      const Eigen::Vector3d out(std::cos(azimuth), std::sin(azimuth), 0);
-      const auto i = static_cast<std::size_t>(finger);
-      contacts_[i] = 0.0325 * out;
-      tips_[i] = (0.0325 + tip_radius) * out;
-    }
-    positions_.reserve(kCycles);
-    for (int i = 0; i < kCycles; ++i) {
-      const Motion motion = lift_.at(i * kPeriod);
-      JointValues position(kinematics_.num_joints());
-      for (int finger = 0; finger < kContacts; ++finger) {
-        const auto tip = point_of_body(motion, tips_[static_cast<std::size_t>(finger)]);
-        position.segment<3>(3 * finger) =
-            kinematics_.inverse_kinematics(finger, tip.position).position;
-      }
-      positions_.push_back(position);
-    }
+  explicit Controller(const Pose& rest)
+      : lift_(rest, {rest.position + Eigen::Vector3d(0, 0, 0.1), rest.orientation},
+              kCycles * kPeriod) {
+    const std::vector<Motion> way{lift_.at(Seconds(0)), lift_.at(lift_.duration())};
+    controller_.grasp(GraspPlanner(description()).plan(way).value().touches, rest);
   }
 
-  [[nodiscard]] const JointValues& position(int i) const {
-    return positions_[static_cast<std::size_t>(i)];
+  // Where the cube should be in the next cycle.
+  [[nodiscard]] Motion desired() const { return lift_.at(held_ * kPeriod); }
+
+  const JointValues& cycle(const Input& input) {
+    time_ += kPeriod;
+    if (input.seen) (void)estimator_.update(time_, *input.seen, input.desired);
+    const JointValues& torques = controller_.update(
+        kPeriod, input.joints, estimator_.predict(time_, input.desired), input.desired);
+    if (controller_.state().phase == GraspPhase::kHold) ++held_;
+    return torques;
   }
 
-  // The torques of cycle `i`.
-  JointValues cycle(int i) {
-    const JointValues& position = positions_[static_cast<std::size_t>(i)];
-    const JointValues& before = positions_[static_cast<std::size_t>(i == 0 ? 0 : i - 1)];
-    const JointValues velocity = (position - before) / kPeriod.count();
-    kinematics_.update(position);
-    const JointMatrix jacobians = kinematics_.tip_jacobians();
-    torques_.jacobians = jacobians;
-    torques_.bias = kinematics_.bias_torques(velocity);
-
-    const Seconds time = i * kPeriod;
-    const Motion desired = lift_.at(time);
-    if (i % 10 == 0) (void)estimator_.update(time, desired.pose, desired);
-    const Motion object = estimator_.predict(time, desired);
-    const Wrench wrench = object_impedance(desired, object.pose, object.twist, body_);
-
-    Grasp grasp;
-    for (std::size_t finger = 0; finger < grasp.size(); ++finger) {
-      grasp[finger].position = point_of_body(object, contacts_[finger]).position;
-      grasp[finger].normal = object.pose.orientation * -contacts_[finger];
-      grasp[finger].min_normal_force = 0.9;
-    }
-    const ForceDistribution found = optimizer_.solve(grasp, object.pose.position, wrench, torques_);
-    ++cycles_;
-    exact_ += found ? 1 : 0;
-
-    JointValues forces = found.forces;
-    const JointValues tip_velocities = jacobians * velocity;
-    for (int finger = 0; finger < kContacts; ++finger) {
-      forces.segment<3>(3 * finger) +=
-          tip_impedance(point_of_body(desired, tips_[static_cast<std::size_t>(finger)]),
-                        kinematics_.tip_position(finger), tip_velocities.segment<3>(3 * finger));
-    }
-    return jacobians.transpose() * forces + torques_.bias;
+  // How many cycles the cube has been held for.
+  [[nodiscard]] int held() const noexcept { return held_; }
+  // Whether the wrench of the last cycle was the one wanted.
+  [[nodiscard]] bool is_exact() const noexcept {
+    return static_cast<bool>(controller_.state().wanted);
   }
-
-  [[nodiscard]] int cycles() const noexcept { return cycles_; }
-  // Those whose wrench was the one wanted.
-  [[nodiscard]] int exact() const noexcept { return exact_; }
 
  private:
-  Kinematics kinematics_{RobotDescription{.finger_height = 0.3}};
-  RigidBody body_{rigid_body(cube())};
-  std::array<Eigen::Vector3d, kContacts> contacts_;  // In the frame of the cube.
-  std::array<Eigen::Vector3d, kContacts> tips_;      // Likewise.
-  PoseTrajectory lift_{Pose{.position = {0, 0, 0.0325}}, Pose{.position = {0, 0, 0.1325}},
-                       kCycles * kPeriod};
-  std::vector<JointValues> positions_;
-  TorqueLimits torques_;
+  PoseTrajectory lift_;
+  GraspController controller_{description(), rigid_body(cube())};
   PoseEstimator estimator_;
-  ForceOptimizer optimizer_;
-  int cycles_{0};
-  int exact_{0};
+  Seconds time_{0};
+  int held_{0};
 };
+
+// A lift in simulation: what its controller was given in each step, so that others can do the same.
+struct Recording {
+  Pose rest;
+  std::vector<Input> inputs;
+};
+
+Recording record_lift() {
+  const Simulation<TriFinger> simulation({.description = description()});
+  const auto cube_pose = [&] {
+    const auto [position, orientation] = simulation.robot().object_pose("cube");
+    const auto& [w, x, y, z] = orientation;
+    return Pose{Eigen::Vector3d(position.data()), Eigen::Quaterniond(w, x, y, z)};
+  };
+  Frontend<TriFinger> robot = simulation.connect();
+  Recording recording{.rest = cube_pose(), .inputs = {}};
+  Controller controller(recording.rest);
+  TriFinger::Observation y = robot.latest_observation();
+  TriFinger::Action action = hold_position(y);
+  while (controller.held() < kCycles) {
+    const TimeIndex t = robot.append_desired_action(action);
+    y = robot.get_observation(t);
+    Input& input = recording.inputs.emplace_back();
+    input.joints = {joint_values(y.position), joint_values(y.velocity), joint_values(y.torque)};
+    if (t % 10 == 0) input.seen = cube_pose();
+    input.desired = controller.desired();
+    action = {};
+    std::ranges::copy(controller.cycle(input), action.torque.begin());
+  }
+  return recording;
+}
 
 // MuJoCo's part of it, as short as it can be written: kinematics and the Jacobians of the tips.
 class Bare {
@@ -147,22 +140,28 @@ double processor_microseconds() {
 }  // namespace
 
 std::vector<Row> control_rows(const Effort& effort) {
-  Controller controller;
+  const Recording recording = record_lift();
   Bare bare;
   Samples slowest;
   std::size_t allocations = 0;
+  int cycles = 0;
+  int exact = 0;
   double sum = 0;  // Looked at, so that no compiler leaves out what made it.
   const auto full = [&] {
     Samples times;
     Samples processor_times;
-    for (int i = 0; i < kCycles; ++i) {
+    Controller controller(recording.rest);
+    for (const Input& input : recording.inputs) {
       const test::AllocationCounter counter;
       const double processor_begin = processor_microseconds();
       const auto begin = Clock::now();
-      sum += controller.cycle(i)[0];
+      sum += controller.cycle(input)[0];
       const auto end = Clock::now();
       const double processor_end = processor_microseconds();
       allocations += counter.count();
+      if (controller.held() == 0) continue;
+      ++cycles;
+      exact += controller.is_exact() ? 1 : 0;
       processor_times.add(processor_end - processor_begin);
       times.add(microseconds(end - begin));
     }
@@ -171,9 +170,9 @@ std::vector<Row> control_rows(const Effort& effort) {
   };
   const auto kinematics_alone = [&] {
     Samples times;
-    for (int i = 0; i < kCycles; ++i) {
+    for (const Input& input : recording.inputs) {
       const auto begin = Clock::now();
-      sum += bare.cycle(controller.position(i));
+      sum += bare.cycle(input.joints.position);
       times.add(microseconds(Clock::now() - begin));
     }
     return times.median();
@@ -182,8 +181,8 @@ std::vector<Row> control_rows(const Effort& effort) {
   Row row = make_row("control cycle, lifting a cube: p50", "us", paired,
                      "bare mj_kinematics, mj_comPos and mj_jacSite", "<= 15 us, 0 allocations",
                      paired.measure.median() <= 15.0 && allocations == 0 && std::isfinite(sum));
-  row.remark = fmt::format("{} allocations, {} % of the wrenches exact", allocations,
-                           100 * controller.exact() / controller.cycles());
+  row.remark =
+      fmt::format("{} allocations, {} % of the wrenches exact", allocations, 100 * exact / cycles);
   return {row, make_row("the same: p99.9, processor time", "us", slowest, "<= 40 us",
                         slowest.median() <= 40.0)};
 }
