@@ -12,6 +12,7 @@
 #include <thread>
 
 #include "harness.hpp"
+#include "support/soak.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/fake_robot.hpp"
@@ -140,7 +141,9 @@ Row dead_user_row(int kills) {
   Samples from_last_action;  // [periods]
   Samples from_kill;         // [ms]
   bool holds = true;
+  test::ProgressLine progress(kills);
   for (int counted = 0; counted < kills;) {
+    progress.update(counted);
     const KilledController killed = kill_controller(name, backend, random);
     // On a busy machine a controller may be late by itself, which says nothing.
     if (killed.time != Instant{} && time_of(killed.end) >= killed.time) {
@@ -168,7 +171,9 @@ Row dead_user_with_repeats_row(int kills) {
   const Child backend([&] { run_backend(name, at_one_kilohertz(1'000'000)); });
   Random random;
   Samples samples;  // [ms]
+  test::ProgressLine progress(kills);
   for (int counted = 0; counted < kills;) {
+    progress.update(counted);
     const KilledController killed = kill_controller(name, backend, random);
     if (killed.time == Instant{}) continue;  // ended before the kill
     ++counted;
@@ -184,7 +189,9 @@ Row dead_backend_row(int kills) {
   const std::string name = kDetection;
   Random random;
   Samples samples;  // [ms]
+  test::ProgressLine progress(kills);
   for (int i = 0; i < kills; ++i) {
+    progress.update(i);
     auto backend = std::make_unique<Child>([&] { run_backend(name, at_one_kilohertz(0)); });
     const Frontend<FakeRobot> robot = find(name, *backend);
     static_cast<void>(robot.latest_observation(kSearch));
@@ -392,7 +399,11 @@ std::vector<Row> kill_rows(int kills) {
   std::string remark;
   try {
     robot.start();
-    while (robot.kills() < kills) robot.kill_one();
+    test::ProgressLine progress(kills);
+    while (robot.kills() < kills) {
+      progress.update(robot.kills());
+      robot.kill_one();
+    }
     robot.end();
   } catch (const TimedOut& error) {
     ++hangs;

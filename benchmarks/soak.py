@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import statistics
 import subprocess
 import sys
@@ -102,6 +103,7 @@ def memory(minutes: float) -> bool:
             while time.monotonic() < begin + number * window:
                 samples.append([usage.read() for usage in usages])
                 time.sleep(min(0.2, window / 5))
+            print(f"[{number}/30]", file=sys.stderr)
             if number > 1:
                 for usage, values in zip(usages, zip(*samples, strict=True), strict=True):
                     # A file that is just being changed for the next is no growth.
@@ -122,7 +124,10 @@ def memory(minutes: float) -> bool:
 
 def kills() -> bool:
     """Kills of any process at any instant, and how soon the others notice."""
-    output = subprocess.run([str(PROGRAM), "faults"], check=True, stdout=subprocess.PIPE).stdout
+    environment = {**os.environ, "TRIFINGER_SOAK": "1"}  # so that it says how far it is
+    output = subprocess.run(
+        [str(PROGRAM), "faults"], check=True, stdout=subprocess.PIPE, env=environment
+    ).stdout
     rows = json.loads(output)
     print_table(rows)
     return all(row["holds"] for row in rows)

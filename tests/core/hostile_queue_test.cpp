@@ -4,12 +4,15 @@
 #include <unistd.h>
 
 #include <atomic>
+#include <chrono>
+#include <cstdio>
 #include <random>
 
 #include "core/drivers_of_tests.hpp"
 #include "core/intruder.hpp"
 #include "core/timing_contract.hpp"
 #include "support/session_folder.hpp"
+#include "support/soak.hpp"
 
 // The queue of actions belongs to the user, who may write what they like into it: the back-end
 // believes nothing. The tests write where only the layout of the session knows.
@@ -110,7 +113,9 @@ TEST(HostileQueue, fault_29_RandomBytesEndNoBackendAndHangNobody) {
   std::mt19937 random(1);
   Rig rig({.backend = {.max_rejected_actions = 1'000'000}});
   int ends = 0;
-  for (int round = 0; round < 40; ++round) {
+  test::Rounds rounds(40, std::chrono::minutes(2));
+  while (rounds.next()) {
+    const auto round = rounds.index();
     try {
       auto robot = rig.connect();
       const Intruder intruder;
@@ -129,6 +134,8 @@ TEST(HostileQueue, fault_29_RandomBytesEndNoBackendAndHangNobody) {
     recover("robot", test::kLong);
   }
   EXPECT_GT(ends, 0) << "the bytes did no harm; is the intruder at the right place?";
+  std::printf("%lld sessions with random bytes, %d of them ended by a fault\n",
+              static_cast<long long>(rounds.index()), ends);
   // The back-end has survived it.
   auto robot = rig.connect();
   test::run_steps<FakeDriverTraits>(robot, 0, 9);

@@ -136,7 +136,9 @@ TEST_P(KillTest, fault_02_RandomKillsHangNobody) {
   int early = 0;
   auto backend = start_backend();
   auto controller = start_controller();
+  ProgressLine progress(kills);
   for (std::int64_t i = 0; i < kills; ++i) {
+    progress.update(i);
     const bool is_backend = random_() % 2 == 0;
     std::optional<Frontend<FakeRobot>> observer;
     // Half of the kills strike a robot that works, the others whatever comes first: the making of a
@@ -154,9 +156,10 @@ TEST_P(KillTest, fault_02_RandomKillsHangNobody) {
       EXPECT_THROW(static_cast<void>(observer->get_status(1LL << 40U, kLong)), RobotStopped);
       const Fault::Code code = observer->fault().value_or(Fault{}).code;
       // A controller that was killed a moment before may have ended the session of a back-end that
-      // is killed now.
+      // is killed now; and on a busy machine, where time is faster than it, it leaves by itself.
       EXPECT_TRUE(code == Fault::Code::kControllerDied ||
-                  (is_backend && code == Fault::Code::kBackendDied))
+                  (is_backend && code == Fault::Code::kBackendDied) ||
+                  (GetParam() && code == Fault::Code::kDetached))
           << name_of(code);
     }
     // Whoever is left goes on with the new partner by itself.
@@ -223,7 +226,9 @@ TEST_P(KillTest, KilledObserversDisturbNobody) {
   std::array<Process, kObservers> observers;
   for (std::size_t i = 0; i < kObservers; ++i) observers[i] = start_observer((*seen)[i]);
   int early = 0;
+  ProgressLine progress(kills);
   for (std::int64_t i = 0; i < kills; ++i) {
+    progress.update(i);
     const std::size_t place = random_() % kObservers;
     Process& victim = observers[place];
     std::atomic<std::int64_t>& count = (*seen)[place];

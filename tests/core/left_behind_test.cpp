@@ -136,7 +136,10 @@ TEST_F(LeftBehind, fault_28_IsRemovedByTheNextBackendAndNothingElseIs) {
 
 TEST_F(LeftBehind, fault_28_IsNothingHoweverEarlyABackendIsKilled) {
   std::mt19937 random(1);
-  for (std::int64_t i = 0; i < repetitions(40, 2000); ++i) {
+  const std::int64_t kills = repetitions(40, 2000);
+  ProgressLine progress(kills);
+  for (std::int64_t i = 0; i < kills; ++i) {
+    progress.update(i);
     ChildProcess backend([] { return run_fake("robot"); });
     const auto end = std::chrono::steady_clock::now() + std::chrono::microseconds(random() % 3000);
     while (std::chrono::steady_clock::now() < end) std::this_thread::yield();

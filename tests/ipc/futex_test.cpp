@@ -49,14 +49,17 @@ void wait_for(const std::atomic<std::uint32_t>& word, std::uint32_t value) {
   }
 }
 
-// Two wakes in each; 10^8 in `./run soak`, a few minutes.
-std::uint32_t rounds() { return static_cast<std::uint32_t>(test::repetitions(20'000, 50'000'000)); }
+// Two wakes in each: 10^7 in `./run soak`. One takes some microseconds, and tens of them where
+// processors fall asleep in between.
+std::uint32_t rounds() { return static_cast<std::uint32_t>(test::repetitions(20'000, 5'000'000)); }
 
 // Every wake is needed: one that is lost leaves both asleep for days, and the watchdog of the tests
 // ends that.
 void play(Words& words, bool is_first) {
   const std::uint32_t last = rounds();
+  test::ProgressLine progress(last);
   for (std::uint32_t i = 1; i <= last; ++i) {
+    if (is_first) progress.update(i);
     if (!is_first) wait_for(words.ping, i);
     auto& mine = is_first ? words.ping : words.pong;
     mine.store(i, std::memory_order_release);

@@ -143,6 +143,7 @@ INSTANTIATE_TEST_SUITE_P(PowersOfTwo, LargeIndex,
 TEST(Ring, fault_34_NeverShowsATornElement) {
   constexpr int kRounds = 8;
   const std::int64_t reads_per_round = test::repetitions(100'000, 100'000'000) / kRounds;
+  test::ProgressLine progress(kRounds * reads_per_round);
   std::mt19937 random(2);
   std::int64_t whole = 0;
   std::int64_t lost = 0;
@@ -189,6 +190,7 @@ TEST(Ring, fault_34_NeverShowsATornElement) {
       return sum;
     };
     for (std::int64_t i = 0; reads() < reads_per_round && !HasFailure(); ++i) {
+      progress.update(round * reads_per_round + reads());
       ring->write(i, element_of(i, shape.element_size).data());
       end.store(i + 1, std::memory_order_release);
     }

@@ -94,7 +94,9 @@ TEST_F(RecorderKill, fault_20_AgainAndAgainCostsNothing) {
   const auto robot = find_robot();
   // By how much what is in the files was behind the robot, if the recorder had caught up before.
   std::vector<TimeIndex> at_risk;
+  ProgressLine progress(kills);
   for (std::int64_t i = 0; i < kills; ++i) {
+    progress.update(i);
     const auto recorder = start_recorder();
     const bool is_early = random() % 4 == 0;
     if (!is_early) wait_for_recorder(robot.current_time_index());

@@ -235,7 +235,9 @@ class HostileActions : public testing::TestWithParam<SceneAndKind> {
     constexpr auto kCases = 2 * std::size(kScenes) * std::size(kKinds);
     const auto steps = static_cast<int>(total_steps() / static_cast<std::int64_t>(kCases)) + 1;
     Figures seen;
+    ProgressLine progress(steps);
     for (int step = 0; step < steps; ++step) {
+      progress.update(step);
       const typename R::Observation before = driver.observation;
       const DriverReport report = driver.step(enemy->next(before));
       bool is_beyond_hard = false;

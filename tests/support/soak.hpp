@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <chrono>
 #include <cstdint>
+#include <cstdio>
 #include <cstdlib>
 #include <string_view>
 
 namespace trifinger::test {
 
-/// True in `./run soak`, where tests may take hours.
+/// True in `./run soak`, where tests may take minutes.
 [[nodiscard]] inline bool is_soak() {
   const char* const value = std::getenv("TRIFINGER_SOAK");
   return value != nullptr && std::string_view(value) == "1";
@@ -18,5 +20,54 @@ namespace trifinger::test {
 [[nodiscard]] inline std::int64_t repetitions(std::int64_t usual, std::int64_t soak) {
   return is_soak() ? soak : usual;
 }
+
+/// How far a long test has come. In `./run soak` it says so at every hundredth of the way, as ninja
+/// does, for `./run` to show; otherwise it says nothing.
+class ProgressLine {
+ public:
+  explicit ProgressLine(std::int64_t total) : total_(total), next_(is_soak() ? 0 : total + 1) {}
+
+  void update(std::int64_t done) {
+    if (done < next_) return;
+    std::fprintf(stderr, "[%lld/%lld]\n", static_cast<long long>(done),
+                 static_cast<long long>(total_));
+    next_ = done + (total_ + 99) / 100;
+  }
+
+ private:
+  std::int64_t total_;
+  std::int64_t next_;
+};
+
+/// The rounds of a test that tries random things: `usual` ones in `./run test`, so that slow
+/// machines do the same, and those of `soak` in `./run soak`.
+///
+///     for (Rounds rounds(100, std::chrono::minutes(10)); rounds.next();)
+class Rounds {
+ public:
+  Rounds(std::int64_t usual, std::chrono::seconds soak)
+      : usual_(usual), end_(Clock::now() + soak), soak_(soak), progress_(soak.count()) {}
+
+  /// Whether there is another round.
+  [[nodiscard]] bool next() {
+    ++done_;
+    if (!is_soak()) return done_ <= usual_;
+    const auto left = std::chrono::ceil<std::chrono::seconds>(end_ - Clock::now());
+    progress_.update((soak_ - left).count());
+    return left.count() > 0;
+  }
+
+  /// Of the round in which it is asked, 0 for the first; behind the last, their number.
+  [[nodiscard]] std::int64_t index() const noexcept { return done_ - 1; }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+
+  std::int64_t usual_;
+  std::int64_t done_{0};
+  Clock::time_point end_;
+  std::chrono::seconds soak_;
+  ProgressLine progress_;
+};
 
 }  // namespace trifinger::test
