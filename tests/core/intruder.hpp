@@ -2,14 +2,18 @@
 #pragma once
 
 #include <array>
+#include <chrono>
 #include <cstddef>
 #include <cstring>
 #include <filesystem>
 #include <memory>
 #include <random>
 
+#include "core/transports.hpp"
 #include "session_layout.hpp"
 #include "session_memory.hpp"
+#include "trifinger/core/errors.hpp"
+#include "trifinger/core/frontend.hpp"
 #include "trifinger/core/session.hpp"
 #include "trifinger/ipc/ring.hpp"
 #include "trifinger/ipc/shared_memory.hpp"
@@ -53,5 +57,22 @@ class Intruder {
   ipc::SharedMemory memory_;
   ipc::Ring queue_;
 };
+
+/// Waits for y[t] of a user who may have destroyed an action of their own on its way. Nobody
+/// replaces it, and outside of real-time mode the robot waits for it for ever: then false.
+template <class R>
+[[nodiscard]] bool observes(const Frontend<R>& robot, const Intruder<typename R::Action>& intruder,
+                            TimeIndex t) {
+  try {
+    static_cast<void>(robot.get_observation(t, std::chrono::seconds(2)));
+    return true;
+  } catch (const TimedOut&) {
+    const TimeIndex open = robot.session().info().steps;
+    if (intruder.queue().sequence_in_slot(open) != ipc::Ring::sequence_of(open)) return false;
+  }
+  // A busy machine.
+  static_cast<void>(robot.get_observation(t, kLong));
+  return true;
+}
 
 }  // namespace trifinger::test

@@ -84,11 +84,12 @@ TEST(HostileQueueOfASimulation, fault_29_RandomBytesBreakNoLimitAndTheNextSessio
     std::optional<Robot> robot(rig.connect({}));
     const Robot observer = rig.observe();
     const auto fault = [&]() -> std::optional<Fault> {
+      const Intruder<TriFinger::Action> intruder;
       std::jthread attacker{Attack(round)};
       try {
         for (int i = 0; i < Attack::kSteps; ++i) {
           const TimeIndex t = robot->append_desired_action(Traits::action(i), kLong);
-          static_cast<void>(robot->get_observation(t, kLong));
+          if (!observes(*robot, intruder, t)) break;
         }
       } catch (const RobotStopped& end) {
         return end.fault();
