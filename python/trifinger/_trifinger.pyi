@@ -1061,7 +1061,7 @@ def approach_to(touch: Touch, object: Pose, tip_radius: float) -> Approach:
 class GraspPlannerConfig:
     """Among what a planner looks, and what it asks for."""
 
-    def __init__(self, *, offsets: Sequence[float] = ..., heights: Sequence[float] = ..., friction: float = ..., min_normal_force: float = ..., clearance: float = ..., limit_margin: float = ..., largest_torque: float = ...) -> None: ...
+    def __init__(self, *, offsets: Sequence[float] = ..., heights: Sequence[float] = ..., friction: float = ..., friction_sides: int = ..., min_normal_force: float = ..., clearance: float = ..., limit_margin: float = ..., largest_torque: float = ...) -> None: ...
 
     @property
     def offsets(self) -> list[float]:
@@ -1083,6 +1083,13 @@ class GraspPlannerConfig:
 
     @friction.setter
     def friction(self, arg: float, /) -> None: ...
+
+    @property
+    def friction_sides(self) -> int:
+        """Of its pyramids, 3 to 8."""
+
+    @friction_sides.setter
+    def friction_sides(self, arg: int, /) -> None: ...
 
     @property
     def min_normal_force(self) -> float:
@@ -1146,7 +1153,7 @@ class GraspPlanner:
 class GraspControllerConfig:
     """How a `GraspController` works."""
 
-    def __init__(self, *, object: ObjectGains = ..., tips: TipGains = ..., friction: float = ..., slip_friction: float = ..., min_normal_force: float = ..., max_normal_force: float = ..., touch_force: float = ..., approach_speed: float = ..., closing_speed: float = ..., penetration: float = ..., closing_time: float = ..., engage_time: float = ..., roll_time: float = ..., lost_time: float = ..., lost_distance: float = ...) -> None: ...
+    def __init__(self, *, object: ObjectGains = ..., tips: TipGains = ..., friction: float = ..., friction_sides: int = ..., slip_friction: float = ..., min_normal_force: float = ..., max_normal_force: float = ..., touch_force: float = ..., approach_speed: float = ..., closing_speed: float = ..., penetration: float = ..., closing_time: float = ..., engage_time: float = ..., roll_time: float = ..., lost_time: float = ..., lost_distance: float = ...) -> None: ...
 
     @property
     def object(self) -> ObjectGains:
@@ -1168,6 +1175,13 @@ class GraspControllerConfig:
 
     @friction.setter
     def friction(self, arg: float, /) -> None: ...
+
+    @property
+    def friction_sides(self) -> int:
+        """Of its pyramids, 3 to 8."""
+
+    @friction_sides.setter
+    def friction_sides(self, arg: int, /) -> None: ...
 
     @property
     def slip_friction(self) -> float:

@@ -48,6 +48,7 @@ struct GraspController::State {
       : config(settings),
         body(std::move(object)),
         kinematics(description),
+        optimizer({.friction_sides = config.friction_sides}),
         path(config.approach_speed) {
     check(config);
     if (kinematics.num_fingers() != kContacts)

@@ -97,6 +97,7 @@ struct GraspPlanner::State {
         address(robot.object(name)),
         object(*std::ranges::find(description.objects, name, &ObjectDescription::name)),
         body(rigid_body(object)),
+        optimizer({.friction_sides = config.friction_sides}),
         // A copy, because it gets margins.
         model(mj_copyModel(nullptr, robot.mujoco())),
         data(mj_makeData(model.get())) {
@@ -222,10 +223,13 @@ struct GraspPlanner::State {
                   .friction = config.friction,
                   .min_normal_force = config.min_normal_force};
     }
-    // In the object's frame, where it is the same on all of the way.
-    const Wrench weight{
-        .force = -body.mass * (way.front().pose.orientation.conjugate() * gravity()),
-        .moment = Eigen::Vector3d::Zero()};
+    // In the object's frame, where up is up on all of the way: its weight where it weighs most.
+    double heaviest = 0.0;
+    for (const Motion& motion : way)
+      heaviest = std::max(heaviest, (motion.acceleration.linear - gravity()).z());
+    const Wrench weight{.force = way.front().pose.orientation.conjugate() *
+                                 Eigen::Vector3d(0.0, 0.0, body.mass * heaviest),
+                        .moment = Eigen::Vector3d::Zero()};
     const ForceDistribution held = optimizer.solve(grasp, Eigen::Vector3d::Zero(), weight);
     if (!held) return std::nullopt;
     double largest = 0.0;
@@ -262,10 +266,10 @@ struct GraspPlanner::State {
   ObjectAddress address;
   ObjectDescription object;
   RigidBody body;
+  ForceOptimizer optimizer;
   std::unique_ptr<mjModel, DeleteModel> model;
   std::unique_ptr<mjData, DeleteData> data;
   std::vector<int> finger_of_geom;
-  ForceOptimizer optimizer;
 };
 
 GraspPlanner::GraspPlanner(const RobotDescription& description, const std::string& object,

@@ -130,6 +130,23 @@ TEST(GraspPlanner, TouchesTheCubeWithTipsAndNothingElse) {
   EXPECT_GE(grasps, 12);
 }
 
+TEST(GraspPlanner, CarriesMoreWhereItAcceleratesUpwards) {
+  GraspPlanner planner(raised());
+  std::vector<Motion> way = upwards(on_table(0, 0, 0.2), 0.1);
+  const double calm = planner.plan(way).value().torque_share;
+  way[1].acceleration.linear.z() = 3.0;
+  EXPECT_GT(planner.plan(way).value().torque_share, 1.05 * calm);
+}
+
+TEST(GraspPlanner, NeedsLessTorqueWithMoreSidesOfItsPyramids) {
+  GraspPlanner four(raised());
+  GraspPlanner eight(raised(), "cube", {.friction_sides = 8});
+  for (const double yaw : {0.0, 0.3, 0.6, 1.2}) {
+    const auto way = upwards(on_table(0, 0, yaw), 0.1);
+    EXPECT_LT(eight.plan(way).value().torque_share, four.plan(way).value().torque_share);
+  }
+}
+
 TEST(GraspPlanner, FindsNothingOutOfReach) {
   GraspPlanner planner{RobotDescription()};
   EXPECT_FALSE(planner.plan(upwards(on_table(0, 0, 0), 0.4)));

@@ -19,6 +19,7 @@ struct GraspControllerConfig {
   ObjectGains object{};
   TipGains tips{.stiffness = 300.0};
   double friction{0.45};         ///< On which the forces that hold the object rely.
+  int friction_sides{4};         ///< Of its pyramids, 3 to 8.
   double slip_friction{0.55};    ///< Tangential forces of tips that hold never exceed this share.
   double min_normal_force{0.9};  ///< Of each tip while it holds [N].
   double max_normal_force{5.0};  ///< Likewise [N].

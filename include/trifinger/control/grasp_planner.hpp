@@ -46,6 +46,7 @@ struct GraspPlannerConfig {
   std::vector<double> offsets{0.0, 0.009, 0.018};    ///< To both sides of a face's middle [m].
   std::vector<double> heights{0.0, -0.010, -0.020};  ///< Above the object's centre [m].
   double friction{0.45};                             ///< On which the forces rely.
+  int friction_sides{4};                             ///< Of its pyramids, 3 to 8.
   double min_normal_force{0.9};                      ///< [N]
   double clearance{0.0005};    ///< Of fingers from all they do not touch with their tips [m].
   double limit_margin{0.03};   ///< Of joints from their soft limits [rad].
@@ -61,8 +62,8 @@ struct PlannedGrasp {
 };
 
 /// Chooses which finger touches which side face of a box, and where. The fingers reach the whole
-/// way, touch nothing but the box with nothing but their tips, carry it within friction and ask
-/// for as little torque as can be.
+/// way, touch nothing but the box with nothing but their tips, carry it within friction, also where
+/// it is accelerated upwards, and ask for as little torque as can be.
 class GraspPlanner {
  public:
   /// @throws InvalidArgument if the robot has not three fingers or its scene no box of this name,
