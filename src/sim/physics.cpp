@@ -108,6 +108,12 @@ void Physics::place_object(const ObjectAddress& object, const ObjectPose& pose) 
   std::fill_n(data_->qvel + object.velocity, kFreeJointSpeeds, 0.0);
 }
 
+void Physics::push_object(const ObjectAddress& object,
+                          const std::array<double, 3>& force) noexcept {
+  constexpr std::ptrdiff_t kWrench = 6;  // Force, then moment.
+  std::ranges::copy(force, data_->xfrc_applied + kWrench * object.body);
+}
+
 void Physics::get_state(std::span<double> state) const noexcept {
   mj_getState(model_.mujoco(), data_.get(), state.data(), mjSTATE_INTEGRATION);
 }

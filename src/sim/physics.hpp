@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <memory>
 #include <span>
@@ -42,6 +43,8 @@ class Physics {
 
   [[nodiscard]] ObjectPose object_pose(const ObjectAddress& object) const noexcept;
   void place_object(const ObjectAddress& object, const ObjectPose& pose) noexcept;
+  // What acts on the object's centre in every step from now on [N].
+  void push_object(const ObjectAddress& object, const std::array<double, 3>& force) noexcept;
 
   // The state from which MuJoCo goes on bit for bit: mjSTATE_INTEGRATION, since mjSTATE_FULLPHYSICS
   // lacks the warm start of the solver.

@@ -27,11 +27,11 @@ double in_seconds(Nanoseconds time) { return std::chrono::duration<double>(time)
 
 // Folders with the configurations that come with the program: beside the Python module that this
 // code is linked into, or in the share folder that belongs to the program.
-std::vector<std::filesystem::path> config_folders() {
+std::vector<std::filesystem::path> config_folders(const std::string& folder) {
   std::vector<std::filesystem::path> folders;
-  if (const char* const folder = std::getenv("TRIFINGER_CONFIG_DIR");
-      folder != nullptr && *folder != '\0') {
-    folders.emplace_back(folder);
+  if (const char* const given = std::getenv("TRIFINGER_CONFIG_DIR");
+      given != nullptr && *given != '\0') {
+    folders.emplace_back(given);
   }
   Dl_info info{};
   std::error_code ignored;
@@ -44,6 +44,9 @@ std::vector<std::filesystem::path> config_folders() {
     if (self.empty()) self = std::filesystem::canonical("/proc/self/exe", ignored);
     folders.push_back(self.parent_path() / "config");
     folders.push_back(self.parent_path().parent_path() / "share" / "trifinger" / "config");
+  }
+  if (!folder.empty()) {
+    for (std::filesystem::path& path : folders) path /= folder;
   }
   return folders;
 }
@@ -244,11 +247,11 @@ SimulationOptions<R> read_simulation(const Node& root, RobotDescription descript
 
 }  // namespace
 
-std::vector<std::string> config_names() {
+std::vector<std::string> config_names(const std::string& folder) {
   std::vector<std::string> names;
-  for (const std::filesystem::path& folder : config_folders()) {
+  for (const std::filesystem::path& place : config_folders(folder)) {
     std::error_code ignored;
-    for (const auto& entry : std::filesystem::directory_iterator(folder, ignored)) {
+    for (const auto& entry : std::filesystem::directory_iterator(place, ignored)) {
       if (entry.path().extension() == kSuffix) names.push_back(entry.path().stem().string());
     }
   }
@@ -258,22 +261,26 @@ std::vector<std::string> config_names() {
   return names;
 }
 
-std::filesystem::path find_config(const std::string& name) {
+std::filesystem::path find_config(const std::string& name, const std::string& folder) {
   const bool is_path = name.find('/') != std::string::npos || name.ends_with(kSuffix);
   if (is_path) return name;
-  for (const std::filesystem::path& folder : config_folders()) {
-    const std::filesystem::path path = folder / (name + std::string(kSuffix));
+  for (const std::filesystem::path& place : config_folders(folder)) {
+    const std::filesystem::path path = place / (name + std::string(kSuffix));
     if (std::filesystem::exists(path)) return path;
   }
   std::string known;
-  for (const std::string& other : config_names()) known += (known.empty() ? "" : ", ") + other;
+  for (const std::string& other : config_names(folder))
+    known += (known.empty() ? "" : ", ") + other;
   throw InvalidArgument("there is no configuration '" + name + "'; " +
                         (known.empty() ? "none is installed" : "there are " + known) +
                         ", or give the path of a file");
 }
 
 RobotConfig load_robot_config(const std::string& name, const std::vector<std::string>& overrides) {
-  const config::File file = config::File::load(find_config(name), overrides);
+  return read_robot_config(config::File::load(find_config(name), overrides));
+}
+
+RobotConfig read_robot_config(const config::File& file) {
   const Node root = file.root();
   RobotConfig config;
   config.name = root.required<std::string>("name");

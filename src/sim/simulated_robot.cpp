@@ -342,6 +342,14 @@ class SimulatedRobot<R>::Implementation {
     begin_here();
   }
 
+  void push_object(const std::string& name, const std::array<double, 3>& force) {
+    const ObjectAddress& object = physics_.model().object(name);
+    for (const double value : force) {
+      require(std::isfinite(value), "the force on object '" + name + "' is not finite");
+    }
+    physics_.push_object(object, force);
+  }
+
   [[nodiscard]] ObjectPose object_pose(const std::string& name) const {
     return physics_.object_pose(physics_.model().object(name));
   }
@@ -642,6 +650,11 @@ void SimulatedRobot<R>::reset(const Joints& position, std::uint64_t seed) {
 template <class R>
 void SimulatedRobot<R>::place_object(const std::string& name, const ObjectPose& pose) {
   implementation_->place_object(name, pose);
+}
+
+template <class R>
+void SimulatedRobot<R>::push_object(const std::string& name, const std::array<double, 3>& force) {
+  implementation_->push_object(name, force);
 }
 template <class R>
 ObjectPose SimulatedRobot<R>::object_pose(const std::string& name) const {

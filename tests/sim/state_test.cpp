@@ -209,6 +209,28 @@ TEST(SimulatedRobot, RefusesToBeginBeyondAHardLimit) {
   }
 }
 
+TEST(SimulationState, PushesAnObjectForAsLongAsItIsTold) {
+  const Simulation<TriFinger> simulation;
+  simulation.robot().place_object("cube", {.position = {0.0, 0.0, 1.0}});
+  auto robot = simulation.connect();
+  const auto hold = hold_position(robot.latest_observation());
+  constexpr double kForce = 0.5;    // [N]
+  constexpr double kSeconds = 0.1;  // A tenth of a second with the force, another without.
+  const auto wait = [&] {
+    for (int i = 0; i < 100; ++i) (void)robot.get_observation(robot.append_desired_action(hold));
+    return simulation.robot().object_pose("cube").position[0];
+  };
+  simulation.robot().push_object("cube", {kForce, 0.0, 0.0});
+  const double pushed = wait();
+  simulation.robot().push_object("cube", {0.0, 0.0, 0.0});
+  const double flown = wait();
+  const double speed = kForce / cube().mass * kSeconds;
+  EXPECT_NEAR(pushed, speed * kSeconds / 2, 1e-3);
+  EXPECT_NEAR(flown - pushed, speed * kSeconds, 1e-3);
+  EXPECT_THROW(simulation.robot().push_object("cube", {kInfinity, 0.0, 0.0}), InvalidArgument);
+  EXPECT_THROW(simulation.robot().push_object("ball", {}), InvalidArgument);
+}
+
 TEST(PlaceObject, PutsItThereAtRestAndNormalisesTheOrientation) {
   SimulatedRobot<TriFinger> robot;
   robot.place_object("cube", {.position = {0.05, -0.02, 0.0325}, .orientation = {3, 0, 0, 4}});

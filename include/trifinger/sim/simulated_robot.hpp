@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -114,6 +115,10 @@ class SimulatedRobot final : public Driver<R> {
   /// Puts an object somewhere, at rest. The orientation is normalised.
   /// @throws InvalidArgument naming the objects there are, or if the pose is no pose
   void place_object(const std::string& name, const ObjectPose& pose);
+  /// Lets a force act on an object's centre of mass from the next step on [N], in the world frame,
+  /// as a hand that pushes; until the next call, or `reset`.
+  /// @throws InvalidArgument naming the objects there are, or if the force is not finite
+  void push_object(const std::string& name, const std::array<double, 3>& force);
   /// Where an object is now, without delay and noise.
   /// @throws InvalidArgument naming the objects there are
   [[nodiscard]] ObjectPose object_pose(const std::string& name) const;
