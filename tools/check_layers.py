@@ -24,7 +24,8 @@ DIRECTLY_BELOW = {
     "model": ("base",),
     "control": ("model",),
     "sim": ("joint", "model"),
-    "apps": ("sim", "log"),
+    "manipulation": ("control", "sim"),
+    "apps": ("manipulation", "log"),
     "bindings": ("control", "sim", "log"),
 }
 

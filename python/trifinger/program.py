@@ -19,6 +19,11 @@ def main() -> NoReturn:
     """Becomes the program."""
     program = path()
     # Its commands that are written in Python lie beside Python, which need not be on the PATH.
-    folders = [os.environ.get("PATH", os.defpath), str(Path(sys.executable).parent)]
+    # Those in C++ lie beside it.
+    folders = [
+        os.environ.get("PATH", os.defpath),
+        str(Path(sys.executable).parent),
+        str(Path(program).parent),
+    ]
     os.environ["PATH"] = os.pathsep.join(folders)
     os.execvp(program, [program, *sys.argv[1:]])

@@ -1,0 +1,268 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/manipulation/manipulation.hpp"
+
+#include <algorithm>
+#include <limits>
+#include <utility>
+
+#include "trifinger/base/error.hpp"
+
+namespace trifinger::manipulation {
+namespace {
+
+using control::GraspPhase;
+
+constexpr Seconds kLongestLook{5.0};
+
+const ObjectDescription& object_of(const RobotDescription& description, const std::string& name) {
+  const auto object = std::ranges::find(description.objects, name, &ObjectDescription::name);
+  if (object == description.objects.end())
+    throw InvalidArgument("the scene has no '" + name + "' to handle");
+  return *object;
+}
+
+}  // namespace
+
+std::string_view name_of(Phase phase) noexcept {
+  switch (phase) {
+    case Phase::kLook:
+      return "look";
+    case Phase::kPlan:
+      return "plan";
+    case Phase::kGrasp:
+      return "grasp";
+    case Phase::kLead:
+      return "lead";
+    case Phase::kFollow:
+      return "follow";
+    case Phase::kHold:
+      return "hold";
+    case Phase::kLower:
+      return "lower";
+    case Phase::kRelease:
+      return "release";
+    case Phase::kDone:
+      return "done";
+    case Phase::kFailed:
+      return "failed";
+  }
+  return "unknown";
+}
+
+std::string_view text_of(Failure failure) noexcept {
+  switch (failure) {
+    case Failure::kNone:
+      return "";
+    case Failure::kNotSeen:
+      return "nobody has said where the object is";
+    case Failure::kNoPlan:
+      return "no grasp reaches the whole way from where the object lies";
+    case Failure::kLost:
+      return "the object got lost";
+    case Failure::kStopped:
+      return "it was stopped";
+  }
+  return "unknown";
+}
+
+Manipulation::Manipulation(const RobotDescription& description, const ManipulationConfig& config,
+                           Seconds period)
+    : period_(period),
+      look_time_(config.look_time),
+      max_grasps_(config.max_grasps),
+      object_height_(object_of(description, config.object).size[2] / 2),
+      controller_(description, control::rigid_body(object_of(description, config.object)),
+                  config.controller),
+      estimator_(config.pose_bandwidth),
+      last_seen_(std::numeric_limits<TimeIndex>::min()),
+      memory_(kMemory),
+      position_sum_(Eigen::Vector3d::Zero()),
+      orientation_sum_(Eigen::Vector4d::Zero()) {
+  if (!(period > Seconds(0))) throw InvalidArgument("the period of a step is not above zero");
+}
+
+void Manipulation::enter(Phase phase) noexcept {
+  phase_ = phase;
+  phase_begin_ = step_;
+}
+
+void Manipulation::fail(Failure failure) noexcept {
+  failure_ = failure;
+  enter(Phase::kFailed);
+}
+
+void Manipulation::look_again() noexcept {
+  num_seen_ = 0;
+  position_sum_.setZero();
+  orientation_sum_.setZero();
+  enter(Phase::kLook);
+}
+
+void Manipulation::see(TimeIndex captured, const Pose& pose) noexcept {
+  // What was desired at its step may not be known before `update`.
+  if (captured > last_seen_) news_ = SeenPose{captured, pose};
+}
+
+void Manipulation::take_news() noexcept {
+  if (!news_) return;
+  const auto [captured, pose] = *std::exchange(news_, std::nullopt);
+  if (captured > step_ || captured <= step_ - static_cast<TimeIndex>(kMemory)) return;
+  last_seen_ = captured;
+  if (phase_ == Phase::kLook) {
+    if (captured < phase_begin_) return;
+    ++num_seen_;
+    position_sum_ += pose.position;
+    const Eigen::Vector4d& orientation = pose.orientation.coeffs();
+    orientation_sum_ += orientation_sum_.dot(orientation) < 0.0 ? -orientation : orientation;
+    return;
+  }
+  // Before step 0 nothing was desired but rest.
+  const auto slot = static_cast<std::size_t>(std::max<TimeIndex>(captured, 0)) % kMemory;
+  (void)estimator_.update(time_of(captured), pose, memory_[slot]);
+}
+
+void Manipulation::finish_look() noexcept {
+  if (num_seen_ == 0) {
+    fail(Failure::kNotSeen);
+    return;
+  }
+  rest_ = upright({position_sum_ / num_seen_, Eigen::Quaterniond(orientation_sum_.normalized())});
+  rest_.position.z() = object_height_;
+  plan_.reset();
+  desired_ = {.pose = rest_};
+  memory_.assign(kMemory, desired_);
+  estimator_.reset();
+  enter(Phase::kPlan);
+}
+
+void Manipulation::begin(const std::optional<Plan>& plan) noexcept {
+  if (phase_ != Phase::kPlan) return;
+  if (!plan) {
+    fail(Failure::kNoPlan);
+    return;
+  }
+  plan_ = plan;
+  ++grasps_;
+  controller_.grasp(plan_->touches, plan_->start);
+  enter(Phase::kGrasp);
+}
+
+void Manipulation::release(Failure failure) noexcept {
+  next_failure_ = failure;
+  controller_.release();
+  enter(Phase::kRelease);
+}
+
+void Manipulation::stop() noexcept {
+  if (has_ended()) return;
+  next_failure_ = Failure::kStopped;
+  switch (phase_) {
+    case Phase::kLook:
+    case Phase::kPlan:
+      fail(Failure::kStopped);
+      return;
+    case Phase::kGrasp:
+      release(Failure::kStopped);
+      return;
+    default:
+      if (plan_ && phase_ != Phase::kRelease) plan_->way.give_up(time_of(step_ - way_begin_));
+  }
+}
+
+void Manipulation::follow_way() noexcept {
+  const auto enter_once = [this](Phase phase) {
+    if (phase_ != phase) enter(phase);
+  };
+  switch (plan_->way.leg_at(time_of(step_ - way_begin_))) {
+    case Leg::kLead:
+      break;
+    case Leg::kFollow:
+      enter_once(Phase::kFollow);
+      break;
+    case Leg::kHold:
+      enter_once(Phase::kHold);
+      break;
+    case Leg::kLower:
+      enter_once(Phase::kLower);
+      break;
+    case Leg::kRest:
+      release(next_failure_);
+      break;
+  }
+}
+
+void Manipulation::follow_phases() noexcept {
+  const GraspPhase grasp = controller_.state().phase;
+  if (phase_ != Phase::kRelease && grasp == GraspPhase::kLost) {
+    release(next_failure_ == Failure::kNone ? Failure::kLost : next_failure_);
+    return;
+  }
+  const Seconds elapsed = time_of(step_ - phase_begin_);
+  switch (phase_) {
+    case Phase::kLook:
+      if (elapsed >= (num_seen_ > 0 ? look_time_ : kLongestLook)) finish_look();
+      break;
+    case Phase::kGrasp:
+      if (grasp != GraspPhase::kHold) break;
+      way_begin_ = step_;
+      enter(Phase::kLead);
+      break;
+    case Phase::kLead:
+    case Phase::kFollow:
+    case Phase::kHold:
+    case Phase::kLower:
+      follow_way();
+      break;
+    case Phase::kRelease:
+      if (grasp != GraspPhase::kIdle) break;
+      if (next_failure_ == Failure::kNone) {
+        enter(Phase::kDone);
+      } else if (next_failure_ == Failure::kLost && grasps_ < max_grasps_) {
+        next_failure_ = Failure::kNone;
+        look_again();
+      } else {
+        fail(next_failure_);
+      }
+      break;
+    case Phase::kPlan:
+    case Phase::kDone:
+    case Phase::kFailed:
+      break;
+  }
+}
+
+void Manipulation::set_desired() noexcept {
+  switch (phase_) {
+    case Phase::kGrasp:
+      desired_ = plan_->way.at(Seconds(0));
+      return;
+    case Phase::kLead:
+    case Phase::kFollow:
+    case Phase::kHold:
+    case Phase::kLower:
+      desired_ = plan_->way.at(time_of(step_ - way_begin_));
+      return;
+    default:
+      // Nobody leads it.
+      desired_ = {.pose = desired_.pose};
+      return;
+  }
+}
+
+const JointValues& Manipulation::update(TimeIndex step,
+                                        const control::JointState& joints) noexcept {
+  const TimeIndex elapsed = std::max<TimeIndex>(step - step_, 1);
+  // Steps that were left out have no entry of their own.
+  for (TimeIndex i = std::max<TimeIndex>(step_ + 1, 0);
+       i < std::min(step, step_ + static_cast<TimeIndex>(kMemory)); ++i)
+    memory_[static_cast<std::size_t>(i) % kMemory] = desired_;
+  step_ = step;
+  follow_phases();
+  set_desired();
+  if (step >= 0) memory_[static_cast<std::size_t>(step) % kMemory] = desired_;
+  take_news();
+  object_ = estimator_.predict(time_of(step), desired_);
+  return controller_.update(time_of(elapsed), joints, object_, desired_);
+}
+
+}  // namespace trifinger::manipulation

@@ -1,0 +1,237 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/manipulation/task.hpp"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+#include "trifinger/base/error.hpp"
+
+namespace trifinger::manipulation {
+namespace {
+
+using control::CircleTrajectory;
+using control::PoseTrajectory;
+
+constexpr double kPi = std::numbers::pi;
+// Of a way that is given up.
+constexpr double kGivingUpSpeed = 0.1;  // [m/s]
+constexpr Seconds kGivingUpTime{0.5};   // At least.
+// Points of a way that a planner looks at.
+constexpr int kPointsOfLead = 3;
+constexpr int kPointsOfLine = 8;  // Even: the middle is fastest.
+constexpr int kPointsOfTurn = 16;
+
+Pose raised(Pose pose, double height) {
+  pose.position.z() += height;
+  return pose;
+}
+
+Pose turned(Pose pose, double angle) {
+  pose.orientation = Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitZ()) * pose.orientation;
+  return pose;
+}
+
+bool is_same(const Pose& a, const Pose& b) {
+  return (a.position - b.position).norm() == 0.0 &&
+         control::rotation_error(a.orientation, b.orientation).norm() == 0.0;
+}
+
+std::variant<PoseTrajectory, CircleTrajectory> follow_of(const Task& task, const Pose& begin,
+                                                         double start_angle) {
+  if (const auto* lift = std::get_if<LiftTask>(&task))
+    return PoseTrajectory(begin, raised(begin, lift->height), lift->lift_time);
+  const auto& slide = std::get<SlideTask>(task);
+  return CircleTrajectory({.centre = {0.0, 0.0, begin.position.z()},
+                           .radius = slide.radius,
+                           .start_angle = start_angle,
+                           .turns = slide.turns,
+                           .period = slide.period,
+                           .ramp_time = slide.ramp_time});
+}
+
+// What a planner has to look at: the ends of all legs, and points between them.
+std::vector<Motion> points_of(const ObjectWay& way, const Task& task) {
+  std::vector<Motion> points;
+  const auto add = [&](Leg leg, Leg next, int count) {
+    const Seconds begin = way.begin_of(leg);
+    const Seconds duration = way.begin_of(next) - begin;
+    for (int i = 0; i <= count; ++i) points.push_back(way.at(begin + duration * i / count));
+  };
+  if (way.begin_of(Leg::kFollow) > Seconds(0)) add(Leg::kLead, Leg::kFollow, kPointsOfLead);
+  if (const auto* slide = std::get_if<SlideTask>(&task)) {
+    // One turn at full speed shows all there is.
+    const Seconds begin = way.begin_of(Leg::kFollow) + slide->ramp_time;
+    points.push_back(way.at(way.begin_of(Leg::kFollow)));
+    const double turns = std::min(std::abs(slide->turns), 1.0);
+    for (int i = 0; i < kPointsOfTurn; ++i)
+      points.push_back(way.at(begin + turns * slide->period * i / kPointsOfTurn));
+  } else {
+    add(Leg::kFollow, Leg::kHold, kPointsOfLine);
+    add(Leg::kLower, Leg::kRest, kPointsOfLine);
+  }
+  return points;
+}
+
+}  // namespace
+
+ObjectWay::ObjectWay(const Task& task, const LeadConfig& lead, const Pose& start, const Pose& begin,
+                     double start_angle)
+    : start_(start), begin_(begin), follow_(follow_of(task, begin, start_angle)) {
+  if (!is_same(start, begin)) lead_.emplace(start, begin, lead.time);
+  follow_begin_ = lead_ ? lead.time : Seconds(0);
+  hold_begin_ =
+      follow_begin_ + std::visit([](const auto& follow) { return follow.duration(); }, follow_);
+  lower_begin_ = hold_begin_;
+  end_ = hold_begin_;
+  if (const auto* lift = std::get_if<LiftTask>(&task)) {
+    if (!(lift->hold_time >= Seconds(0))) throw InvalidArgument("hold_time is below zero");
+    lower_begin_ += lift->hold_time;
+    Pose table = begin;
+    table.position.z() = start.position.z();
+    lower_.emplace(raised(begin, lift->height), table, lift->lower_time);
+    end_ = lower_begin_ + lift->lower_time;
+  } else {
+    weight_share_ = 1.0 - std::get<SlideTask>(task).table_share;
+  }
+}
+
+Motion ObjectWay::at(Seconds time) const noexcept {
+  Motion motion;
+  if (time < follow_begin_ && lead_) {
+    motion = lead_->at(time);
+  } else if (time >= lower_begin_ && lower_) {
+    motion = lower_->at(time - lower_begin_);
+  } else if (const auto* line = std::get_if<PoseTrajectory>(&follow_)) {
+    motion = line->at(time - follow_begin_);
+  } else {
+    const control::PointMotion point = std::get<CircleTrajectory>(follow_).at(time - follow_begin_);
+    motion = {.pose = {point.position, begin_.orientation},
+              .twist = {.linear = point.velocity},
+              .acceleration = {.linear = point.acceleration}};
+  }
+  // Whoever carries a part of the weight alone lets the rest fall, by the table's leave.
+  motion.acceleration.linear += (1.0 - weight_share_) * control::gravity();
+  return motion;
+}
+
+Leg ObjectWay::leg_at(Seconds time) const noexcept {
+  if (time < follow_begin_) return Leg::kLead;
+  if (time < hold_begin_) return Leg::kFollow;
+  if (time < lower_begin_) return Leg::kHold;
+  return time < end_ ? Leg::kLower : Leg::kRest;
+}
+
+Seconds ObjectWay::begin_of(Leg leg) const noexcept {
+  switch (leg) {
+    case Leg::kLead:
+      break;
+    case Leg::kFollow:
+      return follow_begin_;
+    case Leg::kHold:
+      return hold_begin_;
+    case Leg::kLower:
+      return lower_begin_;
+    case Leg::kRest:
+      return end_;
+  }
+  return Seconds(0);
+}
+
+void ObjectWay::give_up(Seconds time) {
+  if (leg_at(time) == Leg::kLower || leg_at(time) == Leg::kRest) return;
+  const Pose from = at(time).pose;
+  Pose table = from;
+  table.position.z() = start_.position.z();
+  const Seconds duration =
+      std::max(kGivingUpTime, Seconds((from.position - table.position).norm() / kGivingUpSpeed));
+  lower_.emplace(from, table, duration);
+  follow_begin_ = std::min(follow_begin_, time);
+  hold_begin_ = std::min(hold_begin_, time);
+  lower_begin_ = time;
+  end_ = time + duration;
+}
+
+Pose upright(const Pose& pose) noexcept {
+  const Eigen::Matrix3d rotation = pose.orientation.toRotationMatrix();
+  Eigen::Index axis = 0;
+  rotation.row(2).cwiseAbs().maxCoeff(&axis);
+  const Eigen::Vector3d up = (rotation(2, axis) > 0.0 ? 1.0 : -1.0) * rotation.col(axis);
+  return {pose.position,
+          (Eigen::Quaterniond::FromTwoVectors(up, Eigen::Vector3d::UnitZ()) * pose.orientation)
+              .normalized()};
+}
+
+TaskPlanner::TaskPlanner(const RobotDescription& description, ManipulationConfig config)
+    : config_(std::move(config)), planner_(description, config_.object, config_.planner) {}
+
+std::vector<TaskPlanner::Place> TaskPlanner::places(const Pose& start) const {
+  std::vector<Place> places;
+  for (const double turn : config_.lead.turns) {
+    const double cost = config_.lead.turn_cost * std::abs(turn);
+    if (const auto* slide = std::get_if<SlideTask>(&config_.task)) {
+      for (int i = 0; i < slide->start_angles; ++i) {
+        const double angle = 2 * kPi * i / slide->start_angles;
+        Pose begin = turned(start, turn);
+        begin.position.head<2>() =
+            slide->radius * Eigen::Vector2d(std::cos(angle), std::sin(angle));
+        places.push_back({begin, angle, cost});
+      }
+    } else {
+      for (const double distance : config_.lead.distances) {
+        Pose begin = turned(start, turn);
+        begin.position.head<2>() *= distance;
+        if (turn != 0.0 || distance != 1.0) begin.position.z() += config_.lead.height;
+        places.push_back({begin, 0.0, cost});
+      }
+    }
+  }
+  return places;
+}
+
+std::optional<Plan> TaskPlanner::plan(const Pose& start) {
+  std::optional<Plan> best;
+  double best_cost = 0.0;
+  for (const Place& place : places(start)) {
+    if (best && place.cost >= best_cost) continue;
+    const ObjectWay way(config_.task, config_.lead, start, place.begin, place.start_angle);
+    const auto grasp = planner_.plan(points_of(way, config_.task));
+    if (!grasp) continue;
+    const double cost = place.cost + grasp->torque_share;
+    if (best && cost >= best_cost) continue;
+    best = Plan{grasp->touches, grasp->torque_share, start, way};
+    best_cost = cost;
+  }
+  return best;
+}
+
+double reachable_height(const RobotDescription& description, ManipulationConfig config) {
+  constexpr int kYaws = 18;  // Over a quarter of a turn: after it a cube looks the same.
+  constexpr double kStep = 0.005;
+  auto& task = config.task.emplace<LiftTask>(
+      std::holds_alternative<LiftTask>(config.task) ? std::get<LiftTask>(config.task) : LiftTask{});
+  const auto object =
+      std::ranges::find(description.objects, config.object, &ObjectDescription::name);
+  if (object == description.objects.end())
+    throw InvalidArgument("the scene has no '" + config.object + "'");
+  const auto reaches = [&](double height) {
+    task.height = height;
+    TaskPlanner planner(description, config);
+    for (int i = 0; i < kYaws; ++i) {
+      const Pose start{.position = {0.0, 0.0, object->size[2] / 2}};
+      if (!planner.plan(turned(start, kPi / 2 * i / kYaws))) return false;
+    }
+    return true;
+  };
+  int low = 0;
+  int high = 80;
+  while (high - low > 1) {
+    const int middle = (low + high) / 2;
+    (reaches(kStep * middle) ? low : high) = middle;
+  }
+  return kStep * low;
+}
+
+}  // namespace trifinger::manipulation

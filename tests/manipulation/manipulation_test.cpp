@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/manipulation/manipulation.hpp"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <random>
+#include <thread>
+#include <vector>
+
+#include "evaluation/trial.hpp"
+#include "support/allocation_counter.hpp"
+#include "trifinger/core/backend.hpp"
+#include "trifinger/manipulation/run.hpp"
+#include "trifinger/sim/simulation.hpp"
+
+namespace trifinger::manipulation {
+namespace {
+
+using evaluation::make_trial;
+using evaluation::Trial;
+using evaluation::varied;
+
+// A short lift whose plan is made at once.
+Trial short_lift() {
+  return make_trial("sim", {"fingers.height=0.3"}, "edu", "lift",
+                    {"lift.height=0.05", "lift.time=0.8", "lift.hold_time=0.5",
+                     "lift.lower_time=0.8", "lift.lead_turns=[0]", "lift.lead_distances=[1]"});
+}
+
+Trace run_on(const Simulation<TriFinger>& simulation, const Trial& trial,
+             const RunOptions& options) {
+  auto robot = simulation.connect();
+  return run(robot, trial.believed, trial.config, options);
+}
+
+double height_of(const Simulation<TriFinger>& simulation) {
+  return simulation.robot().object_pose("cube").position[2];
+}
+
+TEST(Manipulation, LiftsAndPutsBack) {
+  const Trial trial = short_lift();
+  const Simulation<TriFinger> simulation(trial.simulation);
+  double highest = 0.0;
+  RunOptions options;
+  options.on_step = [&](TimeIndex) { highest = std::max(highest, height_of(simulation)); };
+  const Trace trace = run_on(simulation, trial, options);
+  EXPECT_EQ(trace.end, Phase::kDone);
+  EXPECT_EQ(trace.grasps, 1);
+  EXPECT_NEAR(highest, 0.0325 + 0.05, 2e-3);
+  EXPECT_NEAR(height_of(simulation), 0.0325, 1e-3);
+}
+
+TEST(Manipulation, GraspsAgainWhatGotLost) {
+  const Trial trial = short_lift();
+  const Simulation<TriFinger> simulation(trial.simulation);
+  bool is_taken = false;
+  RunOptions options;
+  options.on_phase = [&](const Manipulation& at) {
+    if (at.phase() != Phase::kHold || is_taken) return;
+    is_taken = true;
+    simulation.robot().place_object("cube", {.position = {0.01, -0.01, 0.0325}});
+  };
+  const Trace trace = run_on(simulation, trial, options);
+  EXPECT_TRUE(is_taken);
+  EXPECT_EQ(trace.end, Phase::kDone);
+  EXPECT_EQ(trace.grasps, 2);
+}
+
+TEST(Manipulation, GivesUpWhatItLosesAgainAndAgain) {
+  Trial trial = short_lift();
+  trial.config.max_grasps = 2;
+  const Simulation<TriFinger> simulation(trial.simulation);
+  RunOptions options;
+  options.on_phase = [&](const Manipulation& at) {
+    if (at.phase() == Phase::kHold)
+      simulation.robot().place_object("cube", {.position = {0.01, -0.01, 0.0325}});
+  };
+  const Trace trace = run_on(simulation, trial, options);
+  EXPECT_EQ(trace.end, Phase::kFailed);
+  EXPECT_EQ(trace.failure, Failure::kLost);
+  EXPECT_EQ(trace.grasps, 2);
+}
+
+TEST(Manipulation, SaysThatNothingReachesTheObject) {
+  Trial trial = short_lift();
+  trial.simulation.description.objects[0].position = {0.0, 0.17, 0.0325};
+  const Trace trace = run_on(Simulation<TriFinger>(trial.simulation), trial, {});
+  EXPECT_EQ(trace.failure, Failure::kNoPlan);
+}
+
+TEST(Manipulation, PutsTheObjectDownWhenItIsStopped) {
+  for (const Phase phase : {Phase::kGrasp, Phase::kLead, Phase::kFollow, Phase::kHold}) {
+    const Trial trial = short_lift();
+    const Simulation<TriFinger> simulation(trial.simulation);
+    std::atomic<bool> stop{false};
+    double speed = 0.0;
+    double before = height_of(simulation);
+    RunOptions options;
+    options.stop = &stop;
+    options.on_phase = [&](const Manipulation& at) { stop = stop || at.phase() == phase; };
+    options.on_step = [&](TimeIndex) {
+      const double now = height_of(simulation);
+      speed = std::min(speed, now - before);
+      before = now;
+    };
+    const Trace trace = run_on(simulation, trial, options);
+    EXPECT_EQ(trace.failure, Failure::kStopped) << name_of(phase);
+    EXPECT_NEAR(height_of(simulation), 0.0325, 1e-3);
+    EXPECT_GT(speed, -5e-4) << "it fell with more than half a metre per second";
+  }
+}
+
+// What a run has computed, to the last bit.
+std::vector<double> numbers_of(const Trace& trace) {
+  std::vector<double> numbers;
+  for (const TraceStep& step : trace.steps) {
+    numbers.push_back(static_cast<double>(step.step));
+    numbers.push_back(step.torque_share);
+    for (const Pose* pose : {&step.desired, &step.estimated}) {
+      for (const double value : pose->position) numbers.push_back(value);
+      for (const double value : pose->orientation.coeffs()) numbers.push_back(value);
+    }
+    for (const double value : step.normal_forces) numbers.push_back(value);
+  }
+  return numbers;
+}
+
+// The same robot behind threads and with a controller that is slow at random, and inline.
+TEST(Manipulation, ComputesTheSameBitForBitHoweverLongItsStepsTake) {
+  const Trial trial = varied(short_lift(), 7);
+  const Trace inline_trace = run_on(Simulation<TriFinger>(trial.simulation), trial, {});
+  ASSERT_EQ(inline_trace.end, Phase::kDone);
+
+  SimulatedRobot<TriFinger> driver(trial.simulation);
+  SessionHost host = SessionHost::anonymous();
+  Backend backend(driver, host);
+  const BackendThread thread(backend);
+  Frontend<TriFinger> robot(host, {.strict = true});
+  std::minstd_rand random(1);
+  RunOptions options;
+  options.on_step = [&](TimeIndex) {
+    if (random() % 8 == 0) std::this_thread::yield();
+    for (volatile auto work = random() % 20000; work > 0;) work = work - 1;
+  };
+  const Trace trace = run(robot, trial.believed, trial.config, options);
+  EXPECT_EQ(numbers_of(trace), numbers_of(inline_trace));
+}
+
+TEST(Manipulation, DoesNotAllocate) {
+  const Trial trial = varied(short_lift(), 3);
+  const Simulation<TriFinger> simulation(trial.simulation);
+  auto robot = simulation.connect();
+  const Companion<CubeObservation> object(robot.companion("object"));
+  Manipulation manipulation(trial.believed, trial.config);
+  TaskPlanner planner(trial.believed, trial.config);
+  auto y = robot.latest_observation();
+  TimeIndex t = -1;
+  std::size_t count = 0;
+  while (!manipulation.has_ended()) {
+    const auto seen = object.get_latest_at(t);
+    const auto& q = seen->cube.orientation;
+    const auto plan = manipulation.phase() == Phase::kPlan
+                          ? planner.plan(manipulation.resting_pose())
+                          : std::nullopt;
+    const control::JointState joints{.position = JointValues::Map(y.position.data(), 9),
+                                     .velocity = JointValues::Map(y.velocity.data(), 9),
+                                     .torque = JointValues::Map(y.torque.data(), 9)};
+    const trifinger::test::AllocationCounter allocations;
+    manipulation.see(seen->stamp.capture_index,
+                     {.position = Eigen::Vector3d::Map(seen->cube.position.data()),
+                      .orientation = Eigen::Quaterniond(q[0], q[1], q[2], q[3])});
+    if (plan) manipulation.begin(plan);
+    if (manipulation.phase() == Phase::kHold) manipulation.stop();
+    const JointValues& torques = manipulation.update(t, joints);
+    count += allocations.count();
+    TriFinger::Action action;
+    JointValues::Map(action.torque.data(), 9) = torques;
+    t = robot.append_desired_action(action);
+    y = robot.get_observation(t);
+  }
+  EXPECT_EQ(manipulation.failure(), Failure::kStopped);
+  EXPECT_EQ(count, 0U);
+}
+
+}  // namespace
+}  // namespace trifinger::manipulation

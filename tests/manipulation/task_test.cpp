@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/manipulation/task.hpp"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <vector>
+
+#include "trifinger/base/error.hpp"
+
+namespace trifinger::manipulation {
+namespace {
+
+const Pose kStart{
+    .position = {0.02, -0.01, 0.0325},
+    .orientation = Eigen::Quaterniond(Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitZ()))};
+constexpr double kRadius = 0.05;
+
+Pose led() {
+  return {.position = {0.0, 0.0, 0.0355},
+          .orientation = Eigen::Quaterniond(Eigen::AngleAxisd(0.5, Eigen::Vector3d::UnitZ()))};
+}
+
+ObjectWay slide() {
+  return {SlideTask{.radius = kRadius, .turns = 1.5},
+          {},
+          kStart,
+          {.position = {0.0, kRadius, 0.0325}, .orientation = kStart.orientation},
+          M_PI / 2};
+}
+
+std::vector<ObjectWay> ways() {
+  return {ObjectWay(LiftTask{.hold_time = Seconds(2)}, {}, kStart, led()),
+          ObjectWay(LiftTask{.hold_time = Seconds(0)}, {}, kStart, kStart), slide()};
+}
+
+void expect_no_jumps(const ObjectWay& way) {
+  constexpr Seconds kStep(1e-3);
+  Motion before = way.at(Seconds(0));
+  EXPECT_LT((before.pose.position - kStart.position).norm(), 1e-12);
+  for (Seconds time = kStep; time < way.duration() + Seconds(0.1); time += kStep) {
+    const Motion now = way.at(time);
+    // What it moves is what its velocity says.
+    const Eigen::Vector3d moved = now.pose.position - before.pose.position;
+    const Eigen::Vector3d mean = (now.twist.linear + before.twist.linear) / 2 * kStep.count();
+    ASSERT_LT((moved - mean).norm(), 1e-6) << time.count();
+    ASSERT_LT(control::rotation_error(now.pose.orientation, before.pose.orientation).norm(), 1e-3);
+    before = now;
+  }
+  EXPECT_LT(before.twist.linear.norm(), 1e-9);
+}
+
+TEST(ObjectWay, IsContinuousFromItsStartToItsEnd) {
+  for (const ObjectWay& way : ways()) expect_no_jumps(way);
+}
+
+TEST(ObjectWay, GoesThroughItsLegsInTheirOrder) {
+  for (const ObjectWay& way : ways()) {
+    Leg before = Leg::kLead;
+    for (Seconds time(0); time < way.duration() + Seconds(0.1); time += Seconds(0.01)) {
+      const Leg leg = way.leg_at(time);
+      EXPECT_GE(leg, before);
+      EXPECT_GE(time, way.begin_of(leg));
+      before = leg;
+    }
+    EXPECT_EQ(before, Leg::kRest);
+  }
+}
+
+TEST(ObjectWay, LiftsAlongAVerticalLineAndPutsBackOnTheTable) {
+  const ObjectWay way(LiftTask{.height = 0.12}, {}, kStart, led());
+  const Pose top = way.at(way.begin_of(Leg::kHold)).pose;
+  EXPECT_LT((top.position - led().position - Eigen::Vector3d(0, 0, 0.12)).norm(), 1e-12);
+  const Pose end = way.at(way.duration()).pose;
+  EXPECT_LT((end.position.head<2>() - led().position.head<2>()).norm(), 1e-12);
+  EXPECT_NEAR(end.position.z(), kStart.position.z(), 1e-12);
+}
+
+TEST(ObjectWay, SlidesOnTheCircleAndLeavesAShareOfTheWeightOnTheTable) {
+  const ObjectWay way = slide();
+  for (Seconds time = way.begin_of(Leg::kFollow); time < way.duration(); time += Seconds(0.05)) {
+    const Motion motion = way.at(time);
+    EXPECT_NEAR(motion.pose.position.head<2>().norm(), kRadius, 1e-12);
+    EXPECT_NEAR(motion.acceleration.linear.z(), -0.2 * 9.81, 1e-12);
+  }
+}
+
+TEST(ObjectWay, ComesDownWhereverItIsGivenUp) {
+  for (const ObjectWay& whole : ways()) {
+    for (Seconds time(0); time < whole.duration(); time += Seconds(0.31)) {
+      ObjectWay way = whole;
+      way.give_up(time);
+      EXPECT_LE(way.duration(), std::max(time + Seconds(2.5), whole.duration()));
+      EXPECT_LT((way.at(time).pose.position - whole.at(time).pose.position).norm(), 1e-12);
+      EXPECT_NEAR(way.at(way.duration()).pose.position.z(), kStart.position.z(), 1e-12);
+    }
+  }
+}
+
+TEST(ObjectWay, RefusesWhatMakesNoSense) {
+  EXPECT_THROW(ObjectWay(LiftTask{.lift_time = Seconds(0)}, {}, kStart, led()), InvalidArgument);
+  EXPECT_THROW(ObjectWay(LiftTask{.hold_time = Seconds(-1)}, {}, kStart, led()), InvalidArgument);
+  EXPECT_THROW(ObjectWay(SlideTask{.turns = 0.0}, {}, kStart, led()), InvalidArgument);
+}
+
+TEST(Upright, TurnsTheNearestAxisUpAndKeepsTheYaw) {
+  for (int i = 0; i < 3; ++i) {
+    const Eigen::Vector3d axis = Eigen::Vector3d::Unit(i);
+    const Eigen::Quaterniond standing =
+        Eigen::AngleAxisd(0.7, Eigen::Vector3d::UnitZ()) *
+        Eigen::Quaterniond::FromTwoVectors(axis, Eigen::Vector3d::UnitZ());
+    const Eigen::Quaterniond leaning =
+        control::rotation_from_vector(Eigen::Vector3d(0.05, -0.08, 0.0)) * standing;
+    const Pose found = upright({.position = {0.1, 0.2, 0.3}, .orientation = leaning});
+    EXPECT_NEAR((found.orientation * axis).z(), 1.0, 1e-12);
+    EXPECT_LT(control::rotation_error(standing, found.orientation).norm(), 1e-3);
+    EXPECT_EQ(found.position, Eigen::Vector3d(0.1, 0.2, 0.3));
+  }
+}
+
+}  // namespace
+}  // namespace trifinger::manipulation
