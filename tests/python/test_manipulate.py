@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: BSD-3-Clause
+import json
+import signal
+import subprocess
+from pathlib import Path
+
+import pytest
+from conftest import BUILD, StartProgram
+from trifinger import film
+
+PROGRAM = BUILD / "apps/trifinger-manipulate"
+# A short lift with a plan that is made at once, by a robot that waits.
+ROBOT = ("--non-real-time", "--set", "fingers.height=0.3")
+SHORT = {
+    "lift.height": "0.05",
+    "lift.time": "0.8",
+    "lift.hold_time": "2.2",
+    "lift.lower_time": "0.8",
+    "lift.lead_turns": "[0]",
+    "lift.lead_distances": "[1]",
+}
+
+
+def command(output: Path, **changes: str) -> list[str]:
+    settings = [
+        word for name, value in (SHORT | changes).items() for word in ("--set", f"{name}={value}")
+    ]
+    return [str(PROGRAM), "lift", "--robot", "m", *settings, "--output", str(output)]
+
+
+@pytest.mark.release
+def test_lifts_a_cube_and_leaves_a_report_and_pictures(
+    start_program: StartProgram, tmp_path: Path
+) -> None:
+    logs, output = tmp_path / "recording", tmp_path / "output"
+    robot = start_program("run", "sim", "--name", "m", *ROBOT, "--record", str(logs))
+    robot.wait_for("waits for a user")
+    done = subprocess.run(command(output), capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    status, text = robot.end()
+    assert "fault" not in text, status
+    report = json.loads((output / "report.json").read_text())
+    assert report["is_done"]
+    assert report["grasps"] == 1
+    assert report["height"] == pytest.approx(0.05, abs=2e-3)
+    assert report["position_rms"] < 1.5e-3
+    assert film.main([str(logs), "--report", str(output)]) == 0
+    for name in ("strip.png", "report.png"):
+        assert (output / name).read_bytes().startswith(b"\x89PNG")
+    assert (output / "film.mp4").read_bytes()[4:8] == b"ftyp"
+
+
+def test_puts_the_cube_down_when_it_is_interrupted(
+    start_program: StartProgram, tmp_path: Path
+) -> None:
+    robot = start_program("run", "sim", "--name", "m", *ROBOT)
+    robot.wait_for("waits for a user")
+    words = command(tmp_path, **{"lift.hold_time": "1000", "max_duration": "2000"})
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        for line in process.stdout:
+            if line.strip() == "hold":
+                process.send_signal(signal.SIGINT)
+                break
+        rest = process.stdout.read()
+    assert process.returncode == 130
+    assert [line.strip() for line in rest.splitlines()][:3] == [
+        "lower",
+        "release",
+        "failed: it was stopped",
+    ]
+    robot.wait_for("finished")
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["throw"], "must be 'lift' or 'slide'"),
+        (["lift", "--set", "lift.hight=1"], "lift.hight"),
+        (["lift", "nonsense"], "there are edu, pro"),
+        (["lift", "--robot", "nobody"], "nobody"),
+    ],
+)
+def test_says_what_is_wrong(
+    start_program: StartProgram, tmp_path: Path, words: list[str], text: str
+) -> None:
+    start_program("run", "sim", *ROBOT).wait_for("waits for a user")
+    done = subprocess.run(
+        [PROGRAM, *words, "--output", tmp_path], capture_output=True, text=True, check=False
+    )
+    assert done.returncode != 0
+    assert text in done.stderr
