@@ -5,6 +5,14 @@ set(TRIFINGER_SANITIZE "" CACHE STRING "Sanitizers of our own targets: '', 'addr
 option(TRIFINGER_WARNINGS_AS_ERRORS "Treat warnings in our own targets as errors" OFF)
 option(TRIFINGER_JOIN_TESTS "Compile files of tests together: fast from nothing, slow after a change" OFF)
 
+# Python is not instrumented, so the runtime of AddressSanitizer is a library that can be loaded before it. That is what g++
+# does by itself, and clang on request.
+if(TRIFINGER_SANITIZE MATCHES "^address" AND CMAKE_CXX_COMPILER_ID STREQUAL "Clang")
+  execute_process(COMMAND ${CMAKE_CXX_COMPILER} --print-runtime-dir OUTPUT_VARIABLE runtime_folder
+                  OUTPUT_STRIP_TRAILING_WHITESPACE COMMAND_ERROR_IS_FATAL ANY)
+  set(trifinger_sanitizer_runtime -shared-libasan -Wl,-rpath,${runtime_folder})
+endif()
+
 # Options of every target that we compile; private, so that users of the libraries keep theirs.
 function(trifinger_target_options target)
   target_compile_options(
@@ -25,7 +33,7 @@ function(trifinger_target_options target)
   if(TRIFINGER_SANITIZE)
     target_compile_options(${target} PRIVATE -fsanitize=${TRIFINGER_SANITIZE}
                                              -fno-sanitize-recover=all -fno-omit-frame-pointer)
-    target_link_options(${target} PRIVATE -fsanitize=${TRIFINGER_SANITIZE})
+    target_link_options(${target} PRIVATE -fsanitize=${TRIFINGER_SANITIZE} ${trifinger_sanitizer_runtime})
   endif()
 endfunction()
 
@@ -50,11 +58,12 @@ function(trifinger_layer name)
   set_property(GLOBAL APPEND PROPERTY TRIFINGER_LAYERS ${name})
 endfunction()
 
-# trifinger_test(NAME SOURCES a_test.cpp ... LIBRARIES lib ...)
+# trifinger_test(NAME SOURCES a_test.cpp ... LIBRARIES lib ... [WITHOUT_SANITIZER])
 #
-# One test program per layer. Every test has a watchdog of its own: a hang fails, it does not stall the suite.
+# One test program per layer. Every test has a watchdog of its own: a hang fails, it does not stall the suite. `./run test`
+# runs them under sanitizers, and those WITHOUT_SANITIZER, of whose tests a sanitizer leaves out some, in the release build too.
 function(trifinger_test name)
-  cmake_parse_arguments(PARSE_ARGV 1 test "" "" "SOURCES;LIBRARIES")
+  cmake_parse_arguments(PARSE_ARGV 1 test "WITHOUT_SANITIZER" "" "SOURCES;LIBRARIES")
   set(target ${name}_test)
   add_executable(${target} ${test_SOURCES})
   trifinger_target_options(${target})
@@ -65,5 +74,10 @@ function(trifinger_test name)
   set_source_files_properties(${support} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
   target_include_directories(${target} PRIVATE ${PROJECT_SOURCE_DIR}/tests)
   target_link_libraries(${target} PRIVATE ${test_LIBRARIES} GTest::gmock GTest::gtest_main)
-  gtest_discover_tests(${target} DISCOVERY_MODE PRE_TEST PROPERTIES TIMEOUT 300 LABELS ${name})
+  set(label ${name})
+  if(test_WITHOUT_SANITIZER)
+    string(APPEND label _without_sanitizer)
+    add_dependencies(tests_without_sanitizer ${target})
+  endif()
+  gtest_discover_tests(${target} DISCOVERY_MODE PRE_TEST PROPERTIES TIMEOUT 300 LABELS ${label})
 endfunction()

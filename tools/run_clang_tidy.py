@@ -3,6 +3,8 @@
 
     run_clang_tidy.py BUILD_FOLDER [JOBS]
 
+Files of tests are read as they are compiled, several joined by CMake: their headers are read once.
+
 What is remembered is a hash of everything that can change the outcome: clang-tidy's version and
 configuration, the compile command, and the file with all headers of this repository it includes.
 """
@@ -25,6 +27,7 @@ CLANG_TIDY = str(Path(sys.executable).parent / "clang-tidy")
 ARGUMENTS = "-Wno-unknown-warning-option -Xclang -analyzer-config -Xclang max-nodes=75000"
 OPTIONS = ["--quiet", *(f"--extra-arg={argument}" for argument in ARGUMENTS.split())]
 INCLUDE = re.compile(rb'^\s*#\s*include\s*"([^"]+)"', re.MULTILINE)
+JOINED = re.compile(r"/Unity/unity_\d+_cxx\.cxx$")
 
 
 @cache
@@ -68,7 +71,11 @@ def main(build: Path, jobs: int) -> int:
     """Checks all files of the database and returns the exit status."""
     ours = {str(ROOT / path) for path in tracked_files(".cpp")}
     database = json.loads((build / "compile_commands.json").read_text())
-    entries = {entry["file"]: entry for entry in database if entry["file"] in ours}
+    entries = {
+        entry["file"]: entry
+        for entry in database
+        if entry["file"] in ours or JOINED.search(entry["file"])
+    }
     configs = [path for path in tracked_files() if path.name == ".clang-tidy"]
     config = b"".join((ROOT / path).read_bytes() for path in configs)
     version = subprocess.run([CLANG_TIDY, "--version"], check=True, capture_output=True).stdout

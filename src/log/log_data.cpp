@@ -5,7 +5,6 @@
 #include <charconv>
 #include <cstring>
 #include <iterator>
-#include <ranges>
 #include <sstream>
 #include <string_view>
 #include <system_error>
@@ -544,11 +543,10 @@ void LogData::look_into(std::size_t n, std::span<const mcap::Message> messages) 
     if (!found) continue;
 
     // Several streams take turns in a chunk.
-    const auto newest_first = runs | std::views::reverse;
-    const auto before = std::ranges::find_if(newest_first, [&found](const Run& run) {
+    const auto newest = std::ranges::find_if(runs.rbegin(), runs.rend(), [&found](const Run& run) {
       return run.stream == &found->stream && run.is_end == found->is_end();
     });
-    Run* run = before == newest_first.end() ? nullptr : &*before;
+    Run* run = newest == runs.rend() ? nullptr : &*newest;
     if (run != nullptr && found->index <= run->last) continue;  // an index twice
     if (run == nullptr || found->index != run->last + 1) {
       run = &runs.emplace_back();

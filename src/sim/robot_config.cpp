@@ -3,9 +3,9 @@
 
 #include <dlfcn.h>
 
-#include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <set>
 #include <utility>
 
 #include "text.hpp"
@@ -248,17 +248,14 @@ SimulationOptions<R> read_simulation(const Node& root, RobotDescription descript
 }  // namespace
 
 std::vector<std::string> config_names(const std::string& folder) {
-  std::vector<std::string> names;
+  std::set<std::string> names;
   for (const std::filesystem::path& place : config_folders(folder)) {
     std::error_code ignored;
     for (const auto& entry : std::filesystem::directory_iterator(place, ignored)) {
-      if (entry.path().extension() == kSuffix) names.push_back(entry.path().stem().string());
+      if (entry.path().extension() == kSuffix) names.insert(entry.path().stem().string());
     }
   }
-  std::ranges::sort(names);
-  const auto repeated = std::ranges::unique(names);
-  names.erase(repeated.begin(), repeated.end());
-  return names;
+  return {names.begin(), names.end()};
 }
 
 std::filesystem::path find_config(const std::string& name, const std::string& folder) {

@@ -12,6 +12,7 @@
 
 #include "random_grasps.hpp"
 #include "support/allocation_counter.hpp"
+#include "support/sanitizers.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace trifinger::control {
@@ -194,7 +195,7 @@ TEST(ForceOptimizer, SatisfiesTheConditionsOfKarushKuhnAndTucker) {
   int exact = 0;
   int closest = 0;
   int without_torques = 0;
-  for (int i = 0; i < 100'000; ++i) {
+  for (int i = 0; i < (trifinger::test::kHasSanitizer ? 5'000 : 100'000); ++i) {
     const Instance instance = random_instance(random);
     ForceOptimizer optimizer(instance.config);
     const ForceDistribution found = solve(optimizer, instance);
@@ -224,9 +225,10 @@ TEST(ForceOptimizer, SatisfiesTheConditionsOfKarushKuhnAndTucker) {
     }
   }
   // The instances are of every kind.
-  EXPECT_GT(exact, 5000);
-  EXPECT_GT(closest, 5000);
-  EXPECT_GT(without_torques, 500);
+  const int num_instances = exact + closest + without_torques;
+  EXPECT_GT(exact, num_instances / 20);
+  EXPECT_GT(closest, num_instances / 20);
+  EXPECT_GT(without_torques, num_instances / 200);
 }
 
 // Forces in the middle of what each contact allows.

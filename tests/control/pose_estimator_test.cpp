@@ -14,7 +14,7 @@ namespace {
 
 using test::Random;
 
-constexpr Seconds kPeriod{0.01};
+constexpr Seconds kPosePeriod{0.01};
 
 double position_error(const Motion& found, const Pose& actual) {
   return (found.pose.position - actual.position).norm();
@@ -32,7 +32,7 @@ TEST(PoseEstimator, FollowsAConstantTwistWithoutLag) {
     PoseEstimator estimator(3);
     Seconds time{5};
     for (int k = 0; k < 300; ++k) {
-      time += random.between(0.5, 1.5) * kPeriod;
+      time += random.between(0.5, 1.5) * kPosePeriod;
       ASSERT_TRUE(estimator.update(time, moved(begin, twist, time)));
     }
     const Seconds later = time + Seconds(0.03);
@@ -63,7 +63,7 @@ TEST(PoseEstimator, NeedsNoBandwidthForAMotionThatIsKnown) {
   };
   PoseEstimator estimator(0.5);
   const Seconds delay{0.02};
-  for (Seconds time{0}; time < circle.duration(); time += kPeriod) {
+  for (Seconds time{0}; time < circle.duration(); time += kPosePeriod) {
     const Motion then = led(circle, time - delay);
     ASSERT_TRUE(estimator.update(time - delay, object(then), then));
     const Motion now = led(circle, time);
@@ -86,9 +86,10 @@ TEST(PoseEstimator, FiltersNoise) {
   for (int k = 0; k < kPoses; ++k) {
     const Eigen::Vector3d noise = random.numbers<3>(1e-3);
     ASSERT_TRUE(estimator.update(
-        k * kPeriod, {actual.position + noise, rotation_from_vector(noise) * actual.orientation}));
+        k * kPosePeriod,
+        {actual.position + noise, rotation_from_vector(noise) * actual.orientation}));
     if (k < 500) continue;
-    const Motion found = estimator.predict(k * kPeriod + Seconds(0.02));
+    const Motion found = estimator.predict(k * kPosePeriod + Seconds(0.02));
     squares += std::pow(position_error(found, actual), 2);
     noise_squares += noise.squaredNorm();
     EXPECT_LT(turn_error(found, actual), 2e-3);
@@ -100,7 +101,7 @@ TEST(PoseEstimator, FollowsARotationThroughManyTurns) {
   PoseEstimator estimator(5);
   const Twist spin{.angular = {0, 0, 20}};
   for (int k = 0; k < 1000; ++k)
-    ASSERT_TRUE(estimator.update(k * kPeriod, moved({}, spin, k * kPeriod)));
+    ASSERT_TRUE(estimator.update(k * kPosePeriod, moved({}, spin, k * kPosePeriod)));
   EXPECT_NEAR(estimator.predict(Seconds(10)).twist.angular.z(), 20, 1e-6);
 }
 

@@ -17,6 +17,7 @@
 #include <tuple>
 #include <vector>
 
+#include "core/fault_of.hpp"
 #include "core/transports.hpp"
 #include "trifinger/core/errors.hpp"
 
@@ -58,23 +59,6 @@ template <class T>
   std::vector<std::byte> bytes(sizeof(T));
   std::memcpy(bytes.data(), &element, sizeof(T));
   return bytes;
-}
-
-/// The fault with which `call` raises RobotStopped; nothing if it returns.
-template <class Call>
-[[nodiscard]] std::optional<Fault> fault_of(const Call& call) {
-  try {
-    static_cast<void>(call());
-  } catch (const RobotStopped& stopped) {
-    return stopped.fault();
-  }
-  return std::nullopt;
-}
-
-/// Its code alone.
-template <class Call>
-[[nodiscard]] Fault::Code code_of(const Call& call) {
-  return fault_of(call).value_or(Fault{}).code;
 }
 
 template <class R>

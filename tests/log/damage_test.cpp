@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "log/recordings.hpp"
+#include "support/sanitizers.hpp"
 #include "trifinger/log/log.hpp"
 #include "trifinger/log/tools.hpp"
 
@@ -31,11 +32,7 @@ using test::same_bytes;
 constexpr TimeIndex kBlock = 10;
 constexpr std::size_t kInChunk = 14;
 
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr int kNumFlips = 5'000;
-#else
-constexpr int kNumFlips = 100'000;
-#endif
+constexpr int kNumFlips = test::kHasSanitizer ? 5'000 : 100'000;
 
 // All that a damaged log may be asked for; throws if something is not true. The sessions are those
 // that were written, in their order.

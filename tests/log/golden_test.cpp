@@ -19,10 +19,10 @@ namespace {
 
 constexpr std::int64_t kCreated = 1'795'168'679'000'000'000;
 constexpr std::int64_t kMillisecond = 1'000'000;
-constexpr TimeIndex kSteps = 50;
+constexpr TimeIndex kGoldenSteps = 50;
 constexpr TimeIndex kGapFirst = 20;
 constexpr TimeIndex kGapLast = 29;
-constexpr Fault kFault{.code = Fault::Code::kActionLate, .detail = 0, .time_index = kSteps};
+constexpr Fault kFault{.code = Fault::Code::kActionLate, .detail = 0, .time_index = kGoldenSteps};
 
 // What was measured, asked, applied and said at step t: formulas, so that nothing but this file
 // needs to stay as it is.
@@ -47,7 +47,7 @@ Status status_at(TimeIndex t) {
   status.time = time_at(t);
   status.tick = t;
   status.lateness = t;
-  if (t == kSteps) {
+  if (t == kGoldenSteps) {
     status.flags = Status::kEnd;
     status.fault_code = static_cast<std::int32_t>(kFault.code);
   }
@@ -103,14 +103,14 @@ void write_golden(const std::filesystem::path& path) {
   write_steps(writer, session, 0, kGapFirst);
   writer.flush();
   writer.write_gap(session, kGapFirst, kGapLast, "the disk was full");
-  write_steps(writer, session, kGapLast + 1, kSteps);
+  write_steps(writer, session, kGapLast + 1, kGoldenSteps);
   const auto readings = range(reading_at, 0, 10);
   writer.write_companion(session, 0, 0, readings.size(), readings.data());
   writer.write_event(log::LogWriter::Level::kWarning, "recorder", "the disk is full",
                      kCreated + time_at(kGapFirst));
-  const OddObservation last = observation_at(kSteps);
-  writer.write_end(session, kSteps, &last, status_at(kSteps));
-  writer.end_session(session, kSteps, kFault, "the action for step 50 came too late");
+  const OddObservation last = observation_at(kGoldenSteps);
+  writer.write_end(session, kGoldenSteps, &last, status_at(kGoldenSteps));
+  writer.end_session(session, kGoldenSteps, kFault, "the action for step 50 came too late");
   writer.finish();
 }
 
@@ -134,20 +134,20 @@ TEST_P(GoldenLog, IsWholeAndFinished) {
 }
 
 TEST_P(GoldenLog, fault_27_HasEveryStepThatWasWritten) {
-  for (TimeIndex t = 0; t < kSteps; ++t) {
+  for (TimeIndex t = 0; t < kGoldenSteps; ++t) {
     if (t >= kGapFirst && t <= kGapLast) continue;
     SCOPED_TRACE(t);
     EXPECT_EQ(bytes_of(robot_.get_observation(t)), bytes_of(observation_at(t)));
     EXPECT_EQ(bytes_of(robot_.get_desired_action(t)), bytes_of(desired_at(t)));
     EXPECT_EQ(bytes_of(robot_.get_applied_action(t)), bytes_of(applied_at(t)));
   }
-  EXPECT_EQ(bytes_of(robot_.get_observation(kSteps)), bytes_of(observation_at(kSteps)));
+  EXPECT_EQ(bytes_of(robot_.get_observation(kGoldenSteps)), bytes_of(observation_at(kGoldenSteps)));
 }
 
 TEST_P(GoldenLog, HasTheStatusByTheNamesOfItsFields) {
   // Fields may come to the status; those of old logs keep their names.
   const log::Column column{.series = Series::kStatus, .fields = {"time", "tick", "lateness"}};
-  for (const TimeIndex t : {TimeIndex{0}, kGapFirst - 1, kGapLast + 1, kSteps}) {
+  for (const TimeIndex t : {TimeIndex{0}, kGapFirst - 1, kGapLast + 1, kGoldenSteps}) {
     std::array<std::int64_t, 3> values{};
     robot_.session().get(column, t, 1, values.data());
     EXPECT_EQ(values, (std::array{time_at(t), t, t}));
@@ -161,7 +161,7 @@ TEST_P(GoldenLog, SaysWhatIsMissing) {
 }
 
 TEST_P(GoldenLog, SaysWhyTheSessionEnded) {
-  EXPECT_EQ(robot_.session().steps(), kSteps);
+  EXPECT_EQ(robot_.session().steps(), kGoldenSteps);
   EXPECT_EQ(robot_.session().fault(), kFault);
   EXPECT_EQ(robot_.session().fault_text(), "the action for step 50 came too late");
 }
@@ -190,7 +190,7 @@ TEST(GoldenLogOfToday, IsWrittenByThisVersion) {
   const Folder folder;
   write_golden(folder / "golden.mcap");
   const log::LoggedRobot<OddRobot> robot(log::Log(folder / "golden.mcap"));
-  EXPECT_EQ(bytes_of(robot.get_observation(kSteps)), bytes_of(observation_at(kSteps)));
+  EXPECT_EQ(bytes_of(robot.get_observation(kGoldenSteps)), bytes_of(observation_at(kGoldenSteps)));
 }
 
 }  // namespace

@@ -4,22 +4,11 @@
 
 #include <gtest/gtest.h>
 
-#include <cstdlib>
 #include <numbers>
 #include <string>
 
-#include "support/sanitizers.hpp"
-
 namespace trifinger::evaluation {
 namespace {
-
-// Of all tests of this program: the configurations are those of the source tree.
-class SourceConfigurations final : public ::testing::Environment {
- public:
-  void SetUp() override { ::setenv("TRIFINGER_CONFIG_DIR", TRIFINGER_CONFIG_DIR, 1); }
-};
-const ::testing::Environment* const kConfigurations =
-    ::testing::AddGlobalTestEnvironment(new SourceConfigurations);
 
 constexpr double kDegree = std::numbers::pi / 180;
 constexpr std::uint64_t kSeeds = 3;
@@ -33,7 +22,6 @@ void expect_within(const manipulation::Report& report, double position, double o
 }
 
 TEST(Trial, LiftsTwentyCentimetres) {
-  if (test::kHasSanitizer) GTEST_SKIP() << "takes minutes with a sanitizer";
   const Trial trial =
       make_trial("sim", {"fingers.height=0.3"}, "edu", "lift", {"lift.hold_time=3"});
   for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
@@ -45,7 +33,6 @@ TEST(Trial, LiftsTwentyCentimetres) {
 }
 
 TEST(Trial, SlidesOnACircle) {
-  if (test::kHasSanitizer) GTEST_SKIP() << "takes minutes with a sanitizer";
   const Trial trial = make_trial("sim", {}, "edu", "slide", {"slide.turns=1"});
   for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
@@ -54,7 +41,6 @@ TEST(Trial, SlidesOnACircle) {
 }
 
 TEST(Trial, HoldsAgainstAPush) {
-  if (test::kHasSanitizer) GTEST_SKIP() << "takes minutes with a sanitizer";
   Trial trial = make_trial("sim", {"fingers.height=0.3"}, "edu", "lift", {"lift.hold_time=3"});
   for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));

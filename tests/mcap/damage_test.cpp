@@ -10,13 +10,14 @@
 #include <vector>
 
 #include "mcap/files.hpp"
+#include "support/sanitizers.hpp"
 #include "trifinger/mcap/reader.hpp"
 
 namespace trifinger::mcap::test {
 namespace {
 
 // Bits to flip, over all parameters.
-constexpr int kNumFlips = kIsSanitized ? 3'000 : 100'000;
+constexpr int kNumFlips = trifinger::test::kHasSanitizer ? 3'000 : 100'000;
 
 struct Case {
   Compression compression;

@@ -19,12 +19,6 @@
 
 namespace trifinger::mcap::test {
 
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-inline constexpr bool kIsSanitized = true;
-#else
-inline constexpr bool kIsSanitized = false;
-#endif
-
 inline constexpr Compression kCompressions[] = {Compression::kNone, Compression::kLz4,
                                                 Compression::kZstd};
 

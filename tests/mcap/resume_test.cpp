@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "mcap/files.hpp"
+#include "support/sanitizers.hpp"
 #include "trifinger/mcap/reader.hpp"
 #include "trifinger/mcap/writer.hpp"
 
@@ -61,7 +62,7 @@ void expect_whole(const MemorySink& sink, const Everything& everything) {
 }
 
 TEST(Resuming, fault_24_FinishesAFileThatWasCutAnywhereAsIfItHadNotBeen) {
-  constexpr std::size_t kStride = kIsSanitized ? 5 : 1;
+  constexpr std::size_t kStride = trifinger::test::kHasSanitizer ? 5 : 1;
   for (const Compression compression : kCompressions) {
     const Sample sample = make_sample(compression, true);
     for (std::size_t size = 0; size < sample.bytes.size(); size += kStride) {

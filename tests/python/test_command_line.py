@@ -18,6 +18,8 @@ import pytest
 import trifinger
 from conftest import PROGRAM, StartChild, StartProgram, diverging_state
 
+pytestmark = pytest.mark.release  # of the program
+
 ROOT = Path(__file__).parents[2]
 COMMANDS = ("run", "list", "status", "read", "record", "stop", "recover", "model", "doctor")
 ESCAPE = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")

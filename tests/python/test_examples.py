@@ -12,6 +12,8 @@ import pytest
 import trifinger
 from conftest import BUILD, PROGRAM, StartProgram
 
+pytestmark = pytest.mark.release  # of the program
+
 PROGRAMS = BUILD / "examples"
 EXAMPLES = Path(__file__).parents[2] / "examples"
 CONTROL_LOOP = "01_basic_control_loop"  # connects to a robot that runs elsewhere

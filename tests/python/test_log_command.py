@@ -13,6 +13,8 @@ import trifinger
 from conftest import PROGRAM
 from test_log import Written, write_log
 
+pytestmark = pytest.mark.release  # of the program
+
 COMMANDS = ("info", "check", "recover", "cut", "plot", "export")
 STEPS = 600
 
@@ -205,7 +207,6 @@ def test_cut_takes_steps_and_seconds(written: Written, tmp_path: Path) -> None:
 # ---- plot and export ----
 
 
-@pytest.mark.release
 @pytest.mark.parametrize(
     ("robot", "suffix"), [("trifinger", "png"), ("trifinger", "html"), ("odd", "svg")]
 )
@@ -245,7 +246,6 @@ def test_plot_refuses_what_it_cannot_draw(
     assert "nothing.mcap" in text
 
 
-@pytest.mark.release
 @pytest.mark.parametrize("format_", ["csv", "parquet"])
 def test_export_writes_a_table_per_robot_and_companion(
     format_: str, written: Written, tmp_path: Path, python_programs: dict[str, str]

@@ -12,6 +12,8 @@ import trifinger
 from conftest import PROGRAM, StartChild, StartProgram
 from trifinger import Status
 
+pytestmark = pytest.mark.release  # of the program
+
 STEPS = 400
 PERIOD = 0.001
 

@@ -8,6 +8,8 @@ import pytest
 from conftest import BUILD, StartProgram
 from trifinger import film
 
+pytestmark = pytest.mark.release  # of the program
+
 PROGRAM = BUILD / "apps/trifinger-manipulate"
 # A short lift with a plan that is made at once, by a robot that waits.
 ROBOT = ("--non-real-time", "--set", "fingers.height=0.3")
@@ -28,7 +30,6 @@ def command(output: Path, **changes: str) -> list[str]:
     return [str(PROGRAM), "lift", "--robot", "m", *settings, "--output", str(output)]
 
 
-@pytest.mark.release
 def test_lifts_a_cube_and_leaves_a_report_and_pictures(
     start_program: StartProgram, tmp_path: Path
 ) -> None:

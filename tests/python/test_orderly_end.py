@@ -18,6 +18,8 @@ import trifinger
 from conftest import PROGRAM, StartChild, StartProgram
 from test_processes import step
 
+pytestmark = pytest.mark.release  # of the program
+
 # A machine that stalls is no fault here.
 PATIENT = ("--set", "max_repeats=1000000", "--set", "max_skipped=1000000")
 

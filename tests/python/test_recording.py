@@ -18,6 +18,8 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from test_command_line import Screen
 
+pytestmark = pytest.mark.release  # of the program
+
 STEPS = 300
 Messages = dict[str, list[Any]]
 

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "core/allocation_contract.hpp"
 #include "core/system_call_contract.hpp"
 #include "sim/drivers_of_tests.hpp"
 
@@ -8,7 +7,6 @@ namespace {
 
 using Drivers = ::testing::Types<SimulatedRobotTraits<TriFinger>, SimulatedRobotTraits<Finger>>;
 INSTANTIATE_TYPED_TEST_SUITE_P(Sim, SystemCallContract, Drivers);
-INSTANTIATE_TYPED_TEST_SUITE_P(Sim, AllocationContract, Drivers);
 
 }  // namespace
 }  // namespace trifinger::test
