@@ -115,6 +115,7 @@ nlohmann::ordered_json json_of(const Report& report) {
           {"tangential_force_max", report.tangential_force_max},
           {"friction_used", report.friction_used},
           {"travel_max", report.travel_max},
+          {"slip_time", report.slip_time.count()},
           {"torque_margin", report.torque_margin},
           {"exact_wrenches", report.exact_wrenches},
           {"cycle_p50", report.cycle_p50},

@@ -170,6 +170,8 @@ void bind_controller(nb::module_& m) {
       Setting{"engage_time", &Config::engage_time, "In which touching becomes holding [s]."},
       Setting{"roll_time", &Config::roll_time,
               "In which the tips' targets follow tips that roll [s]."},
+      Setting{"slip_speed", &Config::slip_speed,
+              "Of a tip along its face, above which it slips [m/s]."},
       Setting{"lost_time", &Config::lost_time,
               "Without touch, after which the object is lost [s]."},
       Setting{"lost_distance", &Config::lost_distance, "From where it should be, likewise [m]."});
@@ -209,6 +211,10 @@ void bind_controller(nb::module_& m) {
       .def_prop_ro("travel", array_of(&GraspState::travel),
                    "How far each of the three tips has moved along its face since all of them "
                    "touched, by rolling and slipping\n[m].")
+      .def_prop_ro("slip_speeds", array_of(&GraspState::slip_speeds),
+                   "How fast they do so, without what is faster than 5 Hz [m/s].")
+      .def_ro("is_slipping", &GraspState::is_slipping,
+              "A tip moves along its face faster than tips roll.")
       .def_ro("torque_share", &GraspState::torque_share,
               "The largest share of a joint's torque limit that is asked for; what is above 1 the "
               "safety checks cut off.");

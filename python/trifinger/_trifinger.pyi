@@ -1153,7 +1153,7 @@ class GraspPlanner:
 class GraspControllerConfig:
     """How a `GraspController` works."""
 
-    def __init__(self, *, object: ObjectGains = ..., tips: TipGains = ..., friction: float = ..., friction_sides: int = ..., slip_friction: float = ..., min_normal_force: float = ..., max_normal_force: float = ..., touch_force: float = ..., approach_speed: float = ..., closing_speed: float = ..., penetration: float = ..., closing_time: float = ..., engage_time: float = ..., roll_time: float = ..., lost_time: float = ..., lost_distance: float = ...) -> None: ...
+    def __init__(self, *, object: ObjectGains = ..., tips: TipGains = ..., friction: float = ..., friction_sides: int = ..., slip_friction: float = ..., min_normal_force: float = ..., max_normal_force: float = ..., touch_force: float = ..., approach_speed: float = ..., closing_speed: float = ..., penetration: float = ..., closing_time: float = ..., engage_time: float = ..., roll_time: float = ..., slip_speed: float = ..., lost_time: float = ..., lost_distance: float = ...) -> None: ...
 
     @property
     def object(self) -> ObjectGains:
@@ -1254,6 +1254,13 @@ class GraspControllerConfig:
     def roll_time(self, arg: float, /) -> None: ...
 
     @property
+    def slip_speed(self) -> float:
+        """Of a tip along its face, above which it slips [m/s]."""
+
+    @slip_speed.setter
+    def slip_speed(self, arg: float, /) -> None: ...
+
+    @property
     def lost_time(self) -> float:
         """Without touch, after which the object is lost [s]."""
 
@@ -1338,6 +1345,14 @@ class GraspState:
         How far each of the three tips has moved along its face since all of them touched, by rolling and slipping
         [m].
         """
+
+    @property
+    def slip_speeds(self) -> numpy.typing.NDArray[numpy.float64]:
+        """How fast they do so, without what is faster than 5 Hz [m/s]."""
+
+    @property
+    def is_slipping(self) -> bool:
+        """A tip moves along its face faster than tips roll."""
 
     @property
     def torque_share(self) -> float:

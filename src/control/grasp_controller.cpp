@@ -10,6 +10,7 @@
 #include "check.hpp"
 #include "tip_path.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/control/filters.hpp"
 
 namespace trifinger::control {
 namespace {
@@ -17,6 +18,7 @@ namespace {
 using TipMotions = std::array<PointMotion, kContacts>;
 
 constexpr Seconds kFirmTouch{0.02};  // A touch that lasts is no knock.
+constexpr double kSlipCutoff = 5.0;  // Faster than a tip slips, slower than it trembles [Hz].
 
 Eigen::Vector3d across(const Eigen::Vector3d& vector, const Eigen::Vector3d& normal) {
   return vector - vector.dot(normal) * normal;
@@ -33,6 +35,7 @@ void check(const GraspControllerConfig& config) {
   require_positive("closing_time", config.closing_time.count());
   require_positive("engage_time", config.engage_time.count());
   require_positive("roll_time", config.roll_time.count());
+  require_positive("slip_speed", config.slip_speed);
   require_positive("lost_time", config.lost_time.count());
   require_positive("lost_distance", config.lost_distance);
   if (!(config.max_normal_force >= config.min_normal_force))
@@ -115,6 +118,7 @@ struct GraspController::State {
         targets[k] = in_object(motions[k].position, object);
       }
       numb_time.fill(Seconds(0));
+      slip_filter.reset();
       enter(GraspPhase::kEngage);
     } else if (time > config.closing_time) {
       lose();
@@ -154,10 +158,16 @@ struct GraspController::State {
       targets[k] += follow * (tip - targets[k]);
       motions[k] = point_of_body(desired, targets[k]);
       state.travel[i] = across(tip - first_touch[k], touches[k].normal).norm();
+      const Eigen::Vector3d face =
+          object.twist.linear + object.twist.angular.cross(tips[k] - object.pose.position);
+      along_faces.segment<3>(3 * i) = across(tip_velocity.segment<3>(3 * i) - face, normals[k]);
       const bool feels = state.normal_forces[i] > 0.3 * config.touch_force;
       numb_time[k] = feels ? Seconds(0) : numb_time[k] + elapsed;
       is_lost = is_lost || numb_time[k] > config.lost_time;
     }
+    const Signal& slow = slip_filter.update(along_faces, elapsed);
+    for (int i = 0; i < kContacts; ++i) state.slip_speeds[i] = slow.segment<3>(3 * i).norm();
+    state.is_slipping = state.slip_speeds.maxCoeff() > config.slip_speed;
     if (is_lost) lose();
     return motions;
   }
@@ -239,6 +249,9 @@ struct GraspController::State {
   std::array<Eigen::Vector3d, kContacts> first_touch;
   std::array<Eigen::Vector3d, kContacts> targets;
 
+  Signal along_faces{JointValues::Zero(3 * kContacts)};  // Velocities of the tips [m/s].
+  LowPassFilter slip_filter{kSlipCutoff};
+
   JointValues forces;
   JointValues torques;
 };
@@ -273,6 +286,8 @@ const JointValues& GraspController::update(Seconds elapsed, const JointState& jo
   s.time += elapsed;
   s.sense(joints, object.pose);
   s.state.wanted = {};
+  s.state.slip_speeds.setZero();
+  s.state.is_slipping = false;
 
   TipMotions motions;
   const GraspPhase phase = s.state.phase;

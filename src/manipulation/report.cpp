@@ -106,6 +106,7 @@ Report make_report(const Trace& trace, const std::vector<SeenPose>& poses) {
     friction.push_back(
         step->tangential_forces.cwiseQuotient(step->normal_forces.cwiseMax(1e-3)).maxCoeff());
     report.travel_max = std::max(report.travel_max, step->travel.maxCoeff());
+    if (step->is_slipping) report.slip_time += trace.period;
     torque_share = std::max(torque_share, step->torque_share);
     if (step->status == control::ForceStatus::kExact) ++exact;
     if (!is_hold(*step)) continue;

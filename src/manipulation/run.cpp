@@ -83,6 +83,7 @@ TraceStep traced(TimeIndex step, const Manipulation& manipulation, Seconds cycle
           .normal_forces = grasp.normal_forces,
           .tangential_forces = grasp.tangential_forces,
           .travel = grasp.travel,
+          .is_slipping = grasp.is_slipping,
           .torque_share = grasp.torque_share,
           .status = grasp.wanted.status,
           .cycle_time = cycle_time};

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <random>
 #include <thread>
@@ -49,6 +50,20 @@ TEST(Manipulation, LiftsAndPutsBack) {
   EXPECT_EQ(trace.grasps, 1);
   EXPECT_NEAR(highest, 0.0325 + 0.05, 2e-3);
   EXPECT_NEAR(height_of(simulation), 0.0325, 1e-3);
+}
+
+// Whether a tip is said to slip at any step of a lift.
+bool is_felt_to_slip(double true_friction) {
+  Trial trial = short_lift();
+  trial.config.max_grasps = 1;
+  trial.simulation.description.contact.tip_friction = true_friction;
+  const Trace trace = run_on(Simulation<TriFinger>(trial.simulation), trial, {});
+  return std::ranges::any_of(trace.steps, &TraceStep::is_slipping);
+}
+
+TEST(Manipulation, FeelsTheObjectSlip) {
+  EXPECT_FALSE(is_felt_to_slip(0.8));
+  EXPECT_TRUE(is_felt_to_slip(0.2));
 }
 
 TEST(Manipulation, GraspsAgainWhatGotLost) {

@@ -30,6 +30,7 @@ struct GraspControllerConfig {
   Seconds closing_time{4.0};     ///< In which all tips must have felt their faces.
   Seconds engage_time{0.5};      ///< In which touching becomes holding.
   Seconds roll_time{0.3};        ///< In which the tips' targets follow tips that roll.
+  double slip_speed{0.03};       ///< Of a tip along its face, above which it slips [m/s].
   Seconds lost_time{0.1};        ///< Without touch, after which the object is lost.
   double lost_distance{0.03};    ///< From where it should be, likewise [m].
   std::optional<SafetyLimits> limits{};  ///< Default: those of the variant.
@@ -63,6 +64,10 @@ struct GraspState {
   /// How far each tip has moved along its face since all of them touched, by rolling and slipping
   /// [m].
   Eigen::Vector3d travel{Eigen::Vector3d::Zero()};
+  /// How fast they do so, without what is faster than 5 Hz [m/s].
+  Eigen::Vector3d slip_speeds{Eigen::Vector3d::Zero()};
+  /// A tip moves along its face faster than tips roll.
+  bool is_slipping{false};
   /// The largest share of a joint's torque limit that is asked for; what is above 1 the safety
   /// checks cut off.
   double torque_share{0.0};

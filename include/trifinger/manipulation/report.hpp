@@ -17,6 +17,7 @@ struct TraceStep {
   Eigen::Vector3d normal_forces{Eigen::Vector3d::Zero()};      ///< Of the tips, felt [N].
   Eigen::Vector3d tangential_forces{Eigen::Vector3d::Zero()};  ///< Likewise.
   Eigen::Vector3d travel{Eigen::Vector3d::Zero()};  ///< Of the tips along their faces [m].
+  bool is_slipping{false};   ///< A tip moves along its face faster than tips roll.
   double torque_share{0.0};  ///< The largest torque asked for, as a share of the largest allowed.
   control::ForceStatus status{control::ForceStatus::kInvalid};
   Seconds cycle_time{0};  ///< That the controller has taken.
@@ -57,6 +58,7 @@ struct Report {
   double tangential_force_max{0.0};
   double friction_used{0.0};   ///< The largest tangential by normal force [1]; its 99.9 % quantile.
   double travel_max{0.0};      ///< Of a tip along its face, by rolling and slipping [m].
+  Seconds slip_time{0};        ///< In which a tip slipped.
   double torque_margin{0.0};   ///< What was always left of the largest torque, as a share of it.
   double exact_wrenches{0.0};  ///< Share of the steps in which the wrench was the one wanted.
 
