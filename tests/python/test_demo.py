@@ -11,20 +11,26 @@ from trifinger import program
 
 
 @pytest.mark.release
-def test_the_demo_moves_the_cube_and_leaves_a_log_and_pictures(tmp_path: Path) -> None:
+@pytest.mark.parametrize("mode", [[], ["--non-real-time"]], ids=["real-time", "non-real-time"])
+def test_the_demo_lifts_the_cube_and_leaves_a_log_and_pictures(
+    mode: list[str], tmp_path: Path
+) -> None:
     result = subprocess.run(
-        [sys.executable, "-m", "trifinger.demo", "--output", str(tmp_path)],
+        [sys.executable, "-m", "trifinger.demo", *mode, "--output", str(tmp_path)],
         capture_output=True,
         text=True,
         timeout=100,
         check=False,
     )
-    assert result.returncode == 0, result.stdout + result.stderr
-    first_lines, _, _ = result.stdout.partition("\n\n")
-    table = dict(re.findall(r"^ +(\w.*?) {2,}(\S.*)$", first_lines, re.MULTILINE))
-    assert int(table["steps"]) > 7000
-    assert float(table["cube moved by"].removesuffix(" cm")) > 3.0
-    for name in ("scene.png", "plot.png"):
+    report = json.loads((tmp_path / "report.json").read_text())
+    # A machine that is busy with other tests may lose the cube in real time.
+    assert report["is_done"] or not mode
+    assert result.returncode == (0 if report["is_done"] else 1), result.stdout + result.stderr
+    _, lines, _ = result.stdout.split("\n\n", 2)
+    table = dict(re.findall(r"^ +(\w.*?) {2,}(\S.*)$", lines, re.MULTILINE))
+    lifted = float(table["cube lifted by"].removesuffix(" cm"))
+    assert lifted == pytest.approx(20.0, abs=0.3) or not report["is_done"]
+    for name in ("scene.png", "report.png", "plot.png"):
         assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
     (log,) = tmp_path.glob("*.mcap")
     assert str(log) in result.stdout
