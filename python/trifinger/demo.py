@@ -20,10 +20,11 @@ import numpy as np
 
 import trifinger
 from trifinger import plot, program
-from trifinger.film import Scene, Trace, save_report
+from trifinger.film import Scene, Trace, View, save_report
 
 NAME = "demo"
 HOLD_TIME = 3.0  # [s]
+VIEW = View(size=(960, 720), height=0.2, distance=0.75, azimuth=120.0, elevation=-15.0)
 
 
 @contextlib.contextmanager
@@ -94,8 +95,13 @@ def save_scene(session: trifinger.LoggedSession, trace: Trace, path: Path) -> No
     steps = trace.columns["step"].astype(int)
     held = [step for step, phase in zip(steps, trace.phases, strict=True) if phase == "hold"]
     step = held[len(held) // 2] if held else len(session.observations) - 1
-    with contextlib.closing(Scene(session)) as scene:
+    with contextlib.closing(Scene(session, view=VIEW)) as scene:
         matplotlib.image.imsave(path, scene.image(int(step)))
+
+
+def newest_log(folder: Path) -> Path:
+    """Names of logs have the date in them: the last is the newest. The folder, if there is none."""
+    return max(folder.glob(f"{NAME}_*.mcap"), default=folder)
 
 
 def main() -> int:
@@ -118,6 +124,8 @@ def main() -> int:
     arguments = parser.parse_args()
     folder: Path = arguments.output
     folder.mkdir(parents=True, exist_ok=True)
+    for left in ("report.json", "trace.csv"):  # by a demo before this one
+        (folder / left).unlink(missing_ok=True)
 
     try:
         with back_end(folder, arguments.mode):
@@ -128,12 +136,12 @@ def main() -> int:
         print(f"trifinger demo: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
+        print(f"Log:      {newest_log(folder)}")
         return 130
-    if not (folder / "report.json").exists():
-        return status  # the controller has said why
-
-    # Names of logs have the date in them: the last is the newest.
-    path = max(folder.glob(f"{NAME}_*.mcap"))
+    path = newest_log(folder)
+    if not (folder / "report.json").exists():  # the controller has said why
+        print(f"Log:      {path}")
+        return status
     log = trifinger.Log(path)
     session = log.session(NAME)
     trace = Trace(folder)

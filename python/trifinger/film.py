@@ -14,6 +14,7 @@ import json
 import os
 import sys
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
     Array = NDArray[Any]
 
 RATE = 30  # [images/s]
-SIZE = (720, 540)
 STRIP_IMAGES = 8
 SMOOTHING = 5  # poses
 PHASES = {
@@ -43,10 +43,23 @@ PHASES = {
 }
 
 
+@dataclass(frozen=True)
+class View:
+    """From where a scene is seen, and how large the picture is."""
+
+    size: tuple[int, int] = (720, 540)  # [pixels]
+    height: float = 0.13  # of the point in the middle of the picture, above the centre [m]
+    distance: float = 0.95  # [m]
+    azimuth: float = 90.0  # [degrees]
+    elevation: float = -18.0  # [degrees]
+
+
 class Scene:
     """What a log shows at any step, as pictures."""
 
-    def __init__(self, session: LoggedSession, is_plain: bool = False) -> None:
+    def __init__(
+        self, session: LoggedSession, is_plain: bool = False, view: View | None = None
+    ) -> None:
         """Plain pictures have neither shadows nor smooth edges, and take a tenth of the time."""
         os.environ.setdefault("MUJOCO_GL", "egl")
         import mujoco
@@ -56,19 +69,22 @@ class Scene:
             raise InvalidArgument(f"'{session.name}' has no model in its log to draw")
         self._mujoco = mujoco
         self._model = mujoco.MjModel.from_xml_string(session.documents["model.xml"])
-        self._model.vis.global_.offwidth, self._model.vis.global_.offheight = SIZE
+        view = view or View()
+        self.size = view.size
+        self._model.vis.global_.offwidth, self._model.vis.global_.offheight = view.size
         if is_plain:
             self._model.vis.quality.offsamples = 0
         self._data = mujoco.MjData(self._model)
-        self._renderer = Renderer(self._model, width=SIZE[0], height=SIZE[1])
+        self._renderer = Renderer(self._model, width=view.size[0], height=view.size[1])
         if is_plain:
             for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
                 self._renderer.scene.flags[flag] = False
         self._camera = mujoco.MjvCamera()
         mujoco.mjv_defaultFreeCamera(self._model, self._camera)
-        self._camera.lookat[:] = (0.0, 0.0, 0.13)
-        self._camera.distance = 0.95
-        self._camera.elevation = -18.0
+        self._camera.lookat[:] = (0.0, 0.0, view.height)
+        self._camera.distance = view.distance
+        self._camera.azimuth = view.azimuth
+        self._camera.elevation = view.elevation
         self._joints = session.observations["position"]
         self._times, self._objects = object_poses(session)
 
@@ -118,7 +134,7 @@ def save_film(scene: Scene, session: LoggedSession, path: Path) -> None:
     steps = session.steps or 0
     with av.open(str(path), "w") as container:
         stream = container.add_stream("libx264", rate=RATE)
-        stream.width, stream.height = SIZE
+        stream.width, stream.height = scene.size
         stream.pix_fmt = "yuv420p"
         stream.options = {"crf": "23", "preset": "veryfast"}
         for step in range(0, steps, every):
@@ -132,7 +148,8 @@ def save_strip(scene: Scene, session: LoggedSession, steps: Sequence[int], path:
     from matplotlib.figure import Figure
 
     columns = (len(steps) + 1) // 2
-    figure = Figure(figsize=(3.0 * columns, 2 * 3.0 * SIZE[1] / SIZE[0]), layout="constrained")
+    aspect = scene.size[1] / scene.size[0]
+    figure = Figure(figsize=(3.0 * columns, 2 * 3.0 * aspect), layout="constrained")
     figure.get_layout_engine().set(w_pad=0.02, h_pad=0.02, wspace=0.0, hspace=0.0)  # type: ignore[union-attr,call-arg]
     for number, step in enumerate(steps):
         axes = figure.add_subplot(2, columns, number + 1)

@@ -15,6 +15,8 @@ from trifinger import program
 def test_the_demo_lifts_the_cube_and_leaves_a_log_and_pictures(
     mode: list[str], tmp_path: Path
 ) -> None:
+    for stale in ("report.json", "trace.csv"):
+        (tmp_path / stale).write_text("of another demo")
     result = subprocess.run(
         [sys.executable, "-m", "trifinger.demo", *mode, "--output", str(tmp_path)],
         capture_output=True,
@@ -22,8 +24,11 @@ def test_the_demo_lifts_the_cube_and_leaves_a_log_and_pictures(
         timeout=100,
         check=False,
     )
+    # A machine that is busy with other tests may lose the cube in real time, or the robot.
+    if not mode and not (tmp_path / "report.json").exists():
+        assert result.returncode == 1, result.stdout + result.stderr
+        return
     report = json.loads((tmp_path / "report.json").read_text())
-    # A machine that is busy with other tests may lose the cube in real time.
     assert report["is_done"] or not mode
     assert result.returncode == (0 if report["is_done"] else 1), result.stdout + result.stderr
     _, lines, _ = result.stdout.split("\n\n", 2)
