@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "commands.hpp"
+#include "exit_code.hpp"
 #include "trifinger/base/suggestion.hpp"
 
 namespace trifinger::apps {

@@ -3,22 +3,12 @@
 
 #include <CLI/App.hpp>
 #include <functional>
-#include <stdexcept>
+
+#include "exit_code.hpp"
 
 // The commands of the program. Each function adds one to the command line; if that is what the user
 // asked for, it sets the action, which runs once everything has been understood.
 namespace trifinger::apps {
-
-// Exit codes.
-inline constexpr int kDone = 0;
-inline constexpr int kFailed = 1;
-inline constexpr int kWrongUsage = 2;
-
-// What the user typed has no meaning. The text says what would have one.
-class UsageError : public std::runtime_error {
- public:
-  using std::runtime_error::runtime_error;
-};
 
 // Does the work of a command and returns the exit code. May throw.
 using Action = std::function<int()>;

@@ -6,16 +6,13 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
-#include <exception>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "commands.hpp"
 #include "external_command.hpp"
-#include "trifinger/base/error.hpp"
 #include "trifinger/base/suggestion.hpp"
-#include "trifinger/config/node.hpp"
 
 namespace trifinger::apps {
 namespace {
@@ -113,32 +110,11 @@ int run_program(const std::vector<std::string>& words) {
   return action();
 }
 
-int run_and_report(const std::vector<std::string>& words) {
-  std::string problem;
-  int exit_code = kFailed;
-  try {
-    return run_program(words);
-  } catch (const UsageError& error) {
-    problem = error.what();
-    exit_code = kWrongUsage;
-  } catch (const InvalidArgument& error) {
-    problem = error.what();
-    exit_code = kWrongUsage;
-  } catch (const config::ConfigError& error) {
-    problem = error.what();
-    // Line 0: not in the file, but in what was typed behind --set.
-    exit_code = error.location().line == 0 ? kWrongUsage : kFailed;
-  } catch (const std::exception& error) {
-    problem = error.what();
-  }
-  std::fflush(stdout);
-  fmt::print(stderr, "trifinger: {}\n", problem);
-  return exit_code;
-}
-
 }  // namespace
 }  // namespace trifinger::apps
 
 int main(int argument_count, char** arguments) {
-  return trifinger::apps::run_and_report({arguments + 1, arguments + argument_count});
+  return trifinger::apps::run_and_report("trifinger", [&] {
+    return trifinger::apps::run_program({arguments + 1, arguments + argument_count});
+  });
 }

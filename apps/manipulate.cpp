@@ -7,7 +7,6 @@
 #include <atomic>
 #include <csignal>
 #include <cstdio>
-#include <exception>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -19,7 +18,7 @@
 #include <vector>
 
 #include "choice.hpp"
-#include "commands.hpp"
+#include "exit_code.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/config/file.hpp"
 #include "trifinger/core/frontend.hpp"
@@ -244,25 +243,7 @@ int run_program(const std::vector<std::string>& words) {
     fmt::print(stderr, "trifinger manipulate: {}; --help tells more\n", error.what());
     return kWrongUsage;
   }
-  std::string problem;
-  int exit_code = kFailed;
-  try {
-    return manipulate(options);
-  } catch (const UsageError& error) {
-    problem = error.what();
-    exit_code = kWrongUsage;
-  } catch (const InvalidArgument& error) {
-    problem = error.what();
-    exit_code = kWrongUsage;
-  } catch (const config::ConfigError& error) {
-    problem = error.what();
-    if (error.location().line == 0) exit_code = kWrongUsage;
-  } catch (const std::exception& error) {
-    problem = error.what();
-  }
-  std::fflush(stdout);
-  fmt::print(stderr, "trifinger manipulate: {}\n", problem);
-  return exit_code;
+  return run_and_report("trifinger manipulate", [&] { return manipulate(options); });
 }
 
 }  // namespace

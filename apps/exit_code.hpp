@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <functional>
+#include <stdexcept>
+#include <string_view>
+
+namespace trifinger::apps {
+
+inline constexpr int kDone = 0;
+inline constexpr int kFailed = 1;
+inline constexpr int kWrongUsage = 2;
+
+// What the user typed has no meaning. The text says what would have one.
+class UsageError : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+// Does `work` and returns its exit code; what it throws is said on stderr in the name of `program`.
+[[nodiscard]] int run_and_report(std::string_view program, const std::function<int()>& work);
+
+}  // namespace trifinger::apps
