@@ -13,6 +13,10 @@ if(TRIFINGER_SANITIZE MATCHES "^address" AND CMAKE_CXX_COMPILER_ID STREQUAL "Cla
   set(trifinger_sanitizer_runtime -shared-libasan -Wl,-rpath,${runtime_folder})
 endif()
 
+if(TRIFINGER_SANITIZE MATCHES "undefined" AND CMAKE_CXX_COMPILER_ID STREQUAL "Clang")
+  set(trifinger_sanitizer_ignorelist -fsanitize-ignorelist=${PROJECT_SOURCE_DIR}/cmake/sanitizer_ignorelist.txt)
+endif()
+
 # Options of every target that we compile; private, so that users of the libraries keep theirs.
 function(trifinger_target_options target)
   target_compile_options(
@@ -31,7 +35,7 @@ function(trifinger_target_options target)
             $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>
             $<$<BOOL:${TRIFINGER_WARNINGS_AS_ERRORS}>:-Werror>)
   if(TRIFINGER_SANITIZE)
-    target_compile_options(${target} PRIVATE -fsanitize=${TRIFINGER_SANITIZE}
+    target_compile_options(${target} PRIVATE -fsanitize=${TRIFINGER_SANITIZE} ${trifinger_sanitizer_ignorelist}
                                              -fno-sanitize-recover=all -fno-omit-frame-pointer)
     target_link_options(${target} PRIVATE -fsanitize=${TRIFINGER_SANITIZE} ${trifinger_sanitizer_runtime})
   endif()

@@ -245,7 +245,7 @@ TEST(GraspController, NeverPressesAcrossMoreThanItsShareOfWhatItPressesAlong) {
     ASSERT_TRUE(bench.run_until(GraspPhase::kHold));
     bench.lead_to({bench.start().position + Eigen::Vector3d(0, 0, 0.02)}, Seconds(0.5));
     int cut_off = 0;
-    for (int i = 0; i < 200; ++i) {
+    for (int i = 0; i < 60; ++i) {
       // Somewhere else for a step, so that the tips are pulled across; then back.
       const Pose place{bench.start().position + Eigen::Vector3d(0, 0, 0.02)};
       bench.want({place.position + random.numbers<3>(0.012),
@@ -263,7 +263,7 @@ TEST(GraspController, NeverPressesAcrossMoreThanItsShareOfWhatItPressesAlong) {
       bench.want(place);
       for (int rest = 0; rest < 20; ++rest) bench.step();
     }
-    EXPECT_GT(cut_off, 100) << "the tips were hardly pulled across";
+    EXPECT_GT(cut_off, 30) << "the tips were hardly pulled across";
   }
 }
 

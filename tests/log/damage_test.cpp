@@ -33,6 +33,8 @@ constexpr TimeIndex kBlock = 10;
 constexpr std::size_t kInChunk = 14;
 
 constexpr int kNumFlips = test::kHasSanitizer ? 5'000 : 100'000;
+// By how many bytes a prefix is shorter than the one before.
+constexpr std::size_t kPrefixStep = test::kHasSanitizer ? 7 : 1;
 
 // All that a damaged log may be asked for; throws if something is not true. The sessions are those
 // that were written, in their order.
@@ -138,7 +140,8 @@ TEST_F(DamagedLog, fault_24_GivesAllCompleteStepsOfEveryPrefix) {
   std::size_t longer = num_elements(sessions_);
   std::size_t num_unreadable = 0;
   test::write_file(path_, whole_);
-  for (std::size_t size = whole_.size(); size-- > 0;) {
+  for (std::size_t size = whole_.size(); size >= kPrefixStep;) {
+    size -= kPrefixStep;
     std::filesystem::resize_file(path_, size);
     std::size_t found = 0;
     try {
@@ -152,7 +155,7 @@ TEST_F(DamagedLog, fault_24_GivesAllCompleteStepsOfEveryPrefix) {
     } catch (const mcap::FormatError&) {
       ++num_unreadable;
     }
-    // One byte less costs a chunk if it was the last one of that.
+    // A few bytes less cost a chunk if it was the last one of that.
     ASSERT_LE(found, longer) << size;
     ASSERT_GE(found + kInChunk, longer) << size;
     longer = found;

@@ -25,6 +25,9 @@ namespace {
 using Traits = SimulatedRobotTraits<TriFinger>;
 using Robot = Frontend<TriFinger>;
 
+// A step that no session comes to.
+constexpr TimeIndex kNever = 1'000'000'000;
+
 // Any bits at all in every number.
 TriFinger::Action random_bits(std::mt19937& random) {
   TriFinger::Action action;
@@ -107,6 +110,8 @@ TEST(HostileQueueOfASimulation, fault_29_RandomBytesBreakNoLimitAndTheNextSessio
     expect_no_limit_broken(observer, limits);
     if (HasFatalFailure()) return;
     robot.reset();
+    // Actions that were on their way may still end it by a fault, which only then can be cleared.
+    ASSERT_TRUE(fault_of([&] { return observer.get_status(kNever, kLong); }));
     recover("robot", kLong);
   }
   EXPECT_GT(stopped, 0) << "the bytes did no harm; is the intruder at the right place?";
