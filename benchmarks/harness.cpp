@@ -109,7 +109,8 @@ bool pin(int cpu) {
   return ::sched_setaffinity(0, sizeof(set), &set) == 0;
 }
 
-Child::Child(const std::function<void()>& body) : pid_(::fork()) {
+Child::Child(const std::function<void()>& body, int end_signal)
+    : pid_(::fork()), end_signal_(end_signal) {
   if (pid_ < 0) throw SystemError("fork", errno);
   if (pid_ != 0) return;
   try {
@@ -122,7 +123,7 @@ Child::Child(const std::function<void()>& body) : pid_(::fork()) {
 }
 
 Child::~Child() {
-  ::kill(pid_, SIGKILL);
+  ::kill(pid_, end_signal_);
   ::waitpid(pid_, nullptr, 0);
 }
 

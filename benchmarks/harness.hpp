@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <csignal>
 #include <filesystem>
 #include <functional>
 #include <optional>
@@ -72,10 +73,11 @@ class TemporaryFolder {
   std::filesystem::path path_;
 };
 
-/// A child process that runs `body` and exits; killed and awaited at the end of its life here.
+/// A child process that runs `body` and exits; sent a signal and awaited at the end of its life
+/// here.
 class Child {
  public:
-  explicit Child(const std::function<void()>& body);
+  explicit Child(const std::function<void()>& body, int end_signal = SIGKILL);
   Child(const Child&) = delete;
   Child& operator=(const Child&) = delete;
   ~Child();
@@ -84,6 +86,7 @@ class Child {
 
  private:
   int pid_;
+  int end_signal_;
 };
 
 /// Memory shared with children forked later.
@@ -106,9 +109,11 @@ struct Effort {
   int windows;         ///< Pairs of windows of the lateness.
   double window_time;  ///< [s]
   int kills;           ///< Of processes at random instants.
+  double hold_time;    ///< Of the lifted cube [s].
 };
 
 [[nodiscard]] std::vector<Row> control_rows(const Effort& effort);
+[[nodiscard]] std::vector<Row> lift_rows(const Effort& effort);
 [[nodiscard]] std::vector<Row> core_rows(const Effort& effort);
 [[nodiscard]] std::vector<Row> realtime_rows(const Effort& effort);
 [[nodiscard]] std::vector<Row> simulation_rows(const Effort& effort);

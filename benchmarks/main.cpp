@@ -23,8 +23,9 @@ struct Part {
   std::vector<Row> (*rows)(const Effort& effort);
 };
 
-// These two first: they must not inherit the affinity that the others set.
+// These three first: they must not inherit the affinity that the others set.
 constexpr std::array kParts{Part{"realtime", trifinger::benchmarks::realtime_rows},
+                            Part{"lift", trifinger::benchmarks::lift_rows},
                             Part{"faults", trifinger::benchmarks::fault_rows},
                             Part{"core", trifinger::benchmarks::core_rows},
                             Part{"simulation", trifinger::benchmarks::simulation_rows},
@@ -34,18 +35,19 @@ constexpr std::array kParts{Part{"realtime", trifinger::benchmarks::realtime_row
 }  // namespace
 
 int main(int argc, char** argv) {
-  Effort effort{.rounds = 15, .windows = 30, .window_time = 2.0, .kills = 1000};
+  Effort effort{.rounds = 15, .windows = 30, .window_time = 2.0, .kills = 1000, .hold_time = 50.0};
   std::string_view only;
   for (int i = 1; i < argc; ++i) {
     const std::string_view argument = argv[i];
     if (argument == "--quick") {
-      effort = {.rounds = 3, .windows = 2, .window_time = 0.5, .kills = 20};
+      effort = {.rounds = 3, .windows = 2, .window_time = 0.5, .kills = 20, .hold_time = 0.1};
     } else if (std::ranges::find(kParts, argument, &Part::name) != kParts.end()) {
       only = argument;
     } else {
-      fmt::print(stderr,
-                 "usage: {} [--quick] [realtime | faults | core | simulation | control | log]\n",
-                 argv[0]);
+      fmt::print(
+          stderr,
+          "usage: {} [--quick] [realtime | lift | faults | core | simulation | control | log]\n",
+          argv[0]);
       return 2;
     }
   }

@@ -15,6 +15,7 @@
 
 #include "support/child_process.hpp"
 #include "support/interruptions.hpp"
+#include "support/sanitizers.hpp"
 #include "support/session_folder.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/ipc/file_lock.hpp"
@@ -59,7 +60,7 @@ TEST(AnonymousMemory, BeginsWithZeros) {
 // The kernel interrupts whoever takes memory from it, too, and that takes a while.
 TEST(AnonymousMemory, fault_23_IsThereHoweverOftenASignalInterruptsWhoMakesIt) {
   constexpr std::size_t kLarge = std::size_t{64} << 20U;
-  const std::int64_t enough = test::Interruptions::count() + 1000;
+  const std::int64_t enough = test::Interruptions::count() + (test::kHasSanitizer ? 200 : 1000);
   test::Interruptions interruptions;
   interruptions.begin();
   while (test::Interruptions::count() < enough) {

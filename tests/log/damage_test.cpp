@@ -32,7 +32,7 @@ using test::same_bytes;
 constexpr TimeIndex kBlock = 10;
 constexpr std::size_t kInChunk = 14;
 
-constexpr int kNumFlips = test::kHasSanitizer ? 5'000 : 100'000;
+constexpr int kNumFlips = test::kHasSanitizer ? 2'500 : 50'000;
 // By how many bytes a prefix is shorter than the one before.
 constexpr std::size_t kPrefixStep = test::kHasSanitizer ? 7 : 1;
 

@@ -29,8 +29,9 @@ class ProgressLine {
 
   void update(std::int64_t done) {
     if (done < next_) return;
-    std::fprintf(stderr, "[%lld/%lld]\n", static_cast<long long>(done),
-                 static_cast<long long>(total_));
+    // Where the figures go, so that it is never in the midst of a line of theirs.
+    std::printf("[%lld/%lld]\n", static_cast<long long>(done), static_cast<long long>(total_));
+    std::fflush(stdout);
     next_ = done + (total_ + 99) / 100;
   }
 

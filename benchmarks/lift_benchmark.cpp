@@ -1,0 +1,202 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The paper's experiment as its users start it: `trifinger run sim` on one processor, `trifinger
+// manipulate lift` on another.
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <bit>
+#include <cerrno>
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <optional>
+#include <span>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "harness.hpp"
+#include "trifinger/core/frontend.hpp"
+#include "trifinger/core/session.hpp"
+#include "trifinger/core/timing.hpp"
+#include "trifinger/realtime/clock.hpp"
+#include "trifinger/realtime/thread.hpp"
+#include "trifinger/sim/simulated_robot.hpp"
+
+namespace trifinger::benchmarks {
+namespace {
+
+constexpr int kBackendCpu = 0;
+constexpr int kControllerCpu = 1;
+// What an action needs between two ticks: the controller's wake, its cycle, and what the loops
+// beside it do not see.
+constexpr Nanoseconds kEnough = std::chrono::microseconds(250);
+
+// A real-time loop that does nothing but wake, above the robot's program on the same processor. It
+// remembers when it was held up.
+class BareLoop {
+ public:
+  static constexpr Nanoseconds kInterval = std::chrono::microseconds(100);
+
+  BareLoop(int cpu, int priority)
+      : thread_([=, this](const std::stop_token& stop) { run(stop, cpu, priority); }) {}
+
+  void stop() {
+    thread_.request_stop();
+    thread_.join();
+  }
+
+  // For how much of the time between two instants it was not woken when it should have been.
+  [[nodiscard]] Nanoseconds held_up(std::int64_t from, std::int64_t to) const {
+    std::int64_t sum = 0;
+    for (const Delay& delay : delays_) {
+      sum += std::max<std::int64_t>(0, std::min(to, delay.end) - std::max(from, delay.begin));
+    }
+    return Nanoseconds(sum);
+  }
+  [[nodiscard]] Nanoseconds longest() const {
+    Nanoseconds longest{0};
+    for (const Delay& delay : delays_) {
+      longest = std::max(longest, Nanoseconds(delay.end - delay.begin));
+    }
+    return longest;
+  }
+
+ private:
+  // From when it should have been woken to when it was [ns].
+  struct Delay {
+    std::int64_t begin;
+    std::int64_t end;
+  };
+
+  void run(const std::stop_token& stop, int cpu, int priority) {
+    enter_realtime({.demand = Demand::kTry, .priority = priority, .cpu = cpu});
+    delays_.reserve(std::size_t{1} << 20U);
+    MonotonicClock& clock = MonotonicClock::instance();
+    Instant deadline = clock.now();
+    while (!stop.stop_requested()) {
+      deadline += kInterval;
+      clock.sleep_until(deadline);
+      const Instant now = clock.now();
+      if (now - deadline > kInterval && delays_.size() < delays_.capacity()) {
+        delays_.push_back({deadline.time_since_epoch().count(), now.time_since_epoch().count()});
+      }
+      while (deadline + kInterval <= now) deadline += kInterval;
+    }
+  }
+
+  std::vector<Delay> delays_;
+  std::jthread thread_;
+};
+
+// A `trifinger` command on one processor; what it prints is not part of the table.
+Child start(int cpu, const std::vector<std::string>& words) {
+  const auto body = [&] {
+    pin(cpu);
+    std::vector<char*> arguments;
+    for (const std::string& word : words) arguments.push_back(const_cast<char*>(word.c_str()));
+    arguments.push_back(nullptr);
+    if (std::freopen("/dev/null", "w", stdout) != nullptr) {
+      ::execvp(arguments.front(), arguments.data());
+    }
+    throw SystemError("start " + words.front() + ", which ./run bench builds", errno);
+  };
+  return Child(body, SIGTERM);
+}
+
+// Shares of the times, in powers of two: "50 % < 4 us, 99 % < 8 us".
+std::string text_of(const LatenessHistogram& times) {
+  std::string text;
+  for (std::uint64_t below = 0, bin = 0; bin < LatenessHistogram::kNumBins; ++bin) {
+    below += times.count_in(bin);
+    const Nanoseconds end = LatenessHistogram::end_of(bin);
+    const bool is_edge = std::has_single_bit(static_cast<std::uint64_t>(end.count()));
+    if (!is_edge || 2 * below < times.count()) continue;
+    text += fmt::format("{}{:.5g} % < {:.4g} us", text.empty() ? "" : ", ",
+                        100.0 * static_cast<double>(below) / static_cast<double>(times.count()),
+                        1e-3 * static_cast<double>(end.count()));
+    if (below == times.count()) break;
+  }
+  return text;
+}
+
+// All statuses of a session, from its first step to its end.
+std::vector<Status> statuses_of(const Frontend<TriFinger>& robot) {
+  std::vector<Status> statuses;
+  for (bool has_ended = false; !has_ended;) {
+    constexpr TimeIndex kAtOnce = 100;  // so as to be woken rarely
+    const auto next = static_cast<TimeIndex>(statuses.size());
+    try {
+      robot.wait_until_time_index(next + kAtOnce);
+    } catch (const RobotStopped&) {
+      has_ended = true;
+    }
+    statuses.resize(static_cast<std::size_t>(robot.current_time_index() + 1));
+    robot.get_statuses(next, std::span(statuses).subspan(static_cast<std::size_t>(next)));
+  }
+  return statuses;
+}
+
+}  // namespace
+
+std::vector<Row> lift_rows(const Effort& effort) {
+  const std::string name = fmt::format("benchmark-{}", ::getpid());
+  const TemporaryFolder folder;
+
+  const Child backend = start(
+      kBackendCpu, {"trifinger", "run", "sim", "--name", name, "--set", "fingers.height=0.3"});
+  std::optional<Frontend<TriFinger>> robot;
+  for (int tries = 0; !robot; ++tries) {
+    try {
+      robot = observe<TriFinger>(name);
+    } catch (const SessionNotFound&) {
+      if (tries > 1000) throw;
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+  }
+  BareLoop beside_backend(kBackendCpu, 81);
+  BareLoop beside_controller(kControllerCpu, 71);
+  // With the way there and back a minute.
+  const std::string hold_time = fmt::format("lift.hold_time={}", effort.hold_time);
+  const Child controller =
+      start(kControllerCpu, {"trifinger", "manipulate", "lift", "--robot", name, "--output",
+                             folder.path(), "--set", hold_time});
+  const std::vector<Status> statuses = statuses_of(*robot);
+  beside_backend.stop();
+  beside_controller.stop();
+
+  int late = 0;
+  int blamed = 0;
+  for (std::size_t t = 1; t < statuses.size(); ++t) {
+    if (late_cause(statuses[t]) != LateCause::kUser) continue;
+    ++late;
+    const std::int64_t from = statuses[t - 1].time;
+    const std::int64_t to = statuses[t].time;
+    const Nanoseconds left = Nanoseconds(to - from) - beside_backend.held_up(from, to) -
+                             beside_controller.held_up(from, to);
+    if (left > kEnough) ++blamed;
+  }
+  const SessionInfo end = robot->session().info();
+  const bool is_done = end.fault.code == Fault::Code::kFinished;
+  const double duration = 1e-9 * static_cast<double>(statuses.back().time - statuses.front().time);
+  const std::optional<TimingRecord> timing = robot->session().timing();
+
+  Samples samples;
+  samples.add(blamed);
+  Row row = make_row("lift in real time, two processes: late actions where bare loops were in time",
+                     "", samples, "0", is_done && blamed == 0);
+  row.reference = fmt::format(
+      "bare FIFO loops on both processors, held up for at most {:.3g} ms",
+      1e-6 * static_cast<double>(
+                 std::max(beside_backend.longest(), beside_controller.longest()).count()));
+  row.remark =
+      fmt::format("{:.1f} s{}, {:.2f} steps/s; {} late actions in all; the back-end's lateness: {}",
+                  duration, is_done ? "" : ", ended as " + end.fault_text,
+                  static_cast<double>(statuses.size() - 1) / duration, late,
+                  timing ? text_of(timing->lateness()) : "unknown");
+  return {row};
+}
+
+}  // namespace trifinger::benchmarks
