@@ -162,8 +162,8 @@ def start_fake(start_python: StartChild) -> StartChild:
 def start_foreign(start_child: StartChild) -> StartChild:
     """Runs a back-end with a robot that Python has never heard of."""
 
-    def start(robot: str, name: str) -> Child:
-        return start_child(str(BUILD / "tests/python/foreign_backend"), robot, name)
+    def start(*arguments: str) -> Child:
+        return start_child(str(BUILD / "tests/python/foreign_backend"), *arguments)
 
     return start
 
