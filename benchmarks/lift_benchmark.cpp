@@ -41,7 +41,7 @@ class BareLoop {
   static constexpr Nanoseconds kInterval = std::chrono::microseconds(100);
 
   BareLoop(int cpu, int priority)
-      : thread_([=, this](const std::stop_token& stop) { run(stop, cpu, priority); }) {}
+      : thread_([this, cpu, priority](const std::stop_token& stop) { run(stop, cpu, priority); }) {}
 
   void stop() {
     thread_.request_stop();
@@ -96,6 +96,7 @@ Child start(int cpu, const std::vector<std::string>& words) {
   const auto body = [&] {
     pin(cpu);
     std::vector<char*> arguments;
+    arguments.reserve(words.size() + 1);
     for (const std::string& word : words) arguments.push_back(const_cast<char*>(word.c_str()));
     arguments.push_back(nullptr);
     if (std::freopen("/dev/null", "w", stdout) != nullptr) {

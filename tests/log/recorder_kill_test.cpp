@@ -88,7 +88,7 @@ class RecorderKill : public ::testing::Test {
 };
 
 TEST_F(RecorderKill, fault_20_AgainAndAgainCostsNothing) {
-  const std::int64_t kills = repetitions(200, 1000);
+  const std::int64_t kills = repetitions(60, 1000);
   ChildProcess backend([] { return run_robot(16384); });
   std::mt19937 random(1);
   const auto robot = find_robot();
