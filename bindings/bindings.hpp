@@ -21,6 +21,8 @@ void bind_simulation(nanobind::module_& m);
 void bind_control(nanobind::module_& m);
 /// Of these, planning and controlling grasps.
 void bind_grasping(nanobind::module_& m);
+/// Policy.
+void bind_learning(nanobind::module_& m);
 /// TimingRecord, LatenessHistogram, LateStep.
 void bind_timing(nanobind::module_& m);
 

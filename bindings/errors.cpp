@@ -5,6 +5,7 @@
 #include <string_view>
 
 #include "trifinger/core/errors.hpp"
+#include "trifinger/learning/policy.hpp"
 #include "trifinger/log/log.hpp"
 #include "trifinger/log/recorder.hpp"
 
@@ -45,6 +46,8 @@ void translate(const std::exception_ptr& thrown, void* /*payload*/) {
     raise("AlreadyRecorded", error);
   } catch (const log::NotInLog& error) {
     raise("NotInLog", error);
+  } catch (const learning::PolicyFileError& error) {
+    raise("PolicyFileError", error);
   } catch (const InvalidArgument& error) {
     raise("InvalidArgument", error);
   } catch (const TimedOut& error) {

@@ -24,9 +24,10 @@ DIRECTLY_BELOW = {
     "model": ("base",),
     "control": ("model",),
     "sim": ("joint", "model"),
+    "learning": ("realtime",),
     "manipulation": ("control", "sim"),
     "apps": ("manipulation", "log"),
-    "bindings": ("control", "sim", "log"),
+    "bindings": ("control", "learning", "sim", "log"),
 }
 
 INCLUDE = re.compile(r'^\s*#\s*include\s*["<]trifinger/(\w+)/')

@@ -1389,6 +1389,56 @@ class GraspController:
     def state(self) -> GraspState:
         """As of the last `update`."""
 
+class Policy:
+    """
+    A trained policy, computed in C++: actions from observations. Its file is described in docs/policies.md.
+
+    Not for several threads at once.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        """Reads the file at `path`."""
+
+    @staticmethod
+    def from_layers(layers: Sequence[tuple[Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], str]], *, mean: Sequence[float] | None = ..., variance: Sequence[float] | None = ..., epsilon: float = ..., clip: float = ..., low: Sequence[float] | None = ..., high: Sequence[float] | None = ..., bounding: str = ..., metadata: Mapping[str, str] = ...) -> Policy:
+        """
+        Of layers: weights with a row for each output, bias, and 'identity', 'relu' or 'tanh'. Inputs are normalised with
+        `mean` and `variance`; outputs are brought between `low` and `high`, by 'scale' from -1 to 1, or by 'clip'.
+        `trifinger.policy_file` makes them from networks of PyTorch.
+        """
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """
+        Writes the file at `path`, in one step: what was there is whole until the new one is.
+        """
+
+    def __call__(self, observation: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        The action for `observation`. An array of float64 is read where it lies.
+        """
+
+    @property
+    def num_inputs(self) -> int: ...
+
+    @property
+    def num_outputs(self) -> int: ...
+
+    @property
+    def widths(self) -> list[int]:
+        """Of the inputs and of each layer."""
+
+    @property
+    def activations(self) -> list[str]:
+        """Of each layer."""
+
+    @property
+    def bounds(self) -> tuple[list[float], list[float], str] | None:
+        """Of the outputs: low, high, and 'scale' or 'clip'; None for none."""
+
+    @property
+    def metadata(self) -> dict[str, str]:
+        """What a program needs to know that runs it; a copy."""
+
 class StepsIterator:
     """What LoggedSession.chunks() goes through."""
 

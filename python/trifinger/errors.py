@@ -80,5 +80,9 @@ class NotInLog(Error):
     """Elements that were asked for are not in the log. read() gives those that are."""
 
 
+class PolicyFileError(Error, ValueError):
+    """The file is not what docs/policies.md says of it."""
+
+
 class InheritedHandle(Error):
     """The handle was made before os.fork(); the child must connect on its own."""

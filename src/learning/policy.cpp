@@ -1,0 +1,216 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/learning/policy.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "policy_file.hpp"
+
+namespace trifinger::learning {
+namespace {
+
+void require_size(const std::string& what, Eigen::Index found, Eigen::Index wanted) {
+  if (found == wanted) return;
+  throw InvalidArgument(what + " has " + std::to_string(found) + " numbers, must have " +
+                        std::to_string(wanted));
+}
+
+template <class Numbers>
+void require_finite(const std::string& what, const Numbers& numbers) {
+  if (numbers.allFinite()) return;
+  throw InvalidArgument(what + " has a number that is not finite");
+}
+
+void require_positive(const std::string& what, double value) {
+  if (std::isfinite(value) && value > 0.0) return;
+  throw InvalidArgument(what + " is " + std::to_string(value) + ", must be above 0");
+}
+
+void require(const Layer& layer, const std::string& name) {
+  if (layer.weights.size() == 0) throw InvalidArgument(name + " has no weights");
+  require_size("the bias of " + name, layer.bias.size(), layer.weights.rows());
+  require_finite("the weight matrix of " + name, layer.weights);
+  require_finite("the bias of " + name, layer.bias);
+}
+
+void require(const InputNormalization& normalization, Eigen::Index num_inputs) {
+  require_size("the mean of the inputs", normalization.mean.size(), num_inputs);
+  require_size("the variance of the inputs", normalization.variance.size(), num_inputs);
+  require_finite("the mean of the inputs", normalization.mean);
+  require_finite("the variance of the inputs", normalization.variance);
+  require_positive("epsilon of the normalization", normalization.epsilon);
+  require_positive("clip of the normalization", normalization.clip);
+  if (normalization.variance.minCoeff() < 0.0) {
+    throw InvalidArgument("the variance of an input is below 0");
+  }
+}
+
+void require(const OutputBounds& bounds, Eigen::Index num_outputs) {
+  require_size("the lower bound of the outputs", bounds.low.size(), num_outputs);
+  require_size("the upper bound of the outputs", bounds.high.size(), num_outputs);
+  require_finite("the lower bound of the outputs", bounds.low);
+  require_finite("the upper bound of the outputs", bounds.high);
+  for (Eigen::Index i = 0; i < num_outputs; ++i) {
+    const double range = bounds.high[i] - bounds.low[i];
+    if (range >= 0.0 && std::isfinite(range)) continue;
+    throw InvalidArgument("output " + std::to_string(i) + " is bounded by " +
+                          std::to_string(bounds.low[i]) + " below and " +
+                          std::to_string(bounds.high[i]) + " above");
+  }
+}
+
+Network checked(Network network) {
+  if (network.layers.empty()) throw InvalidArgument("a policy needs at least one layer");
+  Eigen::Index width = network.layers.front().weights.cols();
+  for (std::size_t i = 0; i < network.layers.size(); ++i) {
+    const Layer& layer = network.layers[i];
+    const std::string name = "layer " + std::to_string(i);
+    require(layer, name);
+    if (layer.weights.cols() != width) {
+      throw InvalidArgument(name + " has " + std::to_string(layer.weights.cols()) +
+                            " inputs, but the layer before it has " + std::to_string(width) +
+                            " outputs");
+    }
+    width = layer.weights.rows();
+  }
+  if (network.layers.back().activation == Activation::kRelu) {
+    throw InvalidArgument("the last layer's activation is relu, must be identity or tanh");
+  }
+  if (network.normalization) {
+    require(*network.normalization, network.layers.front().weights.cols());
+  }
+  if (network.bounds) require(*network.bounds, width);
+  return network;
+}
+
+// output = weights * input + bias. Four columns at once: otherwise fetching and storing `output`
+// would take most of the time.
+void apply_affine(const Layer& layer, const double* input, double* output) noexcept {
+  const Eigen::Index rows = layer.weights.rows();
+  const Eigen::Index columns = layer.weights.cols();
+  const float* const bias = layer.bias.data();
+  for (Eigen::Index i = 0; i < rows; ++i) output[i] = static_cast<double>(bias[i]);
+  Eigen::Index column = 0;
+  for (; column + 4 <= columns; column += 4) {
+    const float* const first = layer.weights.data() + column * rows;
+    const float* const second = first + rows;
+    const float* const third = second + rows;
+    const float* const fourth = third + rows;
+    const double a = input[column];
+    const double b = input[column + 1];
+    const double c = input[column + 2];
+    const double d = input[column + 3];
+    for (Eigen::Index i = 0; i < rows; ++i) {
+      output[i] += (static_cast<double>(first[i]) * a + static_cast<double>(second[i]) * b) +
+                   (static_cast<double>(third[i]) * c + static_cast<double>(fourth[i]) * d);
+    }
+  }
+  for (; column < columns; ++column) {
+    const float* const weights = layer.weights.data() + column * rows;
+    const double a = input[column];
+    for (Eigen::Index i = 0; i < rows; ++i) output[i] += static_cast<double>(weights[i]) * a;
+  }
+}
+
+void apply(Activation activation, Eigen::Map<Eigen::ArrayXd> values) noexcept {
+  switch (activation) {
+    case Activation::kIdentity:
+      break;
+    case Activation::kRelu:
+      values = values.max(0.0);
+      break;
+    case Activation::kTanh:
+      // Eigen computes several exponentials at once, std::tanh would take longer than the sums.
+      values = 1.0 - 2.0 / ((2.0 * values).exp() + 1.0);
+      break;
+  }
+}
+
+}  // namespace
+
+Policy::Policy(Network network) : network_(checked(std::move(network))) {
+  Eigen::Index largest = 0;
+  for (const Layer& layer : network_.layers) {
+    largest = std::max({largest, layer.weights.rows(), layer.weights.cols()});
+  }
+  for (Eigen::VectorXd& values : activities_) values.setZero(largest);
+  if (network_.normalization) {
+    const InputNormalization& normalization = *network_.normalization;
+    input_scale_ = (normalization.variance.array() + normalization.epsilon).sqrt().inverse();
+  }
+}
+
+Policy Policy::load(const std::filesystem::path& path) {
+  try {
+    return Policy(detail::read_policy_file(path));
+  } catch (const InvalidArgument& error) {
+    throw PolicyFileError(path.string() + " is not a policy that can be used: " + error.what());
+  }
+}
+
+void Policy::save(const std::filesystem::path& path) const {
+  detail::write_policy_file(network_, path);
+}
+
+std::size_t Policy::num_inputs() const noexcept {
+  return static_cast<std::size_t>(network_.layers.front().weights.cols());
+}
+
+std::size_t Policy::num_outputs() const noexcept {
+  return static_cast<std::size_t>(network_.layers.back().weights.rows());
+}
+
+bool Policy::evaluate(std::span<const double> observation, std::span<double> action) noexcept {
+  if (observation.size() != num_inputs() || action.size() != num_outputs()) return false;
+  double* input = activities_[0].data();
+  double* output = activities_[1].data();
+  if (!take_input(observation, input)) return false;
+  for (const Layer& layer : network_.layers) {
+    apply_affine(layer, input, output);
+    const Eigen::Map<Eigen::ArrayXd> values(output, layer.weights.rows());
+    // Before the activation, which would make a number of what is none.
+    if (!values.allFinite()) return false;
+    apply(layer.activation, values);
+    std::swap(input, output);
+  }
+  give_output(input, action);
+  return true;
+}
+
+bool Policy::take_input(std::span<const double> observation, double* input) const noexcept {
+  for (std::size_t i = 0; i < observation.size(); ++i) {
+    double value = observation[i];
+    if (!std::isfinite(value)) return false;
+    if (network_.normalization) {
+      const InputNormalization& normalization = *network_.normalization;
+      const auto k = static_cast<Eigen::Index>(i);
+      value = std::clamp((value - normalization.mean[k]) * input_scale_[k], -normalization.clip,
+                         normalization.clip);
+    }
+    if (std::abs(value) > static_cast<double>(std::numeric_limits<float>::max())) return false;
+    // PyTorch's networks are given single precision.
+    input[i] = static_cast<double>(static_cast<float>(value));
+  }
+  return true;
+}
+
+void Policy::give_output(const double* output, std::span<double> action) const noexcept {
+  if (!network_.bounds) {
+    std::copy_n(output, action.size(), action.begin());
+    return;
+  }
+  const OutputBounds& bounds = *network_.bounds;
+  for (std::size_t i = 0; i < action.size(); ++i) {
+    const auto k = static_cast<Eigen::Index>(i);
+    const double low = bounds.low[k];
+    const double high = bounds.high[k];
+    const double value = bounds.bounding == Bounding::kScale
+                             ? low + 0.5 * (output[i] + 1.0) * (high - low)
+                             : output[i];
+    action[i] = std::clamp(value, low, high);
+  }
+}
+
+}  // namespace trifinger::learning

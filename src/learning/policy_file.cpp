@@ -1,0 +1,325 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "policy_file.hpp"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <bit>
+#include <cerrno>
+#include <cstdint>
+#include <fstream>
+#include <initializer_list>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <string_view>
+#include <system_error>
+#include <vector>
+
+#include "trifinger/base/suggestion.hpp"
+
+namespace trifinger::learning::detail {
+namespace {
+
+static_assert(std::endian::native == std::endian::little, "numbers are copied as they are");
+
+using Json = nlohmann::ordered_json;
+using RowMajor = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+constexpr std::string_view kFirstWords = "trifinger policy ";
+constexpr std::string_view kFirstLine = "trifinger policy 1\n";
+constexpr std::size_t kMaxHeader = std::size_t{1} << 20U;  // [bytes]
+constexpr std::uint64_t kMaxWidth = 65'536;                // of a layer
+constexpr std::uint64_t kMaxNumbers = 100'000'000;         // of all layers
+
+const std::vector<std::string_view> kActivations{"identity", "relu", "tanh"};
+const std::vector<std::string_view> kBoundings{"scale", "clip"};
+
+// ---- the header ----
+
+// A part of the header and its name in messages.
+class Section {
+ public:
+  Section(const Json& json, std::string name) : json_(json), name_(std::move(name)) {}
+
+  // Whoever knows fewer keys would run another policy than the one that was written.
+  void expect(std::initializer_list<std::string_view> keys) const {
+    if (!json_.is_object()) throw InvalidArgument(name_ + " is not a JSON object");
+    for (const auto& item : json_.items()) {
+      if (std::ranges::find(keys, std::string_view(item.key())) == keys.end()) {
+        throw InvalidArgument(name_ + " has the unknown key '" + item.key() + "'");
+      }
+    }
+  }
+
+  [[nodiscard]] bool has(const char* key) const { return json_.contains(key); }
+
+  [[nodiscard]] Section at(const char* key) const {
+    const auto found = json_.find(key);
+    if (found == json_.end()) throw InvalidArgument(name_ + " has no '" + key + "'");
+    return {*found, "'" + std::string(key) + "' of " + name_};
+  }
+
+  [[nodiscard]] std::size_t size() const {
+    if (!json_.is_array()) throw InvalidArgument(name_ + " is not a JSON array");
+    return json_.size();
+  }
+  [[nodiscard]] const Json& entry(std::size_t i) const { return json_[i]; }
+
+  [[nodiscard]] std::string text() const {
+    if (!json_.is_string()) throw InvalidArgument(name_ + " is not a string");
+    return json_.get<std::string>();
+  }
+
+  // Which of the words it is.
+  [[nodiscard]] std::size_t choice(const std::vector<std::string_view>& words) const {
+    const std::string word = text();
+    const auto found = std::ranges::find(words, word);
+    if (found == words.end()) {
+      throw InvalidArgument(name_ + " is '" + word + "', must be " + quoted_list(words, "or"));
+    }
+    return static_cast<std::size_t>(found - words.begin());
+  }
+
+  [[nodiscard]] std::uint64_t width() const {
+    if (json_.is_number_unsigned()) {
+      const auto width = json_.get<std::uint64_t>();
+      if (width >= 1 && width <= kMaxWidth) return width;
+    }
+    throw InvalidArgument(name_ + " is " + shown() + ", must be a whole number from 1 to " +
+                          std::to_string(kMaxWidth));
+  }
+
+  [[nodiscard]] double number() const {
+    if (!json_.is_number()) throw InvalidArgument(name_ + " is " + shown() + ", not a number");
+    return json_.get<double>();
+  }
+
+  [[nodiscard]] Eigen::VectorXd numbers() const {
+    Eigen::VectorXd numbers(static_cast<Eigen::Index>(size()));
+    std::ranges::transform(json_, numbers.begin(), [&](const Json& entry) {
+      return Section(entry, "a number in " + name_).number();
+    });
+    return numbers;
+  }
+
+  [[nodiscard]] std::map<std::string, std::string> texts() const {
+    if (!json_.is_object()) throw InvalidArgument(name_ + " is not a JSON object");
+    std::map<std::string, std::string> texts;
+    for (const auto& item : json_.items()) {
+      texts[item.key()] = Section(item.value(), "'" + item.key() + "' of " + name_).text();
+    }
+    return texts;
+  }
+
+ private:
+  [[nodiscard]] std::string shown() const {
+    const std::string text = json_.dump();
+    return text.size() <= 40 ? text : text.substr(0, 40) + " ...";
+  }
+
+  const Json& json_;
+  std::string name_;
+};
+
+Json parse(std::string_view header) {
+  // Nothing in a header is further down.
+  constexpr int kDepth = 4;
+  try {
+    return Json::parse(header, [](int depth, Json::parse_event_t /*event*/, Json& /*parsed*/) {
+      if (depth > kDepth) throw InvalidArgument("its header is nested too deeply");
+      return true;
+    });
+  } catch (const Json::exception& error) {
+    throw InvalidArgument("its header is not JSON: " + std::string(error.what()));
+  }
+}
+
+struct Shape {
+  std::uint64_t inputs;
+  std::uint64_t outputs;
+  Activation activation;
+
+  [[nodiscard]] std::uint64_t count() const noexcept { return outputs * (inputs + 1); }
+};
+
+// Everything but the weights, for which there is no memory yet.
+struct Header {
+  std::vector<Shape> shapes{};
+  Network network{};
+};
+
+Header header_of(const Json& json) {
+  const Section root(json, "the header");
+  root.expect({"layers", "normalization", "bounds", "metadata"});
+  Header header;
+  const Section layers = root.at("layers");
+  for (std::size_t i = 0; i < layers.size(); ++i) {
+    const Section layer(layers.entry(i), "layer " + std::to_string(i));
+    layer.expect({"inputs", "outputs", "activation"});
+    const std::size_t activation = layer.at("activation").choice(kActivations);
+    header.shapes.push_back({.inputs = layer.at("inputs").width(),
+                             .outputs = layer.at("outputs").width(),
+                             .activation = static_cast<Activation>(activation)});
+  }
+  if (root.has("normalization")) {
+    const Section normalization = root.at("normalization");
+    normalization.expect({"mean", "variance", "epsilon", "clip"});
+    header.network.normalization = {.mean = normalization.at("mean").numbers(),
+                                    .variance = normalization.at("variance").numbers(),
+                                    .epsilon = normalization.at("epsilon").number(),
+                                    .clip = normalization.at("clip").number()};
+  }
+  if (root.has("bounds")) {
+    const Section bounds = root.at("bounds");
+    bounds.expect({"low", "high", "bounding"});
+    const std::size_t bounding = bounds.at("bounding").choice(kBoundings);
+    header.network.bounds = {.low = bounds.at("low").numbers(),
+                             .high = bounds.at("high").numbers(),
+                             .bounding = static_cast<Bounding>(bounding)};
+  }
+  header.network.metadata = root.at("metadata").texts();
+  return header;
+}
+
+Json json_of(const Eigen::VectorXd& numbers) {
+  return std::vector<double>(numbers.begin(), numbers.end());
+}
+
+std::string header_text(const Network& network) {
+  Json json;
+  json["layers"] = Json::array();
+  for (const Layer& layer : network.layers) {
+    json["layers"].push_back(
+        {{"inputs", layer.weights.cols()},
+         {"outputs", layer.weights.rows()},
+         {"activation", kActivations.at(static_cast<std::size_t>(layer.activation))}});
+  }
+  if (network.normalization) {
+    json["normalization"] = {{"mean", json_of(network.normalization->mean)},
+                             {"variance", json_of(network.normalization->variance)},
+                             {"epsilon", network.normalization->epsilon},
+                             {"clip", network.normalization->clip}};
+  }
+  if (network.bounds) {
+    json["bounds"] = {
+        {"low", json_of(network.bounds->low)},
+        {"high", json_of(network.bounds->high)},
+        {"bounding", kBoundings.at(static_cast<std::size_t>(network.bounds->bounding))}};
+  }
+  json["metadata"] = Json::object();
+  for (const auto& [key, text] : network.metadata) json["metadata"][key] = text;
+  try {
+    return json.dump() + "\n";
+  } catch (const Json::exception& error) {
+    throw InvalidArgument("the metadata of the policy are not UTF-8: " + std::string(error.what()));
+  }
+}
+
+// ---- files ----
+
+int error_of_stream() { return errno == 0 ? EIO : errno; }
+
+void read(std::ifstream& file, char* bytes, std::uint64_t size) {
+  if (!file.read(bytes, static_cast<std::streamsize>(size))) {
+    throw InvalidArgument("it ended while it was read");
+  }
+}
+
+// The two lines of text that a file begins with, or less of them if they are longer than allowed.
+std::string beginning_of(std::ifstream& file, std::uint64_t size) {
+  std::string beginning(std::min<std::uint64_t>(size, kFirstLine.size()), '\0');
+  read(file, beginning.data(), beginning.size());
+  // Before more is read: this may be any large file.
+  if (beginning != kFirstLine) {
+    if (kFirstLine.starts_with(beginning)) throw InvalidArgument("it ends in its first line");
+    if (!beginning.starts_with(kFirstWords)) {
+      throw InvalidArgument("it does not begin with '" + std::string(kFirstWords) + "'");
+    }
+    throw InvalidArgument("it is of another version than 1, the one that this program knows");
+  }
+  std::string header(std::min<std::uint64_t>(size - beginning.size(), kMaxHeader), '\0');
+  read(file, header.data(), header.size());
+  const std::size_t end = header.find('\n');
+  if (end == std::string::npos) {
+    throw InvalidArgument("its header does not end within " + std::to_string(header.size()) +
+                          " bytes");
+  }
+  header.resize(end);
+  return header;
+}
+
+void check_size(const std::vector<Shape>& shapes, std::uint64_t found) {
+  std::uint64_t count = 0;
+  for (const Shape& shape : shapes) count += shape.count();
+  if (count > kMaxNumbers) {
+    throw InvalidArgument("its layers have " + std::to_string(count) + " numbers, more than " +
+                          std::to_string(kMaxNumbers));
+  }
+  if (count * sizeof(float) == found) return;
+  throw InvalidArgument("it has " + std::to_string(found) +
+                        " bytes behind its header, and its layers need " +
+                        std::to_string(count * sizeof(float)));
+}
+
+Layer read_layer(std::ifstream& file, const Shape& shape) {
+  RowMajor weights(shape.outputs, shape.inputs);
+  Eigen::VectorXf bias(shape.outputs);
+  read(file, reinterpret_cast<char*>(weights.data()), shape.outputs * shape.inputs * sizeof(float));
+  read(file, reinterpret_cast<char*>(bias.data()), shape.outputs * sizeof(float));
+  return {.weights = weights, .bias = std::move(bias), .activation = shape.activation};
+}
+
+void write(std::ofstream& file, const Eigen::Ref<const RowMajor>& numbers) {
+  file.write(reinterpret_cast<const char*>(numbers.data()),
+             numbers.size() * static_cast<std::streamsize>(sizeof(float)));
+}
+
+}  // namespace
+
+Network read_policy_file(const std::filesystem::path& path) {
+  // This comes first, and refuses what is not a file: opening a pipe would wait for its writer.
+  std::error_code error;
+  const std::uint64_t size = std::filesystem::file_size(path, error);
+  if (error) throw SystemError("read " + path.string(), error.value());
+  errno = 0;
+  std::ifstream file(path, std::ios::binary);
+  if (!file) throw SystemError("open " + path.string(), error_of_stream());
+  const std::string text = beginning_of(file, size);
+  Header header = header_of(parse(text));
+  const std::uint64_t begin = kFirstLine.size() + text.size() + 1;
+  check_size(header.shapes, size - begin);
+  file.clear();
+  file.seekg(static_cast<std::streamoff>(begin));
+  for (const Shape& shape : header.shapes) {
+    header.network.layers.push_back(read_layer(file, shape));
+  }
+  return std::move(header.network);
+}
+
+void write_policy_file(const Network& network, const std::filesystem::path& path) {
+  const std::string header = header_text(network);
+  if (header.size() > kMaxHeader) {
+    throw InvalidArgument("the header of the policy would have " + std::to_string(header.size()) +
+                          " bytes, more than " + std::to_string(kMaxHeader) +
+                          ": shorten its metadata");
+  }
+  std::filesystem::path part = path;
+  part += "." + std::to_string(::getpid()) + ".part";
+  errno = 0;
+  std::ofstream file(part, std::ios::binary | std::ios::trunc);
+  file << kFirstLine << header;
+  for (const Layer& layer : network.layers) {
+    write(file, layer.weights);
+    write(file, layer.bias.transpose());
+  }
+  file.close();
+  const int error = file ? 0 : error_of_stream();
+  std::error_code renaming;
+  if (error == 0) std::filesystem::rename(part, path, renaming);
+  if (error == 0 && !renaming) return;
+  std::error_code ignored;
+  std::filesystem::remove(part, ignored);
+  throw SystemError("write " + path.string(), error == 0 ? renaming.value() : error);
+}
+
+}  // namespace trifinger::learning::detail

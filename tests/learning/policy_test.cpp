@@ -1,0 +1,249 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/learning/policy.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "random_networks.hpp"
+#include "support/allocation_counter.hpp"
+
+namespace trifinger::learning {
+namespace {
+
+using test::random_network;
+using test::random_observation;
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+// What the header says, number by number, and nothing of how it is done.
+std::vector<double> recomputed(const Network& network, std::vector<double> values) {
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    if (network.normalization) {
+      const InputNormalization& normalization = *network.normalization;
+      const auto k = static_cast<Eigen::Index>(i);
+      values[i] = (values[i] - normalization.mean[k]) /
+                  std::sqrt(normalization.variance[k] + normalization.epsilon);
+      values[i] = std::min(std::max(values[i], -normalization.clip), normalization.clip);
+    }
+    values[i] = static_cast<double>(static_cast<float>(values[i]));
+  }
+  for (const Layer& layer : network.layers) {
+    std::vector<double> outputs;
+    for (Eigen::Index row = 0; row < layer.weights.rows(); ++row) {
+      auto output = static_cast<double>(layer.bias[row]);
+      for (std::size_t i = 0; i < values.size(); ++i) {
+        output += static_cast<double>(layer.weights(row, static_cast<Eigen::Index>(i))) * values[i];
+      }
+      if (layer.activation == Activation::kRelu && output < 0) output = 0;
+      if (layer.activation == Activation::kTanh) output = std::tanh(output);
+      outputs.push_back(output);
+    }
+    values = outputs;
+  }
+  for (std::size_t i = 0; i < values.size() && network.bounds; ++i) {
+    const double low = network.bounds->low[static_cast<Eigen::Index>(i)];
+    const double high = network.bounds->high[static_cast<Eigen::Index>(i)];
+    if (network.bounds->bounding == Bounding::kScale) {
+      const double inside = std::min(std::max(values[i], -1.0), 1.0);
+      values[i] = low + (inside + 1) / 2 * (high - low);
+    }
+    values[i] = std::min(std::max(values[i], low), high);
+  }
+  return values;
+}
+
+// Two layers with three inputs and two outputs.
+Network small_network() {
+  return {.layers = {{.weights = Eigen::MatrixXf::Constant(4, 3, 0.25F),
+                      .bias = Eigen::VectorXf::Constant(4, 0.5F),
+                      .activation = Activation::kRelu},
+                     {.weights = Eigen::MatrixXf::Constant(2, 4, -0.125F),
+                      .bias = Eigen::VectorXf::Constant(2, 1.0F),
+                      .activation = Activation::kTanh}}};
+}
+
+TEST(Policy, ComputesNetworksOfEveryShape) {
+  Random random{.seed = 1};
+  for (int i = 0; i < 300; ++i) {
+    const Network network = random_network(random);
+    Policy policy(network);
+    std::vector<double> action(policy.num_outputs());
+    for (int k = 0; k < 5; ++k) {
+      const std::vector<double> observation = random_observation(random, policy.num_inputs());
+      ASSERT_TRUE(policy.evaluate(observation, action));
+      EXPECT_THAT(action,
+                  testing::Pointwise(testing::DoubleNear(1e-12), recomputed(network, observation)));
+    }
+  }
+}
+
+TEST(Policy, AllocatesNothingOnceItIsMade) {
+  Random random{.seed = 3};
+  for (int i = 0; i < 50; ++i) {
+    Policy policy(random_network(random));
+    const std::vector<double> observation = random_observation(random, policy.num_inputs());
+    std::vector<double> action(policy.num_outputs());
+    const trifinger::test::AllocationCounter counter;
+    ASSERT_TRUE(policy.evaluate(observation, action));
+    EXPECT_EQ(counter.count(), 0);
+  }
+}
+
+TEST(Policy, StaysWithinItsBoundsHoweverLargeTheObservation) {
+  Random random{.seed = 4};
+  for (int i = 0; i < 200; ++i) {
+    Network network = random_network(random);
+    const auto width = network.layers.back().bias.size();
+    const auto low = test::random_numbers<Eigen::VectorXd>(random, width, 1);
+    const Eigen::VectorXd high = low.array() + random.uniform(0, 1);
+    network.bounds = {
+        .low = low, .high = high, .bounding = i % 2 == 0 ? Bounding::kScale : Bounding::kClip};
+    Policy policy(network);
+    std::vector<double> action(policy.num_outputs());
+    for (const double scale : {0.0, 1.0, 1e3, 1e30}) {
+      std::vector<double> observation = random_observation(random, policy.num_inputs());
+      for (double& number : observation) number *= scale;
+      ASSERT_TRUE(policy.evaluate(observation, action));
+      for (Eigen::Index k = 0; k < width; ++k) {
+        EXPECT_GE(action[static_cast<std::size_t>(k)], low[k]);
+        EXPECT_LE(action[static_cast<std::size_t>(k)], high[k]);
+      }
+    }
+  }
+}
+
+TEST(Policy, ReachesBothBoundsBySaturation) {
+  Network network{.layers = {{.weights = Eigen::MatrixXf::Constant(1, 1, 100.0F),
+                              .bias = Eigen::VectorXf::Zero(1),
+                              .activation = Activation::kTanh}},
+                  .bounds = OutputBounds{.low = Eigen::VectorXd::Constant(1, -0.36),
+                                         .high = Eigen::VectorXd::Constant(1, 0.2)}};
+  Policy policy(network);
+  std::vector<double> action(1);
+  ASSERT_TRUE(policy.evaluate(std::vector{1e9}, action));
+  EXPECT_EQ(action[0], 0.2);
+  ASSERT_TRUE(policy.evaluate(std::vector{-1e9}, action));
+  EXPECT_EQ(action[0], -0.36);
+}
+
+TEST(Policy, GivesNoActionWithoutAWholeObservation) {
+  Policy policy(small_network());
+  const std::vector<double> whole{1, 2, 3};
+  for (std::size_t i = 0; i < whole.size(); ++i) {
+    for (const double bad : {kNan, kInfinity, -kInfinity, 1e300}) {
+      std::vector<double> observation = whole;
+      observation[i] = bad;
+      std::vector<double> action{7, 8};
+      EXPECT_FALSE(policy.evaluate(observation, action)) << bad;
+      EXPECT_THAT(action, testing::ElementsAre(7, 8));
+    }
+  }
+  std::vector<double> action{7, 8};
+  EXPECT_TRUE(policy.evaluate(whole, action));
+}
+
+TEST(Policy, GivesNoActionIfASizeIsNotItsOwn) {
+  Policy policy(small_network());
+  for (const std::size_t inputs : {std::size_t{0}, std::size_t{2}, std::size_t{4}}) {
+    std::vector<double> action{7, 8};
+    EXPECT_FALSE(policy.evaluate(std::vector<double>(inputs), action));
+    EXPECT_THAT(action, testing::ElementsAre(7, 8));
+  }
+  for (const std::size_t outputs : {std::size_t{0}, std::size_t{1}, std::size_t{3}}) {
+    std::vector<double> action(outputs, 7.0);
+    EXPECT_FALSE(policy.evaluate(std::vector<double>(3), action));
+    EXPECT_THAT(action, testing::Each(7));
+  }
+}
+
+TEST(Policy, GivesNoActionWhereItsSumsOverflow) {
+  Network network;
+  for (int i = 0; i < 10; ++i) {
+    network.layers.push_back({.weights = Eigen::MatrixXf::Constant(2, 2, 3e38F),
+                              .bias = Eigen::VectorXf::Zero(2),
+                              .activation = Activation::kRelu});
+  }
+  // Infinity - infinity, of which relu and tanh would make a number.
+  network.layers.push_back({.weights = Eigen::MatrixXf{{1.0F, -1.0F}},
+                            .bias = Eigen::VectorXf::Zero(1),
+                            .activation = Activation::kTanh});
+  Policy policy(network);
+  std::vector<double> action{7};
+  EXPECT_FALSE(policy.evaluate(std::vector<double>{1e38, 1e38}, action));
+  EXPECT_THAT(action, testing::ElementsAre(7));
+  EXPECT_TRUE(policy.evaluate(std::vector<double>{-1, -1}, action));
+}
+
+TEST(Policy, SharesNothingWithItsCopies) {
+  Policy policy(small_network());
+  Policy copy = policy;
+  std::vector<double> first(2), second(2), third(2);
+  ASSERT_TRUE(policy.evaluate(std::vector<double>{1, 2, 3}, first));
+  ASSERT_TRUE(copy.evaluate(std::vector<double>{-9, 0, 5}, second));
+  policy = copy;
+  ASSERT_TRUE(policy.evaluate(std::vector<double>{1, 2, 3}, third));
+  EXPECT_EQ(first, third);
+}
+
+struct Mistake {
+  std::string name;
+  std::function<void(Network&)> make;
+  std::string said;
+};
+
+TEST(Policy, SaysWhatIsWrongWithANetwork) {
+  const Eigen::VectorXd two = Eigen::VectorXd::Ones(2);
+  const Eigen::VectorXd three = Eigen::VectorXd::Ones(3);
+  const std::vector<Mistake> mistakes{
+      {"none", [](Network& n) { n.layers.clear(); }, "at least one layer"},
+      {"empty", [](Network& n) { n.layers[1].weights.resize(0, 4); }, "layer 1 has no weights"},
+      {"gap", [](Network& n) { n.layers[1].weights.setZero(2, 5); },
+       "layer 1 has 5 inputs, but the layer before it has 4 outputs"},
+      {"bias", [](Network& n) { n.layers[0].bias.setZero(3); },
+       "the bias of layer 0 has 3 numbers, must have 4"},
+      {"weight", [](Network& n) { n.layers[0].weights(1, 2) = std::nanf(""); },
+       "the weight matrix of layer 0 has a number that is not finite"},
+      {"infinite bias", [](Network& n) { n.layers[1].bias[0] = HUGE_VALF; }, "the bias of layer 1"},
+      {"relu", [](Network& n) { n.layers[1].activation = Activation::kRelu; },
+       "the last layer's activation is relu"},
+      {"mean", [&](Network& n) { n.normalization = {.mean = two, .variance = three}; },
+       "the mean of the inputs has 2 numbers, must have 3"},
+      {"variance", [&](Network& n) { n.normalization = {.mean = three, .variance = -three}; },
+       "the variance of an input is below 0"},
+      {"nan variance",
+       [&](Network& n) { n.normalization = {.mean = three, .variance = kNan * three}; },
+       "the variance of the inputs has a number that is not finite"},
+      {"clip", [&](Network& n) { n.normalization = {.mean = three, .variance = three, .clip = 0}; },
+       "clip of the normalization"},
+      {"epsilon",
+       [&](Network& n) { n.normalization = {.mean = three, .variance = three, .epsilon = kNan}; },
+       "epsilon of the normalization"},
+      {"bounds", [&](Network& n) { n.bounds = {.low = three, .high = two}; },
+       "the lower bound of the outputs has 3 numbers, must have 2"},
+      {"crossed", [&](Network& n) { n.bounds = {.low = two, .high = -two}; },
+       "output 0 is bounded by 1.000000 below and -1.000000 above"},
+      {"wide", [&](Network& n) { n.bounds = {.low = -1e308 * two, .high = 1e308 * two}; },
+       "output 0 is bounded"},
+  };
+  for (const Mistake& mistake : mistakes) {
+    Network network = small_network();
+    mistake.make(network);
+    try {
+      const Policy policy(network);
+      ADD_FAILURE() << mistake.name << " was taken";
+    } catch (const InvalidArgument& error) {
+      EXPECT_THAT(error.what(), testing::HasSubstr(mistake.said)) << mistake.name;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace trifinger::learning
