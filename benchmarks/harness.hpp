@@ -117,6 +117,7 @@ struct Effort {
 [[nodiscard]] std::vector<Row> core_rows(const Effort& effort);
 [[nodiscard]] std::vector<Row> realtime_rows(const Effort& effort);
 [[nodiscard]] std::vector<Row> simulation_rows(const Effort& effort);
+[[nodiscard]] std::vector<Row> learning_rows(const Effort& effort);
 [[nodiscard]] std::vector<Row> log_rows(const Effort& effort);
 [[nodiscard]] std::vector<Row> fault_rows(const Effort& effort);
 

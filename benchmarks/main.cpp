@@ -30,6 +30,7 @@ constexpr std::array kParts{Part{"realtime", trifinger::benchmarks::realtime_row
                             Part{"core", trifinger::benchmarks::core_rows},
                             Part{"simulation", trifinger::benchmarks::simulation_rows},
                             Part{"control", trifinger::benchmarks::control_rows},
+                            Part{"learning", trifinger::benchmarks::learning_rows},
                             Part{"log", trifinger::benchmarks::log_rows}};
 
 }  // namespace
@@ -44,10 +45,10 @@ int main(int argc, char** argv) {
     } else if (std::ranges::find(kParts, argument, &Part::name) != kParts.end()) {
       only = argument;
     } else {
-      fmt::print(
-          stderr,
-          "usage: {} [--quick] [realtime | lift | faults | core | simulation | control | log]\n",
-          argv[0]);
+      fmt::print(stderr,
+                 "usage: {} [--quick] [realtime | lift | faults | core | simulation | control | "
+                 "learning | log]\n",
+                 argv[0]);
       return 2;
     }
   }
