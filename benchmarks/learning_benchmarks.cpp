@@ -1,17 +1,25 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
+#include <mujoco/mjbatch.h>
+#include <mujoco/mujoco.h>
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <cmath>
 #include <cstddef>
+#include <memory>
+#include <span>
 #include <vector>
 
 #include "harness.hpp"
 #include "support/allocation_counter.hpp"
+#include "trifinger/base/random.hpp"
+#include "trifinger/learning/environment.hpp"
+#include "trifinger/learning/environment_batch.hpp"
 #include "trifinger/learning/policy.hpp"
-#include "trifinger/learning/random.hpp"
+#include "trifinger/sim/simulation.hpp"
 
 namespace trifinger::benchmarks {
 namespace {
@@ -48,6 +56,185 @@ Network network() {
 
 double microseconds(Clock::duration time) {
   return std::chrono::duration<double, std::micro>(time).count();
+}
+
+// ---- environments ----
+
+constexpr int kSimulations = 64;
+constexpr int kThreads = 2;
+constexpr int kActions = 100;  // An episode.
+
+SimulationOptions<TriFinger> without_objects() {
+  SimulationOptions<TriFinger> options;
+  options.description.objects.clear();
+  return options;
+}
+
+// Actions that wander, for each simulation.
+std::vector<std::vector<float>> wandering(std::size_t count) {
+  Random random{.seed = 4};
+  std::vector<std::vector<float>> actions(kActions, std::vector<float>(count));
+  std::vector<double> numbers(count);
+  for (std::vector<float>& action : actions) {
+    for (std::size_t i = 0; i < count; ++i) {
+      numbers[i] = std::clamp(numbers[i] + 0.2 * random.normal(), -1.0, 1.0);
+      action[i] = static_cast<float>(numbers[i]);
+    }
+  }
+  return actions;
+}
+
+// The same steps without an environment: batches of MuJoCo's with the checks and the motors in
+// each, and nothing else.
+class DirectSteps {
+ public:
+  DirectSteps()
+      : environment_("reach", learning::default_options("reach"), model_.description()),
+        runs_(kSimulations) {
+    mjBatchConfig config;
+    mjb_defaultConfig(&config);
+    config.nthread = kThreads;
+    batch_.reset(mjb_makeBatch(model_.mujoco(), kSimulations, &config, nullptr, 0));
+  }
+
+  void reset() {
+    mjb_reset(batch_.get(), nullptr, 0, nullptr, mjSTAGE_NONE);
+    int size = 0;
+    double* const position = mjb_stateComponent(batch_.get(), mjSTATE_QPOS, &size);
+    for (std::size_t i = 0; i < kSimulations; ++i) {
+      Run& run = runs_[i];
+      const learning::Start start = environment_.begin(i, 0, run.episode);
+      std::copy_n(start.position.begin(), TriFinger::kJoints,
+                  position + static_cast<std::size_t>(mjb_nstate(batch_.get())) * i);
+      run.safety = {};
+      std::copy_n(start.position.begin(), TriFinger::kJoints, run.action.position.begin());
+    }
+  }
+
+  void step(const std::vector<float>& actions) {
+    actions_ = actions;
+    mjb_apply(batch_.get(), nullptr, 0, &DirectSteps::step_one, this, 1);
+  }
+
+  void step_bare() { mjb_step(batch_.get(), nullptr, 0, kStepsPerAction, mjSTAGE_NONE); }
+
+ private:
+  static constexpr int kStepsPerAction = 20;
+
+  struct Run {
+    learning::Episode episode;
+    SafetyState<TriFinger::kJoints> safety;
+    TriFinger::Action action;
+  };
+  struct DeleteBatch {
+    void operator()(mjBatch* batch) const noexcept { mjb_deleteBatch(batch); }
+  };
+
+  static void step_one(const mjModel* model, mjData* data, int index, void* self) {
+    auto& all = *static_cast<DirectSteps*>(self);
+    const auto i = static_cast<std::size_t>(index);
+    Run& run = all.runs_[i];
+    TriFinger::Observation observation;
+    TriFinger::AppliedAction applied;
+    for (int k = 0; k < kStepsPerAction; ++k) {
+      if (k == 1) {
+        (void)all.environment_.take_action(all.actions_.subspan(9 * i, 9), run.episode,
+                                           run.action.torque, run.action.position);
+      }
+      std::copy_n(data->qpos, TriFinger::kJoints, observation.position.begin());
+      std::copy_n(data->qvel, TriFinger::kJoints, observation.velocity.begin());
+      (void)all.chain_.apply(run.action, observation, std::chrono::milliseconds(1), run.safety,
+                             applied);
+      for (std::size_t joint = 0; joint < TriFinger::kJoints; ++joint) {
+        data->ctrl[joint] = available_torque(all.motors_, applied.torque[joint], data->qvel[joint]);
+      }
+      mj_step(model, data);
+    }
+  }
+
+  RobotModel model_{without_objects().description};
+  learning::Environment environment_;
+  SafetyChain<TriFinger> chain_{default_limits<TriFinger>(model_.description())};
+  ActuatorParameters motors_{actuator(model_.description())};
+  std::vector<Run> runs_;
+  std::unique_ptr<mjBatch, DeleteBatch> batch_;
+  std::span<const float> actions_;
+};
+
+template <class Step>
+double steps_per_second(Step&& step) {
+  const auto begin = Clock::now();
+  for (int i = 0; i < kActions; ++i) step(static_cast<std::size_t>(i));
+  const double time = std::chrono::duration<double>(Clock::now() - begin).count();
+  return static_cast<double>(kSimulations) * kActions / time;
+}
+
+Row vector_row(const Effort& effort) {
+  learning::EnvironmentBatch batch("reach", learning::default_options("reach"), without_objects(),
+                                   kSimulations, kThreads);
+  for (std::size_t i = 0; i < kSimulations; ++i) batch.seed(i, i);
+  DirectSteps direct;
+  const auto actions = wandering(std::size_t{kSimulations} * TriFinger::kJoints);
+  Samples bare_ratios;
+  double environments = 0.0;
+  const auto environment = [&] {
+    for (std::size_t i = 0; i < kSimulations; ++i) batch.seed(i, i);
+    batch.reset();
+    environments = steps_per_second([&](std::size_t i) { batch.step(actions[i]); });
+    return environments;
+  };
+  const auto direct_steps = [&] {
+    direct.reset();
+    const double steps = steps_per_second([&](std::size_t i) { direct.step(actions[i]); });
+    direct.reset();
+    bare_ratios.add(environments / steps_per_second([&](std::size_t) { direct.step_bare(); }));
+    return steps;
+  };
+  const Paired paired = alternate(effort.rounds, environment, direct_steps);
+  Row row = make_row("vector environment, 64 x reach at 50 Hz, 2 threads", "actions/s", paired,
+                     "the same steps with safety chain and motors alone, in C++", ">= 0.9x",
+                     paired.ratio.median() >= 0.9);
+  row.remark = fmt::format("20 steps per action; {:.2f}x of bare mjb_step, whose fingers fall",
+                           bare_ratios.median());
+  return row;
+}
+
+// What `trifinger.environments.Environment` does, in C++.
+Row single_row(const Effort& effort) {
+  const learning::Environment environment("reach", learning::default_options("reach"),
+                                          without_objects().description);
+  const Simulation<TriFinger> simulation(without_objects(), {.history = 1024});
+  const auto actions = wandering(TriFinger::kJoints);
+  std::vector<float> observation(environment.observation_size());
+  std::vector<double> achieved(environment.goal_size());
+  std::vector<double> desired(environment.goal_size());
+  std::array<TriFinger::Action, 20> burst{};
+  Samples samples;
+  double sum = 0.0;
+  for (int round = 0; round < effort.rounds; ++round) {
+    learning::Episode episode;
+    const learning::Start start = environment.begin(0, 0, episode);
+    JointVector<TriFinger::kJoints> position{};
+    std::copy_n(start.position.begin(), position.size(), position.begin());
+    simulation.robot().reset(position, start.random);
+    auto robot = simulation.connect();
+    TimeIndex t = robot.append_desired_action(hold_position(robot.latest_observation()));
+    const auto begin = Clock::now();
+    for (const std::vector<float>& action : actions) {
+      (void)environment.take_action(action, episode, burst[0].torque, burst[0].position);
+      burst.fill(burst[0]);
+      t = robot.append_desired_actions(burst);
+      const auto y = robot.get_observation(t);
+      sum += environment
+                 .observe({.position = y.position, .velocity = y.velocity}, episode, observation,
+                          achieved, desired)
+                 .reward;
+    }
+    samples.add(kActions / std::chrono::duration<double>(Clock::now() - begin).count());
+    robot.finish();
+  }
+  return make_row("environment, reach at 50 Hz, C++", "actions/s", samples, "none",
+                  std::isfinite(sum));
 }
 
 }  // namespace
@@ -97,7 +284,7 @@ std::vector<Row> learning_rows(const Effort& effort) {
       "bare Eigen products of the same matrices, single precision", "<= 20 us, 0 allocations",
       paired.measure.median() <= 20.0 && allocations == 0 && is_done && std::isfinite(sum));
   row.remark = fmt::format("{} allocations", allocations);
-  return {row};
+  return {row, vector_row(effort), single_row(effort)};
 }
 
 }  // namespace trifinger::benchmarks

@@ -216,6 +216,36 @@ def reading_row(rounds: int, reference: Row) -> Row:
     }
 
 
+def environment_row(rounds: int, reference: Row) -> Row:
+    """Actions of the single environment."""
+    from trifinger.environments import Environment
+
+    environment = Environment("reach")
+    random = np.random.default_rng(1)
+    actions = np.clip(np.cumsum(0.2 * random.normal(size=(100, 9)), axis=0), -1, 1)
+    samples = []
+    for episode in range(rounds):
+        environment.reset(seed=0, options={"episode": episode})
+        begin = time.perf_counter()
+        for action in actions.astype(np.float32):
+            environment.step(action)
+        samples.append(len(actions) / (time.perf_counter() - begin))
+    ratio = reference["value"] / statistics.median(samples)
+    return {
+        "measure": "environment, reach at 50 Hz, Python",
+        "value": statistics.median(samples),
+        "low": min(samples),
+        "high": max(samples),
+        "unit": "actions/s",
+        "reference": f"the same from C++ ({reference['value']:.4g} actions/s); "
+        "the ratio is that of the times",
+        "ratio": ratio,
+        "reach": "<= 1.3x",
+        "holds": ratio <= 1.3,
+        "remark": "",
+    }
+
+
 def find(rows: list[Row], measure: str) -> Row:
     """The row of that name."""
     return next(row for row in rows if row["measure"] == measure)
@@ -278,6 +308,7 @@ def main() -> int:
     rows: list[Row] = json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE).stdout)
     rounds = 3 if arguments.quick else 15
     rows += python_rows(rows, rounds)
+    rows.append(environment_row(rounds, find(rows, "environment, reach at 50 Hz, C++")))
     rows.append(reading_row(rounds, find(rows, "log: 60 s at 1 kHz into arrays, C++")))
     rows += recorder_rows(2, 0.5) if arguments.quick else recorder_rows(30, 2.0)
     print_table(rows)

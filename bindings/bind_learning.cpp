@@ -24,8 +24,8 @@
 
 #include "array.hpp"
 #include "bindings.hpp"
+#include "choice.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/suggestion.hpp"
 #include "trifinger/learning/policy.hpp"
 
 namespace nb = nanobind;
@@ -45,17 +45,6 @@ using Numbers = std::vector<double>;
 // In the order of the enumerations.
 constexpr std::array<std::string_view, 3> kActivations{"identity", "relu", "tanh"};
 constexpr std::array<std::string_view, 2> kBoundings{"scale", "clip"};
-
-template <class Enumeration, std::size_t kCount>
-Enumeration choice(const char* what, const std::array<std::string_view, kCount>& words,
-                   const std::string& word) {
-  const auto* const found = std::ranges::find(words, std::string_view(word));
-  if (found == words.end()) {
-    throw InvalidArgument(std::string(what) + " is '" + word + "', must be " +
-                          quoted_list({words.begin(), words.end()}, "or"));
-  }
-  return static_cast<Enumeration>(found - words.begin());
-}
 
 Eigen::VectorXd to_vector(const Numbers& numbers) {
   return Eigen::Map<const Eigen::VectorXd>(numbers.data(),

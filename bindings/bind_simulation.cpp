@@ -277,9 +277,25 @@ void bind_simulation(nb::module_& m) {
       .def("connect", &PythonSimulation::connect, nb::kw_only(), "strict"_a = true,
            "Controls the robot in a new session. Raises ControlHeld while another front-end does.")
       .def("reset", &PythonSimulation::reset, "position"_a = nb::none(), "seed"_a = nb::none(),
+           "episode"_a = 0,
            "Goes back to the beginning: joints at `position` [rad] (default: the configuration's), "
            "objects in their "
-           "places,\nat rest, random numbers from `seed` (default: the configuration's).")
+           "places,\nat rest, random numbers of `episode` of `seed` (default: the "
+           "configuration's).")
+      .def(
+          "vary",
+          [](const PythonSimulation& simulation, double object_mass, double friction,
+             double motor_gain, TimeIndex torque_delay) {
+            simulation.vary({.object_mass = object_mass,
+                             .friction = friction,
+                             .motor_gain = motor_gain,
+                             .torque_delay = torque_delay});
+          },
+          nb::kw_only(), "object_mass"_a = 1.0, "friction"_a = 1.0, "motor_gain"_a = 1.0,
+          "torque_delay"_a = 0,
+          "Differs from its configuration from now on, whatever is reset: masses of objects, "
+          "friction of all surfaces and\ntorques that motors deliver, each times its own, and "
+          "the steps until they deliver them.")
       .def("place_object", &PythonSimulation::place_object, "name"_a, "position"_a,
            "orientation"_a = std::vector<double>{1.0, 0.0, 0.0, 0.0},
            "Puts an object somewhere, at rest: x, y, z [m] and a quaternion w, x, y, z.")

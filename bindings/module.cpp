@@ -21,6 +21,7 @@ NB_MODULE(_trifinger, m) {
   trifinger::python::bind_simulation(m);
   trifinger::python::bind_control(m);
   trifinger::python::bind_learning(m);
+  trifinger::python::bind_environment(m);
   trifinger::python::bind_log(m);
   trifinger::python::bind_replay(m);
   // At exit the last comes first: threads that stand still do not hear that their robots stop.

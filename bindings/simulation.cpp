@@ -67,17 +67,13 @@ std::unique_ptr<PythonFrontend> PythonSimulation::connect(bool strict) const {
 }
 
 void PythonSimulation::reset(const std::optional<std::vector<double>>& position,
-                             std::optional<std::uint64_t> seed) const {
+                             std::optional<std::uint64_t> seed, std::uint64_t episode) const {
   std::visit(
       [&]<class R>(const Simulation<R>& simulation) {
         SimulatedRobot<R>& robot = simulation.robot();
-        if (!position && !seed) {
-          robot.reset();
-        } else {
-          robot.reset(
-              position ? to_array<R::kJoints>(*position, "position") : robot.initial_position(),
-              seed.value_or(robot.options().seed));
-        }
+        robot.reset(
+            position ? to_array<R::kJoints>(*position, "position") : robot.initial_position(),
+            Random{.seed = seed.value_or(robot.options().seed), .episode = episode});
       },
       simulation_);
 }
@@ -88,6 +84,10 @@ void PythonSimulation::place_object(const std::string& name, const std::vector<d
                         .orientation = to_array<4>(orientation, "orientation")};
   std::visit([&](const auto& simulation) { simulation.robot().place_object(name, pose); },
              simulation_);
+}
+
+void PythonSimulation::vary(const Variation& variation) const {
+  std::visit([&](const auto& simulation) { simulation.robot().vary(variation); }, simulation_);
 }
 
 ObjectPose PythonSimulation::object_pose(const std::string& name) const {

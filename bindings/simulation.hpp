@@ -28,8 +28,9 @@ class PythonSimulation {
   explicit PythonSimulation(const RobotConfig& config);
 
   [[nodiscard]] std::unique_ptr<PythonFrontend> connect(bool strict) const;
-  void reset(const std::optional<std::vector<double>>& position,
-             std::optional<std::uint64_t> seed) const;
+  void reset(const std::optional<std::vector<double>>& position, std::optional<std::uint64_t> seed,
+             std::uint64_t episode) const;
+  void vary(const Variation& variation) const;
   void place_object(const std::string& name, const std::vector<double>& position,
                     const std::vector<double>& orientation) const;
   [[nodiscard]] ObjectPose object_pose(const std::string& name) const;

@@ -52,7 +52,7 @@ int main() {
             << ", to the last bit\n";
 
   const trifinger::JointVector<9> pose{0.1, 0.9, -1.7, 0.1, 0.9, -1.7, 0.1, 0.9, -1.7};
-  simulation.robot().reset(pose, /*seed=*/7);
+  simulation.robot().reset(pose, {.seed = 7});
   const auto y = simulation.connect().latest_observation();
   std::cout << "after the reset joint 0 is at " << y.position[0] << " rad\n";
   return is_repeated && y.position == pose ? EXIT_SUCCESS : EXIT_FAILURE;

@@ -24,10 +24,10 @@ DIRECTLY_BELOW = {
     "model": ("base",),
     "control": ("model",),
     "sim": ("joint", "model"),
-    "learning": ("realtime",),
+    "learning": ("sim",),
     "manipulation": ("control", "sim"),
     "apps": ("manipulation", "log"),
-    "bindings": ("control", "learning", "sim", "log"),
+    "bindings": ("control", "learning", "log"),
 }
 
 INCLUDE = re.compile(r'^\s*#\s*include\s*["<]trifinger/(\w+)/')

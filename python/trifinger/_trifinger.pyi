@@ -453,10 +453,16 @@ class Simulation:
         Controls the robot in a new session. Raises ControlHeld while another front-end does.
         """
 
-    def reset(self, position: Sequence[float] | None = ..., seed: int | None = ...) -> None:
+    def reset(self, position: Sequence[float] | None = ..., seed: int | None = ..., episode: int = ...) -> None:
         """
         Goes back to the beginning: joints at `position` [rad] (default: the configuration's), objects in their places,
-        at rest, random numbers from `seed` (default: the configuration's).
+        at rest, random numbers of `episode` of `seed` (default: the configuration's).
+        """
+
+    def vary(self, *, object_mass: float = ..., friction: float = ..., motor_gain: float = ..., torque_delay: int = ...) -> None:
+        """
+        Differs from its configuration from now on, whatever is reset: masses of objects, friction of all surfaces and
+        torques that motors deliver, each times its own, and the steps until they deliver them.
         """
 
     def place_object(self, name: str, position: Sequence[float], orientation: Sequence[float] = ...) -> None:
@@ -1438,6 +1444,151 @@ class Policy:
     @property
     def metadata(self) -> dict[str, str]:
         """What a program needs to know that runs it; a copy."""
+
+class Episodes:
+    """
+    What makes a decision process of a robot: starts, goals, observations, rewards. `trifinger.environments` uses it.
+    """
+
+    def __init__(self, task: str, options: dict[str, object], config: str, overrides: dict[str, object]) -> None: ...
+
+    def begin(self, seed: int, number: int) -> tuple[list[float], list[float], list[float], dict[str, Any], int]:
+        """
+        Joints [rad], object's position [m] and quaternion, variation, series of random numbers.
+        """
+
+    def take_action(self, numbers: numpy.typing.NDArray[numpy.float32]) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64]]:
+        """Torques [Nm] and positions [rad] of the joints for one action."""
+
+    def observe(self, position: numpy.typing.ArrayLike, velocity: numpy.typing.ArrayLike, object: tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike] | None = None) -> tuple[float, bool, bool, bool]:
+        """Reward, terminated, truncated, success; the arrays below change."""
+
+    @property
+    def entries(self) -> list[tuple[str, str, list[float], list[float]]]:
+        """The parts of an observation: name, unit, bounds."""
+
+    @property
+    def goal(self) -> tuple[str, str, list[float], list[float]]: ...
+
+    @property
+    def flat_names(self) -> list[str]: ...
+
+    @property
+    def episode_actions(self) -> int: ...
+
+    @property
+    def num_joints(self) -> int: ...
+
+    @property
+    def object_name(self) -> str: ...
+
+    def compute_reward(self, achieved: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], desired: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C')]:
+        """One reward for each row."""
+
+    @property
+    def observation(self) -> numpy.typing.NDArray[numpy.float32]: ...
+
+    @property
+    def achieved(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
+    @property
+    def desired(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
+    @property
+    def distance(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
+    @property
+    def finger_rewards(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
+class EnvironmentBatch:
+    """
+    Many simulations of one decision process, on several threads. `trifinger.environments.VectorEnvironment` uses it.
+    """
+
+    def __init__(self, task: str, options: dict[str, object], size: int, num_threads: int, config: str, overrides: dict[str, object]) -> None: ...
+
+    def __len__(self) -> int: ...
+
+    @property
+    def num_threads(self) -> int: ...
+
+    def seed(self, index: int, seed: int) -> None:
+        """The next reset of this simulation begins episode 0 of `seed`."""
+
+    def reset(self, which: numpy.typing.NDArray[numpy.bool_] | None = None) -> None:
+        """Begins an episode in all, or in those that are marked."""
+
+    def step(self, actions: numpy.typing.NDArray[numpy.float32], autoreset: str) -> None:
+        """Lets an action act in each; the arrays below change."""
+
+    @property
+    def entries(self) -> list[tuple[str, str, list[float], list[float]]]:
+        """The parts of an observation: name, unit, bounds."""
+
+    @property
+    def goal(self) -> tuple[str, str, list[float], list[float]]: ...
+
+    @property
+    def flat_names(self) -> list[str]: ...
+
+    @property
+    def episode_actions(self) -> int: ...
+
+    @property
+    def num_joints(self) -> int: ...
+
+    @property
+    def object_name(self) -> str: ...
+
+    def compute_reward(self, achieved: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], desired: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C')]:
+        """One reward for each row."""
+
+    @property
+    def observation(self) -> numpy.typing.NDArray[numpy.float32]: ...
+
+    @property
+    def achieved(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
+    @property
+    def desired(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
+    @property
+    def final_observation(self) -> numpy.typing.NDArray[numpy.float32]: ...
+
+    @property
+    def final_achieved(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
+    @property
+    def final_desired(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
+    @property
+    def distance(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
+    @property
+    def finger_rewards(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
+    @property
+    def reward(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
+    @property
+    def terminated(self) -> numpy.typing.NDArray[numpy.uint8]: ...
+
+    @property
+    def truncated(self) -> numpy.typing.NDArray[numpy.uint8]: ...
+
+    @property
+    def success(self) -> numpy.typing.NDArray[numpy.uint8]: ...
+
+    @property
+    def fault(self) -> numpy.typing.NDArray[numpy.int32]: ...
+
+def task_names() -> list[str]:
+    """Of what `trifinger.environments` has."""
+
+def default_environment_options(task: str) -> dict[str, Any]: ...
+
+def environment_overrides(task: str) -> dict[str, object]:
+    """What a robot's configuration must say for a task."""
 
 class StepsIterator:
     """What LoggedSession.chunks() goes through."""

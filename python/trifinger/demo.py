@@ -20,7 +20,8 @@ import numpy as np
 
 import trifinger
 from trifinger import plot, program
-from trifinger.film import Scene, Trace, View, save_report
+from trifinger.film import Scene, Trace, save_report
+from trifinger.picture import View
 
 NAME = "demo"
 HOLD_TIME = 3.0  # [s]

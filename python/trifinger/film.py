@@ -11,10 +11,8 @@ import argparse
 import contextlib
 import csv
 import json
-import os
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +20,7 @@ import numpy as np
 
 from trifinger._trifinger import Log, LoggedSession
 from trifinger.errors import Error, InvalidArgument
+from trifinger.picture import Painter, View
 from trifinger.plot import COLOURS, entitle
 
 if TYPE_CHECKING:
@@ -43,17 +42,6 @@ PHASES = {
 }
 
 
-@dataclass(frozen=True)
-class View:
-    """From where a scene is seen, and how large the picture is."""
-
-    size: tuple[int, int] = (720, 540)  # [pixels]
-    height: float = 0.13  # of the point in the middle of the picture, above the centre [m]
-    distance: float = 0.95  # [m]
-    azimuth: float = 90.0  # [degrees]
-    elevation: float = -18.0  # [degrees]
-
-
 class Scene:
     """What a log shows at any step, as pictures."""
 
@@ -61,48 +49,21 @@ class Scene:
         self, session: LoggedSession, is_plain: bool = False, view: View | None = None
     ) -> None:
         """Plain pictures have neither shadows nor smooth edges, and take a tenth of the time."""
-        os.environ.setdefault("MUJOCO_GL", "egl")
-        import mujoco
-        from mujoco.rendering.classic.renderer import Renderer
-
         if "model.xml" not in session.documents:
             raise InvalidArgument(f"'{session.name}' has no model in its log to draw")
-        self._mujoco = mujoco
-        self._model = mujoco.MjModel.from_xml_string(session.documents["model.xml"])
-        view = view or View()
-        self.size = view.size
-        self._model.vis.global_.offwidth, self._model.vis.global_.offheight = view.size
-        if is_plain:
-            self._model.vis.quality.offsamples = 0
-        self._data = mujoco.MjData(self._model)
-        self._renderer = Renderer(self._model, width=view.size[0], height=view.size[1])
-        if is_plain:
-            for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
-                self._renderer.scene.flags[flag] = False
-        self._camera = mujoco.MjvCamera()
-        mujoco.mjv_defaultFreeCamera(self._model, self._camera)
-        self._camera.lookat[:] = (0.0, 0.0, view.height)
-        self._camera.distance = view.distance
-        self._camera.azimuth = view.azimuth
-        self._camera.elevation = view.elevation
+        self._painter = Painter(session.documents["model.xml"], is_plain, view)
+        self.size = self._painter.size
         self._joints = session.observations["position"]
         self._times, self._objects = object_poses(session)
 
     def image(self, step: int) -> Array:
         """The scene at a step: height x width x 3."""
-        joints = self._joints[step]
-        self._data.qpos[: len(joints)] = joints
         objects = [np.interp(step, self._times, column) for column in self._objects.T]
-        self._data.qpos[len(joints) :] = objects
-        self._mujoco.mj_normalizeQuat(self._model, self._data.qpos)
-        self._mujoco.mj_forward(self._model, self._data)
-        self._renderer.update_scene(self._data, self._camera)
-        pixels: Array = self._renderer.render()
-        return pixels
+        return self._painter.draw([*self._joints[step], *objects])
 
     def close(self) -> None:
         """Gives the memory of the pictures back."""
-        self._renderer.close()
+        self._painter.close()
 
 
 def object_poses(session: LoggedSession) -> tuple[Array, Array]:

@@ -6,6 +6,7 @@
 #include <cassert>
 #include <cmath>
 #include <numbers>
+#include <vector>
 
 #include "blueprint.hpp"
 #include "spec.hpp"
@@ -47,6 +48,49 @@ ClosedForm closed_form(Variant variant) {
   return {-0.05945, 0, 1};
 }
 
+// The way from the world to a tip: what lies before each joint, its axis, and what lies behind the
+// last one.
+struct Chain {
+  std::array<Eigen::Isometry3d, kJointsPerFinger> before;
+  std::array<Eigen::Vector3d, kJointsPerFinger> axis;
+  std::array<double, kJointsPerFinger> zero;  // Where a joint's angle counts from [rad].
+  Eigen::Vector3d tip;
+};
+
+Chain chain_to(const RobotModel& model, std::size_t finger) {
+  const mjModel& m = *model.mujoco();
+  const auto vector = [](const mjtNum* numbers) {
+    return Eigen::Vector3d(numbers[0], numbers[1], numbers[2]);
+  };
+  const auto frame = [&](const mjtNum* position, const mjtNum* quaternion) {
+    Eigen::Isometry3d pose(
+        Eigen::Quaterniond(quaternion[0], quaternion[1], quaternion[2], quaternion[3]));
+    pose.pretranslate(vector(position));
+    return pose;
+  };
+  const int site = model.tip_sites()[finger];
+  std::vector<int> bodies;
+  for (int body = m.site_bodyid[site]; body != 0; body = m.body_parentid[body]) {
+    bodies.push_back(body);
+  }
+  Chain chain{};
+  std::size_t count = 0;
+  Eigen::Isometry3d fixed = Eigen::Isometry3d::Identity();
+  for (const int body : std::vector(bodies.rbegin(), bodies.rend())) {
+    fixed = fixed * frame(m.body_pos + 3 * body, m.body_quat + 4 * body);
+    if (m.body_jntnum[body] == 0) continue;
+    const int joint = m.body_jntadr[body];
+    const Eigen::Vector3d anchor = vector(m.jnt_pos + 3 * joint);
+    chain.before.at(count) = fixed * Eigen::Translation3d(anchor);
+    chain.axis.at(count) = vector(m.jnt_axis + 3 * joint);
+    chain.zero.at(count) = m.qpos0[m.jnt_qposadr[joint]];
+    fixed = Eigen::Isometry3d(Eigen::Translation3d(-anchor));
+    ++count;
+  }
+  chain.tip = fixed * vector(m.site_pos + 3 * site);
+  return chain;
+}
+
 double wrapped(double angle) { return std::remainder(angle, 2 * std::numbers::pi); }
 
 }  // namespace
@@ -73,6 +117,7 @@ struct Kinematics::State {
                             Eigen::Vector3d::UnitZ())
               .toRotationMatrix();
       finger_from_world[i] = (model::platform_in_world(description) * along).inverse();
+      chains[i] = chain_to(model, i);
     }
   }
 
@@ -82,6 +127,7 @@ struct Kinematics::State {
   ClosedForm form;
   Eigen::Vector3d initial, lower, upper;
   std::array<Eigen::Isometry3d, kMaxFingers> finger_from_world;
+  std::array<Chain, kMaxFingers> chains;
 };
 
 Kinematics::Kinematics(RobotDescription description)
@@ -116,6 +162,29 @@ TipPositions Kinematics::tip_positions() const noexcept {
   for (int finger = 0; finger < num_fingers(); ++finger)
     tips.segment<3>(3 * finger) = tip_position(finger);
   return tips;
+}
+
+TipPositions Kinematics::tip_positions(const JointValues& position) const noexcept {
+  assert(position.size() == num_joints());
+  TipPositions tips(3 * num_fingers());
+  for (int finger = 0; finger < num_fingers(); ++finger) {
+    const Chain& chain = state_->chains[static_cast<std::size_t>(finger)];
+    Eigen::Vector3d tip = chain.tip;
+    for (int joint = kJointsPerFinger - 1; joint >= 0; --joint) {
+      const auto j = static_cast<std::size_t>(joint);
+      const double angle = position[kJointsPerFinger * finger + joint] - chain.zero[j];
+      tip = chain.before[j] * (Eigen::AngleAxisd(angle, chain.axis[j]) * tip);
+    }
+    tips.segment<3>(3 * finger) = tip;
+  }
+  return tips;
+}
+
+double Kinematics::finger_azimuth(int finger) const noexcept {
+  const Eigen::Isometry3d world_from_finger =
+      state_->finger_from_world[static_cast<std::size_t>(finger)].inverse();
+  const Eigen::Vector3d forward = world_from_finger.linear().col(1);
+  return std::atan2(forward.y(), forward.x());
 }
 
 TipJacobian Kinematics::tip_jacobian(int finger) const noexcept {

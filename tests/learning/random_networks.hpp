@@ -7,8 +7,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "trifinger/base/random.hpp"
 #include "trifinger/learning/policy.hpp"
-#include "trifinger/learning/random.hpp"
 
 namespace trifinger::learning::test {
 

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <numbers>
 #include <random>
 #include <span>
 #include <thread>
@@ -16,6 +17,7 @@
 #include "check_values.hpp"
 #include "scenes.hpp"
 #include "support/allocation_counter.hpp"
+#include "trifinger/base/random.hpp"
 #include "trifinger/model/robot_model.hpp"
 
 namespace trifinger {
@@ -130,6 +132,41 @@ TEST(TipPositions, TurnUpsideDownWithThePlatform) {
       const Eigen::Vector3d tip = upright.segment<3>(3 * finger);
       expect_near(flipped.segment<3>(3 * finger),
                   {-tip.x(), tip.y(), flip_height(turned) - tip.z()}, 1e-12);
+    }
+  }
+}
+
+TEST(TipPositions, OfAGivenPoseAreThoseThatAnUpdateFinds) {
+  Random random{.seed = 1};
+  for (const RobotDescription& description : test::all_robots()) {
+    SCOPED_TRACE(test::label(description));
+    Kinematics kinematics(description);
+    for (int i = 0; i < 20; ++i) {
+      JointValues position(kinematics.num_joints());
+      for (double& value : position) value = random.uniform(-3.0, 3.0);
+      const TipPositions given = kinematics.tip_positions(position);
+      kinematics.update(position);
+      EXPECT_LT((given - kinematics.tip_positions()).cwiseAbs().maxCoeff(), 1e-12);
+    }
+  }
+}
+
+TEST(FingerAzimuth, IsWhereTheStretchedFingerPoints) {
+  for (const RobotDescription& description : test::all_robots()) {
+    SCOPED_TRACE(test::label(description));
+    const Kinematics kinematics(description);
+    // Lifted by joint 1, the finger points away from its base, on whichever side that is.
+    const double sign = description.variant == Variant::kOne ? -1.0 : 1.0;
+    for (int finger = 0; finger < kinematics.num_fingers(); ++finger) {
+      JointValues hanging = JointValues::Zero(kinematics.num_joints());
+      JointValues lifted = hanging;
+      lifted[kJointsPerFinger * finger + 1] = sign * 0.5;
+      const Eigen::Vector3d way =
+          (kinematics.tip_positions(lifted) - kinematics.tip_positions(hanging))
+              .segment<3>(3 * finger);
+      const double azimuth = kinematics.finger_azimuth(finger);
+      EXPECT_NEAR(std::atan2(way.y(), way.x()), std::remainder(azimuth, 2 * std::numbers::pi),
+                  1e-9);
     }
   }
 }

@@ -49,7 +49,7 @@ class Grasp {
   [[nodiscard]] bool can_be_reached() const { return can_be_reached_; }
 
   void put(SimulatedRobot<TriFinger>& robot) const {
-    robot.reset(begin_, 0);
+    robot.reset(begin_, {});
     robot.place_object("cube", {.position = {0, 0, kHeight},
                                 .orientation = {std::cos(yaw_ / 2), 0, 0, std::sin(yaw_ / 2)}});
   }

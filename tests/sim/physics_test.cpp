@@ -127,7 +127,7 @@ TYPED_TEST(Physics, ATipThatPressesOnTheTableFeelsTheForce) {
     action.position_kp.fill(0.01);
     action.position_kd.fill(0.05);
 
-    simulation.robot().reset(begin, 0);
+    simulation.robot().reset(begin, {});
     const TimeIndex end =
         robot.append_desired_actions(std::vector<typename R::Action>(2000, action));
     for (const double force : robot.get_observation(end).tip_force) {

@@ -152,7 +152,7 @@ TEST(SimulatedRobot, BeginsASessionWhereItWasPutDuringTheOneBefore) {
   {
     auto robot = simulation.connect();
     robot.wait_until_time_index(robot.append_desired_action({}));
-    simulation.robot().reset(position, 0);
+    simulation.robot().reset(position, {});
     // The session goes on from there before it ends.
     robot.wait_until_time_index(robot.append_desired_action({}) + 1);
   }
@@ -203,7 +203,7 @@ TEST(SimulatedRobot, RefusesToBeginBeyondAHardLimit) {
   for (const double bad : {2.0, -2.1, kNan, kInfinity}) {
     JointVector<9> position{0, 0.9, -1.7, 0, 0.9, -1.7, 0, 0.9, -1.7};
     position[3] = bad;
-    EXPECT_THAT([&] { robot.reset(position, 0); },
+    EXPECT_THAT([&] { robot.reset(position, {}); },
                 ThrowsMessage<InvalidArgument>(
                     AllOf(HasSubstr("joint 3"), HasSubstr("hard limits are -2 and 1.6 rad"))));
   }

@@ -69,6 +69,13 @@ class Kinematics {
   /// Centres of all tip spheres [m].
   [[nodiscard]] TipPositions tip_positions() const noexcept;
 
+  /// Centres of all tip spheres with the joints at `position` [m], whatever `update` was given: for
+  /// any number of threads at once.
+  [[nodiscard]] TipPositions tip_positions(const JointValues& position) const noexcept;
+
+  /// Which way a finger extends from the centre: the angle from x towards y [rad].
+  [[nodiscard]] double finger_azimuth(int finger) const noexcept;
+
   /// Derivative of `tip_position(finger)` by all joints [m/rad]: 3 rows, `num_joints` columns.
   [[nodiscard]] TipJacobian tip_jacobian(int finger) const noexcept;
 

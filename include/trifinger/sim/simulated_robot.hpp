@@ -5,51 +5,23 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
-#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "trifinger/base/random.hpp"
 #include "trifinger/core/document.hpp"
 #include "trifinger/core/driver.hpp"
-#include "trifinger/joint/limits.hpp"
-#include "trifinger/joint/orderly_stop.hpp"
 #include "trifinger/joint/safety.hpp"
 #include "trifinger/joint/types.hpp"
-#include "trifinger/model/robot_description.hpp"
 #include "trifinger/model/robot_model.hpp"
 #include "trifinger/sim/object_observation.hpp"
+#include "trifinger/sim/simulation_options.hpp"
+#include "trifinger/sim/simulator.hpp"
+#include "trifinger/sim/variation.hpp"
 
 namespace trifinger {
-
-/// The limits of the real robot of this variant: those of its figures.
-/// @throws InvalidArgument if R has another number of joints than the arrangement
-template <class R>
-[[nodiscard]] JointLimits<R::kJoints> default_limits(const RobotDescription& description);
-
-/// What a simulated robot is made of. The default is the paper's robot with a cube on the table.
-template <class R>
-struct SimulationOptions {
-  RobotDescription description{};
-  /// Limits of the joints; default: `default_limits`.
-  std::optional<JointLimits<R::kJoints>> limits{};
-  /// Where every session begins [rad]; default: the variant's initial pose.
-  std::optional<JointVector<R::kJoints>> initial_position{};
-  /// What happens behind the end of a session; default: nothing moves any more.
-  OrderlyStopOptions<R::kJoints> stop{};
-  /// Of all that is random: the same seed gives the same series.
-  std::uint64_t seed{0};
-  /// Length of a step; a whole number of milliseconds, the step of the physics.
-  Nanoseconds period{std::chrono::milliseconds(1)};
-  TimeIndex object_period{10};           ///< Steps between two poses of the objects.
-  TimeIndex object_delay{0};             ///< Steps from the capture of a pose to its arrival.
-  double object_position_noise{0.0};     ///< Standard deviation, per axis [m].
-  double object_orientation_noise{0.0};  ///< Standard deviation of the rotation, per axis [rad].
-
-  /// @throws InvalidArgument naming the option, the value found and the values allowed
-  void validate() const;
-};
 
 /// The scene as a document of its sessions: "model.xml", in MuJoCo's format.
 /// @throws InvalidArgument if the description cannot be built
@@ -79,7 +51,7 @@ class SimulatedRobot final : public Driver<R> {
   using Joints = JointVector<R::kJoints>;
 
   /// Fault codes besides those of `SafetyFault`.
-  static constexpr std::int32_t kDiverged = 64;
+  static constexpr std::int32_t kDiverged = Simulator<R>::kDiverged;
 
   /// @throws InvalidArgument
   explicit SimulatedRobot(Options options = {});
@@ -109,9 +81,12 @@ class SimulatedRobot final : public Driver<R> {
   [[nodiscard]] const Joints& initial_position() const noexcept;
   /// Goes back to the beginning: initial pose, objects in their places, at rest; the seed, too.
   void reset();
-  /// The same with the joints at `position` [rad] and another seed.
+  /// The same with the joints at `position` [rad] and other random numbers.
   /// @throws InvalidArgument if a joint would be beyond its hard limit or is no number
-  void reset(const Joints& position, std::uint64_t seed);
+  void reset(const Joints& position, const Random& random);
+  /// Differs from the description from now on, whatever is reset.
+  /// @throws InvalidArgument
+  void vary(const Variation& variation);
   /// Puts an object somewhere, at rest. The orientation is normalised.
   /// @throws InvalidArgument naming the objects there are, or if the pose is no pose
   void place_object(const std::string& name, const ObjectPose& pose);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/learning/random.hpp"
+#include "trifinger/base/random.hpp"
 
 #include <gtest/gtest.h>
 
@@ -14,7 +14,7 @@
 #include <type_traits>
 #include <vector>
 
-namespace trifinger::learning {
+namespace trifinger {
 namespace {
 
 static_assert(std::is_trivially_copyable_v<Random> && std::is_aggregate_v<Random>);
@@ -204,4 +204,4 @@ TEST(Random, HasStreamsThatKnowNothingOfEachOther) {
 }
 
 }  // namespace
-}  // namespace trifinger::learning
+}  // namespace trifinger

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/learning/random.hpp"
+#include "trifinger/base/random.hpp"
 
 #include <cmath>
 #include <numbers>
 
-namespace trifinger::learning {
+namespace trifinger {
 namespace {
 
 // The C libraries' own logarithms differ in their last bits; additions, multiplications, divisions
@@ -96,4 +96,4 @@ std::int64_t Random::integer(std::int64_t low, std::int64_t high) noexcept {
   return static_cast<std::int64_t>(static_cast<std::uint64_t>(low) + bits % choices);
 }
 
-}  // namespace trifinger::learning
+}  // namespace trifinger

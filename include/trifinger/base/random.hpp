@@ -4,7 +4,7 @@
 #include <array>
 #include <cstdint>
 
-namespace trifinger::learning {
+namespace trifinger {
 
 /// Philox4x32-10: four random numbers that are a function of their place, `counter`, and of `key`.
 /// J. K. Salmon, M. A. Moraes, R. O. Dror, D. E. Shaw: Parallel random numbers: as easy as 1, 2, 3.
@@ -35,4 +35,4 @@ struct Random {
   friend bool operator==(const Random&, const Random&) = default;
 };
 
-}  // namespace trifinger::learning
+}  // namespace trifinger

@@ -1,0 +1,603 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Tasks for learning, as environments of Gymnasium.
+
+    import gymnasium
+    import trifinger.environments
+
+    environment = gymnasium.make("TriFinger/Reach-v0")
+    observation, info = environment.reset(seed=1)
+
+One class drives simulations and real robots, by the mappings of `trifinger.mappings`. Many
+simulations at once are a `VectorEnvironment`, which is C++ inside and gives the same numbers, bit
+for bit. docs/environments.md has the tasks, spaces and options.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Any, Literal, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from trifinger import _trifinger, mappings
+from trifinger._trifinger import Frontend, Simulation
+from trifinger.errors import InvalidArgument, RobotStopped
+
+try:
+    import gymnasium
+    from gymnasium import spaces
+    from gymnasium.vector import AutoresetMode
+    from gymnasium.vector.utils import batch_space
+except ModuleNotFoundError as error:
+    raise ModuleNotFoundError(
+        'environments need Gymnasium: pip install "trifinger[learning]"', name=error.name
+    ) from error
+
+__all__ = ["TASKS", "Environment", "GoalEnvironment", "Options", "VectorEnvironment", "register"]
+
+Array = npt.NDArray[Any]
+Observation = Array | dict[str, Array]
+Info = dict[str, Any]
+FloatRange = tuple[float, float]
+
+TASKS: tuple[str, ...] = tuple(_trifinger.task_names())
+
+_MAPPINGS: dict[str, Callable[..., mappings.DecisionProcess[Any]]] = {
+    "approximation": mappings.Approximation,
+    "state_augmentation": mappings.StateAugmentation,
+}
+_STEP = 0.001  # Of the robots of these tasks [s].
+_FARTHEST = 10.0  # Beyond which nothing is: bounds of goals [m].
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Options:
+    """What is free to choose of an environment; `Options.of(task)` has the task's own defaults.
+
+    Ranges are low and high: a simulation draws from them, uniformly, for each episode.
+    """
+
+    steps_per_action: int = 20
+    """For how many steps of the robot an action acts."""
+    mapping: Literal["approximation", "state_augmentation"] = "approximation"
+    """docs/learning.md"""
+    action: Literal["position", "position_change", "torque"] = "position"
+    """What the numbers from -1 to 1 stand for: positions in their range, changes of them, torques
+    of the largest there is."""
+    position_change: float = 0.1
+    """The largest change of a desired position in an action [rad]."""
+    observation: Literal["flat", "dictionary", "goal"] = "flat"
+    """One vector scaled to -1 to 1; its parts in SI units; or the vector with its goal apart."""
+    duration: float = 2.0
+    """Of an episode [s]."""
+    per_finger: bool = False
+    """Observations finger by finger with goals in the frame of the finger, for a policy that the
+    fingers share."""
+    position_noise: float = 0.0
+    """Standard deviation of measured joint positions [rad]."""
+    velocity_noise: float = 0.0
+    """Standard deviation of measured joint velocities [rad/s]."""
+    object_period: float = 0.01
+    """Time between two poses of a simulated object [s]."""
+    object_delay: float = 0.0
+    """Time from a pose of a simulated object to its arrival [s]."""
+    object_position_noise: float = 0.0
+    """Standard deviation of poses, per axis [m]."""
+    object_orientation_noise: float = 0.0
+    """Standard deviation of poses, per axis [rad]."""
+    object_mass: FloatRange = (1.0, 1.0)
+    """Of simulated objects, times their own."""
+    friction: FloatRange = (1.0, 1.0)
+    """Of all simulated surfaces, times their own."""
+    motor_gain: FloatRange = (1.0, 1.0)
+    """What simulated motors deliver of a torque."""
+    torque_delay: tuple[int, int] = (0, 0)
+    """Steps until they deliver it, up to 10."""
+
+    @classmethod
+    def of(cls, task: str, **changes: Any) -> Self:
+        """The defaults of a task, with some changes. Raises InvalidArgument for unknown tasks."""
+        names = {field.name for field in dataclasses.fields(cls)}
+        for name in changes:
+            if name not in names:
+                raise InvalidArgument(f"there is no option '{name}'; there are {sorted(names)}")
+        return cls(**(_trifinger.default_environment_options(task) | changes))
+
+    def _config_overrides(self) -> dict[str, object]:
+        names = ("period", "delay", "position_noise", "orientation_noise")
+        return {f"simulation.object_{name}": getattr(self, f"object_{name}") for name in names}
+
+
+def _overrides(
+    task: str, options: Options, config_overrides: dict[str, object] | None
+) -> dict[str, object]:
+    # A session begins faster with a short memory.
+    needed = {"backend.history": 1024} | _trifinger.environment_overrides(task)
+    return needed | options._config_overrides() | (config_overrides or {})
+
+
+def _observation_space(core: Any, options: Options) -> spaces.Space[Any]:
+    def box(entry: tuple[str, str, list[float], list[float]]) -> spaces.Box:
+        low, high = (np.asarray(bounds, np.float32) for bounds in entry[2:])
+        return spaces.Box(low, high, dtype=np.float32)
+
+    flat = spaces.Box(-1.0, 1.0, (core.observation.shape[-1],), np.float32)
+    if options.observation == "flat":
+        return flat
+    if options.observation == "dictionary":
+        return spaces.Dict({entry[0]: box(entry) for entry in core.entries})
+    goal = spaces.Box(-_FARTHEST, _FARTHEST, (core.achieved.shape[-1],), np.float64)
+    return spaces.Dict({"observation": flat, "achieved_goal": goal, "desired_goal": goal})
+
+
+def _slices(core: Any) -> dict[str, slice]:
+    slices, begin = {}, 0
+    for name, _, low, _ in core.entries:
+        slices[name] = slice(begin, begin + len(low))
+        begin += len(low)
+    return slices
+
+
+class _Views:
+    """Shows what C++ has written, in the form that the options ask for."""
+
+    def __init__(self, core: Any, options: Options) -> None:
+        self._layout = options.observation
+        self._slices = _slices(core)
+
+    def __call__(self, observation: Array, achieved: Array, desired: Array) -> Observation:
+        if self._layout == "flat":
+            return observation
+        if self._layout == "dictionary":
+            return {name: observation[..., part] for name, part in self._slices.items()}
+        return {"observation": observation, "achieved_goal": achieved, "desired_goal": desired}
+
+
+def _copied(value: Observation) -> Observation:
+    if isinstance(value, dict):
+        return {name: part.copy() for name, part in value.items()}
+    return value.copy()
+
+
+def _compute_reward(core: Any, achieved: npt.ArrayLike, desired: npt.ArrayLike) -> Any:
+    rows = [np.atleast_2d(np.ascontiguousarray(goal, np.float64)) for goal in (achieved, desired)]
+    rewards = core.compute_reward(*rows)
+    return float(rewards[0]) if np.ndim(achieved) == 1 else rewards
+
+
+class Environment(gymnasium.Env[Any, Array]):
+    """A task on one robot: a simulation of its own, or the robot that `connect` controls.
+
+    `connect` returns a front-end in a new session: `lambda: trifinger.connect("trifinger-edu")`. A
+    robot that cannot be put anywhere is moved to where an episode begins, at the begin of its
+    session; objects stay where they are. `config` and `config_overrides` must say what it is.
+    """
+
+    metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 50}  # noqa: RUF012
+
+    def __init__(
+        self,
+        task: str,
+        *,
+        options: Options | None = None,
+        connect: Callable[[], Frontend] | None = None,
+        config: str = "trifinger_edu",
+        config_overrides: dict[str, object] | None = None,
+        render_mode: Literal["rgb_array", "human"] | None = None,
+    ) -> None:
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            raise InvalidArgument(f"render_mode is '{render_mode}', must be 'rgb_array' or 'human'")
+        self.task = task
+        self.options = options or Options.of(task)
+        if (self.options.observation == "goal") != isinstance(self, GoalEnvironment):
+            raise InvalidArgument(
+                f'observation is "{self.options.observation}"; with "goal", and nothing else, the '
+                "class is GoalEnvironment"
+            )
+        self.render_mode = render_mode
+        overrides = _overrides(task, self.options, config_overrides)
+        fields = dataclasses.asdict(self.options)
+        self._core = _trifinger.Episodes(task, fields, config, overrides)
+        self._views = _Views(self._core, self.options)
+        self._object = self._core.object_name
+        self._scene = (config, overrides)
+        self._simulation = None
+        if connect is None:
+            self._simulation = Simulation(config, overrides)
+            connect = self._simulation.connect
+        self._process: mappings.DecisionProcess[Any] = _MAPPINGS[self.options.mapping](
+            connect, self.options.steps_per_action
+        )
+        self._action_time = self.options.steps_per_action * _STEP
+        self.observation_space = _observation_space(self._core, self.options)
+        self.action_space = spaces.Box(-1.0, 1.0, (self._core.num_joints,), np.float32)
+        self._seed = 0
+        self._episode = 0
+        self._is_running = False
+        self._drawing: Any = None
+        metadata = dict(type(self).metadata)
+        metadata["render_fps"] = round(1 / self._action_time)
+        self.metadata = metadata
+
+    def __repr__(self) -> str:
+        return f"Environment('{self.task}', {self.options})"
+
+    @property
+    def simulation(self) -> Simulation | None:
+        """The simulation that it drives; None for a connected robot."""
+        return self._simulation
+
+    @property
+    def process(self) -> mappings.DecisionProcess[Any]:
+        """The mapping, with the front-end of the session: `process.robot`."""
+        return self._process
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, Info]:
+        """Begins episode 0 of `seed`, or the next episode of the last one.
+
+        `options` may say {"episode": n} to begin that one. Raises what `connect` raises:
+        ControlHeld if somebody else controls the robot, RobotStopped until a fault was recovered.
+        """
+        super().reset(seed=seed)
+        if seed is not None:
+            self._seed, self._episode = seed, 0
+        if options and "episode" in options:
+            self._episode = int(options["episode"])
+        position, object_position, orientation, variation, stream = self._core.begin(
+            self._seed, self._episode
+        )
+        self._episode += 1
+        simulation = self._simulation
+        if simulation is not None:
+            simulation.vary(**variation)
+            simulation.reset(position, self._seed, stream)
+            if self._object:
+                simulation.place_object(self._object, object_position, orientation)
+        state = self._process.reset()
+        if simulation is None:
+            state = self._move_to(np.asarray(position))
+        self._look(state)
+        self._is_running = True
+        if self.render_mode == "human":
+            self.render()
+        return self._observation(), self._info()
+
+    def step(self, action: Array) -> tuple[Observation, float, bool, bool, Info]:
+        """Lets `action` act; numbers beyond -1 and 1 are cut off.
+
+        A fault of the robot terminates the episode: info["fault"] says which. Raises
+        gymnasium.error.ResetNeeded behind the end, InvalidArgument for another shape or NaN.
+        """
+        if not self._is_running:
+            raise gymnasium.error.ResetNeeded(
+                "the episode has ended, or none has begun: call reset() first"
+            )
+        numbers = np.ascontiguousarray(action, np.float32)
+        if numbers.shape != self.action_space.shape:
+            raise InvalidArgument(
+                f"the action has shape {numbers.shape}, must have {self.action_space.shape}"
+            )
+        torque, position = self._core.take_action(numbers)
+        robot = self._process.robot
+        try:
+            state = self._process.step(robot.new_action(torque=torque, position=position))
+            reward, terminated, truncated, success = self._look(state)
+        except RobotStopped as stopped:
+            self._is_running = False
+            info = self._info(is_success=False, fault=str(stopped))
+            return self._observation(), self._last_reward, True, False, info
+        if terminated or truncated:
+            self._is_running = False
+            self._process.finish()
+        if self.render_mode == "human":
+            self.render()
+        return self._observation(), reward, terminated, truncated, self._info(is_success=success)
+
+    def render(self) -> Any:
+        """The scene as an image, height x width x 3; with render_mode="human" in a window."""
+        if self.render_mode is None:
+            raise InvalidArgument(
+                'there is nothing to render to; make the environment with render_mode="rgb_array"'
+            )
+        if self._drawing is None:
+            if self.render_mode == "human":
+                self._drawing = _Window(self._mjcf())
+            else:
+                from trifinger.picture import Painter
+
+                self._drawing = Painter(self._mjcf(), is_plain=True)
+        goal = self._core.desired
+        marks = (
+            goal if len(goal) % 3 == 0 else np.append(goal[:2], goal[2:3] if len(goal) > 2 else 0.0)
+        )
+        return self._drawing.draw(self._configuration(), marks)
+
+    def close(self) -> None:
+        """Lets go of the robot."""
+        self._is_running = False
+        self._process.close()
+        if self._drawing is not None:
+            self._drawing.close()
+            self._drawing = None
+
+    def _look(self, state: Any) -> tuple[float, bool, bool, bool]:
+        observation = state.observation if isinstance(state, mappings.AugmentedState) else state
+        pose = None
+        if self._object:
+            seen = self._process.robot.companion("object").get_latest_at(self._process.time_index)
+            if seen is None:
+                raise InvalidArgument(f"nobody has said where the {self._object} is")
+            part = seen[self._object]
+            pose = (part["position"], part["orientation"])
+        outcome = self._core.observe(observation.position, observation.velocity, pose)
+        self._last_reward = outcome[0]
+        return outcome
+
+    def _observation(self) -> Observation:
+        return _copied(self._views(self._core.observation, self._core.achieved, self._core.desired))
+
+    def _info(self, **more: Any) -> Info:
+        core = self._core
+        info: Info = {
+            "is_success": False,
+            "achieved_goal": core.achieved.copy(),
+            "desired_goal": core.desired.copy(),
+        }
+        if self._object:
+            info["distance"] = float(core.distance[0])
+        else:
+            fingers = core.num_joints // 3
+            info["distance"] = core.distance[:fingers].copy()
+            info["finger_rewards"] = core.finger_rewards[:fingers].copy()
+        return info | more
+
+    # A connected robot goes to where the episode begins, on the way with the least jerk.
+    def _move_to(self, position: Array) -> Any:
+        robot = self._process.robot
+        begin = np.asarray(robot.latest_observation().position)
+        time = np.linspace(0.0, 1.0, round(_WAY_TIME / self._action_time))[1:, None]
+        way = begin + (position - begin) * time**3 * (10 - 15 * time + 6 * time**2)
+        for point in way:
+            state = self._process.step(robot.new_action(position=point))
+        return state
+
+    def _mjcf(self) -> str:
+        config, overrides = self._scene
+        return _trifinger.export_mjcf(config, overrides)
+
+    def _configuration(self) -> Array:
+        if self._simulation is not None:
+            count = 7 * bool(self._object) + self._core.num_joints
+            return np.asarray(self._simulation.configuration()[:count])
+        robot = self._process.robot
+        parts = [np.asarray(robot.latest_observation().position)]
+        if self._object:
+            pose = robot.companion("object").latest_observation()[self._object]
+            parts += [pose["position"], pose["orientation"]]
+        return np.concatenate(parts)
+
+
+class GoalEnvironment(Environment):
+    """The goal-conditioned variant: what is achieved and desired are apart in the observation."""
+
+    def __init__(self, task: str, *, options: Options | None = None, **arguments: Any) -> None:
+        """As for Environment, with options whose observation is "goal"."""
+        super().__init__(task, options=options or Options.of(task, observation="goal"), **arguments)
+
+    def compute_reward(
+        self, achieved_goal: npt.ArrayLike, desired_goal: npt.ArrayLike, _info: object = None
+    ) -> Any:
+        """The reward for what was achieved; one for each row of a batch."""
+        return _compute_reward(self._core, achieved_goal, desired_goal)
+
+
+_WAY_TIME = 2.0  # Of a connected robot to where an episode begins [s].
+
+
+class _Window:
+    """A window of MuJoCo's viewer, which shows what it is given."""
+
+    def __init__(self, mjcf: str) -> None:
+        try:
+            import mujoco
+            import mujoco.viewer
+        except (ImportError, RuntimeError) as error:
+            raise InvalidArgument(
+                f"there is no window to render to: {error} (pip install glfw; a screen is needed)"
+            ) from error
+        self._mujoco = mujoco
+        self._model = mujoco.MjModel.from_xml_string(mjcf)
+        self._data = mujoco.MjData(self._model)
+        self._viewer = mujoco.viewer.launch_passive(self._model, self._data)
+
+    def draw(self, configuration: Array, _marks: Array) -> None:
+        with self._viewer.lock():
+            self._data.qpos[:] = configuration
+            self._mujoco.mj_forward(self._model, self._data)
+        self._viewer.sync()
+
+    def close(self) -> None:
+        self._viewer.close()
+
+
+class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Array, Any]):
+    """A task on many simulations at once, in C++ on several threads.
+
+    Simulation i with seed s is, bit for bit, `Environment` with seed s. With `copy=False` the
+    observations are where C++ writes them: the next call overwrites them.
+    """
+
+    def __init__(
+        self,
+        task: str,
+        num_envs: int,
+        *,
+        options: Options | None = None,
+        num_threads: int = 0,
+        autoreset_mode: AutoresetMode = AutoresetMode.NEXT_STEP,
+        copy: bool = True,
+        config: str = "trifinger_edu",
+        config_overrides: dict[str, object] | None = None,
+    ) -> None:
+        self.task = task
+        self.options = options or Options.of(task)
+        self.num_envs = num_envs
+        self.metadata = {"autoreset_mode": AutoresetMode(autoreset_mode)}
+        self.render_mode = None
+        overrides = _overrides(task, self.options, config_overrides)
+        fields = dataclasses.asdict(self.options)
+        self._core = _trifinger.EnvironmentBatch(
+            task, fields, num_envs, num_threads, config, overrides
+        )
+        self._mode: str = self.metadata["autoreset_mode"].value
+        self._views = _Views(self._core, self.options)
+        self._copy = copy
+        self._has_object = bool(self._core.object_name)
+        self._has_begun = False
+        self.single_observation_space = _observation_space(self._core, self.options)
+        self.single_action_space = spaces.Box(-1.0, 1.0, (self._core.num_joints,), np.float32)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+
+    def __repr__(self) -> str:
+        return f"VectorEnvironment('{self.task}', {self.num_envs}, {self.options})"
+
+    @property
+    def num_threads(self) -> int:
+        """How many threads step, the caller's among them."""
+        return self._core.num_threads
+
+    def reset(
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
+    ) -> tuple[Observation, Info]:
+        """Begins an episode in all, or in those of options["reset_mask"].
+
+        Simulation i has the seed `seed` + i, or that of a list.
+        """
+        if seed is not None:
+            seeds = range(seed, seed + self.num_envs) if isinstance(seed, int) else seed
+            if len(seeds) != self.num_envs:
+                raise InvalidArgument(
+                    f"there are {len(seeds)} seeds for {self.num_envs} simulations"
+                )
+            for index, one in enumerate(seeds):
+                if one is not None:
+                    self._core.seed(index, one)
+        mask = (options or {}).get("reset_mask")
+        if mask is not None and not self._has_begun:
+            raise InvalidArgument("the first reset must be one of all simulations")
+        self._core.reset(mask)
+        self._has_begun = True
+        return self._observation(), self._info(
+            np.ones(self.num_envs, bool) if mask is None else mask
+        )
+
+    def step(self, actions: Array) -> tuple[Observation, Array, Array, Array, Info]:
+        """Lets an action act in each simulation: num_envs rows of numbers from -1 to 1.
+
+        `info` tells of the step. With AutoresetMode.SAME_STEP the episodes that have ended leave
+        their last observation in info["final_obs"] and their info in info["final_info"].
+        """
+        if not self._has_begun:
+            raise gymnasium.error.ResetNeeded("no episode has begun: call reset() first")
+        numbers = np.ascontiguousarray(actions, np.float32)
+        if numbers.shape != self.action_space.shape:
+            raise InvalidArgument(
+                f"the actions have shape {numbers.shape}, must have {self.action_space.shape}"
+            )
+        self._core.step(numbers, self._mode)
+        core = self._core
+        terminated, truncated = core.terminated.astype(bool), core.truncated.astype(bool)
+        info = self._info(np.ones(self.num_envs, bool))
+        ended = terminated | truncated
+        if self._mode == "SameStep" and ended.any():
+            final = self._views(core.final_observation, core.final_achieved, core.final_desired)
+            last = np.full(self.num_envs, None, object)
+            for index in np.flatnonzero(ended):
+                last[index] = (
+                    {name: part[index].copy() for name, part in final.items()}
+                    if isinstance(final, dict)
+                    else final[index].copy()
+                )
+            info["final_info"] = self._info(ended, core.final_achieved, core.final_desired)
+            info["final_obs"] = last
+            info["_final_obs"] = info["_final_info"] = ended
+        return self._observation(), core.reward.copy(), terminated, truncated, info
+
+    def compute_reward(
+        self, achieved_goal: npt.ArrayLike, desired_goal: npt.ArrayLike, _info: object = None
+    ) -> Any:
+        """The reward for what was achieved; one for each row of a batch."""
+        return _compute_reward(self._core, achieved_goal, desired_goal)
+
+    def _observation(self) -> Observation:
+        seen = self._views(self._core.observation, self._core.achieved, self._core.desired)
+        return _copied(seen) if self._copy else seen
+
+    def _info(
+        self, mask: Array, achieved: Array | None = None, desired: Array | None = None
+    ) -> Info:
+        core = self._core
+        info: Info = {
+            "is_success": core.success.astype(bool),
+            "achieved_goal": (core.achieved if achieved is None else achieved).copy(),
+            "desired_goal": (core.desired if desired is None else desired).copy(),
+            "fault": core.fault.copy(),
+        }
+        if self._has_object:
+            info["distance"] = core.distance[:, 0].copy()
+        else:
+            fingers = core.num_joints // 3
+            info["distance"] = core.distance[:, :fingers].copy()
+            info["finger_rewards"] = core.finger_rewards[:, :fingers].copy()
+        return info | {f"_{name}": mask.copy() for name in info}
+
+
+def _gymnasium_id(task: str) -> str:
+    return f"TriFinger/{''.join(word.capitalize() for word in task.split('_'))}-v0"
+
+
+def _make(task: str, render_mode: Any = None, **arguments: Any) -> Environment:
+    # What is no argument of Environment is an option: gymnasium.make(id, steps_per_action=10).
+    own = {"options", "connect", "config", "config_overrides"}
+    chosen = {name: arguments.pop(name) for name in own & arguments.keys()}
+    if arguments:
+        options = chosen.get("options")
+        chosen["options"] = (
+            dataclasses.replace(options, **arguments) if options else Options.of(task, **arguments)
+        )
+    options = chosen.get("options") or Options.of(task)
+    kind = GoalEnvironment if options.observation == "goal" else Environment
+    return kind(task, render_mode=render_mode, **chosen)
+
+
+def _make_vector(task: str, num_envs: int, **arguments: Any) -> VectorEnvironment:
+    own = {"options", "num_threads", "autoreset_mode", "copy", "config", "config_overrides"}
+    chosen = {name: arguments.pop(name) for name in own & arguments.keys()}
+    if arguments:
+        chosen["options"] = Options.of(task, **arguments)
+    return VectorEnvironment(task, num_envs, **chosen)
+
+
+def register() -> None:
+    """Makes the tasks known to Gymnasium: "TriFinger/Reach-v0" and so on."""
+    import functools
+
+    for task in TASKS:
+        name = _gymnasium_id(task)
+        if name not in gymnasium.registry:
+            gymnasium.register(
+                name,
+                entry_point=functools.partial(_make, task),
+                vector_entry_point=functools.partial(_make_vector, task),
+            )
+
+
+register()

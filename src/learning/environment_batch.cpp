@@ -1,0 +1,327 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/learning/environment_batch.hpp"
+
+#include <mujoco/mjbatch.h>
+#include <mujoco/mujoco.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <string>
+#include <thread>
+
+#include "trifinger/base/error.hpp"
+#include "trifinger/sim/simulator.hpp"
+
+namespace trifinger::learning {
+namespace {
+
+struct DeleteBatch {
+  void operator()(mjBatch* batch) const noexcept { mjb_deleteBatch(batch); }
+};
+
+void require(bool holds, const std::string& text) {
+  if (!holds) throw InvalidArgument(text);
+}
+
+std::size_t checked_size(int size) {
+  constexpr int kMost = 100000;
+  require(size >= 1 && size <= kMost, "the number of simulations is " + std::to_string(size) +
+                                          ", must be 1 to " + std::to_string(kMost));
+  return static_cast<std::size_t>(size);
+}
+
+// The part of `values` that belongs to one of `count` simulations.
+template <class T>
+std::span<T> row(std::vector<T>& values, std::size_t index, std::size_t count) noexcept {
+  const std::size_t width = values.size() / count;
+  return std::span(values).subspan(index * width, width);
+}
+
+}  // namespace
+
+class EnvironmentBatch::Implementation {
+ public:
+  Implementation(std::string_view task, const EnvironmentOptions& options,
+                 const RobotDescription& description, Nanoseconds period, std::size_t count)
+      : environment(task, options, description, period), size(count), seeds(count), runs(count) {
+    std::iota(seeds.begin(), seeds.end(), std::uint64_t{0});
+    for (Observations* observations : {&results.seen, &results.final}) {
+      observations->observation.resize(size * environment.observation_size());
+      observations->achieved.resize(size * environment.goal_size());
+      observations->desired.resize(size * environment.goal_size());
+    }
+    results.reward.resize(size);
+    results.distance.resize(size * kMaxFingers);
+    results.finger_rewards.resize(size * kMaxFingers);
+    results.terminated.resize(size);
+    results.truncated.resize(size);
+    results.success.resize(size);
+    results.fault.resize(size);
+  }
+  Implementation(const Implementation&) = delete;
+  Implementation& operator=(const Implementation&) = delete;
+  virtual ~Implementation() = default;
+
+  [[nodiscard]] virtual int num_threads() const noexcept = 0;
+  // Does what `call` says in these simulations.
+  virtual void run(std::span<const int> which) = 0;
+
+  // Where a simulation is.
+  struct Run {
+    Episode episode{};
+    std::uint64_t next_episode{0};
+    bool must_reset{true};
+  };
+
+  enum class Call : std::uint8_t { kReset, kStep };
+
+  Environment environment;
+  std::size_t size;
+  std::vector<std::uint64_t> seeds;
+  std::vector<Run> runs;
+  Results results;
+  std::vector<int> selected;
+  // Of the call that goes on.
+  Call call{Call::kReset};
+  Autoreset autoreset{Autoreset::kNextStep};
+  std::span<const float> actions;
+};
+
+template <class R>
+class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
+ public:
+  Typed(std::string_view task, const EnvironmentOptions& options,
+        const SimulationOptions<R>& simulation, std::size_t count, int num_threads)
+      : Implementation(task, options, simulation.description, simulation.period, count),
+        simulator_(simulation),
+        simulations_(count) {
+    require(num_threads >= 0,
+            "num_threads is " + std::to_string(num_threads) + ", must be at least 0");
+    for (Simulation& one : simulations_) one.state = simulator_.make_state();
+    const RobotModel& model = simulator_.model();
+    if (const std::string name(environment.object_name()); !name.empty()) {
+      const auto found = std::ranges::find(model.objects(), name, &ObjectAddress::name);
+      object_ = static_cast<std::size_t>(found - model.objects().begin());
+      has_object_ = true;
+    }
+    mjBatchConfig config;
+    mjb_defaultConfig(&config);
+    config.nthread = num_threads > 0
+                         ? num_threads
+                         : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+    char error[500] = "";
+    batch_.reset(mjb_makeBatch(model.mujoco(), static_cast<int>(count), &config, error,
+                               static_cast<int>(sizeof(error))));
+    if (batch_ == nullptr) throw Error("MuJoCo cannot make the simulations: " + std::string(error));
+    if (environment.options().varies()) {
+      std::vector<const mjModel*> models;
+      for (Simulation& one : simulations_) {
+        one.varied.reset(mj_copyModel(nullptr, model.mujoco()));
+        if (one.varied == nullptr) throw Error("MuJoCo has no memory for the models");
+        models.push_back(one.varied.get());
+      }
+      mjb_setModels(batch_.get(), models.data());
+    }
+  }
+
+  [[nodiscard]] int num_threads() const noexcept override { return mjb_nthread(batch_.get()); }
+
+  void run(std::span<const int> which) override {
+    mjb_apply(batch_.get(), which.data(), static_cast<int>(which.size()), &Typed::run_one, this,
+              /*save=*/1);
+    const int* const status = mjb_status(batch_.get());
+    for (const int i : which) {
+      // What MuJoCo cannot go on with is no less an end than what has diverged.
+      if (status[i] != 0) end_with_fault(static_cast<std::size_t>(i), Simulator<R>::kDiverged);
+    }
+  }
+
+ private:
+  using Action = typename R::Action;
+
+  struct Simulation {
+    typename Simulator<R>::State state{};
+    RobotModel::Compiled varied{};
+    ObjectPose object{};  // As seen last.
+    Action action{};      // That acts.
+  };
+
+  // Nothing here has a destructor: MuJoCo leaves by longjmp.
+  static void run_one(const mjModel* model, mjData* data, int index, void* self) {
+    static_cast<Typed*>(self)->run_one(*model, *data, static_cast<std::size_t>(index));
+  }
+
+  void run_one(const mjModel& model, mjData& data, std::size_t i) noexcept {
+    if (call == Call::kReset || (autoreset == Autoreset::kNextStep && runs[i].must_reset)) {
+      record(i, reset(model, data, i));
+      return;
+    }
+    if (runs[i].must_reset) return;
+    step(model, data, i);
+    runs[i].must_reset = results.terminated[i] != 0 || results.truncated[i] != 0;
+    if (!runs[i].must_reset || autoreset != Autoreset::kSameStep) return;
+    // How the episode has ended stays to be read.
+    const auto keep = [this, i](auto& final, auto& seen) {
+      std::ranges::copy(row(seen, i, size), row(final, i, size).begin());
+    };
+    keep(results.final.observation, results.seen.observation);
+    keep(results.final.achieved, results.seen.achieved);
+    keep(results.final.desired, results.seen.desired);
+    (void)reset(model, data, i);
+  }
+
+  Outcome reset(const mjModel& model, mjData& data, std::size_t i) noexcept {
+    Simulation& one = simulations_[i];
+    Run& run = runs[i];
+    const Start start = environment.begin(seeds[i], run.next_episode++, run.episode);
+    run.must_reset = false;
+    if (one.varied != nullptr) simulator_.vary(start.variation, *one.varied, data);
+    one.state.memory.variation = start.variation;
+    JointVector<R::kJoints> position{};
+    std::copy_n(start.position.begin(), R::kJoints, position.begin());
+    simulator_.reset(position, start.random, model, data, one.state);
+    if (has_object_) {
+      simulator_.place(simulator_.model().objects()[object_], start.object, data, one.state);
+    }
+    see_object(-1, data, one);
+    see_object(0, data, one);
+    one.action = hold_position(one.state.observation);
+    Outcome outcome = observe(i);
+    outcome.reward = 0.0;
+    return outcome;
+  }
+
+  void step(const mjModel& model, mjData& data, std::size_t i) noexcept {
+    Simulation& one = simulations_[i];
+    const int steps = environment.options().steps_per_action;
+    // How long the action before goes on: docs/learning.md.
+    const int lag = environment.options().mapping == Mapping::kApproximation ? 1 : steps;
+    Action next;
+    if (!environment.take_action(row_of_actions(i), runs[i].episode, next.torque, next.position)) {
+      return;  // Has been looked at before.
+    }
+    typename R::AppliedAction applied;
+    for (int k = 0; k < steps; ++k) {
+      if (k == lag) one.action = next;
+      const DriverReport report = simulator_.step(one.action, model, data, one.state, applied);
+      if (report.fault_code != 0) {
+        end_with_fault(i, report.fault_code);
+        return;
+      }
+      simulator_.observe(data, one.state);
+      see_object(one.state.memory.step, data, one);
+    }
+    one.action = next;
+    record(i, observe(i));
+  }
+
+  void see_object(TimeIndex step, const mjData& data, Simulation& one) const noexcept {
+    if (!has_object_) return;
+    const auto* const received = simulator_.receive_poses(step, data, one.state);
+    if (received != nullptr) one.object = received->objects[object_];
+  }
+
+  [[nodiscard]] Outcome observe(std::size_t i) noexcept {
+    const Simulation& one = simulations_[i];
+    const Measurement measurement{.position = one.state.observation.position,
+                                  .velocity = one.state.observation.velocity,
+                                  .object = has_object_ ? &one.object : nullptr};
+    return environment.observe(measurement, runs[i].episode, row(results.seen.observation, i, size),
+                               row(results.seen.achieved, i, size),
+                               row(results.seen.desired, i, size));
+  }
+
+  void record(std::size_t i, const Outcome& outcome) noexcept {
+    results.reward[i] = outcome.reward;
+    results.terminated[i] = outcome.terminated ? 1 : 0;
+    results.truncated[i] = outcome.truncated ? 1 : 0;
+    results.success[i] = outcome.success ? 1 : 0;
+    results.fault[i] = 0;
+    std::ranges::copy(outcome.distance, row(results.distance, i, size).begin());
+    std::ranges::copy(outcome.finger_rewards, row(results.finger_rewards, i, size).begin());
+  }
+
+  // What was seen before is seen still.
+  void end_with_fault(std::size_t i, std::int32_t fault) noexcept {
+    results.fault[i] = fault;
+    results.terminated[i] = 1;
+    results.truncated[i] = 0;
+    results.success[i] = 0;
+    runs[i].must_reset = true;
+  }
+
+  [[nodiscard]] std::span<const float> row_of_actions(std::size_t i) const noexcept {
+    return actions.subspan(i * R::kJoints, R::kJoints);
+  }
+
+  Simulator<R> simulator_;
+  std::vector<Simulation> simulations_;
+  std::size_t object_{0};
+  bool has_object_{false};
+  std::unique_ptr<mjBatch, DeleteBatch> batch_;
+};
+
+template <class R>
+EnvironmentBatch::EnvironmentBatch(std::string_view task, const EnvironmentOptions& options,
+                                   const SimulationOptions<R>& simulation, int size,
+                                   int num_threads)
+    : implementation_(
+          std::make_unique<Typed<R>>(task, options, simulation, checked_size(size), num_threads)) {}
+EnvironmentBatch::~EnvironmentBatch() = default;
+
+const Environment& EnvironmentBatch::environment() const noexcept {
+  return implementation_->environment;
+}
+std::size_t EnvironmentBatch::size() const noexcept { return implementation_->size; }
+int EnvironmentBatch::num_threads() const noexcept { return implementation_->num_threads(); }
+Results& EnvironmentBatch::results() noexcept { return implementation_->results; }
+
+void EnvironmentBatch::seed(std::size_t index, std::uint64_t seed) {
+  require(index < size(), "there is no simulation " + std::to_string(index) + ", there are " +
+                              std::to_string(size()));
+  implementation_->seeds[index] = seed;
+  implementation_->runs[index].next_episode = 0;
+}
+
+void EnvironmentBatch::reset(std::span<const std::uint8_t> which) {
+  Implementation& self = *implementation_;
+  require(which.empty() || which.size() == self.size,
+          "there are " + std::to_string(which.size()) + " marks for " + std::to_string(self.size) +
+              " simulations");
+  self.selected.clear();
+  for (std::size_t i = 0; i < self.size; ++i) {
+    if (which.empty() || which[i] != 0) self.selected.push_back(static_cast<int>(i));
+  }
+  self.call = Implementation::Call::kReset;
+  if (!self.selected.empty()) self.run(self.selected);
+}
+
+void EnvironmentBatch::step(std::span<const float> actions, Autoreset autoreset) {
+  Implementation& self = *implementation_;
+  const std::size_t width = self.environment.num_joints();
+  require(actions.size() == self.size * width,
+          "there are " + std::to_string(actions.size()) + " numbers in the actions, must be " +
+              std::to_string(self.size) + " times " + std::to_string(width));
+  const auto bad =
+      std::ranges::find_if(actions, [](float number) { return !std::isfinite(number); });
+  if (bad != actions.end()) {
+    const auto place = static_cast<std::size_t>(bad - actions.begin());
+    throw InvalidArgument("number " + std::to_string(place % width) + " of the action of " +
+                          "simulation " + std::to_string(place / width) + " is " +
+                          std::to_string(*bad) + ", must be finite");
+  }
+  self.selected.clear();
+  for (std::size_t i = 0; i < self.size; ++i) self.selected.push_back(static_cast<int>(i));
+  self.call = Implementation::Call::kStep;
+  self.actions = actions;
+  self.autoreset = autoreset;
+  self.run(self.selected);
+}
+
+template EnvironmentBatch::EnvironmentBatch(std::string_view, const EnvironmentOptions&,
+                                            const SimulationOptions<TriFinger>&, int, int);
+template EnvironmentBatch::EnvironmentBatch(std::string_view, const EnvironmentOptions&,
+                                            const SimulationOptions<Finger>&, int, int);
+
+}  // namespace trifinger::learning

@@ -1,0 +1,320 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/sim/simulator.hpp"
+
+#include <mujoco/mujoco.h>
+
+#include <algorithm>
+#include <cmath>
+#include <mutex>
+#include <string>
+#include <type_traits>
+#include <utility>
+
+#include "text.hpp"
+#include "trifinger/base/error.hpp"
+
+namespace trifinger {
+namespace {
+
+using sim::text_of;
+
+constexpr Nanoseconds kPhysicsStep = std::chrono::milliseconds(1);
+
+// MuJoCo writes warnings to a file in the working directory. Ours are faults: the counters in
+// mjData tell.
+void silence_warnings() {
+  static std::once_flag once;
+  std::call_once(once, [] { mju_user_warning = [](const char*) {}; });
+}
+
+// Turns `orientation` by a small rotation vector [rad], in the world frame.
+void rotate(std::array<double, 4>& orientation, const std::array<double, 3>& rotation) {
+  const auto [x, y, z] = rotation;
+  const double angle = std::sqrt(x * x + y * y + z * z);
+  if (angle == 0.0) return;
+  const double scale = std::sin(angle / 2) / angle;
+  const std::array<double, 4> a{std::cos(angle / 2), scale * x, scale * y, scale * z};
+  const std::array<double, 4> b = orientation;
+  orientation = {a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
+                 a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
+                 a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
+                 a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0]};
+}
+
+bool is_finite(const mjModel& model, const mjData& data) noexcept {
+  const auto all_finite = [](const double* values, auto count) {
+    return std::none_of(values, values + count, [](double value) { return mju_isBad(value) != 0; });
+  };
+  return all_finite(data.qpos, model.nq) && all_finite(data.qvel, model.nv) &&
+         data.warning[mjWARN_BADQACC].number == 0;
+}
+
+void require_positive(const char* name, double value, bool may_be_zero) {
+  if (std::isfinite(value) && (value > 0.0 || (may_be_zero && value == 0.0))) return;
+  throw InvalidArgument(std::string(name) + " is " + text_of(value) + ", must be " +
+                        (may_be_zero ? "at least" : "more than") + " 0");
+}
+
+}  // namespace
+
+void Variation::validate() const {
+  require_positive("object_mass", object_mass, false);
+  require_positive("friction", friction, true);
+  require_positive("motor_gain", motor_gain, false);
+  if (torque_delay < 0 || torque_delay > kMaxTorqueDelay) {
+    throw InvalidArgument("torque_delay is " + std::to_string(torque_delay) +
+                          " steps, must be 0 to " + std::to_string(kMaxTorqueDelay));
+  }
+}
+
+template <class R>
+Simulator<R>::Simulator(SimulationOptions<R> options)
+    : options_((options.validate(), std::move(options))),
+      actuator_(trifinger::actuator(options_.description)),
+      model_(options_.description),
+      safety_(options_.limits ? *options_.limits : default_limits<R>(options_.description)),
+      substeps_(static_cast<int>(options_.period / kPhysicsStep)) {
+  static_assert(std::is_trivially_copyable_v<Memory>);
+  static_assert(sizeof(Memory) == sizeof(Memory::safety) + sizeof(Memory::torque) +
+                                      sizeof(Memory::tip_force) + sizeof(Memory::sent) +
+                                      sizeof(Variation) + sizeof(Random) +
+                                      6 * sizeof(std::uint64_t));
+  silence_warnings();
+  std::copy_n(model_.initial_position().begin(), R::kJoints, initial_position_.begin());
+  if (options_.initial_position) initial_position_ = *options_.initial_position;
+  check(initial_position_);
+}
+
+template <class R>
+void Simulator<R>::check(const Joints& position) const {
+  const auto& limits = safety_.limits();
+  for (std::size_t i = 0; i < R::kJoints; ++i) {
+    if (position[i] >= limits.hard_lower[i] && position[i] <= limits.hard_upper[i]) continue;
+    throw InvalidArgument("joint " + std::to_string(i) + " cannot begin at " +
+                          text_of(position[i]) + " rad, its hard limits are " +
+                          text_of(limits.hard_lower[i]) + " and " + text_of(limits.hard_upper[i]) +
+                          " rad");
+  }
+}
+
+template <class R>
+auto Simulator<R>::make_state() const -> State {
+  State state;
+  Capture capture;
+  capture.objects.resize(model_.objects().size());
+  const auto under_way =
+      static_cast<std::size_t>(options_.object_delay / options_.object_period) + 2;
+  state.captures.assign(under_way, capture);
+  return state;
+}
+
+template <class R>
+void Simulator<R>::vary(const Variation& variation, mjModel_& varied,
+                        mjData_& data) const noexcept {
+  const mjModel& original = *model_.mujoco();
+  for (const ObjectAddress& object : model_.objects()) {
+    varied.body_mass[object.body] = variation.object_mass * original.body_mass[object.body];
+    for (int axis = 0; axis < 3; ++axis) {
+      const int i = 3 * object.body + axis;
+      varied.body_inertia[i] = variation.object_mass * original.body_inertia[i];
+    }
+  }
+  // Sliding friction is the first of three numbers.
+  for (int geom = 0; geom < static_cast<int>(original.ngeom); ++geom) {
+    varied.geom_friction[3 * geom] = variation.friction * original.geom_friction[3 * geom];
+  }
+  mj_setConst(&varied, &data);
+}
+
+template <class R>
+void Simulator<R>::reset(const Joints& position, const Random& random, const mjModel_& model,
+                         mjData_& data, State& state) const noexcept {
+  mj_resetDataKeyframe(&model, &data, 0);
+  std::ranges::copy(position, data.qpos);
+  const Variation variation = state.memory.variation;
+  state.memory = {};
+  state.memory.variation = variation;
+  state.memory.random = random;
+  begin(state);
+  observe(data, state);
+}
+
+template <class R>
+void Simulator<R>::place(const ObjectAddress& object, const ObjectPose& pose, mjData_& data,
+                         State& state) const noexcept {
+  double* const values = data.qpos + object.position;
+  std::ranges::copy(pose.position, values);
+  double norm = 0.0;
+  for (const double value : pose.orientation) norm += value * value;
+  norm = std::sqrt(norm);
+  std::ranges::transform(pose.orientation, values + pose.position.size(),
+                         [norm](double value) { return value / norm; });
+  constexpr int kFreeJointSpeeds = 6;
+  std::fill_n(data.qvel + object.velocity, kFreeJointSpeeds, 0.0);
+  // What is under way shows where it was.
+  state.memory.pending_count = 0;
+  state.memory.has_delivered = 0;
+  state.memory.next_capture = state.memory.step;
+}
+
+template <class R>
+void Simulator<R>::begin(State& state) const noexcept {
+  move_to_step(0, state);
+  state.has_initial_pose = false;
+}
+
+// Indices in the memory count from the beginning of the session: a state that was saved at step n
+// goes on at `step`.
+template <class R>
+void Simulator<R>::move_to_step(TimeIndex step, State& state) const noexcept {
+  const TimeIndex offset = step - std::exchange(state.memory.step, step);
+  state.memory.next_capture += offset;
+  for (Capture& capture : state.captures) {
+    capture.capture_index += offset;
+    capture.arrival_index += offset;
+  }
+}
+
+template <class R>
+void Simulator<R>::observe(const mjData_& data, State& state) const noexcept {
+  std::copy_n(data.qpos, R::kJoints, state.observation.position.begin());
+  std::copy_n(data.qvel, R::kJoints, state.observation.velocity.begin());
+  state.observation.torque = state.memory.torque;
+  state.observation.tip_force = state.memory.tip_force;
+}
+
+template <class R>
+DriverReport Simulator<R>::step(const Action& desired, const mjModel_& model, mjData_& data,
+                                State& state, AppliedAction& applied) const noexcept {
+  const SafetyReport report =
+      safety_.apply(desired, state.observation, options_.period, state.memory.safety, applied);
+  if (report.fault != SafetyFault::kNone) return DriverReport::fault(fault_code_of(report));
+  if (!move(applied.torque, model, data, state)) return DriverReport::fault(kDiverged);
+  return {.action_rejected = report.action_rejected};
+}
+
+template <class R>
+bool Simulator<R>::move(const Joints& torque, const mjModel_& model, mjData_& data,
+                        State& state) const noexcept {
+  Memory& memory = state.memory;
+  const Variation& variation = memory.variation;
+  ++memory.step;
+  Joints delivered = torque;
+  if (const auto delay = static_cast<std::uint64_t>(variation.torque_delay); delay > 0) {
+    // A robot that begins has been given the same all the time.
+    if (memory.num_sent == 0) memory.sent.fill(torque);
+    delivered = std::exchange(memory.sent[memory.num_sent++ % delay], torque);
+  }
+  for (std::size_t i = 0; i < R::kJoints; ++i) {
+    memory.torque[i] = available_torque(actuator_, delivered[i], data.qvel[i]);
+    data.ctrl[i] = variation.motor_gain * memory.torque[i];
+  }
+  for (int i = 0; i < substeps_; ++i) mj_step(&model, &data);
+  measure_tip_forces(model, data, state);
+  return is_finite(model, data);
+}
+
+template <class R>
+void Simulator<R>::measure_tip_forces(const mjModel_& model, mjData_& data,
+                                      State& state) const noexcept {
+  auto& tip_force = state.memory.tip_force;
+  tip_force.fill(0.0);
+  const std::vector<int>& tips = model_.tip_geoms();
+  for (int i = 0; i < data.ncon; ++i) {
+    const mjContact& contact = data.contact[i];
+    for (std::size_t finger = 0; finger < R::kTips; ++finger) {
+      if (contact.geom[0] != tips[finger] && contact.geom[1] != tips[finger]) continue;
+      mjtNum force[6];
+      mj_contactForce(&model, &data, i, force);
+      // In the contact's frame, whose first axis is the normal.
+      tip_force[finger] += force[0];
+    }
+  }
+}
+
+template <class R>
+auto Simulator<R>::receive_poses(TimeIndex time_index, const mjData_& data,
+                                 State& state) const noexcept -> const Capture* {
+  Memory& memory = state.memory;
+  const std::size_t size = state.captures.size();
+  const auto slot = [&](std::uint64_t position) -> Capture& {
+    return state.captures[(memory.pending_begin + position) % size];
+  };
+  // Steps count from the beginning of the session: holding does not.
+  memory.step = std::max<TimeIndex>(time_index, 0);
+  if (time_index < 0) {
+    // One pose before step 0, so that there is always one. In a session that goes on from a saved
+    // state it is the one that was known there.
+    if (std::exchange(state.has_initial_pose, true)) return nullptr;
+    Capture& newest = slot(size - 1);
+    if (memory.has_delivered == 0) {
+      newest.capture_index = -1;
+      newest.arrival_index = -1;
+      capture(data, state, newest);
+      memory.has_delivered = 1;
+    }
+    return &newest;
+  }
+  if (time_index >= memory.next_capture) {
+    Capture& next = slot(memory.pending_count);
+    next.capture_index = time_index;
+    next.arrival_index = time_index + options_.object_delay;
+    capture(data, state, next);
+    ++memory.pending_count;
+    memory.next_capture = time_index + options_.object_period;
+  }
+  if (memory.pending_count == 0) return nullptr;
+  const Capture& oldest = slot(0);
+  if (oldest.arrival_index > time_index) return nullptr;
+  memory.pending_begin = (memory.pending_begin + 1) % size;
+  --memory.pending_count;
+  memory.has_delivered = 1;
+  return &oldest;
+}
+
+template <class R>
+void Simulator<R>::capture(const mjData_& data, State& state, Capture& capture) const noexcept {
+  Random& random = state.memory.random;
+  for (std::size_t i = 0; i < capture.objects.size(); ++i) {
+    ObjectPose& object = capture.objects[i];
+    object = object_pose(model_.objects()[i], data);
+    if (options_.object_position_noise > 0.0) {
+      for (double& value : object.position) {
+        value += options_.object_position_noise * random.normal();
+      }
+    }
+    if (options_.object_orientation_noise > 0.0) {
+      std::array<double, 3> rotation{};
+      for (double& value : rotation) value = options_.object_orientation_noise * random.normal();
+      rotate(object.orientation, rotation);
+    }
+  }
+}
+
+template <class R>
+void Simulator<R>::gravity_torques(const mjModel_& model, mjData_& data,
+                                   Joints& torque) const noexcept {
+  // Only what the inverse dynamics of a robot at rest needs; the warm start of the solver stays
+  // untouched.
+  mj_kinematics(&model, &data);
+  mj_comPos(&model, &data);
+  mj_comVel(&model, &data);
+  // As good as any other array of this size: no step reads it.
+  mj_rne(&model, &data, 0, data.qfrc_inverse);
+  std::copy_n(data.qfrc_inverse, R::kJoints, torque.begin());
+}
+
+template <class R>
+ObjectPose Simulator<R>::object_pose(const ObjectAddress& object,
+                                     const mjData_& data) const noexcept {
+  ObjectPose pose;
+  const double* const values = data.qpos + object.position;
+  std::copy_n(values, pose.position.size(), pose.position.begin());
+  std::copy_n(values + pose.position.size(), pose.orientation.size(), pose.orientation.begin());
+  return pose;
+}
+
+template class Simulator<TriFinger>;
+template class Simulator<Finger>;
+
+}  // namespace trifinger

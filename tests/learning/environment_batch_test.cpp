@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/learning/environment_batch.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <limits>
+#include <memory>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "trifinger/base/error.hpp"
+#include "trifinger/base/random.hpp"
+
+namespace trifinger::learning {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
+
+EnvironmentOptions noisy(std::string_view task) {
+  EnvironmentOptions options = default_options(task);
+  options.duration = 0.2;
+  options.position_noise = 1e-3;
+  options.object_mass = {0.8, 1.2};
+  options.torque_delay = {0, 3};
+  return options;
+}
+
+SimulationOptions<TriFinger> late_poses() {
+  SimulationOptions<TriFinger> options;
+  options.object_delay = 13;
+  options.object_position_noise = 1e-3;
+  return options;
+}
+
+std::vector<float> random_actions(Random& random, std::size_t count) {
+  std::vector<float> actions(count);
+  for (float& number : actions) number = static_cast<float>(random.uniform(-1.0, 1.0));
+  return actions;
+}
+
+TEST(EnvironmentBatch, GivesTheSameWhateverTheNumberOfThreadsAndSimulations) {
+  constexpr std::size_t kMany = 5;
+  EnvironmentBatch many("push", noisy("push"), late_poses(), kMany, 3);
+  std::vector<std::unique_ptr<EnvironmentBatch>> owners;
+  std::vector<EnvironmentBatch*> ones;
+  for (std::size_t i = 0; i < kMany; ++i) {
+    owners.push_back(std::make_unique<EnvironmentBatch>("push", noisy("push"), late_poses(), 1, 1));
+    ones.push_back(owners.back().get());
+    ones[i]->seed(0, 40 + i);
+    many.seed(i, 40 + i);
+    ones[i]->reset();
+  }
+  many.reset();
+  Random random{.seed = 1};
+  const std::size_t width = many.environment().observation_size();
+  for (const Autoreset mode : {Autoreset::kNextStep, Autoreset::kSameStep}) {
+    for (int step = 0; step < 15; ++step) {
+      const std::vector<float> actions = random_actions(random, kMany * 9);
+      many.step(actions, mode);
+      for (std::size_t i = 0; i < kMany; ++i) {
+        ones[i]->step(std::span(actions).subspan(9 * i, 9), mode);
+        const Results& one = ones[i]->results();
+        const Results& all = many.results();
+        const std::span seen = std::span(all.seen.observation).subspan(i * width, width);
+        ASSERT_TRUE(std::ranges::equal(seen, one.seen.observation)) << "step " << step;
+        EXPECT_EQ(all.reward[i], one.reward[0]);
+        EXPECT_EQ(all.truncated[i], one.truncated[0]);
+      }
+    }
+  }
+}
+
+TEST(EnvironmentBatch, BeginsOnlyThoseEpisodesThatAreMarked) {
+  EnvironmentBatch batch("push", noisy("push"), late_poses(), 3, 2);
+  batch.reset();
+  Random random{.seed = 2};
+  batch.step(random_actions(random, 27));
+  const std::vector<double> before = batch.results().seen.desired;
+  batch.reset(std::vector<std::uint8_t>{0, 1, 0});
+  const std::vector<double>& after = batch.results().seen.desired;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const auto goal_of = [i](const std::vector<double>& goals) {
+      return std::span(goals).subspan(3 * i, 3);
+    };
+    EXPECT_EQ(std::ranges::equal(goal_of(before), goal_of(after)), i != 1);
+  }
+}
+
+TEST(EnvironmentBatch, MovesNothingBehindAnEndUntilItIsReset) {
+  EnvironmentBatch batch("push", noisy("push"), late_poses(), 1, 1);
+  batch.reset();
+  Random random{.seed = 3};
+  for (int i = 0; i < 10; ++i) batch.step(random_actions(random, 9), Autoreset::kDisabled);
+  ASSERT_EQ(batch.results().truncated[0], 1);
+  const std::vector<float> last = batch.results().seen.observation;
+  batch.step(random_actions(random, 9), Autoreset::kDisabled);
+  EXPECT_EQ(batch.results().seen.observation, last);
+}
+
+TEST(EnvironmentBatch, RefusesActionsThatAreNotFiniteAndMovesNothing) {
+  EnvironmentBatch batch("push", noisy("push"), late_poses(), 2, 1);
+  batch.reset();
+  const std::vector<float> before = batch.results().seen.observation;
+  std::vector<float> actions(18, 0.1F);
+  actions[10] = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_THAT([&] { batch.step(actions); },
+              ThrowsMessage<InvalidArgument>(HasSubstr("number 1 of the action of simulation 1")));
+  EXPECT_EQ(batch.results().seen.observation, before);
+  EXPECT_THROW(batch.step(std::vector<float>(17)), InvalidArgument);
+  EXPECT_THROW(batch.reset(std::vector<std::uint8_t>(3)), InvalidArgument);
+  EXPECT_THROW(batch.seed(2, 0), InvalidArgument);
+}
+
+TEST(EnvironmentBatch, RefusesNoSimulations) {
+  EXPECT_THAT([] { EnvironmentBatch("push", {}, SimulationOptions<TriFinger>{}, 0); },
+              ThrowsMessage<InvalidArgument>(HasSubstr("number of simulations is 0")));
+}
+
+}  // namespace
+}  // namespace trifinger::learning

@@ -1,0 +1,222 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/learning/environment.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "support/allocation_counter.hpp"
+#include "trifinger/base/error.hpp"
+
+namespace trifinger::learning {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
+
+// The robot that a task is for.
+RobotDescription description_for(std::string_view task) {
+  RobotDescription description;
+  if (task == "finger_reach") description.arrangement = Arrangement::kSingleFinger;
+  if (task == "throw") description.objects = {ball()};
+  return description;
+}
+
+std::vector<double> numbers(const Start& start) {
+  std::vector<double> all(start.position.begin(), start.position.end());
+  all.insert(all.end(), start.object.position.begin(), start.object.position.end());
+  all.insert(all.end(), start.object.orientation.begin(), start.object.orientation.end());
+  all.push_back(start.variation.friction);
+  return all;
+}
+
+EnvironmentOptions varied(std::string_view task) {
+  EnvironmentOptions options = default_options(task);
+  options.object_mass = {0.5, 2.0};
+  options.friction = {0.7, 1.2};
+  options.motor_gain = {0.9, 1.1};
+  options.torque_delay = {2, 5};
+  return options;
+}
+
+class EveryTask : public ::testing::TestWithParam<std::string_view> {
+ protected:
+  [[nodiscard]] Environment make(const EnvironmentOptions& options) const {
+    return {GetParam(), options, description_for(GetParam())};
+  }
+};
+
+TEST_P(EveryTask, BeginsAnEpisodeAsItsSeedAndNumberSay) {
+  const Environment environment = make(varied(GetParam()));
+  for (std::uint64_t episode = 0; episode < 20; ++episode) {
+    Episode first;
+    Episode second;
+    Episode other;
+    const auto one = numbers(environment.begin(3, episode, first));
+    (void)environment.begin(4, 99, second);
+    EXPECT_EQ(numbers(environment.begin(3, episode, second)), one);
+    EXPECT_EQ(first.goal, second.goal);
+    EXPECT_NE(numbers(environment.begin(3, episode + 1, other)), one);
+    EXPECT_NE(other.goal, first.goal);
+  }
+}
+
+TEST_P(EveryTask, DrawsWithinItsBounds) {
+  const EnvironmentOptions options = varied(GetParam());
+  const Environment environment = make(options);
+  for (std::uint64_t number = 0; number < 300; ++number) {
+    Episode episode;
+    const Start start = environment.begin(0, number, episode);
+    for (std::size_t i = 0; i < environment.goal_size(); ++i) {
+      EXPECT_GE(episode.goal[i], environment.goal().low[i]);
+      EXPECT_LE(episode.goal[i], environment.goal().high[i]);
+    }
+    for (std::size_t i = 0; i < environment.num_joints(); ++i) {
+      EXPECT_GE(start.position[i], environment.position_low()[i]);
+      EXPECT_LE(start.position[i], environment.position_high()[i]);
+    }
+    EXPECT_NO_THROW(start.variation.validate());
+    EXPECT_GE(start.variation.torque_delay, 2);
+    EXPECT_LE(start.variation.torque_delay, 5);
+    EXPECT_GE(start.variation.object_mass, 0.5);
+    EXPECT_LT(start.variation.object_mass, 2.0);
+  }
+}
+
+TEST_P(EveryTask, ObservesAndActsWithoutMemoryAndWithinMinusOneAndOne) {
+  EnvironmentOptions options = varied(GetParam());
+  options.position_noise = 1.0;  // far beyond all bounds
+  options.velocity_noise = 10.0;
+  options.mapping = Mapping::kStateAugmentation;
+  const Environment environment = make(options);
+  const std::size_t joints = environment.num_joints();
+  std::vector<float> observation(environment.observation_size());
+  std::vector<double> achieved(environment.goal_size());
+  std::vector<double> desired(environment.goal_size());
+  std::vector<double> torque(joints);
+  std::vector<double> position(joints);
+  const std::vector<float> action(joints, 0.5F);
+  Episode episode;
+  const trifinger::test::AllocationCounter allocations;
+  const Start start = environment.begin(1, 2, episode);
+  const std::array<double, kMaxJoints> velocity{};
+  const bool has_object = !environment.object_name().empty();
+  for (int i = 0; i < 50; ++i) {
+    ASSERT_TRUE(environment.take_action(action, episode, torque, position));
+    (void)environment.observe({.position = std::span(start.position).first(joints),
+                               .velocity = std::span(velocity).first(joints),
+                               .object = has_object ? &start.object : nullptr},
+                              episode, observation, achieved, desired);
+    for (const float number : observation) {
+      ASSERT_GE(number, -1.0F);
+      ASSERT_LE(number, 1.0F);
+    }
+  }
+  EXPECT_EQ(allocations.count(), 0);
+}
+
+TEST_P(EveryTask, NamesEveryNumberOnce) {
+  const Environment environment = make(default_options(GetParam()));
+  std::vector<std::string> names = environment.flat_names();
+  EXPECT_EQ(names.size(), environment.observation_size());
+  std::ranges::sort(names);
+  EXPECT_EQ(std::ranges::adjacent_find(names), names.end());
+}
+
+INSTANTIATE_TEST_SUITE_P(Learning, EveryTask,
+                         ::testing::ValuesIn(task_names().begin(), task_names().end()),
+                         [](const auto& task) { return std::string(task.param); });
+
+class Actions : public ::testing::Test {
+ protected:
+  void begin(ActionKind kind) {
+    EnvironmentOptions options;
+    options.action = kind;
+    environment_.emplace("reach", options, RobotDescription{.objects = {}});
+    (void)environment_->begin(0, 0, episode_);
+  }
+  bool take(float number) {
+    return environment_->take_action(std::vector<float>(9, number), episode_, torque_, position_);
+  }
+
+  std::optional<Environment> environment_;
+  Episode episode_;
+  std::array<double, 9> torque_{};
+  std::array<double, 9> position_{};
+};
+
+TEST_F(Actions, ArePositionsBetweenTheirBounds) {
+  begin(ActionKind::kPosition);
+  const auto low = environment_->position_low();
+  const auto high = environment_->position_high();
+  for (const auto& [number, share] :
+       {std::pair{-1.0F, 0.0}, {0.0F, 0.5}, {1.0F, 1.0}, {7.0F, 1.0}}) {
+    ASSERT_TRUE(take(number));
+    for (std::size_t i = 0; i < 9; ++i) {
+      EXPECT_NEAR(position_[i], low[i] + share * (high[i] - low[i]), 1e-12);
+      EXPECT_EQ(torque_[i], 0.0);
+    }
+  }
+}
+
+TEST_F(Actions, AreChangesOfThePositionThatWasAskedForLast) {
+  begin(ActionKind::kPositionChange);
+  ASSERT_TRUE(take(0.0F));
+  const auto before = position_;
+  ASSERT_TRUE(take(0.5F));
+  for (std::size_t i = 0; i < 9; ++i) {
+    EXPECT_NEAR(position_[i], std::min(before[i] + 0.05, environment_->position_high()[i]), 1e-12);
+  }
+  for (int i = 0; i < 100; ++i) ASSERT_TRUE(take(-1.0F));
+  EXPECT_TRUE(std::ranges::equal(position_, environment_->position_low()));
+}
+
+TEST_F(Actions, AreSharesOfTheLargestTorque) {
+  begin(ActionKind::kTorque);
+  ASSERT_TRUE(take(-0.5F));
+  for (std::size_t i = 0; i < 9; ++i) {
+    EXPECT_NEAR(torque_[i], -0.18, 1e-12);
+    EXPECT_TRUE(std::isnan(position_[i]));
+  }
+}
+
+TEST_F(Actions, ThatAreNotFiniteChangeNothing) {
+  begin(ActionKind::kPositionChange);
+  ASSERT_TRUE(take(0.3F));
+  const Episode before = episode_;
+  const auto position_before = position_;
+  for (const float bad :
+       {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()}) {
+    EXPECT_FALSE(take(bad));
+    EXPECT_EQ(episode_.actions, before.actions);
+    EXPECT_EQ(episode_.target, before.target);
+    EXPECT_EQ(position_, position_before);
+  }
+}
+
+TEST(EnvironmentOptions, AreCheckedByName) {
+  const auto refuses = [](auto change, const char* name) {
+    EnvironmentOptions options;
+    change(options);
+    EXPECT_THAT([&] { options.validate(); }, ThrowsMessage<InvalidArgument>(HasSubstr(name)));
+  };
+  refuses([](auto& options) { options.steps_per_action = 0; }, "steps_per_action is 0");
+  refuses([](auto& options) { options.steps_per_action = 1; }, "mapping 'approximation'");
+  refuses([](auto& options) { options.duration = -1.0; }, "duration is -1");
+  refuses([](auto& options) { options.friction = {1.0, 0.5}; }, "friction is 1 to 0.5");
+  refuses([](auto& options) { options.torque_delay = {0, 11}; }, "torque_delay is 0 to 11");
+  refuses([](auto& options) { options.position_noise = std::nan(""); }, "position_noise is nan");
+  EXPECT_THAT([] { (void)default_options("fly"); },
+              ThrowsMessage<InvalidArgument>(HasSubstr("there are 'reach', 'finger_reach'")));
+}
+
+}  // namespace
+}  // namespace trifinger::learning

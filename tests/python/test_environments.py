@@ -1,0 +1,389 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Environments: what Gymnasium asks of them, and that one simulation or many make no difference."""
+
+import dataclasses
+
+import gymnasium
+import numpy as np
+import pytest
+import trifinger
+from gymnasium.utils.env_checker import check_env, data_equivalence
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from stable_baselines3.common.env_checker import check_env as check_env_of_sb3
+from trifinger import environments
+from trifinger.environments import Environment, GoalEnvironment, Options, VectorEnvironment
+
+# Everything that can be random, in one go.
+VARIED = {
+    "position_noise": 1e-3,
+    "velocity_noise": 1e-2,
+    "object_delay": 0.013,
+    "object_position_noise": 1e-3,
+    "object_orientation_noise": 1e-2,
+    "object_mass": (0.8, 1.2),
+    "friction": (0.7, 1.2),
+    "motor_gain": (0.9, 1.1),
+    "torque_delay": (0, 4),
+}
+
+
+def single(task, **options):
+    kind = GoalEnvironment if options.get("observation") == "goal" else Environment
+    return kind(task, options=Options.of(task, **options))
+
+
+def wandering(shape, seed=0):
+    rng = np.random.default_rng(seed)
+    action = np.zeros(shape, np.float32)
+    while True:
+        action = np.clip(action + 0.3 * rng.normal(size=shape), -1, 1).astype(np.float32)
+        yield action
+
+
+def assert_equal(vector, index, one):
+    if isinstance(one, dict):
+        for name, part in one.items():
+            np.testing.assert_array_equal(vector[name][index], part, err_msg=name)
+    else:
+        np.testing.assert_array_equal(vector[index], one)
+
+
+@pytest.mark.parametrize("task", environments.TASKS)
+@pytest.mark.parametrize("observation", ["flat", "dictionary", "goal"])
+@pytest.mark.filterwarnings("error")
+def test_official_checkers_find_nothing(task, observation, capsys):
+    # Pictures have a test of their own: the checker wants a window, too.
+    check_env(single(task, observation=observation, duration=0.2).unwrapped, skip_render_check=True)
+    check_env_of_sb3(single(task, observation=observation, duration=0.2), skip_render_check=True)
+    capsys.readouterr()  # Stable-Baselines3 says that it has found a goal.
+
+
+@pytest.mark.parametrize("task", environments.TASKS)
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"mapping": "state_augmentation", "steps_per_action": 7},
+        {"action": "torque", "observation": "goal", **VARIED},
+        {"action": "position_change", "observation": "dictionary", **VARIED},
+    ],
+    ids=["default", "augmented", "torque", "change"],
+)
+def test_a_simulation_among_many_is_the_single_one_bit_for_bit(task, options):
+    options = {"duration": 0.3, **options}
+    vector = VectorEnvironment(task, 2, options=Options.of(task, **options), num_threads=2)
+    ones = [single(task, **options) for _ in range(2)]
+    seen, _ = vector.reset(seed=5)
+    for index, one in enumerate(ones):
+        assert_equal(seen, index, one.reset(seed=5 + index)[0])
+    has_ended = [False, False]
+    ends = 0
+    actions = wandering(vector.action_space.shape)
+    while ends < 5:
+        action = next(actions)
+        seen, rewards, terminated, truncated, info = vector.step(action)
+        for index, one in enumerate(ones):
+            if has_ended[index]:
+                assert_equal(seen, index, one.reset()[0])
+                assert rewards[index] == 0.0
+                has_ended[index] = False
+                continue
+            state, reward, *end, one_info = one.step(action[index])
+            assert_equal(seen, index, state)
+            assert (reward, *end) == (rewards[index], terminated[index], truncated[index])
+            for name in ("distance", "achieved_goal", "desired_goal", "is_success"):
+                np.testing.assert_array_equal(info[name][index], one_info[name])
+            has_ended[index] = any(end)
+            ends += has_ended[index]
+
+
+def test_a_fault_of_the_robot_terminates_the_same_episode_of_both():
+    # A reaching finger at full torque comes to no hard limit; one without boundaries does.
+    overrides = {"safety.plausibility.stuck_time": 0.02, "safety.plausibility.stuck_torque": 0.01}
+    options = Options.of("reach", action="torque", duration=3.0)
+    one = Environment("reach", options=options, config_overrides=overrides)
+    vector = VectorEnvironment("reach", 1, options=options, config_overrides=overrides)
+    one.reset(seed=1)
+    vector.reset(seed=1)
+    for step in range(options_steps := 150):
+        action = np.full(9, 1.0 if step % 2 else -1.0, np.float32)
+        seen, rewards, terminated, _, info = vector.step(action[None])
+        state, reward, ended, _, one_info = one.step(action)
+        assert_equal(seen, 0, state)
+        assert (reward, ended) == (rewards[0], terminated[0])
+        assert bool(info["fault"][0]) == ("fault" in one_info)
+        if ended:
+            break
+    assert step < options_steps
+
+
+@pytest.mark.parametrize("options", [{}, {"observation": "goal"}, {"observation": "dictionary"}])
+@pytest.mark.parametrize("mode", AutoresetMode)
+def test_resets_itself_as_the_vector_environment_of_gymnasium_does(mode, options):
+    options = {"duration": 0.1, "position_noise": 1e-3, **options}
+    ours = VectorEnvironment("push", 3, options=Options.of("push", **options), autoreset_mode=mode)
+    theirs = SyncVectorEnv([lambda: single("push", **options)] * 3, autoreset_mode=mode)
+    for index, one in enumerate(theirs.envs):
+        one.action_space.seed(index)
+    assert ours.observation_space == theirs.observation_space
+    assert ours.action_space == theirs.action_space
+    assert ours.single_observation_space == theirs.single_observation_space
+    assert ours.metadata["autoreset_mode"] == theirs.metadata["autoreset_mode"]
+    pair = [environment.reset(seed=7) for environment in (ours, theirs)]
+    for index in range(3):
+        assert_equal(pair[0][0], index, select(pair[1][0], index))
+    for action, _ in zip(wandering(ours.action_space.shape), range(14), strict=False):
+        mine, yours = ours.step(action), theirs.step(action)
+        for index in range(3):
+            assert_equal(mine[0], index, select(yours[0], index))
+        for a, b in zip(mine[1:4], yours[1:4], strict=True):
+            np.testing.assert_array_equal(a, b)
+            assert a.dtype == b.dtype
+        assert ("final_obs" in mine[4]) == ("final_obs" in yours[4])
+        if "final_obs" in mine[4]:
+            for a, b in zip(mine[4]["final_obs"], yours[4]["final_obs"], strict=True):
+                assert data_equivalence(a, b, exact=True)
+            for name in ("distance", "achieved_goal", "desired_goal", "is_success"):
+                np.testing.assert_array_equal(
+                    mine[4]["final_info"][name], yours[4]["final_info"][name]
+                )
+        if mode == AutoresetMode.DISABLED and (mine[2] | mine[3]).any():
+            mask = mine[2] | mine[3]
+            a, b = (
+                environment.reset(options={"reset_mask": mask.copy()})
+                for environment in (ours, theirs)
+            )
+            for index in range(3):
+                assert_equal(a[0], index, select(b[0], index))
+
+
+def select(observation, index):
+    if isinstance(observation, dict):
+        return {name: part[index] for name, part in observation.items()}
+    return observation[index]
+
+
+@pytest.mark.parametrize("task", environments.TASKS)
+def test_the_reward_is_that_of_the_goals_alone_or_in_batches(task):
+    environment = single(task, observation="goal", duration=1.0)
+    environment.reset(seed=2)
+    achieved, desired, rewards = [], [], []
+    for action, _ in zip(wandering((environment.action_space.shape[0],)), range(20), strict=False):
+        seen, reward, *_ = environment.step(action)
+        assert environment.compute_reward(seen["achieved_goal"], seen["desired_goal"]) == reward
+        achieved.append(seen["achieved_goal"])
+        desired.append(seen["desired_goal"])
+        rewards.append(reward)
+    np.testing.assert_array_equal(
+        environment.compute_reward(np.array(achieved), np.array(desired)), rewards
+    )
+
+
+def test_the_reward_of_reaching_is_the_mean_distance_by_other_kinematics():
+    environment = single("reach", observation="dictionary")
+    environment.reset(seed=4)
+    kinematics = trifinger.Kinematics("trifinger_edu")
+    for action, _ in zip(wandering((9,)), range(10), strict=False):
+        seen, reward, *_ = environment.step(action)
+        tips = kinematics.tip_positions(seen["joint_position"])
+        distances = np.linalg.norm(tips - seen["goal"].reshape(3, 3), axis=1)
+        assert reward == pytest.approx(-distances.mean(), abs=1e-6)
+
+
+def test_the_reward_of_moving_the_cube_is_the_cost_of_the_challenge():
+    environment = single("push", observation="goal")
+    lift_pose = single("lift_pose", observation="goal")
+    # The example of the challenge's rules: 0.1 m aside and 0.05 m above.
+    assert environment.compute_reward([0.1, 0, 0.05], [0, 0, 0]) == pytest.approx(
+        -0.378205, abs=1e-6
+    )
+    quarter = [np.sqrt(0.5), 0, 0, np.sqrt(0.5)]
+    assert lift_pose.compute_reward([0, 0, 0, 1, 0, 0, 0], [0, 0, 0, *quarter]) == pytest.approx(
+        -0.25
+    )
+
+
+def test_fingers_cannot_be_told_apart_in_observations_finger_by_finger():
+    environment = single("reach", per_finger=True)
+    flat, _ = environment.reset(seed=3)
+    world = single("reach", observation="dictionary")
+    named, _ = world.reset(seed=3)
+    blocks = flat.reshape(3, 9)
+    goals = named["goal"].reshape(3, 3)
+    # A goal, seen from its finger, is as high and as far from the centre as ever.
+    low, high = np.array([-0.3, -0.3, 0.0]), np.array([0.3, 0.3, 0.5])
+    seen = low + (blocks[:, 6:] + 1) / 2 * (high - low)
+    np.testing.assert_allclose(seen[:, 2], goals[:, 2], atol=1e-6)
+    np.testing.assert_allclose(
+        np.linalg.norm(seen[:, :2], axis=1), np.linalg.norm(goals[:, :2], axis=1), atol=1e-6
+    )
+    # All lie before finger 0, at 90 degrees from x.
+    assert (np.abs(np.arctan2(seen[:, 1], seen[:, 0]) - np.pi / 2) < np.pi / 3 + 1e-6).all()
+    np.testing.assert_allclose(seen[0], goals[0], atol=1e-6)
+
+
+def test_seeds_decide_episodes_in_any_order():
+    environment = single("push", **VARIED)
+    first = [environment.reset(seed=9)[0], environment.reset()[0], environment.reset()[0]]
+    np.testing.assert_array_equal(environment.reset(options={"episode": 1})[0], first[1])
+    np.testing.assert_array_equal(environment.reset(seed=9)[0], first[0])
+    assert not np.array_equal(first[0], first[1])
+    assert not np.array_equal(environment.reset(seed=10)[0], first[0])
+
+
+def test_time_truncates_and_a_lost_object_terminates():
+    environment = single("reach", duration=0.1)
+    environment.reset(seed=0)
+    ends = [environment.step(np.zeros(9, np.float32))[2:4] for _ in range(5)]
+    assert ends == [(False, False)] * 4 + [(False, True)]
+
+    environment = Environment("push", config_overrides={"boundary": False})
+    environment.reset(seed=0)
+    environment.step(np.zeros(9, np.float32))
+    environment.simulation.place_object("cube", [0.5, 0.0, 0.0325])
+    assert environment.step(np.zeros(9, np.float32))[2:4] == (True, False)
+
+
+def test_a_ball_that_flies_and_lands_ends_a_throw():
+    environment = single("throw")
+    _, info = environment.reset(seed=0)
+    goal = info["desired_goal"]
+    environment.simulation.place_object("ball", [*goal, 0.15])
+    for _ in range(30):
+        _, reward, terminated, _, info = environment.step(np.zeros(9, np.float32))
+        if terminated:
+            break
+    assert terminated
+    assert info["is_success"]
+    assert reward > -0.1
+
+
+def test_goals_on_a_trajectory_change_when_the_challenge_says():
+    environment = single("move_cube_on_trajectory", steps_per_action=1000, duration=60.0)
+    _, info = environment.reset(seed=0)
+    goals = [info["desired_goal"]]
+    for _ in range(60):
+        goals.append(environment.step(np.zeros(9, np.float32))[4]["desired_goal"])
+    changes = [t for t in range(1, 61) if not np.array_equal(goals[t], goals[t - 1])]
+    assert changes == [30, 40, 50, 60]
+
+
+def test_starts_and_goals_are_where_the_robot_can_be():
+    kinematics = trifinger.Kinematics("trifinger_edu")
+    environment = single("reach")
+    for episode in range(200):
+        _, info = environment.reset(seed=0, options={"episode": episode})
+        assert (info["distance"] > 0).all()
+        for finger, goal in enumerate(info["desired_goal"].reshape(3, 3)):
+            assert kinematics.inverse_kinematics(finger, goal)[1] == "yes"
+            assert goal[2] >= 0.02
+    push = single("push")
+    for episode in range(100):
+        _, info = push.reset(seed=0, options={"episode": episode})
+        assert np.linalg.norm(info["desired_goal"][:2]) <= 0.138708
+        assert info["achieved_goal"][2] == pytest.approx(0.0325, abs=1e-4)
+
+
+def test_options_reach_the_environment_by_name_and_are_printed():
+    environment = gymnasium.make("TriFinger/Reach-v0", steps_per_action=10).unwrapped
+    assert environment.options == Options.of("reach", steps_per_action=10)
+    assert "steps_per_action=10" in repr(environment)
+    assert environment.metadata["render_fps"] == 100
+    vector = gymnasium.make_vec(
+        "TriFinger/Push-v0", num_envs=2, vectorization_mode="vector_entry_point"
+    )
+    assert isinstance(vector.unwrapped, VectorEnvironment)
+    for field in dataclasses.fields(Options):
+        assert field.name in repr(vector.unwrapped)
+
+
+@pytest.mark.release
+def test_a_picture_shows_robot_and_goals():
+    environment = Environment("reach", render_mode="rgb_array")
+    environment.reset(seed=0)
+    image = environment.render()
+    assert image.shape == (540, 720, 3)
+    red, green, blue = (image[..., i].astype(int) for i in range(3))
+    assert ((red > 150) & (green > 110) & (blue < 90)).sum() > 50  # the yellow goals
+    environment.close()
+
+
+class TestMistakes:
+    def test_a_wrong_shape(self):
+        environment = single("reach")
+        environment.reset()
+        with pytest.raises(trifinger.InvalidArgument, match=r"shape \(3,\), must have \(9,\)"):
+            environment.step(np.zeros(3, np.float32))
+        vector = VectorEnvironment("reach", 2)
+        vector.reset()
+        with pytest.raises(trifinger.InvalidArgument, match=r"shape \(9,\), must have \(2, 9\)"):
+            vector.step(np.zeros(9, np.float32))
+
+    def test_a_number_that_is_none(self):
+        environment = single("reach")
+        environment.reset()
+        action = np.zeros(9, np.float32)
+        action[4] = np.nan
+        with pytest.raises(trifinger.InvalidArgument, match="finite"):
+            environment.step(action)
+        environment.step(np.zeros(9, np.float32))
+        vector = VectorEnvironment("reach", 2)
+        vector.reset()
+        with pytest.raises(
+            trifinger.InvalidArgument, match="number 4 of the action of simulation 1"
+        ):
+            vector.step(np.stack([np.zeros(9, np.float32), action]))
+
+    def test_a_step_behind_the_end(self):
+        environment = single("reach", duration=0.02)
+        with pytest.raises(gymnasium.error.ResetNeeded):
+            environment.step(np.zeros(9, np.float32))
+        environment.reset()
+        environment.step(np.zeros(9, np.float32))
+        with pytest.raises(gymnasium.error.ResetNeeded):
+            environment.step(np.zeros(9, np.float32))
+        with pytest.raises(gymnasium.error.ResetNeeded):
+            VectorEnvironment("reach", 1).step(np.zeros((1, 9), np.float32))
+
+    def test_two_environments_on_one_robot(self):
+        simulation = trifinger.Simulation("trifinger_edu")
+        first, second = (Environment("reach", connect=simulation.connect) for _ in range(2))
+        first.reset()
+        with pytest.raises(trifinger.ControlHeld):
+            second.reset()
+        first.close()
+        second.reset()
+
+    def test_options_that_there_are_not(self):
+        with pytest.raises(trifinger.InvalidArgument, match="'rate'"):
+            Options.of("reach", rate=50)
+        with pytest.raises(trifinger.InvalidArgument, match="there is no task 'juggle'"):
+            Options.of("juggle")
+        with pytest.raises(trifinger.InvalidArgument, match="per_finger is for tasks"):
+            single("push", per_finger=True)
+        with pytest.raises(trifinger.InvalidArgument, match="steps_per_action is 1"):
+            single("reach", steps_per_action=1)
+        with pytest.raises(trifinger.InvalidArgument, match="friction is 2 to 1"):
+            single("reach", friction=(2.0, 1.0))
+        with pytest.raises(trifinger.InvalidArgument, match="GoalEnvironment"):
+            Environment("reach", options=Options.of("reach", observation="goal"))
+
+    def test_a_robot_that_does_not_suit(self):
+        with pytest.raises(trifinger.InvalidArgument, match="needs an object called 'cube'"):
+            Environment("push", config_overrides={"objects": []})
+        with pytest.raises(trifinger.InvalidArgument, match="3 fingers, this one has 1"):
+            Environment("reach", config_overrides={"robot.arrangement": "finger"})
+
+
+def test_a_connected_robot_is_moved_to_the_start_and_runs_the_same_task():
+    simulation = trifinger.Simulation("trifinger_edu")
+    environment = Environment("reach", connect=simulation.connect)
+    _, info = environment.reset(seed=6)
+    start = single("reach").reset(seed=6)[1]["achieved_goal"]
+    assert np.abs(info["achieved_goal"] - start).max() < 0.03
+    for _ in range(100):
+        _, _, terminated, truncated, _ = environment.step(np.zeros(9, np.float32))
+    assert truncated
+    assert not terminated
+    environment.reset()
+    environment.close()
