@@ -162,7 +162,7 @@ class DirectSteps {
 };
 
 template <class Step>
-double steps_per_second(Step&& step) {
+double steps_per_second(const Step& step) {
   const auto begin = Clock::now();
   for (int i = 0; i < kActions; ++i) step(static_cast<std::size_t>(i));
   const double time = std::chrono::duration<double>(Clock::now() - begin).count();
