@@ -66,21 +66,16 @@ struct KnownRobot {
 };
 
 KnownRobot robot_of(const Session& session) {
-  for (const Document& document : session.documents()) {
-    if (document.name != "configuration.yml") continue;
-    RobotConfig config = read_robot_config(config::File::parse(document.text, "configuration.yml"));
-    auto* const options = std::get_if<SimulationOptions<TriFinger>>(&config.simulation);
-    if (options == nullptr) break;
-    const JointLimits<TriFinger::kJoints> limits =
-        options->limits.value_or(default_limits<TriFinger>(options->description));
-    return {.description = std::move(options->description),
-            .limits = {.max_torque = limits.max_torque,
-                       .safety_kd = limits.safety_kd,
-                       .soft_lower = limits.soft_lower,
-                       .soft_upper = limits.soft_upper}};
-  }
-  throw InvalidArgument(
-      "the robot does not say what it is: it has no configuration of three fingers");
+  RobotConfig config = robot_config_of(session);
+  auto* const options = std::get_if<SimulationOptions<TriFinger>>(&config.simulation);
+  if (options == nullptr) throw InvalidArgument("the robot has not three fingers");
+  const JointLimits<TriFinger::kJoints> limits =
+      options->limits.value_or(default_limits<TriFinger>(options->description));
+  return {.description = std::move(options->description),
+          .limits = {.max_torque = limits.max_torque,
+                     .safety_kd = limits.safety_kd,
+                     .soft_lower = limits.soft_lower,
+                     .soft_upper = limits.soft_upper}};
 }
 
 void tell_phase(const Manipulation& at) {

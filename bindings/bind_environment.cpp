@@ -42,59 +42,8 @@ using Actions = nb::ndarray<const float, nb::c_contig, nb::device::cpu>;
 using Goals = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Marks = nb::ndarray<const bool, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
-// In the order of the enumerations.
-constexpr std::array<std::string_view, 2> kMappings{"state_augmentation", "approximation"};
-constexpr std::array<std::string_view, 3> kActions{"position", "position_change", "torque"};
-constexpr std::array<std::string_view, 3> kLayouts{"flat", "dictionary", "goal"};
+// In the order of the enumeration.
 constexpr std::array<std::string_view, 3> kAutoresets{"NextStep", "SameStep", "Disabled"};
-
-template <class T>
-Range<T> to_range(const nb::handle& value) {
-  const auto [low, high] = nb::cast<std::tuple<T, T>>(value);
-  return {low, high};
-}
-
-EnvironmentOptions to_options(const nb::dict& dict) {
-  EnvironmentOptions options;
-  const auto text = [&](const char* key) { return nb::cast<std::string>(dict[key]); };
-  options.steps_per_action = nb::cast<int>(dict["steps_per_action"]);
-  options.mapping = choice<Mapping>("mapping", kMappings, text("mapping"));
-  options.action = choice<ActionKind>("action", kActions, text("action"));
-  options.position_change = nb::cast<double>(dict["position_change"]);
-  options.layout = choice<Layout>("observation", kLayouts, text("observation"));
-  options.duration = nb::cast<double>(dict["duration"]);
-  options.per_finger = nb::cast<bool>(dict["per_finger"]);
-  options.position_noise = nb::cast<double>(dict["position_noise"]);
-  options.velocity_noise = nb::cast<double>(dict["velocity_noise"]);
-  options.object_mass = to_range<double>(dict["object_mass"]);
-  options.friction = to_range<double>(dict["friction"]);
-  options.motor_gain = to_range<double>(dict["motor_gain"]);
-  options.torque_delay = to_range<TimeIndex>(dict["torque_delay"]);
-  return options;
-}
-
-nb::dict from_options(const EnvironmentOptions& options) {
-  const auto word = [](const auto& words, auto value) {
-    const std::string_view name = words[static_cast<std::size_t>(value)];
-    return nb::str(name.data(), name.size());
-  };
-  const auto pair = [](const auto& range) { return nb::make_tuple(range.low, range.high); };
-  nb::dict dict;
-  dict["steps_per_action"] = options.steps_per_action;
-  dict["mapping"] = word(kMappings, options.mapping);
-  dict["action"] = word(kActions, options.action);
-  dict["position_change"] = options.position_change;
-  dict["observation"] = word(kLayouts, options.layout);
-  dict["duration"] = options.duration;
-  dict["per_finger"] = options.per_finger;
-  dict["position_noise"] = options.position_noise;
-  dict["velocity_noise"] = options.velocity_noise;
-  dict["object_mass"] = pair(options.object_mass);
-  dict["friction"] = pair(options.friction);
-  dict["motor_gain"] = pair(options.motor_gain);
-  dict["torque_delay"] = pair(options.torque_delay);
-  return dict;
-}
 
 // Numbers that belong to `owner`, as an array with `rows` rows (none: a vector).
 template <class T>
@@ -119,6 +68,7 @@ struct Episodes {
         desired(environment.goal_size()) {}
 
   Environment environment;
+  Start start;
   Episode episode;
   Outcome outcome;
   std::vector<float> observation;
@@ -189,18 +139,20 @@ void bind_episodes(nb::module_& m) {
                             "observations, rewards. `trifinger.environments` uses it.");
   type.def(
           "__init__",
-          [](Episodes* self, const std::string& task, const nb::dict& options,
+          [](Episodes* self, const std::string& task, const std::string& options,
              const std::string& config, const nb::dict& overrides) {
             const RobotConfig robot = load_config(config, overrides);
-            new (self) Episodes(task, to_options(options), description_of(robot), period_of(robot));
+            new (self)
+                Episodes(task, read_options(options), description_of(robot), period_of(robot));
           },
           "task"_a, "options"_a, "config"_a, "overrides"_a,
-          nb::sig("def __init__(self, task: str, options: dict[str, object], config: str, "
+          nb::sig("def __init__(self, task: str, options: str, config: str, "
                   "overrides: dict[str, object]) -> None"))
       .def(
           "begin",
           [](Episodes& self, std::uint64_t seed, std::uint64_t number) {
-            const Start start = self.environment.begin(seed, number, self.episode);
+            self.start = self.environment.begin(seed, number, self.episode);
+            const Start& start = self.start;
             const auto list = [](const auto& numbers, std::size_t count) {
               return std::vector<double>(numbers.begin(), numbers.begin() + count);
             };
@@ -218,6 +170,24 @@ void bind_episodes(nb::module_& m) {
                   "list[float], dict[str, typing.Any], int]"),
           "Joints [rad], object's position [m] and quaternion, variation, series of random "
           "numbers.")
+      .def(
+          "way",
+          [](const Episodes& self, const Array<JointValues>& from) {
+            const auto joints = static_cast<Eigen::Index>(self.environment.num_joints());
+            Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> way(
+                self.environment.way_actions(), joints);
+            const auto size = static_cast<std::size_t>(joints);
+            for (Eigen::Index i = 0; i < way.rows(); ++i) {
+              self.environment.way_point({from.value.data(), size}, self.start, i,
+                                         {way.row(i).data(), size});
+            }
+            return way;
+          },
+          "from_position"_a,
+          nb::sig("def way(self, from_position: numpy.typing.ArrayLike) -> "
+                  "numpy.typing.NDArray[numpy.float64]"),
+          "Joint positions that bring a robot to where the episode begins: a row for each action "
+          "[rad].")
       .def(
           "take_action",
           [](Episodes& self, const Actions& numbers) {
@@ -301,10 +271,10 @@ void bind_batch(nb::module_& m) {
                                     "`trifinger.environments.VectorEnvironment` uses it.");
   type.def(
           "__init__",
-          [](EnvironmentBatch* self, const std::string& task, const nb::dict& options, int size,
+          [](EnvironmentBatch* self, const std::string& task, const std::string& options, int size,
              int num_threads, const std::string& config, const nb::dict& overrides) {
             const RobotConfig robot = load_config(config, overrides);
-            const EnvironmentOptions wanted = to_options(options);
+            const EnvironmentOptions wanted = read_options(options);
             std::visit(
                 [&](const auto& simulation) {
                   new (self) EnvironmentBatch(task, wanted, simulation, size, num_threads);
@@ -312,7 +282,7 @@ void bind_batch(nb::module_& m) {
                 robot.simulation);
           },
           "task"_a, "options"_a, "size"_a, "num_threads"_a, "config"_a, "overrides"_a,
-          nb::sig("def __init__(self, task: str, options: dict[str, object], size: int, "
+          nb::sig("def __init__(self, task: str, options: str, size: int, "
                   "num_threads: int, config: str, overrides: dict[str, object]) -> None"))
       .def("__len__", &EnvironmentBatch::size)
       .def_prop_ro("num_threads", &EnvironmentBatch::num_threads)
@@ -388,21 +358,22 @@ void bind_environment(nb::module_& m) {
       "Of what `trifinger.environments` has.");
   m.def(
       "default_environment_options",
-      [](const std::string& task) { return from_options(default_options(task)); }, "task"_a,
-      nb::sig("def default_environment_options(task: str) -> dict[str, typing.Any]"));
+      [](const std::string& task) { return write_options(default_options(task)); }, "task"_a,
+      "Of a task, as JSON.");
   m.def(
       "environment_overrides",
-      [](const std::string& task) {
+      [](const std::string& task, const std::string& options) {
         const nb::object loads = nb::module_::import_("json").attr("loads");
         nb::dict overrides;
-        for (const std::string& text : config_overrides(task)) {
+        for (const std::string& text : config_overrides(task, read_options(options))) {
           const std::size_t end = text.find('=');
           overrides[text.substr(0, end).c_str()] = loads(text.substr(end + 1));
         }
         return overrides;
       },
-      "task"_a, nb::sig("def environment_overrides(task: str) -> dict[str, object]"),
-      "What a robot's configuration must say for a task.");
+      "task"_a, "options"_a,
+      nb::sig("def environment_overrides(task: str, options: str) -> dict[str, object]"),
+      "What a robot's configuration must say for a task with options (JSON).");
 }
 
 }  // namespace trifinger::python

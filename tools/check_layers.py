@@ -26,7 +26,7 @@ DIRECTLY_BELOW = {
     "sim": ("joint", "model"),
     "learning": ("sim",),
     "manipulation": ("control", "sim"),
-    "apps": ("manipulation", "log"),
+    "apps": ("manipulation", "learning", "log"),
     "bindings": ("control", "learning", "log"),
 }
 

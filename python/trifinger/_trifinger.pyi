@@ -1450,11 +1450,16 @@ class Episodes:
     What makes a decision process of a robot: starts, goals, observations, rewards. `trifinger.environments` uses it.
     """
 
-    def __init__(self, task: str, options: dict[str, object], config: str, overrides: dict[str, object]) -> None: ...
+    def __init__(self, task: str, options: str, config: str, overrides: dict[str, object]) -> None: ...
 
     def begin(self, seed: int, number: int) -> tuple[list[float], list[float], list[float], dict[str, Any], int]:
         """
         Joints [rad], object's position [m] and quaternion, variation, series of random numbers.
+        """
+
+    def way(self, from_position: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Joint positions that bring a robot to where the episode begins: a row for each action [rad].
         """
 
     def take_action(self, numbers: numpy.typing.NDArray[numpy.float32]) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64]]:
@@ -1505,7 +1510,7 @@ class EnvironmentBatch:
     Many simulations of one decision process, on several threads. `trifinger.environments.VectorEnvironment` uses it.
     """
 
-    def __init__(self, task: str, options: dict[str, object], size: int, num_threads: int, config: str, overrides: dict[str, object]) -> None: ...
+    def __init__(self, task: str, options: str, size: int, num_threads: int, config: str, overrides: dict[str, object]) -> None: ...
 
     def __len__(self) -> int: ...
 
@@ -1585,10 +1590,11 @@ class EnvironmentBatch:
 def task_names() -> list[str]:
     """Of what `trifinger.environments` has."""
 
-def default_environment_options(task: str) -> dict[str, Any]: ...
+def default_environment_options(task: str) -> str:
+    """Of a task, as JSON."""
 
-def environment_overrides(task: str) -> dict[str, object]:
-    """What a robot's configuration must say for a task."""
+def environment_overrides(task: str, options: str) -> dict[str, object]:
+    """What a robot's configuration must say for a task with options (JSON)."""
 
 class StepsIterator:
     """What LoggedSession.chunks() goes through."""

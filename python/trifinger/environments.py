@@ -15,6 +15,7 @@ for bit. docs/environments.md has the tasks, spaces and options.
 from __future__ import annotations
 
 import dataclasses
+import json
 from collections.abc import Callable, Sequence
 from typing import Any, Literal, Self
 
@@ -35,7 +36,15 @@ except ModuleNotFoundError as error:
         'environments need Gymnasium: pip install "trifinger[learning]"', name=error.name
     ) from error
 
-__all__ = ["TASKS", "Environment", "GoalEnvironment", "Options", "VectorEnvironment", "register"]
+__all__ = [
+    "TASKS",
+    "Environment",
+    "GoalEnvironment",
+    "Options",
+    "VectorEnvironment",
+    "policy_metadata",
+    "register",
+]
 
 Array = npt.NDArray[Any]
 Observation = Array | dict[str, Array]
@@ -48,7 +57,6 @@ _MAPPINGS: dict[str, Callable[..., mappings.DecisionProcess[Any]]] = {
     "approximation": mappings.Approximation,
     "state_augmentation": mappings.StateAugmentation,
 }
-_STEP = 0.001  # Of the robots of these tasks [s].
 _FARTHEST = 10.0  # Beyond which nothing is: bounds of goals [m].
 
 
@@ -103,19 +111,29 @@ class Options:
         for name in changes:
             if name not in names:
                 raise InvalidArgument(f"there is no option '{name}'; there are {sorted(names)}")
-        return cls(**(_trifinger.default_environment_options(task) | changes))
+        defaults = cls.from_json(_trifinger.default_environment_options(task))
+        return dataclasses.replace(defaults, **changes)
 
-    def _config_overrides(self) -> dict[str, object]:
-        names = ("period", "delay", "position_noise", "orientation_noise")
-        return {f"simulation.object_{name}": getattr(self, f"object_{name}") for name in names}
+    def to_json(self) -> str:
+        """As policies carry them in their files."""
+        return json.dumps(dataclasses.asdict(self))
+
+    @classmethod
+    def from_json(cls, text: str) -> Self:
+        """Reads what to_json() has written."""
+        fields: dict[str, Any] = {
+            name: tuple(value) if isinstance(value, list) else value
+            for name, value in json.loads(text).items()
+        }
+        return cls(**fields)
 
 
 def _overrides(
     task: str, options: Options, config_overrides: dict[str, object] | None
 ) -> dict[str, object]:
     # A session begins faster with a short memory.
-    needed = {"backend.history": 1024} | _trifinger.environment_overrides(task)
-    return needed | options._config_overrides() | (config_overrides or {})
+    needed = {"backend.history": 1024} | _trifinger.environment_overrides(task, options.to_json())
+    return needed | (config_overrides or {})
 
 
 def _observation_space(core: Any, options: Options) -> spaces.Space[Any]:
@@ -198,8 +216,7 @@ class Environment(gymnasium.Env[Any, Array]):
             )
         self.render_mode = render_mode
         overrides = _overrides(task, self.options, config_overrides)
-        fields = dataclasses.asdict(self.options)
-        self._core = _trifinger.Episodes(task, fields, config, overrides)
+        self._core = _trifinger.Episodes(task, self.options.to_json(), config, overrides)
         self._views = _Views(self._core, self.options)
         self._object = self._core.object_name
         self._scene = (config, overrides)
@@ -210,7 +227,6 @@ class Environment(gymnasium.Env[Any, Array]):
         self._process: mappings.DecisionProcess[Any] = _MAPPINGS[self.options.mapping](
             connect, self.options.steps_per_action
         )
-        self._action_time = self.options.steps_per_action * _STEP
         self.observation_space = _observation_space(self._core, self.options)
         self.action_space = spaces.Box(-1.0, 1.0, (self._core.num_joints,), np.float32)
         self._seed = 0
@@ -218,7 +234,7 @@ class Environment(gymnasium.Env[Any, Array]):
         self._is_running = False
         self._drawing: Any = None
         metadata = dict(type(self).metadata)
-        metadata["render_fps"] = round(1 / self._action_time)
+        metadata["render_fps"] = round(1000 / self.options.steps_per_action)
         self.metadata = metadata
 
     def __repr__(self) -> str:
@@ -259,7 +275,7 @@ class Environment(gymnasium.Env[Any, Array]):
                 simulation.place_object(self._object, object_position, orientation)
         state = self._process.reset()
         if simulation is None:
-            state = self._move_to(np.asarray(position))
+            state = self._move_there()
         self._look(state)
         self._is_running = True
         if self.render_mode == "human":
@@ -355,13 +371,10 @@ class Environment(gymnasium.Env[Any, Array]):
             info["finger_rewards"] = core.finger_rewards[:fingers].copy()
         return info | more
 
-    # A connected robot goes to where the episode begins, on the way with the least jerk.
-    def _move_to(self, position: Array) -> Any:
+    # A connected robot goes to where the episode begins.
+    def _move_there(self) -> Any:
         robot = self._process.robot
-        begin = np.asarray(robot.latest_observation().position)
-        time = np.linspace(0.0, 1.0, round(_WAY_TIME / self._action_time))[1:, None]
-        way = begin + (position - begin) * time**3 * (10 - 15 * time + 6 * time**2)
-        for point in way:
+        for point in self._core.way(robot.latest_observation().position):
             state = self._process.step(robot.new_action(position=point))
         return state
 
@@ -393,9 +406,6 @@ class GoalEnvironment(Environment):
     ) -> Any:
         """The reward for what was achieved; one for each row of a batch."""
         return _compute_reward(self._core, achieved_goal, desired_goal)
-
-
-_WAY_TIME = 2.0  # Of a connected robot to where an episode begins [s].
 
 
 class _Window:
@@ -449,9 +459,8 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Array, Any]):
         self.metadata = {"autoreset_mode": AutoresetMode(autoreset_mode)}
         self.render_mode = None
         overrides = _overrides(task, self.options, config_overrides)
-        fields = dataclasses.asdict(self.options)
         self._core = _trifinger.EnvironmentBatch(
-            task, fields, num_envs, num_threads, config, overrides
+            task, self.options.to_json(), num_envs, num_threads, config, overrides
         )
         self._mode: str = self.metadata["autoreset_mode"].value
         self._views = _Views(self._core, self.options)
@@ -558,6 +567,11 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Array, Any]):
             info["distance"] = core.distance[:, :fingers].copy()
             info["finger_rewards"] = core.finger_rewards[:, :fingers].copy()
         return info | {f"_{name}": mask.copy() for name in info}
+
+
+def policy_metadata(task: str, options: Options, config: str = "trifinger_edu") -> dict[str, str]:
+    """What the file of a policy says of its environment, for `trifinger run-policy`."""
+    return {"task": task, "options": options.to_json(), "robot": config}
 
 
 def _gymnasium_id(task: str) -> str:

@@ -19,6 +19,7 @@ constexpr double kDegree = std::numbers::pi / 180.0;
 constexpr double kMaxVelocity = 10.0;   // [rad/s]
 constexpr double kMaxSideways = 0.5;    // [m]
 constexpr double kMaxHeight = 0.6;      // [m]
+constexpr double kWayTime = 2.0;        // To where an episode begins [s].
 constexpr std::size_t kMaxValues = 64;  // In an observation.
 
 // Each episode has three series of random numbers.
@@ -31,19 +32,6 @@ std::string text(const Parts&... parts) {
   std::ostringstream stream;
   (stream << ... << parts);
   return stream.str();
-}
-
-template <class T>
-void require_range(const char* name, const Range<T>& range, T lowest, T highest) {
-  // Written so that NaN fails.
-  if (range.low >= lowest && range.low <= range.high && range.high <= highest) return;
-  throw InvalidArgument(text(name, " is ", range.low, " to ", range.high, ", must lie within ",
-                             lowest, " to ", highest, ", the smaller one first"));
-}
-
-void require_within(const char* name, double value, double lowest, double highest) {
-  if (value >= lowest && value <= highest) return;
-  throw InvalidArgument(text(name, " is ", value, ", must be ", lowest, " to ", highest));
 }
 
 double draw(Random& random, const Range<double>& range) noexcept {
@@ -69,30 +57,6 @@ Workspace make_workspace(const Kinematics& kinematics) {
 }
 
 }  // namespace
-
-void EnvironmentOptions::validate() const {
-  require_within("steps_per_action", steps_per_action, 1, 1000);
-  require_within("position_change", position_change, 1e-6, std::numbers::pi);
-  require_within("duration", duration, 1e-3, 3600);
-  require_within("position_noise", position_noise, 0, 1);
-  require_within("velocity_noise", velocity_noise, 0, 10);
-  require_range("object_mass", object_mass, 0.01, 100.0);
-  require_range("friction", friction, 0.0, 100.0);
-  require_range("motor_gain", motor_gain, 0.01, 10.0);
-  require_range("torque_delay", torque_delay, TimeIndex{0}, Variation::kMaxTorqueDelay);
-  if (mapping == Mapping::kApproximation && steps_per_action == 1) {
-    throw InvalidArgument(
-        "steps_per_action is 1, must be 2 or more for the mapping 'approximation': an observation "
-        "would not depend on the action that leads to it");
-  }
-}
-
-bool EnvironmentOptions::varies() const noexcept {
-  const auto is_one = [](const Range<double>& range) {
-    return range.low == 1.0 && range.high == 1.0;
-  };
-  return !is_one(object_mass) || !is_one(friction) || !is_one(motor_gain) || torque_delay.high > 0;
-}
 
 struct Environment::Implementation {
   Implementation(std::string_view task_name, const EnvironmentOptions& wanted,
@@ -277,6 +241,19 @@ Start Environment::begin(std::uint64_t seed, std::uint64_t number,
         std::clamp(start.position[i], self.workspace.low[i], self.workspace.high[i]);
   }
   return start;
+}
+
+std::int64_t Environment::way_actions() const noexcept {
+  return std::llround(kWayTime / implementation_->action_time);
+}
+
+void Environment::way_point(std::span<const double> from, const Start& start, std::int64_t index,
+                            std::span<double> position) const noexcept {
+  const double time = static_cast<double>(index + 1) / static_cast<double>(way_actions());
+  const double share = time * time * time * (10 - 15 * time + 6 * time * time);
+  for (std::size_t i = 0; i < implementation_->num_joints; ++i) {
+    position[i] = from[i] + share * (start.position[i] - from[i]);
+  }
 }
 
 bool Environment::take_action(std::span<const float> numbers, Episode& episode,

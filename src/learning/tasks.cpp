@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iomanip>
 #include <limits>
 #include <memory>
 #include <numbers>
+#include <sstream>
 #include <string>
 
 #include "task.hpp"
@@ -446,8 +448,19 @@ std::span<const std::string_view> task_names() noexcept {
 
 EnvironmentOptions default_options(std::string_view task) { return find_task(task).options; }
 
-std::vector<std::string> config_overrides(std::string_view task) {
-  return find_task(task).config_overrides;
+std::vector<std::string> config_overrides(std::string_view task,
+                                          const EnvironmentOptions& options) {
+  std::vector<std::string> overrides = find_task(task).config_overrides;
+  const auto add = [&overrides](const char* name, double value) {
+    std::ostringstream text;
+    text << "simulation.object_" << name << "=" << std::setprecision(17) << value;
+    overrides.push_back(text.str());
+  };
+  add("period", options.object_period);
+  add("delay", options.object_delay);
+  add("position_noise", options.object_position_noise);
+  add("orientation_noise", options.object_orientation_noise);
+  return overrides;
 }
 
 std::unique_ptr<const Task> make_task(std::string_view name, const RobotDescription& description) {

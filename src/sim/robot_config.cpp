@@ -304,4 +304,12 @@ RobotConfig read_robot_config(const config::File& file) {
   return config;
 }
 
+RobotConfig robot_config_of(const Session& session) {
+  for (const Document& document : session.documents()) {
+    if (document.name != "configuration.yml") continue;
+    return read_robot_config(config::File::parse(document.text, "configuration.yml"));
+  }
+  throw InvalidArgument("the robot does not say what it is: its session has no configuration");
+}
+
 }  // namespace trifinger

@@ -14,69 +14,13 @@
 #include "trifinger/base/random.hpp"
 #include "trifinger/base/time.hpp"
 #include "trifinger/joint/types.hpp"
+#include "trifinger/learning/environment_options.hpp"
 #include "trifinger/model/kinematics.hpp"
 #include "trifinger/realtime/annotations.hpp"
 #include "trifinger/sim/object_observation.hpp"
 #include "trifinger/sim/variation.hpp"
 
 namespace trifinger::learning {
-
-/// How actions and observations follow each other: docs/learning.md.
-enum class Mapping : std::uint8_t { kStateAugmentation, kApproximation };
-
-/// What the numbers of an action are, each from -1 to 1.
-enum class ActionKind : std::uint8_t {
-  kPosition,        ///< Where the joints should be, within `Environment::position_range`.
-  kPositionChange,  ///< By how much that changes: times `EnvironmentOptions::position_change`.
-  kTorque,          ///< Times the largest torque.
-};
-
-/// How an observation is laid out.
-enum class Layout : std::uint8_t {
-  kFlat,        ///< One vector, each number scaled to -1 to 1.
-  kDictionary,  ///< Its entries, in SI units.
-  kGoal,        ///< The vector without its goal; what is achieved and desired apart, in SI units.
-};
-
-/// All values are equally probable.
-template <class T>
-struct Range {
-  T low{};
-  T high{};
-};
-
-/// What is free to choose of a decision process. The defaults of a task are in `default_options`.
-struct EnvironmentOptions {
-  int steps_per_action{20};  ///< For how many steps of the robot an action acts.
-  Mapping mapping{Mapping::kApproximation};
-  ActionKind action{ActionKind::kPosition};
-  double position_change{0.1};  ///< The largest, for `ActionKind::kPositionChange` [rad].
-  Layout layout{Layout::kFlat};
-  double duration{2.0};  ///< Of an episode [s].
-  /// Observations finger by finger, goals in the frame of their finger: the fingers cannot be told
-  /// apart. For tasks with a goal for each finger.
-  bool per_finger{false};
-  double position_noise{0.0};  ///< Standard deviation of measured joint positions [rad].
-  double velocity_noise{0.0};  ///< Likewise [rad/s].
-  /// What a simulation draws at the begin of each episode: `Variation`.
-  Range<double> object_mass{1.0, 1.0};
-  Range<double> friction{1.0, 1.0};
-  Range<double> motor_gain{1.0, 1.0};
-  Range<TimeIndex> torque_delay{0, 0};
-
-  /// @throws InvalidArgument naming the option, the value found and the values allowed
-  void validate() const;
-  /// Whether episodes differ in more than starts and goals.
-  [[nodiscard]] bool varies() const noexcept;
-};
-
-/// A name by which tasks are found, as in "reach".
-[[nodiscard]] std::span<const std::string_view> task_names() noexcept;
-/// @throws InvalidArgument naming the tasks there are
-[[nodiscard]] EnvironmentOptions default_options(std::string_view task);
-/// What a robot's configuration must say for this task, as in "boundary=false": a key and JSON.
-/// @throws InvalidArgument naming the tasks there are
-[[nodiscard]] std::vector<std::string> config_overrides(std::string_view task);
 
 inline constexpr std::size_t kMaxGoal = 9;
 
@@ -167,6 +111,13 @@ class Environment {
   /// Draws the begin of episode `number` of `seed`: the same three numbers, the same episode.
   [[nodiscard]] Start begin(std::uint64_t seed, std::uint64_t number,
                             Episode& episode) const noexcept;
+
+  /// How many actions a robot that nobody can put anywhere takes to where an episode begins.
+  [[nodiscard]] std::int64_t way_actions() const noexcept;
+  /// Where its joints should be in action `index` of these, counted from 0 [rad]: on the way with
+  /// the least jerk.
+  void way_point(std::span<const double> from, const Start& start, std::int64_t index,
+                 std::span<double> position) const noexcept TRIFINGER_REALTIME;
 
   /// Makes an action of the robot of `numbers`, which are cut off at -1 and 1. NaN in `position`
   /// stands for "not given". False, and nothing is changed, if one is not finite.

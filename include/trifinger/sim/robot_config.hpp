@@ -43,4 +43,8 @@ struct RobotConfig {
 /// @throws config::ConfigError at the value that is wrong, InvalidArgument
 [[nodiscard]] RobotConfig read_robot_config(const config::File& file);
 
+/// The configuration that a robot's back-end was given.
+/// @throws InvalidArgument if the session has none
+[[nodiscard]] RobotConfig robot_config_of(const Session& session);
+
 }  // namespace trifinger

@@ -1,0 +1,175 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The program `trifinger-run-policy`: a trained policy on a robot that runs elsewhere.
+#include "trifinger/learning/run_policy.hpp"
+
+#include <fmt/core.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <atomic>
+#include <csignal>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "choice.hpp"
+#include "exit_code.hpp"
+#include "trifinger/base/error.hpp"
+#include "trifinger/core/frontend.hpp"
+#include "trifinger/realtime/thread.hpp"
+#include "trifinger/sim/robot_config.hpp"
+
+namespace trifinger::apps {
+namespace {
+
+using learning::EpisodeReport;
+using learning::Policy;
+
+constexpr int kInterrupted = 130;
+
+struct Options {
+  std::string policy;
+  std::string robot{"sim"};
+  learning::PolicyRunOptions run;
+  std::string json;
+  Choice<Demand> scheduling{
+      "--scheduling",
+      "try",
+      {{"require", Demand::kRequire}, {"try", Demand::kTry}, {"off", Demand::kOff}}};
+};
+
+std::atomic<bool> stop_requested{false};
+static_assert(std::atomic<bool>::is_always_lock_free);
+
+// The first signal ends the run behind an action, the second one is what it is to others.
+extern "C" void request_stop(int signal) {
+  stop_requested.store(true, std::memory_order_relaxed);
+  std::signal(signal, SIG_DFL);
+}
+
+// What the policy's file says of how it was trained.
+std::string metadata_of(const Policy& policy, const std::string& name, const std::string& file) {
+  const auto& metadata = policy.network().metadata;
+  const auto found = metadata.find(name);
+  if (found != metadata.end()) return found->second;
+  throw InvalidArgument(
+      fmt::format("{} does not say its '{}': its metadata are those of no "
+                  "environment (docs/policies.md)",
+                  file, name));
+}
+
+void print(const EpisodeReport& report) {
+  const auto& outcome = report.outcome;
+  double worst = 0.0;
+  for (const double distance : outcome.distance) worst = std::max(worst, distance);
+  fmt::print("  episode {:>4}: {:>4} actions, reward {:>9.3f}, {:>7.2f} mm from the goal{}{}\n",
+             report.number, report.actions, report.total_reward, 1e3 * worst,
+             outcome.success ? ", success" : "",
+             report.repeated_steps > 0
+                 ? fmt::format(", {} steps without an action in time", report.repeated_steps)
+                 : "");
+  std::fflush(stdout);
+}
+
+nlohmann::ordered_json json_of(const EpisodeReport& report) {
+  return {{"episode", report.number},
+          {"actions", report.actions},
+          {"total_reward", report.total_reward},
+          {"distance", report.outcome.distance},
+          {"is_success", report.outcome.success},
+          {"is_terminated", report.outcome.terminated},
+          {"repeated_steps", report.repeated_steps}};
+}
+
+template <class R>
+int run_on(Frontend<R>& robot, Policy& policy, const Options& options) {
+  const RobotConfig config = robot_config_of(robot.session());
+  const auto* const simulation = std::get_if<SimulationOptions<R>>(&config.simulation);
+  if (simulation == nullptr) throw InvalidArgument("the robot is not what its configuration says");
+  const std::string task = metadata_of(policy, "task", options.policy);
+  const learning::Environment environment(
+      task, learning::read_options(metadata_of(policy, "options", options.policy)),
+      simulation->description, robot.session().info().period);
+
+  std::signal(SIGINT, request_stop);
+  std::signal(SIGTERM, request_stop);
+  fmt::print("'{}' shall do '{}' with {}.\n", options.robot, task, options.policy);
+  std::fflush(stdout);
+  if (robot.session().info().is_real_time) {
+    // Below the back-end's priority: it must never wait for us.
+    static_cast<void>(enter_realtime(
+        {.demand = options.scheduling.value(), .priority = 70, .keep_cpus_awake = false}));
+  }
+  std::vector<EpisodeReport> reports;
+  learning::PolicyRunOptions run = options.run;
+  run.stop = &stop_requested;
+  run.on_episode = [&reports](const EpisodeReport& report) {
+    reports.push_back(report);
+    print(report);
+  };
+  learning::run_policy(robot, environment, policy, run);
+
+  const auto successes =
+      std::ranges::count_if(reports, [](const auto& report) { return report.outcome.success; });
+  fmt::print("{} of {} episodes ended at their goal.\n", successes, reports.size());
+  if (!options.json.empty()) {
+    nlohmann::ordered_json json = nlohmann::ordered_json::array();
+    for (const EpisodeReport& report : reports) json.push_back(json_of(report));
+    std::ofstream file(options.json);
+    file << json.dump(2) << "\n";
+    file.close();
+    if (!file) throw Error("cannot write " + options.json);
+  }
+  return stop_requested.load(std::memory_order_relaxed) ? kInterrupted : kDone;
+}
+
+int run(const Options& options) {
+  Policy policy = Policy::load(options.policy);
+  if (Session::open(options.robot).info().type == Finger::kType) {
+    auto robot = connect<Finger>(options.robot);
+    return run_on(robot, policy, options);
+  }
+  auto robot = connect<TriFinger>(options.robot);
+  return run_on(robot, policy, options);
+}
+
+int run_program(const std::vector<std::string>& words) {
+  Options options;
+  CLI::App program(
+      "Runs a trained policy on a robot, as the environment in which it was trained would.",
+      "trifinger run-policy");
+  program.set_help_flag("-h,--help", "Print this help");
+  program.footer(
+      "Example:\n"
+      "  trifinger run trifinger_edu --name sim         in one terminal\n"
+      "  trifinger run-policy reach.policy              in another");
+  program.add_option("POLICY", options.policy, "File of the policy")->required();
+  program.add_option("--robot", options.robot, "Name of the running robot")->capture_default_str();
+  program.add_option("--episodes", options.run.episodes, "How many")->capture_default_str();
+  program.add_option("--seed", options.run.seed, "Of starts and goals")->capture_default_str();
+  program.add_option("--first", options.run.first_episode, "Number of the first episode")
+      ->capture_default_str();
+  program.add_option("--json", options.json, "Also write the episodes to FILE")
+      ->option_text("FILE");
+  options.scheduling.add_to(program, "Real-time priority, where the robot is in real-time mode");
+  try {
+    program.parse(std::vector<std::string>(words.rbegin(), words.rend()));
+  } catch (const CLI::Success& wish) {
+    return program.exit(wish);
+  } catch (const CLI::ParseError& error) {
+    fmt::print(stderr, "trifinger run-policy: {}; --help tells more\n", error.what());
+    return kWrongUsage;
+  }
+  return run_and_report("trifinger run-policy", [&] { return run(options); });
+}
+
+}  // namespace
+}  // namespace trifinger::apps
+
+int main(int argument_count, char** arguments) {
+  return trifinger::apps::run_program({arguments + 1, arguments + argument_count});
+}

@@ -1,0 +1,173 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/learning/run_policy.hpp"
+
+#include <algorithm>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <tuple>
+#include <utility>
+#include <vector>
+
+#include "trifinger/base/error.hpp"
+#include "trifinger/sim/object_observation.hpp"
+
+namespace trifinger::learning {
+namespace {
+
+// The element of a companion with a ball.
+struct BallObservation {
+  Stamp stamp;
+  ObjectPose ball;
+
+  static constexpr auto fields() {
+    return std::tuple{field("stamp", &BallObservation::stamp),
+                      field("ball", &BallObservation::ball)};
+  }
+};
+
+using ObjectAt = std::function<std::optional<ObjectPose>(TimeIndex)>;
+
+template <class Element>
+ObjectAt look_at(UntypedFrontend poses, ObjectPose Element::* object) {
+  return [companion = std::make_shared<Companion<Element>>(std::move(poses)), object](TimeIndex t) {
+    const auto seen = companion->get_latest_at(t);
+    return seen ? std::optional((*seen).*object) : std::nullopt;
+  };
+}
+
+// Where the object of a task is; nothing for a task without one.
+template <class R>
+ObjectAt object_of(const Frontend<R>& robot, std::string_view name) {
+  if (name == "cube") return look_at(robot.companion("object"), &CubeObservation::cube);
+  if (name == "ball") return look_at(robot.companion("object"), &BallObservation::ball);
+  return {};
+}
+
+// A robot as the decision process of its environment: docs/learning.md.
+template <class R>
+class Process {
+ public:
+  using Action = typename R::Action;
+  using Observation = typename R::Observation;
+
+  Process(Frontend<R>& robot, const EnvironmentOptions& options)
+      : robot_(robot),
+        is_augmented_(options.mapping == Mapping::kStateAugmentation),
+        burst_(static_cast<std::size_t>(options.steps_per_action)) {}
+
+  Observation begin() {
+    const Action hold = hold_position(robot_.latest_observation());
+    if (is_augmented_) return step(hold);
+    t_ = robot_.append_desired_action(hold);
+    return robot_.get_observation(t_);
+  }
+
+  Observation step(const Action& action) {
+    std::ranges::fill(burst_, action);
+    const TimeIndex first = robot_.append_desired_action(action);
+    const TimeIndex last =
+        burst_.size() == 1 ? first : robot_.append_desired_actions(std::span(burst_).subspan(1));
+    const TimeIndex before = std::exchange(t_, is_augmented_ ? first : last);
+    if (before >= 0) {
+      repeated_ += t_ - before - static_cast<TimeIndex>(burst_.size());
+    }
+    return robot_.get_observation(t_);
+  }
+
+  // The step of the newest observation.
+  [[nodiscard]] TimeIndex time_index() const noexcept { return t_; }
+  // Steps that have passed without an action of their own.
+  [[nodiscard]] TimeIndex repeated_steps() const noexcept { return repeated_; }
+
+ private:
+  Frontend<R>& robot_;
+  bool is_augmented_;
+  std::vector<Action> burst_;
+  TimeIndex t_{-1};
+  TimeIndex repeated_{0};
+};
+
+}  // namespace
+
+template <class R>
+void run_policy(Frontend<R>& robot, const Environment& environment, Policy& policy,
+                const PolicyRunOptions& options) {
+  const std::size_t inputs = policy.num_inputs();
+  const std::size_t outputs = policy.num_outputs();
+  const std::size_t sharing = environment.observation_size() / inputs;
+  if (environment.options().layout != Layout::kFlat ||
+      sharing * inputs != environment.observation_size() || sharing * outputs != R::kJoints) {
+    throw InvalidArgument(
+        "the policy has " + std::to_string(inputs) + " inputs and " + std::to_string(outputs) +
+        " outputs; the environment has " + std::to_string(environment.observation_size()) +
+        " numbers in an observation and " + std::to_string(R::kJoints) + " in an action");
+  }
+  const ObjectAt object_at = object_of(robot, environment.object_name());
+  const auto must_stop = [&] {
+    return options.stop != nullptr && options.stop->load(std::memory_order_relaxed);
+  };
+
+  std::vector<float> observation(environment.observation_size());
+  std::vector<double> achieved(environment.goal_size());
+  std::vector<double> desired(environment.goal_size());
+  std::vector<double> input(observation.size());
+  std::vector<double> output(R::kJoints);
+  std::vector<float> numbers(R::kJoints);
+  Process<R> process(robot, environment.options());
+  Episode episode;
+  const auto look = [&](const typename R::Observation& y) {
+    std::optional<ObjectPose> object;
+    if (object_at) {
+      object = object_at(process.time_index());
+      if (!object) throw InvalidArgument("nobody has said where the object is");
+    }
+    return environment.observe(
+        {.position = y.position, .velocity = y.velocity, .object = object ? &*object : nullptr},
+        episode, observation, achieved, desired);
+  };
+
+  auto y = process.begin();
+  for (std::uint64_t i = 0; i < options.episodes && !must_stop(); ++i) {
+    EpisodeReport report{.number = options.first_episode + i};
+    const Start start = environment.begin(options.seed, report.number, episode);
+    const auto from = y.position;
+    for (std::int64_t k = 0; k < environment.way_actions(); ++k) {
+      typename R::Action action;
+      environment.way_point(from, start, k, action.position);
+      y = process.step(action);
+    }
+    const TimeIndex repeated_before = process.repeated_steps();
+    report.outcome = look(y);
+    while (!report.outcome.terminated && !report.outcome.truncated && !must_stop()) {
+      std::ranges::copy(observation, input.begin());
+      bool is_done = true;
+      for (std::size_t part = 0; part < sharing; ++part) {
+        is_done = policy.evaluate(std::span(input).subspan(part * inputs, inputs),
+                                  std::span(output).subspan(part * outputs, outputs)) &&
+                  is_done;
+      }
+      typename R::Action action;
+      std::ranges::transform(output, numbers.begin(),
+                             [](double number) { return static_cast<float>(number); });
+      if (!is_done || !environment.take_action(numbers, episode, action.torque, action.position)) {
+        throw Error("the policy has given a number that is not finite");
+      }
+      y = process.step(action);
+      report.outcome = look(y);
+      report.total_reward += report.outcome.reward;
+    }
+    report.actions = episode.actions;
+    report.repeated_steps = process.repeated_steps() - repeated_before;
+    if (options.on_episode) options.on_episode(report);
+  }
+  robot.finish();
+}
+
+template void run_policy(Frontend<TriFinger>&, const Environment&, Policy&,
+                         const PolicyRunOptions&);
+template void run_policy(Frontend<Finger>&, const Environment&, Policy&, const PolicyRunOptions&);
+
+}  // namespace trifinger::learning

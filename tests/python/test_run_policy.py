@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""`trifinger run-policy`: what a policy does on a robot is what it does in its environment."""
+
+import json
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trifinger
+from conftest import BUILD, StartProgram
+from trifinger import policy_file
+from trifinger.environments import Environment, Options, policy_metadata
+
+pytestmark = pytest.mark.release  # of the program
+
+PROGRAM = BUILD / "apps/trifinger-run-policy"
+
+
+def write_policy(path: Path, task: str, options: Options, sharing: int = 1) -> trifinger.Policy:
+    """A policy of random weights; one that the fingers share has a third of the numbers."""
+    environment = Environment(task, options=options)
+    inputs = environment.observation_space.shape[0] // sharing
+    outputs = environment.action_space.shape[0] // sharing
+    rng = np.random.default_rng(3)
+    layers = [
+        (rng.normal(size=(16, inputs)), rng.normal(size=16), "relu"),
+        (0.2 * rng.normal(size=(outputs, 16)), np.zeros(outputs), "tanh"),
+    ]
+    return policy_file.write(path, layers, metadata=policy_metadata(task, options))
+
+
+def run(*words: object, robot: str = "p") -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [PROGRAM, *map(str, words), "--robot", robot], capture_output=True, text=True, check=False
+    )
+
+
+@pytest.mark.parametrize(
+    ("task", "robot", "settings", "options", "sharing"),
+    [
+        ("reach", "trifinger_edu", [], {}, 1),
+        ("reach", "trifinger_edu", [], {"per_finger": True}, 3),
+        ("reach", "trifinger_edu", [], {"mapping": "state_augmentation", "action": "torque"}, 1),
+        ("finger_reach", "trifinger_edu", ["robot.arrangement=finger"], {}, 1),
+        ("push", "sim", [], {"duration": 1.0, "position_noise": 1e-3}, 1),
+    ],
+    ids=["joint", "shared", "augmented", "finger", "push"],
+)
+def test_does_what_the_environment_does_to_the_last_bit(
+    start_program: StartProgram, tmp_path: Path, task, robot, settings, options, sharing
+) -> None:
+    chosen = Options.of(task, **options)
+    policy = write_policy(tmp_path / "p.policy", task, chosen, sharing)
+    words = [word for setting in settings for word in ("--set", setting)]
+    start_program("run", robot, "--name", "p", "--non-real-time", *words).wait_for(
+        "waits for a user"
+    )
+    overrides = dict(setting.split("=") for setting in settings)
+    environment = Environment(
+        task,
+        options=chosen,
+        connect=lambda: trifinger.connect("p"),
+        config_overrides=overrides,
+    )
+    observation, _ = environment.reset(seed=2, options={"episode": 5})
+    total, ended = 0.0, False
+    while not ended:
+        parts = np.split(observation.astype(float), sharing)
+        action = np.concatenate([policy(part) for part in parts])
+        observation, reward, terminated, truncated, info = environment.step(action)
+        total += reward
+        ended = terminated or truncated
+    series = environment.process.robot
+    last = environment.process.time_index
+    actions = series.get_desired_actions(last - 500, last)
+    environment.close()
+
+    done = run(
+        tmp_path / "p.policy", "--episodes", 1, "--first", 5, "--seed", 2, "--json", tmp_path / "j"
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    (report,) = json.loads((tmp_path / "j").read_text())
+    assert report["total_reward"] == total
+    assert report["distance"][: np.size(info["distance"])] == np.ravel(info["distance"]).tolist()
+    assert report["repeated_steps"] == 0
+    observer = trifinger.observe("p")
+    theirs = np.asarray(observer.get_desired_actions(last - 500, last))
+    # Bytes, since NaN stands for "not given".
+    assert theirs.tobytes() == np.asarray(actions).tobytes()
+
+
+def test_goes_through_episodes_in_real_time(start_program: StartProgram, tmp_path: Path) -> None:
+    write_policy(tmp_path / "p.policy", "reach", Options.of("reach", duration=0.5))
+    start_program("run", "trifinger_edu", "--name", "p").wait_for("waits for a user")
+    done = run(tmp_path / "p.policy", "--episodes", 2, "--scheduling", "off")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "episode    1:   25 actions" in done.stdout
+    assert "of 2 episodes ended at their goal." in done.stdout
+
+
+def test_says_what_is_wrong(start_program: StartProgram, tmp_path: Path) -> None:
+    start_program("run", "trifinger_edu", "--name", "p").wait_for("waits for a user")
+    layers = [(np.zeros((9, 27)), np.zeros(9), "tanh")]
+    policy_file.write(tmp_path / "none.policy", layers)
+    options = Options.of("reach")
+    wide = [(np.zeros((9, 20)), np.zeros(9), "tanh")]
+    policy_file.write(tmp_path / "w.policy", wide, metadata=policy_metadata("reach", options))
+    push = Options.of("push")
+    policy_file.write(tmp_path / "push.policy", layers, metadata=policy_metadata("push", push))
+    strange = policy_metadata("reach", options) | {"options": '{"rate": 50}'}
+    policy_file.write(tmp_path / "strange.policy", layers, metadata=strange)
+    for name, text in [
+        ("nothing.policy", "nothing.policy"),
+        ("none.policy", "does not say its 'task'"),
+        ("w.policy", "20 inputs and 9 outputs; the environment has 27"),
+        ("push.policy", "needs an object called 'cube'"),
+        ("strange.policy", "there is no option 'rate'"),
+    ]:
+        done = run(tmp_path / name)
+        assert done.returncode != 0
+        assert text in done.stderr
+    assert "nobody" in run(tmp_path / "w.policy", robot="nobody").stderr
