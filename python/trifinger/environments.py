@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trifinger import _trifinger, mappings
-from trifinger._trifinger import Frontend, Simulation
+from trifinger._trifinger import Element, Frontend, Simulation
 from trifinger.errors import InvalidArgument, RobotStopped
 
 try:
@@ -185,6 +185,11 @@ def _compute_reward(core: Any, achieved: npt.ArrayLike, desired: npt.ArrayLike) 
     return float(rewards[0]) if np.ndim(achieved) == 1 else rewards
 
 
+def _observed(state: Any) -> Element:
+    observed: Element = state.observation if isinstance(state, mappings.AugmentedState) else state
+    return observed
+
+
 class Environment(gymnasium.Env[Any, Array]):
     """A task on one robot: a simulation of its own, or the robot that `connect` controls.
 
@@ -275,7 +280,7 @@ class Environment(gymnasium.Env[Any, Array]):
                 simulation.place_object(self._object, object_position, orientation)
         state = self._process.reset()
         if simulation is None:
-            state = self._move_there()
+            state = self._move_there(state)
         self._look(state)
         self._is_running = True
         if self.render_mode == "human":
@@ -341,7 +346,7 @@ class Environment(gymnasium.Env[Any, Array]):
             self._drawing = None
 
     def _look(self, state: Any) -> tuple[float, bool, bool, bool]:
-        observation = state.observation if isinstance(state, mappings.AugmentedState) else state
+        observation = _observed(state)
         pose = None
         if self._object:
             seen = self._process.robot.companion("object").get_latest_at(self._process.time_index)
@@ -372,10 +377,9 @@ class Environment(gymnasium.Env[Any, Array]):
         return info | more
 
     # A connected robot goes to where the episode begins.
-    def _move_there(self) -> Any:
-        robot = self._process.robot
-        for point in self._core.way(robot.latest_observation().position):
-            state = self._process.step(robot.new_action(position=point))
+    def _move_there(self, state: Any) -> Any:
+        for point in self._core.way(_observed(state).position):
+            state = self._process.step(self._process.robot.new_action(position=point))
         return state
 
     def _mjcf(self) -> str:
