@@ -5,7 +5,6 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <atomic>
-#include <csignal>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
@@ -17,7 +16,6 @@
 #include <utility>
 #include <vector>
 
-#include "choice.hpp"
 #include "exit_code.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/config/file.hpp"
@@ -26,6 +24,7 @@
 #include "trifinger/manipulation/run.hpp"
 #include "trifinger/realtime/thread.hpp"
 #include "trifinger/sim/robot_config.hpp"
+#include "user_program.hpp"
 
 namespace trifinger::apps {
 namespace {
@@ -36,28 +35,14 @@ using manipulation::Phase;
 using manipulation::Report;
 using manipulation::Trace;
 
-constexpr int kInterrupted = 130;
-
 struct Options {
   std::string task;
   std::string config;
   std::string robot{"sim"};
   std::vector<std::string> settings;
   std::filesystem::path output{"manipulate_output"};
-  Choice<Demand> scheduling{
-      "--scheduling",
-      "try",
-      {{"require", Demand::kRequire}, {"try", Demand::kTry}, {"off", Demand::kOff}}};
+  Choice<Demand> scheduling{scheduling_choice()};
 };
-
-std::atomic<bool> stop_requested{false};
-static_assert(std::atomic<bool>::is_always_lock_free);
-
-// The first signal puts the object down, the second one is what it is to others.
-extern "C" void request_stop(int signal) {
-  stop_requested.store(true, std::memory_order_relaxed);
-  std::signal(signal, SIG_DFL);
-}
 
 // The robot as its back-end was told it, and the limits of its safety checks.
 struct KnownRobot {
@@ -183,17 +168,14 @@ int manipulate(const Options& options) {
   config.controller.limits = known.limits;
   std::filesystem::create_directories(options.output);
 
-  std::signal(SIGINT, request_stop);
-  std::signal(SIGTERM, request_stop);
+  const std::atomic<bool>& stop = stop_on_signals();
   fmt::print("'{}' shall {} the {}.\n", options.robot, options.task, config.object);
   std::fflush(stdout);
-  const bool is_real_time = robot.session().info().is_real_time;
-  manipulation::RunOptions run_options{
-      .stop = &stop_requested, .on_step = {}, .on_phase = tell_phase};
-  if (is_real_time) {
-    // Below the back-end's priority: it must never wait for us.
-    run_options.realtime = {.demand = demand, .priority = 70, .keep_cpus_awake = false};
-  }
+  const manipulation::RunOptions run_options{
+      .realtime = realtime_beside(robot.session().info(), demand),
+      .stop = &stop,
+      .on_step = {},
+      .on_phase = tell_phase};
   const Trace trace = manipulation::run(robot, known.description, config, run_options);
 
   const Report report = manipulation::make_report(trace, trace.seen);
@@ -230,15 +212,7 @@ int run_program(const std::vector<std::string>& words) {
       ->allow_extra_args(false);
   program.add_option("--output", options.output, "Folder of the report")->capture_default_str();
   options.scheduling.add_to(program, "Real-time priority, where the robot is in real-time mode");
-  try {
-    program.parse(std::vector<std::string>(words.rbegin(), words.rend()));
-  } catch (const CLI::Success& wish) {
-    return program.exit(wish);
-  } catch (const CLI::ParseError& error) {
-    fmt::print(stderr, "trifinger manipulate: {}; --help tells more\n", error.what());
-    return kWrongUsage;
-  }
-  return run_and_report("trifinger manipulate", [&] { return manipulate(options); });
+  return run_user_program(program, words, [&] { return manipulate(options); });
 }
 
 }  // namespace

@@ -7,7 +7,6 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <atomic>
-#include <csignal>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
@@ -16,12 +15,12 @@
 #include <variant>
 #include <vector>
 
-#include "choice.hpp"
 #include "exit_code.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/realtime/thread.hpp"
 #include "trifinger/sim/robot_config.hpp"
+#include "user_program.hpp"
 
 namespace trifinger::apps {
 namespace {
@@ -29,27 +28,13 @@ namespace {
 using learning::EpisodeReport;
 using learning::Policy;
 
-constexpr int kInterrupted = 130;
-
 struct Options {
   std::string policy;
   std::string robot{"sim"};
   learning::PolicyRunOptions run;
   std::string json;
-  Choice<Demand> scheduling{
-      "--scheduling",
-      "try",
-      {{"require", Demand::kRequire}, {"try", Demand::kTry}, {"off", Demand::kOff}}};
+  Choice<Demand> scheduling{scheduling_choice()};
 };
-
-std::atomic<bool> stop_requested{false};
-static_assert(std::atomic<bool>::is_always_lock_free);
-
-// The first signal ends the run behind an action, the second one is what it is to others.
-extern "C" void request_stop(int signal) {
-  stop_requested.store(true, std::memory_order_relaxed);
-  std::signal(signal, SIG_DFL);
-}
 
 // What the policy's file says of how it was trained.
 std::string metadata_of(const Policy& policy, const std::string& name, const std::string& file) {
@@ -95,8 +80,7 @@ int run_on(Frontend<R>& robot, Policy& policy, const Options& options) {
       task, learning::read_options(metadata_of(policy, "options", options.policy)),
       simulation->description, robot.session().info().period);
 
-  std::signal(SIGINT, request_stop);
-  std::signal(SIGTERM, request_stop);
+  const std::atomic<bool>& stop = stop_on_signals();
   fmt::print("'{}' shall do '{}' with {}.\n", options.robot, task, options.policy);
   std::fflush(stdout);
   if (robot.session().info().is_real_time) {
@@ -106,7 +90,7 @@ int run_on(Frontend<R>& robot, Policy& policy, const Options& options) {
   }
   std::vector<EpisodeReport> reports;
   learning::PolicyRunOptions run = options.run;
-  run.stop = &stop_requested;
+  run.stop = &stop;
   run.on_episode = [&reports](const EpisodeReport& report) {
     reports.push_back(report);
     print(report);
@@ -124,7 +108,7 @@ int run_on(Frontend<R>& robot, Policy& policy, const Options& options) {
     file.close();
     if (!file) throw Error("cannot write " + options.json);
   }
-  return stop_requested.load(std::memory_order_relaxed) ? kInterrupted : kDone;
+  return stop.load(std::memory_order_relaxed) ? kInterrupted : kDone;
 }
 
 int run(const Options& options) {
@@ -156,15 +140,7 @@ int run_program(const std::vector<std::string>& words) {
   program.add_option("--json", options.json, "Also write the episodes to FILE")
       ->option_text("FILE");
   options.scheduling.add_to(program, "Real-time priority, where the robot is in real-time mode");
-  try {
-    program.parse(std::vector<std::string>(words.rbegin(), words.rend()));
-  } catch (const CLI::Success& wish) {
-    return program.exit(wish);
-  } catch (const CLI::ParseError& error) {
-    fmt::print(stderr, "trifinger run-policy: {}; --help tells more\n", error.what());
-    return kWrongUsage;
-  }
-  return run_and_report("trifinger run-policy", [&] { return run(options); });
+  return run_user_program(program, words, [&] { return run(options); });
 }
 
 }  // namespace

@@ -16,6 +16,10 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
+import sys
+import threading
+import time
 from collections.abc import Callable, Sequence
 from typing import Any, Literal, Self
 
@@ -25,6 +29,7 @@ import numpy.typing as npt
 from trifinger import _trifinger, mappings
 from trifinger._trifinger import Element, Frontend, Simulation
 from trifinger.errors import InvalidArgument, RobotStopped
+from trifinger.picture import Painter, draw_marks
 
 try:
     import gymnasium
@@ -326,10 +331,8 @@ class Environment(gymnasium.Env[Any, Array]):
             )
         if self._drawing is None:
             if self.render_mode == "human":
-                self._drawing = _Window(self._mjcf())
+                self._drawing = _Window(self._mjcf(), 1 / self.metadata["render_fps"])
             else:
-                from trifinger.picture import Painter
-
                 self._drawing = Painter(self._mjcf(), is_plain=True)
         goal = self._core.desired
         marks = (
@@ -413,29 +416,47 @@ class GoalEnvironment(Environment):
 
 
 class _Window:
-    """A window of MuJoCo's viewer, which shows what it is given."""
+    """A window of MuJoCo's viewer, which shows what it is given as fast as it happened."""
 
-    def __init__(self, mjcf: str) -> None:
+    def __init__(self, mjcf: str, frame_time: float) -> None:
+        if sys.platform.startswith("linux") and not (
+            os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+        ):
+            raise InvalidArgument(
+                'there is no screen for a window; render_mode="rgb_array" needs none'
+            )
         try:
             import mujoco
             import mujoco.viewer
-        except (ImportError, RuntimeError) as error:
+        except ImportError as error:
             raise InvalidArgument(
-                f"there is no window to render to: {error} (pip install glfw; a screen is needed)"
+                f'a window needs glfw: pip install "trifinger[window]" ({error})'
             ) from error
         self._mujoco = mujoco
         self._model = mujoco.MjModel.from_xml_string(mjcf)
         self._data = mujoco.MjData(self._model)
-        self._viewer = mujoco.viewer.launch_passive(self._model, self._data)
+        others = threading.enumerate()
+        self._viewer = mujoco.viewer.launch_passive(
+            self._model, self._data, show_left_ui=False, show_right_ui=False
+        )
+        self._threads = [thread for thread in threading.enumerate() if thread not in others]
+        self._frame_time = frame_time
+        self._next = time.monotonic()
 
-    def draw(self, configuration: Array, _marks: Array) -> None:
+    def draw(self, configuration: Array, marks: Array) -> None:
         with self._viewer.lock():
             self._data.qpos[:] = configuration
             self._mujoco.mj_forward(self._model, self._data)
+            draw_marks(self._viewer.user_scn, marks)
         self._viewer.sync()
+        time.sleep(max(0.0, self._next - time.monotonic()))
+        self._next = max(self._next, time.monotonic()) + self._frame_time
 
     def close(self) -> None:
         self._viewer.close()
+        # The viewer does not wait for its thread, which must not outlive what it draws.
+        for thread in self._threads:
+            thread.join(timeout=5.0)
 
 
 class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Array, Any]):

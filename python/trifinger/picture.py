@@ -13,6 +13,10 @@ if TYPE_CHECKING:
     Array = NDArray[Any]
 
 
+MARK_RADIUS = 0.01  # [m]
+MARK_COLOUR = (0.95, 0.75, 0.1, 1.0)
+
+
 @dataclass(frozen=True)
 class View:
     """From where a scene is seen, and how large the picture is."""
@@ -52,36 +56,38 @@ class Painter:
         self._camera.azimuth = view.azimuth
         self._camera.elevation = view.elevation
 
-    def draw(
-        self, configuration: ArrayLike, marks: ArrayLike = (), mark_radius: float = 0.01
-    ) -> Array:
+    def draw(self, configuration: ArrayLike, marks: ArrayLike = ()) -> Array:
         """The scene at joints and objects as in MuJoCo's qpos: height x width x 3.
 
         `marks` are centres of balls to draw on top, as goals are: a row x, y, z for each [m].
         """
-        import numpy as np
-
         mujoco = self._mujoco
         self._data.qpos[:] = configuration
         mujoco.mj_normalizeQuat(self._model, self._data.qpos)
         mujoco.mj_forward(self._model, self._data)
         self._renderer.update_scene(self._data, self._camera)
-        scene = self._renderer.scene
-        for mark in np.reshape(np.asarray(marks, float), (-1, 3)):
-            if scene.ngeom >= scene.maxgeom:
-                break
-            mujoco.mjv_initGeom(
-                scene.geoms[scene.ngeom],
-                mujoco.mjtGeom.mjGEOM_SPHERE,
-                np.full(3, mark_radius),
-                mark,
-                np.eye(3).ravel(),
-                np.array([0.95, 0.75, 0.1, 1.0], np.float32),
-            )
-            scene.ngeom += 1
+        draw_marks(self._renderer.scene, marks, keep=self._renderer.scene.ngeom)
         pixels: Array = self._renderer.render()
         return pixels
 
     def close(self) -> None:
         """Gives the memory of the pictures back."""
         self._renderer.close()
+
+
+def draw_marks(scene: Any, marks: ArrayLike, keep: int = 0) -> None:
+    """Adds a ball for each mark, a row x, y, z [m], behind the first `keep` shapes of a scene."""
+    import mujoco
+    import numpy as np
+
+    scene.ngeom = keep
+    for mark in np.reshape(np.asarray(marks, float), (-1, 3))[: scene.maxgeom - keep]:
+        mujoco.mjv_initGeom(
+            scene.geoms[scene.ngeom],
+            mujoco.mjtGeom.mjGEOM_SPHERE,
+            np.full(3, MARK_RADIUS),
+            mark,
+            np.eye(3).ravel(),
+            np.array(MARK_COLOUR, np.float32),
+        )
+        scene.ngeom += 1
