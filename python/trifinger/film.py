@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from trifinger import picture
 from trifinger._trifinger import Log, LoggedSession
 from trifinger.errors import Error, InvalidArgument
 from trifinger.picture import Painter, View
@@ -87,21 +88,9 @@ def object_poses(session: LoggedSession) -> tuple[Array, Array]:
 
 def save_film(scene: Scene, session: LoggedSession, path: Path) -> None:
     """A film at the speed of life."""
-    try:
-        import av
-    except ImportError as error:
-        raise Error('PyAV is missing: pip install "trifinger[film]"') from error
     every = max(round(1.0 / (RATE * session.period)), 1)
     steps = session.steps or 0
-    with av.open(str(path), "w") as container:
-        stream = container.add_stream("libx264", rate=RATE)
-        stream.width, stream.height = scene.size
-        stream.pix_fmt = "yuv420p"
-        stream.options = {"crf": "23", "preset": "veryfast"}
-        for step in range(0, steps, every):
-            frame = av.VideoFrame.from_ndarray(scene.image(step), format="rgb24")
-            container.mux(stream.encode(frame))
-        container.mux(stream.encode())
+    picture.save_film((scene.image(step) for step in range(0, steps, every)), path, RATE)
 
 
 def save_strip(scene: Scene, session: LoggedSession, steps: Sequence[int], path: Path) -> None:

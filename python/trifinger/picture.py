@@ -1,11 +1,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Pictures of a scene, without a screen."""
+"""Pictures of a scene and films of pictures, without a screen."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from trifinger.errors import Error
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -91,3 +95,20 @@ def draw_marks(scene: Any, marks: ArrayLike, keep: int = 0) -> None:
             np.array(MARK_COLOUR, np.float32),
         )
         scene.ngeom += 1
+
+
+def save_film(images: Iterable[Array], path: Path, rate: int) -> None:
+    """A film of images, height x width x 3, at some rate [images/s]."""
+    try:
+        import av
+    except ImportError as error:
+        raise Error('PyAV is missing: pip install "trifinger[film]"') from error
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("libx264", rate=rate)
+        stream.pix_fmt = "yuv420p"
+        stream.options = {"crf": "23", "preset": "veryfast"}
+        for number, image in enumerate(images):
+            if number == 0:
+                stream.height, stream.width = image.shape[:2]
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="rgb24")))
+        container.mux(stream.encode())

@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""`./run evaluate learning`: the paper's reaching experiment, trained from scratch over seeds.
+
+Writes docs/results/learning.md with its figures. The last line says by how much the table of what
+must hold does; the exit status is 0 if it does.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from trifinger.evaluation import Summary, save_curve
+
+RESULTS = Path("docs/results")
+RUNS = Path("build/learning")
+EPISODES = 700
+EARLY = 100  # episodes
+TIME = 300.0  # [s]
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A way to train, and what it must reach."""
+
+    name: str
+    title: str
+    words: tuple[str, ...]
+    final: float  # [m]
+    early: float | None = None  # after EARLY episodes [m]
+
+
+@dataclass(frozen=True)
+class Run:
+    """A training that has ended."""
+
+    kind: Kind
+    seed: int
+    curve: list[tuple[int, Summary]]
+    seconds: float
+
+    def median(self, episode: int) -> float:
+        """Of the final distances after some episodes [m]."""
+        return dict(self.curve)[episode].median
+
+
+@dataclass(frozen=True)
+class Row:
+    """A line of the table."""
+
+    what: str
+    reach: float
+    values: Sequence[float]
+    unit: str
+    figure: float  # what is compared with the reach
+
+    @property
+    def margin(self) -> float:
+        """How far below its reach it is, as a share of that; negative if it does not hold."""
+        return 1.0 - self.figure / self.reach
+
+    def __str__(self) -> str:
+        low, high = min(self.values), max(self.values)
+        return (
+            f"| {self.what} | {self.reach:g} {self.unit} | {self.figure:.2f} {self.unit} | "
+            f"{low:.2f} to {high:.2f} {self.unit} | {'yes' if self.margin >= 0 else '**no**'} |"
+        )
+
+
+KINDS = (
+    Kind("reach", "three fingers, one network", (), final=0.012),
+    Kind(
+        "reach_shared",
+        "one policy shared by the fingers",
+        ("--shared",),
+        final=0.003,
+        early=0.01,
+    ),
+)
+
+
+def train(kind: Kind, seed: int) -> Run:
+    """Trains in a process of its own, on one core."""
+    folder = RUNS / f"{kind.name}_{seed}"
+    shutil.rmtree(folder, ignore_errors=True)
+    program = "import sys; from trifinger.learning_commands import train; sys.exit(train())"
+    words = ("reach", *kind.words, "--seed", str(seed), "--out", str(folder))
+    begin = time.monotonic()
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with (RUNS / f"{folder.name}.log").open("w") as log:
+        subprocess.run(
+            [sys.executable, "-c", program, *words, "--episodes", str(EPISODES)],
+            stdout=log,
+            stderr=log,
+            env=os.environ | {"OMP_NUM_THREADS": "1"},
+            check=True,
+        )
+    run = Run(kind, seed, read_curve(folder), time.monotonic() - begin)
+    print(
+        f"{kind.title}, seed {seed}: {100 * run.median(EPISODES):.2f} cm in {run.seconds:.0f} s",
+        flush=True,
+    )
+    return run
+
+
+def read_curve(folder: Path) -> list[tuple[int, Summary]]:
+    """What a training has left."""
+    with (folder / "curve.csv").open(newline="") as file:
+        rows = [{name: float(text) for name, text in row.items()} for row in csv.DictReader(file)]
+    return [(int(row.pop("episode")), Summary(episodes=0, **row)) for row in rows]
+
+
+def table(runs: Sequence[Run]) -> list[Row]:
+    """What must hold."""
+    rows = []
+    for kind in KINDS:
+        own = [run for run in runs if run.kind is kind]
+        for what, episode, reach in (
+            (f"{kind.title}: after {EPISODES} episodes", EPISODES, kind.final),
+            (f"{kind.title}: after {EARLY} episodes", EARLY, kind.early),
+        ):
+            if reach is not None:
+                values = [100 * run.median(episode) for run in own]
+                rows.append(Row(what, 100 * reach, values, "cm", float(np.median(values))))
+        times = [run.seconds for run in own]
+        rows.append(Row(f"{kind.title}: wall time, slowest", TIME, times, "s", max(times)))
+    return rows
+
+
+def processor() -> str:
+    """Its name."""
+    lines = Path("/proc/cpuinfo").read_text().splitlines()
+    return next((line.partition(": ")[2] for line in lines if "model name" in line), "unknown")
+
+
+def page(runs: Sequence[Run], rows: Sequence[Row], seeds: int) -> str:
+    """docs/results/learning.md"""
+    figures = "\n\n".join(
+        f"### {kind.title}\n\n![learning curves]({kind.name}_curve.png)\n\n"
+        f"Tips relative to their goals in the xy plane, as in the paper's figure: starts are "
+        f"crosses, ends are dots, the ellipse is 2 cm from the goal. Seed 1.\n\n"
+        f"![ways of the tips]({kind.name}_tips.png)"
+        for kind in KINDS
+    )
+    lines = "\n".join(
+        f"| {run.kind.title} | {run.seed} | {100 * run.median(EARLY):.2f} | "
+        f"{100 * run.median(EPISODES):.2f} | {100 * run.curve[-1][1].largest:.2f} | "
+        f"{100 * run.curve[-1][1].success:.0f} | {run.seconds:.0f} |"
+        for run in runs
+    )
+    table_lines = "\n".join(map(str, rows))
+    return f"""\
+<!-- SPDX-License-Identifier: BSD-3-Clause -->
+# Learning to reach: results
+
+Written by `./run evaluate learning --seeds {seeds}` on {time.strftime("%Y-%m-%d")}; {processor()},
+two trainings at a time, each on one core. DDPG from scratch on one simulated `trifinger_edu`,
+through the interface of the robot, not in real time: {EPISODES} episodes of 2 s, 50 actions a
+second by the reduced-rate approximation, the recipes of [training.md](../training.md). Judged by
+50 episodes that are the same for all: the median of the distances of all tips to their goals at the
+end of an episode. The paper: about 2 cm.
+
+| what | reach | median of {seeds} seeds | spread | holds |
+|---|---|---|---|---|
+{table_lines}
+
+The wall time is that of the whole command, with evaluations, figures and film.
+
+| training | seed | after {EARLY} [cm] | at the end [cm] | farthest [cm] | success [%] | time [s] |
+|---|---|---|---|---|---|---|
+{lines}
+
+{figures}
+"""
+
+
+def main() -> int:
+    """The whole experiment."""
+    parser = argparse.ArgumentParser(prog="./run evaluate learning", description=__doc__)
+    parser.add_argument("--seeds", type=int, default=5)
+    seeds = parser.parse_args().seeds
+    if seeds < 1:
+        parser.error(f"--seeds is {seeds}, must be at least 1")
+    jobs = [(kind, seed) for kind in KINDS for seed in range(1, seeds + 1)]
+    with ThreadPoolExecutor(2) as pool:
+        runs = list(pool.map(lambda job: train(*job), jobs))
+    rows = table(runs)
+    for kind in KINDS:
+        own = {f"seed {run.seed}": run.curve for run in runs if run.kind is kind}
+        save_curve(own, RESULTS / f"{kind.name}_curve.png")
+        shutil.copy(RUNS / f"{kind.name}_1" / "tips.png", RESULTS / f"{kind.name}_tips.png")
+    (RESULTS / "learning.md").write_text(page(runs, rows, seeds))
+    print(*rows, f"{RESULTS / 'learning.md'} written.", sep="\n")
+    worst = min(rows, key=lambda row: row.margin)
+    holds = worst.margin >= 0
+    print(
+        f"{'The table holds' if holds else 'THE TABLE DOES NOT HOLD'}: the narrowest, "
+        f"'{worst.what}', is {worst.figure:.2f} {worst.unit} of {worst.reach:g} {worst.unit}, "
+        f"{abs(100 * worst.margin):.0f} % {'below' if holds else 'ABOVE'}."
+    )
+    return 0 if holds else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""`trifinger train` and `trifinger evaluate`.
+
+What they need is imported when it is needed: a missing package is a line, not a traceback.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from trifinger._trifinger import Policy, task_names
+from trifinger.errors import Error, InvalidArgument
+
+ALGORITHMS = ("ddpg", "td3", "sac", "ppo")
+
+
+def train(words: Sequence[str] | None = None) -> int:
+    """`trifinger train`."""
+    parser = argparse.ArgumentParser(
+        prog="trifinger train",
+        description="Train a policy in simulation. Ctrl-C, or a kill, and --resume goes on.",
+        epilog="Examples:\n  trifinger train reach --shared\n  trifinger train --resume reach",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("task", nargs="?", help=", ".join(task_names()))
+    parser.add_argument("--algorithm", choices=ALGORITHMS, default="ddpg")
+    parser.add_argument("--shared", action="store_true", help="one policy shared by the fingers")
+    parser.add_argument("--episodes", type=int, default=700)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--out", type=Path, metavar="FOLDER", help="default: the task's name")
+    parser.add_argument("--resume", type=Path, metavar="FOLDER", help="go on with its training")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="a field of trifinger.training.Recipe or trifinger.environments.Options",
+    )
+    arguments = parser.parse_args(words)
+    if (arguments.task is None) == (arguments.resume is None):
+        parser.error("either a task or --resume is needed")
+
+    def run() -> None:
+        require("gymnasium", "stable_baselines3", "torch", "tensorboard")
+        from trifinger.training import Plan, Training, parse_setting
+
+        if arguments.resume:
+            training = Training.resume(arguments.resume, say)
+        else:
+            plan = Plan.of(
+                arguments.task,
+                arguments.algorithm,
+                is_shared=arguments.shared,
+                settings=dict(map(parse_setting, arguments.set)),
+                episodes=arguments.episodes,
+                seed=arguments.seed,
+            )
+            folder = arguments.out or Path(arguments.task)
+            if folder.exists() and any(folder.iterdir()):
+                raise InvalidArgument(
+                    f"{folder} is not empty; --resume {folder} goes on with a training in it"
+                )
+            training = Training(plan, folder, say)
+        say(training.plan.to_json())
+        print(training.run())
+        print(f"{training.policy_path} written.")
+        training.close()
+
+    return _guarded(run)
+
+
+def evaluate(words: Sequence[str] | None = None) -> int:
+    """`trifinger evaluate`."""
+    parser = argparse.ArgumentParser(
+        prog="trifinger evaluate",
+        description="Let a policy act in simulations, and say how near it comes to its goals.",
+    )
+    parser.add_argument("policy", type=Path, help="a file that `trifinger train` has written")
+    parser.add_argument("--task", help="default: what its file says")
+    parser.add_argument("--episodes", type=int, default=50)
+    parser.add_argument("--seed", type=int, default=1_000_000, help="of the first; +1 for each")
+    parser.add_argument("--json", action="store_true", help="distances in m, success as a share")
+    arguments = parser.parse_args(words)
+
+    def run() -> None:
+        require("gymnasium")
+        from trifinger import evaluation
+
+        policy = Policy(arguments.policy)
+        task = arguments.task or policy.metadata.get("task")
+        if not task:
+            raise InvalidArgument(f"{arguments.policy} does not say its task: --task is needed")
+        if arguments.episodes < 1:
+            raise InvalidArgument(f"--episodes is {arguments.episodes}, must be at least 1")
+        result = evaluation.evaluate(policy, task, arguments.episodes, arguments.seed)
+        print(result.summary().to_json() if arguments.json else result.summary())
+
+    return _guarded(run)
+
+
+def require(*packages: str) -> None:
+    """Raises Error, with what to install, if one of some packages is missing."""
+    for package in packages:
+        try:
+            importlib.import_module(package)
+        except ModuleNotFoundError as error:
+            raise Error(f'{package} is missing: pip install "trifinger[learning]"') from error
+
+
+def say(text: str) -> None:
+    """Prints a line of progress at once."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def _guarded(run: Callable[[], None]) -> int:
+    try:
+        run()
+    except (Error, OSError) as error:
+        print(f"trifinger: {error}", file=sys.stderr)
+        return 2 if isinstance(error, InvalidArgument) else 1
+    except KeyboardInterrupt:
+        return 130
+    return 0

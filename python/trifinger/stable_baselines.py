@@ -1,0 +1,280 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What Stable-Baselines3 needs to train on our environments."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+import numpy.typing as npt
+from gymnasium import spaces
+from gymnasium.vector import AutoresetMode
+
+from trifinger.environments import VectorEnvironment
+from trifinger.errors import InvalidArgument
+
+try:
+    import torch
+    from stable_baselines3.common.buffers import ReplayBuffer
+    from stable_baselines3.common.noise import ActionNoise
+    from stable_baselines3.common.type_aliases import ReplayBufferSamples
+    from stable_baselines3.common.vec_env import VecEnv, VecNormalize
+except ModuleNotFoundError as error:
+    raise ModuleNotFoundError(
+        'training needs Stable-Baselines3 and PyTorch: pip install "trifinger[learning]"',
+        name=error.name,
+    ) from error
+
+Array = npt.NDArray[Any]
+Vector = gymnasium.vector.VectorEnv[Any, Any, Any]
+
+JOINTS = 3  # of a finger
+FINGER = 9  # numbers of a finger in what is observed of a reach: positions, velocities, goal
+GOAL = slice(6, 9)  # where its goal is in them
+
+
+class Rows(VecEnv):
+    """Environments as Stable-Baselines3 sees them, with one row for each.
+
+    Shared, each finger has a row of its own, as if it were a robot of its own: then one policy
+    learns from all of them. That needs options with per_finger=True.
+    """
+
+    def __init__(
+        self,
+        environment: Vector,
+        *,
+        is_per_finger: bool = False,
+        is_shared: bool = False,
+        reward_scale: float = 1.0,
+    ) -> None:
+        """`environment` must reset itself by AutoresetMode.SAME_STEP.
+
+        `is_per_finger` is what its options say.
+        """
+        if environment.metadata["autoreset_mode"] != AutoresetMode.SAME_STEP:
+            raise InvalidArgument("the environment must have AutoresetMode.SAME_STEP")
+        if not environment.single_observation_space.shape:
+            raise InvalidArgument('Stable-Baselines3 is given vectors: observation="flat"')
+        (seen,) = environment.single_observation_space.shape
+        (acted,) = environment.single_action_space.shape or (0,)
+        self.environment = environment
+        self.rows = acted // JOINTS if is_shared else 1
+        """How many rows an environment has."""
+        self.episodes = np.zeros(environment.num_envs, np.int64)
+        """How many episodes of each environment have ended."""
+        self._reward_scale = reward_scale
+        self._is_per_finger = is_per_finger
+        self._lengths = np.zeros(environment.num_envs, np.int64)
+        self._returns = np.zeros(environment.num_envs)
+        super().__init__(
+            environment.num_envs * self.rows,
+            spaces.Box(-1.0, 1.0, (seen // self.rows,), np.float32),
+            spaces.Box(-1.0, 1.0, (acted // self.rows,), np.float32),
+        )
+
+    def begin(self, seed: int, episodes: npt.ArrayLike) -> Array:
+        """Begins that episode of `seed` in each environment."""
+        self.episodes = np.array(episodes, np.int64)
+        self._lengths[:] = 0
+        self._returns[:] = 0
+        environment = self.environment
+        observations: Any
+        if isinstance(environment, VectorEnvironment):
+            observations, _ = environment.reset(seed=seed)
+            for done in range(self.episodes.max()):
+                mask = self.episodes > done
+                observations, _ = environment.reset(options={"reset_mask": mask})
+        else:
+            episode = int(self.episodes[0])
+            observations, _ = environment.reset(seed=seed, options={"episode": episode})
+        return self._split(observations)
+
+    def reset(self) -> Any:
+        """Begins the next episodes."""
+        self._lengths[:] = 0
+        self._returns[:] = 0
+        return self._split(self.environment.reset()[0])
+
+    def step_async(self, actions: Array) -> None:
+        """Keeps the actions for step_wait()."""
+        self._actions = actions
+
+    def step_wait(self) -> Any:
+        """Lets them act."""
+        environment = self.environment
+        actions = self._actions.reshape(environment.num_envs, -1)
+        observations, rewards, terminated, truncated, info = environment.step(actions)
+        ended = terminated | truncated
+        self._lengths += 1
+        self._returns += rewards
+        if self.rows > 1:
+            rewards = _of_step("finger_rewards", info, ended)
+        achieved = self._split(self._shown(_of_step("achieved_goal", info, ended)))
+        success = _of_step("is_success", info, ended)
+        infos: list[dict[str, Any]] = [
+            {"achieved_goal": achieved[row], "is_success": bool(success[row // self.rows])}
+            for row in range(self.num_envs)
+        ]
+        for index in np.flatnonzero(ended):
+            episode = {"r": self._returns[index], "l": int(self._lengths[index])}
+            last = info["final_obs"][index].reshape(self.rows, -1)
+            for part in range(self.rows):
+                infos[index * self.rows + part] |= {
+                    "terminal_observation": last[part],
+                    "TimeLimit.truncated": bool(truncated[index] and not terminated[index]),
+                    "episode": episode,
+                }
+        self.episodes = self.episodes + ended
+        self._lengths[ended] = 0
+        self._returns[ended] = 0
+        return (
+            self._split(observations),
+            (self._reward_scale * np.ravel(rewards)).astype(np.float32),
+            np.repeat(ended, self.rows),
+            infos,
+        )
+
+    def close(self) -> None:
+        """Lets go of the environments."""
+        self.environment.close()
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """The same attribute of the environments as often as there are indices."""
+        value = getattr(self.environment, attr_name)
+        return [value for _ in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, *_: Any, **__: Any) -> None:
+        """Refused: rows are not environments of their own."""
+        raise AttributeError(f"{attr_name} of single rows cannot be set")
+
+    def env_method(self, method_name: str, *_: Any, **__: Any) -> list[Any]:
+        """Refused: rows are not environments of their own."""
+        raise AttributeError(f"{method_name} of single rows cannot be called")
+
+    def env_is_wrapped(self, _: Any, indices: Any = None) -> list[bool]:
+        """Nothing is wrapped."""
+        return [False for _ in self._get_indices(indices)]
+
+    # Positions as goals are observed, finger by finger.
+    def _shown(self, achieved: Array) -> Array:
+        if not self._is_per_finger:
+            return achieved
+        return turned_to_first(achieved.reshape(len(achieved), -1, 3))
+
+    def _split(self, whole: Array) -> Array:
+        return whole.reshape(self.num_envs, -1)
+
+
+def _of_step(name: str, info: dict[str, Any], ended: Array) -> Array:
+    # Where an episode has ended, info is that of the next one.
+    values = np.array(info[name])
+    if "final_info" in info:
+        values[ended] = info["final_info"][name][ended]
+    return values
+
+
+class FallingNoise(ActionNoise):
+    """Normal noise whose deviation falls linearly during `calls` calls, then stays."""
+
+    def __init__(self, begin: float, end: float, calls: int, size: int) -> None:
+        super().__init__()
+        self._begin, self._end, self._calls, self._size = begin, end, calls, size
+        self._count = 0
+
+    def __call__(self) -> Array:
+        """Noise for an action."""
+        share = min(self._count / self._calls, 1.0)
+        self._count += 1
+        deviation = self._begin + share * (self._end - self._begin)
+        # The global generator, as all that Stable-Baselines3 draws: it is in the checkpoints.
+        return np.random.normal(0.0, deviation, self._size).astype(np.float32)  # noqa: NPY002
+
+
+class FingerReplayBuffer(ReplayBuffer):
+    """Transitions of a reach, from which batches are put together finger by finger.
+
+    A row of a batch has for each finger what some finger has seen at some time, with its own goal
+    or, for a share of them, a position that it came to later in the episode. Fingers that do not
+    touch know nothing of each other and are turned copies of one, and the reward is the mean of
+    theirs, so such a row might have happened. Needs options with per_finger=True.
+    """
+
+    def __init__(
+        self,
+        buffer_size: int,
+        *arguments: Any,
+        relabelled: float,
+        reward_scale: float,
+        goal_low: Array,
+        goal_high: Array,
+        **more: Any,
+    ) -> None:
+        super().__init__(buffer_size, *arguments, **more)
+        shape = self.observations.shape
+        self._fingers = shape[2] // FINGER
+        self._relabelled, self._reward_scale = relabelled, reward_scale
+        self._middle = (np.asarray(goal_low) + goal_high) / 2
+        self._half = (np.asarray(goal_high) - goal_low) / 2
+        # Where tips came to, as goals are observed; the last place of the episode of each place.
+        self._achieved = np.zeros((*shape[:2], self._fingers, 3), np.float32)
+        self._last = np.zeros(shape[0], np.int64)
+        self._first = 0
+
+    def add(
+        self,
+        obs: Array,
+        next_obs: Array,
+        action: Array,
+        reward: Array,
+        done: Array,
+        infos: list[dict[str, Any]],
+    ) -> None:
+        """Adds a transition of each environment; their episodes begin and end together."""
+        place = self.pos
+        achieved = np.stack([info["achieved_goal"] for info in infos])
+        achieved = achieved.reshape(len(infos), self._fingers, 3)
+        self._achieved[place] = np.clip((achieved - self._middle) / self._half, -1.0, 1.0)
+        self._first = min(self._first, place)
+        self._last[self._first : place + 1] = place
+        super().add(obs, next_obs, action, reward, done, infos)
+        if done.any():
+            self._first = self.pos
+
+    def sample(self, batch_size: int, env: VecNormalize | None = None) -> ReplayBufferSamples:
+        """A batch. Refuses to normalise it."""
+        if env is not None:
+            raise InvalidArgument("batches of fingers are not normalised")
+        size = (batch_size, self._fingers)
+        draw = np.random.randint
+        place = draw(0, self.size(), size)
+        row = draw(0, self.n_envs, size)
+        finger = draw(0, self._fingers, size)
+        later = draw(place, self._last[place] + 1)
+        blocks = (*self.observations.shape[:2], self._fingers, -1)
+        seen = self.observations.reshape(blocks)[place, row, finger]
+        next_seen = self.next_observations.reshape(blocks)[place, row, finger]
+        actions = self.actions.reshape(blocks)[place, row, finger]
+        chosen = np.random.random(size) < self._relabelled  # noqa: NPY002
+        goal = np.where(chosen[..., None], self._achieved[later, row, finger], seen[..., GOAL])
+        seen[..., GOAL] = next_seen[..., GOAL] = goal
+        way = (goal - self._achieved[place, row, finger]) * self._half
+        rewards = -self._reward_scale * np.linalg.norm(way, axis=-1).mean(axis=1, keepdims=True)
+        # Reaches are cut off by time alone, which ends no row.
+        arrays = (seen, actions, next_seen, np.zeros_like(rewards), rewards)
+        return ReplayBufferSamples(
+            *(
+                torch.from_numpy(array.reshape(batch_size, -1).astype(np.float32))
+                for array in arrays
+            )
+        )
+
+
+def turned_to_first(points: Array) -> Array:
+    """Points of each finger (..., fingers, 3), turned about z to where finger 0 is."""
+    fingers = points.shape[-2]
+    angles = 2 * np.pi * np.arange(fingers) / fingers  # they stand clockwise
+    cosine, sine = np.cos(angles), np.sin(angles)
+    x, y, z = np.moveaxis(points, -1, 0)
+    return np.stack([cosine * x - sine * y, sine * x + cosine * y, z], axis=-1)

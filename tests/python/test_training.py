@@ -1,0 +1,330 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Trainings: that they learn, that a kill changes nothing, and what Stable-Baselines3 is shown."""
+
+import json
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import trifinger
+from gymnasium.vector import AutoresetMode
+from trifinger import evaluation, learning_commands
+from trifinger.environments import Environment, Options, VectorEnvironment
+from trifinger.errors import InvalidArgument
+from trifinger.stable_baselines import FingerReplayBuffer, Rows
+from trifinger.training import CHECKPOINT, CURVE, MODELS, PLAN, Plan, Training
+
+pytestmark = pytest.mark.release  # of its time
+
+# As short as a training can be that has all parts of a long one.
+SHORT = {"duration": 0.2, "batch_size": 20, "layers": (16, 16), "random_actions": 15}
+
+
+def short_plan(algorithm="ddpg", **more):
+    more = {"is_shared": True, "episodes": 6, "evaluation_interval": 2} | more
+    settings = SHORT | more.pop("settings", {})
+    return Plan.of("reach", algorithm, settings=settings, checkpoint_interval=1, **more)
+
+
+def trained(plan, folder):
+    training = Training(plan, folder)
+    training.run()
+    training.close()
+    return training
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    """The folder of a training that nobody has killed."""
+    return trained(short_plan(), tmp_path_factory.mktemp("undisturbed")).folder
+
+
+def test_a_short_training_comes_within_3_cm(tmp_path):
+    training = Training(Plan.of("reach", "ddpg", is_shared=True, episodes=50), tmp_path)
+    assert training.run().median < 0.03
+    result = evaluation.evaluate(trifinger.Policy(training.policy_path), "reach")
+    assert result.summary().median < 0.03
+    assert (tmp_path / "curve.png").stat().st_size > 1000
+    assert (tmp_path / "tips.png").stat().st_size > 1000
+    assert (tmp_path / "film.mp4").stat().st_size > 1000
+    assert list((tmp_path / "tensorboard").iterdir())
+
+
+@pytest.mark.parametrize("algorithm", MODELS)
+@pytest.mark.parametrize("is_shared", [False, True])
+def test_every_algorithm_ends_in_a_file_of_its_policy(algorithm, is_shared, tmp_path):
+    settings = {"num_envs": 2, "rollout": 10}
+    plan = short_plan(algorithm, is_shared=is_shared, settings=settings)
+    training = trained(plan, tmp_path)
+    policy = trifinger.Policy(training.policy_path)
+    observations = np.random.default_rng(1).uniform(-1, 1, (20, policy.num_inputs))
+    observations = observations.astype(np.float32)
+    np.testing.assert_allclose(
+        evaluation.act_of(policy)(observations), training.act(observations), atol=1e-6
+    )
+    assert policy.metadata["task"] == "reach"
+    assert Options.from_json(policy.metadata["options"]) == plan.options
+    assert training.curve[0][0] == 0
+    assert training.curve[-1][0] == training.episodes == plan.episodes
+
+
+# ---- kills ----
+
+# Ends itself as `kill -9` does, at the nth call of a function.
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from trifinger import training
+
+module, name, count, folder = sys.argv[1:]
+holder = __import__(module, fromlist=["_"])
+for part in name.split(".")[:-1]:
+    holder = getattr(holder, part)
+name = name.split(".")[-1]
+called, calls = getattr(holder, name), 0
+
+def count_calls(*words, **more):
+    global calls
+    calls += 1
+    if calls == int(count):
+        os.kill(os.getpid(), signal.SIGKILL)
+    return called(*words, **more)
+
+setattr(holder, name, count_calls)
+if (Path(folder) / "plan.json").exists():
+    run = training.Training.resume(Path(folder))
+else:
+    plan = training.Plan.from_json(sys.stdin.read())
+    run = training.Training(plan, Path(folder))
+run.run()
+"""
+
+
+def run_until_killed(folder, plan, module, name, count):
+    done = subprocess.run(
+        [sys.executable, "-c", KILLED, module, name, str(count), str(folder)],
+        input=plan.to_json(),
+        text=True,
+        check=False,
+    )
+    assert done.returncode == -signal.SIGKILL
+
+
+def assert_same_training(folder, other):
+    assert (folder / CURVE).read_text() == (other / CURVE).read_text()
+    assert (folder / "reach.policy").read_bytes() == (other / "reach.policy").read_bytes()
+
+
+STEP = ("trifinger.environments", "Environment.step")
+TRAIN = ("stable_baselines3", "DDPG.train")
+
+
+@pytest.mark.parametrize(("place", "count"), [(STEP, 5), (STEP, 17), (STEP, 40), (TRAIN, 23)])
+def test_fault_65_a_killed_training_ends_as_if_it_had_not_been(place, count, undisturbed, tmp_path):
+    run_until_killed(tmp_path, short_plan(), *place, count)
+    training = Training.resume(tmp_path)
+    training.run()
+    assert_same_training(tmp_path, undisturbed)
+
+
+def test_fault_65_a_training_may_be_killed_again_and_again(undisturbed, tmp_path):
+    for _ in range(3):
+        run_until_killed(tmp_path, short_plan(), *STEP, 15)
+    Training.resume(tmp_path).run()
+    assert_same_training(tmp_path, undisturbed)
+
+
+# Of a checkpoint: its bytes are there, but not safe; it is whole, but has not its name.
+@pytest.mark.parametrize("place", [("os", "fsync"), ("pathlib", "Path.replace")])
+@pytest.mark.parametrize("count", [2, 5, 8])
+def test_fault_66_a_training_killed_while_it_writes_keeps_what_it_had(
+    place, count, undisturbed, tmp_path
+):
+    run_until_killed(tmp_path, short_plan(), *place, count)
+    Training.resume(tmp_path).run()
+    assert_same_training(tmp_path, undisturbed)
+
+
+def test_a_checkpoint_is_the_old_or_the_new_one(tmp_path):
+    training = Training(short_plan(episodes=2), tmp_path)
+    training.run()
+    whole = (tmp_path / CHECKPOINT).read_bytes()
+    (tmp_path / f"{CHECKPOINT}.partial").write_bytes(whole[: len(whole) // 2])
+    assert Training.resume(tmp_path).run() == training.curve[-1][1]
+
+
+def test_other_seeds_are_other_trainings(undisturbed, tmp_path):
+    trained(short_plan(seed=2), tmp_path)
+    assert (tmp_path / CURVE).read_text() != (undisturbed / CURVE).read_text()
+
+
+# ---- what Stable-Baselines3 sees ----
+
+
+def vector(num_envs=2, **options):
+    return VectorEnvironment(
+        "reach",
+        num_envs,
+        options=Options.of("reach", per_finger=True, duration=0.1, **options),
+        autoreset_mode=AutoresetMode.SAME_STEP,
+    )
+
+
+def test_a_shared_policy_sees_a_row_for_each_finger():
+    rows, whole = Rows(vector(), is_per_finger=True, is_shared=True), vector()
+    first = rows.begin(3, [0, 0])
+    seen, _ = whole.reset(seed=3)
+    assert rows.num_envs == 6
+    np.testing.assert_array_equal(first, seen.reshape(6, 9))
+    rng = np.random.default_rng(0)
+    ends = 0
+    while ends < 3:
+        actions = rng.uniform(-1, 1, (6, 3)).astype(np.float32)
+        mine, rewards, dones, infos = rows.step(actions)
+        seen, _, _, truncated, info = whole.step(actions.reshape(2, 9))
+        np.testing.assert_array_equal(mine, seen.reshape(6, 9))
+        np.testing.assert_array_equal(dones, np.repeat(truncated, 3))
+        # In a reach all episodes end together, and the reward of a finger is how far it is.
+        ended = truncated.all()
+        distances = (info["final_info"] if ended else info)["distance"]
+        np.testing.assert_allclose(rewards, -distances.ravel(), rtol=1e-6)
+        assert all(("terminal_observation" in one) == ended for one in infos)
+        if ended:
+            last = np.stack([one["terminal_observation"] for one in infos])
+            np.testing.assert_array_equal(last, np.stack(info["final_obs"]).reshape(6, 9))
+            assert all(one["TimeLimit.truncated"] for one in infos)
+        ends += ended
+
+
+@pytest.mark.parametrize("is_shared", [False, True])
+def test_a_batch_put_together_finger_by_finger_has_the_rewards_of_its_parts(is_shared):
+    rows = Rows(vector(), is_per_finger=True, is_shared=is_shared, reward_scale=10.0)
+    low, high = np.array([-0.3, -0.3, 0.0]), np.array([0.3, 0.3, 0.5])
+    buffer = FingerReplayBuffer(
+        100,
+        rows.observation_space,
+        rows.action_space,
+        n_envs=rows.num_envs,
+        relabelled=0.0,
+        reward_scale=10.0,
+        goal_low=low,
+        goal_high=high,
+    )
+    rng = np.random.default_rng(0)
+    seen = rows.begin(3, [0, 0])
+    parts = {}
+    for _ in range(30):
+        actions = rng.uniform(-1, 1, (rows.num_envs, rows.action_space.shape[0]))
+        following, rewards, dones, infos = rows.step(actions.astype(np.float32))
+        for row, info in enumerate(infos):
+            fingers = seen[row].reshape(-1, 9)
+            middle, half = (high + low) / 2, (high - low) / 2
+            goals = fingers[:, 6:] * half + middle
+            distance = np.linalg.norm(goals - info["achieved_goal"].reshape(-1, 3), axis=1)
+            assert rewards[row] == pytest.approx(-10.0 * distance.mean(), rel=1e-5)
+            parts |= {
+                finger.tobytes(): -10.0 * one for finger, one in zip(fingers, distance, strict=True)
+            }
+        last = [
+            info.get("terminal_observation", row)
+            for info, row in zip(infos, following, strict=True)
+        ]
+        buffer.add(seen, np.stack(last), actions, rewards, dones, infos)
+        seen = following
+    batch = buffer.sample(64)
+    for row, reward in zip(batch.observations.numpy(), batch.rewards.numpy(), strict=True):
+        expected = np.mean([parts[finger.tobytes()] for finger in row.reshape(-1, 9)])
+        assert reward == pytest.approx(expected, rel=1e-4)
+    buffer._relabelled = 1.0
+    batch = buffer.sample(64)
+    fingers = batch.observations.numpy().reshape(-1, 9)
+    goals = {tuple(goal) for goal in buffer._achieved.reshape(-1, 3)}
+    assert all(tuple(finger[6:]) in goals for finger in fingers)
+    np.testing.assert_array_equal(
+        fingers[:, 6:], batch.next_observations.numpy().reshape(-1, 9)[:, 6:]
+    )
+
+
+def test_an_evaluation_is_what_single_environments_come_to():
+    options = Options.of("reach", duration=0.2)
+    target = np.linspace(-0.5, 0.5, 9, dtype=np.float32)
+    evaluator = evaluation.Evaluator("reach", options, episodes=3, seed=5)
+    result = evaluator(lambda seen: np.tile(target, (len(seen), 1)))
+    for index in range(3):
+        environment = Environment("reach", options=options)
+        environment.reset(seed=5 + index)
+        has_ended = False
+        while not has_ended:
+            _, _, _, has_ended, info = environment.step(target)
+        np.testing.assert_array_equal(result.distances[index], info["distance"])
+        way = info["achieved_goal"] - info["desired_goal"]
+        np.testing.assert_array_equal(result.ways[index, -1], way)
+        assert result.successes[index] == info["is_success"]
+
+
+# ---- a user's mistakes ----
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["reach", "--set", "gama=1"], "gama"),
+        (["reach", "--set", "gamma"], "KEY=VALUE"),
+        (["reach", "--set", "gamma='high'"], "gamma"),
+        (["reach", "--episodes", "0"], "episodes"),
+        (["jump"], "jump"),
+        (["push", "--shared"], "per_finger"),
+        (["--resume", "nowhere"], "nowhere"),
+    ],
+)
+def test_a_mistake_is_named(words, said, capsys, tmp_path, monkeypatch):
+    folder = tmp_path / "work"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    assert learning_commands.train(words) == 2
+    assert said in capsys.readouterr().err
+    assert not list(folder.iterdir())
+
+
+def test_a_folder_keeps_the_training_that_it_has(undisturbed, capsys):
+    assert learning_commands.train(["reach", "--out", str(undisturbed)]) == 2
+    assert "--resume" in capsys.readouterr().err
+    with pytest.raises(InvalidArgument, match="another plan"):
+        Training(short_plan(seed=9), undisturbed)
+
+
+@pytest.mark.parametrize("missing", ["stable_baselines3", "torch", "gymnasium"])
+def test_says_what_to_install(missing):
+    program = f"""
+import sys
+sys.modules["{missing}"] = None
+from trifinger import learning_commands
+sys.exit(learning_commands.train(["reach"]))
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 1
+    assert done.stderr.startswith("trifinger: ")
+    assert 'pip install "trifinger[learning]"' in done.stderr
+
+
+def test_evaluate_says_how_near_a_policy_comes(undisturbed, capsys):
+    policy = str(undisturbed / "reach.policy")
+    assert learning_commands.evaluate([policy, "--episodes", "4", "--json"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["episodes"] == 4
+    assert summary["lower_quartile"] <= summary["median"] <= summary["upper_quartile"]
+    assert learning_commands.evaluate([policy, "--episodes", "4"]) == 0
+    assert f"{100 * summary['median']:.2f} cm" in capsys.readouterr().out
+    assert learning_commands.evaluate([policy, "--task", "finger_reach", "--json"]) == 0
+    assert learning_commands.evaluate([policy, "--episodes", "0"]) == 2
+
+
+def test_a_plan_is_what_was_written(tmp_path):
+    plan = short_plan(settings={"friction": (0.5, 1.0)})
+    assert Plan.from_json(plan.to_json()) == plan
+    Training(plan, tmp_path).close()
+    assert Plan.from_json((tmp_path / PLAN).read_text()) == plan
