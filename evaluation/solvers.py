@@ -1,0 +1,286 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Solves the tasks push and lift with the parts of `trifinger.control`.
+
+A `Solver` sees what the environment shows to everybody and answers with torques, as a policy would.
+A `RoutePlanner` says beforehand whether the fingers can do it: what it finds a route for is the
+reachable set.
+"""
+
+import itertools
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import gymnasium
+import numpy as np
+import numpy.typing as npt
+from trifinger import control
+from trifinger.control import GraspPhase, Motion, Pose, PoseTrajectory
+from trifinger.environments import Options
+
+Array = npt.NDArray[np.float64]
+Observation = dict[str, npt.NDArray[Any]]
+
+PERIOD = 1e-3  # [s]
+CONFIG = "trifinger_edu"
+OVERRIDES: dict[str, object] = {"objects": [{"name": "cube", "type": "cube"}]}
+SIZE = 0.065  # of the cube [m]
+CUBE = control.rigid_body("box", [SIZE] * 3, mass=0.094)
+MAX_TORQUE = 0.36  # [Nm]
+SAFETY_KD = np.tile([0.09, 0.09, 0.05], 3)  # [Nms/rad]
+
+POSE_PERIOD = 0.01  # of the simulated tracker [s]
+SPEED = 0.06  # at which the cube is led, on average [m/s]
+TURN_SPEED = 0.6  # [rad/s]
+SHORTEST_LEAD = 1.0  # [s]
+REST_TIME = 0.2  # in which a cube that was let go comes to rest [s]
+# Of its weight, what a cube leaves on the table on which it slides. The planner knows nothing of
+# the drag, and with much more than this motors have no torque left for it.
+TABLE_SHARE = 0.2
+HARDLY_LIFTED = 1e-4  # Goals on the table are not exact to the last bit [m].
+
+HEIGHTS = [0.02, 0.01, 0.0, -0.01, -0.02]  # of tips above the cube's centre [m]
+LARGEST_TORQUE = 0.9  # share of the motors' torque that carrying may take
+
+TURNS = (0.0, 0.2, -0.2, 0.4, -0.4, 0.6, -0.6, 0.8, -0.8)  # on the way to a goal [rad]
+TURN_COST = 0.1  # of 1 rad, in shares of the motors' torque
+VIA_TURNS = (0.0, 0.4, -0.4, 0.8, -0.8)  # on the way to where the cube is grasped again [rad]
+POINTS = np.linspace(0.0, 1.0, 8)  # of a way that a planner looks at
+
+
+def options(task: str) -> Options:
+    """Of the environments in which a solver works: torques at 1 kHz."""
+    return Options.of(
+        task,
+        action="torque",
+        steps_per_action=1,
+        mapping="state_augmentation",
+        observation="dictionary",
+    )
+
+
+class Leg(NamedTuple):
+    """A part of a route with one grasp."""
+
+    touches: Sequence[control.Touch]
+    way: PoseTrajectory
+    table_share: float
+    """Of the cube's weight that stays on the table."""
+    cost: float
+    """The largest share of a motor's torque, and something for turning the cube."""
+
+    def at(self, time: float) -> Motion:
+        """The desired motion of the cube, `time` after the begin of the leg [s]."""
+        return _relieved(self.way.at(time), self.table_share)
+
+
+def pose_of(observation: Observation) -> Pose:
+    """Where the cube is seen."""
+    return Pose(observation["object_position"], observation["object_orientation"])
+
+
+def on_table(pose: Pose) -> Pose:
+    """The pose in which a cube comes to rest that is tilted a little."""
+    rotation = _rotation(pose)
+    axis = np.argmax(np.abs(rotation[2]))
+    upward = np.sign(rotation[2, axis]) * rotation[:, axis]
+    tilt = np.cross(upward, (0.0, 0.0, 1.0))
+    sine = float(np.linalg.norm(tilt))
+    back = tilt * (np.arcsin(min(sine, 1.0)) / sine) if sine > 0 else tilt
+    return Pose((*pose.position[:2], SIZE / 2), _rotated(pose, back).orientation)
+
+
+class RoutePlanner:
+    """Finds ways for the cube to a goal, with a grasp for each of them."""
+
+    def __init__(self) -> None:
+        settings = control.GraspPlannerConfig(
+            heights=HEIGHTS, friction_sides=8, largest_torque=LARGEST_TORQUE
+        )
+        self._planner = control.GraspPlanner(CONFIG, OVERRIDES, "cube", settings)
+
+    def plan(self, start: Pose, goal: npt.ArrayLike) -> list[Leg] | None:
+        """How a cube that rests at `start` comes to the position `goal` [m], turned as it may be.
+
+        In one grasp if that is possible, otherwise it slides to another place, where it is grasped
+        again. None if this does not reach the goal either.
+        """
+        goal = np.asarray(goal, np.float64)
+        direct = self._best_leg(start, goal)
+        if direct is not None:
+            return [direct]
+        routes = list(self._routes_with_regrasp(start, goal))
+        return min(routes, key=lambda route: max(leg.cost for leg in route), default=None)
+
+    def _routes_with_regrasp(self, start: Pose, goal: Array) -> Iterator[list[Leg]]:
+        a, b = start.position[:2], goal[:2]
+        for place, turn in itertools.product(((a + b) / 2, a / 2, b / 2, 0 * a), VIA_TURNS):
+            via = _turned(Pose((*place, SIZE / 2), start.orientation), turn)
+            first = self._leg(start, via)
+            if first is None:
+                continue
+            last = self._best_leg(via, goal)
+            if last is not None:
+                yield [first, last]
+
+    def _best_leg(self, start: Pose, goal: Array) -> Leg | None:
+        legs = []
+        for turn in TURNS:
+            leg = self._leg(start, _turned(Pose(goal, start.orientation), turn))
+            if leg is not None:
+                legs.append(leg._replace(cost=leg.cost + TURN_COST * abs(turn)))
+        return min(legs, key=lambda leg: leg.cost, default=None)
+
+    def _leg(self, start: Pose, end: Pose) -> Leg | None:
+        distance = float(np.linalg.norm(end.position - start.position))
+        angle = float(np.linalg.norm(control.rotation_error(end.orientation, start.orientation)))
+        duration = max(distance / SPEED, angle / TURN_SPEED, SHORTEST_LEAD)
+        way = PoseTrajectory(start, end, duration)
+        is_lifted = end.position[2] > start.position[2] + HARDLY_LIFTED
+        table_share = 0.0 if is_lifted else TABLE_SHARE
+        motions = [_relieved(way.at(share * duration), table_share) for share in POINTS]
+        grasp = self._planner.plan(motions)
+        if grasp is None:
+            return None
+        return Leg(grasp.touches, way, table_share, grasp.torque_share)
+
+
+class Solver:
+    """Brings the cube to its goal and holds it there.
+
+    What it knows besides observations is what the robot's configuration says. It plans while time
+    stands still.
+    """
+
+    def __init__(self, planner: RoutePlanner, observation: Observation) -> None:
+        """For one episode, which begins with `observation`."""
+        self._planner = planner
+        settings = control.GraspControllerConfig(friction_sides=8)
+        self._controller = control.GraspController(CUBE, CONFIG, OVERRIDES, settings)
+        self._estimator = control.PoseEstimator()
+        self._now = 0.0
+        self._look_time = 0.0  # when the cube rests
+        self._seen_time = -np.inf
+        self._seen: Array = np.empty(0)
+        self._desired = Motion(on_table(pose_of(observation)))
+        self._leg: Leg | None = None
+        self._is_last = False
+        self._lead_begin = np.inf  # not known yet
+        self.grasps = 0
+        """How often the cube was grasped."""
+
+    @property
+    def is_leading(self) -> bool:
+        """Whether the cube is held, on its way or at its goal."""
+        return self._controller.state.phase is GraspPhase.HOLD
+
+    def act(self, observation: Observation) -> npt.NDArray[np.float32]:
+        """The action that follows from an observation: call it with each."""
+        self._follow_phases(observation)
+        self._desired = self._desired_motion()
+        self._see(observation)
+        position, velocity = observation["joint_position"], observation["joint_velocity"]
+        # The motors' torques are not observed, but follow from the last action.
+        applied = MAX_TORQUE * observation["action"] - SAFETY_KD * velocity
+        joints = control.JointState(position, velocity, np.clip(applied, -MAX_TORQUE, MAX_TORQUE))
+        cube = self._estimator.predict(self._now, self._desired)
+        torque = self._controller.update(PERIOD, joints, cube, self._desired)
+        self._now += PERIOD
+        return np.clip(torque / MAX_TORQUE, -1.0, 1.0).astype(np.float32)
+
+    def _follow_phases(self, observation: Observation) -> None:
+        phase = self._controller.state.phase
+        if phase is GraspPhase.IDLE:
+            if self._now >= self._look_time:
+                self._begin_leg(observation)
+            return
+        self._look_time = self._now + REST_TIME
+        if phase is GraspPhase.HOLD and self._leg:
+            self._lead_begin = min(self._lead_begin, self._now)
+            has_arrived = self._now > self._lead_begin + self._leg.way.duration
+            if has_arrived and not self._is_last:
+                self._controller.release()
+        elif phase is GraspPhase.LOST:
+            self._controller.release()
+
+    def _begin_leg(self, observation: Observation) -> None:
+        start = on_table(pose_of(observation))
+        route = self._planner.plan(start, observation["goal"])
+        self._estimator.reset()
+        self._lead_begin = np.inf
+        self._desired = Motion(start)
+        if not route:
+            # It may roll on.
+            self._look_time = self._now + REST_TIME
+            return
+        self._leg, self._is_last = route[0], len(route) == 1
+        self._controller.grasp(self._leg.touches, start)
+        self.grasps += 1
+
+    def _desired_motion(self) -> Motion:
+        phase = self._controller.state.phase
+        if self._leg is None or phase in (GraspPhase.IDLE, GraspPhase.RELEASE, GraspPhase.LOST):
+            return Motion(self._desired.pose)
+        return self._leg.at(max(self._now - self._lead_begin, 0.0))
+
+    def _see(self, observation: Observation) -> None:
+        pose = pose_of(observation)
+        seen = np.append(pose.position, pose.orientation)
+        is_due = self._now - self._seen_time > POSE_PERIOD - PERIOD / 2
+        if is_due or not np.array_equal(seen, self._seen):
+            self._estimator.update(self._now, pose, self._desired)
+            self._seen_time, self._seen = self._now, seen
+
+
+class Trial(NamedTuple):
+    """What came of one goal."""
+
+    seed: int
+    episode: int
+    legs: int
+    """Grasps that were planned."""
+    grasps: int
+    """Grasps that it took."""
+    is_success: bool
+    """At the last step, as the environment says."""
+    distance: float
+    """From the goal, likewise [m]."""
+
+
+def try_goal(
+    environment: gymnasium.Env[Any, Any], planner: RoutePlanner, seed: int, episode: int
+) -> Trial | None:
+    """Plays an episode to its end; None and nothing if its goal is not in the reachable set."""
+    observation, info = environment.reset(seed=seed, options={"episode": episode})
+    route = planner.plan(on_table(pose_of(observation)), observation["goal"])
+    if route is None:
+        return None
+    solver = Solver(planner, observation)
+    has_ended = False
+    while not has_ended:
+        action = solver.act(observation)
+        observation, _, terminated, truncated, info = environment.step(action)
+        has_ended = terminated or truncated
+    return Trial(
+        seed, episode, len(route), solver.grasps, bool(info["is_success"]), info["distance"]
+    )
+
+
+def _rotation(pose: Pose) -> Array:
+    body = Motion(Pose(orientation=pose.orientation))
+    return np.column_stack([control.point_of_body(body, axis).position for axis in np.eye(3)])
+
+
+def _rotated(pose: Pose, vector: npt.ArrayLike) -> Pose:
+    return control.moved(pose, control.Twist(angular=vector), 1.0)
+
+
+def _turned(pose: Pose, angle: float) -> Pose:
+    return _rotated(pose, (0.0, 0.0, angle))
+
+
+def _relieved(motion: Motion, table_share: float) -> Motion:
+    # Who carries only a part of the weight lets the rest fall, by the table's leave.
+    acceleration = control.Acceleration(
+        motion.acceleration.linear + table_share * control.gravity(), motion.acceleration.angular
+    )
+    return Motion(motion.pose, motion.twist, acceleration)
