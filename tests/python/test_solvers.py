@@ -83,6 +83,14 @@ def test_reachable_goals_are_solved_through_the_interface_of_the_environment(tas
 
 
 @pytest.mark.release
+def test_a_goal_that_one_grasp_does_not_reach_is_reached_with_two(planner: RoutePlanner) -> None:
+    environment = Environment("push", options=solvers.options("push"))
+    trial = solvers.try_goal(environment, planner, seed=2, episode=30)
+    assert trial is not None
+    assert (trial.legs, trial.grasps, trial.is_success) == (2, 2, True)
+
+
+@pytest.mark.release
 def test_a_cube_that_gets_lost_is_grasped_again(planner: RoutePlanner) -> None:
     environment = Environment("push", options=solvers.options("push"))
     observation, info = environment.reset(seed=1, options={"episode": 1})
