@@ -35,10 +35,10 @@ the last step of the episode: the cube within 2 cm of its goal after 15 s of `pu
 Starts and goals are the environment's own, of the seeds {SEEDS[0]} to {SEEDS[-1]} and the
 episodes from 0 on, as far as they are in the reachable set: those for which the planner of grasps,
 asked before anything moves, finds a way in one grasp or two. Planning takes no time of the episode.
-A cube that slides has {solvers.TABLE_SHARE:.0%} of its weight on the table.
+A cube that slides has {100 * solvers.TABLE_SHARE:.0f} % of its weight on the table.
 
 | task | in the reachable set | solved | median distance | worst | planned with two grasps \
-| grasped again after a loss | at least {NEEDED:.0%} |
+| grasped again after a loss | at least {100 * NEEDED:.0f} % |
 |---|---|---|---|---|---|---|---|"""
 FAILURES = """\
 | failed | seed | episode | distance | grasps |

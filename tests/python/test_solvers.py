@@ -41,6 +41,7 @@ def test_a_route_leads_from_the_start_to_the_goal_without_a_gap(
         np.testing.assert_array_equal(end, begin)
 
 
+@pytest.mark.release  # Hundreds of plans.
 def test_places_that_fingers_do_not_reach_are_not_in_the_reachable_set(
     planner: RoutePlanner,
 ) -> None:
