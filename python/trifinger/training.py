@@ -100,8 +100,10 @@ class Recipe:
         if algorithm == "ppo":
             common |= {"learning_rate": 3e-4, "final_learning_rate": 3e-5}
             return cls(**common, num_envs=16, batch_size=160)
+        if task in ("reach", "finger_reach") and is_shared:
+            return cls(**common, batch_size=100, final_learning_rate=2e-5, relabelled=0.2)
         if task in ("reach", "finger_reach"):
-            return cls(**common, relabelled=0.5 if is_shared else 0.8)
+            return cls(**common, relabelled=0.8)
         return cls(**common, num_envs=8, gamma=0.98, batch_size=256, learning_rate=3e-4)
 
 
