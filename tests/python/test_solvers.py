@@ -13,6 +13,9 @@ from trifinger import control
 from trifinger.control import Pose
 from trifinger.environments import Environment
 
+# Hundreds of plans, by parts whose own tests run under sanitizers.
+pytestmark = pytest.mark.release
+
 HALF = solvers.SIZE / 2
 LIFTED = (0.02, -0.03, 0.08)
 
@@ -41,7 +44,6 @@ def test_a_route_leads_from_the_start_to_the_goal_without_a_gap(
         np.testing.assert_array_equal(end, begin)
 
 
-@pytest.mark.release  # Hundreds of plans.
 def test_places_that_fingers_do_not_reach_are_not_in_the_reachable_set(
     planner: RoutePlanner,
 ) -> None:
@@ -75,7 +77,6 @@ def test_a_tilted_cube_comes_to_rest_on_the_nearest_face(
     np.testing.assert_allclose(error, 0, atol=1e-9)
 
 
-@pytest.mark.release
 @pytest.mark.parametrize("task", ["push", "lift"])
 def test_reachable_goals_are_solved_through_the_interface_of_the_environment(task: str) -> None:
     found = evaluate_environments.run_trials(task, seed=1, goals=3)
@@ -83,7 +84,6 @@ def test_reachable_goals_are_solved_through_the_interface_of_the_environment(tas
     assert [trial.is_success for trial in found.trials] == 3 * [True]
 
 
-@pytest.mark.release
 def test_a_goal_that_one_grasp_does_not_reach_is_reached_with_two(planner: RoutePlanner) -> None:
     environment = Environment("push", options=solvers.options("push"))
     trial = solvers.try_goal(environment, planner, seed=2, episode=30)
@@ -91,7 +91,6 @@ def test_a_goal_that_one_grasp_does_not_reach_is_reached_with_two(planner: Route
     assert (trial.legs, trial.grasps, trial.is_success) == (2, 2, True)
 
 
-@pytest.mark.release
 def test_a_cube_that_gets_lost_is_grasped_again(planner: RoutePlanner) -> None:
     environment = Environment("push", options=solvers.options("push"))
     observation, info = environment.reset(seed=1, options={"episode": 1})
