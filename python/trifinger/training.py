@@ -101,9 +101,9 @@ class Recipe:
             common |= {"learning_rate": 3e-4, "final_learning_rate": 3e-5}
             return cls(**common, num_envs=16, batch_size=160)
         if task in ("reach", "finger_reach") and is_shared:
-            return cls(**common, batch_size=100, final_learning_rate=2e-5, relabelled=0.2)
+            return cls(**common, batch_size=96, final_learning_rate=2e-5, relabelled=0.2)
         if task in ("reach", "finger_reach"):
-            return cls(**common, relabelled=0.8)
+            return cls(**common, batch_size=64, relabelled=0.8)
         return cls(**common, num_envs=8, gamma=0.98, batch_size=256, learning_rate=3e-4)
 
 
@@ -193,8 +193,8 @@ class Training:
         self.curve: list[tuple[int, Summary]] = []
         self._ways: dict[str, Array] = {}
         self._next_checkpoint = 0
-        # Deterministic, and faster for networks of this size.
-        torch.set_num_threads(1)
+        # More are no faster for networks of this size. OMP_NUM_THREADS=1 where trainings share a machine.
+        torch.set_num_threads(min(2, torch.get_num_threads()))
         recipe = plan.recipe
         self._rows = Rows(
             _environments(plan),
