@@ -7,11 +7,17 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <atomic>
+#include <condition_variable>
 #include <cstdio>
+#include <deque>
 #include <filesystem>
 #include <fstream>
+#include <mutex>
 #include <nlohmann/json.hpp>
+#include <optional>
+#include <stop_token>
 #include <string>
+#include <thread>
 #include <variant>
 #include <vector>
 
@@ -60,6 +66,55 @@ void print(const EpisodeReport& report) {
   std::fflush(stdout);
 }
 
+// Prints reports on a thread of its own: a terminal that stands still must not stop the robot.
+class Printer {
+ public:
+  Printer() : thread_([this](const std::stop_token& stop) { run(stop); }) {}
+  // Prints what is left.
+  ~Printer() = default;
+  Printer(const Printer&) = delete;
+  Printer& operator=(const Printer&) = delete;
+
+  void add(const EpisodeReport& report) {
+    {
+      const std::lock_guard lock(mutex_);
+      reports_.push_back(report);
+    }
+    has_more_.notify_one();
+  }
+
+ private:
+  void run(const std::stop_token& stop) {
+    std::unique_lock lock(mutex_);
+    while (has_more_.wait(lock, stop, [this] { return !reports_.empty(); })) {
+      const EpisodeReport report = reports_.front();
+      reports_.pop_front();
+      lock.unlock();
+      print(report);
+      lock.lock();
+    }
+  }
+
+  std::mutex mutex_;
+  std::condition_variable_any has_more_;
+  std::deque<EpisodeReport> reports_;
+  std::jthread thread_;  // Last: it uses the others.
+};
+
+// A policy for other fingers would move these to where they must not be.
+void check_robot(const Policy& policy, const std::string& file, const RobotDescription& actual) {
+  const auto& metadata = policy.network().metadata;
+  const auto name = metadata.find("robot");
+  if (name == metadata.end()) return;
+  const RobotConfig trained = load_robot_config(name->second);
+  const Variant variant = std::visit(
+      [](const auto& simulation) { return simulation.description.variant; }, trained.simulation);
+  if (variant != actual.variant) {
+    throw InvalidArgument(
+        fmt::format("{} was trained for a {}, which this robot is not", file, name->second));
+  }
+}
+
 nlohmann::ordered_json json_of(const EpisodeReport& report) {
   return {{"episode", report.number},
           {"actions", report.actions},
@@ -76,13 +131,17 @@ int run_on(Frontend<R>& robot, Policy& policy, const Options& options) {
   const auto* const simulation = std::get_if<SimulationOptions<R>>(&config.simulation);
   if (simulation == nullptr) throw InvalidArgument("the robot is not what its configuration says");
   const std::string task = metadata_of(policy, "task", options.policy);
-  const learning::Environment environment(
-      task, learning::read_options(metadata_of(policy, "options", options.policy)),
-      simulation->description, robot.session().info().period);
+  check_robot(policy, options.policy, simulation->description);
+  auto trained = learning::read_options(metadata_of(policy, "options", options.policy));
+  // What is measured here has the noise that it has.
+  trained.position_noise = trained.velocity_noise = 0.0;
+  const learning::Environment environment(task, trained, simulation->description,
+                                          robot.session().info().period);
 
   const std::atomic<bool>& stop = stop_on_signals();
   fmt::print("'{}' shall do '{}' with {}.\n", options.robot, task, options.policy);
   std::fflush(stdout);
+  std::optional<Printer> printer(std::in_place);  // With the usual priority.
   if (robot.session().info().is_real_time) {
     // Below the back-end's priority: it must never wait for us.
     static_cast<void>(enter_realtime(
@@ -91,11 +150,12 @@ int run_on(Frontend<R>& robot, Policy& policy, const Options& options) {
   std::vector<EpisodeReport> reports;
   learning::PolicyRunOptions run = options.run;
   run.stop = &stop;
-  run.on_episode = [&reports](const EpisodeReport& report) {
+  run.on_episode = [&](const EpisodeReport& report) {
     reports.push_back(report);
-    print(report);
+    printer->add(report);
   };
   learning::run_policy(robot, environment, policy, run);
+  printer.reset();
 
   const auto successes =
       std::ranges::count_if(reports, [](const auto& report) { return report.outcome.success; });

@@ -25,6 +25,7 @@
 #include "choice.hpp"
 #include "gil.hpp"
 #include "simulation.hpp"
+#include "timeout.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/learning/environment.hpp"
 #include "trifinger/learning/environment_batch.hpp"
@@ -61,13 +62,17 @@ nb::object view(nb::handle owner, std::vector<T>& values, std::size_t rows = 0) 
 // `Environment`, one episode of it, and what was seen last.
 struct Episodes {
   Episodes(const std::string& task, const EnvironmentOptions& options,
-           const RobotDescription& description, Nanoseconds period)
-      : environment(task, options, description, period),
+           const RobotDescription& robot, Nanoseconds step)
+      : environment(task, options, robot, step),
+        description(robot),
+        period(step),
         observation(environment.observation_size()),
         achieved(environment.goal_size()),
         desired(environment.goal_size()) {}
 
   Environment environment;
+  RobotDescription description;
+  Nanoseconds period;
   Start start;
   Episode episode;
   Outcome outcome;
@@ -171,9 +176,31 @@ void bind_episodes(nb::module_& m) {
           "Joints [rad], object's position [m] and quaternion, variation, series of random "
           "numbers.")
       .def(
+          "check_robot",
+          [](const Episodes& self, const std::string& configuration) {
+            const RobotConfig actual =
+                read_robot_config(config::File::parse(configuration, "configuration.yml"));
+            const RobotDescription& description = description_of(actual);
+            if (description.variant != self.description.variant ||
+                description.arrangement != self.description.arrangement) {
+              throw InvalidArgument("the robot is a '" + actual.name +
+                                    "', which is not what `config` says");
+            }
+            if (period_of(actual) != self.period) {
+              throw InvalidArgument(
+                  "the robot's period is " + std::to_string(to_seconds(period_of(actual))) +
+                  " s, `config` says " + std::to_string(to_seconds(self.period)) + " s");
+            }
+          },
+          "configuration"_a, "Refuses another robot than that of `config`, by its configuration.")
+      .def(
           "way",
           [](const Episodes& self, const Array<JointValues>& from) {
             const auto joints = static_cast<Eigen::Index>(self.environment.num_joints());
+            if (from.value.size() != joints) {
+              throw InvalidArgument("from_position must have " + std::to_string(joints) +
+                                    " numbers");
+            }
             Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> way(
                 self.environment.way_actions(), joints);
             const auto size = static_cast<std::size_t>(joints);
@@ -217,6 +244,9 @@ void bind_episodes(nb::module_& m) {
             if (position.value.size() != joints || velocity.value.size() != joints) {
               throw InvalidArgument("a measurement must have " + std::to_string(joints) +
                                     " positions and velocities");
+            }
+            if (object.is_none() != self.environment.object_name().empty()) {
+              throw InvalidArgument("the pose of an object is for tasks that have one");
             }
             std::optional<ObjectPose> pose;
             if (!object.is_none()) {
@@ -286,8 +316,8 @@ void bind_batch(nb::module_& m) {
                   "num_threads: int, config: str, overrides: dict[str, object]) -> None"))
       .def("__len__", &EnvironmentBatch::size)
       .def_prop_ro("num_threads", &EnvironmentBatch::num_threads)
-      .def("seed", &EnvironmentBatch::seed, "index"_a, "seed"_a,
-           "The next reset of this simulation begins episode 0 of `seed`.")
+      .def("seed", &EnvironmentBatch::seed, "index"_a, "seed"_a, "episode"_a = 0,
+           "The next reset of this simulation begins this episode of `seed`.")
       .def(
           "reset",
           [](EnvironmentBatch& self, std::optional<Marks> which) {
@@ -334,12 +364,19 @@ void bind_batch(nb::module_& m) {
       kRows);
   array("final_achieved", "float64", [](Results& r) -> auto& { return r.final.achieved; }, kRows);
   array("final_desired", "float64", [](Results& r) -> auto& { return r.final.desired; }, kRows);
-  array("distance", "float64", [](Results& r) -> auto& { return r.distance; }, kRows);
-  array("finger_rewards", "float64", [](Results& r) -> auto& { return r.finger_rewards; }, kRows);
+  array("distance", "float64", [](Results& r) -> auto& { return r.seen.distance; }, kRows);
+  array(
+      "finger_rewards", "float64", [](Results& r) -> auto& { return r.seen.finger_rewards; },
+      kRows);
+  array("final_distance", "float64", [](Results& r) -> auto& { return r.final.distance; }, kRows);
+  array(
+      "final_finger_rewards", "float64", [](Results& r) -> auto& { return r.final.finger_rewards; },
+      kRows);
   array("reward", "float64", [](Results& r) -> auto& { return r.reward; }, !kRows);
   array("terminated", "uint8", [](Results& r) -> auto& { return r.terminated; }, !kRows);
   array("truncated", "uint8", [](Results& r) -> auto& { return r.truncated; }, !kRows);
-  array("success", "uint8", [](Results& r) -> auto& { return r.success; }, !kRows);
+  array("success", "uint8", [](Results& r) -> auto& { return r.seen.success; }, !kRows);
+  array("final_success", "uint8", [](Results& r) -> auto& { return r.final.success; }, !kRows);
   array("fault", "int32", [](Results& r) -> auto& { return r.fault; }, !kRows);
 }
 

@@ -178,6 +178,11 @@ first whole step.)")
           nb::sig("def session_info(self) -> trifinger.session_info.SessionInfo"),
           R"(What anybody may know about the session: name, type, period, who takes part.)")
       .def(
+          "documents",
+          [](const PythonFrontend& frontend) { return to_python(frontend.documents()); },
+          nb::sig("def documents(self) -> dict[str, str]"),
+          R"(Texts that belong to the session, by name: "configuration.yml", "model.xml".)")
+      .def(
           "close", &PythonFrontend::close,
           R"(Lets go of the session. If actions were appended and it still runs, it ends ("detached").)")
       .def_prop_ro("action_dtype", dtype(Series::kDesiredAction),

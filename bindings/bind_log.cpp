@@ -18,6 +18,7 @@
 #include "gil.hpp"
 #include "log.hpp"
 #include "series.hpp"
+#include "session_info.hpp"
 #include "timeout.hpp"
 
 namespace nb = nanobind;
@@ -125,11 +126,7 @@ Any number of threads may read.)")
       .def_prop_ro(
           "documents",
           [](const PythonLoggedSession& session) {
-            nb::dict documents;
-            for (const Document& document : session.session().header().documents) {
-              documents[to_text(document.name)] = to_text(document.text);
-            }
-            return documents;
+            return to_python(session.session().header().documents);
           },
           nb::sig("def documents(self) -> dict[str, str]"),
           R"(Texts that belong to the session, by name: "configuration.yml", "model.xml".)")

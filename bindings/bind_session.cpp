@@ -9,6 +9,7 @@
 
 #include "bindings.hpp"
 #include "errors.hpp"
+#include "log.hpp"
 #include "session_info.hpp"
 #include "timeout.hpp"
 #include "trifinger/core/session.hpp"
@@ -43,6 +44,14 @@ nb::object to_python(const SessionInfo& info) {
           "since_heartbeat"_a = to_seconds(info.since_heartbeat),
           "phase"_a = to_str(name_of(info.phase)), "steps"_a = info.steps,
           "fault"_a = to_python(std::optional(info.fault)), "fault_text"_a = info.fault_text);
+}
+
+nb::object to_python(const std::vector<Document>& documents) {
+  nb::dict texts;
+  for (const Document& document : documents) {
+    texts[to_text(document.name)] = to_text(document.text);
+  }
+  return texts;
 }
 
 void bind_session(nb::module_& m) {

@@ -268,6 +268,9 @@ std::unique_ptr<PythonFrontend> PythonFrontend::companion(const std::string& nam
 }
 
 SessionInfo PythonFrontend::session_info() const { return open()->frontend.session().info(); }
+std::vector<Document> PythonFrontend::documents() const {
+  return open()->frontend.session().documents();
+}
 
 void PythonFrontend::close() {
   if (handle_ == nullptr) return;

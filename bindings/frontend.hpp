@@ -10,6 +10,7 @@
 #include <string>
 #include <thread>
 #include <utility>
+#include <vector>
 
 #include "element_type.hpp"
 #include "trifinger/core/frontend.hpp"
@@ -54,6 +55,7 @@ class PythonFrontend {
   [[nodiscard]] std::unique_ptr<PythonFrontend> companion(const std::string& name) const;
 
   [[nodiscard]] SessionInfo session_info() const;
+  [[nodiscard]] std::vector<Document> documents() const;
   [[nodiscard]] nanobind::object dtype(Series series) const { return type_of(series).dtype(); }
 
   /// Lets go of the session, and tells threads that wait with this object.

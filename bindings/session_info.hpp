@@ -3,11 +3,15 @@
 
 #include <nanobind/nanobind.h>
 
+#include <vector>
+
 #include "trifinger/core/session.hpp"
 
 namespace trifinger::python {
 
 /// As trifinger.SessionInfo.
 [[nodiscard]] nanobind::object to_python(const SessionInfo& info);
+/// Texts by name.
+[[nodiscard]] nanobind::object to_python(const std::vector<Document>& documents);
 
 }  // namespace trifinger::python

@@ -256,6 +256,11 @@ class Frontend:
         What anybody may know about the session: name, type, period, who takes part.
         """
 
+    def documents(self) -> dict[str, str]:
+        """
+        Texts that belong to the session, by name: "configuration.yml", "model.xml".
+        """
+
     def close(self) -> None:
         """
         Lets go of the session. If actions were appended and it still runs, it ends ("detached").
@@ -1457,6 +1462,9 @@ class Episodes:
         Joints [rad], object's position [m] and quaternion, variation, series of random numbers.
         """
 
+    def check_robot(self, configuration: str) -> None:
+        """Refuses another robot than that of `config`, by its configuration."""
+
     def way(self, from_position: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
         """
         Joint positions that bring a robot to where the episode begins: a row for each action [rad].
@@ -1517,8 +1525,8 @@ class EnvironmentBatch:
     @property
     def num_threads(self) -> int: ...
 
-    def seed(self, index: int, seed: int) -> None:
-        """The next reset of this simulation begins episode 0 of `seed`."""
+    def seed(self, index: int, seed: int, episode: int = ...) -> None:
+        """The next reset of this simulation begins this episode of `seed`."""
 
     def reset(self, which: numpy.typing.NDArray[numpy.bool_] | None = None) -> None:
         """Begins an episode in all, or in those that are marked."""
@@ -1573,6 +1581,12 @@ class EnvironmentBatch:
     def finger_rewards(self) -> numpy.typing.NDArray[numpy.float64]: ...
 
     @property
+    def final_distance(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
+    @property
+    def final_finger_rewards(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
+    @property
     def reward(self) -> numpy.typing.NDArray[numpy.float64]: ...
 
     @property
@@ -1583,6 +1597,9 @@ class EnvironmentBatch:
 
     @property
     def success(self) -> numpy.typing.NDArray[numpy.uint8]: ...
+
+    @property
+    def final_success(self) -> numpy.typing.NDArray[numpy.uint8]: ...
 
     @property
     def fault(self) -> numpy.typing.NDArray[numpy.int32]: ...

@@ -14,6 +14,7 @@ for bit. docs/environments.md has the tasks, spaces and options.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json
 import os
@@ -58,6 +59,7 @@ FloatRange = tuple[float, float]
 
 TASKS: tuple[str, ...] = tuple(_trifinger.task_names())
 
+OBJECT = "object"  # the companion that says where objects are
 _MAPPINGS: dict[str, Callable[..., mappings.DecisionProcess[Any]]] = {
     "approximation": mappings.Approximation,
     "state_augmentation": mappings.StateAugmentation,
@@ -190,6 +192,17 @@ def _compute_reward(core: Any, achieved: npt.ArrayLike, desired: npt.ArrayLike) 
     return float(rewards[0]) if np.ndim(achieved) == 1 else rewards
 
 
+def _seed_of(environment: Any) -> int:
+    # Gymnasium's are longer than ours.
+    return int(environment.np_random_seed % 2**32)
+
+
+# Of the driver, or else -1.
+def _code_of(stopped: RobotStopped) -> int:
+    fault = stopped.fault
+    return fault.detail if fault is not None and fault.code == "driver" else -1
+
+
 def _observed(state: Any) -> Element:
     observed: Element = state.observation if isinstance(state, mappings.AugmentedState) else state
     return observed
@@ -200,7 +213,8 @@ class Environment(gymnasium.Env[Any, Array]):
 
     `connect` returns a front-end in a new session: `lambda: trifinger.connect("trifinger-edu")`. A
     robot that cannot be put anywhere is moved to where an episode begins, at the begin of its
-    session; objects stay where they are. `config` and `config_overrides` must say what it is.
+    session; objects stay where they are. `config` and `config_overrides` must say what it is. Noise
+    of `options` is for simulations of its own: what is measured elsewhere has the noise it has.
     """
 
     metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 50}  # noqa: RUF012
@@ -226,7 +240,10 @@ class Environment(gymnasium.Env[Any, Array]):
             )
         self.render_mode = render_mode
         overrides = _overrides(task, self.options, config_overrides)
-        self._core = _trifinger.Episodes(task, self.options.to_json(), config, overrides)
+        observed = self.options
+        if connect is not None:
+            observed = dataclasses.replace(observed, position_noise=0.0, velocity_noise=0.0)
+        self._core = _trifinger.Episodes(task, observed.to_json(), config, overrides)
         self._views = _Views(self._core, self.options)
         self._object = self._core.object_name
         self._scene = (config, overrides)
@@ -239,12 +256,12 @@ class Environment(gymnasium.Env[Any, Array]):
         )
         self.observation_space = _observation_space(self._core, self.options)
         self.action_space = spaces.Box(-1.0, 1.0, (self._core.num_joints,), np.float32)
-        self._seed = 0
+        self._seed: int | None = None
         self._episode = 0
         self._is_running = False
         self._drawing: Any = None
         metadata = dict(type(self).metadata)
-        metadata["render_fps"] = round(1000 / self.options.steps_per_action)
+        metadata["render_fps"] = round(self.episode_actions / self.options.duration)
         self.metadata = metadata
 
     def __repr__(self) -> str:
@@ -260,19 +277,29 @@ class Environment(gymnasium.Env[Any, Array]):
         """The mapping, with the front-end of the session: `process.robot`."""
         return self._process
 
+    @property
+    def episode_actions(self) -> int:
+        """How many actions an episode has that is not terminated."""
+        return self._core.episode_actions
+
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, Info]:
         """Begins episode 0 of `seed`, or the next episode of the last one.
 
-        `options` may say {"episode": n} to begin that one. Raises what `connect` raises:
-        ControlHeld if somebody else controls the robot, RobotStopped until a fault was recovered.
+        Without any seed one is drawn: `np_random_seed`. `options` may say {"episode": n} to begin
+        that one. Raises what `connect` raises: ControlHeld if somebody else controls the robot,
+        RobotStopped until a fault was recovered. A fault of a simulation of its own is recovered
+        here.
         """
         super().reset(seed=seed)
         if seed is not None:
             self._seed, self._episode = seed, 0
+        elif self._seed is None:
+            self._seed = _seed_of(self)
         if options and "episode" in options:
             self._episode = int(options["episode"])
+        self._is_running = False
         position, object_position, orientation, variation, stream = self._core.begin(
             self._seed, self._episode
         )
@@ -283,19 +310,34 @@ class Environment(gymnasium.Env[Any, Array]):
             simulation.reset(position, self._seed, stream)
             if self._object:
                 simulation.place_object(self._object, object_position, orientation)
-        state = self._process.reset()
-        if simulation is None:
-            state = self._move_there(state)
-        self._look(state)
+        try:
+            state = self._begin_session()
+            if simulation is None:
+                state = self._move_there(state)
+            *_, success = self._look(state)
+        except BaseException:
+            # A robot that has begun to move must not be left to itself.
+            self._process.close()
+            raise
         self._is_running = True
         if self.render_mode == "human":
             self.render()
-        return self._observation(), self._info()
+        return self._observation(), self._info(is_success=success)
+
+    def _begin_session(self) -> Any:
+        try:
+            return self._process.reset()
+        except RobotStopped:
+            if self._simulation is None:
+                raise
+            self._process.robot.recover()
+            return self._process.reset()
 
     def step(self, action: Array) -> tuple[Observation, float, bool, bool, Info]:
         """Lets `action` act; numbers beyond -1 and 1 are cut off.
 
-        A fault of the robot terminates the episode: info["fault"] says which. Raises
+        A fault of the robot terminates the episode, with the reward of what was seen last:
+        info["fault"] is its number, info["fault_text"] says what it is. Raises
         gymnasium.error.ResetNeeded behind the end, InvalidArgument for another shape or NaN.
         """
         if not self._is_running:
@@ -314,11 +356,13 @@ class Environment(gymnasium.Env[Any, Array]):
             reward, terminated, truncated, success = self._look(state)
         except RobotStopped as stopped:
             self._is_running = False
-            info = self._info(is_success=False, fault=str(stopped))
+            info = self._info(is_success=False, fault=_code_of(stopped), fault_text=str(stopped))
             return self._observation(), self._last_reward, True, False, info
         if terminated or truncated:
             self._is_running = False
-            self._process.finish()
+            # What is still to act may end in a fault; the episode was over before.
+            with contextlib.suppress(RobotStopped):
+                self._process.finish()
         if self.render_mode == "human":
             self.render()
         return self._observation(), reward, terminated, truncated, self._info(is_success=success)
@@ -352,7 +396,7 @@ class Environment(gymnasium.Env[Any, Array]):
         observation = _observed(state)
         pose = None
         if self._object:
-            seen = self._process.robot.companion("object").get_latest_at(self._process.time_index)
+            seen = self._process.robot.companion(OBJECT).get_latest_at(self._process.time_index)
             if seen is None:
                 raise InvalidArgument(f"nobody has said where the {self._object} is")
             part = seen[self._object]
@@ -370,6 +414,7 @@ class Environment(gymnasium.Env[Any, Array]):
             "is_success": False,
             "achieved_goal": core.achieved.copy(),
             "desired_goal": core.desired.copy(),
+            "fault": 0,
         }
         if self._object:
             info["distance"] = float(core.distance[0])
@@ -381,6 +426,11 @@ class Environment(gymnasium.Env[Any, Array]):
 
     # A connected robot goes to where the episode begins.
     def _move_there(self, state: Any) -> Any:
+        configuration = self._process.robot.documents().get("configuration.yml")
+        if configuration is not None:
+            self._core.check_robot(configuration)
+        if self._object:
+            self._process.robot.companion(OBJECT)  # raises if there is none
         for point in self._core.way(_observed(state).position):
             state = self._process.step(self._process.robot.new_action(position=point))
         return state
@@ -391,12 +441,11 @@ class Environment(gymnasium.Env[Any, Array]):
 
     def _configuration(self) -> Array:
         if self._simulation is not None:
-            count = 7 * bool(self._object) + self._core.num_joints
-            return np.asarray(self._simulation.configuration()[:count])
+            return np.asarray(self._simulation.configuration())
         robot = self._process.robot
         parts = [np.asarray(robot.latest_observation().position)]
         if self._object:
-            pose = robot.companion("object").latest_observation()[self._object]
+            pose = robot.companion(OBJECT).latest_observation()[self._object]
             parts += [pose["position"], pose["orientation"]]
         return np.concatenate(parts)
 
@@ -445,7 +494,7 @@ class _Window:
 
     def draw(self, configuration: Array, marks: Array) -> None:
         with self._viewer.lock():
-            self._data.qpos[:] = configuration
+            self._data.qpos[:] = configuration[: self._model.nq]
             self._mujoco.mj_forward(self._model, self._data)
             draw_marks(self._viewer.user_scn, marks)
         self._viewer.sync()
@@ -501,6 +550,11 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Array, Any]):
         return f"VectorEnvironment('{self.task}', {self.num_envs}, {self.options})"
 
     @property
+    def episode_actions(self) -> int:
+        """How many actions an episode has that is not terminated."""
+        return self._core.episode_actions
+
+    @property
     def num_threads(self) -> int:
         """How many threads step, the caller's among them."""
         return self._core.num_threads
@@ -513,18 +567,27 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Array, Any]):
     ) -> tuple[Observation, Info]:
         """Begins an episode in all, or in those of options["reset_mask"].
 
-        Simulation i has the seed `seed` + i, or that of a list.
+        Simulation i has the seed `seed` + i, or that of a list; without any, seeds are drawn:
+        `np_random_seed`. With a seed, options["episode"] may say which episode of it, or a list.
         """
+        options = options or {}
+        if seed is None and not self._has_begun:
+            seed = _seed_of(self)
+        elif isinstance(seed, int):
+            super().reset(seed=seed)
         if seed is not None:
             seeds = range(seed, seed + self.num_envs) if isinstance(seed, int) else seed
             if len(seeds) != self.num_envs:
                 raise InvalidArgument(
                     f"there are {len(seeds)} seeds for {self.num_envs} simulations"
                 )
+            episodes = np.broadcast_to(options.get("episode", 0), self.num_envs)
             for index, one in enumerate(seeds):
                 if one is not None:
-                    self._core.seed(index, one)
-        mask = (options or {}).get("reset_mask")
+                    self._core.seed(index, one, int(episodes[index]))
+        elif "episode" in options:
+            raise InvalidArgument("an episode is one of a seed, which is missing")
+        mask = options.get("reset_mask")
         if mask is not None and not self._has_begun:
             raise InvalidArgument("the first reset must be one of all simulations")
         self._core.reset(mask)
@@ -536,8 +599,8 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Array, Any]):
     def step(self, actions: Array) -> tuple[Observation, Array, Array, Array, Info]:
         """Lets an action act in each simulation: num_envs rows of numbers from -1 to 1.
 
-        `info` tells of the step. With AutoresetMode.SAME_STEP the episodes that have ended leave
-        their last observation in info["final_obs"] and their info in info["final_info"].
+        With AutoresetMode.SAME_STEP the episodes that have ended leave their last observation in
+        info["final_obs"] and their info in info["final_info"]; `info` tells of the next ones.
         """
         if not self._has_begun:
             raise gymnasium.error.ResetNeeded("no episode has begun: call reset() first")
@@ -560,7 +623,8 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Array, Any]):
                     if isinstance(final, dict)
                     else final[index].copy()
                 )
-            info["final_info"] = self._info(ended, core.final_achieved, core.final_desired)
+            info["final_info"] = self._info(ended, "final_")
+            info["fault"] = np.where(ended, 0, info["fault"])
             info["final_obs"] = last
             info["_final_obs"] = info["_final_info"] = ended
         return self._observation(), core.reward.copy(), terminated, truncated, info
@@ -575,22 +639,21 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Array, Any]):
         seen = self._views(self._core.observation, self._core.achieved, self._core.desired)
         return _copied(seen) if self._copy else seen
 
-    def _info(
-        self, mask: Array, achieved: Array | None = None, desired: Array | None = None
-    ) -> Info:
+    def _info(self, mask: Array, part: Literal["", "final_"] = "") -> Info:
         core = self._core
         info: Info = {
-            "is_success": core.success.astype(bool),
-            "achieved_goal": (core.achieved if achieved is None else achieved).copy(),
-            "desired_goal": (core.desired if desired is None else desired).copy(),
+            "is_success": getattr(core, f"{part}success").astype(bool),
+            "achieved_goal": getattr(core, f"{part}achieved").copy(),
+            "desired_goal": getattr(core, f"{part}desired").copy(),
             "fault": core.fault.copy(),
         }
+        distance = getattr(core, f"{part}distance")
         if self._has_object:
-            info["distance"] = core.distance[:, 0].copy()
+            info["distance"] = distance[:, 0].copy()
         else:
             fingers = core.num_joints // 3
-            info["distance"] = core.distance[:, :fingers].copy()
-            info["finger_rewards"] = core.finger_rewards[:, :fingers].copy()
+            info["distance"] = distance[:, :fingers].copy()
+            info["finger_rewards"] = getattr(core, f"{part}finger_rewards")[:, :fingers].copy()
         return info | {f"_{name}": mask.copy() for name in info}
 
 
@@ -603,26 +666,24 @@ def _gymnasium_id(task: str) -> str:
     return f"TriFinger/{''.join(word.capitalize() for word in task.split('_'))}-v0"
 
 
-def _make(task: str, render_mode: Any = None, **arguments: Any) -> Environment:
-    # What is no argument of Environment is an option: gymnasium.make(id, steps_per_action=10).
-    own = {"options", "connect", "config", "config_overrides"}
+# What is no argument of a class is an option: gymnasium.make(id, steps_per_action=10).
+def _with_options(task: str, arguments: dict[str, Any], own: set[str]) -> dict[str, Any]:
     chosen = {name: arguments.pop(name) for name in own & arguments.keys()}
-    if arguments:
-        options = chosen.get("options")
-        chosen["options"] = (
-            dataclasses.replace(options, **arguments) if options else Options.of(task, **arguments)
-        )
     options = chosen.get("options") or Options.of(task)
-    kind = GoalEnvironment if options.observation == "goal" else Environment
+    chosen["options"] = dataclasses.replace(options, **arguments)
+    return chosen
+
+
+def _make(task: str, render_mode: Any = None, **arguments: Any) -> Environment:
+    own = {"options", "connect", "config", "config_overrides"}
+    chosen = _with_options(task, arguments, own)
+    kind = GoalEnvironment if chosen["options"].observation == "goal" else Environment
     return kind(task, render_mode=render_mode, **chosen)
 
 
 def _make_vector(task: str, num_envs: int, **arguments: Any) -> VectorEnvironment:
     own = {"options", "num_threads", "autoreset_mode", "copy", "config", "config_overrides"}
-    chosen = {name: arguments.pop(name) for name in own & arguments.keys()}
-    if arguments:
-        chosen["options"] = Options.of(task, **arguments)
-    return VectorEnvironment(task, num_envs, **chosen)
+    return VectorEnvironment(task, num_envs, **_with_options(task, arguments, own))
 
 
 def register() -> None:

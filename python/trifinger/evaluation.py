@@ -81,13 +81,21 @@ class Summary:
 class Evaluator:
     """Fixed episodes: episode 0 of as many seeds, the same for every policy."""
 
-    def __init__(self, task: str, options: Options, episodes: int = 50, seed: int = SEED) -> None:
+    def __init__(
+        self,
+        task: str,
+        options: Options,
+        episodes: int = 50,
+        seed: int = SEED,
+        config: str = "trifinger_edu",
+    ) -> None:
         self._environment = VectorEnvironment(
             task,
             episodes,
             options=options,
             num_threads=1,
             autoreset_mode=AutoresetMode.SAME_STEP,
+            config=config,
         )
         self._seed = seed
 
@@ -115,6 +123,11 @@ class Evaluator:
             has_ended |= ended
         return Evaluation(distances, successes, np.stack(ways, axis=1))
 
+    @property
+    def episode_actions(self) -> int:
+        """How many actions an episode has that is not terminated."""
+        return self._environment.episode_actions
+
     def rows_of(self, policy: Policy) -> int:
         """How often a policy is asked for an action: 1, or of each finger if they share it.
 
@@ -137,13 +150,14 @@ def act_of(policy: Policy) -> Act:
 
 
 def evaluate(policy: Policy, task: str, episodes: int = 50, seed: int = SEED) -> Evaluation:
-    """Lets a policy act with the options that its file names; by default, those of the task.
+    """Lets a policy act with options and robot of its file; by default, those of the task.
 
     Raises InvalidArgument if it is no policy for that task.
     """
     text = policy.metadata.get("options")
     options = Options.from_json(text) if text else Options.of(task)
-    evaluator = Evaluator(task, options, episodes, seed)
+    config = policy.metadata.get("robot", "trifinger_edu")
+    evaluator = Evaluator(task, options, episodes, seed, config)
     return evaluator(act_of(policy), evaluator.rows_of(policy))
 
 
@@ -168,24 +182,33 @@ def save_policy_film(act: Act, task: str, options: Options, path: Path, rows: in
 
 
 def save_curve(curves: Mapping[str, Sequence[tuple[int, Summary]]], path: Path) -> None:
-    """Learning curves: medians of final distances and their quartiles over episodes."""
+    """Learning curves over episodes: medians of final distances with their quartiles, successes."""
     from matplotlib.figure import Figure
+    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-    figure = Figure(figsize=(7.0, 4.0), layout="constrained")
-    axes = figure.add_subplot()
+    figure = Figure(figsize=(10.0, 3.6), layout="constrained")
+    distance, success = figure.subplots(1, 2)
     for name, curve in curves.items():
         episodes = [episode for episode, _ in curve]
         numbers = 100 * np.array(
-            [(one.lower_quartile, one.median, one.upper_quartile) for _, one in curve]
+            [(one.lower_quartile, one.median, one.upper_quartile, one.success) for _, one in curve]
         )
-        (line,) = axes.plot(episodes, numbers[:, 1], label=name)
-        axes.fill_between(
-            episodes, numbers[:, 0], numbers[:, 2], alpha=0.15, color=line.get_color(), linewidth=0
+        (line,) = distance.plot(episodes, numbers[:, 1], label=name)
+        colour = line.get_color()
+        distance.fill_between(
+            episodes, numbers[:, 0], numbers[:, 2], alpha=0.15, color=colour, linewidth=0
         )
-    axes.axhline(2.0, color="#888888", linestyle="--", linewidth=0.8)
-    axes.set(yscale="log", xlabel="episodes", ylabel="final distance [cm]: median, quartiles")
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(frameon=False)
+        success.plot(episodes, numbers[:, 3], color=colour)
+    distance.axhline(2.0, color="#888888", linestyle="--", linewidth=0.8)
+    distance.set(yscale="log", ylabel="final distance [cm]: median, quartiles")
+    distance.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    distance.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    distance.yaxis.set_minor_formatter(NullFormatter())
+    distance.legend(frameon=False)
+    success.set(ylim=(0, 102), ylabel="episodes that end with success [%]")
+    for axes in (distance, success):
+        axes.set_xlabel("episodes")
+        axes.spines[["top", "right"]].set_visible(False)
     figure.savefig(path, dpi=110)
 
 

@@ -10,10 +10,16 @@ import argparse
 import importlib
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import closing
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from trifinger._trifinger import Policy, task_names
 from trifinger.errors import Error, InvalidArgument
+
+if TYPE_CHECKING:
+    from tqdm import tqdm
 
 ALGORITHMS = ("ddpg", "td3", "sac", "ppo")
 
@@ -45,11 +51,13 @@ def train(words: Sequence[str] | None = None) -> int:
         parser.error("either a task or --resume is needed")
 
     def run() -> None:
-        require("gymnasium", "stable_baselines3", "torch", "tensorboard")
+        require("gymnasium", "stable_baselines3", "torch", "tensorboard", "tqdm")
+        from tqdm import tqdm
+
         from trifinger.training import Plan, Training, parse_setting
 
         if arguments.resume:
-            training = Training.resume(arguments.resume, say)
+            folder, plan = arguments.resume, Plan.of_folder(arguments.resume)
         else:
             plan = Plan.of(
                 arguments.task,
@@ -64,11 +72,19 @@ def train(words: Sequence[str] | None = None) -> int:
                 raise InvalidArgument(
                     f"{folder} is not empty; --resume {folder} goes on with a training in it"
                 )
-            training = Training(plan, folder, say)
-        say(training.plan.to_json())
-        print(training.run())
+        # A bar on a terminal; lines stay above it.
+        bar = tqdm(total=plan.episodes, unit=" episodes", disable=None, dynamic_ncols=True)
+        say = partial(tqdm.write, file=sys.stderr)
+        say(plan.to_json())
+        with bar, closing(Training(plan, folder, say, lambda ended: show(bar, ended))) as training:
+            summary = training.run()
+            show(bar, plan.episodes)
+            try:
+                training.save_figures()
+            except (Error, ImportError) as error:
+                say(f"no figures or film: {error}")
+        print(summary)
         print(f"{training.policy_path} written.")
-        training.close()
 
     return _guarded(run)
 
@@ -111,9 +127,11 @@ def require(*packages: str) -> None:
             raise Error(f'{package} is missing: pip install "trifinger[learning]"') from error
 
 
-def say(text: str) -> None:
-    """Prints a line of progress at once."""
-    print(text, file=sys.stderr, flush=True)
+def show(bar: tqdm[Any], episodes: int) -> None:
+    """How many episodes have ended. Those before a training went on count for no rate."""
+    if bar.n == 0:
+        bar.initial = episodes
+    bar.update(episodes - bar.n)
 
 
 def _guarded(run: Callable[[], None]) -> int:

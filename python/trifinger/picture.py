@@ -61,12 +61,14 @@ class Painter:
         self._camera.elevation = view.elevation
 
     def draw(self, configuration: ArrayLike, marks: ArrayLike = ()) -> Array:
-        """The scene at joints and objects as in MuJoCo's qpos: height x width x 3.
+        """The scene at joints and objects as MuJoCo's qpos begins: height x width x 3.
 
         `marks` are centres of balls to draw on top, as goals are: a row x, y, z for each [m].
         """
+        import numpy as np
+
         mujoco = self._mujoco
-        self._data.qpos[:] = configuration
+        self._data.qpos[:] = np.asarray(configuration)[: self._model.nq]
         mujoco.mj_normalizeQuat(self._model, self._data.qpos)
         mujoco.mj_forward(self._model, self._data)
         self._renderer.update_scene(self._data, self._camera)

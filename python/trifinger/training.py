@@ -14,6 +14,7 @@ import csv
 import dataclasses
 import io
 import json
+import math
 import os
 import pickle
 import random
@@ -26,11 +27,17 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 # First, because it says what to install.
-from trifinger.stable_baselines import FallingNoise, FingerReplayBuffer, Rows, Vector
+from trifinger.stable_baselines import (
+    FallingNoise,
+    FingerReplayBuffer,
+    QuickDDPG,
+    Rows,
+    Vector,
+)
 
 # isort: split
 import torch
-from stable_baselines3 import DDPG, PPO, SAC, TD3
+from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
@@ -39,7 +46,7 @@ from torch.utils.tensorboard import SummaryWriter
 
 from trifinger import policy_file
 from trifinger.environments import Environment, Options, VectorEnvironment, policy_metadata
-from trifinger.errors import Error, InvalidArgument
+from trifinger.errors import InvalidArgument
 from trifinger.evaluation import (
     SHOWN_EPISODES,
     Array,
@@ -52,7 +59,7 @@ from trifinger.evaluation import (
 )
 
 Algorithm = Literal["ddpg", "td3", "sac", "ppo"]
-MODELS: dict[str, type[BaseAlgorithm]] = {"ddpg": DDPG, "td3": TD3, "sac": SAC, "ppo": PPO}
+MODELS: dict[str, type[BaseAlgorithm]] = {"ddpg": QuickDDPG, "td3": TD3, "sac": SAC, "ppo": PPO}
 
 CHECKPOINT = "checkpoint"
 PLAN = "plan.json"
@@ -84,12 +91,18 @@ class Recipe:
     relabelled: float = 0.0
     """Above zero: batches are put together finger by finger, with this share of the goals replaced
     by positions that were reached. Only for reaches."""
+    approach: float = 0.0
+    """Reward of tips that come nearer to the object, beside the scaled one of the task [1/m]."""
     random_actions: int = 100
     """Of each robot, before it learns; not of PPO."""
     buffer_size: int = 1_000_000
     """The most transitions that are remembered."""
     rollout: int = 100
     """Actions of each robot between updates of PPO."""
+    epochs: int = 10
+    """How often PPO goes through them."""
+    initial_noise: float = 1.0
+    """Of actions of PPO at the beginning, as a standard deviation; it learns the rest."""
 
     @classmethod
     def of(cls, task: str, algorithm: Algorithm, *, is_shared: bool = False) -> Self:
@@ -99,9 +112,12 @@ class Recipe:
         common: dict[str, Any] = {"algorithm": algorithm, "is_shared": is_shared}
         if algorithm == "ppo":
             common |= {"learning_rate": 3e-4, "final_learning_rate": 3e-5}
-            return cls(**common, num_envs=16, batch_size=160)
+            if task in ("reach", "finger_reach"):
+                return cls(**common, num_envs=16, batch_size=160)
+            common |= {"gamma": 0.99, "reward_scale": 2.0, "approach": 5.0, "initial_noise": 0.4}
+            return cls(**common, num_envs=64, rollout=128, batch_size=1024, epochs=5)
         if task in ("reach", "finger_reach") and is_shared:
-            return cls(**common, batch_size=96, final_learning_rate=2e-5, relabelled=0.2)
+            return cls(**common, batch_size=80, final_learning_rate=2e-5, relabelled=0.2)
         if task in ("reach", "finger_reach"):
             return cls(**common, batch_size=64, relabelled=0.8)
         return cls(**common, num_envs=8, gamma=0.98, batch_size=256, learning_rate=3e-4)
@@ -145,7 +161,13 @@ class Plan:
         options = Options.of(task)
         for name, value in settings.items():
             _check_type(name, value, getattr(options, name, value))
+        # A hundred evaluations at most, so that they take little of the time.
+        episodes = more.get("episodes", 700)
+        more.setdefault("evaluation_interval", max(50, episodes // 100))
+        more.setdefault("checkpoint_interval", max(25, episodes // 100))
         plan = cls(task=task, recipe=recipe, options=Options.of(task, **settings), **more)
+        if recipe.approach > 0 and task in ("reach", "finger_reach"):
+            raise InvalidArgument("approach is for tasks with an object")
         if plan.episodes < 1:
             raise InvalidArgument(f"episodes is {plan.episodes}, must be at least 1")
         return plan
@@ -153,6 +175,13 @@ class Plan:
     def to_json(self) -> str:
         """As the folder of a run has it."""
         return json.dumps(dataclasses.asdict(self), indent=2)
+
+    @classmethod
+    def of_folder(cls, folder: Path) -> Self:
+        """The plan of the training in a folder."""
+        if not (folder / PLAN).is_file():
+            raise InvalidArgument(f"there is no training in {folder}")
+        return cls.from_json((folder / PLAN).read_text())
 
     @classmethod
     def from_json(cls, text: str) -> Self:
@@ -185,26 +214,32 @@ class Training:
     """A training with its folder. In a folder that has its plan already, it goes on from there."""
 
     def __init__(
-        self, plan: Plan, folder: Path, say: Callable[[str], None] = lambda _: None
+        self,
+        plan: Plan,
+        folder: Path,
+        say: Callable[[str], None] = lambda _: None,
+        show_progress: Callable[[int], None] = lambda _: None,
     ) -> None:
-        self.plan, self.folder, self._say = plan, folder, say
+        """`say` is given lines for people; `show_progress` how many episodes have ended, often."""
+        self.plan, self.folder, self._say, self._show_progress = plan, folder, say, show_progress
         if (folder / PLAN).exists() and Plan.from_json((folder / PLAN).read_text()) != plan:
             raise InvalidArgument(f"{folder} has a training by another plan")
         self.curve: list[tuple[int, Summary]] = []
         self._ways: dict[str, Array] = {}
         self._next_checkpoint = 0
-        # More are no faster for networks of this size. OMP_NUM_THREADS=1 where trainings share a machine.
-        torch.set_num_threads(min(2, torch.get_num_threads()))
         recipe = plan.recipe
+        # Deterministic, and for the batches of a single robot as fast as more.
+        torch.set_num_threads(_threads(recipe))
         self._rows = Rows(
             _environments(plan),
             is_per_finger=plan.options.per_finger,
             is_shared=recipe.is_shared,
             reward_scale=recipe.reward_scale,
+            approach=recipe.approach,
+            gamma=recipe.gamma,
         )
-        actions = round(plan.options.duration * 1000 / plan.options.steps_per_action)
-        self._total = plan.episodes * actions * self._rows.rows
         self._evaluator = Evaluator(plan.task, plan.options)
+        self._total = plan.episodes * self._evaluator.episode_actions * self._rows.rows
         self._model = _model(plan, self._rows, self._total)
         folder.mkdir(parents=True, exist_ok=True)
         _replace(folder / PLAN, plan.to_json().encode())
@@ -213,14 +248,12 @@ class Training:
         self._model.set_logger(Logger(str(folder), [board]))
 
     @classmethod
-    def resume(cls, folder: Path, say: Callable[[str], None] = lambda _: None) -> Self:
+    def resume(cls, folder: Path, *callbacks: Callable[[Any], None]) -> Self:
         """The training of a folder, after its newest checkpoint."""
-        if not (folder / PLAN).is_file():
-            raise InvalidArgument(f"there is no training in {folder}")
-        return cls(Plan.from_json((folder / PLAN).read_text()), folder, say)
+        return cls(Plan.of_folder(folder), folder, *callbacks)
 
     def run(self) -> Summary:
-        """Trains to the end, writes what the folder holds, and returns how good the policy is.
+        """Trains to the end, writes policy and curve, and returns how good the policy is.
 
         Raises KeyboardInterrupt for Ctrl-C; resume() goes on after the newest checkpoint.
         """
@@ -235,8 +268,19 @@ class Training:
             )
             self._evaluate("end")
             self._save()
-        self._write_results()
+        _replace(self.folder / CURVE, _curve_file(self.curve))
+        metadata = policy_metadata(self.plan.task, self.plan.options)
+        policy_file.export(self._model, self.policy_path, metadata=metadata)
         return self.curve[-1][1]
+
+    def save_figures(self) -> None:
+        """Draws the learning curve, the ways of tips, and a film of the policy into the folder."""
+        task = self.plan.task
+        save_curve({task: self.curve}, self.folder / "curve.png")
+        if task in ("reach", "finger_reach"):
+            save_ways(self._ways, self.folder / "tips.png")
+        film = self.folder / "film.mp4"
+        save_policy_film(self.act, task, self.plan.options, film, self._rows.rows)
 
     @property
     def policy_path(self) -> Path:
@@ -260,9 +304,12 @@ class Training:
     # Where nothing is under way: transitions are stored, gradient steps are done.
     def _look(self) -> None:
         episodes = self.episodes
+        self._show_progress(episodes)
         interval = self.plan.evaluation_interval
         if not self.curve or episodes // interval > self.curve[-1][0] // interval:
-            name = {0: "begin", FIGURE_AFTER: f"after {FIGURE_AFTER} episodes"}.get(episodes)
+            name = "begin" if not self.curve else None
+            if len(self._ways) == 1 and episodes >= FIGURE_AFTER:
+                name = f"after {episodes} episodes"
             self._evaluate(name)
         if episodes >= self._next_checkpoint:
             self._next_checkpoint = episodes + self.plan.checkpoint_interval
@@ -330,20 +377,6 @@ class Training:
         torch.set_rng_state(pytorch)
         model.action_space._np_random = state["random_actions"]
 
-    def _write_results(self) -> None:
-        plan = self.plan
-        _replace(self.folder / CURVE, _curve_file(self.curve))
-        metadata = policy_metadata(plan.task, plan.options)
-        policy_file.export(self._model, self.policy_path, metadata=metadata)
-        try:
-            save_curve({plan.task: self.curve}, self.folder / "curve.png")
-            if plan.task in ("reach", "finger_reach"):
-                save_ways(self._ways, self.folder / "tips.png")
-            film = self.folder / "film.mp4"
-            save_policy_film(self.act, plan.task, plan.options, film, self._rows.rows)
-        except (Error, ImportError) as error:
-            self._say(f"no figures or film: {error}")
-
 
 class _BetweenRollouts(BaseCallback):
     def __init__(self, look: Callable[[], None]) -> None:
@@ -371,8 +404,16 @@ def _environments(plan: Plan) -> Vector:
             [lambda: Environment(plan.task, options=plan.options)], autoreset_mode=mode
         )
     return VectorEnvironment(
-        plan.task, plan.recipe.num_envs, options=plan.options, num_threads=1, autoreset_mode=mode
+        plan.task,
+        plan.recipe.num_envs,
+        options=plan.options,
+        num_threads=_threads(plan.recipe),
+        autoreset_mode=mode,
     )
+
+
+def _threads(recipe: Recipe) -> int:
+    return 1 if recipe.num_envs == 1 else min(2, len(os.sched_getaffinity(0)))
 
 
 def _model(plan: Plan, rows: Rows, total: int) -> BaseAlgorithm:
@@ -383,15 +424,24 @@ def _model(plan: Plan, rows: Rows, total: int) -> BaseAlgorithm:
         "batch_size": recipe.batch_size,
         "seed": plan.seed,
         "device": "cpu",
-        "policy_kwargs": {
-            "net_arch": list(recipe.layers),
-            "optimizer_kwargs": {"fused": True},  # a tenth of the time of a gradient step less
-        },
+    }
+    network: dict[str, Any] = {
+        "net_arch": list(recipe.layers),
+        "optimizer_kwargs": {"fused": True},  # a tenth of the time of a gradient step less
     }
     if recipe.algorithm == "ppo":
-        model: BaseAlgorithm = PPO("MlpPolicy", rows, n_steps=recipe.rollout, **common)
+        network |= {"log_std_init": math.log(recipe.initial_noise)}
+        model: BaseAlgorithm = PPO(
+            "MlpPolicy",
+            rows,
+            n_steps=recipe.rollout,
+            n_epochs=recipe.epochs,
+            policy_kwargs=network,
+            **common,
+        )
     else:
         common |= {
+            "policy_kwargs": network,
             "buffer_size": min(recipe.buffer_size, total),
             "learning_starts": recipe.random_actions * rows.num_envs,
             "train_freq": 1,
@@ -405,9 +455,7 @@ def _model(plan: Plan, rows: Rows, total: int) -> BaseAlgorithm:
         if recipe.algorithm in ("ddpg", "td3"):
             calls, (size,) = total // rows.num_envs, rows.action_space.shape or (0,)
             common["action_noise"] = FallingNoise(recipe.noise, recipe.final_noise, calls, size)
-        model = {"ddpg": DDPG, "td3": TD3, "sac": SAC}[recipe.algorithm](
-            "MlpPolicy", rows, **common
-        )
+        model = MODELS[recipe.algorithm]("MlpPolicy", rows, **common)
     # The episodes of a seed, from the first on.
     model._last_obs = rows.begin(plan.seed, np.zeros(recipe.num_envs, np.int64))
     model._last_episode_starts = np.ones(rows.num_envs, bool)

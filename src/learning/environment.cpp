@@ -20,6 +20,7 @@ constexpr double kMaxVelocity = 10.0;   // [rad/s]
 constexpr double kMaxSideways = 0.5;    // [m]
 constexpr double kMaxHeight = 0.6;      // [m]
 constexpr double kWayTime = 2.0;        // To where an episode begins [s].
+constexpr long long kWayActions = 20;   // At least.
 constexpr std::size_t kMaxValues = 64;  // In an observation.
 
 // Each episode has three series of random numbers.
@@ -155,6 +156,29 @@ struct Environment::Implementation {
     }
   }
 
+  // What was achieved, and how it compares with the goal.
+  Outcome judge(const View& view, Episode& episode, std::span<double> achieved,
+                std::span<double> desired) const noexcept {
+    const std::size_t goal_size = goal.low.size();
+    task->achieve(view, episode, achieved);
+    std::copy_n(episode.goal.begin(), goal_size, desired.begin());
+    Outcome outcome;
+    outcome.reward = task->reward(achieved, desired);
+    outcome.success = task->is_success(achieved, desired, episode);
+    outcome.terminated = episode.actions > 0 && task->has_ended(view, episode);
+    outcome.truncated = !outcome.terminated && episode.actions >= episode_actions;
+    const bool by_finger = task->has_goals_of_fingers();
+    for (std::size_t i = 0; i < (by_finger ? num_joints / 3 : 1); ++i) {
+      double square = 0.0;
+      for (std::size_t k = 3 * i; k < std::min(3 * i + 3, goal_size); ++k) {
+        square += (achieved[k] - desired[k]) * (achieved[k] - desired[k]);
+      }
+      outcome.distance[i] = std::sqrt(square);
+      if (by_finger) outcome.finger_rewards[i] = -outcome.distance[i];
+    }
+    return outcome;
+  }
+
   EnvironmentOptions options;
   Kinematics kinematics;
   std::unique_ptr<const Task> task;
@@ -244,7 +268,7 @@ Start Environment::begin(std::uint64_t seed, std::uint64_t number,
 }
 
 std::int64_t Environment::way_actions() const noexcept {
-  return std::llround(kWayTime / implementation_->action_time);
+  return std::max(kWayActions, std::llround(kWayTime / implementation_->action_time));
 }
 
 void Environment::way_point(std::span<const double> from, const Start& start, std::int64_t index,
@@ -326,7 +350,9 @@ Outcome Environment::observe(const Measurement& measurement, Episode& episode,
     next = std::copy_n(episode.action.begin(), n, next);
   }
 
-  while (episode.goals < self.task->num_goals(view.time)) {
+  // By the goal that the action knew.
+  const Outcome outcome = self.judge(view, episode, achieved, desired);
+  while (!outcome.truncated && episode.goals < self.task->num_goals(view.time)) {
     ++episode.goals;
     self.task->draw_goal(self.workspace, episode.random, std::span(episode.goal).first(goal_size));
   }
@@ -337,23 +363,6 @@ Outcome Environment::observe(const Measurement& measurement, Episode& episode,
     const double value = std::clamp(values[k], self.low[k], self.high[k]);
     const double scaled = 2.0 * (value - self.low[k]) / (self.high[k] - self.low[k]) - 1.0;
     observation[i] = static_cast<float>(options.layout == Layout::kDictionary ? value : scaled);
-  }
-
-  self.task->achieve(view, episode, achieved);
-  std::copy_n(episode.goal.begin(), goal_size, desired.begin());
-  Outcome outcome;
-  outcome.reward = self.task->reward(achieved, desired);
-  outcome.success = self.task->is_success(achieved, desired, episode);
-  outcome.terminated = episode.actions > 0 && self.task->has_ended(view, episode);
-  outcome.truncated = !outcome.terminated && episode.actions >= self.episode_actions;
-  const bool by_finger = self.task->has_goals_of_fingers();
-  for (std::size_t i = 0; i < (by_finger ? n / 3 : 1); ++i) {
-    double square = 0.0;
-    for (std::size_t k = 3 * i; k < std::min(3 * i + 3, goal_size); ++k) {
-      square += (achieved[k] - desired[k]) * (achieved[k] - desired[k]);
-    }
-    outcome.distance[i] = std::sqrt(square);
-    if (by_finger) outcome.finger_rewards[i] = -outcome.distance[i];
   }
   return outcome;
 }

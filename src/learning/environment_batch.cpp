@@ -50,13 +50,13 @@ class EnvironmentBatch::Implementation {
       observations->observation.resize(size * environment.observation_size());
       observations->achieved.resize(size * environment.goal_size());
       observations->desired.resize(size * environment.goal_size());
+      observations->distance.resize(size * kMaxFingers);
+      observations->finger_rewards.resize(size * kMaxFingers);
+      observations->success.resize(size);
     }
     results.reward.resize(size);
-    results.distance.resize(size * kMaxFingers);
-    results.finger_rewards.resize(size * kMaxFingers);
     results.terminated.resize(size);
     results.truncated.resize(size);
-    results.success.resize(size);
     results.fault.resize(size);
   }
   Implementation(const Implementation&) = delete;
@@ -72,6 +72,7 @@ class EnvironmentBatch::Implementation {
     Episode episode{};
     std::uint64_t next_episode{0};
     bool must_reset{true};
+    double reward{0.0};  // Of what was seen last.
   };
 
   enum class Call : std::uint8_t { kReset, kStep };
@@ -132,8 +133,11 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
               /*save=*/1);
     const int* const status = mjb_status(batch_.get());
     for (const int i : which) {
+      if (status[i] == 0) continue;
       // What MuJoCo cannot go on with is no less an end than what has diverged.
-      if (status[i] != 0) end_with_fault(static_cast<std::size_t>(i), Simulator<R>::kDiverged);
+      const auto index = static_cast<std::size_t>(i);
+      end_with_fault(index, Simulator<R>::kDiverged);
+      keep_final(index);
     }
   }
 
@@ -153,25 +157,37 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
   }
 
   void run_one(const mjModel& model, mjData& data, std::size_t i) noexcept {
-    if (call == Call::kReset || (autoreset == Autoreset::kNextStep && runs[i].must_reset)) {
-      record(i, reset(model, data, i));
+    // With kSameStep, too, after what MuJoCo could not go on with.
+    if (call == Call::kReset || (autoreset != Autoreset::kDisabled && runs[i].must_reset)) {
+      reset(model, data, i);
+      results.reward[i] = 0.0;
+      results.terminated[i] = 0;
+      results.truncated[i] = 0;
+      results.fault[i] = 0;
       return;
     }
     if (runs[i].must_reset) return;
     step(model, data, i);
     runs[i].must_reset = results.terminated[i] != 0 || results.truncated[i] != 0;
     if (!runs[i].must_reset || autoreset != Autoreset::kSameStep) return;
-    // How the episode has ended stays to be read.
+    keep_final(i);
+    reset(model, data, i);
+  }
+
+  // How the episode has ended stays to be read.
+  void keep_final(std::size_t i) noexcept {
     const auto keep = [this, i](auto& final, auto& seen) {
       std::ranges::copy(row(seen, i, size), row(final, i, size).begin());
     };
     keep(results.final.observation, results.seen.observation);
     keep(results.final.achieved, results.seen.achieved);
     keep(results.final.desired, results.seen.desired);
-    (void)reset(model, data, i);
+    keep(results.final.distance, results.seen.distance);
+    keep(results.final.finger_rewards, results.seen.finger_rewards);
+    keep(results.final.success, results.seen.success);
   }
 
-  Outcome reset(const mjModel& model, mjData& data, std::size_t i) noexcept {
+  void reset(const mjModel& model, mjData& data, std::size_t i) noexcept {
     Simulation& one = simulations_[i];
     Run& run = runs[i];
     const Start start = environment.begin(seeds[i], run.next_episode++, run.episode);
@@ -187,9 +203,7 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
     see_object(-1, data, one);
     see_object(0, data, one);
     one.action = hold_position(one.state.observation);
-    Outcome outcome = observe(i);
-    outcome.reward = 0.0;
-    return outcome;
+    (void)observe(i);
   }
 
   void step(const mjModel& model, mjData& data, std::size_t i) noexcept {
@@ -213,7 +227,11 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
       see_object(one.state.memory.step, data, one);
     }
     one.action = next;
-    record(i, observe(i));
+    const Outcome outcome = observe(i);
+    results.reward[i] = outcome.reward;
+    results.terminated[i] = outcome.terminated ? 1 : 0;
+    results.truncated[i] = outcome.truncated ? 1 : 0;
+    results.fault[i] = 0;
   }
 
   void see_object(TimeIndex step, const mjData& data, Simulation& one) const noexcept {
@@ -222,32 +240,29 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
     if (received != nullptr) one.object = received->objects[object_];
   }
 
-  [[nodiscard]] Outcome observe(std::size_t i) noexcept {
+  Outcome observe(std::size_t i) noexcept {
     const Simulation& one = simulations_[i];
     const Measurement measurement{.position = one.state.observation.position,
                                   .velocity = one.state.observation.velocity,
                                   .object = has_object_ ? &one.object : nullptr};
-    return environment.observe(measurement, runs[i].episode, row(results.seen.observation, i, size),
-                               row(results.seen.achieved, i, size),
-                               row(results.seen.desired, i, size));
-  }
-
-  void record(std::size_t i, const Outcome& outcome) noexcept {
-    results.reward[i] = outcome.reward;
-    results.terminated[i] = outcome.terminated ? 1 : 0;
-    results.truncated[i] = outcome.truncated ? 1 : 0;
-    results.success[i] = outcome.success ? 1 : 0;
-    results.fault[i] = 0;
-    std::ranges::copy(outcome.distance, row(results.distance, i, size).begin());
-    std::ranges::copy(outcome.finger_rewards, row(results.finger_rewards, i, size).begin());
+    Observations& seen = results.seen;
+    const Outcome outcome =
+        environment.observe(measurement, runs[i].episode, row(seen.observation, i, size),
+                            row(seen.achieved, i, size), row(seen.desired, i, size));
+    std::ranges::copy(outcome.distance, row(seen.distance, i, size).begin());
+    std::ranges::copy(outcome.finger_rewards, row(seen.finger_rewards, i, size).begin());
+    seen.success[i] = outcome.success ? 1 : 0;
+    runs[i].reward = outcome.reward;
+    return outcome;
   }
 
   // What was seen before is seen still.
   void end_with_fault(std::size_t i, std::int32_t fault) noexcept {
     results.fault[i] = fault;
+    results.reward[i] = runs[i].reward;
     results.terminated[i] = 1;
     results.truncated[i] = 0;
-    results.success[i] = 0;
+    results.seen.success[i] = 0;
     runs[i].must_reset = true;
   }
 
@@ -277,11 +292,11 @@ std::size_t EnvironmentBatch::size() const noexcept { return implementation_->si
 int EnvironmentBatch::num_threads() const noexcept { return implementation_->num_threads(); }
 Results& EnvironmentBatch::results() noexcept { return implementation_->results; }
 
-void EnvironmentBatch::seed(std::size_t index, std::uint64_t seed) {
+void EnvironmentBatch::seed(std::size_t index, std::uint64_t seed, std::uint64_t episode) {
   require(index < size(), "there is no simulation " + std::to_string(index) + ", there are " +
                               std::to_string(size()));
   implementation_->seeds[index] = seed;
-  implementation_->runs[index].next_episode = 0;
+  implementation_->runs[index].next_episode = episode;
 }
 
 void EnvironmentBatch::reset(std::span<const std::uint8_t> which) {

@@ -134,14 +134,15 @@ void run_policy(Frontend<R>& robot, const Environment& environment, Policy& poli
     EpisodeReport report{.number = options.first_episode + i};
     const Start start = environment.begin(options.seed, report.number, episode);
     const auto from = y.position;
-    for (std::int64_t k = 0; k < environment.way_actions(); ++k) {
+    for (std::int64_t k = 0; k < environment.way_actions() && !must_stop(); ++k) {
       typename R::Action action;
       environment.way_point(from, start, k, action.position);
       y = process.step(action);
     }
     const TimeIndex repeated_before = process.repeated_steps();
     report.outcome = look(y);
-    while (!report.outcome.terminated && !report.outcome.truncated && !must_stop()) {
+    const auto has_ended = [&] { return report.outcome.terminated || report.outcome.truncated; };
+    while (!has_ended() && !must_stop()) {
       std::ranges::copy(observation, input.begin());
       bool is_done = true;
       for (std::size_t part = 0; part < sharing; ++part) {
@@ -159,6 +160,7 @@ void run_policy(Frontend<R>& robot, const Environment& environment, Policy& poli
       report.outcome = look(y);
       report.total_reward += report.outcome.reward;
     }
+    if (!has_ended()) break;
     report.actions = episode.actions;
     report.repeated_steps = process.repeated_steps() - repeated_before;
     if (options.on_episode) options.on_episode(report);

@@ -97,24 +97,68 @@ def test_a_simulation_among_many_is_the_single_one_bit_for_bit(task, options):
             ends += has_ended[index]
 
 
-def test_a_fault_of_the_robot_terminates_the_same_episode_of_both():
-    # A reaching finger at full torque comes to no hard limit; one without boundaries does.
-    overrides = {"safety.plausibility.stuck_time": 0.02, "safety.plausibility.stuck_torque": 0.01}
-    options = Options.of("reach", action="torque", duration=3.0)
-    one = Environment("reach", options=options, config_overrides=overrides)
-    vector = VectorEnvironment("reach", 1, options=options, config_overrides=overrides)
-    one.reset(seed=1)
-    vector.reset(seed=1)
-    for step in range(options_steps := 150):
-        action = np.full(9, 1.0 if step % 2 else -1.0, np.float32)
-        seen, rewards, terminated, _, info = vector.step(action[None])
-        state, reward, ended, _, one_info = one.step(action)
+# Full torque to and fro is too fast for a robot that believes no more than this [rad/s].
+def believing(rate):
+    return {"safety.plausibility.max_position_rate": rate}
+
+
+def to_and_fro(shape):
+    for step in range(400):
+        yield np.full(shape, 1.0 if step % 2 else -1.0, np.float32)
+
+
+@pytest.mark.parametrize("mapping", ["approximation", "state_augmentation"])
+@pytest.mark.parametrize("rate", [0.05, 2.0])
+def test_a_fault_of_the_robot_ends_the_same_episodes_of_both(mapping, rate):
+    options = Options.of("reach", action="torque", mapping=mapping, duration=0.2)
+    one = Environment("reach", options=options, config_overrides=believing(rate))
+    vector = VectorEnvironment("reach", 1, options=options, config_overrides=believing(rate))
+    state, one_info = one.reset(seed=1)
+    seen, info = vector.reset(seed=1)
+    has_ended = False
+    faults = 0
+    for action in to_and_fro(9):
         assert_equal(seen, 0, state)
-        assert (reward, ended) == (rewards[0], terminated[0])
-        assert bool(info["fault"][0]) == ("fault" in one_info)
-        if ended:
+        for name in ("distance", "achieved_goal", "desired_goal", "is_success", "fault"):
+            np.testing.assert_array_equal(info[name][0], one_info[name])
+        seen, rewards, terminated, truncated, info = vector.step(action[None])
+        if has_ended:
+            state, one_info = one.reset()
+            has_ended = False
+            continue
+        state, reward, *end, one_info = one.step(action)
+        assert (reward, *end) == (rewards[0], terminated[0], truncated[0])
+        has_ended = any(end)
+        assert ("fault_text" in one_info) == (one_info["fault"] != 0)
+        faults += one_info["fault"] != 0
+        if faults == 3:
             break
-    assert step < options_steps
+    assert faults == 3
+
+
+def test_a_simulation_that_has_ended_with_a_fault_begins_anew_in_the_same_step():
+    options = Options.of("reach", action="torque")
+    arguments = {"options": options, "config_overrides": believing(2.0)}
+    mode = AutoresetMode.SAME_STEP
+    ours = VectorEnvironment("reach", 2, autoreset_mode=mode, **arguments)
+    theirs = SyncVectorEnv([lambda: Environment("reach", **arguments)] * 2, autoreset_mode=mode)
+    for environment in (ours, theirs):
+        environment.reset(seed=3)
+    faults = 0
+    for action in to_and_fro((2, 9)):
+        mine, yours = ours.step(action), theirs.step(action)
+        for a, b in zip(mine[:4], yours[:4], strict=True):
+            np.testing.assert_array_equal(a, b)
+        for name in ("distance", "achieved_goal", "is_success", "fault"):
+            np.testing.assert_array_equal(mine[4][name], yours[4][name])
+        if "final_info" in mine[4]:
+            np.testing.assert_array_equal(
+                mine[4]["final_info"]["fault"], yours[4]["final_info"]["fault"]
+            )
+            faults += (mine[4]["final_info"]["fault"] != 0).sum()
+        if faults >= 3:
+            break
+    assert faults >= 3
 
 
 @pytest.mark.parametrize("options", [{}, {"observation": "goal"}, {"observation": "dictionary"}])
@@ -139,6 +183,8 @@ def test_resets_itself_as_the_vector_environment_of_gymnasium_does(mode, options
         for a, b in zip(mine[1:4], yours[1:4], strict=True):
             np.testing.assert_array_equal(a, b)
             assert a.dtype == b.dtype
+        for name in ("distance", "achieved_goal", "desired_goal", "is_success", "fault"):
+            np.testing.assert_array_equal(mine[4][name], yours[4][name])
         assert ("final_obs" in mine[4]) == ("final_obs" in yours[4])
         if "final_obs" in mine[4]:
             for a, b in zip(mine[4]["final_obs"], yours[4]["final_obs"], strict=True):
@@ -231,6 +277,56 @@ def test_seeds_decide_episodes_in_any_order():
     assert not np.array_equal(environment.reset(seed=10)[0], first[0])
 
 
+def test_without_a_seed_one_is_drawn_and_can_be_told():
+    first = []
+    for _ in range(2):
+        environment = single("reach")
+        first.append(environment.reset()[0])
+        seed = environment.np_random_seed % 2**32
+        np.testing.assert_array_equal(environment.reset(seed=seed)[0], first[-1])
+    assert not np.array_equal(*first)
+    vector = VectorEnvironment("reach", 2)
+    seen, _ = vector.reset()
+    seed = vector.np_random_seed % 2**32
+    np.testing.assert_array_equal(vector.reset(seed=seed)[0], seen)
+    assert not np.array_equal(seen[0], seen[1])
+
+
+def test_many_begin_with_any_episodes_of_their_seeds():
+    vector = VectorEnvironment("reach", 2)
+    seen, _ = vector.reset(seed=4, options={"episode": [3, 1]})
+    for index, episode in enumerate((3, 1)):
+        one = single("reach")
+        assert_equal(seen, index, one.reset(seed=4 + index, options={"episode": episode})[0])
+    with pytest.raises(trifinger.InvalidArgument, match="seed"):
+        vector.reset(options={"episode": 2})
+
+
+def test_a_connected_robot_must_be_what_the_configuration_says():
+    for config, said in (("trifinger_pro", "trifinger-pro"), ("trifinger_edu", "period")):
+        overrides = {"backend.period": 0.002} if said == "period" else {}
+        robot = trifinger.Simulation(config, overrides)
+        environment = Environment("reach", connect=robot.connect)
+        with pytest.raises(trifinger.InvalidArgument, match=said):
+            environment.reset(seed=0)
+
+
+def test_a_robot_without_the_object_is_not_moved():
+    robot = trifinger.Simulation("trifinger_edu", {"objects": []})
+    sessions = []
+
+    def connect():
+        sessions.append(robot.connect())
+        return sessions[-1]
+
+    environment = Environment("push", connect=connect)
+    with pytest.raises(trifinger.Error):
+        environment.reset(seed=0)
+    assert environment.process.time_index <= 1
+    with pytest.raises(trifinger.Error):
+        sessions[0].session_info()  # It was let go.
+
+
 def test_time_truncates_and_a_lost_object_terminates():
     environment = single("reach", duration=0.1)
     environment.reset(seed=0)
@@ -260,12 +356,19 @@ def test_a_ball_that_flies_and_lands_ends_a_throw():
 
 def test_goals_on_a_trajectory_change_when_the_challenge_says():
     environment = single("move_cube_on_trajectory", steps_per_action=1000, duration=60.0)
-    _, info = environment.reset(seed=0)
-    goals = [info["desired_goal"]]
+    seen, info = environment.reset(seed=0)
+    shown, judged = [seen[-3:]], [info["desired_goal"]]
     for _ in range(60):
-        goals.append(environment.step(np.zeros(9, np.float32))[4]["desired_goal"])
-    changes = [t for t in range(1, 61) if not np.array_equal(goals[t], goals[t - 1])]
-    assert changes == [30, 40, 50, 60]
+        seen, *_, info = environment.step(np.zeros(9, np.float32))
+        shown.append(seen[-3:])
+        judged.append(info["desired_goal"])
+
+    def changes(goals):
+        return [t for t in range(1, 61) if not np.array_equal(goals[t], goals[t - 1])]
+
+    # An action is judged by the goal that it knew.
+    assert changes(shown) == [30, 40, 50]
+    assert changes(judged) == [31, 41, 51]
 
 
 def test_starts_and_goals_are_where_the_robot_can_be():
@@ -293,6 +396,14 @@ def test_options_reach_the_environment_by_name_and_are_printed():
         "TriFinger/Push-v0", num_envs=2, vectorization_mode="vector_entry_point"
     )
     assert isinstance(vector.unwrapped, VectorEnvironment)
+    vector = gymnasium.make_vec(
+        "TriFinger/Reach-v0",
+        num_envs=1,
+        vectorization_mode="vector_entry_point",
+        options=Options.of("reach", duration=1.0),
+        steps_per_action=10,
+    )
+    assert vector.unwrapped.options == Options.of("reach", duration=1.0, steps_per_action=10)
     for field in dataclasses.fields(Options):
         assert field.name in repr(vector.unwrapped)
 

@@ -103,8 +103,11 @@ def test_says_what_is_wrong(start_program: StartProgram, tmp_path: Path) -> None
     policy_file.write(tmp_path / "push.policy", layers, metadata=policy_metadata("push", push))
     strange = policy_metadata("reach", options) | {"options": '{"rate": 50}'}
     policy_file.write(tmp_path / "strange.policy", layers, metadata=strange)
+    pro = policy_metadata("reach", options, "trifinger_pro")
+    policy_file.write(tmp_path / "pro.policy", layers, metadata=pro)
     for name, text in [
         ("nothing.policy", "nothing.policy"),
+        ("pro.policy", "was trained for a trifinger_pro, which this robot is not"),
         ("none.policy", "does not say its 'task'"),
         ("w.policy", "20 inputs and 9 outputs; the environment has 27"),
         ("push.policy", "needs an object called 'cube'"),

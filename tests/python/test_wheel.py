@@ -126,5 +126,14 @@ def test_program_knows_the_configurations_of_the_package(installation: Installat
         assert file.stem in refusal
 
 
-def test_program_finds_the_commands_of_the_package(installation: Installation) -> None:
-    assert installation.run("trifinger", "demo", "--help").startswith("usage: trifinger demo")
+@pytest.mark.parametrize("command", ["demo", "train", "evaluate"])
+def test_program_finds_the_commands_of_the_package(
+    installation: Installation, command: str
+) -> None:
+    usage = installation.run("trifinger", command, "--help")
+    assert usage.startswith(f"usage: trifinger {command}")
+
+
+def test_training_says_what_it_lacks(installation: Installation) -> None:
+    refusal = installation.run("trifinger", "train", "reach", succeeds=False)
+    assert refusal.endswith('is missing: pip install "trifinger[learning]"\n')

@@ -112,7 +112,8 @@ class Environment {
   [[nodiscard]] Start begin(std::uint64_t seed, std::uint64_t number,
                             Episode& episode) const noexcept;
 
-  /// How many actions a robot that nobody can put anywhere takes to where an episode begins.
+  /// How many actions a robot that nobody can put anywhere takes to where an episode begins: 2 s,
+  /// or 20 of them if they are long.
   [[nodiscard]] std::int64_t way_actions() const noexcept;
   /// Where its joints should be in action `index` of these, counted from 0 [rad]: on the way with
   /// the least jerk.
@@ -125,7 +126,8 @@ class Environment {
                                  std::span<double> torque,
                                  std::span<double> position) const noexcept TRIFINGER_REALTIME;
 
-  /// What is to be seen, after as many actions as `episode` says.
+  /// What is to be seen, after as many actions as `episode` says. It is judged by the goal that was
+  /// shown before, which is `desired`; a goal that begins now is in `observation`.
   Outcome observe(const Measurement& measurement, Episode& episode, std::span<float> observation,
                   std::span<double> achieved,
                   std::span<double> desired) const noexcept TRIFINGER_REALTIME;

@@ -25,19 +25,20 @@ struct Observations {
   std::vector<float> observation;
   std::vector<double> achieved;
   std::vector<double> desired;
+  std::vector<double> distance;        ///< `kMaxFingers` for each simulation: `Outcome::distance`.
+  std::vector<double> finger_rewards;  ///< Likewise.
+  std::vector<std::uint8_t> success;
 };
 
 /// What a call of `EnvironmentBatch` has brought. Lies where it is until the batch is gone.
 struct Results {
   Observations seen;
-  Observations
-      final;  ///< Of the episodes that have ended in this step, with `Autoreset::kSameStep`.
+  /// Of the episodes that have ended in this step, with `Autoreset::kSameStep`.
+  Observations final;
+  /// Of the step. A fault repeats the reward of what was seen last.
   std::vector<double> reward;
-  std::vector<double> distance;        ///< `kMaxFingers` for each simulation: `Outcome::distance`.
-  std::vector<double> finger_rewards;  ///< Likewise.
   std::vector<std::uint8_t> terminated;
   std::vector<std::uint8_t> truncated;
-  std::vector<std::uint8_t> success;
   std::vector<std::int32_t> fault;  ///< Of the driver, which ends the episode; 0 for none.
 };
 
@@ -61,10 +62,10 @@ class EnvironmentBatch {
   [[nodiscard]] std::size_t size() const noexcept;
   [[nodiscard]] int num_threads() const noexcept;
 
-  /// The next `reset` of simulation `index` begins episode 0 of `seed`; from then on each reset
+  /// The next `reset` of simulation `index` begins this episode of `seed`; from then on each reset
   /// begins the next one.
   /// @throws InvalidArgument if there is no such simulation
-  void seed(std::size_t index, std::uint64_t seed);
+  void seed(std::size_t index, std::uint64_t seed, std::uint64_t episode = 0);
   /// Begins an episode in those simulations whose number in `which` is not 0; in all if it is
   /// empty.
   /// @throws InvalidArgument if its size is another one
