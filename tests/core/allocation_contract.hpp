@@ -9,7 +9,8 @@
 #include <cstddef>
 #include <new>
 
-#include "core/timing_contract.hpp"
+#include "core/steps.hpp"
+#include "core/transports.hpp"
 #include "support/allocation_counter.hpp"
 
 // The loop of no driver takes memory from the heap. The test program is built with

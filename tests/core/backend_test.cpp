@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "core/driver_under_test.hpp"
-#include "core/timing_contract.hpp"
+#include "core/fault_of.hpp"
 #include "trifinger/core/fake_robot.hpp"
 #include "trifinger/core/frontend.hpp"
 

@@ -13,7 +13,8 @@
 #include <vector>
 
 #include "core/drivers_of_tests.hpp"
-#include "core/timing_contract.hpp"
+#include "core/steps.hpp"
+#include "core/transports.hpp"
 #include "support/interruptions.hpp"
 
 // A program that reads by index gives the same series, bit for bit, whatever the delays of any
@@ -26,7 +27,13 @@ namespace {
 
 constexpr TimeIndex kSteps = 300;
 
-using Bytes = std::vector<std::byte>;
+// A driver on a transport.
+template <class DriverTraits, class TransportType>
+struct Case {
+  using Traits = DriverTraits;
+  using Robot = typename Traits::Robot;
+  using Rig = typename TransportType::template Rig<Traits>;
+};
 
 void append(Bytes& bytes, const Bytes& more) {
   bytes.insert(bytes.end(), more.begin(), more.end());

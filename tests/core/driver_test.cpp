@@ -5,7 +5,8 @@
 
 #include <stdexcept>
 
-#include "core/timing_contract.hpp"
+#include "core/fault_of.hpp"
+#include "core/steps.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/fake_robot.hpp"
 #include "trifinger/core/frontend.hpp"

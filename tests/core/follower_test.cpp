@@ -19,7 +19,6 @@
 #include <vector>
 
 #include "core/drivers_of_tests.hpp"
-#include "core/timing_contract.hpp"
 #include "core/transports.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/errors.hpp"

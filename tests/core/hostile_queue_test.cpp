@@ -9,8 +9,10 @@
 #include <random>
 
 #include "core/drivers_of_tests.hpp"
+#include "core/fault_of.hpp"
 #include "core/intruder.hpp"
-#include "core/timing_contract.hpp"
+#include "core/steps.hpp"
+#include "core/transports.hpp"
 #include "support/session_folder.hpp"
 #include "support/soak.hpp"
 

@@ -13,18 +13,14 @@
 #include <cstring>
 
 #include "core/drivers_of_tests.hpp"
-#include "core/timing_contract.hpp"
+#include "core/fault_of.hpp"
+#include "core/steps.hpp"
 #include "core/transports.hpp"
 #include "support/child_process.hpp"
 #include "support/soak.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace trifinger::test {
-
-// Of the timing contract only the helpers are used here; core_test runs it.
-GTEST_ALLOW_UNINSTANTIATED_PARAMETERIZED_TEST(TimingContract);
-GTEST_ALLOW_UNINSTANTIATED_PARAMETERIZED_TEST(RealTimeContract);
-
 namespace {
 
 // Actions of several words, so that a torn one would be seen.

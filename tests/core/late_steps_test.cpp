@@ -8,8 +8,10 @@
 #include <string>
 
 #include "core/drivers_of_tests.hpp"
+#include "core/fault_of.hpp"
 #include "core/named_robot.hpp"
-#include "core/timing_contract.hpp"
+#include "core/steps.hpp"
+#include "core/transports.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/timing.hpp"
 

@@ -6,7 +6,7 @@
 
 #include "core/drivers_of_tests.hpp"
 #include "core/named_robot.hpp"
-#include "core/timing_contract.hpp"
+#include "core/steps.hpp"
 #include "core/transports.hpp"
 
 // A robot that has run for ages: what a user asks for and is told has indices of any size.

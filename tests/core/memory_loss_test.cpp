@@ -13,7 +13,8 @@
 #include "core/drivers_of_tests.hpp"
 #include "core/intruder.hpp"
 #include "core/named_robot.hpp"
-#include "core/timing_contract.hpp"
+#include "core/steps.hpp"
+#include "core/transports.hpp"
 
 // Shared memory that goes away, or never was enough.
 

@@ -16,9 +16,10 @@
 #include <vector>
 
 #include "core/drivers_of_tests.hpp"
+#include "core/fault_of.hpp"
 #include "core/named_robot.hpp"
 #include "core/odd_robot.hpp"
-#include "core/timing_contract.hpp"
+#include "core/steps.hpp"
 #include "core/transports.hpp"
 #include "session_layout.hpp"
 #include "support/session_folder.hpp"

@@ -1,1061 +1,207 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <algorithm>
-#include <array>
 #include <cstddef>
-#include <cstdint>
-#include <cstring>
-#include <functional>
-#include <optional>
-#include <span>
+#include <memory>
+#include <ostream>
 #include <string>
-#include <thread>
-#include <tuple>
 #include <vector>
 
-#include "core/fault_of.hpp"
+#include "core/steps.hpp"
 #include "core/transports.hpp"
-#include "trifinger/core/errors.hpp"
 
 // The timing contract, as tests that every driver passes on every transport. A layer with a driver
-// of its own writes the traits that transports.hpp asks for, lists them, and has its driver tested:
+// of its own writes the traits that transports.hpp asks for, lists them, and has its driver tested;
+// its test program is linked with `timing_contract`:
 //
 //     using namespace trifinger::test;
-//     INSTANTIATE_TYPED_TEST_SUITE_P(Sim, TimingContract, AllTransports<SimDriverTraits>,
-//     CaseName); INSTANTIATE_TYPED_TEST_SUITE_P(Sim, RealTimeContract,
-//     ThreadedTransports<SimDriverTraits>, CaseName);
+//     INSTANTIATE_TEST_SUITE_P(Sim, TimingContract, on_all_transports<SimDriverTraits>(),
+//                              case_name);
+//     INSTANTIATE_TEST_SUITE_P(Sim, RealTimeContract, on_threaded_transports<SimDriverTraits>(),
+//                              case_name);
+//
+// The tests know no types, so they are compiled once (timing_contract.cpp). What is compiled for
+// every driver is in this file: a Frontend<Robot>, whose functions the tests call through AnyUser.
 
 namespace trifinger::test {
 
-/// A driver on a transport.
-template <class DriverTraits, class TransportType>
-struct Case {
-  using Traits = DriverTraits;
-  using Transport = TransportType;
+/// A front-end of a driver under test: its actions have numbers, elements are bytes.
+class AnyUser : public AnyObserver {
+ public:
+  /// The bytes of the driver's action `k`.
+  [[nodiscard]] virtual Bytes action(TimeIndex k) const = 0;
+  /// Appends the driver's action `k`.
+  virtual TimeIndex append_desired_action(TimeIndex k, Timeout timeout = kForever) = 0;
+  /// Appends its actions `first` to `last` in one call.
+  virtual TimeIndex append_desired_actions(TimeIndex first, TimeIndex last) = 0;
+
+  [[nodiscard]] virtual std::vector<Bytes> get_observations(TimeIndex first, std::size_t count,
+                                                            Timeout timeout = kForever) const = 0;
+  [[nodiscard]] virtual std::vector<Bytes> get_desired_actions(TimeIndex first,
+                                                               std::size_t count) const = 0;
+  [[nodiscard]] virtual std::vector<Bytes> get_applied_actions(TimeIndex first,
+                                                               std::size_t count) const = 0;
+  [[nodiscard]] virtual std::vector<Status> get_statuses(TimeIndex first, std::size_t count,
+                                                         Timeout timeout = kForever) const = 0;
+  [[nodiscard]] virtual Bytes latest_observation(Timeout timeout = kForever) const = 0;
+
+  virtual void finish(Timeout timeout = kForever) = 0;
+  virtual void recover() = 0;
+  [[nodiscard]] virtual UntypedFrontend companion(const std::string& name) const = 0;
+  [[nodiscard]] virtual const Session& session() const = 0;
+};
+
+/// A rig of transports.hpp, whatever the driver and the transport.
+class AnyRig {
+ public:
+  virtual ~AnyRig() = default;
+
+  [[nodiscard]] virtual std::unique_ptr<AnyUser> connect(FrontendOptions options = {
+                                                             .strict = true}) = 0;
+  [[nodiscard]] virtual std::unique_ptr<const AnyUser> observe() = 0;
+  virtual void request_stop() = 0;
+  [[nodiscard]] virtual ManualClock& clock() noexcept = 0;
+  [[nodiscard]] virtual const CallLog& log() const noexcept = 0;
+  virtual void tick(int count = 1) = 0;
+  virtual void last_tick() = 0;
+};
+
+template <class Traits>
+class UserOf final : public ErasedObserver<AnyUser, Frontend<typename Traits::Robot>> {
   using Robot = typename Traits::Robot;
-  using Rig = typename Transport::template Rig<Traits>;
-};
+  using Base = ErasedObserver<AnyUser, Frontend<Robot>>;
 
-template <class... Traits>
-using AllTransports = ::testing::Types<Case<Traits, Inline>..., Case<Traits, InProcess>...,
-                                       Case<Traits, AcrossProcesses>...>;
-template <class... Traits>
-using ThreadedTransports =
-    ::testing::Types<Case<Traits, InProcess>..., Case<Traits, AcrossProcesses>...>;
+ public:
+  using Base::Base;
 
-struct CaseName {
+  [[nodiscard]] Bytes action(TimeIndex k) const override { return bytes_of(Traits::action(k)); }
+  TimeIndex append_desired_action(TimeIndex k, Timeout timeout) override {
+    return this->robot_.append_desired_action(Traits::action(k), timeout);
+  }
+  TimeIndex append_desired_actions(TimeIndex first, TimeIndex last) override {
+    std::vector<typename Robot::Action> burst;
+    burst.reserve(static_cast<std::size_t>(last - first + 1));
+    for (TimeIndex k = first; k <= last; ++k) burst.push_back(Traits::action(k));
+    return this->robot_.append_desired_actions(burst);
+  }
+
+  [[nodiscard]] std::vector<Bytes> get_observations(TimeIndex first, std::size_t count,
+                                                    Timeout timeout) const override {
+    std::vector<typename Robot::Observation> elements(count);
+    this->robot_.get_observations(first, elements, timeout);
+    return bytes_of_each(elements);
+  }
+  [[nodiscard]] std::vector<Bytes> get_desired_actions(TimeIndex first,
+                                                       std::size_t count) const override {
+    std::vector<typename Robot::Action> elements(count);
+    this->robot_.get_desired_actions(first, elements);
+    return bytes_of_each(elements);
+  }
+  [[nodiscard]] std::vector<Bytes> get_applied_actions(TimeIndex first,
+                                                       std::size_t count) const override {
+    std::vector<AppliedActionOf<Robot>> elements(count);
+    this->robot_.get_applied_actions(first, elements);
+    return bytes_of_each(elements);
+  }
+  [[nodiscard]] std::vector<Status> get_statuses(TimeIndex first, std::size_t count,
+                                                 Timeout timeout) const override {
+    std::vector<Status> elements(count);
+    this->robot_.get_statuses(first, elements, timeout);
+    return elements;
+  }
+  [[nodiscard]] Bytes latest_observation(Timeout timeout) const override {
+    return bytes_of(this->robot_.latest_observation(timeout));
+  }
+
+  void finish(Timeout timeout) override { this->robot_.finish(timeout); }
+  void recover() override { this->robot_.recover(); }
+  [[nodiscard]] UntypedFrontend companion(const std::string& name) const override {
+    return this->robot_.companion(name);
+  }
+  [[nodiscard]] const Session& session() const override { return this->robot_.session(); }
+
+ private:
   template <class T>
-  static std::string GetName(int) {  // NOLINT(readability-identifier-naming): GoogleTest's
-    return std::string(T::Traits::kName) + T::Transport::kName.data();
+  [[nodiscard]] static std::vector<Bytes> bytes_of_each(const std::vector<T>& elements) {
+    std::vector<Bytes> bytes;
+    bytes.reserve(elements.size());
+    for (const T& element : elements) bytes.push_back(bytes_of(element));
+    return bytes;
   }
 };
 
-template <class T>
-[[nodiscard]] std::vector<std::byte> bytes_of(const T& element) {
-  std::vector<std::byte> bytes(sizeof(T));
-  std::memcpy(bytes.data(), &element, sizeof(T));
-  return bytes;
-}
+template <class Traits, class Transport>
+class RigOf final : public AnyRig {
+ public:
+  explicit RigOf(const Plan& plan) : rig_(plan) {}
 
-template <class R>
-[[nodiscard]] bool has_flag(const Frontend<R>& robot, TimeIndex t, Status::Flag flag) {
-  return (robot.get_status(t).flags & flag) != 0;
-}
-
-/// Appends the actions `first` to `last` of the driver's traits, each behind the observation before
-/// it.
-template <class Traits, class R>
-void run_steps(Frontend<R>& robot, TimeIndex first, TimeIndex last) {
-  for (TimeIndex t = first; t <= last; ++t) {
-    if (t > 0) static_cast<void>(robot.get_observation(t - 1));
-    ASSERT_EQ(robot.append_desired_action(Traits::action(t)), t);
+  [[nodiscard]] std::unique_ptr<AnyUser> connect(FrontendOptions options) override {
+    return std::make_unique<UserOf<Traits>>(rig_.connect(options));
   }
-}
-
-/// The law of every end: with N actions applied, the steps 0 to N - 1 are whole; step N has the
-/// last observation and the status with the reason, and nothing follows.
-template <class R>
-void expect_end(const Frontend<R>& robot, TimeIndex steps, const Fault& expected,
-                bool has_last_observation = true) {
-  // Waits for the end.
-  const std::optional<Fault> fault = fault_of([&] { return robot.get_status(steps + 1); });
-  ASSERT_TRUE(fault.has_value());
-  EXPECT_EQ(name_of(fault->code), name_of(expected.code));
-  EXPECT_EQ(fault->detail, expected.detail);
-  EXPECT_EQ(fault->time_index, steps);
-  EXPECT_EQ(robot.fault(), fault);
-
-  for (TimeIndex t = 0; t < steps; ++t) {
-    static_cast<void>(robot.get_observation(t));
-    static_cast<void>(robot.get_desired_action(t));
-    static_cast<void>(robot.get_applied_action(t));
-    const Status status = robot.get_status(t);
-    ASSERT_EQ(status.flags & Status::kEnd, 0U) << t;
-    ASSERT_EQ(status.fault_code, 0) << t;
+  [[nodiscard]] std::unique_ptr<const AnyUser> observe() override {
+    return std::make_unique<UserOf<Traits>>(rig_.observe());
   }
-  const Status end = robot.get_status(steps);
-  EXPECT_NE(end.flags & Status::kEnd, 0U);
-  EXPECT_EQ(end.fault_code, static_cast<std::int32_t>(expected.code));
-  EXPECT_EQ(end.fault_detail, expected.detail);
+  void request_stop() override { rig_.request_stop(); }
+  [[nodiscard]] ManualClock& clock() noexcept override { return rig_.clock(); }
+  [[nodiscard]] const CallLog& log() const noexcept override { return rig_.log(); }
+  void tick(int count) override { rig_.tick(count); }
+  void last_tick() override { rig_.last_tick(); }
 
-  EXPECT_EQ(robot.current_time_index(), has_last_observation ? steps : steps - 1);
-  const TimeIndex observations = steps + (has_last_observation ? 1 : 0);
-  // For ever, not once.
-  for (int i = 0; i < 2; ++i) {
-    EXPECT_EQ(fault_of([&] { return robot.get_observation(observations); }), fault);
-    EXPECT_EQ(fault_of([&] { return robot.get_desired_action(steps); }), fault);
-    EXPECT_EQ(fault_of([&] { return robot.get_applied_action(steps); }), fault);
-    EXPECT_EQ(fault_of([&] { return robot.get_status(steps + 1); }), fault);
-    EXPECT_EQ(fault_of([&] {
-                robot.wait_until_time_index(observations);
-                return 0;
-              }),
-              fault);
+ private:
+  typename Transport::template Rig<Traits> rig_;
+};
+
+/// A driver on a transport.
+struct ContractCase {
+  std::string name;
+  bool is_inline;
+  std::unique_ptr<UntypedDriver> (*make_driver)();
+  std::unique_ptr<AnyRig> (*make_rig)(const Plan& plan);
+
+  friend std::ostream& operator<<(std::ostream& out, const ContractCase& contract_case) {
+    return out << contract_case.name;
   }
+};
+
+template <class Traits, class Transport>
+[[nodiscard]] ContractCase contract_case() {
+  return {.name = std::string(Traits::kName).append(Transport::kName),
+          .is_inline = Transport::kIsInline,
+          .make_driver = &Traits::make_driver,
+          .make_rig = [](const Plan& plan) -> std::unique_ptr<AnyRig> {
+            return std::make_unique<RigOf<Traits, Transport>>(plan);
+          }};
 }
 
-/// The same where no step had begun: there is no step 0, and there never will be. What was seen
-/// while holding remains.
-template <class R>
-void expect_end_before_step_zero(const Frontend<R>& robot, const Fault& expected,
-                                 bool has_observation = true) {
-  // Waits for the end.
-  EXPECT_EQ(fault_of([&] { return robot.get_status(0); }), expected);
-  EXPECT_EQ(robot.fault(), expected);
-  EXPECT_EQ(robot.current_time_index(), -1);
-  // For ever, not once.
-  for (int i = 0; i < 2; ++i) {
-    EXPECT_EQ(fault_of([&] { return robot.get_observation(0); }), expected);
-    EXPECT_EQ(fault_of([&] { return robot.get_desired_action(0); }), expected);
-    EXPECT_EQ(fault_of([&] { return robot.get_applied_action(0); }), expected);
-    EXPECT_EQ(fault_of([&] { return robot.get_status(0); }), expected);
-    EXPECT_EQ(fault_of([&] {
-                robot.wait_until_time_index(0);
-                return 0;
-              }),
-              expected);
-    const auto latest = fault_of([&] { return robot.latest_observation(); });
-    EXPECT_EQ(latest, has_observation ? std::nullopt : std::optional(expected));
+template <class... Traits>
+[[nodiscard]] auto on_all_transports() {
+  return ::testing::ValuesIn(std::vector{contract_case<Traits, Inline>()...,
+                                         contract_case<Traits, InProcess>()...,
+                                         contract_case<Traits, AcrossProcesses>()...});
+}
+template <class... Traits>
+[[nodiscard]] auto on_threaded_transports() {
+  return ::testing::ValuesIn(std::vector{contract_case<Traits, InProcess>()...,
+                                         contract_case<Traits, AcrossProcesses>()...});
+}
+
+[[nodiscard]] inline std::string case_name(const ::testing::TestParamInfo<ContractCase>& test) {
+  return test.param.name;
+}
+
+class ContractTest : public ::testing::TestWithParam<ContractCase> {
+ protected:
+  [[nodiscard]] static std::unique_ptr<AnyRig> make_rig(const Plan& plan = {}) {
+    return GetParam().make_rig(plan);
   }
-}
+};
 
-/// The same, with what the user sent, in order.
-template <class Traits, class R>
-void expect_actions(const Frontend<R>& robot, TimeIndex steps) {
-  for (TimeIndex t = 0; t < steps; ++t) {
-    ASSERT_EQ(bytes_of(robot.get_desired_action(t)), bytes_of(Traits::action(t))) << t;
-  }
-}
+/// What holds with and without deadlines is tried without: the back-end waits for every action.
+class TimingContract : public ContractTest {};
 
-/// The observation is measured before the action of its step acts, in every step.
-inline void expect_measured_before_acting(const CallLog& log) {
-  const std::int64_t count = std::min<std::int64_t>(log.observations, CallLog::kSize);
-  for (std::int64_t i = 0; i < count; ++i) {
-    ASSERT_EQ(log.actions_before_observation[static_cast<std::size_t>(i)], i);
-  }
-}
-
-// --- What holds with and without deadlines is tried without: the back-end waits for every action
-// -----------------
-
-template <class T>
-class TimingContract : public ::testing::Test {};
-TYPED_TEST_SUITE_P(TimingContract);
-
-TYPED_TEST_P(TimingContract, NamesTheStepsOfActionsOneByOne) {
-  typename TypeParam::Rig rig;
-  auto robot = rig.connect();
-  for (TimeIndex t = 0; t < 20; ++t) {
-    EXPECT_EQ(robot.append_desired_action(TypeParam::Traits::action(t)), t);
-  }
-}
-
-TYPED_TEST_P(TimingContract, ShowsTheRobotBeforeStepZero) {
-  typename TypeParam::Rig rig;
-  auto robot = rig.connect();
-  const auto holding = robot.latest_observation();
-  EXPECT_EQ(robot.current_time_index(), -1);
-  robot.append_desired_action(TypeParam::Traits::action(0));
-  // Nothing moved in between.
-  EXPECT_EQ(bytes_of(robot.get_observation(0)), bytes_of(holding));
-}
-
-TYPED_TEST_P(TimingContract, MeasuresBeforeTheActionOfTheStepActs) {
-  typename TypeParam::Rig rig;
-  auto robot = rig.connect();
-  run_steps<typename TypeParam::Traits>(robot, 0, 50);
-  robot.finish();
-  expect_measured_before_acting(rig.log());
-}
-
-TYPED_TEST_P(TimingContract, ObservationDoesNotDependOnTheActionOfItsStep) {
-  constexpr TimeIndex kChanged = 7;
-  std::vector<std::vector<std::byte>> observations[2];
-  for (int run = 0; run < 2; ++run) {
-    typename TypeParam::Rig rig;
-    auto robot = rig.connect();
-    for (TimeIndex t = 0; t <= 10; ++t) {
-      robot.append_desired_action(
-          TypeParam::Traits::action(run == 1 && t >= kChanged ? 100 + t : t));
-    }
-    for (TimeIndex t = 0; t <= 10; ++t)
-      observations[run].push_back(bytes_of(robot.get_observation(t)));
-    robot.finish();
-  }
-  for (std::size_t t = 0; t <= kChanged; ++t)
-    EXPECT_EQ(observations[0][t], observations[1][t]) << t;
-  EXPECT_NE(observations[0].back(), observations[1].back()) << "the driver answers to no action";
-}
-
-TYPED_TEST_P(TimingContract, ShowsTheNextObservationBeforeItsAction) {
-  typename TypeParam::Rig rig;
-  auto robot = rig.connect();
-  robot.append_desired_action(TypeParam::Traits::action(0));
-  static_cast<void>(robot.get_observation(1));
-  EXPECT_EQ(robot.current_time_index(), 1);
-}
-
-TYPED_TEST_P(TimingContract, fault_62_WaitsForAnActionAsLongAsItTakes) {
-  typename TypeParam::Rig rig;
-  auto robot = rig.connect();
-  run_steps<typename TypeParam::Traits>(robot, 0, 3);
-  robot.wait_until_time_index(4);
-  // Days, to the back-end's clock.
-  rig.clock().advance(std::chrono::hours(100));
-  EXPECT_EQ(robot.current_time_index(), 4);
-  EXPECT_FALSE(robot.fault().has_value());
-  robot.append_desired_action(TypeParam::Traits::action(4));
-  robot.wait_until_time_index(5);
-  robot.finish();
-  expect_end(robot, 5, {.code = Fault::Code::kFinished});
-}
-
-TYPED_TEST_P(TimingContract, MarksAnActionThatCameAfterItsObservation) {
-  typename TypeParam::Rig rig;
-  auto robot = rig.connect({.strict = false});
-  robot.append_desired_action(TypeParam::Traits::action(0));
-  static_cast<void>(robot.get_observation(1));
-  EXPECT_EQ(robot.append_desired_action(TypeParam::Traits::action(1)), 1);
-  EXPECT_EQ(robot.append_desired_action(TypeParam::Traits::action(2)), 2);
-  EXPECT_FALSE(has_flag(robot, 0, Status::kAcausal));
-  EXPECT_TRUE(has_flag(robot, 1, Status::kAcausal));
-  EXPECT_FALSE(has_flag(robot, 2, Status::kAcausal));
-}
-
-TYPED_TEST_P(TimingContract, RefusesAnActionThatCameAfterItsObservationIfStrict) {
-  typename TypeParam::Rig rig;
-  auto robot = rig.connect({.strict = true});
-  robot.append_desired_action(TypeParam::Traits::action(0));
-  static_cast<void>(robot.get_observation(1));
-  EXPECT_THROW(robot.append_desired_action(TypeParam::Traits::action(1)), AcausalAction);
-  // Also if many were read at once, or the latest.
-  EXPECT_THROW(robot.append_desired_action(TypeParam::Traits::action(1)), AcausalAction);
-}
-
-TYPED_TEST_P(TimingContract, CountsEveryWayToReadAsKnowing) {
-  using Robot = typename TypeParam::Robot;
-  using Observation = typename Robot::Observation;
-  const std::vector<std::function<void(const Frontend<Robot>&)>> ways{
-      [](const Frontend<Robot>& robot) { static_cast<void>(robot.get_observation(1)); },
-      [](const Frontend<Robot>& robot) {
-        std::array<Observation, 2> both;
-        robot.get_observations(0, both);
-      },
-      [](const Frontend<Robot>& robot) {
-        robot.wait_until_time_index(1);
-        static_cast<void>(robot.latest_observation());
-      }};
-  for (const auto& read : ways) {
-    typename TypeParam::Rig rig;
-    auto robot = rig.connect({.strict = true});
-    robot.append_desired_action(TypeParam::Traits::action(0));
-    read(robot);
-    EXPECT_THROW(robot.append_desired_action(TypeParam::Traits::action(1)), AcausalAction);
-  }
-}
-
-TYPED_TEST_P(TimingContract, TakesABurst) {
-  typename TypeParam::Rig rig;
-  auto robot = rig.connect();
-  std::vector<typename TypeParam::Robot::Action> burst;
-  burst.reserve(30);
-  for (TimeIndex t = 0; t < 30; ++t) burst.push_back(TypeParam::Traits::action(t));
-  EXPECT_EQ(robot.append_desired_actions(burst), 29);
-  EXPECT_EQ(robot.append_desired_action(TypeParam::Traits::action(30)), 30);
-  robot.finish();
-  expect_end(robot, 31, {.code = Fault::Code::kFinished});
-  expect_actions<typename TypeParam::Traits>(robot, 31);
-}
-
-TYPED_TEST_P(TimingContract, ReadsManyStepsInOneCall) {
-  using Robot = typename TypeParam::Robot;
-  typename TypeParam::Rig rig;
-  auto robot = rig.connect();
-  run_steps<typename TypeParam::Traits>(robot, 0, 19);
-  std::array<typename Robot::Observation, 15> observations;
-  robot.get_observations(4, observations);
-  std::array<typename Robot::Action, 15> desired;
-  robot.get_desired_actions(4, desired);
-  std::array<AppliedActionOf<Robot>, 15> applied;
-  robot.get_applied_actions(4, applied);
-  std::array<Status, 15> statuses;
-  robot.get_statuses(4, statuses);
-  for (std::size_t i = 0; i < 15; ++i) {
-    const TimeIndex t = 4 + static_cast<TimeIndex>(i);
-    EXPECT_EQ(bytes_of(observations[i]), bytes_of(robot.get_observation(t)));
-    EXPECT_EQ(bytes_of(desired[i]), bytes_of(robot.get_desired_action(t)));
-    EXPECT_EQ(bytes_of(applied[i]), bytes_of(robot.get_applied_action(t)));
-    EXPECT_EQ(statuses[i].tick, t);
-  }
-  robot.get_observations(4, std::span<typename Robot::Observation>());
-}
-
-TYPED_TEST_P(TimingContract, RefusesARangeThatTheHistoryCannotHold) {
-  typename TypeParam::Rig rig({.session = {.history = 16}});
-  auto robot = rig.connect();
-  std::vector<typename TypeParam::Robot::Observation> many(17);
-  EXPECT_THROW(robot.get_observations(0, many), InvalidArgument);
-  EXPECT_THROW(static_cast<void>(robot.get_observation(-1)), InvalidArgument);
-}
-
-TYPED_TEST_P(TimingContract, fault_34_NamesTheOldestStepWhenHistoryIsLost) {
-  typename TypeParam::Rig rig({.session = {.history = 16, .queue = 16}});
-  auto robot = rig.connect();
-  run_steps<typename TypeParam::Traits>(robot, 0, 40);
-  // y_41 is there, so 26 to 41 are kept.
-  robot.wait_until_time_index(41);
-  try {
-    static_cast<void>(robot.get_observation(3));
-    ADD_FAILURE() << "step 3 was kept";
-  } catch (const HistoryLost& lost) {
-    EXPECT_EQ(lost.oldest(), 26);
-  }
-  EXPECT_THROW(static_cast<void>(robot.get_observation(25)), HistoryLost);
-  static_cast<void>(robot.get_observation(26));
-  std::array<typename TypeParam::Robot::Observation, 4> range;
-  EXPECT_THROW(robot.get_observations(24, range), HistoryLost);
-  robot.get_observations(26, range);
-}
-
-TYPED_TEST_P(TimingContract, fault_05_AppendWaitsWhileTheQueueIsFull) {
-  typename TypeParam::Rig rig({.session = {.history = 256, .queue = 4}});
-  auto robot = rig.connect();
-  // Nothing is lost and all is in order, though the queue is much too short.
-  for (TimeIndex t = 0; t < 100; ++t) {
-    EXPECT_EQ(robot.append_desired_action(TypeParam::Traits::action(t)), t);
-  }
-  robot.finish();
-  expect_end(robot, 100, {.code = Fault::Code::kFinished});
-  expect_actions<typename TypeParam::Traits>(robot, 100);
-}
-
-TYPED_TEST_P(TimingContract, EndsBehindTheLastActionWhenFinished) {
-  typename TypeParam::Rig rig;
-  auto robot = rig.connect();
-  run_steps<typename TypeParam::Traits>(robot, 0, 9);
-  robot.finish();
-  expect_end(robot, 10, {.code = Fault::Code::kFinished});
-  expect_actions<typename TypeParam::Traits>(robot, 10);
-  EXPECT_TRUE(fault_of([&] { return robot.append_desired_action(TypeParam::Traits::action(0)); }));
-  // No fault, however often it is said.
-  robot.finish();
-}
-
-TYPED_TEST_P(TimingContract, EndsWhenFinishedBeforeAnyAction) {
-  typename TypeParam::Rig rig;
-  auto robot = rig.connect();
-  static_cast<void>(robot.latest_observation());
-  robot.finish();
-  expect_end(robot, 0, {.code = Fault::Code::kFinished});
-}
-
-TYPED_TEST_P(TimingContract, EndsWhenTheControllerLetsGo) {
-  typename TypeParam::Rig rig;
-  std::optional<Frontend<typename TypeParam::Robot>> robot(rig.connect());
-  const auto observer = rig.observe();
-  run_steps<typename TypeParam::Traits>(*robot, 0, 9);
-  robot->wait_until_time_index(10);
-  robot.reset();
-  expect_end(observer, 10, {.code = Fault::Code::kDetached});
-}
-
-TYPED_TEST_P(TimingContract, StaysWhenAControllerWithoutActionsLetsGo) {
-  typename TypeParam::Rig rig;
-  const auto id = rig.connect().session().info().session_id;
-  auto second = rig.connect();
-  EXPECT_EQ(second.session().info().session_id, id);
-  EXPECT_EQ(second.append_desired_action(TypeParam::Traits::action(0)), 0);
-  static_cast<void>(second.get_observation(0));
-}
-
-TYPED_TEST_P(TimingContract, EndsWhenTheDriverFaultsWhileMeasuring) {
-  typename TypeParam::Rig rig({.injection = {.observation_fault_at = 5}});
-  auto robot = rig.connect();
-  for (TimeIndex t = 0; t < 5; ++t) robot.append_desired_action(TypeParam::Traits::action(t));
-  expect_end(robot, 5, {.code = Fault::Code::kDriver, .detail = DriverUnderTest::kFaultCode},
-             false);
-  expect_actions<typename TypeParam::Traits>(robot, 5);
-}
-
-TYPED_TEST_P(TimingContract, EndsWhenTheDriverFaultsWhileApplying) {
-  typename TypeParam::Rig rig({.injection = {.action_fault_at = 5}});
-  auto robot = rig.connect();
-  for (TimeIndex t = 0; t < 6; ++t) robot.append_desired_action(TypeParam::Traits::action(t));
-  expect_end(robot, 5, {.code = Fault::Code::kDriver, .detail = DriverUnderTest::kFaultCode});
-}
-
-TYPED_TEST_P(TimingContract, fault_06_EndsWhenTooManyActionsInARowAreRejected) {
-  typename TypeParam::Rig rig(
-      {.backend = {.max_rejected_actions = 3}, .injection = {.reject_from = 5}});
-  auto robot = rig.connect();
-  // The session may end while the last actions are on their way.
-  static_cast<void>(fault_of([&] {
-    for (TimeIndex t = 0; t < 12; ++t) robot.append_desired_action(TypeParam::Traits::action(t));
-    return 0;
-  }));
-  expect_end(robot, 9, {.code = Fault::Code::kActionsRejected, .detail = 4});
-  for (TimeIndex t = 0; t < 9; ++t) {
-    EXPECT_EQ(has_flag(robot, t, Status::kActionRejected), t >= 5);
-    EXPECT_EQ(robot.get_status(t).rejected_actions, t >= 5 ? t - 4 : 0);
-  }
-}
-
-TYPED_TEST_P(TimingContract, EndsWhenTheBackendIsAskedToStop) {
-  typename TypeParam::Rig rig;
-  auto robot = rig.connect();
-  run_steps<typename TypeParam::Traits>(robot, 0, 9);
-  robot.wait_until_time_index(10);
-  rig.request_stop();
-  expect_end(robot, 10, {.code = Fault::Code::kStopped});
-}
-
-TYPED_TEST_P(TimingContract, EndsWhenTheBackendIsAskedToStopBeforeAnyAction) {
-  typename TypeParam::Rig rig;
-  auto robot = rig.connect();
-  static_cast<void>(robot.latest_observation());
-  rig.request_stop();
-  expect_end_before_step_zero(robot, {.code = Fault::Code::kStopped});
-}
-
-TYPED_TEST_P(TimingContract, EndsWhenTheDriverFaultsBeforeAnyAction) {
-  typename TypeParam::Rig rig({.injection = {.observation_fault_at = 0}});
-  // Who wants control is refused if the fault comes first.
-  const auto observer = rig.observe();
-  expect_end_before_step_zero(
-      observer, {.code = Fault::Code::kDriver, .detail = DriverUnderTest::kFaultCode}, false);
-}
-
-TYPED_TEST_P(TimingContract, SaysWhyInTheText) {
-  typename TypeParam::Rig rig({.injection = {.action_fault_at = 2}});
-  auto robot = rig.connect();
-  for (TimeIndex t = 0; t < 3; ++t) robot.append_desired_action(TypeParam::Traits::action(t));
-  try {
-    static_cast<void>(robot.get_observation(3));
-    ADD_FAILURE() << "the robot did not stop";
-  } catch (const RobotStopped& stopped) {
-    EXPECT_THAT(stopped.what(), ::testing::HasSubstr("step 2"));
-    EXPECT_THAT(stopped.what(), ::testing::HasSubstr("a test injected this"));
-  }
-}
-
-TYPED_TEST_P(TimingContract, BeginsTheNextSessionAtOnceAfterACleanEnd) {
-  typename TypeParam::Rig rig;
-  auto first = rig.connect();
-  run_steps<typename TypeParam::Traits>(first, 0, 4);
-  first.finish();
-  auto second = rig.connect();
-  EXPECT_NE(second.session().info().session_id, first.session().info().session_id);
-  run_steps<typename TypeParam::Traits>(second, 0, 2);
-  static_cast<void>(second.get_observation(3));
-  // The old handle still tells its own story.
-  expect_end(first, 5, {.code = Fault::Code::kFinished});
-}
-
-TYPED_TEST_P(TimingContract, NeedsRecoveryAfterAFault) {
-  typename TypeParam::Rig rig({.injection = {.stop_periods = 3, .action_fault_at = 2}});
-  auto first = rig.connect();
-  for (TimeIndex t = 0; t < 3; ++t) first.append_desired_action(TypeParam::Traits::action(t));
-  const Fault fault{.code = Fault::Code::kDriver, .detail = DriverUnderTest::kFaultCode};
-  expect_end(first, 2, fault);
-  EXPECT_EQ(code_of([&] { return rig.connect(); }), Fault::Code::kDriver);
-
-  first.recover();
-  auto second = rig.connect();
-  run_steps<typename TypeParam::Traits>(second, 0, 9);
-  second.finish();
-  expect_end(second, 10, {.code = Fault::Code::kFinished});
-  expect_end(first, 2, fault);
-}
-
-TYPED_TEST_P(TimingContract, NeedsRecoveryWhenTheDriverCannotBePrepared) {
-  typename TypeParam::Rig rig({.injection = {.prepare_faults = true}});
-  const auto stopped = [&] {
-    const auto fault = fault_of([&] {
-      // Whoever is quick attaches before the fault and meets it here.
-      auto robot = rig.connect();
-      return robot.latest_observation();
-    });
-    return fault.value_or(Fault{});
-  };
-  EXPECT_EQ(stopped(),
-            (Fault{.code = Fault::Code::kDriver, .detail = DriverUnderTest::kFaultCode}));
-  EXPECT_EQ(stopped().code, Fault::Code::kDriver);
-}
-
-TYPED_TEST_P(TimingContract, PreparesAndStopsInSmallSteps) {
-  typename TypeParam::Rig rig({.injection = {.prepare_periods = 3, .stop_periods = 4}});
-  auto robot = rig.connect();
-  run_steps<typename TypeParam::Traits>(robot, 0, 2);
-  EXPECT_EQ(rig.log().prepares, 4);
-  robot.finish();
-  // What the stop does is not part of the series.
-  expect_end(robot, 3, {.code = Fault::Code::kFinished});
-  // The next session is there only when the robot is at rest.
-  static_cast<void>(rig.connect());
-  EXPECT_EQ(rig.log().stops, 5);
-}
-
-TYPED_TEST_P(TimingContract, LetsNobodyWaitLongerThanTheyWant) {
-  using Robot = typename TypeParam::Robot;
-  typename TypeParam::Rig rig({.session = {.history = 64, .queue = 4}});
-  auto robot = rig.connect();
-  robot.append_desired_action(TypeParam::Traits::action(0));
-  robot.wait_until_time_index(1);
-  // Inline, a wait that nobody can satisfy is a mistake that is named at once.
-  const auto expect_gives_up = [](const auto& call) {
-    if constexpr (TypeParam::Transport::kIsInline) {
-      EXPECT_THROW(call(), ActionMissing);
-    } else {
-      EXPECT_THROW(call(), TimedOut);
-    }
-  };
-  for (const Timeout timeout : {Timeout::zero(), Timeout(std::chrono::milliseconds(5))}) {
-    expect_gives_up([&] { static_cast<void>(robot.get_observation(2, timeout)); });
-    expect_gives_up([&] { static_cast<void>(robot.get_desired_action(1, timeout)); });
-    expect_gives_up([&] { static_cast<void>(robot.get_applied_action(1, timeout)); });
-    expect_gives_up([&] { static_cast<void>(robot.get_status(1, timeout)); });
-    expect_gives_up([&] { robot.wait_until_time_index(2, timeout); });
-    std::array<typename Robot::Observation, 3> range;
-    expect_gives_up([&] { robot.get_observations(0, range, timeout); });
-    std::array<Status, 3> statuses;
-    expect_gives_up([&] { robot.get_statuses(0, statuses, timeout); });
-  }
-}
-
-TYPED_TEST_P(TimingContract, HasEverythingOfACompanionThatArrivedByThatStep) {
-  const auto driver = TypeParam::Traits::make_driver();
-  if (driver->companions().empty()) GTEST_SKIP() << "no companions";
-  const CompanionDescription& description = driver->companions()[0];
-  typename TypeParam::Rig rig;
-  auto robot = rig.connect();
-  const UntypedFrontend companion = robot.companion(description.name);
-  std::vector<std::byte> element(description.element.size());
-  const auto arrival_at = [&](TimeIndex t, Timeout timeout) -> std::optional<Stamp> {
-    if (!companion.get_latest_at(t, element.data(), timeout)) return std::nullopt;
-    Stamp stamp;
-    std::memcpy(&stamp, element.data(), sizeof(stamp));
-    return stamp;
-  };
-
-  std::vector<TimeIndex> known;
-  for (TimeIndex t = 0; t < 40; ++t) {
-    robot.append_desired_action(TypeParam::Traits::action(t));
-    static_cast<void>(robot.get_observation(t));
-    // y_t is there, so this needs no wait.
-    const auto stamp = arrival_at(t, Timeout::zero());
-    known.push_back(stamp ? stamp->arrival_index : -1);
-    if (!stamp) continue;
-    EXPECT_LE(stamp->arrival_index, t);
-    EXPECT_LE(stamp->capture_index, stamp->arrival_index);
-    EXPECT_EQ(stamp->arrival_time - stamp->capture_time,
-              (stamp->arrival_index - stamp->capture_index) * kPeriod.count());
-  }
-  EXPECT_TRUE(std::ranges::is_sorted(known));
-  EXPECT_GT(known.back(), 0);
-  // Later, the answer is the same.
-  for (TimeIndex t = 0; t < 40; ++t) {
-    const auto stamp = arrival_at(t, kForever);
-    ASSERT_EQ(stamp ? stamp->arrival_index : -1, known[static_cast<std::size_t>(t)]) << t;
-  }
-  robot.finish();
-  EXPECT_EQ(code_of([&] { return arrival_at(1000, kForever); }), Fault::Code::kFinished);
-}
-
-TYPED_TEST_P(TimingContract, GivesTheSameSeriesEveryTime) {
-  using Robot = typename TypeParam::Robot;
-  std::vector<std::byte> series[2];
-  for (auto& bytes : series) {
-    typename TypeParam::Rig rig;
-    auto robot = rig.connect();
-    run_steps<typename TypeParam::Traits>(robot, 0, 99);
-    robot.finish();
-    for (TimeIndex t = 0; t < 100; ++t) {
-      const typename Robot::Observation observation = robot.get_observation(t);
-      const AppliedActionOf<Robot> applied = robot.get_applied_action(t);
-      for (const auto& part : {bytes_of(observation), bytes_of(applied)}) {
-        bytes.insert(bytes.end(), part.begin(), part.end());
-      }
-    }
-  }
-  EXPECT_EQ(series[0], series[1]);
-}
-
-REGISTER_TYPED_TEST_SUITE_P(
-    TimingContract, NamesTheStepsOfActionsOneByOne, ShowsTheRobotBeforeStepZero,
-    MeasuresBeforeTheActionOfTheStepActs, ObservationDoesNotDependOnTheActionOfItsStep,
-    ShowsTheNextObservationBeforeItsAction, fault_62_WaitsForAnActionAsLongAsItTakes,
-    MarksAnActionThatCameAfterItsObservation, RefusesAnActionThatCameAfterItsObservationIfStrict,
-    CountsEveryWayToReadAsKnowing, TakesABurst, ReadsManyStepsInOneCall,
-    RefusesARangeThatTheHistoryCannotHold, fault_34_NamesTheOldestStepWhenHistoryIsLost,
-    fault_05_AppendWaitsWhileTheQueueIsFull, EndsBehindTheLastActionWhenFinished,
-    EndsWhenFinishedBeforeAnyAction, EndsWhenTheControllerLetsGo,
-    StaysWhenAControllerWithoutActionsLetsGo, EndsWhenTheDriverFaultsWhileMeasuring,
-    EndsWhenTheDriverFaultsWhileApplying, fault_06_EndsWhenTooManyActionsInARowAreRejected,
-    EndsWhenTheBackendIsAskedToStop, EndsWhenTheBackendIsAskedToStopBeforeAnyAction,
-    EndsWhenTheDriverFaultsBeforeAnyAction, SaysWhyInTheText,
-    BeginsTheNextSessionAtOnceAfterACleanEnd, NeedsRecoveryAfterAFault,
-    NeedsRecoveryWhenTheDriverCannotBePrepared, PreparesAndStopsInSmallSteps,
-    LetsNobodyWaitLongerThanTheyWant, HasEverythingOfACompanionThatArrivedByThatStep,
-    GivesTheSameSeriesEveryTime);
-
-// --- What holds with deadlines: time is the manual clock's, one period after the other
-// ---------------------------
-
-/// A plan with deadlines.
-[[nodiscard]] inline Plan with_deadlines(std::uint32_t max_action_repeats = 0,
-                                         const Injection& injection = {}) {
-  return {.backend = {.mode = BackendOptions::Mode::kRealTime,
-                      .period = kPeriod,
-                      .max_action_repeats = max_action_repeats},
-          .injection = injection};
-}
-
-/// Appends actions of the driver's traits without waiting for anything, as far as the queue takes
-/// them.
-template <class Traits, class R>
-void append_ahead(Frontend<R>& robot, TimeIndex first, TimeIndex last) {
-  for (TimeIndex t = first; t <= last; ++t) {
-    ASSERT_EQ(robot.append_desired_action(Traits::action(t), Timeout::zero()), t);
-  }
-}
-
-template <class T>
-class RealTimeContract : public ::testing::Test {};
-TYPED_TEST_SUITE_P(RealTimeContract);
-
-TYPED_TEST_P(RealTimeContract, HoldsUntilTheFirstAction) {
-  typename TypeParam::Rig rig(with_deadlines());
-  auto robot = rig.connect();
-  rig.tick(10);
-  static_cast<void>(robot.latest_observation(Timeout::zero()));
-  EXPECT_EQ(robot.current_time_index(), -1);
-  EXPECT_FALSE(robot.fault().has_value());
-  // The pose at the beginning is held, in every period.
-  EXPECT_EQ(rig.log().holds, 1);
-  EXPECT_GE(rig.log().actions, 10);
-  EXPECT_EQ(rig.log().actions, rig.log().observations);
-}
-
-TYPED_TEST_P(RealTimeContract, BeginsWithTheFirstTickThatFindsAnAction) {
-  typename TypeParam::Rig rig(with_deadlines());
-  auto robot = rig.connect();
-  rig.tick(7);
-  EXPECT_EQ(robot.append_desired_action(TypeParam::Traits::action(0)), 0);
-  EXPECT_EQ(robot.current_time_index(), -1);
-  const Instant time_zero = rig.clock().now() + kPeriod;
-  rig.tick();
-  EXPECT_EQ(robot.current_time_index(), 0);
-  const Status status = robot.get_status(0);
-  EXPECT_EQ(status.tick, 0);
-  EXPECT_EQ(status.time, time_zero.time_since_epoch().count());
-}
-
-TYPED_TEST_P(RealTimeContract, DoesOneStepPerPeriod) {
-  typename TypeParam::Rig rig(with_deadlines());
-  auto robot = rig.connect();
-  rig.tick();
-  append_ahead<typename TypeParam::Traits>(robot, 0, 19);
-  for (TimeIndex t = 0; t < 20; ++t) {
-    rig.tick();
-    ASSERT_EQ(robot.current_time_index(), t);
-    const Status status = robot.get_status(t, Timeout::zero());
-    EXPECT_EQ(status.tick, t);
-    EXPECT_EQ(status.time, (rig.clock().now()).time_since_epoch().count());
-    EXPECT_EQ(status.lateness, 0);
-    EXPECT_EQ(status.flags, 0U);
-  }
-  expect_actions<typename TypeParam::Traits>(robot, 20);
-  expect_measured_before_acting(rig.log());
-}
-
-TYPED_TEST_P(RealTimeContract, StopsWhenAnActionIsLate) {
-  typename TypeParam::Rig rig(with_deadlines());
-  auto robot = rig.connect();
-  rig.tick();
-  append_ahead<typename TypeParam::Traits>(robot, 0, 4);
-  rig.tick(6);
-  expect_end(robot, 5, {.code = Fault::Code::kActionLate});
-  EXPECT_EQ(robot.get_status(5).tick, 5);
-  EXPECT_EQ(fault_of([&] { return robot.append_desired_action(TypeParam::Traits::action(5)); }),
-            robot.fault());
-}
-
-TYPED_TEST_P(RealTimeContract, fault_04_RepeatsALateActionOnlySoOften) {
-  typename TypeParam::Rig rig(with_deadlines(3));
-  auto robot = rig.connect();
-  rig.tick();
-  append_ahead<typename TypeParam::Traits>(robot, 0, 1);
-  rig.tick(2 + 3 + 1);
-  expect_end(robot, 5, {.code = Fault::Code::kActionLate, .detail = 3});
-  for (TimeIndex t = 0; t < 5; ++t) {
-    EXPECT_EQ(has_flag(robot, t, Status::kActionRepeated), t >= 2);
-    EXPECT_EQ(robot.get_status(t).action_repeats, t >= 2 ? t - 1 : 0);
-    EXPECT_EQ(bytes_of(robot.get_desired_action(t)),
-              bytes_of(TypeParam::Traits::action(std::min<TimeIndex>(t, 1))));
-  }
-}
-
-TYPED_TEST_P(RealTimeContract, CountsRepetitionsInARow) {
-  typename TypeParam::Rig rig(with_deadlines(2));
-  auto robot = rig.connect();
-  rig.tick();
-  // Twice late, in time again, twice late: never more than twice in a row.
-  for (int i = 0; i < 10; ++i) {
-    ASSERT_EQ(robot.append_desired_action(TypeParam::Traits::action(i)), 3 * i);
-    rig.tick(3);
-  }
-  EXPECT_EQ(robot.current_time_index(), 29);
-  EXPECT_FALSE(robot.fault().has_value());
-}
-
-TYPED_TEST_P(RealTimeContract, fault_04_AppendGoesOnAtTheFirstOpenStepAfterRepetitions) {
-  typename TypeParam::Rig rig(with_deadlines(100));
-  auto robot = rig.connect();
-  rig.tick();
-  append_ahead<typename TypeParam::Traits>(robot, 0, 0);
-  rig.tick(4);
-  // Steps 1 to 3 are closed. A loop that fell behind is in step again at once, and blamed for
-  // nothing.
-  static_cast<void>(robot.get_observation(0));
-  EXPECT_EQ(robot.append_desired_action(TypeParam::Traits::action(4)), 4);
-  EXPECT_EQ(robot.append_desired_action(TypeParam::Traits::action(5)), 5);
-  rig.tick(2);
-  EXPECT_EQ(bytes_of(robot.get_desired_action(4)), bytes_of(TypeParam::Traits::action(4)));
-  EXPECT_EQ(bytes_of(robot.get_desired_action(5)), bytes_of(TypeParam::Traits::action(5)));
-  EXPECT_EQ(robot.get_status(4).flags, 0U);
-  EXPECT_EQ(robot.get_status(4).action_repeats, 0U);
-  EXPECT_EQ(robot.get_status(5).discarded_actions, 0U) << "nothing was sent for a closed step";
-}
-
-TYPED_TEST_P(RealTimeContract, AnAppendThatReturnsAStepWasAppliedAtThatStep) {
-  constexpr TimeIndex kActions = 10'000;
-  constexpr TimeIndex kDifferent = 100;
-  Plan plan = with_deadlines(1'000'000'000);
-  plan.session.history = 1 << 16;
-  typename TypeParam::Rig rig(plan);
-  auto robot = rig.connect();
-  // The back-end goes through its ticks as fast as it can, so steps are closed while an append is
-  // on its way to them.
-  rig.clock().run_free();
-  int compared = 0;
-  TimeIndex last = -1;
-  for (TimeIndex k = 0; k < kActions; ++k) {
-    const auto action = TypeParam::Traits::action(k % kDifferent);
-    const TimeIndex t = robot.append_desired_action(action);
-    EXPECT_GT(t, last);
-    last = t;
-    try {
-      ASSERT_EQ(bytes_of(robot.get_desired_action(t)), bytes_of(action)) << t;
-      ASSERT_EQ(robot.get_status(t).flags, 0U) << t;
-      ++compared;
-    } catch (const HistoryLost&) {
-      // This thread stood still for a whole history.
-    }
-  }
-  EXPECT_GT(compared, 0);
-}
-
-TYPED_TEST_P(RealTimeContract, SkipsTheTicksThatALateBackendMissed) {
-  typename TypeParam::Rig rig(with_deadlines());
-  auto robot = rig.connect();
-  rig.tick();
-  append_ahead<typename TypeParam::Traits>(robot, 0, 19);
-  rig.tick(3);
-  // The machine stalls: two ticks pass unseen, the third is seen in time.
-  rig.clock().advance(3 * kPeriod);
-  rig.clock().wait_for_sleeper();
-  rig.tick(2);
-  EXPECT_EQ(robot.current_time_index(), 5) << "steps are consecutive, whatever the time";
-  for (TimeIndex t = 0; t <= 5; ++t) {
-    const Status status = robot.get_status(t);
-    EXPECT_EQ(status.tick, t < 3 ? t : t + 2);
-    EXPECT_EQ(status.skipped_ticks, t == 3 ? 2U : 0U);
-  }
-  expect_actions<typename TypeParam::Traits>(robot, 6);
-  EXPECT_FALSE(robot.fault().has_value()) << "the user is not to blame";
-}
-
-TYPED_TEST_P(RealTimeContract, KeepsThePhaseHoweverLateItWas) {
-  typename TypeParam::Rig rig(with_deadlines());
-  auto robot = rig.connect();
-  rig.tick();
-  append_ahead<typename TypeParam::Traits>(robot, 0, 39);
-  rig.tick();
-  for (const int percent : {150, 30, 420, 70, 199, 1, 250, 100, 510, 20}) {
-    rig.clock().wait_for_sleeper();
-    rig.clock().advance(percent * kPeriod / 100);
-  }
-  rig.clock().wait_for_sleeper();
-  const Status first = robot.get_status(0);
-  ASSERT_GE(robot.current_time_index(), 6);
-  for (TimeIndex t = 0; t <= robot.current_time_index(); ++t) {
-    const Status status = robot.get_status(t);
-    EXPECT_EQ(status.time - status.lateness, first.time + status.tick * kPeriod.count()) << t;
-    EXPECT_GE(status.lateness, 0);
-    EXPECT_LT(status.lateness, kPeriod.count());
-  }
-}
-
-TYPED_TEST_P(RealTimeContract, TooManySkippedTicksAreAFault) {
-  typename TypeParam::Rig rig(with_deadlines());
-  auto robot = rig.connect();
-  rig.tick();
-  append_ahead<typename TypeParam::Traits>(robot, 0, 9);
-  rig.tick(2);
-  rig.clock().advance(6 * kPeriod);
-  rig.clock().wait_for_sleeper();
-  EXPECT_EQ(robot.get_status(2).skipped_ticks, 5U);
-  rig.clock().advance(7 * kPeriod);
-  rig.clock().wait_for_sleeper();
-  expect_end(robot, 3, {.code = Fault::Code::kBackendLate, .detail = 6});
-  EXPECT_EQ(robot.get_status(3).skipped_ticks, 6U);
-}
-
-TYPED_TEST_P(RealTimeContract, fault_14_EndsWhenTheFirstActionDoesNotCome) {
-  Plan plan = with_deadlines();
-  plan.backend.first_action_timeout = 10 * kPeriod;
-  typename TypeParam::Rig rig(plan);
-  auto robot = rig.connect();
-  rig.tick(9);
-  EXPECT_FALSE(robot.fault().has_value());
-  rig.tick();
-  expect_end_before_step_zero(robot, {.code = Fault::Code::kFirstActionLate});
-  EXPECT_EQ(fault_of([&] { return robot.append_desired_action(TypeParam::Traits::action(0)); }),
-            robot.fault());
-}
-
-TYPED_TEST_P(RealTimeContract, EndsWhenTheDriverFaultsWhileHolding) {
-  // Holding needs both calls in every period.
-  for (const bool while_measuring : {true, false}) {
-    typename TypeParam::Rig rig(while_measuring ? with_deadlines(0, {.observation_fault_at = 3})
-                                                : with_deadlines(0, {.action_fault_at = 3}));
-    auto robot = rig.connect();
-    rig.tick(3);
-    expect_end_before_step_zero(
-        robot, {.code = Fault::Code::kDriver, .detail = DriverUnderTest::kFaultCode});
-  }
-}
-
-TYPED_TEST_P(RealTimeContract, EndsWhenTheDriverFaults) {
-  for (const bool while_measuring : {true, false}) {
-    typename TypeParam::Rig rig(while_measuring ? with_deadlines(0, {.observation_fault_at = 7})
-                                                : with_deadlines(0, {.action_fault_at = 7}));
-    auto robot = rig.connect();
-    rig.tick();
-    append_ahead<typename TypeParam::Traits>(robot, 0, 9);
-    const TimeIndex held = rig.log().actions;  // holding needs calls, too
-    rig.tick(static_cast<int>(8 - held));
-    expect_end(robot, 7 - held,
-               {.code = Fault::Code::kDriver, .detail = DriverUnderTest::kFaultCode},
-               !while_measuring);
-    EXPECT_EQ(robot.get_status(7 - held).tick, 7 - held);
-  }
-}
-
-TYPED_TEST_P(RealTimeContract, EndsWhenTheControllerLetsGo) {
-  typename TypeParam::Rig rig(with_deadlines(100));
-  std::optional<Frontend<typename TypeParam::Robot>> robot(rig.connect());
-  const auto observer = rig.observe();
-  rig.tick();
-  append_ahead<typename TypeParam::Traits>(*robot, 0, 4);
-  rig.tick(5);
-  robot.reset();
-  rig.tick();
-  expect_end(observer, 5, {.code = Fault::Code::kDetached});
-}
-
-TYPED_TEST_P(RealTimeContract, EndsWhenTheBackendIsAskedToStop) {
-  Plan plan = with_deadlines(1'000'000'000);
-  plan.session.history = 1 << 16;
-  typename TypeParam::Rig rig(plan);
-  auto robot = rig.connect();
-  rig.tick();
-  append_ahead<typename TypeParam::Traits>(robot, 0, 4);
-  rig.tick(5);
-  rig.request_stop();
-  // The request takes its time from one process to another; the action is repeated meanwhile.
-  while (!robot.fault()) rig.tick();
-  const TimeIndex steps = robot.fault()->time_index;
-  EXPECT_GE(steps, 5);
-  expect_end(robot, steps, {.code = Fault::Code::kStopped});
-}
-
-TYPED_TEST_P(RealTimeContract, FinishesBehindTheActionsThatWait) {
-  typename TypeParam::Rig rig(with_deadlines(0, {.stop_periods = 4}));
-  auto robot = rig.connect();
-  rig.tick();
-  append_ahead<typename TypeParam::Traits>(robot, 0, 4);
-  EXPECT_THROW(robot.finish(Timeout::zero()), TimedOut);
-  rig.tick(6);
-  expect_end(robot, 5, {.code = Fault::Code::kFinished});
-  robot.finish();
-  EXPECT_EQ(rig.log().stops, 0) << "the orderly stop takes periods of its own";
-  rig.tick(5);
-  EXPECT_EQ(rig.log().stops, 5);
-  // A whole new session, at once.
-  auto second = rig.connect();
-  rig.tick(2);
-  EXPECT_EQ(second.append_desired_action(TypeParam::Traits::action(0)), 0);
-  rig.tick();
-  EXPECT_EQ(second.current_time_index(), 0);
-}
-
-TYPED_TEST_P(RealTimeContract, NeedsRecoveryAfterALateAction) {
-  typename TypeParam::Rig rig(with_deadlines());
-  auto first = rig.connect();
-  rig.tick();
-  append_ahead<typename TypeParam::Traits>(first, 0, 1);
-  rig.tick(3);
-  rig.last_tick();  // of the orderly stop
-  expect_end(first, 2, {.code = Fault::Code::kActionLate});
-  first.recover();
-
-  auto second = rig.connect();
-  rig.tick();
-  append_ahead<typename TypeParam::Traits>(second, 0, 3);
-  rig.tick(4);
-  EXPECT_EQ(second.current_time_index(), 3);
-  EXPECT_EQ(second.get_status(3).tick, 3);
-  expect_end(first, 2, {.code = Fault::Code::kActionLate});
-}
-
-TYPED_TEST_P(RealTimeContract, PreparesOncePerPeriod) {
-  typename TypeParam::Rig rig(with_deadlines(0, {.prepare_periods = 5}));
-  auto robot = rig.connect();
-  rig.clock().wait_for_sleeper();
-  rig.tick(3);
-  EXPECT_EQ(rig.log().prepares, 4);
-  EXPECT_EQ(rig.log().observations, 0);
-  EXPECT_THROW(static_cast<void>(robot.latest_observation(Timeout::zero())), TimedOut);
-  // Whoever is early waits for the robot.
-  append_ahead<typename TypeParam::Traits>(robot, 0, 2);
-  rig.tick();
-  EXPECT_EQ(robot.current_time_index(), -1);
-  rig.tick();
-  EXPECT_EQ(robot.current_time_index(), 0);
-}
-
-TYPED_TEST_P(RealTimeContract, fault_05_AFullQueueRefusesAndForgetsNothing) {
-  Plan plan = with_deadlines();
-  plan.session.queue = 8;
-  typename TypeParam::Rig rig(plan);
-  auto robot = rig.connect();
-  rig.tick();
-  append_ahead<typename TypeParam::Traits>(robot, 0, 7);
-  for (int i = 0; i < 3; ++i) {
-    EXPECT_THROW(robot.append_desired_action(TypeParam::Traits::action(8), Timeout::zero()),
-                 TimedOut);
-  }
-  rig.tick();
-  append_ahead<typename TypeParam::Traits>(robot, 8, 8);
-  rig.tick(8);
-  expect_actions<typename TypeParam::Traits>(robot, 9);
-}
-
-TYPED_TEST_P(RealTimeContract, WakesEveryWaiterAtTheEnd) {
-  typename TypeParam::Rig rig(with_deadlines());
-  auto robot = rig.connect();
-  const auto observer = rig.observe();
-  rig.tick();
-  append_ahead<typename TypeParam::Traits>(robot, 0, 2);
-  std::vector<std::optional<Fault>> faults(12);
-  std::vector<std::thread> waiters;
-  waiters.reserve(faults.size());
-  for (std::size_t i = 0; i < faults.size(); ++i) {
-    // More than there are wait slots; half of them can only look.
-    waiters.emplace_back([&, i] {
-      const auto& handle = i % 2 == 0 ? robot : observer;
-      faults[i] = fault_of([&] { return handle.get_status(100); });
-    });
-  }
-  rig.tick(4);
-  for (std::thread& waiter : waiters) waiter.join();
-  const Fault late{.code = Fault::Code::kActionLate, .detail = 0, .time_index = 3};
-  EXPECT_THAT(faults, ::testing::Each(late));
-}
-
-TYPED_TEST_P(RealTimeContract, WakesReadersStepByStep) {
-  typename TypeParam::Rig rig(with_deadlines());
-  auto robot = rig.connect();
-  rig.tick();
-  append_ahead<typename TypeParam::Traits>(robot, 0, 49);
-  std::thread reader([&] {
-    for (TimeIndex t = 0; t < 50; ++t) robot.wait_until_time_index(t);
-  });
-  rig.tick(50);
-  reader.join();
-}
-
-TYPED_TEST_P(RealTimeContract, LetsNobodyWaitLongerThanTheyWant) {
-  using Robot = typename TypeParam::Robot;
-  typename TypeParam::Rig rig(with_deadlines(100));
-  auto robot = rig.connect();
-  rig.tick();
-  EXPECT_THROW(static_cast<void>(robot.get_observation(0, Timeout::zero())), TimedOut);
-  append_ahead<typename TypeParam::Traits>(robot, 0, 0);
-  rig.tick();
-  // The manual clock stands still; the timeout counts the user's time.
-  for (const Timeout timeout : {Timeout::zero(), Timeout(std::chrono::milliseconds(5))}) {
-    EXPECT_THROW(static_cast<void>(robot.get_observation(1, timeout)), TimedOut);
-    EXPECT_THROW(static_cast<void>(robot.get_desired_action(1, timeout)), TimedOut);
-    EXPECT_THROW(static_cast<void>(robot.get_applied_action(1, timeout)), TimedOut);
-    EXPECT_THROW(static_cast<void>(robot.get_status(1, timeout)), TimedOut);
-    EXPECT_THROW(robot.wait_until_time_index(1, timeout), TimedOut);
-    std::array<typename Robot::Observation, 3> range;
-    EXPECT_THROW(robot.get_observations(0, range, timeout), TimedOut);
-    EXPECT_THROW(robot.finish(timeout), TimedOut);
-  }
-}
-
-TYPED_TEST_P(RealTimeContract, ClosesNoStepBeforeItsTick) {
-  typename TypeParam::Rig rig(with_deadlines(100));
-  auto robot = rig.connect();
-  rig.tick();
-  append_ahead<typename TypeParam::Traits>(robot, 0, 0);
-  rig.tick();
-  // The user works within the period, as a program in step does.
-  for (TimeIndex t = 1; t < 30; ++t) {
-    static_cast<void>(robot.get_observation(t - 1));
-    EXPECT_EQ(robot.append_desired_action(TypeParam::Traits::action(t)), t);
-    rig.tick();
-    EXPECT_EQ(robot.get_status(t).flags, 0U);
-  }
-}
-
-REGISTER_TYPED_TEST_SUITE_P(
-    RealTimeContract, HoldsUntilTheFirstAction, BeginsWithTheFirstTickThatFindsAnAction,
-    DoesOneStepPerPeriod, StopsWhenAnActionIsLate, fault_04_RepeatsALateActionOnlySoOften,
-    CountsRepetitionsInARow, fault_04_AppendGoesOnAtTheFirstOpenStepAfterRepetitions,
-    AnAppendThatReturnsAStepWasAppliedAtThatStep, SkipsTheTicksThatALateBackendMissed,
-    KeepsThePhaseHoweverLateItWas, TooManySkippedTicksAreAFault,
-    fault_14_EndsWhenTheFirstActionDoesNotCome, EndsWhenTheDriverFaultsWhileHolding,
-    EndsWhenTheDriverFaults, EndsWhenTheControllerLetsGo, EndsWhenTheBackendIsAskedToStop,
-    FinishesBehindTheActionsThatWait, NeedsRecoveryAfterALateAction, PreparesOncePerPeriod,
-    fault_05_AFullQueueRefusesAndForgetsNothing, WakesEveryWaiterAtTheEnd, WakesReadersStepByStep,
-    LetsNobodyWaitLongerThanTheyWant, ClosesNoStepBeforeItsTick);
+/// What holds with deadlines: time is the manual clock's, one period after the other.
+class RealTimeContract : public ContractTest {};
 
 }  // namespace trifinger::test

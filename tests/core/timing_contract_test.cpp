@@ -6,11 +6,10 @@
 namespace trifinger::test {
 namespace {
 
-using Everywhere = AllTransports<FakeDriverTraits, OddDriverTraits>;
-INSTANTIATE_TYPED_TEST_SUITE_P(Core, TimingContract, Everywhere, CaseName);
-
-using WithTime = ThreadedTransports<FakeDriverTraits, OddDriverTraits>;
-INSTANTIATE_TYPED_TEST_SUITE_P(Core, RealTimeContract, WithTime, CaseName);
+INSTANTIATE_TEST_SUITE_P(Core, TimingContract,
+                         (on_all_transports<FakeDriverTraits, OddDriverTraits>()), case_name);
+INSTANTIATE_TEST_SUITE_P(Core, RealTimeContract,
+                         (on_threaded_transports<FakeDriverTraits, OddDriverTraits>()), case_name);
 
 }  // namespace
 }  // namespace trifinger::test

@@ -8,6 +8,7 @@
 #include <array>
 #include <cerrno>
 #include <chrono>
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -35,6 +36,16 @@ struct Plan {
 };
 
 inline constexpr Nanoseconds kPeriod = std::chrono::milliseconds(1);
+
+/// A plan with deadlines.
+[[nodiscard]] inline Plan with_deadlines(std::uint32_t max_action_repeats = 0,
+                                         const Injection& injection = {}) {
+  return {.backend = {.mode = BackendOptions::Mode::kRealTime,
+                      .period = kPeriod,
+                      .max_action_repeats = max_action_repeats},
+          .injection = injection};
+}
+
 /// A wait that only a fault of ours could use up.
 inline constexpr Timeout kLong = std::chrono::seconds(120);
 

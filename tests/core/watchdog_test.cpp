@@ -14,8 +14,10 @@
 #include <vector>
 
 #include "core/drivers_of_tests.hpp"
+#include "core/fault_of.hpp"
 #include "core/named_robot.hpp"
-#include "core/timing_contract.hpp"
+#include "core/steps.hpp"
+#include "core/transports.hpp"
 #include "support/child_process.hpp"
 #include "support/session_folder.hpp"
 #include "support/shared_value.hpp"

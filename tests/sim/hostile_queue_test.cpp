@@ -11,8 +11,10 @@
 #include <random>
 #include <thread>
 
+#include "core/fault_of.hpp"
 #include "core/intruder.hpp"
-#include "core/timing_contract.hpp"
+#include "core/steps.hpp"
+#include "core/transports.hpp"
 #include "sim/drivers_of_tests.hpp"
 #include "support/soak.hpp"
 

@@ -6,11 +6,13 @@
 namespace trifinger::test {
 namespace {
 
-using Everywhere = AllTransports<SimulatedRobotTraits<TriFinger>, SimulatedRobotTraits<Finger>>;
-INSTANTIATE_TYPED_TEST_SUITE_P(Sim, TimingContract, Everywhere, CaseName);
+using TriFingerTraits = SimulatedRobotTraits<TriFinger>;
+using FingerTraits = SimulatedRobotTraits<Finger>;
 
-using WithTime = ThreadedTransports<SimulatedRobotTraits<TriFinger>, SimulatedRobotTraits<Finger>>;
-INSTANTIATE_TYPED_TEST_SUITE_P(Sim, RealTimeContract, WithTime, CaseName);
+INSTANTIATE_TEST_SUITE_P(Sim, TimingContract, (on_all_transports<TriFingerTraits, FingerTraits>()),
+                         case_name);
+INSTANTIATE_TEST_SUITE_P(Sim, RealTimeContract,
+                         (on_threaded_transports<TriFingerTraits, FingerTraits>()), case_name);
 
 }  // namespace
 }  // namespace trifinger::test
