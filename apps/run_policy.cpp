@@ -139,7 +139,8 @@ int run_on(Frontend<R>& robot, Policy& policy, const Options& options) {
                                           robot.session().info().period);
 
   const std::atomic<bool>& stop = stop_on_signals();
-  fmt::print("'{}' shall do '{}' with {}.\n", options.robot, task, options.policy);
+  fmt::print("'{}' shall do '{}' with {}: {}\n", options.robot, task, options.policy,
+             learning::write_options(trained));
   std::fflush(stdout);
   std::optional<Printer> printer(std::in_place);  // With the usual priority.
   if (robot.session().info().is_real_time) {

@@ -114,12 +114,15 @@ class Options:
     @classmethod
     def of(cls, task: str, **changes: Any) -> Self:
         """The defaults of a task, with some changes. Raises InvalidArgument for unknown tasks."""
-        names = {field.name for field in dataclasses.fields(cls)}
+        return cls.from_json(_trifinger.default_environment_options(task)).changed(**changes)
+
+    def changed(self, **changes: Any) -> Self:
+        """The same with some changes. Raises InvalidArgument for names that no option has."""
+        names = {field.name for field in dataclasses.fields(self)}
         for name in changes:
             if name not in names:
                 raise InvalidArgument(f"there is no option '{name}'; there are {sorted(names)}")
-        defaults = cls.from_json(_trifinger.default_environment_options(task))
-        return dataclasses.replace(defaults, **changes)
+        return dataclasses.replace(self, **changes)
 
     def to_json(self) -> str:
         """As policies carry them in their files."""
@@ -178,6 +181,26 @@ class _Views:
         if self._layout == "dictionary":
             return {name: observation[..., part] for name, part in self._slices.items()}
         return {"observation": observation, "achieved_goal": achieved, "desired_goal": desired}
+
+
+class _Entries:
+    """Takes flat observations apart."""
+
+    def __init__(self, core: Any, options: Options) -> None:
+        self._is_flat = options.observation != "dictionary"
+        place = {name: index for index, name in enumerate(core.flat_names)}
+        self._parts = {
+            name: ([place[f"{name}[{i}]"] for i in range(len(low))], np.array(low), np.array(high))
+            for name, _, low, high in core.entries
+        }
+
+    def __call__(self, observations: Array) -> dict[str, Array]:
+        if not self._is_flat:
+            raise InvalidArgument('observation is "dictionary": it has its entries already')
+        return {
+            name: low + 0.5 * (observations[..., places] + 1.0) * (high - low)
+            for name, (places, low, high) in self._parts.items()
+        }
 
 
 def _copied(value: Observation) -> Observation:
@@ -245,6 +268,7 @@ class Environment(gymnasium.Env[Any, Array]):
             observed = dataclasses.replace(observed, position_noise=0.0, velocity_noise=0.0)
         self._core = _trifinger.Episodes(task, observed.to_json(), config, overrides)
         self._views = _Views(self._core, self.options)
+        self._entries = _Entries(self._core, self.options)
         self._object = self._core.object_name
         self._scene = (config, overrides)
         self._simulation = None
@@ -281,6 +305,14 @@ class Environment(gymnasium.Env[Any, Array]):
     def episode_actions(self) -> int:
         """How many actions an episode has that is not terminated."""
         return self._core.episode_actions
+
+    def entries(self, observations: Array) -> dict[str, Array]:
+        """What flat observations (..., numbers) say: each entry (..., its numbers), in its unit.
+
+        With per_finger=True goals are in the frames of their fingers; with observation="goal" it is
+        the vector without its goal that is taken apart.
+        """
+        return self._entries(observations)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -336,7 +368,7 @@ class Environment(gymnasium.Env[Any, Array]):
     def step(self, action: Array) -> tuple[Observation, float, bool, bool, Info]:
         """Lets `action` act; numbers beyond -1 and 1 are cut off.
 
-        A fault of the robot terminates the episode, with the reward of what was seen last:
+        A fault of the robot truncates the episode, with the reward of what was seen last:
         info["fault"] is its number, info["fault_text"] says what it is. Raises
         gymnasium.error.ResetNeeded behind the end, InvalidArgument for another shape or NaN.
         """
@@ -357,7 +389,7 @@ class Environment(gymnasium.Env[Any, Array]):
         except RobotStopped as stopped:
             self._is_running = False
             info = self._info(is_success=False, fault=_code_of(stopped), fault_text=str(stopped))
-            return self._observation(), self._last_reward, True, False, info
+            return self._observation(), self._last_reward, False, True, info
         if terminated or truncated:
             self._is_running = False
             # What is still to act may end in a fault; the episode was over before.
@@ -538,9 +570,11 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Array, Any]):
         )
         self._mode: str = self.metadata["autoreset_mode"].value
         self._views = _Views(self._core, self.options)
+        self._entries = _Entries(self._core, self.options)
         self._copy = copy
         self._has_object = bool(self._core.object_name)
         self._has_begun = False
+        self._has_ended = np.zeros(num_envs, bool)
         self.single_observation_space = _observation_space(self._core, self.options)
         self.single_action_space = spaces.Box(-1.0, 1.0, (self._core.num_joints,), np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -558,6 +592,14 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Array, Any]):
     def num_threads(self) -> int:
         """How many threads step, the caller's among them."""
         return self._core.num_threads
+
+    def entries(self, observations: Array) -> dict[str, Array]:
+        """What flat observations (..., numbers) say: each entry (..., its numbers), in its unit.
+
+        With per_finger=True goals are in the frames of their fingers; with observation="goal" it is
+        the vector without its goal that is taken apart.
+        """
+        return self._entries(observations)
 
     def reset(
         self,
@@ -592,6 +634,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Array, Any]):
             raise InvalidArgument("the first reset must be one of all simulations")
         self._core.reset(mask)
         self._has_begun = True
+        self._has_ended[... if mask is None else mask] = False
         return self._observation(), self._info(
             np.ones(self.num_envs, bool) if mask is None else mask
         )
@@ -600,10 +643,16 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Array, Any]):
         """Lets an action act in each simulation: num_envs rows of numbers from -1 to 1.
 
         With AutoresetMode.SAME_STEP the episodes that have ended leave their last observation in
-        info["final_obs"] and their info in info["final_info"]; `info` tells of the next ones.
+        info["final_obs"] and their info in info["final_info"]; `info` tells of the next ones. With
+        AutoresetMode.DISABLED they must be reset before the next step.
         """
         if not self._has_begun:
             raise gymnasium.error.ResetNeeded("no episode has begun: call reset() first")
+        if self._mode == "Disabled" and self._has_ended.any():
+            raise gymnasium.error.ResetNeeded(
+                f"the episodes of the simulations {np.flatnonzero(self._has_ended).tolist()} have "
+                'ended: reset(options={"reset_mask": ...}) begins others'
+            )
         numbers = np.ascontiguousarray(actions, np.float32)
         if numbers.shape != self.action_space.shape:
             raise InvalidArgument(
@@ -613,7 +662,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Array, Any]):
         core = self._core
         terminated, truncated = core.terminated.astype(bool), core.truncated.astype(bool)
         info = self._info(np.ones(self.num_envs, bool))
-        ended = terminated | truncated
+        self._has_ended = ended = terminated | truncated
         if self._mode == "SameStep" and ended.any():
             final = self._views(core.final_observation, core.final_achieved, core.final_desired)
             last = np.full(self.num_envs, None, object)
@@ -670,7 +719,7 @@ def _gymnasium_id(task: str) -> str:
 def _with_options(task: str, arguments: dict[str, Any], own: set[str]) -> dict[str, Any]:
     chosen = {name: arguments.pop(name) for name in own & arguments.keys()}
     options = chosen.get("options") or Options.of(task)
-    chosen["options"] = dataclasses.replace(options, **arguments)
+    chosen["options"] = options.changed(**arguments)
     return chosen
 
 

@@ -9,12 +9,15 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+# First, because it says what to install.
+from trifinger.environments import Environment, Options, VectorEnvironment
+
+# isort: split
 import numpy as np
 import numpy.typing as npt
 from gymnasium.vector import AutoresetMode
 
 from trifinger._trifinger import Policy
-from trifinger.environments import Environment, Options, VectorEnvironment
 from trifinger.errors import InvalidArgument
 from trifinger.picture import save_film
 
@@ -24,7 +27,7 @@ Act = Callable[[Array], Array]
 
 SEED = 1_000_000  # of the first evaluated episode, far from those of trainings
 FILM_EPISODES = 5
-SHOWN_EPISODES = 20  # in the figure of the tips' ways
+SHOWN_EPISODES = 20  # in the figure of the ways to the goals
 
 
 @dataclass(frozen=True)
@@ -213,15 +216,17 @@ def save_curve(curves: Mapping[str, Sequence[tuple[int, Summary]]], path: Path) 
 
 
 def save_ways(evaluations: Mapping[str, Array], path: Path) -> None:
-    """Ways of tips relative to their goals in the xy plane, as in the paper's figure.
+    """Ways of tips or objects relative to their goals in the xy plane, as in the paper's figure.
 
-    A panel for each of some `Evaluation.ways` of a reach: starts are crosses, ends are dots, and
+    A panel for each of some `Evaluation.ways`, of places: starts are crosses, ends are dots, and
     the ellipse is 2 cm from the goal.
     """
     from matplotlib.figure import Figure
     from matplotlib.patches import Ellipse
 
     figure = Figure(figsize=(4.0 * len(evaluations), 4.2), layout="constrained")
+    farthest = (np.nanmax(np.abs(ways.reshape(-1, 3)[:, :2])) for ways in evaluations.values())
+    limit = 100 * max(0.25, *farthest)
     for panel, (title, ways) in enumerate(evaluations.items(), 1):
         axes = figure.add_subplot(1, len(evaluations), panel)
         shown = 100 * ways[:SHOWN_EPISODES].reshape(*ways[:SHOWN_EPISODES].shape[:2], -1, 3)
@@ -230,7 +235,8 @@ def save_ways(evaluations: Mapping[str, Array], path: Path) -> None:
             axes.plot(*way[0, :2], "x", color="#00B7C7", markersize=5)
             axes.plot(*way[-1, :2], ".", color="#EE55AA", markersize=5, zorder=3)
         axes.add_patch(Ellipse((0, 0), 4, 4, facecolor="none", edgecolor="#E0B000", zorder=4))
-        axes.set(xlim=(-25, 25), ylim=(-25, 25), aspect="equal", title=title, xlabel="x [cm]")
+        axes.set(xlim=(-limit, limit), ylim=(-limit, limit), aspect="equal", title=title)
+        axes.set_xlabel("x [cm]")
         axes.spines[["top", "right"]].set_visible(False)
         if panel == 1:
             axes.set_ylabel("y [cm]")

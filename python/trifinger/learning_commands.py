@@ -33,10 +33,10 @@ def train(words: Sequence[str] | None = None) -> int:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("task", nargs="?", help=", ".join(task_names()))
-    parser.add_argument("--algorithm", choices=ALGORITHMS, default="ddpg")
+    parser.add_argument("--algorithm", choices=ALGORITHMS, help="default: ddpg")
     parser.add_argument("--shared", action="store_true", help="one policy shared by the fingers")
-    parser.add_argument("--episodes", type=int, default=700)
-    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--episodes", type=int, help="default: 700; push by PPO: 30000")
+    parser.add_argument("--seed", type=int, help="default: 1")
     parser.add_argument("--out", type=Path, metavar="FOLDER", help="default: the task's name")
     parser.add_argument("--resume", type=Path, metavar="FOLDER", help="go on with its training")
     parser.add_argument(
@@ -49,6 +49,11 @@ def train(words: Sequence[str] | None = None) -> int:
     arguments = parser.parse_args(words)
     if (arguments.task is None) == (arguments.resume is None):
         parser.error("either a task or --resume is needed")
+    others = (arguments.algorithm, arguments.episodes, arguments.seed, arguments.out)
+    if arguments.resume and (
+        arguments.shared or arguments.set or any(one is not None for one in others)
+    ):
+        parser.error("--resume goes on as the training was begun: it takes no other options")
 
     def run() -> None:
         require("gymnasium", "stable_baselines3", "torch", "tensorboard", "tqdm")
@@ -61,11 +66,14 @@ def train(words: Sequence[str] | None = None) -> int:
         else:
             plan = Plan.of(
                 arguments.task,
-                arguments.algorithm,
+                arguments.algorithm or "ddpg",
                 is_shared=arguments.shared,
                 settings=dict(map(parse_setting, arguments.set)),
-                episodes=arguments.episodes,
-                seed=arguments.seed,
+                **{
+                    name: getattr(arguments, name)
+                    for name in ("episodes", "seed")
+                    if getattr(arguments, name) is not None
+                },
             )
             folder = arguments.out or Path(arguments.task)
             if folder.exists() and any(folder.iterdir()):
@@ -75,9 +83,13 @@ def train(words: Sequence[str] | None = None) -> int:
         # A bar on a terminal; lines stay above it.
         bar = tqdm(total=plan.episodes, unit=" episodes", disable=None, dynamic_ncols=True)
         say = partial(tqdm.write, file=sys.stderr)
-        say(plan.to_json())
-        with bar, closing(Training(plan, folder, say, lambda ended: show(bar, ended))) as training:
-            summary = training.run()
+        begun = Training(plan, folder, say, partial(show, bar), Training.save_curve)
+        with bar, closing(begun) as training:
+            try:
+                summary = training.run()
+            except KeyboardInterrupt:
+                say(f"--resume {folder} goes on.")
+                raise
             show(bar, plan.episodes)
             try:
                 training.save_figures()
@@ -112,6 +124,7 @@ def evaluate(words: Sequence[str] | None = None) -> int:
             raise InvalidArgument(f"{arguments.policy} does not say its task: --task is needed")
         if arguments.episodes < 1:
             raise InvalidArgument(f"--episodes is {arguments.episodes}, must be at least 1")
+        print(f"{task}: {policy.metadata.get('options', 'its own options')}", file=sys.stderr)
         result = evaluation.evaluate(policy, task, arguments.episodes, arguments.seed)
         print(result.summary().to_json() if arguments.json else result.summary())
 

@@ -5,13 +5,16 @@ from __future__ import annotations
 
 from typing import Any, ClassVar, NamedTuple, cast
 
+# First, because it says what to install.
+from trifinger.environments import Environment, VectorEnvironment
+
+# isort: split
 import gymnasium
 import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
 
-from trifinger.environments import VectorEnvironment
 from trifinger.errors import InvalidArgument
 
 try:
@@ -35,7 +38,9 @@ Vector = gymnasium.vector.VectorEnv[Any, Any, Any]
 JOINTS = 3  # of a finger
 FINGER = 9  # numbers of a finger in what is observed of a reach: positions, velocities, goal
 GOAL = slice(6, 9)  # where its goal is in them
-HALF_SPACE = np.array([0.5, 0.5, 0.3])  # of the positions of tips and objects that are observed [m]
+PUSHED_FROM = (
+    0.045  # so far from a tip that pushes it is the middle of a cube, nearly of a ball [m]
+)
 
 
 class Rows(VecEnv):
@@ -57,8 +62,9 @@ class Rows(VecEnv):
     ) -> None:
         """`environment` must reset itself by AutoresetMode.SAME_STEP.
 
-        `is_per_finger` is what its options say. `approach` [1/m] rewards tips that come nearer to
-        the object, by a potential (Ng, Harada and Russell 1999), so what is best stays the best.
+        `is_per_finger` is what its options say. `approach` [1/m] rewards a tip that comes nearer to
+        where it could push the object to its goal and, twice as much, an object that comes nearer
+        to it, by a potential (Ng, Harada and Russell 1999), so what is best stays the best.
         """
         if environment.metadata["autoreset_mode"] != AutoresetMode.SAME_STEP:
             raise InvalidArgument("the environment must have AutoresetMode.SAME_STEP")
@@ -72,7 +78,8 @@ class Rows(VecEnv):
         self.episodes = np.zeros(environment.num_envs, np.int64)
         """How many episodes of each environment have ended."""
         self._reward_scale, self._approach, self._gamma = reward_scale, approach, gamma
-        self._joints = acted
+        if approach > 0:
+            self._entries = _one_of(environment).entries
         self._is_per_finger = is_per_finger
         self._lengths = np.zeros(environment.num_envs, np.int64)
         self._returns = np.zeros(environment.num_envs)
@@ -177,15 +184,20 @@ class Rows(VecEnv):
         """Nothing is wrapped."""
         return [False for _ in self._get_indices(indices)]
 
-    # The nearer the tips are to the object, the higher. Both are observed by the same scale, after
-    # positions and velocities of the joints.
+    # The nearer a tip is to where it would push the object to its goal, and the object to its goal,
+    # which counts twice, the higher. The former is behind the object, and at its goal its middle.
     def _potential(self, observations: Array) -> Array:
         if self._approach == 0:
             return np.zeros(len(observations))
-        places = observations[:, 2 * self._joints : 3 * self._joints + 3]
-        places = places.reshape(len(observations), -1, 3) * HALF_SPACE
-        away = np.linalg.norm(places[:, :-1] - places[:, -1:], axis=2)
-        return np.asarray(-self._approach * away.mean(axis=1))
+        seen = self._entries(observations)
+        tips = seen["tip_position"].reshape(len(observations), -1, 3)
+        place, goal = seen["object_position"], seen["goal"][:, :3]
+        way = goal - place[:, : goal.shape[1]]
+        aside = np.linalg.norm(way[:, :2], axis=1, keepdims=True)
+        behind = place.copy()
+        behind[:, :2] -= way[:, :2] * (PUSHED_FROM / np.maximum(aside, PUSHED_FROM))
+        away = np.linalg.norm(tips - behind[:, None], axis=2).min(axis=1)
+        return np.asarray(-self._approach * (away + 2 * np.linalg.norm(way, axis=1)))
 
     # Positions as goals are observed, finger by finger.
     def _shown(self, achieved: Array) -> Array:
@@ -195,6 +207,13 @@ class Rows(VecEnv):
 
     def _split(self, whole: Array) -> Array:
         return whole.reshape(self.num_envs, -1)
+
+
+def _one_of(environment: Any) -> VectorEnvironment | Environment:
+    if isinstance(environment, VectorEnvironment):
+        return environment
+    first: Environment = environment.envs[0].unwrapped
+    return first
 
 
 def _of_step(name: str, info: dict[str, Any], ended: Array) -> Array:
@@ -291,7 +310,7 @@ class FingerReplayBuffer(ReplayBuffer):
         seen[..., GOAL] = next_seen[..., GOAL] = goal
         way = (goal - self._achieved[place, row, finger]) * self._half
         rewards = -self._reward_scale * np.linalg.norm(way, axis=-1).mean(axis=1, keepdims=True)
-        # Reaches are cut off by time alone, which ends no row.
+        # Reaches are cut off, by time or by a fault, which ends no row.
         arrays = (seen, actions, next_seen, np.zeros_like(rewards), rewards)
         return ReplayBufferSamples(
             *(

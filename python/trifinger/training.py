@@ -23,9 +23,6 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, Self
 
-import numpy as np
-from gymnasium.vector import AutoresetMode, SyncVectorEnv
-
 # First, because it says what to install.
 from trifinger.stable_baselines import (
     FallingNoise,
@@ -36,12 +33,15 @@ from trifinger.stable_baselines import (
 )
 
 # isort: split
+import numpy as np
 import torch
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
 from stable_baselines3.common.utils import LinearSchedule
+from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 from torch.utils.tensorboard import SummaryWriter
 
 from trifinger import policy_file
@@ -50,7 +50,6 @@ from trifinger.errors import InvalidArgument
 from trifinger.evaluation import (
     SHOWN_EPISODES,
     Array,
-    Evaluation,
     Evaluator,
     Summary,
     save_curve,
@@ -64,6 +63,8 @@ MODELS: dict[str, type[BaseAlgorithm]] = {"ddpg": QuickDDPG, "td3": TD3, "sac": 
 CHECKPOINT = "checkpoint"
 PLAN = "plan.json"
 CURVE = "curve.csv"
+# The figure of what comes near to its goals, as seen from above.
+WAYS = {"reach": "tips.png", "finger_reach": "tips.png", "push": "object.png"}
 FIGURE_AFTER = 200  # The episode that the paper shows between begin and end.
 
 
@@ -88,11 +89,14 @@ class Recipe:
     final_noise: float = 0.02
     """Of actions of DDPG and TD3, as standard deviations; it falls linearly."""
     reward_scale: float = 10.0
+    """Times the reward of the task. PPO divides the sum with that of `approach` by the deviation of
+    its returns."""
     relabelled: float = 0.0
     """Above zero: batches are put together finger by finger, with this share of the goals replaced
     by positions that were reached. Only for reaches."""
     approach: float = 0.0
-    """Reward of tips that come nearer to the object, beside the scaled one of the task [1/m]."""
+    """Reward of a tip that comes nearer to where it could push the object to its goal; an object
+    that comes nearer to its goal has twice as much [1/m]."""
     random_actions: int = 100
     """Of each robot, before it learns; not of PPO."""
     buffer_size: int = 1_000_000
@@ -114,7 +118,7 @@ class Recipe:
             common |= {"learning_rate": 3e-4, "final_learning_rate": 3e-5}
             if task in ("reach", "finger_reach"):
                 return cls(**common, num_envs=16, batch_size=160)
-            common |= {"gamma": 0.99, "reward_scale": 2.0, "approach": 5.0, "initial_noise": 0.4}
+            common |= {"gamma": 0.99, "reward_scale": 1.0, "approach": 60.0, "initial_noise": 0.6}
             return cls(**common, num_envs=64, rollout=128, batch_size=1024, epochs=5)
         if task in ("reach", "finger_reach") and is_shared:
             return cls(**common, batch_size=80, final_learning_rate=2e-5, relabelled=0.2)
@@ -148,7 +152,10 @@ class Plan:
         settings: Mapping[str, Any] | None = None,
         **more: Any,
     ) -> Self:
-        """The known recipe, with some fields of `Recipe` and `Options` set otherwise."""
+        """The known recipe, with some fields of `Recipe` and `Options` set otherwise.
+
+        `more` are fields of the plan itself, as in `episodes=100`.
+        """
         recipe = Recipe.of(task, algorithm, is_shared=is_shared)
         settings = dict(settings or {})
         names = {field.name for field in dataclasses.fields(Recipe)}
@@ -158,6 +165,9 @@ class Plan:
         recipe = dataclasses.replace(recipe, **changes)
         if recipe.is_shared or recipe.relabelled > 0:
             settings = {"per_finger": True} | settings
+        if (task, algorithm) == ("push", "ppo"):
+            settings = {"duration": 6.0} | settings
+            more = {"episodes": 30_000} | more
         options = Options.of(task)
         for name, value in settings.items():
             _check_type(name, value, getattr(options, name, value))
@@ -219,9 +229,14 @@ class Training:
         folder: Path,
         say: Callable[[str], None] = lambda _: None,
         show_progress: Callable[[int], None] = lambda _: None,
+        after_evaluation: Callable[[Training], None] = lambda _: None,
     ) -> None:
-        """`say` is given lines for people; `show_progress` how many episodes have ended, often."""
+        """`say` is given lines for people; `show_progress` how many episodes have ended, often.
+
+        `after_evaluation` is called when `curve` has got another entry; `act` is the policy then.
+        """
         self.plan, self.folder, self._say, self._show_progress = plan, folder, say, show_progress
+        self._after_evaluation = after_evaluation
         if (folder / PLAN).exists() and Plan.from_json((folder / PLAN).read_text()) != plan:
             raise InvalidArgument(f"{folder} has a training by another plan")
         self.curve: list[tuple[int, Summary]] = []
@@ -238,9 +253,14 @@ class Training:
             approach=recipe.approach,
             gamma=recipe.gamma,
         )
+        self._normalizer = (
+            VecNormalize(self._rows, gamma=recipe.gamma) if recipe.algorithm == "ppo" else None
+        )
         self._evaluator = Evaluator(plan.task, plan.options)
         self._total = plan.episodes * self._evaluator.episode_actions * self._rows.rows
-        self._model = _model(plan, self._rows, self._total)
+        self._model = _model(plan, self._normalizer or self._rows, self._total)
+        # The episodes of a seed, from the first on.
+        self._begin(np.zeros(recipe.num_envs, np.int64))
         folder.mkdir(parents=True, exist_ok=True)
         _replace(folder / PLAN, plan.to_json().encode())
         self._restore()
@@ -257,6 +277,7 @@ class Training:
 
         Raises KeyboardInterrupt for Ctrl-C; resume() goes on after the newest checkpoint.
         """
+        self._say(self.plan.to_json())
         remaining = self._total - self._model.num_timesteps
         if remaining > 0:
             self._started = (time.monotonic(), self._model.num_timesteps)
@@ -273,12 +294,16 @@ class Training:
         policy_file.export(self._model, self.policy_path, metadata=metadata)
         return self.curve[-1][1]
 
+    def save_curve(self) -> None:
+        """Draws the learning curve into the folder."""
+        save_curve({self.plan.task: self.curve}, self.folder / "curve.png")
+
     def save_figures(self) -> None:
-        """Draws the learning curve, the ways of tips, and a film of the policy into the folder."""
+        """Draws learning curve, ways to the goals, and a film of the policy into the folder."""
         task = self.plan.task
-        save_curve({task: self.curve}, self.folder / "curve.png")
-        if task in ("reach", "finger_reach"):
-            save_ways(self._ways, self.folder / "tips.png")
+        self.save_curve()
+        if task in WAYS:
+            save_ways(self._ways, self.folder / WAYS[task])
         film = self.folder / "film.mp4"
         save_policy_film(self.act, task, self.plan.options, film, self._rows.rows)
 
@@ -292,14 +317,32 @@ class Training:
         """How many have ended."""
         return int(self._rows.episodes.sum())
 
-    def act(self, observations: Array) -> Array:
-        """What the policy does, without noise."""
-        actions, _ = self._model.predict(observations, deterministic=True)
+    @property
+    def episode_actions(self) -> int:
+        """How many actions an episode has that is not terminated."""
+        return self._evaluator.episode_actions
+
+    def act(self, observations: Array, *, with_noise: bool = False) -> Array:
+        """What the policy does; `with_noise` as it is drawn in trainings by SAC and PPO."""
+        actions, _ = self._model.predict(
+            self._normalized(observations), deterministic=not with_noise
+        )
         return actions
 
     def close(self) -> None:
         """Lets go of the environments."""
         self._rows.close()
+
+    def _begin(self, episodes: Array) -> None:
+        self._model._last_obs = self._normalized(self._rows.begin(self.plan.seed, episodes))
+        self._model._last_episode_starts = np.ones(self._rows.num_envs, bool)
+
+    # As networks see them.
+    def _normalized(self, observations: Array) -> Array:
+        if self._normalizer is None:
+            return observations
+        normalized: Array = self._normalizer.normalize_obs(observations)  # type: ignore[assignment]
+        return normalized
 
     # Where nothing is under way: transitions are stored, gradient steps are done.
     def _look(self) -> None:
@@ -315,7 +358,7 @@ class Training:
             self._next_checkpoint = episodes + self.plan.checkpoint_interval
             self._save()
 
-    def _evaluate(self, name: str | None) -> Evaluation:
+    def _evaluate(self, name: str | None) -> None:
         evaluation = self._evaluator(self.act, self._rows.rows)
         summary = evaluation.summary()
         self.curve.append((self.episodes, summary))
@@ -323,6 +366,7 @@ class Training:
             self._ways[name] = evaluation.ways[:SHOWN_EPISODES].astype(np.float32)
         for field in ("median", "success"):
             self._model.logger.record(f"evaluation/{field}", getattr(summary, field))
+        self._model.logger.dump(self._model.num_timesteps)
         begin, first = self._started
         done = self._model.num_timesteps
         spent = time.monotonic() - begin
@@ -335,7 +379,7 @@ class Training:
             f"episode {self.episodes} of {self.plan.episodes}: "
             f"{100 * summary.median:.2f} cm, success {100 * summary.success:.0f} %{left}"
         )
-        return evaluation
+        self._after_evaluation(self)
 
     def _save(self) -> None:
         model = self._model
@@ -344,6 +388,7 @@ class Training:
         state = {
             "model": saved.getvalue(),
             "buffer": getattr(model, "replay_buffer", None),
+            "normalizer": self._normalizer,
             "episodes": self._rows.episodes,
             "curve": self.curve,
             "ways": self._ways,
@@ -361,14 +406,17 @@ class Training:
             return
         # A pickle, which is code to whoever loads it; it is as trusted as the rest of the folder.
         state = pickle.loads(path.read_bytes())  # noqa: S301
+        if self._normalizer is not None:
+            self._normalizer = state["normalizer"]
+            self._normalizer.set_venv(self._rows)
+        environment = self._normalizer or self._rows
         model = MODELS[self.plan.recipe.algorithm].load(
-            io.BytesIO(state["model"]), env=self._rows, device="cpu", force_reset=False
+            io.BytesIO(state["model"]), env=environment, device="cpu", force_reset=False
         )
         if state["buffer"] is not None:
             setattr(model, "replay_buffer", state["buffer"])  # noqa: B010  (not of all algorithms)
-        model._last_obs = self._rows.begin(self.plan.seed, state["episodes"])
-        model._last_episode_starts = np.ones(self._rows.num_envs, bool)
         self._model = model
+        self._begin(state["episodes"])
         self.curve, self._ways = state["curve"], state["ways"]
         self._next_checkpoint = state["next_checkpoint"]
         python, numpy, pytorch = state["random"]
@@ -393,7 +441,7 @@ class _BetweenRollouts(BaseCallback):
 class _Board(TensorBoardOutputFormat):
     # What a killed run has logged behind its checkpoint is forgotten.
     def __init__(self, folder: Path, first_step: int) -> None:
-        self.writer = SummaryWriter(str(folder), purge_step=first_step or None)
+        self.writer = SummaryWriter(str(folder), purge_step=first_step)
         self._is_closed = False
 
 
@@ -416,7 +464,7 @@ def _threads(recipe: Recipe) -> int:
     return 1 if recipe.num_envs == 1 else min(2, len(os.sched_getaffinity(0)))
 
 
-def _model(plan: Plan, rows: Rows, total: int) -> BaseAlgorithm:
+def _model(plan: Plan, rows: VecEnv, total: int) -> BaseAlgorithm:
     recipe = plan.recipe
     common: dict[str, Any] = {
         "learning_rate": LinearSchedule(recipe.learning_rate, recipe.final_learning_rate, 1.0),
@@ -456,9 +504,6 @@ def _model(plan: Plan, rows: Rows, total: int) -> BaseAlgorithm:
             calls, (size,) = total // rows.num_envs, rows.action_space.shape or (0,)
             common["action_noise"] = FallingNoise(recipe.noise, recipe.final_noise, calls, size)
         model = MODELS[recipe.algorithm]("MlpPolicy", rows, **common)
-    # The episodes of a seed, from the first on.
-    model._last_obs = rows.begin(plan.seed, np.zeros(recipe.num_envs, np.int64))
-    model._last_episode_starts = np.ones(rows.num_envs, bool)
     return model
 
 
@@ -491,3 +536,8 @@ def _replace(path: Path, content: bytes) -> None:
         file.flush()
         os.fsync(file.fileno())
     partial.replace(path)
+    folder = os.open(path.parent, os.O_RDONLY)
+    try:
+        os.fsync(folder)
+    finally:
+        os.close(folder)

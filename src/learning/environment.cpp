@@ -261,8 +261,13 @@ Start Environment::begin(std::uint64_t seed, std::uint64_t number,
                      .torque_delay = episode.random.integer(options.torque_delay.low,
                                                             options.torque_delay.high + 1)};
   for (std::size_t i = 0; i < self.num_joints; ++i) {
-    episode.target[i] =
-        std::clamp(start.position[i], self.workspace.low[i], self.workspace.high[i]);
+    const double low = self.workspace.low[i];
+    const double high = self.workspace.high[i];
+    episode.target[i] = std::clamp(start.position[i], low, high);
+    // The robot holds its position, which is a change by nothing, and no torque says it.
+    if (options.action == ActionKind::kPosition) {
+      episode.action[i] = (2.0 * episode.target[i] - low - high) / (high - low);
+    }
   }
   return start;
 }

@@ -75,7 +75,8 @@ class EnvironmentBatch::Implementation {
     double reward{0.0};  // Of what was seen last.
   };
 
-  enum class Call : std::uint8_t { kReset, kStep };
+  // kBegin begins episodes, and leaves the results of those that have ended.
+  enum class Call : std::uint8_t { kReset, kStep, kBegin };
 
   Environment environment;
   std::size_t size;
@@ -129,8 +130,8 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
   [[nodiscard]] int num_threads() const noexcept override { return mjb_nthread(batch_.get()); }
 
   void run(std::span<const int> which) override {
-    mjb_apply(batch_.get(), which.data(), static_cast<int>(which.size()), &Typed::run_one, this,
-              /*save=*/1);
+    apply(which);
+    given_up_.clear();
     const int* const status = mjb_status(batch_.get());
     for (const int i : which) {
       if (status[i] == 0) continue;
@@ -138,11 +139,20 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
       const auto index = static_cast<std::size_t>(i);
       end_with_fault(index, Simulator<R>::kDiverged);
       keep_final(index);
+      given_up_.push_back(i);
     }
+    if (given_up_.empty() || call != Call::kStep || autoreset != Autoreset::kSameStep) return;
+    call = Call::kBegin;
+    apply(given_up_);
   }
 
  private:
   using Action = typename R::Action;
+
+  void apply(std::span<const int> which) {
+    mjb_apply(batch_.get(), which.data(), static_cast<int>(which.size()), &Typed::run_one, this,
+              /*save=*/1);
+  }
 
   struct Simulation {
     typename Simulator<R>::State state{};
@@ -157,7 +167,10 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
   }
 
   void run_one(const mjModel& model, mjData& data, std::size_t i) noexcept {
-    // With kSameStep, too, after what MuJoCo could not go on with.
+    if (call == Call::kBegin) {
+      reset(model, data, i);
+      return;
+    }
     if (call == Call::kReset || (autoreset != Autoreset::kDisabled && runs[i].must_reset)) {
       reset(model, data, i);
       results.reward[i] = 0.0;
@@ -260,8 +273,8 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
   void end_with_fault(std::size_t i, std::int32_t fault) noexcept {
     results.fault[i] = fault;
     results.reward[i] = runs[i].reward;
-    results.terminated[i] = 1;
-    results.truncated[i] = 0;
+    results.terminated[i] = 0;
+    results.truncated[i] = 1;
     results.seen.success[i] = 0;
     runs[i].must_reset = true;
   }
@@ -272,6 +285,7 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
 
   Simulator<R> simulator_;
   std::vector<Simulation> simulations_;
+  std::vector<int> given_up_;  // By MuJoCo, in the call that goes on.
   std::size_t object_{0};
   bool has_object_{false};
   std::unique_ptr<mjBatch, DeleteBatch> batch_;

@@ -98,8 +98,10 @@ void run_policy(Frontend<R>& robot, const Environment& environment, Policy& poli
   const std::size_t inputs = policy.num_inputs();
   const std::size_t outputs = policy.num_outputs();
   const std::size_t sharing = environment.observation_size() / inputs;
-  if (environment.options().layout != Layout::kFlat ||
-      sharing * inputs != environment.observation_size() || sharing * outputs != R::kJoints) {
+  if (environment.options().layout != Layout::kFlat) {
+    throw InvalidArgument("policies are run on flat observations; this one has seen others");
+  }
+  if (sharing * inputs != environment.observation_size() || sharing * outputs != R::kJoints) {
     throw InvalidArgument(
         "the policy has " + std::to_string(inputs) + " inputs and " + std::to_string(outputs) +
         " outputs; the environment has " + std::to_string(environment.observation_size()) +

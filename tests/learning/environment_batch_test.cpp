@@ -3,6 +3,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <mujoco/mujoco.h>
 
 #include <algorithm>
 #include <limits>
@@ -99,6 +100,41 @@ TEST(EnvironmentBatch, MovesNothingBehindAnEndUntilItIsReset) {
   const std::vector<float> last = batch.results().seen.observation;
   batch.step(random_actions(random, 9), Autoreset::kDisabled);
   EXPECT_EQ(batch.results().seen.observation, last);
+}
+
+// MuJoCo calls it in every step; it leaves the step by a jump.
+int steps_before_error = 0;
+void fail_after_some_steps(const mjModel* /*model*/, mjData* /*data*/) {
+  if (--steps_before_error == 0) mju_error("the test wants it so");
+}
+
+TEST(EnvironmentBatch, fault_61_BeginsAnewWhatMujocoCannotGoOnWith) {
+  for (const Autoreset mode : {Autoreset::kNextStep, Autoreset::kSameStep}) {
+    EnvironmentBatch batch("reach", noisy("reach"), late_poses(), 1, 1);
+    EnvironmentBatch other("reach", noisy("reach"), late_poses(), 1, 1);
+    batch.seed(0, 4);
+    other.seed(0, 4, 1);
+    batch.reset();
+    other.reset();
+    Random random{.seed = 2};
+    steps_before_error = 5;
+    mjcb_control = &fail_after_some_steps;
+    batch.step(random_actions(random, 9), mode);
+    mjcb_control = nullptr;
+    EXPECT_NE(batch.results().fault[0], 0);
+    EXPECT_EQ(batch.results().truncated[0], 1);
+    EXPECT_EQ(batch.results().terminated[0], 0);
+    if (mode == Autoreset::kNextStep) {
+      EXPECT_NE(batch.results().seen.observation, other.results().seen.observation);
+      batch.step(random_actions(random, 9), mode);
+    }
+    EXPECT_EQ(batch.results().seen.observation, other.results().seen.observation);
+    const std::vector<float> actions = random_actions(random, 9);
+    batch.step(actions, mode);
+    other.step(actions, mode);
+    EXPECT_EQ(batch.results().seen.observation, other.results().seen.observation);
+    EXPECT_EQ(batch.results().fault[0], 0);
+  }
 }
 
 TEST(EnvironmentBatch, RefusesActionsThatAreNotFiniteAndMovesNothing) {

@@ -183,9 +183,9 @@ def start_program() -> Iterator[StartProgram]:
             program.process.kill()
 
 
-def diverging_state() -> bytes:
-    """A saved state of "sim" whose cube has a speed beyond all measure."""
-    simulation = trifinger.Simulation()
+def diverging_state(simulation: trifinger.Simulation | None = None) -> bytes:
+    """A saved state of "sim", or of `simulation`, whose cube has a speed beyond all measure."""
+    simulation = simulation or trifinger.Simulation()
     position = np.array([0.05, 0.04, 0.0625])
     simulation.place_object("cube", position.tolist())
     state = bytearray(simulation.save())

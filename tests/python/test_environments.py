@@ -6,7 +6,9 @@ import dataclasses
 import gymnasium
 import numpy as np
 import pytest
+import stable_baselines3
 import trifinger
+from conftest import StartProgram, diverging_state
 from gymnasium.utils.env_checker import check_env, data_equivalence
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from stable_baselines3.common.env_checker import check_env as check_env_of_sb3
@@ -130,10 +132,23 @@ def test_a_fault_of_the_robot_ends_the_same_episodes_of_both(mapping, rate):
         assert (reward, *end) == (rewards[0], terminated[0], truncated[0])
         has_ended = any(end)
         assert ("fault_text" in one_info) == (one_info["fault"] != 0)
+        # Nothing is won by it: what would have followed is still to be estimated.
+        assert one_info["fault"] == 0 or end == [False, True]
         faults += one_info["fault"] != 0
         if faults == 3:
             break
     assert faults == 3
+
+
+def test_fault_61_a_simulation_that_diverges_is_cut_off_and_can_be_reset():
+    environment = single("push")
+    environment.reset(seed=1)
+    environment.simulation.restore(diverging_state(environment.simulation))
+    _, _, terminated, truncated, info = environment.step(np.zeros(9, np.float32))
+    assert (terminated, truncated) == (False, True)
+    assert "diverge" in info["fault_text"]
+    seen, _ = environment.reset(seed=1)
+    np.testing.assert_array_equal(seen, single("push").reset(seed=1)[0])
 
 
 def test_a_simulation_that_has_ended_with_a_fault_begins_anew_in_the_same_step():
@@ -247,6 +262,56 @@ def test_the_reward_of_moving_the_cube_is_the_cost_of_the_challenge():
     assert lift_pose.compute_reward([0, 0, 0, 1, 0, 0, 0], [0, 0, 0, *quarter]) == pytest.approx(
         -0.25
     )
+
+
+@pytest.mark.parametrize("task", environments.TASKS)
+def test_entries_of_flat_observations_are_those_of_the_dictionary(task):
+    options = {"mapping": "state_augmentation", "duration": 0.2}
+    flat, named = single(task, **options), single(task, observation="dictionary", **options)
+    many = VectorEnvironment(task, 1, options=flat.options)
+    seen, shown = flat.reset(seed=3)[0], named.reset(seed=3)[0]
+    for action, _ in zip(wandering(flat.action_space.shape), range(5), strict=False):
+        entries, rows = flat.entries(seen), many.entries(seen[None])
+        assert entries.keys() == rows.keys() == shown.keys()
+        for name, entry in entries.items():
+            np.testing.assert_allclose(entry, shown[name], atol=2e-6)
+            np.testing.assert_array_equal(rows[name], entry[None])
+        seen, shown = flat.step(action)[0], named.step(action)[0]
+    with pytest.raises(trifinger.InvalidArgument, match="dictionary"):
+        named.entries(seen)
+
+
+@pytest.mark.parametrize("task", ["reach", "push"])
+@pytest.mark.parametrize("action", ["position", "position_change", "torque"])
+def test_the_first_augmented_state_has_the_action_that_holds(task, action):
+    options = {"mapping": "state_augmentation", "observation": "dictionary"}
+    environment = single(task, action=action, **options)
+    seen, _ = environment.reset(seed=2)
+    if action != "position":
+        assert not seen["action"].any()
+        return
+    held = seen["joint_position"]
+    for _ in range(50):
+        seen, *_ = environment.step(seen["action"])
+    np.testing.assert_allclose(seen["joint_position"], held, atol=0.03)
+
+
+@pytest.mark.parametrize("observation", ["flat", "dictionary", "goal"])
+def test_observations_are_copies_unless_they_need_not_be(observation):
+    options = Options.of("push", observation=observation)
+
+    def is_shared(copy):
+        vector = VectorEnvironment("push", 2, options=options, copy=copy)
+        first = vector.reset(seed=1)[0]
+        second = vector.step(np.zeros((2, 9), np.float32))[0]
+        if observation == "flat":
+            return np.shares_memory(first, second)
+        shared = {np.shares_memory(first[name], second[name]) for name in first}
+        assert len(shared) == 1
+        return shared.pop()
+
+    assert is_shared(copy=False)
+    assert not is_shared(copy=True)
 
 
 def test_fingers_cannot_be_told_apart_in_observations_finger_by_finger():
@@ -456,11 +521,39 @@ class TestMistakes:
         with pytest.raises(gymnasium.error.ResetNeeded):
             VectorEnvironment("reach", 1).step(np.zeros((1, 9), np.float32))
 
+    def test_a_step_behind_the_end_of_some(self):
+        options = Options.of("reach", duration=0.04)
+        vector = VectorEnvironment(
+            "reach", 3, options=options, autoreset_mode=AutoresetMode.DISABLED
+        )
+        vector.reset(seed=1)
+        actions = np.zeros((3, 9), np.float32)
+        vector.step(actions)
+        vector.reset(options={"reset_mask": np.array([False, True, False])})
+        assert vector.step(actions)[3].tolist() == [True, False, True]
+        with pytest.raises(gymnasium.error.ResetNeeded, match=r"simulations \[0, 2\] have ended"):
+            vector.step(actions)
+        vector.reset(options={"reset_mask": np.array([True, False, True])})
+        assert vector.step(actions)[3].tolist() == [False, True, False]
+
+    @pytest.mark.parametrize("make", [gymnasium.make, gymnasium.make_vec])
+    def test_an_option_that_gymnasium_is_given(self, make):
+        with pytest.raises(trifinger.InvalidArgument, match="there is no option 'rate'"):
+            make("TriFinger/Reach-v0", rate=50)
+
+    def test_a_window_without_a_screen(self, monkeypatch):
+        for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+            monkeypatch.delenv(name, raising=False)
+        environment = Environment("reach", render_mode="human")
+        with pytest.raises(trifinger.InvalidArgument, match="no screen"):
+            environment.reset()
+        environment.close()
+
     def test_two_environments_on_one_robot(self):
         simulation = trifinger.Simulation("trifinger_edu")
         first, second = (Environment("reach", connect=simulation.connect) for _ in range(2))
         first.reset()
-        with pytest.raises(trifinger.ControlHeld):
+        with pytest.raises(trifinger.ControlHeld, match="controlled"):
             second.reset()
         first.close()
         second.reset()
@@ -498,3 +591,43 @@ def test_a_connected_robot_is_moved_to_the_start_and_runs_the_same_task():
     assert not terminated
     environment.reset()
     environment.close()
+
+
+def test_a_robot_in_real_time_runs_the_same_task(start_program: StartProgram):
+    start_program("run", "trifinger_edu", "--name", "learner").wait_for("waits for a user")
+    environment = Environment(
+        "reach",
+        options=Options.of("reach", mapping="state_augmentation", duration=0.4),
+        connect=lambda: trifinger.connect("learner"),
+    )
+    goals = single("reach").reset(seed=6)[1]["desired_goal"]
+    for _ in range(2):
+        _, info = environment.reset(seed=6)
+        np.testing.assert_array_equal(info["desired_goal"], goals)
+        begin = environment.process.time_index
+        for count in range(1, 21):
+            _, _, terminated, truncated, info = environment.step(np.zeros(9, np.float32))
+            assert (terminated, truncated) == (False, count == 20)
+        # Actions that came too late were repeated, none was dropped.
+        assert environment.process.time_index >= begin + 400
+        assert info["fault"] == 0
+    environment.close()
+
+
+def test_hindsight_experience_replay_takes_the_variant_with_goals():
+    environment = gymnasium.make("TriFinger/Reach-v0", observation="goal", duration=0.4)
+    model = stable_baselines3.DDPG(
+        "MultiInputPolicy",
+        environment,
+        replay_buffer_class=stable_baselines3.HerReplayBuffer,
+        learning_starts=60,
+        batch_size=16,
+        policy_kwargs={"net_arch": [16]},
+    )
+    model.learn(120)
+    batch = model.replay_buffer.sample(200)
+    achieved = batch.next_observations["achieved_goal"].numpy().reshape(-1, 3, 3)
+    desired = batch.next_observations["desired_goal"].numpy().reshape(-1, 3, 3)
+    distance = np.linalg.norm(achieved - desired, axis=2).mean(axis=1)
+    np.testing.assert_allclose(batch.rewards.numpy()[:, 0], -distance, atol=1e-6)
+    assert (distance < 1e-6).any()  # the goals that hindsight has chosen

@@ -2,15 +2,18 @@
 """Trainings: that they learn, that a kill changes nothing, and what Stable-Baselines3 is shown."""
 
 import json
+import re
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 import trifinger
 from gymnasium.vector import AutoresetMode
 from stable_baselines3 import DDPG
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from trifinger import evaluation, learning_commands
 from trifinger.environments import Environment, Options, VectorEnvironment
 from trifinger.errors import InvalidArgument
@@ -18,6 +21,8 @@ from trifinger.stable_baselines import FingerReplayBuffer, QuickDDPG, Rows
 from trifinger.training import CHECKPOINT, CURVE, MODELS, PLAN, Plan, Training
 
 pytestmark = pytest.mark.release  # of its time
+
+ROOT = Path(__file__).parents[2]
 
 # As short as a training can be that has all parts of a long one.
 SHORT = {"duration": 0.2, "batch_size": 20, "layers": (16, 16), "random_actions": 15}
@@ -138,6 +143,17 @@ def test_fault_65_a_training_may_be_killed_again_and_again(undisturbed, tmp_path
     assert_same_training(tmp_path, undisturbed)
 
 
+def test_fault_65_a_killed_training_of_many_robots_goes_on_with_what_it_knows(tmp_path):
+    # Updates come where episodes end, so none of them is lost.
+    settings = {"num_envs": 2, "rollout": 10}
+    plan = short_plan("ppo", is_shared=False, episodes=12, settings=settings)
+    undisturbed = trained(plan, tmp_path / "undisturbed").folder
+    killed = tmp_path / "killed"
+    run_until_killed(killed, plan, "stable_baselines3.ppo.ppo", "PPO.train", 4)
+    Training.resume(killed).run()
+    assert_same_training(killed, undisturbed)
+
+
 # Of a checkpoint: its bytes are there, but not safe; it is whole, but has not its name.
 @pytest.mark.parametrize("place", [("os", "fsync"), ("pathlib", "Path.replace")])
 @pytest.mark.parametrize("count", [2, 7])
@@ -239,6 +255,7 @@ def test_a_batch_put_together_finger_by_finger_has_the_rewards_of_its_parts(is_s
     for row, reward in zip(batch.observations.numpy(), batch.rewards.numpy(), strict=True):
         expected = np.mean([parts[finger.tobytes()] for finger in row.reshape(-1, 9)])
         assert reward == pytest.approx(expected, rel=1e-4)
+    assert not batch.dones.any()  # time was over, again and again
     buffer._relabelled = 1.0
     batch = buffer.sample(64)
     fingers = batch.observations.numpy().reshape(-1, 9)
@@ -249,33 +266,70 @@ def test_a_batch_put_together_finger_by_finger_has_the_rewards_of_its_parts(is_s
     )
 
 
-def test_approaching_the_object_is_rewarded_by_as_much_as_it_came_nearer():
-    def push(**more):
-        options = Options.of("push", duration=0.2, **more)
-        return VectorEnvironment("push", 2, options=options, autoreset_mode=AutoresetMode.SAME_STEP)
+@pytest.mark.parametrize("task", ["push", "lift", "lift_pose", "move_cube_on_trajectory", "throw"])
+def test_coming_nearer_is_rewarded_by_as_much(task):
+    def make(**more):
+        options = Options.of(task, duration=0.2, **more)
+        return VectorEnvironment(task, 2, options=options, autoreset_mode=AutoresetMode.SAME_STEP)
+
+    def away_of(tips, place, goal):
+        way = goal[:3] - place[: min(3, len(goal))]
+        aside = np.hypot(*way[:2])
+        behind = [*(place[:2] - min(0.045, aside) * way[:2] / aside), place[2]]
+        reach = min(np.linalg.norm(tip - behind) for tip in tips.reshape(3, 3))
+        return reach + 2 * np.linalg.norm(way)
 
     def away(seen):
-        tips = np.asarray(seen["tip_position"]).reshape(2, 3, 3)
-        return np.linalg.norm(tips - np.asarray(seen["object_position"])[:, None], axis=2).mean(1)
+        names = ("tip_position", "object_position", "goal")
+        rows = zip(*(np.asarray(seen[name], float) for name in names), strict=True)
+        return np.array([away_of(*row) for row in rows])
 
-    plain = Rows(push(), reward_scale=2.0)
-    drawn = Rows(push(), reward_scale=2.0, approach=3.0)
-    shown = push(observation="dictionary")
+    plain = Rows(make(), reward_scale=2.0)
+    drawn = Rows(make(), reward_scale=2.0, approach=3.0, gamma=0.9)
+    shown = make(observation="dictionary")
     for rows in (plain, drawn):
         rows.begin(5, [0, 0])
-    first = away(shown.reset(seed=5)[0])
+    before = away(shown.reset(seed=5)[0])
     rng = np.random.default_rng(0)
-    for _ in range(2):  # episodes
-        extra = np.zeros(2)
-        ended = np.zeros(2, bool)
-        while not ended.any():
-            actions = rng.uniform(-1, 1, (2, 9)).astype(np.float32)
-            extra += drawn.step(actions)[1] - plain.step(actions)[1]
-            seen, _, _, ended, info = shown.step(actions)
-        last = {name: np.stack([one[name] for one in info["final_obs"]]) for name in seen}
-        np.testing.assert_allclose(extra, 3.0 * (first - away(last)), atol=1e-4)
-        assert np.abs(extra).max() > 0.01
-        first = away(seen)
+    ends = 0
+    while ends < 2:
+        actions = rng.uniform(-1, 1, (2, 9)).astype(np.float32)
+        extra = drawn.step(actions)[1] - plain.step(actions)[1]
+        seen, _, _, ended, info = shown.step(actions)
+        after = away(seen)
+        reached = after
+        if ended.all():
+            reached = away({key: np.stack([one[key] for one in info["final_obs"]]) for key in seen})
+            ends += 1
+        np.testing.assert_allclose(extra, 3.0 * (before - 0.9 * reached), atol=1e-4)
+        before = after
+
+
+def test_nothing_is_near_where_nothing_follows(monkeypatch):
+    options = Options.of("push", duration=0.2)
+    world = VectorEnvironment("push", 1, options=options, autoreset_mode=AutoresetMode.SAME_STEP)
+    rows = Rows(world, approach=3.0, gamma=0.9)
+    rows.begin(5, [0])
+    potential = rows._potentials.copy()
+    core = world.step
+
+    def end(actions):
+        seen, rewards, terminated, truncated, info = core(actions)
+        last = np.full(1, None, object)
+        last[0] = seen[0]
+        info |= {"final_obs": last, "final_info": info}
+        return seen, np.zeros_like(rewards), ~terminated, truncated, info
+
+    monkeypatch.setattr(world, "step", end)
+    assert rows.step(np.zeros((1, 9)))[1] == pytest.approx(-potential, rel=1e-5)
+
+
+def test_a_recipe_brings_its_episodes_unless_others_are_asked_for():
+    plan = Plan.of("push", "ppo")
+    assert (plan.episodes, plan.options.duration, plan.evaluation_interval) == (30000, 6.0, 300)
+    plan = Plan.of("push", "ppo", episodes=10, settings={"duration": 1.0})
+    assert (plan.episodes, plan.options.duration) == (10, 1.0)
+    assert Plan.of("lift", "ppo").options.duration == Options.of("lift").duration
 
 
 def test_gradient_steps_are_those_of_the_library(tmp_path, monkeypatch):
@@ -308,6 +362,23 @@ def test_an_evaluation_is_what_single_environments_come_to():
         assert result.successes[index] == info["is_success"]
 
 
+# As a page has it, but shorter.
+@pytest.mark.parametrize(
+    ("page", "word", "change"),
+    [
+        ("training", "Training(", ("episodes=700", "episodes=2")),
+        ("environments", "Rows", (".learn(100_000)", ".learn(100)")),
+    ],
+)
+def test_the_programs_of_the_pages_run(page, word, change, tmp_path, monkeypatch):
+    text = (ROOT / f"docs/{page}.md").read_text()
+    (program,) = (part for part in re.findall("```python\n(.*?)```", text, re.S) if word in part)
+    assert change[0] in program
+    monkeypatch.chdir(tmp_path)
+    exec(program.replace(*change), {})  # noqa: S102, our own page
+    assert page != "training" or (tmp_path / "run/film.mp4").exists()
+
+
 # ---- a user's mistakes ----
 
 
@@ -333,6 +404,39 @@ def test_a_mistake_is_named(words, said, capsys, tmp_path, monkeypatch):
     assert not list(folder.iterdir())
 
 
+@pytest.mark.parametrize("words", [["--episodes", "9"], ["--shared"], ["--set", "gamma=0.5"]])
+def test_a_training_goes_on_as_it_was_begun(words, undisturbed, capsys):
+    with pytest.raises(SystemExit):
+        learning_commands.train(["--resume", str(undisturbed), *words])
+    assert "no other options" in capsys.readouterr().err
+
+
+def test_an_interrupted_training_goes_on_from_the_command_line(tmp_path, capsys, monkeypatch):
+    folder = tmp_path / "run"
+    settings = [f"--set={name}={value}" for name, value in SHORT.items()]
+
+    def interrupt(training):
+        if len(training.curve) == 2:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Training, "save_curve", interrupt)
+        words = ["reach", "--shared", "--episodes", "100", "--out", str(folder), *settings]
+        assert learning_commands.train(words) == 130
+    assert f"--resume {folder} goes on" in capsys.readouterr().err
+    assert learning_commands.train(["--resume", str(folder)]) == 0
+    assert "episode 100 of 100: " in capsys.readouterr().err
+
+
+def test_tensorboard_has_every_evaluation(undisturbed):
+    board = EventAccumulator(str(undisturbed / "tensorboard"))
+    board.Reload()
+    lines = (undisturbed / CURVE).read_text().splitlines()[1:]
+    medians = [float(line.split(",")[2]) for line in lines]
+    told = [event.value for event in board.Scalars("evaluation/median")]
+    np.testing.assert_allclose(told, medians, rtol=1e-5)
+
+
 def test_lines_say_how_a_training_goes_and_a_file_has_no_bar(tmp_path, capsys):
     folder = tmp_path / "run"
     settings = [f"--set={name}={value}" for name, value in SHORT.items()]
@@ -340,6 +444,8 @@ def test_lines_say_how_a_training_goes_and_a_file_has_no_bar(tmp_path, capsys):
     assert learning_commands.train(words) == 0
     done = capsys.readouterr()
     assert "episode 4 of 4: " in done.err
+    for name in ("steps_per_action", "position_noise", "object_delay", "friction", "learning_rate"):
+        assert f'"{name}": ' in done.err
     assert "\r" not in done.err
     assert f"{folder}/reach.policy written." in done.out
     assert {file.name for file in folder.iterdir()} == {
@@ -353,6 +459,15 @@ def test_a_folder_keeps_the_training_that_it_has(undisturbed, capsys):
     assert "--resume" in capsys.readouterr().err
     with pytest.raises(InvalidArgument, match="another plan"):
         Training(short_plan(seed=9), undisturbed)
+
+
+@pytest.mark.parametrize("module", ["environments", "evaluation", "stable_baselines", "training"])
+def test_modules_say_what_to_install(module):
+    program = f"import sys; sys.modules['gymnasium'] = None; import trifinger.{module}"
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False
+    )
+    assert 'pip install "trifinger[learning]"' in done.stderr.splitlines()[-1]
 
 
 @pytest.mark.parametrize("missing", ["stable_baselines3", "torch", "gymnasium"])

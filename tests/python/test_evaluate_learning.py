@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Evaluations of trainings: that their tables tell what came of them, and that they may fail."""
+
+import dataclasses
+
+import numpy as np
+import push
+import pytest
+from trifinger.evaluation import Evaluation, Summary
+
+import learning
+
+pytestmark = pytest.mark.release  # beside the trainings themselves
+
+
+def summary(median):
+    return Summary(
+        episodes=50, lower_quartile=0.0, median=median, upper_quartile=1.0, largest=1.0, success=0.5
+    )
+
+
+def runs(**changes):
+    figures = {"reach": 0.010, "reach_shared": 0.002, "early": 0.008, "seconds": 270.0} | changes
+    return [
+        learning.Run(
+            kind,
+            seed,
+            [
+                (0, summary(0.1)),
+                (100, summary(figures["early"])),
+                (700, summary(figures[kind.name])),
+            ],
+            figures["seconds"] if seed == 1 else 1000.0,
+            was_alone=seed == 1,
+        )
+        for kind in learning.KINDS
+        for seed in (1, 2, 3)
+    ]
+
+
+def test_the_table_holds_by_its_narrowest_row():
+    rows = learning.table(runs())
+    holds, line = learning.verdict(rows)
+    assert holds
+    assert line == (
+        "The table holds: the narrowest, 'three fingers, one network: wall time', is 270.00 s of "
+        "300 s, 10 % below."
+    )
+    assert len(rows) == 5
+    page = learning.page(runs(), rows, 3)
+    assert "| three fingers, one network: after 700 episodes | 1.2 cm | 1.00 cm |" in page
+
+
+@pytest.mark.parametrize(
+    ("changes", "what"),
+    [
+        ({"reach": 0.013}, "three fingers, one network: after 700 episodes"),
+        ({"reach_shared": 0.004}, "one policy shared by the fingers: after 700 episodes"),
+        ({"early": 0.011}, "one policy shared by the fingers: after 100 episodes"),
+        ({"seconds": 400.0}, "three fingers, one network: wall time"),
+    ],
+)
+def test_what_does_not_hold_is_named(changes, what):
+    holds, line = learning.verdict(learning.table(runs(**changes)))
+    assert not holds
+    assert f"'{what}'" in line
+    assert line.endswith("% ABOVE.")
+
+
+def test_the_median_of_the_seeds_counts():
+    all_runs = runs()
+    worse = dataclasses.replace(all_runs[2], curve=[(700, summary(0.5))])
+    assert learning.verdict(learning.table([*all_runs[:2], worse, *all_runs[3:]]))[0]
+
+
+def test_a_failed_training_names_its_log(tmp_path, monkeypatch):
+    monkeypatch.setattr(learning, "RUNS", tmp_path)
+    kind = dataclasses.replace(learning.KINDS[0], words=("--set", "gama=1"))
+    with pytest.raises(SystemExit, match=str(tmp_path / "reach_1.log")):
+        learning.train(kind, 1, is_alone=True)
+    assert "gama" in (tmp_path / "reach_1.log").read_text()
+
+
+def test_pushes_are_told_by_how_far_the_cube_had_to_go():
+    starts = np.array([[0.03, 0, 0], [0, 0.12, 0], [0, 0.14, 0], [0.25, 0, 0]])
+    evaluation = Evaluation(
+        distances=np.array([0.01, 0.01, 0.03, 0.2]),
+        successes=np.array([True, True, False, False]),
+        ways=starts[:, None],
+    )
+    assert push.table(evaluation).splitlines() == [
+        "| 0 to 5 cm | 1 | 100 % | 1.00 cm | 1.00 to 1.00 cm |",
+        "| 10 to 15 cm | 2 | 50 % | 2.00 cm | 1.50 to 2.50 cm |",
+        "| over 20 cm | 1 | 0 % | 20.00 cm | 20.00 to 20.00 cm |",
+        "| all | 4 | 50 % | 2.00 cm | 1.00 to 7.25 cm |",
+    ]
