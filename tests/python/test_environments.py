@@ -593,6 +593,7 @@ def test_a_connected_robot_is_moved_to_the_start_and_runs_the_same_task():
     environment.close()
 
 
+@pytest.mark.release
 def test_a_robot_in_real_time_runs_the_same_task(start_program: StartProgram):
     start_program("run", "trifinger_edu", "--name", "learner").wait_for("waits for a user")
     environment = Environment(
