@@ -23,7 +23,7 @@
 namespace trifinger::apps {
 namespace {
 
-struct Options {
+struct DoctorOptions {
   std::string root{"/"};
 };
 
@@ -305,7 +305,7 @@ Finding check_steal(const Machine& machine) {
   return {"stolen time", Verdict::kGood, found, ""};
 }
 
-int doctor(const Options& options) {
+int doctor(const DoctorOptions& options) {
   const Machine machine(options.root);
   const std::vector<Finding> findings{
       check_kernel(machine),     check_priority(machine),      check_locked_memory(machine),
@@ -350,7 +350,7 @@ int doctor(const Options& options) {
 }  // namespace
 
 void add_doctor(CLI::App& program, Action& action) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<DoctorOptions>();
   CLI::App* const command = program.add_subcommand(
       "doctor", "Tell what this machine lacks for real time, and the remedy");
   command

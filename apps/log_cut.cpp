@@ -16,7 +16,7 @@ namespace {
 
 constexpr double kMost = 1e9;  // [s]: longer than any log
 
-struct Options {
+struct LogCutOptions {
   std::string log;
   std::string output;
   std::string robot;
@@ -30,7 +30,7 @@ struct Options {
       {{"double", log::Precision::kDouble}, {"single", log::Precision::kSingle}}};
 };
 
-int cut(const Options& options) {
+int cut(const LogCutOptions& options) {
   const log::Log log(options.log);
   log::CopyOptions copy{.session = options.robot,
                         .first = options.first,
@@ -60,7 +60,7 @@ int cut(const Options& options) {
 }  // namespace
 
 void add_log_cut(CLI::App& log, Action& action) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<LogCutOptions>();
   CLI::App* const command = log.add_subcommand("cut", "Write a part of a log to a new file");
   command->add_option("LOG", options->log, "A file, or a folder: the newest recording in it")
       ->required();

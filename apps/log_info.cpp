@@ -31,7 +31,7 @@ using log::Gap;
 using log::Log;
 using log::LoggedSession;
 
-struct Options {
+struct LogInfoOptions {
   std::string log;
   bool json{false};
   bool events{false};
@@ -138,7 +138,7 @@ std::string origin_of(const Log& log, const std::string& key) {
 
 // ---- for people ----
 
-class Sheet {
+class InfoSheet {
  public:
   void heading(const std::string& name, const std::string& text) const {
     fmt::print("{}  {}\n", terminal_.paint(name, Style::kBold), text);
@@ -165,7 +165,7 @@ std::string gap_text(const StreamSummary& stream, const Gap& gap, const std::str
   return fmt::format("{} of '{}': {}", missing, stream.name, gap.reason);
 }
 
-void print_loop(const Sheet& sheet, const SessionSummary& summary) {
+void print_loop(const InfoSheet& sheet, const SessionSummary& summary) {
   const LoopSummary& loop = *summary.loop;
   if (summary.session.header().is_real_time) {
     const bool is_late = loop.timing.late_steps() > 0;
@@ -182,7 +182,7 @@ void print_loop(const Sheet& sheet, const SessionSummary& summary) {
   count("acausal", loop.acausal);
 }
 
-void print_session(const Sheet& sheet, const SessionSummary& summary) {
+void print_session(const InfoSheet& sheet, const SessionSummary& summary) {
   const LoggedSession& session = summary.session;
   const log::SessionHeader& header = session.header();
   fmt::print("\n");
@@ -227,7 +227,7 @@ void print_session(const Sheet& sheet, const SessionSummary& summary) {
 }
 
 void print_for_people(const Log& log, const std::vector<SessionSummary>& sessions, bool events) {
-  const Sheet sheet;
+  const InfoSheet sheet;
   std::int64_t steps = 0;
   for (const SessionSummary& session : sessions) steps += session.steps.count;
   sheet.heading(
@@ -387,7 +387,7 @@ struct Topic {
   std::uint64_t messages{0};
 };
 
-int tell_of_another_file(const Options& options, const std::string& reason) {
+int tell_of_another_file(const LogInfoOptions& options, const std::string& reason) {
   const mcap::Reader reader{std::filesystem::path(options.log)};
   const mcap::Contents& contents = reader.contents();
   std::vector<Topic> topics;
@@ -424,7 +424,7 @@ int tell_of_another_file(const Options& options, const std::string& reason) {
                            .dump(2));
     return kDone;
   }
-  const Sheet sheet;
+  const InfoSheet sheet;
   sheet.heading(options.log, "");
   sheet.line("size", size_text(std::filesystem::file_size(options.log)));
   sheet.line("library", contents.library);
@@ -438,7 +438,7 @@ int tell_of_another_file(const Options& options, const std::string& reason) {
   return kDone;
 }
 
-int info(const Options& options) {
+int info(const LogInfoOptions& options) {
   std::optional<Log> log;
   try {
     log.emplace(std::filesystem::path(options.log));
@@ -459,7 +459,7 @@ int info(const Options& options) {
 }  // namespace
 
 void add_log_info(CLI::App& log, Action& action) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<LogInfoOptions>();
   CLI::App* const command = log.add_subcommand(
       "info", "Tell what is in a log: sessions, duration, rates, faults, gaps, damage");
   command->add_option("LOG", options->log, "A file, or a folder: the newest recording in it")

@@ -14,12 +14,12 @@ namespace {
 
 constexpr int kSomethingLost = 3;
 
-struct Options {
+struct LogRecoverOptions {
   std::string file;
   std::string output;
 };
 
-int recover(const Options& options) {
+int recover(const LogRecoverOptions& options) {
   if (std::filesystem::is_directory(options.file)) {
     throw UsageError(options.file + " is a folder; name one of its files");
   }
@@ -40,7 +40,7 @@ int recover(const Options& options) {
 }  // namespace
 
 void add_log_recover(CLI::App& log, Action& action) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<LogRecoverOptions>();
   CLI::App* const command =
       log.add_subcommand("recover", "Write a whole file of all that can be read of a damaged one");
   command->add_option("FILE", options->file, "The damaged file; it stays as it is")->required();

@@ -20,7 +20,7 @@
 namespace trifinger::apps {
 namespace {
 
-struct Options {
+struct LogReplayOptions {
   std::string log;
   std::string on;
   std::string robot;
@@ -40,7 +40,7 @@ struct Interrupted : std::exception {
   int signal;
 };
 
-log::LoggedSession chosen_session(const log::Log& log, const Options& options) {
+log::LoggedSession chosen_session(const log::Log& log, const LogReplayOptions& options) {
   log::LoggedSession newest = log.session(options.robot);
   if (!options.session) return newest;
   std::vector<log::LoggedSession> sessions;
@@ -54,7 +54,7 @@ log::LoggedSession chosen_session(const log::Log& log, const Options& options) {
   return sessions[*options.session - 1];
 }
 
-int replay(const Options& options) {
+int replay(const LogReplayOptions& options) {
   const Signals signals;
   const Series what = options.what.value();
   const log::LoggedSession session = chosen_session(log::Log(options.log), options);
@@ -84,7 +84,7 @@ int replay(const Options& options) {
 }  // namespace
 
 void add_log_replay(CLI::App& log, Action& action) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<LogReplayOptions>();
   CLI::App* const command =
       log.add_subcommand("replay", "Let a robot do again what it did in a log");
   command->add_option("LOG", options->log, "A file, or a folder: the newest recording in it")

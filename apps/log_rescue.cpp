@@ -16,13 +16,13 @@
 namespace trifinger::apps {
 namespace {
 
-struct Options {
+struct LogRescueOptions {
   std::string name;
   std::string output;
   double length{10.0};  // [s]
 };
 
-int rescue(const Options& options) {
+int rescue(const LogRescueOptions& options) {
   std::optional<std::filesystem::path> output;
   if (!options.output.empty()) output = options.output;
   const std::filesystem::path file =
@@ -43,7 +43,7 @@ int rescue(const Options& options) {
 }  // namespace
 
 void add_log_rescue(CLI::App& log, Action& action) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<LogRescueOptions>();
   CLI::App* const command =
       log.add_subcommand("rescue", "Write a log of what a killed back-end has left in memory");
   command->add_option("NAME", options->name, "The robot whose back-end is gone")->required();

@@ -27,7 +27,7 @@ const Choices<MakeObject> kObjects{
 
 enum class Format : unsigned char { kMjcf, kUrdf };
 
-struct Options {
+struct ModelOptions {
   RobotDescription robot;
   Choice<Variant> variant{
       "--variant", "edu", {{"edu", Variant::kEdu}, {"pro", Variant::kPro}, {"one", Variant::kOne}}};
@@ -41,7 +41,7 @@ struct Options {
   bool physics_only{false};
 };
 
-RobotDescription description_of(const Options& options) {
+RobotDescription description_of(const ModelOptions& options) {
   RobotDescription robot = options.robot;
   robot.variant = options.variant.value();
   if (options.single_finger) robot.arrangement = Arrangement::kSingleFinger;
@@ -55,7 +55,7 @@ RobotDescription description_of(const Options& options) {
   return robot;
 }
 
-int export_model(const Options& options) {
+int export_model(const ModelOptions& options) {
   const RobotDescription robot = description_of(options);
   const std::string text =
       options.format.value() == Format::kUrdf
@@ -77,7 +77,7 @@ std::string joint_text(const FingerJoints& values) {
   return fmt::format("{:g}", fmt::join(values, "  "));
 }
 
-int print_info(const Options& options) {
+int print_info(const ModelOptions& options) {
   const RobotDescription robot = description_of(options);
   const VariantFigures& known = figures(robot);
   const ActuatorParameters motor = actuator(robot);
@@ -116,7 +116,7 @@ int print_info(const Options& options) {
   return kDone;
 }
 
-void add_description(CLI::App& command, Options& options) {
+void add_description(CLI::App& command, ModelOptions& options) {
   options.variant.add_to(command, "Which hardware; default: edu");
   command.add_flag("--single-finger", options.single_finger, "One finger on a stand");
   command
@@ -133,7 +133,7 @@ void add_description(CLI::App& command, Options& options) {
 }  // namespace
 
 void add_model(CLI::App& program, Action& action) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<ModelOptions>();
   CLI::App* const command =
       program.add_subcommand("model", "Show the robot's model, or write it for other programs");
   command->require_subcommand(1);

@@ -29,7 +29,7 @@ Choice<Series> choice_of_series() {
   return {"--series", "observation", std::move(choices)};
 }
 
-struct Options {
+struct ReadOptions {
   std::string name;
   std::optional<TimeIndex> time_index;
   Choice<Series> series{choice_of_series()};
@@ -132,7 +132,7 @@ void print_for_people(const std::string& title, const ElementDescription& descri
 }
 
 // The steps [first, second) that the options ask for.
-std::pair<TimeIndex, TimeIndex> wanted_range(const Options& options, Series series,
+std::pair<TimeIndex, TimeIndex> wanted_range(const ReadOptions& options, Series series,
                                              const UntypedFrontend& session) {
   const auto [oldest, end] = session.range(series);
   if (!options.time_index) return {std::max(oldest, end - options.last), end};
@@ -146,7 +146,7 @@ std::pair<TimeIndex, TimeIndex> wanted_range(const Options& options, Series seri
   return {t, t + 1};
 }
 
-int read(const Options& options) {
+int read(const ReadOptions& options) {
   const Series series = options.series.value();
   const UntypedFrontend session(options.name, {.control = false});
   const ElementDescription& description = session.session().element(series);
@@ -185,7 +185,7 @@ int read(const Options& options) {
 }  // namespace
 
 void add_read(CLI::App& program, Action& action) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<ReadOptions>();
   CLI::App* const command =
       program.add_subcommand("read", "Print elements of a session, of whatever robot");
   command->add_option("NAME", options->name, "Name of the session, as in sim or sim.object")

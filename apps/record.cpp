@@ -33,9 +33,7 @@ namespace {
 using Level = log::LogWriter::Level;
 using Event = log::RecorderOptions::Event;
 
-constexpr Nanoseconds kRefresh = std::chrono::milliseconds(200);
-
-struct Options {
+struct RecordOptions {
   std::vector<std::string> names;
   std::optional<std::string> folder;
   Choice<log::Precision> precision{
@@ -68,7 +66,7 @@ std::optional<ipc::ProcessIdentity> parse_process(const std::string& text) {
   throw UsageError(fmt::format("--with-process is '{}', must be PID:START", text));
 }
 
-log::RecorderOptions recorder_options(const Options& options) {
+log::RecorderOptions recorder_options(const RecordOptions& options) {
   log::RecorderOptions recorder;
   recorder.folder = options.folder ? std::filesystem::path(*options.folder) : log_folder();
   recorder.precision = options.precision.value();
@@ -116,14 +114,14 @@ Style style_of(Level level) noexcept {
 }
 
 // The recorder in a thread of its own. Whatever it has to say notifies `Signals`.
-class RecorderThread {
+class RunningRecorder {
  public:
   // Throws AlreadyRecorded, InvalidArgument, SystemError.
-  RecorderThread(const std::vector<std::string>& robots, log::RecorderOptions options)
+  RunningRecorder(const std::vector<std::string>& robots, log::RecorderOptions options)
       : recorder_(robots, with_listener(std::move(options))), thread_([this] { run(); }) {}
-  RecorderThread(const RecorderThread&) = delete;
-  RecorderThread& operator=(const RecorderThread&) = delete;
-  ~RecorderThread() { recorder_.request_stop(); }
+  RunningRecorder(const RunningRecorder&) = delete;
+  RunningRecorder& operator=(const RunningRecorder&) = delete;
+  ~RunningRecorder() { recorder_.request_stop(); }
 
   [[nodiscard]] log::Recorder& recorder() noexcept { return recorder_; }
   [[nodiscard]] bool has_ended() const noexcept {
@@ -170,13 +168,13 @@ class RecorderThread {
 };
 
 // Tells what the recorder tells, and how it is doing.
-class Reporter {
+class RecordReporter {
  public:
   void print(const std::string& about, const std::string& text, Style style = Style::kPlain) {
     console_.print(about, text, style);
   }
 
-  void look(RecorderThread& thread, bool is_stopping) {
+  void look(RunningRecorder& thread, bool is_stopping) {
     for (const Event& event : thread.take_events()) {
       print(event.source, event.text, style_of(event.level));
     }
@@ -271,13 +269,13 @@ std::shared_ptr<const std::atomic<bool>> watch_standard_input() {
   return has_byte;
 }
 
-int record(const Options& options) {
+int record(const RecordOptions& options) {
   const Signals signals;
   for (const int signal : {SIGTTOU, SIGPIPE}) std::signal(signal, SIG_IGN);
   const bool is_child = !options.process.empty();
-  RecorderThread thread(options.names, recorder_options(options));
+  RunningRecorder thread(options.names, recorder_options(options));
   const auto robot_has_stopped = is_child ? watch_standard_input() : nullptr;
-  Reporter reporter;
+  RecordReporter reporter;
 
   bool is_stopping = false;
   while (!thread.has_ended()) {
@@ -305,7 +303,7 @@ int record(const Options& options) {
 }  // namespace
 
 void add_record(CLI::App& program, Action& action) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<RecordOptions>();
   CLI::App* const command = program.add_subcommand(
       "record", "Write everything that robots do into a log, without disturbing them");
   command

@@ -13,12 +13,12 @@
 namespace trifinger::apps {
 namespace {
 
-struct Options {
+struct RecoverOptions {
   std::string name;
   double timeout{5.0};  // [s]
 };
 
-int recover_session(const Options& options) {
+int recover_session(const RecoverOptions& options) {
   const SessionInfo before = robot_info(options.name);
   if (before.backend_is_alive && !before.fault.needs_recovery()) {
     fmt::print("{}: there is nothing to recover from, it is {}.\n", before.name,
@@ -35,7 +35,7 @@ int recover_session(const Options& options) {
 }  // namespace
 
 void add_recover(CLI::App& program, Action& action) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<RecoverOptions>();
   CLI::App* const command = program.add_subcommand(
       "recover", "Clear the fault of a robot, so that its next session begins");
   command->add_option("NAME", options->name, "Name of the session")->required();

@@ -39,9 +39,7 @@
 namespace trifinger::apps {
 namespace {
 
-constexpr Nanoseconds kRefresh = std::chrono::milliseconds(200);
-
-struct Options {
+struct RunOptions {
   std::string robot;
   std::optional<std::string> name;
   std::vector<std::string> overrides;
@@ -113,9 +111,9 @@ class LoopThread {
 
 // Tells the user how the robot is doing: a line for each event, and on a terminal one line that is
 // always up to date.
-class Reporter {
+class RunReporter {
  public:
-  Reporter(std::string name, const SessionHost& host) : name_(std::move(name)), host_(host) {}
+  RunReporter(std::string name, const SessionHost& host) : name_(std::move(name)), host_(host) {}
 
   void print(const std::string& text, Style style = Style::kPlain) {
     console_.print(name_, text, style);
@@ -284,7 +282,7 @@ void ignore_signals_of_terminals() {
   for (const int signal : {SIGTSTP, SIGTTOU, SIGPIPE}) std::signal(signal, SIG_IGN);
 }
 
-int run(const Options& options) {
+int run(const RunOptions& options) {
   const Signals signals;
   ignore_signals_of_terminals();
   RunnableRobot robot = make_robot(options.robot, options.overrides, options.state);
@@ -309,7 +307,7 @@ int run(const Options& options) {
   });
   if (options.fault_log > 0.0) backend.follow(flight_recorder);
   if (options.record) recorder = RunRecorder::start(name, *options.record, robot.backend, backend);
-  Reporter reporter(name, host);
+  RunReporter reporter(name, host);
   reporter.print(timing_text(robot.backend));
   LoopThread loop(backend, realtime);
   for (const std::string& sentence : loop.refused()) reporter.print(sentence, Style::kWarning);
@@ -360,7 +358,7 @@ int run(const Options& options) {
 }  // namespace
 
 void add_run(CLI::App& program, Action& action) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<RunOptions>();
   CLI::App* const command =
       program.add_subcommand("run", "Start the back-end of a robot and keep it running");
   command

@@ -169,9 +169,9 @@ class RecorderProcess final : public RunRecorder {
 };
 
 // A recorder in a thread of this process, which the back-end waits for.
-class RecorderThread final : public RunRecorder {
+class RecorderInThread final : public RunRecorder {
  public:
-  RecorderThread(const std::string& robot, const std::filesystem::path& folder, Backend& backend)
+  RecorderInThread(const std::string& robot, const std::filesystem::path& folder, Backend& backend)
       : recorder_({robot}, options(folder)) {
     backend.follow(recorder_);
     std::promise<void> returned;
@@ -185,9 +185,9 @@ class RecorderThread final : public RunRecorder {
       returned.set_value();
     });
   }
-  RecorderThread(const RecorderThread&) = delete;
-  RecorderThread& operator=(const RecorderThread&) = delete;
-  ~RecorderThread() override { recorder_.request_stop(); }
+  RecorderInThread(const RecorderInThread&) = delete;
+  RecorderInThread& operator=(const RecorderInThread&) = delete;
+  ~RecorderInThread() override { recorder_.request_stop(); }
 
   std::vector<std::string> take_lines() override {
     const std::lock_guard lock(mutex_);
@@ -232,7 +232,7 @@ std::unique_ptr<RunRecorder> RunRecorder::start(const std::string& robot,
                                                 const std::filesystem::path& folder,
                                                 const BackendOptions& options, Backend& backend) {
   if (options.mode == BackendOptions::Mode::kNonRealTime) {
-    return std::make_unique<RecorderThread>(robot, folder, backend);
+    return std::make_unique<RecorderInThread>(robot, folder, backend);
   }
   {
     // Whatever speaks against recording is to be said before the robot moves.

@@ -23,18 +23,17 @@
 namespace trifinger::apps {
 namespace {
 
-constexpr Nanoseconds kRefresh = std::chrono::milliseconds(250);
 constexpr std::size_t kLabelWidth = 12;
 
-struct Options {
+struct StatusOptions {
   std::string name;
   bool once{false};
 };
 
 // Lines of a label and a text, as wide as the window.
-class Sheet {
+class StatusSheet {
  public:
-  Sheet(const Terminal& terminal, std::size_t width) : terminal_(terminal), width_(width) {}
+  StatusSheet(const Terminal& terminal, std::size_t width) : terminal_(terminal), width_(width) {}
 
   // The text is wrapped, since it may be a sentence.
   void add(const std::string& label, const std::string& text, Style style = Style::kPlain) {
@@ -81,7 +80,7 @@ class Observer {
   [[nodiscard]] std::vector<std::string> look(const Terminal& terminal, std::size_t width) {
     const UntypedFrontend session(name_, {.control = false});
     const SessionInfo info = session.session().info();
-    Sheet sheet(terminal, width);
+    StatusSheet sheet(terminal, width);
     sheet.add_line(fit({{info.name, 3, Style::kBold},
                         {state_text(info), 2, style_of(health_of(info))},
                         {info.is_companion ? "companion" : "robot", 0, Style::kDim},
@@ -111,7 +110,7 @@ class Observer {
   }
 
  private:
-  void add_loop(Sheet& sheet, const UntypedFrontend& session, const SessionInfo& info) {
+  void add_loop(StatusSheet& sheet, const UntypedFrontend& session, const SessionInfo& info) {
     figures_.update(session);
     const double wanted_rate = 1e9 / static_cast<double>(info.period.count());
     sheet.add("mode", info.is_real_time ? "real-time, " + rate_text(wanted_rate)
@@ -156,7 +155,7 @@ class Observer {
   }
 
   // What the back-end has noted since step 0, also of steps that the history has lost.
-  static void add_timing(Sheet& sheet, const TimingRecord& timing) {
+  static void add_timing(StatusSheet& sheet, const TimingRecord& timing) {
     sheet.add("since 0", lateness_text(timing.lateness()));
     sheet.add("in time",
               fmt::format("{:.1f} % of the last {} steps", 100.0 * timing.success_rate(),
@@ -170,7 +169,7 @@ class Observer {
   LoopFigures figures_;
 };
 
-int status(const Options& options) {
+int status(const StatusOptions& options) {
   const Terminal terminal;
   Observer observer(options.name);
   if (options.once || !terminal.is_live()) {
@@ -202,7 +201,7 @@ int status(const Options& options) {
 }  // namespace
 
 void add_status(CLI::App& program, Action& action) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<StatusOptions>();
   CLI::App* const command = program.add_subcommand(
       "status", "Show how a session is doing: live on a terminal, otherwise once");
   command->add_option("NAME", options->name, "Name of the session, as in sim or sim.object")

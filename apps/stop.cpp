@@ -19,12 +19,12 @@
 namespace trifinger::apps {
 namespace {
 
-struct Options {
+struct StopOptions {
   std::string name;
   double timeout{15.0};  // [s]
 };
 
-int stop(const Options& options) {
+int stop(const StopOptions& options) {
   const SessionInfo info = robot_info(options.name);
   const auto already_gone = [&] {
     fmt::print("{}: its back-end is already gone.\n", info.name);
@@ -63,7 +63,7 @@ int stop(const Options& options) {
 }  // namespace
 
 void add_stop(CLI::App& program, Action& action) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<StopOptions>();
   CLI::App* const command =
       program.add_subcommand("stop", "Bring a robot to rest and end its back-end");
   command->add_option("NAME", options->name, "Name of the session")->required();

@@ -6,7 +6,12 @@
 #include <string_view>
 #include <vector>
 
+#include "trifinger/base/time.hpp"
+
 namespace trifinger::apps {
+
+// From one drawing of what is always up to date to the next.
+inline constexpr Nanoseconds kRefresh = std::chrono::milliseconds(200);
 
 enum class Style : unsigned char { kPlain, kBold, kDim, kGood, kWarning, kBad };
 

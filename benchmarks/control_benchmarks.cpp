@@ -23,11 +23,10 @@
 namespace trifinger::benchmarks {
 namespace {
 
-using Clock = std::chrono::steady_clock;
 using namespace control;
 
 constexpr int kCycles = 3000;  // A lift of 3 s.
-constexpr Seconds kPeriod{1e-3};
+constexpr Seconds kCyclePeriod{1e-3};
 
 RobotDescription description() { return {.finger_height = 0.3}; }
 
@@ -43,19 +42,19 @@ class Controller {
  public:
   explicit Controller(const Pose& rest)
       : lift_(rest, {rest.position + Eigen::Vector3d(0, 0, 0.1), rest.orientation},
-              kCycles * kPeriod) {
+              kCycles * kCyclePeriod) {
     const std::vector<Motion> way{lift_.at(Seconds(0)), lift_.at(lift_.duration())};
     controller_.grasp(GraspPlanner(description()).plan(way).value().touches, rest);
   }
 
   // Where the cube should be in the next cycle.
-  [[nodiscard]] Motion desired() const { return lift_.at(held_ * kPeriod); }
+  [[nodiscard]] Motion desired() const { return lift_.at(held_ * kCyclePeriod); }
 
   const JointValues& cycle(const Input& input) {
-    time_ += kPeriod;
+    time_ += kCyclePeriod;
     if (input.seen) (void)estimator_.update(time_, *input.seen, input.desired);
     const JointValues& torques = controller_.update(
-        kPeriod, input.joints, estimator_.predict(time_, input.desired), input.desired);
+        kCyclePeriod, input.joints, estimator_.predict(time_, input.desired), input.desired);
     if (controller_.state().phase == GraspPhase::kHold) ++held_;
     return torques;
   }
@@ -125,10 +124,6 @@ class Bare {
                                                           &mj_deleteData};
   std::array<double, 3 * kMaxJoints> jacobian_{};
 };
-
-double microseconds(Clock::duration time) {
-  return std::chrono::duration<double, std::micro>(time).count();
-}
 
 // What this thread has had of its processor: others that were given it in between do not count.
 double processor_microseconds() {

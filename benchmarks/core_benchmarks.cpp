@@ -15,12 +15,6 @@
 namespace trifinger::benchmarks {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
-double seconds_since(Clock::time_point begin) {
-  return std::chrono::duration<double>(Clock::now() - begin).count();
-}
-
 // Nine joints and nothing behind them: elements of the size that a TriFinger has.
 struct NineJoints {
   static constexpr std::string_view kType = "nine_joints";

@@ -23,7 +23,6 @@
 namespace trifinger::benchmarks {
 namespace {
 
-constexpr Nanoseconds kPeriod = std::chrono::milliseconds(1);
 constexpr Nanoseconds kSearch = std::chrono::seconds(20);  // a wait of a process that starts
 // Names of robots.
 constexpr const char* kDetection = "benchmark-detection";
@@ -87,7 +86,7 @@ void run_controller(const std::string& name, std::atomic<std::int64_t>* appended
   }
 }
 
-class Random {
+class Dice {
  public:
   [[nodiscard]] int below(int end) {
     return std::uniform_int_distribution<int>(0, end - 1)(generator_);
@@ -111,7 +110,7 @@ struct KilledController {
   Status end;
 };
 
-KilledController kill_controller(const std::string& name, const Child& backend, Random& random) {
+KilledController kill_controller(const std::string& name, const Child& backend, Dice& random) {
   const Frontend<FakeRobot> robot = find(name, backend);
   auto controller = std::make_unique<Child>([&] { run_controller(name); });
   KilledController result{};
@@ -137,7 +136,7 @@ Instant deadline_of(const Status& status) { return time_of(status) - Nanoseconds
 Row dead_user_row(int kills) {
   const std::string name = kDetection;
   const Child backend([&] { run_backend(name, at_one_kilohertz(0)); });
-  Random random;
+  Dice random;
   Samples from_last_action;  // [periods]
   Samples from_kill;         // [ms]
   bool holds = true;
@@ -169,7 +168,7 @@ Row dead_user_row(int kills) {
 Row dead_user_with_repeats_row(int kills) {
   const std::string name = kDetection;
   const Child backend([&] { run_backend(name, at_one_kilohertz(1'000'000)); });
-  Random random;
+  Dice random;
   Samples samples;  // [ms]
   test::ProgressLine progress(kills);
   for (int counted = 0; counted < kills;) {
@@ -187,7 +186,7 @@ Row dead_user_with_repeats_row(int kills) {
 
 Row dead_backend_row(int kills) {
   const std::string name = kDetection;
-  Random random;
+  Dice random;
   Samples samples;  // [ms]
   test::ProgressLine progress(kills);
   for (int i = 0; i < kills; ++i) {
@@ -386,7 +385,7 @@ class FourProcesses {
   std::string name_{kKills};
   TemporaryFolder logs_;
   Shared<Work> work_;
-  Random random_;
+  Dice random_;
   std::array<std::unique_ptr<Child>, kProcesses> processes_;
   std::map<std::uint64_t, std::int64_t> steps_;  // of sessions that have ended
   std::int64_t lost_in_memory_{0};

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <chrono>
 #include <csignal>
 #include <filesystem>
 #include <functional>
@@ -8,7 +9,21 @@
 #include <string>
 #include <vector>
 
+#include "trifinger/base/time.hpp"
+
 namespace trifinger::benchmarks {
+
+using Clock = std::chrono::steady_clock;
+
+/// Of the loops at 1 kHz.
+inline constexpr Nanoseconds kPeriod = std::chrono::milliseconds(1);
+
+[[nodiscard]] inline double microseconds(Clock::duration time) {
+  return std::chrono::duration<double, std::micro>(time).count();
+}
+[[nodiscard]] inline double seconds_since(Clock::time_point begin) {
+  return std::chrono::duration<double>(Clock::now() - begin).count();
+}
 
 /// Samples of one figure.
 class Samples {

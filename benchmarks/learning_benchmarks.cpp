@@ -24,7 +24,6 @@
 namespace trifinger::benchmarks {
 namespace {
 
-using Clock = std::chrono::steady_clock;
 using namespace learning;
 
 // Positions and velocities of nine joints, the goals of three tips and the last action; nine
@@ -52,10 +51,6 @@ Network network() {
   const Eigen::VectorXd torque = Eigen::VectorXd::Constant(kWidths.back(), 0.36);  // [Nm]
   network.bounds = {.low = -torque, .high = torque};
   return network;
-}
-
-double microseconds(Clock::duration time) {
-  return std::chrono::duration<double, std::micro>(time).count();
 }
 
 // ---- environments ----

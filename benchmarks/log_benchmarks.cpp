@@ -28,14 +28,8 @@
 namespace trifinger::benchmarks {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
 constexpr TimeIndex kSteps = 60'000;      // a minute at 1 kHz
 constexpr TimeIndex kStepsPerChunk = 80;  // what the recorder hands to the kernel at once
-
-double seconds_since(Clock::time_point begin) {
-  return std::chrono::duration<double>(Clock::now() - begin).count();
-}
 
 // The series of a run, in memory.
 struct Run {

@@ -20,7 +20,6 @@
 namespace trifinger::benchmarks {
 namespace {
 
-constexpr Nanoseconds kPeriod = std::chrono::milliseconds(1);
 const RealtimeOptions kRealtime{.demand = Demand::kTry, .priority = 80, .cpu = 1};
 
 // What the machine's host has taken from all processors so far [s].

@@ -13,8 +13,6 @@
 namespace trifinger::benchmarks {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
 constexpr TimeIndex kSteps = 8000;
 
 // A slow motion of all joints around the initial pose, tips clear of the table.
@@ -28,7 +26,6 @@ TriFinger::Action motion(const TriFinger::Observation& begin, TimeIndex t) {
 // The chain alone, on a motion in which some checks act and none is a fault.
 Row safety_chain(const Effort& effort) {
   constexpr int kApplications = 200'000;
-  constexpr Nanoseconds kPeriod = std::chrono::milliseconds(1);
   const SafetyChain<TriFinger> chain(default_limits<TriFinger>({}));
   Samples samples;
   double sum = 0.0;

@@ -21,6 +21,12 @@ struct Array {
 template <class M>
 Array(M) -> Array<M>;
 
+using Vector3 = Array<Eigen::Vector3d>;
+using Vector9 = Array<Eigen::Vector<double, 9>>;
+
+/// A matrix as NumPy has it.
+using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
 /// Reads a member that is a matrix or vector.
 template <class T, class M>
 auto array_of(M T::* member) {
@@ -46,7 +52,6 @@ bool read_array(nanobind::handle object, M& value) noexcept {
   constexpr bool kAnyRows = M::RowsAtCompileTime == Eigen::Dynamic;
   if (kAnyRows ? rows > M::MaxRowsAtCompileTime : rows != M::RowsAtCompileTime) return false;
   if (columns != M::ColsAtCompileTime) return false;
-  using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   value =
       Eigen::Map<const RowMajor>(static_cast<const double*>(PyArray_DATA(numbers)), rows, columns);
   return true;
@@ -59,7 +64,6 @@ PyObject* write_array(const M& value) noexcept {
   npy_intp shape[] = {value.rows(), value.cols()};
   PyObject* const array = PyArray_SimpleNew(kDimensions, shape, NPY_DOUBLE);
   if (array == nullptr) return nullptr;
-  using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   auto* const numbers = reinterpret_cast<PyArrayObject*>(array);
   Eigen::Map<RowMajor>(static_cast<double*>(PyArray_DATA(numbers)), value.rows(), value.cols()) =
       value;

@@ -27,9 +27,7 @@ namespace {
 
 using namespace control;
 
-using Vector3 = Array<Eigen::Vector3d>;
 using Vector4 = Array<Eigen::Vector4d>;
-using Vector9 = Array<ContactForces>;
 using Matrix3 = Array<Eigen::Matrix3d>;
 using Matrix9 = Array<Eigen::Matrix<double, 9, 9>>;
 using AnySignal = Array<Signal>;
@@ -356,10 +354,10 @@ void bind_impedance(nb::module_& m) {
 }
 
 void bind_trajectories(nb::module_& m) {
-  nb::class_<Progress>(m, "Progress", "How far a movement is, and how that changes.")
-      .def_ro("value", &Progress::value, "0 at the begin, 1 at the end.")
-      .def_ro("rate", &Progress::rate, "[1/s]")
-      .def_ro("acceleration", &Progress::acceleration, "[1/s^2]");
+  nb::class_<control::Progress>(m, "Progress", "How far a movement is, and how that changes.")
+      .def_ro("value", &control::Progress::value, "0 at the begin, 1 at the end.")
+      .def_ro("rate", &control::Progress::rate, "[1/s]")
+      .def_ro("acceleration", &control::Progress::acceleration, "[1/s^2]");
   m.def(
       "minimum_jerk",
       [](double time, double duration) { return minimum_jerk(Seconds(time), Seconds(duration)); },

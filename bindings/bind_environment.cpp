@@ -38,7 +38,6 @@ namespace {
 
 using namespace learning;
 
-using Numbers = Eigen::VectorXd;
 using Actions = nb::ndarray<const float, nb::c_contig, nb::device::cpu>;
 using Goals = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Marks = nb::ndarray<const bool, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
@@ -128,7 +127,7 @@ void bind_description(nb::class_<T>& type, const Environment& (*environment_of)(
               throw InvalidArgument("goals must have " + std::to_string(size) +
                                     " numbers each, as many of them achieved as desired");
             }
-            Numbers rewards(static_cast<Eigen::Index>(achieved.shape(0)));
+            Eigen::VectorXd rewards(static_cast<Eigen::Index>(achieved.shape(0)));
             for (std::size_t i = 0; i < achieved.shape(0); ++i) {
               rewards[static_cast<Eigen::Index>(i)] = environment.reward(
                   {achieved.data() + i * size, size}, {desired.data() + i * size, size});
@@ -201,8 +200,7 @@ void bind_episodes(nb::module_& m) {
               throw InvalidArgument("from_position must have " + std::to_string(joints) +
                                     " numbers");
             }
-            Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> way(
-                self.environment.way_actions(), joints);
+            RowMajor way(self.environment.way_actions(), joints);
             const auto size = static_cast<std::size_t>(joints);
             for (Eigen::Index i = 0; i < way.rows(); ++i) {
               self.environment.way_point({from.value.data(), size}, self.start, i,
@@ -223,8 +221,8 @@ void bind_episodes(nb::module_& m) {
               throw InvalidArgument("an action must be an array of " + std::to_string(joints) +
                                     " numbers");
             }
-            Numbers torque(static_cast<Eigen::Index>(joints));
-            Numbers position(static_cast<Eigen::Index>(joints));
+            Eigen::VectorXd torque(static_cast<Eigen::Index>(joints));
+            Eigen::VectorXd position(static_cast<Eigen::Index>(joints));
             if (!self.environment.take_action({numbers.data(), joints}, self.episode,
                                               {torque.data(), joints}, {position.data(), joints})) {
               throw InvalidArgument("an action must be finite");

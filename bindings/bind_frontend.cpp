@@ -29,10 +29,13 @@ constexpr Nanoseconds kAttachSlice = std::chrono::milliseconds(600);
 
 std::unique_ptr<PythonFrontend> attach(const std::string& name, FrontendOptions options,
                                        nb::handle timeout) {
-  UntypedFrontend frontend = in_slices(to_timeout(timeout), kAttachSlice, [&](Timeout slice) {
-    options.timeout = slice;
-    return UntypedFrontend(name, options);
-  });
+  UntypedFrontend frontend = in_slices(
+      to_timeout(timeout),
+      [&](Timeout slice) {
+        options.timeout = slice;
+        return UntypedFrontend(name, options);
+      },
+      kAttachSlice);
   return std::make_unique<PythonFrontend>(std::move(frontend),
                                           PythonFrontend::Role{.controls = options.control});
 }

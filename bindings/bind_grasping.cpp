@@ -24,9 +24,6 @@ namespace {
 
 using namespace control;
 
-using Vector3 = Array<Eigen::Vector3d>;
-using Vector9 = Array<Eigen::Vector<double, kMaxJoints>>;
-
 // Times are plain numbers in Python.
 double plain(Seconds time) { return time.count(); }
 template <class T>

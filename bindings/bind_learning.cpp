@@ -36,7 +36,7 @@ namespace {
 
 using namespace learning;
 
-using RowMajor = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+using WeightMatrix = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 using Weights = nb::ndarray<const float, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Bias = nb::ndarray<const float, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using PyLayer = std::tuple<Weights, Bias, std::string>;
@@ -55,9 +55,9 @@ Numbers from_vector(const Eigen::VectorXd& vector) { return {vector.begin(), vec
 
 Layer to_layer(const PyLayer& layer) {
   const auto& [weights, bias, activation] = layer;
-  return {.weights = Eigen::Map<const RowMajor>(weights.data(),
-                                                static_cast<Eigen::Index>(weights.shape(0)),
-                                                static_cast<Eigen::Index>(weights.shape(1))),
+  return {.weights = Eigen::Map<const WeightMatrix>(weights.data(),
+                                                    static_cast<Eigen::Index>(weights.shape(0)),
+                                                    static_cast<Eigen::Index>(weights.shape(1))),
           .bias = Eigen::Map<const Eigen::VectorXf>(bias.data(),
                                                     static_cast<Eigen::Index>(bias.shape(0))),
           .activation = choice<Activation>("activation", kActivations, activation)};

@@ -51,7 +51,7 @@ nb::list to_sessions(std::vector<LoggedSession> sessions) {
   return list;
 }
 
-nb::object path_of(const std::filesystem::path& path) {
+nb::object to_path(const std::filesystem::path& path) {
   return nb::module_::import_("pathlib").attr("Path")(path.string());
 }
 
@@ -345,7 +345,7 @@ recording, or a list has parts of several; OSError.)")
           "files",
           [](const Log& log) {
             nb::list files;
-            for (const std::filesystem::path& file : log.files()) files.append(path_of(file));
+            for (const std::filesystem::path& file : log.files()) files.append(to_path(file));
             return files;
           },
           nb::sig("def files(self) -> list[pathlib.Path]"), "In the order of the parts.")

@@ -11,6 +11,7 @@
 #include "errors.hpp"
 #include "log.hpp"
 #include "session_info.hpp"
+#include "text.hpp"
 #include "timeout.hpp"
 #include "trifinger/core/session.hpp"
 #include "trifinger/core/status.hpp"
@@ -20,10 +21,6 @@ using namespace nanobind::literals;
 
 namespace trifinger::python {
 namespace {
-
-constexpr Nanoseconds kSlice = std::chrono::milliseconds(100);  // [between looks at Ctrl-C]
-
-nb::str to_str(std::string_view text) { return nb::str(text.data(), text.size()); }
 
 nb::object pid_or_none(const ipc::ProcessIdentity& process) {
   return process.pid == 0 ? nb::none() : nb::cast(process.pid);
@@ -84,7 +81,7 @@ back-end died are included.)");
   m.def(
       "recover",
       [](const std::string& name, nb::handle timeout) {
-        in_slices(to_timeout(timeout), kSlice, [&](Timeout slice) { recover(name, slice); });
+        in_slices(to_timeout(timeout), [&](Timeout slice) { recover(name, slice); });
       },
       "name"_a, "timeout"_a.none() = 5.0,
       nb::sig("def recover(name: str, timeout: float | None = 5.0) -> None"),

@@ -15,6 +15,7 @@
 #include <utility>
 #include <vector>
 
+#include "array.hpp"
 #include "bindings.hpp"
 #include "checks.hpp"
 #include "garbage.hpp"
@@ -90,8 +91,6 @@ void bind_reasons(nb::module_& m) {
                   std::string(describe(reason)).c_str());
   }
 }
-
-using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 void bind_kinematics(nb::module_& m) {
   nb::class_<Kinematics>(m, "Kinematics",

@@ -16,8 +16,6 @@ namespace nb = nanobind;
 namespace trifinger::python {
 namespace {
 
-constexpr Nanoseconds kSlice = std::chrono::milliseconds(100);  // [between looks at Ctrl-C]
-
 // Calls `wait(handle)` without the GIL. The handle is let go of before the GIL comes back, since
 // that may end a session.
 template <class Handle, class Wait>
@@ -249,7 +247,7 @@ void PythonFrontend::finish(nb::handle timeout) const {
 void PythonFrontend::recover(nb::handle timeout) const {
   require_own_thread();
   const std::shared_ptr<Handle> handle = open();
-  in_slices(to_timeout(timeout), kSlice, [&](Timeout slice) { handle->frontend.recover(slice); });
+  in_slices(to_timeout(timeout), [&](Timeout slice) { handle->frontend.recover(slice); });
 }
 
 std::optional<Fault> PythonFrontend::fault() const { return open()->frontend.fault(); }

@@ -9,6 +9,7 @@
 #include "gil.hpp"
 #include "numpy.hpp"
 #include "series.hpp"
+#include "text.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace nb = nanobind;
@@ -18,8 +19,6 @@ namespace trifinger::python {
 namespace {
 
 constexpr std::size_t kBlock = 1U << 16U;  // rows between looks at Ctrl-C
-
-nb::str to_str(std::string_view text) { return nb::str(text.data(), text.size()); }
 
 nb::object types() { return nb::module_::import_("trifinger.log_types"); }
 

@@ -16,7 +16,6 @@
 namespace trifinger::python {
 namespace {
 
-constexpr Nanoseconds kSlice = std::chrono::milliseconds(50);  // [between looks at Ctrl-C]
 constexpr Nanoseconds kPollPeriod = std::chrono::milliseconds(1);
 
 // A driver and what runs it.
@@ -110,7 +109,7 @@ std::shared_ptr<RunningBackend::Parts> RunningBackend::own_parts() const {
 void RunningBackend::wait(Timeout timeout) const {
   const std::shared_ptr<Parts> parts = own_parts();
   if (parts == nullptr) return;
-  in_slices(timeout, kSlice, [&](Timeout slice) {
+  in_slices(timeout, [&](Timeout slice) {
     if (!parts->has_ended_within(slice)) {
       throw TimedOut("the back-end of '" + name_ + "' still runs");
     }

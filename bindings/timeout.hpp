@@ -22,7 +22,8 @@ namespace trifinger::python {
 /// Calls `attempt(timeout)`, a wait of the core that knows no interrupt, in slices with a look at
 /// Ctrl-C between.
 template <class Attempt>
-auto in_slices(Timeout timeout, Nanoseconds slice, const Attempt& attempt) {
+auto in_slices(Timeout timeout, const Attempt& attempt,
+               Nanoseconds slice = std::chrono::milliseconds(100)) {
   const Deadline deadline(timeout);
   while (true) {
     try {

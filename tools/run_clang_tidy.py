@@ -3,9 +3,9 @@
 
     run_clang_tidy.py BUILD_FOLDER JOBS [analyser]
 
-Files of tests are read as they are compiled, several joined by CMake: their headers are read once.
-With `analyser`, clang's analyser follows the paths through all other files instead; it takes as
-long as all the checks of .clang-tidy together.
+Files are read as they are compiled, several joined by CMake: their headers are read once. With
+`analyser`, clang's analyser follows the paths through all files but those of tests instead, for
+which the database must have them one by one; it takes as long as all the checks of .clang-tidy.
 
 What is remembered is a hash of everything that can change the outcome: clang-tidy's version and
 configuration, the compile command, and the file with all headers of this repository it includes.

@@ -9,12 +9,12 @@
 #include <utility>
 
 #include "task.hpp"
+#include "text.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace trifinger::learning {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180.0;
 // Bounds of what is observed. Faster joints are braked by the safety checks.
 constexpr double kMaxVelocity = 10.0;   // [rad/s]
 constexpr double kMaxSideways = 0.5;    // [m]
@@ -27,13 +27,6 @@ constexpr std::size_t kMaxValues = 64;  // In an observation.
 constexpr std::uint64_t kStreams = 4;
 constexpr std::uint64_t kPoseNoise = 1;
 constexpr std::uint64_t kJointNoise = 2;
-
-template <class... Parts>
-std::string text(const Parts&... parts) {
-  std::ostringstream stream;
-  (stream << ... << parts);
-  return stream.str();
-}
 
 double draw(Random& random, const Range<double>& range) noexcept {
   return random.uniform(range.low, range.high);

@@ -20,10 +20,6 @@ struct DeleteBatch {
   void operator()(mjBatch* batch) const noexcept { mjb_deleteBatch(batch); }
 };
 
-void require(bool holds, const std::string& text) {
-  if (!holds) throw InvalidArgument(text);
-}
-
 std::size_t checked_size(int size) {
   constexpr int kMost = 100000;
   require(size >= 1 && size <= kMost, "the number of simulations is " + std::to_string(size) +

@@ -16,13 +16,6 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-template <class... Parts>
-std::string text(const Parts&... parts) {
-  std::ostringstream stream;
-  (stream << ... << parts);
-  return stream.str();
-}
-
 template <class T>
 void require_range(const char* name, const Range<T>& range, T lowest, T highest) {
   // Written so that NaN fails.

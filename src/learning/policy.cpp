@@ -28,14 +28,14 @@ void require_positive(const std::string& what, double value) {
   throw InvalidArgument(what + " is " + std::to_string(value) + ", must be above 0");
 }
 
-void require(const Layer& layer, const std::string& name) {
+void check(const Layer& layer, const std::string& name) {
   if (layer.weights.size() == 0) throw InvalidArgument(name + " has no weights");
   require_size("the bias of " + name, layer.bias.size(), layer.weights.rows());
   require_finite("the weight matrix of " + name, layer.weights);
   require_finite("the bias of " + name, layer.bias);
 }
 
-void require(const InputNormalization& normalization, Eigen::Index num_inputs) {
+void check(const InputNormalization& normalization, Eigen::Index num_inputs) {
   require_size("the mean of the inputs", normalization.mean.size(), num_inputs);
   require_size("the variance of the inputs", normalization.variance.size(), num_inputs);
   require_finite("the mean of the inputs", normalization.mean);
@@ -47,7 +47,7 @@ void require(const InputNormalization& normalization, Eigen::Index num_inputs) {
   }
 }
 
-void require(const OutputBounds& bounds, Eigen::Index num_outputs) {
+void check(const OutputBounds& bounds, Eigen::Index num_outputs) {
   require_size("the lower bound of the outputs", bounds.low.size(), num_outputs);
   require_size("the upper bound of the outputs", bounds.high.size(), num_outputs);
   require_finite("the lower bound of the outputs", bounds.low);
@@ -67,7 +67,7 @@ Network checked(Network network) {
   for (std::size_t i = 0; i < network.layers.size(); ++i) {
     const Layer& layer = network.layers[i];
     const std::string name = "layer " + std::to_string(i);
-    require(layer, name);
+    check(layer, name);
     if (layer.weights.cols() != width) {
       throw InvalidArgument(name + " has " + std::to_string(layer.weights.cols()) +
                             " inputs, but the layer before it has " + std::to_string(width) +
@@ -79,9 +79,9 @@ Network checked(Network network) {
     throw InvalidArgument("the last layer's activation is relu, must be identity or tanh");
   }
   if (network.normalization) {
-    require(*network.normalization, network.layers.front().weights.cols());
+    check(*network.normalization, network.layers.front().weights.cols());
   }
-  if (network.bounds) require(*network.bounds, width);
+  if (network.bounds) check(*network.bounds, width);
   return network;
 }
 

@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <cstddef>
 #include <memory>
+#include <numbers>
 #include <span>
 #include <string>
 #include <string_view>
@@ -13,6 +14,8 @@
 #include "trifinger/model/kinematics.hpp"
 
 namespace trifinger::learning {
+
+inline constexpr double kDegree = std::numbers::pi / 180.0;
 
 // What a task knows of the robot.
 struct Workspace {

@@ -17,7 +17,6 @@
 namespace trifinger::learning {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180.0;
 constexpr int kDraws = 1000;  // Until something fits; the last one is taken if nothing has.
 
 // ---- goals for tips ----

@@ -8,6 +8,8 @@
 #include <span>
 #include <string>
 
+#include "trifinger/log/message_layout.hpp"
+
 namespace trifinger::log::detail {
 
 /// Reads a CDR message (little endian) field by field. What is not there reads as zero, and the
@@ -16,13 +18,13 @@ class CdrReader {
  public:
   explicit CdrReader(std::span<const std::byte> message)
       : bytes_(message),
-        is_whole_(message.size() >= kHeader && message[1] == std::byte{1}),
-        position_(is_whole_ ? kHeader : message.size()) {}
+        is_whole_(message.size() >= kCdrHeaderSize && message[1] == std::byte{1}),
+        position_(is_whole_ ? kCdrHeaderSize : message.size()) {}
 
   template <class T>
   [[nodiscard]] T number() {
     // Alignment counts from behind the header.
-    while (position_ < bytes_.size() && (position_ - kHeader) % sizeof(T) != 0) ++position_;
+    while (position_ < bytes_.size() && (position_ - kCdrHeaderSize) % sizeof(T) != 0) ++position_;
     T value{};
     if (bytes_.size() - position_ < sizeof(T)) {
       is_whole_ = false;
@@ -47,8 +49,6 @@ class CdrReader {
   [[nodiscard]] bool is_whole() const noexcept { return is_whole_; }
 
  private:
-  static constexpr std::size_t kHeader = 4;
-
   std::span<const std::byte> bytes_;
   bool is_whole_;
   std::size_t position_;

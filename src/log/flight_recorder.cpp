@@ -2,14 +2,13 @@
 #include "trifinger/log/flight_recorder.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cstring>
-#include <ctime>
 #include <string_view>
 #include <system_error>
 #include <utility>
 
 #include "extra_series.hpp"
+#include "names.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/frontend.hpp"
@@ -226,33 +225,12 @@ class Snapshot {
   TimeIndex end_{0};  // number of whole steps
 };
 
-// "2026-11-20_09-05-12", UTC: in the order of time.
-std::string text_of(std::chrono::system_clock::time_point time) {
-  const std::time_t seconds = std::chrono::system_clock::to_time_t(time);
-  std::tm date{};
-  ::gmtime_r(&seconds, &date);
-  std::array<char, 32> text{};
-  std::strftime(text.data(), text.size(), "%Y-%m-%d_%H-%M-%S", &date);
-  return text.data();
-}
-
-constexpr std::string_view kTimePattern = "0000-00-00_00-00-00";
-
 // A log of a fault, found by its name.
 struct FaultLog {
   std::filesystem::path path;
   std::string robot;
   std::string time;
 };
-
-bool is_digit(char c) { return c >= '0' && c <= '9'; }
-
-// Whether it is written as `text_of` does.
-bool is_time(std::string_view text) {
-  return std::ranges::equal(text, kTimePattern, [](char c, char wanted) {
-    return wanted == '0' ? is_digit(c) : c == wanted;
-  });
-}
 
 // Several of one second have a number: "_2".
 bool is_number(std::string_view text) {
@@ -269,13 +247,13 @@ std::vector<FaultLog> fault_logs(const std::filesystem::path& folder) {
     const std::string name = entry.path().stem().string();
     const std::size_t mark = name.rfind(kMark);
     if (entry.path().extension() != ".mcap" || mark == std::string::npos ||
-        mark < kTimePattern.size() + 2) {
+        mark < kDatePattern.size() + 2) {
       continue;
     }
-    const std::size_t begin = mark - kTimePattern.size();
-    const std::string time = name.substr(begin, kTimePattern.size());
+    const std::size_t begin = mark - kDatePattern.size();
+    const std::string time = name.substr(begin, kDatePattern.size());
     const std::string number = name.substr(mark + kMark.size());
-    if (name[begin - 1] != '_' || !is_time(time) || !is_number(number)) continue;
+    if (name[begin - 1] != '_' || !is_date(time) || !is_number(number)) continue;
     logs.push_back({entry.path(), name.substr(0, begin - 1), time + number});
   }
   std::ranges::sort(logs, {}, [](const FaultLog& log) { return std::pair(log.time, log.path); });
@@ -284,7 +262,7 @@ std::vector<FaultLog> fault_logs(const std::filesystem::path& folder) {
 
 // A name in `folder` that is free.
 std::filesystem::path new_fault_log(const std::filesystem::path& folder, const std::string& robot) {
-  const std::string name = robot + "_" + text_of(std::chrono::system_clock::now()) + "_fault";
+  const std::string name = robot + "_" + date_text(std::chrono::system_clock::now()) + "_fault";
   std::filesystem::path path = folder / (name + ".mcap");
   for (int i = 2; std::filesystem::exists(path); ++i) {
     path = folder / (name + "_" + std::to_string(i) + ".mcap");
@@ -341,7 +319,7 @@ std::optional<std::filesystem::path> find_fault_log(const std::filesystem::path&
   for (const FaultLog& log : fault_logs(folder)) {
     if (log.robot == name) newest = log;
   }
-  if (!newest || newest->time < text_of(created)) return std::nullopt;
+  if (!newest || newest->time < date_text(created)) return std::nullopt;
   return newest->path;
 }
 

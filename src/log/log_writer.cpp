@@ -8,14 +8,13 @@
 #include <array>
 #include <chrono>
 #include <cstring>
-#include <ctime>
 #include <limits>
 #include <optional>
-#include <random>
 #include <set>
 #include <span>
 #include <utility>
 
+#include "names.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/mcap/reader.hpp"
@@ -59,27 +58,6 @@ std::string kernel_version() {
   utsname name{};
   if (::uname(&name) != 0) return "unknown";
   return std::string(name.sysname) + " " + name.release;
-}
-
-// ISO 8601.
-std::string utc_text(std::int64_t time) {
-  const std::time_t seconds = time / 1'000'000'000;
-  std::tm date{};
-  ::gmtime_r(&seconds, &date);
-  std::array<char, 32> text{};
-  std::strftime(text.data(), text.size(), "%FT%TZ", &date);
-  return text.data();
-}
-
-std::string random_name() {
-  std::random_device random;
-  std::string name;
-  for (int i = 0; i < 16; ++i) name += "0123456789abcdef"[random() % 16];
-  return name;
-}
-
-std::string_view text_of(Precision precision) {
-  return precision == Precision::kSingle ? "single" : "double";
 }
 
 std::string hexadecimal(std::span<const std::byte> bytes) {
@@ -141,20 +119,20 @@ class CdrText {
 };
 
 // Messages of one layout on one channel.
-struct Stream {
+struct WrittenStream {
   MessageLayout layout;
   std::uint16_t channel{0};
   std::vector<std::byte> message;
 
-  explicit Stream(MessageLayout its_layout)
+  explicit WrittenStream(MessageLayout its_layout)
       : layout(std::move(its_layout)), message(layout.size()) {}
 };
 
 struct WrittenSession {
   SessionHeader header;
-  Stream step;
-  Stream end;
-  std::vector<Stream> companions;
+  WrittenStream step;
+  WrittenStream end;
+  std::vector<WrittenStream> companions;
   std::vector<std::byte> no_observation;
   bool is_announced{false};
   TimeIndex observations{-1};  // known with the end
@@ -223,10 +201,10 @@ class LogWriter::Implementation {
                {"trifinger_version", TRIFINGER_VERSION},
                {"host", host_name()},
                {"kernel", kernel_version()},
-               {"created", utc_text(wall_time())},
+               {"created", utc_text(std::chrono::system_clock::now(), "%FT%TZ")},
                {"part", std::to_string(options.part)},
                {"recording", options.recording.empty() ? random_name() : options.recording},
-               {"precision", std::string(text_of(precision_))}};
+               {"precision", std::string(name_of(precision_))}};
     event_channel_ = add_channel("/events", kEventType, kEventDefinition, {});
   }
 
@@ -389,10 +367,11 @@ class LogWriter::Implementation {
     const RobotTypes& types = header.types;
     Entries metadata{{"session", header.name},
                      {"type", types.type},
-                     {"precision", std::string(text_of(precision_))},
+                     {"precision", std::string(name_of(precision_))},
                      {"status", describe<Status>().text()},
                      {"observation", types.observation.text()}};
-    const auto add = [this, &header](Stream& stream, std::string_view suffix, Entries entries) {
+    const auto add = [this, &header](WrittenStream& stream, std::string_view suffix,
+                                     Entries entries) {
       stream.channel = add_channel("/" + header.name + std::string(suffix), stream.layout.type(),
                                    stream.layout.definition(), std::move(entries));
     };
@@ -410,7 +389,7 @@ class LogWriter::Implementation {
           {{"session", companion.name},
            {"type", companion.type},
            {"role", "companion"},
-           {"precision", std::string(text_of(precision_))},
+           {"precision", std::string(name_of(precision_))},
            {"observation", companion.element.text()}});
     }
   }
@@ -473,7 +452,7 @@ class LogWriter::Implementation {
     return log_time(header.time_offset + time);
   }
 
-  void write(Stream& stream, std::span<const void* const> elements, std::uint64_t log_time,
+  void write(WrittenStream& stream, std::span<const void* const> elements, std::uint64_t log_time,
              std::uint64_t publish_time) {
     stream.layout.encode(elements, stream.message.data());
     writer_.write(mcap::Message{.channel_id = stream.channel,

@@ -10,6 +10,7 @@
 #include <set>
 #include <utility>
 
+#include "names.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace trifinger::log {
@@ -21,12 +22,11 @@ constexpr std::string_view kPackage = "trifinger_msgs";
 // Fields of fields: far more than anybody needs, few enough for the stack.
 constexpr std::size_t kMaxDepth = 32;
 // Encapsulation of CDR: plain, little endian, no options.
-constexpr std::array<std::byte, 4> kCdrHeader{std::byte{0}, std::byte{1}, std::byte{0},
-                                              std::byte{0}};
+constexpr std::array<std::byte, kCdrHeaderSize> kCdrHeader{std::byte{0}, std::byte{1}, std::byte{0},
+                                                           std::byte{0}};
 
 bool is_lower(char c) noexcept { return c >= 'a' && c <= 'z'; }
 bool is_upper(char c) noexcept { return c >= 'A' && c <= 'Z'; }
-bool is_digit(char c) noexcept { return c >= '0' && c <= '9'; }
 
 // "object_observation" becomes "ObjectObservation".
 std::string camel_case(std::string_view words) {

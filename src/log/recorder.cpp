@@ -27,7 +27,6 @@ namespace trifinger::log {
 namespace {
 
 using Level = LogWriter::Level;
-using Event = RecorderOptions::Event;
 
 constexpr Nanoseconds kPollPeriod = std::chrono::milliseconds(20);
 // For histories that fill faster than that.
@@ -43,8 +42,6 @@ constexpr std::size_t kMaxEvents = 1000;
 // Clocks that are slewed come to this, too, in the end.
 constexpr Nanoseconds kWallClockChange = std::chrono::milliseconds(100);
 constexpr Nanoseconds kMaxWaitOfBackend = std::chrono::seconds(1);
-
-Instant now() noexcept { return std::chrono::steady_clock::now(); }
 
 std::string seconds_text(Nanoseconds time) {
   const auto tenths = std::chrono::duration_cast<std::chrono::milliseconds>(time).count() / 100;
@@ -183,8 +180,8 @@ class Recorder::Implementation {
       take_handed_over();
       return;
     }
-    const bool is_time = now() >= next_slow_look_;
-    if (is_time) next_slow_look_ = now() + kSlowPeriod;
+    const bool is_time = std::chrono::steady_clock::now() >= next_slow_look_;
+    if (is_time) next_slow_look_ = std::chrono::steady_clock::now() + kSlowPeriod;
     const std::map<std::string, int> counts = watch_.look();
     for (RecordedRobot& robot : robots_) {
       const int count = counts.at(robot.name);
@@ -313,7 +310,7 @@ class Recorder::Implementation {
   void work() {
     hurry_ = false;
     for (RecordedRobot& robot : robots_) watch_lag(robot);
-    if (trouble_since_ && now() < next_attempt_) return;
+    if (trouble_since_ && std::chrono::steady_clock::now() < next_attempt_) return;
     try {
       write();
       recover();
@@ -354,7 +351,7 @@ class Recorder::Implementation {
   void write_events() {
     LogWriter& log = recording_.log();
     while (!events_.empty()) {
-      const Event& event = events_.front();
+      const RecorderOptions::Event& event = events_.front();
       if (log.open_chunk_size() > LogWriter::kMaxChunkSize / 2) log.flush();
       log.write_event(event.level, event.source, event.text, event.time);
       events_.pop_front();
@@ -362,11 +359,11 @@ class Recorder::Implementation {
   }
 
   void suffer(const SystemError& error) {
-    next_attempt_ = now() + kSlowPeriod;
+    next_attempt_ = std::chrono::steady_clock::now() + kSlowPeriod;
     if (trouble_since_ && trouble_ == error.what()) return;
     trouble_ = error.what();
     if (!trouble_since_) {
-      trouble_since_ = now();
+      trouble_since_ = std::chrono::steady_clock::now();
       lost_before_trouble_ = lost_steps();
     }
     tell(
@@ -378,7 +375,7 @@ class Recorder::Implementation {
     if (!trouble_since_) return;
     const std::int64_t lost = lost_steps() - lost_before_trouble_;
     tell(Level::kWarning, kRecorder,
-         "writes again after " + seconds_text(now() - *trouble_since_) +
+         "writes again after " + seconds_text(std::chrono::steady_clock::now() - *trouble_since_) +
              (lost == 0 ? "; nothing was lost" : "; " + std::to_string(lost) + " steps were lost"));
     trouble_since_.reset();
     trouble_.clear();
@@ -414,7 +411,8 @@ class Recorder::Implementation {
   // --- the rest ---
 
   void tell(Level level, std::string_view source, const std::string& text) {
-    Event event{.time = wall_time(), .level = level, .source = std::string(source), .text = text};
+    RecorderOptions::Event event{
+        .time = wall_time(), .level = level, .source = std::string(source), .text = text};
     if (options_.on_event) options_.on_event(event);
     if (events_.size() >= kMaxEvents) events_.pop_front();
     events_.push_back(std::move(event));
@@ -442,8 +440,8 @@ class Recorder::Implementation {
   // Nothing more will come.
   bool is_over() {
     const bool can_end = options_.until_end || options_.until_process_ends.has_value();
-    if (!can_end || now() < next_look_at_ends_) return false;
-    next_look_at_ends_ = now() + kSlowPeriod;
+    if (!can_end || std::chrono::steady_clock::now() < next_look_at_ends_) return false;
+    next_look_at_ends_ = std::chrono::steady_clock::now() + kSlowPeriod;
     if (options_.until_process_ends && !options_.until_process_ends->is_alive()) return true;
     return options_.until_end && std::ranges::all_of(robots_, [](const RecordedRobot& robot) {
              return robot.sessions.empty() && robot.newest &&
@@ -522,7 +520,7 @@ class Recorder::Implementation {
   RecorderOptions options_;
   ipc::FileDescriptor wake_;
   SessionWatch watch_;
-  std::deque<Event> events_;  // not yet in the log
+  std::deque<RecorderOptions::Event> events_;  // not yet in the log
   Recording recording_;
   std::deque<RecordedRobot> robots_;
   std::atomic<bool> stop_requested_{false};

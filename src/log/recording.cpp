@@ -12,11 +12,10 @@
 #include <charconv>
 #include <cstdio>
 #include <cstring>
-#include <ctime>
-#include <random>
 #include <string_view>
 #include <utility>
 
+#include "names.hpp"
 #include "trifinger/ipc/file_lock.hpp"
 #include "trifinger/ipc/process.hpp"
 #include "trifinger/log/message_layout.hpp"
@@ -32,15 +31,11 @@ using Level = LogWriter::Level;
 constexpr Nanoseconds kChunkTime = std::chrono::milliseconds(45);
 constexpr Nanoseconds kLookPeriod = std::chrono::seconds(1);
 constexpr std::string_view kSuffix = ".mcap";
-// "2026-11-20_09-05-12"
-constexpr std::string_view kDatePattern = "0000-00-00_00-00-00";
 constexpr std::size_t kMaxName = 160;
 // Far from overflow, whatever a damaged file says.
 constexpr std::uint64_t kEndOfTime = std::uint64_t{1} << 62U;
 // Sessions that live now are in the newest files, if in any.
 constexpr std::size_t kMaxFilesToSearch = 8;
-
-Instant now() noexcept { return std::chrono::steady_clock::now(); }
 
 std::string size_text(std::uint64_t bytes) {
   constexpr std::array<const char*, 5> kUnits{"bytes", "kB", "MB", "GB", "TB"};
@@ -55,32 +50,10 @@ std::string size_text(std::uint64_t bytes) {
   return text.data();
 }
 
-std::string date_text(std::time_t seconds) {
-  std::tm date{};
-  ::gmtime_r(&seconds, &date);
-  std::array<char, 32> text{};
-  std::strftime(text.data(), text.size(), "%Y-%m-%d_%H-%M-%S", &date);
-  return text.data();
-}
-
-std::string random_id() {
-  std::random_device random;
-  std::string id;
-  for (int i = 0; i < 16; ++i) id += "0123456789abcdef"[random() % 16];
-  return id;
-}
-
 std::string file_name(const std::string& stem, int part) {
   std::array<char, 16> number{};
   std::snprintf(number.data(), number.size(), "_%03d", part);
   return stem + number.data() + std::string(kSuffix);
-}
-
-bool is_date(std::string_view text) noexcept {
-  return text.size() == kDatePattern.size() &&
-         std::ranges::equal(text, kDatePattern, [](char c, char pattern) {
-           return pattern == '0' ? c >= '0' && c <= '9' : c == pattern;
-         });
 }
 
 std::string joined(const std::vector<std::string>& robots) {
@@ -96,10 +69,6 @@ std::string joined(const std::vector<std::string>& robots) {
 std::string entry(const std::map<std::string, std::string>& entries, const std::string& key) {
   const auto found = entries.find(key);
   return found == entries.end() ? std::string() : found->second;
-}
-
-std::string_view text_of(Precision precision) {
-  return precision == Precision::kSingle ? "single" : "double";
 }
 
 // What the file says of itself.
@@ -195,10 +164,9 @@ class PositionSearch {
     const auto& metadata = channel->second.metadata;
     const std::string name = entry(metadata, "session");
     const std::string role = entry(metadata, "role");
-    constexpr std::size_t kCdrHeader = 4;
     MessageHead head;
-    if (!is_session_of_robot(name) || message.data.size() < kCdrHeader + sizeof(head)) return;
-    std::memcpy(&head, message.data.data() + kCdrHeader, sizeof(head));
+    if (!is_session_of_robot(name) || message.data.size() < kCdrHeaderSize + sizeof(head)) return;
+    std::memcpy(&head, message.data.data() + kCdrHeaderSize, sizeof(head));
     if (head.session_id != session_id_) return;
     if (role == "end") {
       position_.has_end = true;
@@ -319,7 +287,7 @@ void Recording::look_at(std::vector<File> files) {
       }
       const std::string precision = log_entry(contents, "precision");
       if (!contents.is_finished &&
-          (precision == text_of(options_.precision) || contents.metadata.empty())) {
+          (precision == name_of(options_.precision) || contents.metadata.empty())) {
         take_over({.file = file, .reader = std::move(reader)});
         return;
       }
@@ -328,11 +296,12 @@ void Recording::look_at(std::vector<File> files) {
       tell_(Level::kWarning, kRecorder, file.path.string() + " cannot be read: " + error.what());
     }
   }
-  id_ = random_id();
-  std::time_t begin = std::time(nullptr);
+  id_ = random_name();
+  auto begin = std::chrono::system_clock::now();
   const auto is_taken = [this](const File& file) { return file.stem == stem_; };
   do {
-    stem_ = name_ + "_" + date_text(begin++);
+    stem_ = name_ + "_" + date_text(begin);
+    begin += std::chrono::seconds(1);
   } while (std::ranges::any_of(earlier_, is_taken));
 }
 
@@ -354,7 +323,7 @@ void Recording::take_name_of(const File& file, const mcap::Contents& contents) {
     // Killed before the first record: the parts before have it, too.
     if (id_.empty()) id_ = log_entry(mcap::Reader(other.path).contents(), "recording");
   }
-  if (id_.empty()) id_ = random_id();
+  if (id_.empty()) id_ = random_name();
 }
 
 std::vector<std::uint64_t> Recording::open_sessions(const std::string& robot) const {
@@ -383,7 +352,7 @@ bool Recording::join(const std::filesystem::path& path) {
   if (has_joined_) return true;
   const File file = earlier_.front();
   const mcap::Reader reader(path);
-  if (log_entry(reader.contents(), "precision") != text_of(options_.precision)) return false;
+  if (log_entry(reader.contents(), "precision") != name_of(options_.precision)) return false;
   take_name_of(file, reader.contents());
   finished_.push_back(file);
   ++part_;
@@ -470,7 +439,7 @@ void Recording::open_new() {
   sink_ = std::move(sink);
   path_ = std::move(path);
   begun_at_ = 0;
-  file_begun_ = last_sync_ = now();
+  file_begun_ = last_sync_ = std::chrono::steady_clock::now();
   synced_size_ = 0;
   tell_(Level::kInfo, kRecorder, "records into " + path_.string());
 }
@@ -489,7 +458,7 @@ void Recording::go_on(const Unfinished& unfinished) {
   sink_ = std::move(sink);
   path_ = unfinished.file.path;
   begun_at_ = contents.complete_size;
-  file_begun_ = last_sync_ = now();
+  file_begun_ = last_sync_ = std::chrono::steady_clock::now();
   synced_size_ = 0;
   std::string text = "goes on with " + path_.string() + ", which another recorder has left";
   if (unfinished.file.size > contents.complete_size) {
@@ -501,7 +470,7 @@ void Recording::go_on(const Unfinished& unfinished) {
 
 void Recording::flush(bool is_wanted) {
   if (log_ == nullptr) return;
-  const Instant time = now();
+  const Instant time = std::chrono::steady_clock::now();
   if (log_->open_chunk_size() == 0) {
     chunk_begun_.reset();
   } else {
@@ -546,7 +515,7 @@ void Recording::finish_file() {
 }
 
 void Recording::sync() {
-  last_sync_ = now();
+  last_sync_ = std::chrono::steady_clock::now();
   if (sink_->size() == synced_size_) return;
   try {
     sink_->sync();
@@ -559,7 +528,7 @@ void Recording::sync() {
 
 // Throws SystemError if there is less room on the disk than is to be left free.
 void Recording::require_room() {
-  const Instant time = now();
+  const Instant time = std::chrono::steady_clock::now();
   if (options_.keep_free == 0 || time - last_look_ < kLookPeriod) return;
   struct statvfs disk{};
   if (::statvfs(options_.folder.c_str(), &disk) == 0) {

@@ -20,10 +20,6 @@ namespace {
 // Begins every saved state: one of another version is told apart.
 constexpr std::uint64_t kStateMagic = 0x33534d4953465254;  // "TRFSIMS3"
 
-void require(bool holds, const std::string& text) {
-  if (!holds) throw InvalidArgument(text);
-}
-
 ElementDescription describe_objects(const RobotModel& model) {
   std::vector<FieldDescription> fields;
   std::size_t offset = 0;

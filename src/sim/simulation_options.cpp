@@ -16,8 +16,6 @@ namespace {
 
 using sim::text_of;
 
-constexpr Nanoseconds kPhysicsStep = std::chrono::milliseconds(1);
-
 // The user's bounds on gains are ours, no source has any: well inside what is stable at 1 kHz for
 // the lightest link.
 constexpr double kMaxKp = 50.0;
@@ -36,10 +34,6 @@ constexpr double kStuckTime = 0.1;          // [s]
 constexpr double kStuckShare = 0.5;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
-void require(bool holds, const std::string& text) {
-  if (!holds) throw InvalidArgument(text);
-}
 
 }  // namespace
 

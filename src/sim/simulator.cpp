@@ -18,8 +18,6 @@ namespace {
 
 using sim::text_of;
 
-constexpr Nanoseconds kPhysicsStep = std::chrono::milliseconds(1);
-
 // MuJoCo writes warnings to a file in the working directory. Ours are faults: the counters in
 // mjData tell.
 void silence_warnings() {

@@ -615,6 +615,7 @@ def test_a_robot_in_real_time_runs_the_same_task(start_program: StartProgram):
     environment.close()
 
 
+@pytest.mark.release  # It is Stable-Baselines3 that takes the time.
 def test_hindsight_experience_replay_takes_the_variant_with_goals():
     environment = gymnasium.make("TriFinger/Reach-v0", observation="goal", duration=0.4)
     model = stable_baselines3.DDPG(

@@ -20,6 +20,14 @@ enum class Precision : std::uint8_t {
   kSingle,  ///< As float32: half the bytes, and no exact replay.
 };
 
+/// "double" or "single".
+[[nodiscard]] constexpr std::string_view name_of(Precision precision) noexcept {
+  return precision == Precision::kSingle ? "single" : "double";
+}
+
+/// Bytes of the header that every CDR message begins with.
+inline constexpr std::size_t kCdrHeaderSize = 4;
+
 /// One part of a message: an element of a series, or a few fields of the message's own.
 struct MessagePart {
   std::string name;  ///< The field of the message that holds the element; empty: its fields are

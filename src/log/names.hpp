@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <ctime>
+#include <random>
+#include <string>
+#include <string_view>
+
+namespace trifinger::log {
+
+[[nodiscard]] constexpr bool is_digit(char c) noexcept { return c >= '0' && c <= '9'; }
+
+[[nodiscard]] inline std::string utc_text(std::chrono::system_clock::time_point time,
+                                          const char* format) {
+  const std::time_t seconds = std::chrono::system_clock::to_time_t(time);
+  std::tm date{};
+  ::gmtime_r(&seconds, &date);
+  std::array<char, 32> text{};
+  std::strftime(text.data(), text.size(), format, &date);
+  return text.data();
+}
+
+// "2026-11-20_09-05-12", UTC, as in the names of logs: in the order of time.
+[[nodiscard]] inline std::string date_text(std::chrono::system_clock::time_point time) {
+  return utc_text(time, "%Y-%m-%d_%H-%M-%S");
+}
+
+inline constexpr std::string_view kDatePattern = "0000-00-00_00-00-00";
+
+// Whether it is written as `date_text` does.
+[[nodiscard]] constexpr bool is_date(std::string_view text) noexcept {
+  return std::ranges::equal(text, kDatePattern, [](char c, char wanted) {
+    return wanted == '0' ? is_digit(c) : c == wanted;
+  });
+}
+
+// 64 random bits, hexadecimal: the name of a recording.
+[[nodiscard]] inline std::string random_name() {
+  std::random_device random;
+  std::string name;
+  for (int i = 0; i < 16; ++i) name += "0123456789abcdef"[random() % 16];
+  return name;
+}
+
+}  // namespace trifinger::log
