@@ -13,6 +13,8 @@ if(TRIFINGER_SANITIZE MATCHES "^address" AND CMAKE_CXX_COMPILER_ID STREQUAL "Cla
   set(trifinger_sanitizer_runtime -shared-libasan -Wl,-rpath,${runtime_folder})
   # Instructions are chosen as without optimisation, in a tenth less time.
   set(trifinger_sanitizer_code "SHELL:-mllvm -fast-isel")
+  # Tests are more code than what they test, and less of it runs again and again.
+  set(trifinger_sanitizer_test_code -fno-inline-functions)
 endif()
 
 if(TRIFINGER_SANITIZE MATCHES "undefined" AND CMAKE_CXX_COMPILER_ID STREQUAL "Clang")
@@ -77,6 +79,7 @@ function(trifinger_test name)
   set(target ${name}_test)
   add_executable(${target} ${test_SOURCES})
   trifinger_target_options(${target})
+  target_compile_options(${target} PRIVATE ${trifinger_sanitizer_test_code})
   # What stands in for functions of the C++ and C libraries must not be seen by those who call them.
   set(support ${test_SOURCES})
   list(FILTER support INCLUDE REGEX "^\\.\\./support/")
