@@ -28,7 +28,7 @@
 namespace trifinger::benchmarks {
 namespace {
 
-constexpr TimeIndex kSteps = 60'000;      // a minute at 1 kHz
+constexpr TimeIndex kLogSteps = 60'000;   // a minute at 1 kHz
 constexpr TimeIndex kStepsPerChunk = 80;  // what the recorder hands to the kernel at once
 
 // The series of a run, in memory.
@@ -44,13 +44,13 @@ struct Run {
 
 // A robot that keeps its pose, more or less, under a new random torque on each joint in every step.
 Run run_with_random_torques() {
-  Run run(kSteps);
+  Run run(kLogSteps);
   std::mt19937_64 random(1);  // NOLINT(cert-msc51-cpp): the same run every time
   std::uniform_real_distribution<double> torque(-0.2, 0.2);
-  const Simulation<TriFinger> simulation({}, {.history = static_cast<std::size_t>(2 * kSteps)});
+  const Simulation<TriFinger> simulation({}, {.history = static_cast<std::size_t>(2 * kLogSteps)});
   auto robot = simulation.connect();
   auto action = hold_position(robot.latest_observation());
-  for (TimeIndex t = 0; t <= kSteps; ++t) {
+  for (TimeIndex t = 0; t <= kLogSteps; ++t) {
     for (double& value : action.torque) value = torque(random);
     robot.wait_until_time_index(robot.append_desired_action(action));
   }
@@ -78,7 +78,7 @@ void write(const Run& run, const std::filesystem::path& path, log::Precision pre
   options.precision = precision;
   log::LogWriter writer(sink, options);
   const std::size_t session = writer.begin_session(header());
-  for (TimeIndex t = 0; t < kSteps; t += kStepsPerChunk) {
+  for (TimeIndex t = 0; t < kLogSteps; t += kStepsPerChunk) {
     const auto i = static_cast<std::size_t>(t);
     writer.write_steps(session, {.first = t,
                                  .count = static_cast<std::size_t>(kStepsPerChunk),
@@ -153,7 +153,7 @@ Row size_row(std::string measure, const Run& run, const std::filesystem::path& f
   write(run, file, precision);
   Row row;
   row.measure = std::move(measure);
-  row.value = static_cast<double>(std::filesystem::file_size(file)) / kSteps;
+  row.value = static_cast<double>(std::filesystem::file_size(file)) / kLogSteps;
   row.low = row.high = row.value;
   row.unit = "bytes";
   row.reach = fmt::format("<= {:.0f} bytes", reach);
@@ -197,10 +197,10 @@ Row read_row(const Effort& effort, const std::filesystem::path& file,
     std::array<std::unique_ptr<std::byte[]>, 4> arrays;
     std::array<void*, 4> columns{};
     for (std::size_t i = 0; i < arrays.size(); ++i) {
-      arrays[i] = std::make_unique_for_overwrite<std::byte[]>(kSteps * reader.element(i).size());
+      arrays[i] = std::make_unique_for_overwrite<std::byte[]>(kLogSteps * reader.element(i).size());
       columns[i] = arrays[i].get();
     }
-    if (reader.read(kSteps, {.columns = columns}) != kSteps) throw Error("steps are missing");
+    if (reader.read(kLogSteps, {.columns = columns}) != kLogSteps) throw Error("steps are missing");
     return seconds_since(begin);
   };
   const std::vector<Bytes> frames = compress(chunks);

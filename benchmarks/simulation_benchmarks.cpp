@@ -13,7 +13,7 @@
 namespace trifinger::benchmarks {
 namespace {
 
-constexpr TimeIndex kSteps = 8000;
+constexpr TimeIndex kSimulationSteps = 8000;
 
 // A slow motion of all joints around the initial pose, tips clear of the table.
 TriFinger::Action motion(const TriFinger::Observation& begin, TimeIndex t) {
@@ -62,19 +62,19 @@ std::vector<Row> simulation_rows(const Effort& effort) {
     // Made before: what a policy takes is not ours.
     const auto pose = robot.latest_observation();
     std::vector<TriFinger::Action> actions;
-    for (TimeIndex t = 0; t <= kSteps; ++t) actions.push_back(motion(pose, t));
+    for (TimeIndex t = 0; t <= kSimulationSteps; ++t) actions.push_back(motion(pose, t));
 
     const auto begin = Clock::now();
     TimeIndex t = robot.append_desired_action(actions.front());
-    while (t < kSteps) {
+    while (t < kSimulationSteps) {
       static_cast<void>(robot.get_observation(t));
       t = robot.append_desired_action(actions[static_cast<std::size_t>(t) + 1]);
     }
     const double time = std::chrono::duration<double>(Clock::now() - begin).count();
-    observations.resize(static_cast<std::size_t>(kSteps));
+    observations.resize(static_cast<std::size_t>(kSimulationSteps));
     robot.get_observations(1, observations);
     robot.finish();
-    return static_cast<double>(kSteps) / time;
+    return static_cast<double>(kSimulationSteps) / time;
   };
 
   const RobotModel model;
@@ -88,7 +88,7 @@ std::vector<Row> simulation_rows(const Effort& effort) {
       std::ranges::copy(y.torque, data->ctrl);
       mj_step(model.mujoco(), data.get());
     }
-    return static_cast<double>(kSteps) /
+    return static_cast<double>(kSimulationSteps) /
            std::chrono::duration<double>(Clock::now() - begin).count();
   };
 

@@ -5,7 +5,6 @@
 #include <nanobind/stl/vector.h>
 
 #include <chrono>
-#include <string_view>
 
 #include "bindings.hpp"
 #include "errors.hpp"

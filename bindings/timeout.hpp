@@ -19,8 +19,8 @@ namespace trifinger::python {
   return std::chrono::duration<double>(time).count();
 }
 
-/// Calls `attempt(timeout)`, a wait of the core that knows no interrupt, in slices with a look at
-/// Ctrl-C between.
+/// Calls `attempt(timeout)`, a wait of the core that knows no interrupt, for a `slice` at a time
+/// with a look at Ctrl-C between.
 template <class Attempt>
 auto in_slices(Timeout timeout, const Attempt& attempt,
                Nanoseconds slice = std::chrono::milliseconds(100)) {

@@ -82,6 +82,9 @@ def main(build: Path, jobs: int, *, analyse: bool) -> int:
         # Of fixtures it says little that is true, and takes four fifths of the time for that.
         ours = {file for file in ours if not file.startswith(str(ROOT / "tests"))}
     database = json.loads((build / "compile_commands.json").read_text())
+    if analyse and any(JOINED.search(entry["file"]) for entry in database):
+        print("the analyser reads files one by one: configure with -DTRIFINGER_JOIN_FILES=OFF")
+        return 1
     entries = {
         entry["file"]: entry
         for entry in database

@@ -120,9 +120,7 @@ class Watchdog {
 }  // namespace
 
 void BackendOptions::validate() const {
-  const auto require = [](bool holds, const std::string& text) {
-    if (!holds) throw InvalidArgument(text);
-  };
+  using detail::require;
   require(period > Nanoseconds::zero(),
           "period is " + std::to_string(period.count()) + " ns; allowed are positive times");
   require(first_action_timeout > Nanoseconds::zero(), "first_action_timeout must be positive");

@@ -3,9 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <numeric>
-#include <sstream>
 #include <utility>
 
 #include "task.hpp"

@@ -16,6 +16,8 @@
 namespace trifinger::learning {
 namespace {
 
+using trifinger::detail::require;
+
 struct DeleteBatch {
   void operator()(mjBatch* batch) const noexcept { mjb_deleteBatch(batch); }
 };

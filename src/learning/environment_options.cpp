@@ -5,8 +5,8 @@
 #include <array>
 #include <nlohmann/json.hpp>
 #include <numbers>
-#include <sstream>
 
+#include "text.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/suggestion.hpp"
 #include "trifinger/sim/variation.hpp"

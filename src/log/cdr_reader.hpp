@@ -8,7 +8,7 @@
 #include <span>
 #include <string>
 
-#include "trifinger/log/message_layout.hpp"
+#include "format.hpp"
 
 namespace trifinger::log::detail {
 

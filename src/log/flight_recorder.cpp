@@ -7,8 +7,8 @@
 #include <system_error>
 #include <utility>
 
+#include "dates.hpp"
 #include "extra_series.hpp"
-#include "names.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/frontend.hpp"

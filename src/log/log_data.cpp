@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "cdr_reader.hpp"
+#include "format.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace trifinger::log::detail {
@@ -22,8 +23,6 @@ LogWriter::Level level_of(std::uint8_t number) {
   if (number >= static_cast<std::uint8_t>(Level::kError)) return Level::kError;
   return number >= static_cast<std::uint8_t>(Level::kWarning) ? Level::kWarning : Level::kInfo;
 }
-
-constexpr std::int64_t kFormatVersion = 1;
 
 std::optional<std::int64_t> to_integer(std::string_view text) {
   std::int64_t number = 0;

@@ -14,7 +14,9 @@
 #include <span>
 #include <utility>
 
-#include "names.hpp"
+#include "dates.hpp"
+#include "format.hpp"
+#include "random_id.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/mcap/reader.hpp"
@@ -22,7 +24,6 @@
 namespace trifinger::log {
 namespace {
 
-constexpr std::string_view kFormatVersion = "1";
 constexpr std::string_view kLibrary = "trifinger " TRIFINGER_VERSION;
 constexpr std::string_view kSchemaEncoding = "ros2msg";
 constexpr std::string_view kMessageEncoding = "cdr";
@@ -97,7 +98,7 @@ class CdrText {
 
   template <class Number>
   void add(Number number) {
-    while ((bytes_.size() - kHeader) % sizeof(number) != 0) bytes_.push_back(std::byte{0});
+    while ((bytes_.size() - kCdrHeaderSize) % sizeof(number) != 0) bytes_.push_back(std::byte{0});
     append(&number, sizeof(number));
   }
   void add(std::string_view text) {
@@ -108,8 +109,6 @@ class CdrText {
   [[nodiscard]] std::span<const std::byte> bytes() const noexcept { return bytes_; }
 
  private:
-  static constexpr std::size_t kHeader = 4;
-
   void append(const void* data, std::size_t size) {
     const auto* begin = static_cast<const std::byte*>(data);
     bytes_.insert(bytes_.end(), begin, begin + size);
@@ -197,13 +196,13 @@ class LogWriter::Implementation {
         documents_[attachment.name] = attachment.data;
       }
     }
-    origin_ = {{"format_version", std::string(kFormatVersion)},
+    origin_ = {{"format_version", std::to_string(kFormatVersion)},
                {"trifinger_version", TRIFINGER_VERSION},
                {"host", host_name()},
                {"kernel", kernel_version()},
                {"created", utc_text(std::chrono::system_clock::now(), "%FT%TZ")},
                {"part", std::to_string(options.part)},
-               {"recording", options.recording.empty() ? random_name() : options.recording},
+               {"recording", options.recording.empty() ? random_id() : options.recording},
                {"precision", std::string(name_of(precision_))}};
     event_channel_ = add_channel("/events", kEventType, kEventDefinition, {});
   }

@@ -10,7 +10,7 @@
 #include <set>
 #include <utility>
 
-#include "names.hpp"
+#include "format.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace trifinger::log {
@@ -27,6 +27,7 @@ constexpr std::array<std::byte, kCdrHeaderSize> kCdrHeader{std::byte{0}, std::by
 
 bool is_lower(char c) noexcept { return c >= 'a' && c <= 'z'; }
 bool is_upper(char c) noexcept { return c >= 'A' && c <= 'Z'; }
+bool is_digit(char c) noexcept { return c >= '0' && c <= '9'; }
 
 // "object_observation" becomes "ObjectObservation".
 std::string camel_case(std::string_view words) {

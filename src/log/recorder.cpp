@@ -180,8 +180,8 @@ class Recorder::Implementation {
       take_handed_over();
       return;
     }
-    const bool is_time = std::chrono::steady_clock::now() >= next_slow_look_;
-    if (is_time) next_slow_look_ = std::chrono::steady_clock::now() + kSlowPeriod;
+    const bool is_time = now() >= next_slow_look_;
+    if (is_time) next_slow_look_ = now() + kSlowPeriod;
     const std::map<std::string, int> counts = watch_.look();
     for (RecordedRobot& robot : robots_) {
       const int count = counts.at(robot.name);
@@ -310,7 +310,7 @@ class Recorder::Implementation {
   void work() {
     hurry_ = false;
     for (RecordedRobot& robot : robots_) watch_lag(robot);
-    if (trouble_since_ && std::chrono::steady_clock::now() < next_attempt_) return;
+    if (trouble_since_ && now() < next_attempt_) return;
     try {
       write();
       recover();
@@ -359,11 +359,11 @@ class Recorder::Implementation {
   }
 
   void suffer(const SystemError& error) {
-    next_attempt_ = std::chrono::steady_clock::now() + kSlowPeriod;
+    next_attempt_ = now() + kSlowPeriod;
     if (trouble_since_ && trouble_ == error.what()) return;
     trouble_ = error.what();
     if (!trouble_since_) {
-      trouble_since_ = std::chrono::steady_clock::now();
+      trouble_since_ = now();
       lost_before_trouble_ = lost_steps();
     }
     tell(
@@ -375,7 +375,7 @@ class Recorder::Implementation {
     if (!trouble_since_) return;
     const std::int64_t lost = lost_steps() - lost_before_trouble_;
     tell(Level::kWarning, kRecorder,
-         "writes again after " + seconds_text(std::chrono::steady_clock::now() - *trouble_since_) +
+         "writes again after " + seconds_text(now() - *trouble_since_) +
              (lost == 0 ? "; nothing was lost" : "; " + std::to_string(lost) + " steps were lost"));
     trouble_since_.reset();
     trouble_.clear();
@@ -421,9 +421,9 @@ class Recorder::Implementation {
   // The steps of a session keep the offset with which it began; so a wall clock that was set is
   // told, with the new one.
   void watch_wall_clock() {
-    const auto before = std::chrono::steady_clock::now();
+    const auto before = now();
     const std::int64_t wall = wall_time();
-    const auto after = std::chrono::steady_clock::now();
+    const auto after = now();
     // Interrupted between the looks, which shows too much.
     if (after - before > kWallClockChange / 10) return;
     const Nanoseconds offset = Nanoseconds(wall) - before.time_since_epoch();
@@ -440,8 +440,8 @@ class Recorder::Implementation {
   // Nothing more will come.
   bool is_over() {
     const bool can_end = options_.until_end || options_.until_process_ends.has_value();
-    if (!can_end || std::chrono::steady_clock::now() < next_look_at_ends_) return false;
-    next_look_at_ends_ = std::chrono::steady_clock::now() + kSlowPeriod;
+    if (!can_end || now() < next_look_at_ends_) return false;
+    next_look_at_ends_ = now() + kSlowPeriod;
     if (options_.until_process_ends && !options_.until_process_ends->is_alive()) return true;
     return options_.until_end && std::ranges::all_of(robots_, [](const RecordedRobot& robot) {
              return robot.sessions.empty() && robot.newest &&

@@ -15,7 +15,9 @@
 #include <string_view>
 #include <utility>
 
-#include "names.hpp"
+#include "dates.hpp"
+#include "format.hpp"
+#include "random_id.hpp"
 #include "trifinger/ipc/file_lock.hpp"
 #include "trifinger/ipc/process.hpp"
 #include "trifinger/log/message_layout.hpp"
@@ -30,7 +32,6 @@ using Level = LogWriter::Level;
 // Larger chunks are smaller files: 80 steps take 318 bytes each, 40 take 322.
 constexpr Nanoseconds kChunkTime = std::chrono::milliseconds(45);
 constexpr Nanoseconds kLookPeriod = std::chrono::seconds(1);
-constexpr std::string_view kSuffix = ".mcap";
 constexpr std::size_t kMaxName = 160;
 // Far from overflow, whatever a damaged file says.
 constexpr std::uint64_t kEndOfTime = std::uint64_t{1} << 62U;
@@ -53,7 +54,7 @@ std::string size_text(std::uint64_t bytes) {
 std::string file_name(const std::string& stem, int part) {
   std::array<char, 16> number{};
   std::snprintf(number.data(), number.size(), "_%03d", part);
-  return stem + number.data() + std::string(kSuffix);
+  return stem + number.data() + std::string(kLogSuffix);
 }
 
 std::string joined(const std::vector<std::string>& robots) {
@@ -247,8 +248,8 @@ std::vector<Recording::File> Recording::find_files() const {
   std::vector<File> files;
   for (const auto& found : std::filesystem::directory_iterator(options_.folder)) {
     const std::string name = found.path().filename().string();
-    if (!name.ends_with(kSuffix) || !name.starts_with(name_ + "_")) continue;
-    const std::string body = name.substr(0, name.size() - kSuffix.size());
+    if (!name.ends_with(kLogSuffix) || !name.starts_with(name_ + "_")) continue;
+    const std::string body = name.substr(0, name.size() - kLogSuffix.size());
     const std::size_t stem_size = name_.size() + 1 + kDatePattern.size();
     if (body.size() < stem_size + 4 || body[stem_size] != '_' ||
         !is_date(std::string_view(body).substr(name_.size() + 1, kDatePattern.size()))) {
@@ -296,7 +297,7 @@ void Recording::look_at(std::vector<File> files) {
       tell_(Level::kWarning, kRecorder, file.path.string() + " cannot be read: " + error.what());
     }
   }
-  id_ = random_name();
+  id_ = random_id();
   auto begin = std::chrono::system_clock::now();
   const auto is_taken = [this](const File& file) { return file.stem == stem_; };
   do {
@@ -323,7 +324,7 @@ void Recording::take_name_of(const File& file, const mcap::Contents& contents) {
     // Killed before the first record: the parts before have it, too.
     if (id_.empty()) id_ = log_entry(mcap::Reader(other.path).contents(), "recording");
   }
-  if (id_.empty()) id_ = random_name();
+  if (id_.empty()) id_ = random_id();
 }
 
 std::vector<std::uint64_t> Recording::open_sessions(const std::string& robot) const {
@@ -439,7 +440,7 @@ void Recording::open_new() {
   sink_ = std::move(sink);
   path_ = std::move(path);
   begun_at_ = 0;
-  file_begun_ = last_sync_ = std::chrono::steady_clock::now();
+  file_begun_ = last_sync_ = now();
   synced_size_ = 0;
   tell_(Level::kInfo, kRecorder, "records into " + path_.string());
 }
@@ -458,7 +459,7 @@ void Recording::go_on(const Unfinished& unfinished) {
   sink_ = std::move(sink);
   path_ = unfinished.file.path;
   begun_at_ = contents.complete_size;
-  file_begun_ = last_sync_ = std::chrono::steady_clock::now();
+  file_begun_ = last_sync_ = now();
   synced_size_ = 0;
   std::string text = "goes on with " + path_.string() + ", which another recorder has left";
   if (unfinished.file.size > contents.complete_size) {
@@ -470,7 +471,7 @@ void Recording::go_on(const Unfinished& unfinished) {
 
 void Recording::flush(bool is_wanted) {
   if (log_ == nullptr) return;
-  const Instant time = std::chrono::steady_clock::now();
+  const Instant time = now();
   if (log_->open_chunk_size() == 0) {
     chunk_begun_.reset();
   } else {
@@ -515,7 +516,7 @@ void Recording::finish_file() {
 }
 
 void Recording::sync() {
-  last_sync_ = std::chrono::steady_clock::now();
+  last_sync_ = now();
   if (sink_->size() == synced_size_) return;
   try {
     sink_->sync();
@@ -528,7 +529,7 @@ void Recording::sync() {
 
 // Throws SystemError if there is less room on the disk than is to be left free.
 void Recording::require_room() {
-  const Instant time = std::chrono::steady_clock::now();
+  const Instant time = now();
   if (options_.keep_free == 0 || time - last_look_ < kLookPeriod) return;
   struct statvfs disk{};
   if (::statvfs(options_.folder.c_str(), &disk) == 0) {

@@ -20,6 +20,8 @@
 
 namespace trifinger::log {
 
+[[nodiscard]] inline Instant now() noexcept { return std::chrono::steady_clock::now(); }
+
 // The right to record one robot into one folder, as long as the object lives.
 class RecordingLock {
  public:

@@ -17,6 +17,8 @@
 namespace trifinger {
 namespace {
 
+using detail::require;
+
 // Begins every saved state: one of another version is told apart.
 constexpr std::uint64_t kStateMagic = 0x33534d4953465254;  // "TRFSIMS3"
 

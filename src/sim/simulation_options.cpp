@@ -8,12 +8,15 @@
 #include <string>
 #include <utility>
 
+#include "physics_step.hpp"
 #include "text.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace trifinger {
 namespace {
 
+using detail::require;
+using sim::kPhysicsStep;
 using sim::text_of;
 
 // The user's bounds on gains are ours, no source has any: well inside what is stable at 1 kHz for

@@ -10,12 +10,14 @@
 #include <type_traits>
 #include <utility>
 
+#include "physics_step.hpp"
 #include "text.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace trifinger {
 namespace {
 
+using sim::kPhysicsStep;
 using sim::text_of;
 
 // MuJoCo writes warnings to a file in the working directory. Ours are faults: the counters in

@@ -134,6 +134,19 @@ class Recorded {
       }
       return found;
     }
+    /// The missing steps that the log tells of. A recorder that is too late twice, on a busy
+    /// machine, tells of two gaps that touch: one hole.
+    [[nodiscard]] std::vector<std::pair<TimeIndex, TimeIndex>> told_holes() const {
+      std::vector<std::pair<TimeIndex, TimeIndex>> told;
+      for (const auto& [first, last] : gaps) {
+        if (!told.empty() && told.back().second + 1 == first) {
+          told.back().second = last;
+        } else {
+          told.emplace_back(first, last);
+        }
+      }
+      return told;
+    }
     /// Every index is greater than the one before: none twice, all in order.
     [[nodiscard]] bool is_ordered() const {
       return std::ranges::adjacent_find(steps, std::greater_equal<>()) == steps.end();

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What `pip install .` gives to somebody who has neither the sources nor the build folder."""
 
+import os
 import re
 import subprocess
 import sys
@@ -22,8 +23,15 @@ PACKAGES = Path(sysconfig.get_path("purelib"))
 def pip(*arguments: str | Path) -> None:
     """Runs pip without a network: what it needs is here already."""
     command = [sys.executable, "-m", "pip", "--disable-pip-version-check", *arguments]
+    # What was compiled in another build folder is found by paths that are relative to this one.
+    environment = {**os.environ, "CCACHE_BASEDIR": str(SOURCES)}
     done = subprocess.run(
-        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        env=environment,
+        check=False,
     )
     assert done.returncode == 0, done.stdout
 
@@ -33,7 +41,8 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A wheel of this tree, compiled as the release build was, so that ccache has all objects."""
     folder = tmp_path_factory.mktemp("wheel")
     same = re.findall(
-        r"^(CMAKE_CXX_COMPILER(?:_LAUNCHER)?|TRIFINGER_WARNINGS_AS_ERRORS):\w+=(.+)$",
+        r"^(CMAKE_CXX_COMPILER(?:_LAUNCHER)?"
+        r"|TRIFINGER_(?:WARNINGS_AS_ERRORS|JOIN_FILES)):\w+=(.+)$",
         (BUILD / "CMakeCache.txt").read_text(),
         re.MULTILINE,
     )

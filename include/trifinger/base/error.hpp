@@ -19,11 +19,6 @@ class InvalidArgument : public Error {
   using Error::Error;
 };
 
-/// @throws InvalidArgument with this text unless it `holds`
-inline void require(bool holds, const std::string& text) {
-  if (!holds) throw InvalidArgument(text);
-}
-
 /// A wait took longer than its `Timeout`. What was waited for may still come.
 class TimedOut : public Error {
  public:
@@ -43,4 +38,11 @@ class SystemError : public Error {
   int error_number_;
 };
 
+namespace detail {
+
+inline void require(bool holds, const std::string& text) {
+  if (!holds) throw InvalidArgument(text);
+}
+
+}  // namespace detail
 }  // namespace trifinger

@@ -25,9 +25,6 @@ enum class Precision : std::uint8_t {
   return precision == Precision::kSingle ? "single" : "double";
 }
 
-/// Bytes of the header that every CDR message begins with.
-inline constexpr std::size_t kCdrHeaderSize = 4;
-
 /// One part of a message: an element of a series, or a few fields of the message's own.
 struct MessagePart {
   std::string name;  ///< The field of the message that holds the element; empty: its fields are

@@ -12,9 +12,6 @@
 
 namespace trifinger {
 
-/// The time step of MuJoCo's integration.
-inline constexpr Nanoseconds kPhysicsStep = std::chrono::milliseconds(1);
-
 /// The limits of the real robot of this variant: those of its figures.
 /// @throws InvalidArgument if R has another number of joints than the arrangement
 template <class R>

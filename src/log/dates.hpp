@@ -5,7 +5,6 @@
 #include <array>
 #include <chrono>
 #include <ctime>
-#include <random>
 #include <string>
 #include <string_view>
 
@@ -13,6 +12,7 @@ namespace trifinger::log {
 
 [[nodiscard]] constexpr bool is_digit(char c) noexcept { return c >= '0' && c <= '9'; }
 
+// In the words of `strftime`.
 [[nodiscard]] inline std::string utc_text(std::chrono::system_clock::time_point time,
                                           const char* format) {
   const std::time_t seconds = std::chrono::system_clock::to_time_t(time);
@@ -35,14 +35,6 @@ inline constexpr std::string_view kDatePattern = "0000-00-00_00-00-00";
   return std::ranges::equal(text, kDatePattern, [](char c, char wanted) {
     return wanted == '0' ? is_digit(c) : c == wanted;
   });
-}
-
-// 64 random bits, hexadecimal: the name of a recording.
-[[nodiscard]] inline std::string random_name() {
-  std::random_device random;
-  std::string name;
-  for (int i = 0; i < 16; ++i) name += "0123456789abcdef"[random() % 16];
-  return name;
 }
 
 }  // namespace trifinger::log
