@@ -2,6 +2,7 @@
 """Trainings: that they learn, that a kill changes nothing, and what Stable-Baselines3 is shown."""
 
 import json
+import os
 import re
 import signal
 import subprocess
@@ -39,6 +40,15 @@ def trained(plan, folder):
     training.run()
     training.close()
     return training
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _one_processor():
+    """Trainings with a thread for each processor wait for each other beside other tests."""
+    before = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {max(before)})
+    yield
+    os.sched_setaffinity(0, before)
 
 
 @pytest.fixture(scope="module")
