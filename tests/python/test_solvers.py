@@ -79,9 +79,9 @@ def test_a_tilted_cube_comes_to_rest_on_the_nearest_face(
 
 @pytest.mark.parametrize("task", ["push", "lift"])
 def test_reachable_goals_are_solved_through_the_interface_of_the_environment(task: str) -> None:
-    found = evaluate_environments.run_trials(task, seed=1, goals=2)
-    assert found.drawn >= 2
-    assert [trial.is_success for trial in found.trials] == 2 * [True]
+    found = evaluate_environments.run_trials(task, seed=1, goals=3)
+    assert found.drawn >= 3
+    assert [trial.is_success for trial in found.trials] == 3 * [True]
 
 
 def test_a_goal_that_one_grasp_does_not_reach_is_reached_with_two(planner: RoutePlanner) -> None:
