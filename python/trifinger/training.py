@@ -341,6 +341,7 @@ class Training:
     def _normalized(self, observations: Array) -> Array:
         if self._normalizer is None:
             return observations
+        # It gives a dictionary for those of dictionaries alone, which its annotation does not say.
         normalized: Array = self._normalizer.normalize_obs(observations)  # type: ignore[assignment]
         return normalized
 

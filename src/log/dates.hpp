@@ -8,9 +8,9 @@
 #include <string>
 #include <string_view>
 
-namespace trifinger::log {
+#include "characters.hpp"
 
-[[nodiscard]] constexpr bool is_digit(char c) noexcept { return c >= '0' && c <= '9'; }
+namespace trifinger::log {
 
 // In the words of `strftime`.
 [[nodiscard]] inline std::string utc_text(std::chrono::system_clock::time_point time,

@@ -7,8 +7,10 @@
 #include <system_error>
 #include <utility>
 
+#include "characters.hpp"
 #include "dates.hpp"
 #include "extra_series.hpp"
+#include "format.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/frontend.hpp"
@@ -246,7 +248,7 @@ std::vector<FaultLog> fault_logs(const std::filesystem::path& folder) {
   for (const auto& entry : std::filesystem::directory_iterator(folder, ignored)) {
     const std::string name = entry.path().stem().string();
     const std::size_t mark = name.rfind(kMark);
-    if (entry.path().extension() != ".mcap" || mark == std::string::npos ||
+    if (entry.path().extension() != kLogSuffix || mark == std::string::npos ||
         mark < kDatePattern.size() + 2) {
       continue;
     }
@@ -263,9 +265,9 @@ std::vector<FaultLog> fault_logs(const std::filesystem::path& folder) {
 // A name in `folder` that is free.
 std::filesystem::path new_fault_log(const std::filesystem::path& folder, const std::string& robot) {
   const std::string name = robot + "_" + date_text(std::chrono::system_clock::now()) + "_fault";
-  std::filesystem::path path = folder / (name + ".mcap");
+  std::filesystem::path path = folder / (name + std::string(kLogSuffix));
   for (int i = 2; std::filesystem::exists(path); ++i) {
-    path = folder / (name + "_" + std::to_string(i) + ".mcap");
+    path = folder / (name + "_" + std::to_string(i) + std::string(kLogSuffix));
   }
   return path;
 }

@@ -9,6 +9,7 @@
 #include <string_view>
 #include <system_error>
 
+#include "format.hpp"
 #include "log_data.hpp"
 #include "trifinger/base/suggestion.hpp"
 #include "trifinger/core/errors.hpp"
@@ -461,7 +462,7 @@ std::vector<std::filesystem::path> files_of(const std::filesystem::path& path) {
   if (!std::filesystem::is_directory(path, error)) return {path};
   std::vector<std::filesystem::path> files;
   for (const auto& entry : std::filesystem::directory_iterator(path, error)) {
-    if (entry.path().extension() == ".mcap") files.push_back(entry.path());
+    if (entry.path().extension() == kLogSuffix) files.push_back(entry.path());
   }
   if (error) throw SystemError("look into " + path.string(), error.value());
   if (files.empty()) throw InvalidArgument("the folder " + path.string() + " has no .mcap files");

@@ -10,6 +10,7 @@
 #include <set>
 #include <utility>
 
+#include "characters.hpp"
 #include "format.hpp"
 #include "trifinger/base/error.hpp"
 
@@ -24,10 +25,6 @@ constexpr std::size_t kMaxDepth = 32;
 // Encapsulation of CDR: plain, little endian, no options.
 constexpr std::array<std::byte, kCdrHeaderSize> kCdrHeader{std::byte{0}, std::byte{1}, std::byte{0},
                                                            std::byte{0}};
-
-bool is_lower(char c) noexcept { return c >= 'a' && c <= 'z'; }
-bool is_upper(char c) noexcept { return c >= 'A' && c <= 'Z'; }
-bool is_digit(char c) noexcept { return c >= '0' && c <= '9'; }
 
 // "object_observation" becomes "ObjectObservation".
 std::string camel_case(std::string_view words) {
