@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,7 @@ Act = Callable[[Array], Array]
 
 SEED = 1_000_000  # of the first evaluated episode, far from those of trainings
 FILM_EPISODES = 5
+MAX_FILM_RATE = 30  # [images/s]
 SHOWN_EPISODES = 20  # in the figure of the ways to the goals
 
 
@@ -167,19 +169,24 @@ def evaluate(policy: Policy, task: str, episodes: int = 50, seed: int = SEED) ->
 def save_policy_film(act: Act, task: str, options: Options, path: Path, rows: int = 1) -> None:
     """A film of some episodes at the speed of life."""
     environment = Environment(task, options=options, render_mode="rgb_array")
+    rate = environment.metadata["render_fps"]
+    every = -(-rate // MAX_FILM_RATE)
 
     def images() -> Iterator[Array]:
         for episode in range(FILM_EPISODES):
             observation, _ = environment.reset(seed=SEED + episode)
             has_ended = False
+            num_actions = 0
             while not has_ended:
                 action = act(np.reshape(np.asarray(observation), (rows, -1))).ravel()
                 observation, _, terminated, truncated, _ = environment.step(action)
                 has_ended = terminated or truncated
-                yield environment.render()
+                num_actions += 1
+                if num_actions % every == 0 or has_ended:
+                    yield environment.render()
 
     try:
-        save_film(images(), path, environment.metadata["render_fps"])
+        save_film(images(), path, Fraction(rate, every))
     finally:
         environment.close()
 

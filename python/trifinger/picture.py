@@ -6,6 +6,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass
+from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -99,7 +100,7 @@ def draw_marks(scene: Any, marks: ArrayLike, keep: int = 0) -> None:
         scene.ngeom += 1
 
 
-def save_film(images: Iterable[Array], path: Path, rate: int) -> None:
+def save_film(images: Iterable[Array], path: Path, rate: int | Fraction) -> None:
     """A film of images, height x width x 3, at some rate [images/s]."""
     try:
         import av

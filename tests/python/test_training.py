@@ -2,6 +2,7 @@
 """Trainings: that they learn, that a kill changes nothing, and what Stable-Baselines3 is shown."""
 
 import json
+import multiprocessing
 import os
 import re
 import signal
@@ -9,6 +10,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import av
+import killed_training
 import numpy as np
 import pytest
 import trifinger
@@ -58,7 +61,7 @@ def undisturbed(tmp_path_factory):
 
 
 def test_a_short_training_comes_within_3_cm(tmp_path):
-    training = Training(Plan.of("reach", "ddpg", is_shared=True, episodes=50), tmp_path)
+    training = Training(Plan.of("reach", "ddpg", is_shared=True, episodes=40), tmp_path)
     assert training.run().median < 0.03
     training.save_figures()
     result = evaluation.evaluate(trifinger.Policy(training.policy_path), "reach")
@@ -89,44 +92,17 @@ def test_every_algorithm_ends_in_a_file_of_its_policy(algorithm, is_shared, tmp_
 
 # ---- kills ----
 
-# Ends itself as `kill -9` does, at the nth call of a function.
-KILLED = """
-import os, signal, sys
-from pathlib import Path
-from trifinger import training
-
-module, name, count, folder = sys.argv[1:]
-holder = __import__(module, fromlist=["_"])
-for part in name.split(".")[:-1]:
-    holder = getattr(holder, part)
-name = name.split(".")[-1]
-called, calls = getattr(holder, name), 0
-
-def count_calls(*words, **more):
-    global calls
-    calls += 1
-    if calls == int(count):
-        os.kill(os.getpid(), signal.SIGKILL)
-    return called(*words, **more)
-
-setattr(holder, name, count_calls)
-if (Path(folder) / "plan.json").exists():
-    run = training.Training.resume(Path(folder))
-else:
-    plan = training.Plan.from_json(sys.stdin.read())
-    run = training.Training(plan, Path(folder))
-run.run()
-"""
+# Each begins as a copy of a process that has imported these.
+PROCESSES = multiprocessing.get_context("forkserver")
+PROCESSES.set_forkserver_preload(["torch._dynamo", "tensorboard", "trifinger.training"])
 
 
 def run_until_killed(folder, plan, module, name, count):
-    done = subprocess.run(
-        [sys.executable, "-c", KILLED, module, name, str(count), str(folder)],
-        input=plan.to_json(),
-        text=True,
-        check=False,
-    )
-    assert done.returncode == -signal.SIGKILL
+    words = (folder, plan.to_json(), module, name, count)
+    process = PROCESSES.Process(target=killed_training.run, args=words)
+    process.start()
+    process.join()
+    assert process.exitcode == -signal.SIGKILL
 
 
 def assert_same_training(folder, other):
@@ -372,20 +348,37 @@ def test_an_evaluation_is_what_single_environments_come_to():
         assert result.successes[index] == info["is_success"]
 
 
+@pytest.mark.parametrize("steps_per_action", [10, 20, 50])
+def test_a_film_lasts_as_long_as_its_episodes(steps_per_action, tmp_path):
+    options = Options.of("reach", duration=0.2, steps_per_action=steps_per_action)
+    path = tmp_path / "film.mp4"
+    evaluation.save_policy_film(lambda seen: np.zeros((len(seen), 9)), "reach", options, path)
+    with av.open(str(path)) as film:
+        (stream,) = film.streams.video
+        assert 15 <= stream.average_rate <= 30
+        assert stream.frames / stream.average_rate == pytest.approx(5 * 0.2)
+
+
 # As a page has it, but shorter.
 @pytest.mark.parametrize(
-    ("page", "word", "change"),
+    ("page", "word", "changes"),
     [
-        ("training", "Training(", ("episodes=700", "episodes=2")),
-        ("environments", "Rows", (".learn(100_000)", ".learn(100)")),
+        ("training", "Training(", {"episodes=700": "episodes=2, settings={'duration': 0.2}"}),
+        (
+            "environments",
+            "Rows",
+            {"Rows(robots))": "Rows(robots), n_steps=100)", ".learn(100_000)": ".learn(100)"},
+        ),
     ],
 )
-def test_the_programs_of_the_pages_run(page, word, change, tmp_path, monkeypatch):
+def test_the_programs_of_the_pages_run(page, word, changes, tmp_path, monkeypatch):
     text = (ROOT / f"docs/{page}.md").read_text()
     (program,) = (part for part in re.findall("```python\n(.*?)```", text, re.S) if word in part)
-    assert change[0] in program
+    for long, short in changes.items():
+        assert long in program
+        program = program.replace(long, short)
     monkeypatch.chdir(tmp_path)
-    exec(program.replace(*change), {})  # noqa: S102, our own page
+    exec(program, {})  # noqa: S102, our own page
     assert page != "training" or (tmp_path / "run/film.mp4").exists()
 
 
