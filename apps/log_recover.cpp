@@ -19,7 +19,7 @@ struct LogRecoverOptions {
   std::string output;
 };
 
-int recover(const LogRecoverOptions& options) {
+int recover_log(const LogRecoverOptions& options) {
   if (std::filesystem::is_directory(options.file)) {
     throw UsageError(options.file + " is a folder; name one of its files");
   }
@@ -53,7 +53,7 @@ void add_log_recover(CLI::App& log, Action& action) {
       "Exit code 0 if nothing is lost, 3 if something is, 1 if no file could be written.\n"
       "Example:\n"
       "  trifinger log recover run.mcap -o whole.mcap");
-  command->callback([&action, options] { action = [options] { return recover(*options); }; });
+  command->callback([&action, options] { action = [options] { return recover_log(*options); }; });
 }
 
 }  // namespace trifinger::apps

@@ -31,7 +31,7 @@ namespace trifinger::apps {
 namespace {
 
 using Level = log::LogWriter::Level;
-using Event = log::RecorderOptions::Event;
+using RecorderEvent = log::RecorderOptions::Event;
 
 struct RecordOptions {
   std::vector<std::string> names;
@@ -131,14 +131,14 @@ class RunningRecorder {
   // What has ended it before it was asked to; to be called at the end.
   [[nodiscard]] std::exception_ptr failure() const noexcept { return failure_; }
   // What it has told since the last call.
-  [[nodiscard]] std::vector<Event> take_events() {
+  [[nodiscard]] std::vector<RecorderEvent> take_events() {
     const std::lock_guard lock(mutex_);
     return std::exchange(events_, {});
   }
 
  private:
   log::RecorderOptions with_listener(log::RecorderOptions options) {
-    options.on_event = [this](const Event& event) {
+    options.on_event = [this](const RecorderEvent& event) {
       {
         const std::lock_guard lock(mutex_);
         events_.push_back(event);
@@ -160,7 +160,7 @@ class RunningRecorder {
   }
 
   std::mutex mutex_;
-  std::vector<Event> events_;
+  std::vector<RecorderEvent> events_;
   log::Recorder recorder_;
   std::exception_ptr failure_;
   std::atomic<bool> has_ended_{false};
@@ -175,7 +175,7 @@ class RecordReporter {
   }
 
   void look(RunningRecorder& thread, bool is_stopping) {
-    for (const Event& event : thread.take_events()) {
+    for (const RecorderEvent& event : thread.take_events()) {
       print(event.source, event.text, style_of(event.level));
     }
     if (!console_.is_live()) return;

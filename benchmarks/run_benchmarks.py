@@ -306,7 +306,7 @@ def main() -> int:
 
     command = [str(PROGRAM), *(["--quick"] if arguments.quick else [])]
     rows: list[Row] = json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE).stdout)
-    rounds = 3 if arguments.quick else 15
+    rounds = 2 if arguments.quick else 15
     rows += python_rows(rows, rounds)
     rows.append(environment_row(rounds, find(rows, "environment, reach at 50 Hz, C++")))
     rows.append(reading_row(rounds, find(rows, "log: 60 s at 1 kHz into arrays, C++")))

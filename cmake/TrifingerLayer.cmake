@@ -40,7 +40,8 @@ function(trifinger_target_options target)
             # It takes files that are joined for headers, which must have no types of their own.
             $<$<AND:$<CXX_COMPILER_ID:GNU>,$<BOOL:${TRIFINGER_JOIN_FILES}>>:-Wno-subobject-linkage>
             $<$<BOOL:${TRIFINGER_WARNINGS_AS_ERRORS}>:-Werror>)
-  set_target_properties(${target} PROPERTIES UNITY_BUILD ${TRIFINGER_JOIN_FILES})
+  # Few targets have more.
+  set_target_properties(${target} PROPERTIES UNITY_BUILD ${TRIFINGER_JOIN_FILES} UNITY_BUILD_BATCH_SIZE 24)
   if(TRIFINGER_SANITIZE)
     target_compile_options(${target} PRIVATE -fsanitize=${TRIFINGER_SANITIZE} ${trifinger_sanitizer_ignorelist}
                                              ${trifinger_sanitizer_code}
@@ -72,7 +73,7 @@ endfunction()
 
 # trifinger_test(NAME SOURCES a_test.cpp ... LIBRARIES lib ... [WITHOUT_SANITIZER])
 #
-# One test program per layer. Every test has a watchdog of its own: a hang fails, it does not stall the suite. `./run test`
+# A test program, NAME_test. Every suite has a watchdog of its own: a hang fails, it does not stall the others. `./run test`
 # runs them under sanitizers, and those WITHOUT_SANITIZER, of whose tests a sanitizer leaves out some, in the release build too.
 function(trifinger_test name)
   cmake_parse_arguments(PARSE_ARGV 1 test "WITHOUT_SANITIZER" "" "SOURCES;LIBRARIES")

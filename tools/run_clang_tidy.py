@@ -57,6 +57,11 @@ def with_includes(file: Path) -> list[Path]:
     return sorted(seen)
 
 
+def own_size(file: Path) -> int:
+    """Returns the bytes of a file and of what it joins."""
+    return sum(path.stat().st_size for path in {file, *direct_includes(file)})
+
+
 def fingerprint(entry: dict[str, str], common: bytes) -> str:
     """Returns a hash of all that decides what clang-tidy says about one entry of the database."""
     digest = hashlib.sha256(common)
@@ -105,6 +110,8 @@ def main(build: Path, jobs: int, *, analyse: bool) -> int:
     passed.mkdir(exist_ok=True)
     marks = {file: passed / fingerprint(entry, common) for file, entry in entries.items()}
     changed = sorted(file for file, mark in marks.items() if not mark.exists())
+    # The longest first, so that none is left to one processor at the end.
+    changed.sort(key=lambda file: -own_size(Path(file)))
 
     failures = 0
     with ThreadPoolExecutor(jobs) as pool:

@@ -23,6 +23,7 @@
 #include "core/transports.hpp"
 #include "session_layout.hpp"
 #include "support/child_process.hpp"
+#include "support/message_of.hpp"
 #include "support/session_folder.hpp"
 #include "trifinger/ipc/file_lock.hpp"
 #include "trifinger/ipc/shared_memory.hpp"

@@ -25,7 +25,7 @@
 namespace trifinger::test {
 namespace {
 
-constexpr TimeIndex kSteps = 300;
+constexpr TimeIndex kRunSteps = 300;
 
 // A driver on a transport.
 template <class DriverTraits, class TransportType>
@@ -77,7 +77,7 @@ class CompanionBytes {
 template <class R>
 Bytes series_of(const Frontend<R>& robot, CompanionBytes<R>& companion, TimeIndex first_index = 0) {
   Bytes bytes;
-  for (TimeIndex t = first_index; t < first_index + kSteps; ++t) {
+  for (TimeIndex t = first_index; t < first_index + kRunSteps; ++t) {
     append(bytes, bytes_of(robot.get_observation(t)));
     append(bytes, bytes_of(robot.get_desired_action(t)));
     append(bytes, bytes_of(robot.get_applied_action(t)));
@@ -125,7 +125,7 @@ Bytes run_program(const Circumstances& circumstances = {}) {
   CompanionBytes<typename Case::Robot> companion(robot, description, first);
   std::minstd_rand random(delay_seed);
   std::uint64_t knowledge = 0;
-  for (TimeIndex t = first; t < first + kSteps; ++t) {
+  for (TimeIndex t = first; t < first + kRunSteps; ++t) {
     if (t > first) {
       // In either order: reading takes nothing away.
       if (random() % 2 == 0) static_cast<void>(companion.at(t - 1));
@@ -180,13 +180,13 @@ TYPED_TEST(Determinism, fault_23_HoldsHoweverOftenSignalsInterruptAnyThread) {
 TYPED_TEST(Determinism, fault_71_HoldsHoweverLongTheRobotHasRun) {
   const Bytes expected = run_program<Case<TypeParam, Inline>>();
   for (const int bits : {31, 32, 53}) {
-    const Circumstances old{.first_index = (TimeIndex{1} << bits) - kSteps / 2};
+    const Circumstances old{.first_index = (TimeIndex{1} << bits) - kRunSteps / 2};
     EXPECT_EQ((run_program<Case<TypeParam, Inline>>(old)), expected) << bits;
     EXPECT_EQ((run_program<Case<TypeParam, InProcess>>(old)), expected) << bits;
     EXPECT_EQ((run_program<Case<TypeParam, AcrossProcesses>>(old)), expected) << bits;
   }
   // The last steps of all, 146 million years later at 1 kHz.
-  const Circumstances oldest{.first_index = (TimeIndex{1} << 62U) - kSteps - 2};
+  const Circumstances oldest{.first_index = (TimeIndex{1} << 62U) - kRunSteps - 2};
   EXPECT_EQ((run_program<Case<TypeParam, AcrossProcesses>>(oldest)), expected);
 }
 
@@ -205,11 +205,11 @@ TYPED_TEST(Determinism, AnObserverInAThirdProcessSeesTheSame) {
   });
   auto robot = rig.connect();
   std::minstd_rand random(7);
-  for (TimeIndex t = 0; t < kSteps; ++t) {
+  for (TimeIndex t = 0; t < kRunSteps; ++t) {
     sleep_sometimes(random, true);
     robot.append_desired_action(TypeParam::action(t % 50));
   }
-  robot.wait_until_time_index(kSteps);
+  robot.wait_until_time_index(kRunSteps);
   EXPECT_EQ(observer.wait(), 0);
   CompanionBytes<typename TypeParam::Robot> companion(robot, description);
   EXPECT_EQ(*seen, hash_of(series_of(robot, companion)));

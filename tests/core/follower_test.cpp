@@ -413,13 +413,13 @@ class ReadingFollower final : public Follower {
   std::thread thread_;
 };
 
-constexpr TimeIndex kSteps = 2000;
+constexpr TimeIndex kSessionSteps = 2000;
 constexpr int kSessions = 3;
 
 void run_sessions(const std::function<Frontend<FakeRobot>()>& connect) {
   for (int i = 0; i < kSessions; ++i) {
     auto robot = connect();
-    for (TimeIndex t = 0; t < kSteps; ++t) {
+    for (TimeIndex t = 0; t < kSessionSteps; ++t) {
       robot.append_desired_action({.setpoint = static_cast<double>(t)});
     }
     robot.finish();
@@ -436,8 +436,8 @@ TEST(Followers, InAnotherThreadReadEverythingThatAnInlineRobotDoes) {
     run_sessions([&] { return Frontend<FakeRobot>(backend); });
   }
   follower.finish();
-  EXPECT_EQ(follower.steps, kSessions * kSteps);
-  EXPECT_EQ(follower.elements, kSessions * (kSteps / 2 + 1));
+  EXPECT_EQ(follower.steps, kSessions * kSessionSteps);
+  EXPECT_EQ(follower.elements, kSessions * (kSessionSteps / 2 + 1));
 }
 
 TEST(Followers, InAnotherThreadReadEverythingThatABackendsThreadDoes) {
@@ -451,8 +451,8 @@ TEST(Followers, InAnotherThreadReadEverythingThatABackendsThreadDoes) {
     run_sessions([&] { return Frontend<FakeRobot>(host, {.timeout = test::kLong}); });
   }
   follower.finish();
-  EXPECT_EQ(follower.steps, kSessions * kSteps);
-  EXPECT_EQ(follower.elements, kSessions * (kSteps / 2 + 1));
+  EXPECT_EQ(follower.steps, kSessions * kSessionSteps);
+  EXPECT_EQ(follower.elements, kSessions * (kSessionSteps / 2 + 1));
 }
 
 }  // namespace

@@ -12,6 +12,7 @@
 #include "core/named_robot.hpp"
 #include "core/steps.hpp"
 #include "core/transports.hpp"
+#include "support/message_of.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/timing.hpp"
 

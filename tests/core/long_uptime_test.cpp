@@ -8,6 +8,7 @@
 #include "core/named_robot.hpp"
 #include "core/steps.hpp"
 #include "core/transports.hpp"
+#include "support/message_of.hpp"
 
 // A robot that has run for ages: what a user asks for and is told has indices of any size.
 

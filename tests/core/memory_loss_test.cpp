@@ -15,6 +15,7 @@
 #include "core/named_robot.hpp"
 #include "core/steps.hpp"
 #include "core/transports.hpp"
+#include "support/message_of.hpp"
 
 // Shared memory that goes away, or never was enough.
 

@@ -29,15 +29,4 @@ class NamedRobot {
   BackendThread thread_;
 };
 
-/// What `call` throws as an `Exception`; "nothing" if it returns.
-template <class Exception, class Call>
-[[nodiscard]] std::string message_of(const Call& call) {
-  try {
-    static_cast<void>(call());
-  } catch (const Exception& error) {
-    return error.what();
-  }
-  return "nothing";
-}
-
 }  // namespace trifinger::test

@@ -22,6 +22,7 @@
 #include "core/steps.hpp"
 #include "core/transports.hpp"
 #include "session_layout.hpp"
+#include "support/message_of.hpp"
 #include "support/session_folder.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/frontend.hpp"

@@ -15,7 +15,7 @@
 namespace trifinger::test {
 namespace {
 
-constexpr std::int8_t kSteps = 4;
+constexpr std::int8_t kElements = 4;
 
 // All that two threads share, and where they are. A waiter sleeps if and only if it is asleep.
 struct State {
@@ -46,7 +46,7 @@ Thread wait(bool says_it_first) {
     };
     switch (state.waiter) {
       case 0:
-        if (state.read == kSteps) return false;
+        if (state.read == kElements) return false;
         state.seen = state.event;
         break;
       case 1:
@@ -74,7 +74,7 @@ enum class Access : std::uint8_t { kWrite, kCountUp, kLookAndWake };
 // A writer that does these for every element, in this order.
 Thread write(const std::array<Access, 3>& order) {
   return [order](State& state) {
-    constexpr auto kLast = static_cast<std::int8_t>(3 * kSteps);
+    constexpr auto kLast = static_cast<std::int8_t>(3 * kElements);
     if (state.writer == kLast) return false;
     switch (order[static_cast<std::size_t>(state.writer % 3)]) {
       case Access::kWrite:

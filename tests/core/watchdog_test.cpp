@@ -19,6 +19,7 @@
 #include "core/steps.hpp"
 #include "core/transports.hpp"
 #include "support/child_process.hpp"
+#include "support/message_of.hpp"
 #include "support/session_folder.hpp"
 #include "support/shared_value.hpp"
 #include "trifinger/core/errors.hpp"
@@ -271,13 +272,13 @@ TEST(StoppedBackend, fault_56_IsSilentForThoseWhoLookAndAFaultWhenItGoesOn) {
 }
 
 // Stays in its fifth action until it may go on. The watchdog looks before and behind that.
-class SlowDriver final : public IdleDriver {
+class LingeringDriver final : public IdleDriver {
  public:
   struct Shared {
     std::atomic<bool> is_in_call{false};
     std::atomic<bool> may_go_on{false};
   };
-  explicit SlowDriver(Shared& shared) : shared_(shared) {}
+  explicit LingeringDriver(Shared& shared) : shared_(shared) {}
 
   using IdleDriver::apply_action;
 
@@ -304,9 +305,9 @@ class SlowDriver final : public IdleDriver {
 
 TEST(StoppedBackend, fault_56_DoesNotTakeItsOwnStopForADriverThatHangs) {
   const SessionFolder folder;
-  SharedValue<SlowDriver::Shared> shared;
+  SharedValue<LingeringDriver::Shared> shared;
   ChildProcess backend([&] {
-    SlowDriver driver(*shared);
+    LingeringDriver driver(*shared);
     return run_backend(driver);
   });
   auto robot = connect_to_new_robot();

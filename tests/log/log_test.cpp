@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "log/recordings.hpp"
+#include "support/message_of.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/fake_robot.hpp"
 #include "trifinger/mcap/writer.hpp"
@@ -25,6 +26,7 @@ namespace trifinger::log {
 namespace {
 
 using test::Folder;
+using test::message_of;
 using test::OddLampReading;
 using test::OddObservation;
 using test::OddRobot;
@@ -35,16 +37,6 @@ using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
-
-template <class E, class Function>
-std::string message_of(const Function& function) {
-  try {
-    function();
-  } catch (const E& error) {
-    return error.what();
-  }
-  return "nothing was thrown";
-}
 
 void expect_same(const LoggedSession& found, const OddSession& written) {
   EXPECT_EQ(found.header().realtime_lacks, written.header.realtime_lacks);

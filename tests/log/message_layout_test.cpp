@@ -17,11 +17,11 @@
 #include "trifinger/core/fake_robot.hpp"
 #include "trifinger/core/status.hpp"
 
-namespace trifinger::log::test {
+namespace trifinger::log {
 namespace {
 
-using trifinger::test::OddLampReading;
-using trifinger::test::OddRobot;
+using test::OddLampReading;
+using test::OddRobot;
 using Bytes = std::vector<std::byte>;
 
 Bytes random_bytes(std::size_t size, std::mt19937& random) {
@@ -273,4 +273,4 @@ TEST(MessageLayout, RefusesFieldsThatLieEndlesslyDeep) {
 }
 
 }  // namespace
-}  // namespace trifinger::log::test
+}  // namespace trifinger::log

@@ -19,6 +19,7 @@
 #include "core/drivers_of_tests.hpp"
 #include "core/named_robot.hpp"
 #include "log/recordings.hpp"
+#include "support/message_of.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/fake_robot.hpp"

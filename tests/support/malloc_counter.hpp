@@ -7,7 +7,7 @@ namespace trifinger::test {
 
 /// Counts what this thread takes from the heap by `malloc` while the counter lives, as Eigen does,
 /// which an AllocationCounter does not see. The test program must be built with malloc_counter.cpp,
-/// which replaces `malloc`; a sanitizer has one of its own, and nothing is counted.
+/// which replaces `malloc`, and without a sanitizer, which has one of its own.
 class MallocCounter {
  public:
   MallocCounter() noexcept : before_(total()) {}
