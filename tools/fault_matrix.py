@@ -64,8 +64,8 @@ class FaultTest:
         """Whether a test case of a JUnit file is this test, with whatever parameters."""
         if self.file.suffix == ".py":
             return test_class.endswith(f".{self.suite}") and name.partition("[")[0] == self.name
-        # Parameters and types stand before, between and behind the two words.
-        return {self.suite, self.name} <= set(re.findall(r"\w+", name))
+        # Parameters and types stand before and behind either word.
+        return {self.suite, self.name} <= set(re.findall(r"\w+", f"{test_class}.{name}"))
 
 
 @dataclass
@@ -102,7 +102,7 @@ def results_in(xml: str) -> Iterator[tuple[str, str, str]]:
             continue
         if case.find("failure") is not None or case.find("error") is not None:
             result = FAILED
-        elif case.find("skipped") is not None:
+        elif case.find("skipped") is not None or case.get("status") == "notrun":
             result = NOT_RUN
         else:
             result = PASSED
@@ -160,7 +160,7 @@ def main() -> int:
     ]
     cases = [
         case
-        for file in sorted(arguments.results.glob("*.xml"))
+        for file in sorted(arguments.results.rglob("*.xml"))
         for case in results_in(file.read_text())
     ]
     results_of = {
@@ -169,7 +169,7 @@ def main() -> int:
     result_of = {test: worst(results) for test, results in results_of.items()}
     faults = read_faults((ROOT / LIST).read_text(), tests)
     found = list(problems(faults, result_of))
-    # To be skipped is a result, too; a test without any was never built.
+    # To be skipped is a result, too; a test without any was never built, or its suite has crashed.
     found += [
         f"{test.file}: {test.suite}.{test.name} has no result in {arguments.results}."
         for test, results in results_of.items()

@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: BSD-3-Clause
+# Run by ctest before it tests. A process runs the tests of a suite: under a sanitizer, most tests take less time than a process
+# that starts.
+
+# add_test_suites(PROGRAM LABEL): a test NAME.SUITE for each suite of the test program NAME_test, with a watchdog of its own.
+# Where TRIFINGER_TEST_RESULTS names a folder in the environment, each leaves NAME.SUITE.xml there.
+function(add_test_suites program label)
+  cmake_path(GET program FILENAME name)
+  string(REGEX REPLACE "_test$" "" name "${name}")
+  if(NOT EXISTS "${program}")
+    add_test(${name}_NOT_BUILT ${name}_NOT_BUILT)
+    return()
+  endif()
+  execute_process(COMMAND "${program}" --gtest_list_tests OUTPUT_VARIABLE lines TIMEOUT 30
+                  COMMAND_ERROR_IS_FATAL ANY)
+  # "Ring." or "Ring/0.  # TypeParam = ..."; the names of tests begin with blanks.
+  string(REGEX MATCHALL "\n[^ \n]+\\.( [^\n]*)?" suites "\n${lines}")
+  foreach(suite IN LISTS suites)
+    string(REGEX REPLACE "^\n([^ ]+)\\..*" "\\1" suite "${suite}")
+    set(test ${name}.${suite})
+    add_test(${test} "${program}" "--gtest_filter=${suite}.*")
+    set_tests_properties(${test} PROPERTIES TIMEOUT 300 LABELS ${label})
+    if(DEFINED ENV{TRIFINGER_TEST_RESULTS})
+      string(REPLACE / - file "${test}.xml")
+      set_tests_properties(${test} PROPERTIES ENVIRONMENT "GTEST_OUTPUT=xml:$ENV{TRIFINGER_TEST_RESULTS}/${file}")
+    endif()
+  endforeach()
+endfunction()
