@@ -4,6 +4,7 @@
 set(TRIFINGER_SANITIZE "" CACHE STRING "Sanitizers of our own targets: '', 'address,undefined' or 'thread'")
 option(TRIFINGER_WARNINGS_AS_ERRORS "Treat warnings in our own targets as errors" OFF)
 option(TRIFINGER_JOIN_FILES "Compile the files of a target together: fast from nothing, slow after a change" OFF)
+set(CMAKE_UNITY_BUILD_BATCH_SIZE 24)  # few targets have more files
 
 # Python is not instrumented, so the runtime of AddressSanitizer is a library that can be loaded before it. That is what g++
 # does by itself, and clang on request.
@@ -40,8 +41,7 @@ function(trifinger_target_options target)
             # It takes files that are joined for headers, which must have no types of their own.
             $<$<AND:$<CXX_COMPILER_ID:GNU>,$<BOOL:${TRIFINGER_JOIN_FILES}>>:-Wno-subobject-linkage>
             $<$<BOOL:${TRIFINGER_WARNINGS_AS_ERRORS}>:-Werror>)
-  # Few targets have more.
-  set_target_properties(${target} PROPERTIES UNITY_BUILD ${TRIFINGER_JOIN_FILES} UNITY_BUILD_BATCH_SIZE 24)
+  set_target_properties(${target} PROPERTIES UNITY_BUILD ${TRIFINGER_JOIN_FILES})
   if(TRIFINGER_SANITIZE)
     target_compile_options(${target} PRIVATE -fsanitize=${TRIFINGER_SANITIZE} ${trifinger_sanitizer_ignorelist}
                                              ${trifinger_sanitizer_code}

@@ -109,9 +109,9 @@ def main(build: Path, jobs: int, *, analyse: bool) -> int:
     passed = build / ("analyser_passed" if analyse else "clang_tidy_passed")
     passed.mkdir(exist_ok=True)
     marks = {file: passed / fingerprint(entry, common) for file, entry in entries.items()}
-    changed = sorted(file for file, mark in marks.items() if not mark.exists())
+    changed = [file for file, mark in marks.items() if not mark.exists()]
     # The longest first, so that none is left to one processor at the end.
-    changed.sort(key=lambda file: -own_size(Path(file)))
+    changed.sort(key=lambda file: (-own_size(Path(file)), file))
 
     failures = 0
     with ThreadPoolExecutor(jobs) as pool:
