@@ -20,7 +20,7 @@ from gymnasium.vector import AutoresetMode
 
 from trifinger._trifinger import Policy
 from trifinger.errors import InvalidArgument
-from trifinger.picture import save_film
+from trifinger.picture import FILM_RATE, save_film
 
 Array = npt.NDArray[Any]
 # Rows of observations to rows of actions.
@@ -28,7 +28,6 @@ Act = Callable[[Array], Array]
 
 SEED = 1_000_000  # of the first evaluated episode, far from those of trainings
 FILM_EPISODES = 5
-MAX_FILM_RATE = 30  # [images/s]
 SHOWN_EPISODES = 20  # in the figure of the ways to the goals
 
 
@@ -170,7 +169,7 @@ def save_policy_film(act: Act, task: str, options: Options, path: Path, rows: in
     """A film of some episodes at the speed of life."""
     environment = Environment(task, options=options, render_mode="rgb_array")
     rate = environment.metadata["render_fps"]
-    every = -(-rate // MAX_FILM_RATE)
+    every = -(-rate // FILM_RATE)
 
     def images() -> Iterator[Array]:
         for episode in range(FILM_EPISODES):

@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[Any]
 
-RATE = 30  # [images/s]
 STRIP_IMAGES = 8
 SMOOTHING = 5  # poses
 PHASES = {
@@ -88,9 +87,9 @@ def object_poses(session: LoggedSession) -> tuple[Array, Array]:
 
 def save_film(scene: Scene, session: LoggedSession, path: Path) -> None:
     """A film at the speed of life."""
-    every = max(round(1.0 / (RATE * session.period)), 1)
-    steps = session.steps or 0
-    picture.save_film((scene.image(step) for step in range(0, steps, every)), path, RATE)
+    every = max(round(1.0 / (picture.FILM_RATE * session.period)), 1)
+    images = (scene.image(step) for step in range(0, session.steps or 0, every))
+    picture.save_film(images, path, picture.FILM_RATE)
 
 
 def save_strip(scene: Scene, session: LoggedSession, steps: Sequence[int], path: Path) -> None:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     Array = NDArray[Any]
 
 
+FILM_RATE = 30  # of films that leave out images [images/s]
 MARK_RADIUS = 0.01  # [m]
 MARK_COLOUR = (0.95, 0.75, 0.1, 1.0)
 
