@@ -271,9 +271,13 @@ TEST(StoppedBackend, fault_56_IsSilentForThoseWhoLookAndAFaultWhenItGoesOn) {
   next.wait_until_time_index(5);
 }
 
-// Stays in its fifth action until it may go on. The watchdog looks before and behind that.
+// Stays in the fifth action of its user until it may go on. The watchdog looks before and behind
+// that.
 class LingeringDriver final : public IdleDriver {
  public:
+  // Tells an action of the user from one that holds the robot before step 0.
+  static constexpr FakeAction kOfTheUser{.setpoint = 1.0};
+
   struct Shared {
     std::atomic<bool> is_in_call{false};
     std::atomic<bool> may_go_on{false};
@@ -284,7 +288,7 @@ class LingeringDriver final : public IdleDriver {
 
   [[nodiscard]] DriverReport apply_action(const FakeAction& desired,
                                           FakeAction& applied) noexcept override {
-    if (++actions_ == 5) {
+    if (desired.setpoint == kOfTheUser.setpoint && ++actions_ == 5) {
       stay();
       shared_.is_in_call = true;
       while (!shared_.may_go_on) std::this_thread::yield();
@@ -311,7 +315,7 @@ TEST(StoppedBackend, fault_56_DoesNotTakeItsOwnStopForADriverThatHangs) {
     return run_backend(driver);
   });
   auto robot = connect_to_new_robot();
-  robot.append_desired_action({});
+  robot.append_desired_action(LingeringDriver::kOfTheUser);
   wait_until([&] { return shared->is_in_call.load(); });
   stop_for_many_periods(backend, robot);
   shared->may_go_on = true;

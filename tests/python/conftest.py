@@ -11,7 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trifinger
+from hypothesis import settings
 from trifinger import _trifinger
+
+settings.register_profile("trifinger", deadline=None)  # machines may be busy
+settings.load_profile("trifinger")
 
 # A shell without job control starts what runs in the background with SIGINT ignored, and so would
 # be everything that the tests start.

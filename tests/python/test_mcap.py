@@ -110,9 +110,7 @@ ITEMS = st.lists(
     st.one_of(MESSAGES, MESSAGES, MESSAGES, METADATA, ATTACHMENTS, st.just(Flush())), max_size=30
 )
 # The program is started for each example.
-FEW = settings(
-    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+FEW = settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 def utf8(entry: tuple[str, str]) -> bytes:

@@ -297,6 +297,7 @@ print("ready", flush=True)
 """
 
 
+@pytest.mark.release  # AddressSanitizer may leave the child a lock that a thread held at the fork.
 def test_fault_64_a_forked_child_neither_uses_nor_harms_its_parents_handles(
     start_fake: StartChild, start_python: StartChild
 ) -> None:
