@@ -4,7 +4,7 @@
 set(TRIFINGER_SANITIZE "" CACHE STRING "Sanitizers of our own targets: '', 'address,undefined' or 'thread'")
 option(TRIFINGER_WARNINGS_AS_ERRORS "Treat warnings in our own targets as errors" OFF)
 option(TRIFINGER_JOIN_FILES "Compile the files of a target together: fast from nothing, slow after a change" OFF)
-set(CMAKE_UNITY_BUILD_BATCH_SIZE 24)  # few targets have more files
+set(CMAKE_UNITY_BUILD_BATCH_SIZE 0)  # all files of a target
 
 # Python is not instrumented, so the runtime of AddressSanitizer is a library that can be loaded before it. That is what g++
 # does by itself, and clang on request.
