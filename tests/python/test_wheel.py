@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What `pip install .` gives to somebody who has neither the sources nor the build folder."""
 
+import fcntl
 import os
 import re
 import subprocess
@@ -46,11 +47,13 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (BUILD / "CMakeCache.txt").read_text(),
         re.MULTILINE,
     )
-    pip(
-        *("wheel", "--no-build-isolation", "--no-deps", "--wheel-dir", folder),
-        *(f"--config-settings=cmake.define.{name}={value}" for name, value in same),
-        SOURCES,
-    )
+    with (tmp_path_factory.getbasetemp().parent / "wheel.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # as another worker may build there
+        pip(
+            *("wheel", "--no-build-isolation", "--no-deps", "--wheel-dir", folder),
+            *(f"--config-settings=cmake.define.{name}={value}" for name, value in same),
+            SOURCES,
+        )
     (wheel,) = folder.glob("*.whl")
     return wheel
 
