@@ -16,7 +16,7 @@ import lz4.frame
 import pytest
 import zstandard
 from conftest import BUILD
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
@@ -110,7 +110,7 @@ ITEMS = st.lists(
     st.one_of(MESSAGES, MESSAGES, MESSAGES, METADATA, ATTACHMENTS, st.just(Flush())), max_size=30
 )
 # The program is started for each example.
-FEW = settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
+FEW = settings(max_examples=25)
 
 
 def utf8(entry: tuple[str, str]) -> bytes:
