@@ -35,7 +35,7 @@ using manipulation::Phase;
 using manipulation::Report;
 using manipulation::Trace;
 
-struct Options {
+struct ManipulateOptions {
   std::string task;
   std::string config;
   std::string robot{"sim"};
@@ -156,7 +156,7 @@ std::string table_of(const Trace& trace) {
   return text;
 }
 
-int manipulate(const Options& options) {
+int manipulate(const ManipulateOptions& options) {
   const Demand demand = options.scheduling.value();
   auto robot = connect<TriFinger>(options.robot);
   const KnownRobot known = robot_of(robot.session());
@@ -193,8 +193,8 @@ int manipulate(const Options& options) {
   return report.is_done ? kDone : kFailed;
 }
 
-int run_program(const std::vector<std::string>& words) {
-  Options options;
+int manipulate_command(const std::vector<std::string>& words) {
+  ManipulateOptions options;
   CLI::App program(
       "Grasps a cube and lifts it, or slides it on a circle, with a robot that runs elsewhere.\n"
       "Errors are those of the poses that the robot's cameras see, with their noise.",
@@ -219,5 +219,5 @@ int run_program(const std::vector<std::string>& words) {
 }  // namespace trifinger::apps
 
 int main(int argument_count, char** arguments) {
-  return trifinger::apps::run_program({arguments + 1, arguments + argument_count});
+  return trifinger::apps::manipulate_command({arguments + 1, arguments + argument_count});
 }

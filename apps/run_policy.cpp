@@ -34,7 +34,7 @@ namespace {
 using learning::EpisodeReport;
 using learning::Policy;
 
-struct Options {
+struct RunPolicyOptions {
   std::string policy;
   std::string robot{"sim"};
   learning::PolicyRunOptions run;
@@ -126,7 +126,7 @@ nlohmann::ordered_json json_of(const EpisodeReport& report) {
 }
 
 template <class R>
-int run_on(Frontend<R>& robot, Policy& policy, const Options& options) {
+int run_on(Frontend<R>& robot, Policy& policy, const RunPolicyOptions& options) {
   const RobotConfig config = robot_config_of(robot.session());
   const auto* const simulation = std::get_if<SimulationOptions<R>>(&config.simulation);
   if (simulation == nullptr) throw InvalidArgument("the robot is not what its configuration says");
@@ -172,7 +172,7 @@ int run_on(Frontend<R>& robot, Policy& policy, const Options& options) {
   return stop.load(std::memory_order_relaxed) ? kInterrupted : kDone;
 }
 
-int run(const Options& options) {
+int run(const RunPolicyOptions& options) {
   Policy policy = Policy::load(options.policy);
   if (Session::open(options.robot).info().type == Finger::kType) {
     auto robot = connect<Finger>(options.robot);
@@ -182,8 +182,8 @@ int run(const Options& options) {
   return run_on(robot, policy, options);
 }
 
-int run_program(const std::vector<std::string>& words) {
-  Options options;
+int run_policy_command(const std::vector<std::string>& words) {
+  RunPolicyOptions options;
   CLI::App program(
       "Runs a trained policy on a robot, as the environment in which it was trained would.",
       "trifinger run-policy");
@@ -208,5 +208,5 @@ int run_program(const std::vector<std::string>& words) {
 }  // namespace trifinger::apps
 
 int main(int argument_count, char** arguments) {
-  return trifinger::apps::run_program({arguments + 1, arguments + argument_count});
+  return trifinger::apps::run_policy_command({arguments + 1, arguments + argument_count});
 }

@@ -41,7 +41,7 @@ int main(int argc, char** argv) {
   for (int i = 1; i < argc; ++i) {
     const std::string_view argument = argv[i];
     if (argument == "--quick") {
-      effort = {.rounds = 2, .windows = 2, .window_time = 0.5, .kills = 20, .hold_time = 0.1};
+      effort = {.rounds = 1, .windows = 1, .window_time = 0.5, .kills = 20, .hold_time = 0.1};
     } else if (std::ranges::find(kParts, argument, &Part::name) != kParts.end()) {
       only = argument;
     } else {

@@ -306,11 +306,11 @@ def main() -> int:
 
     command = [str(PROGRAM), *(["--quick"] if arguments.quick else [])]
     rows: list[Row] = json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE).stdout)
-    rounds = 2 if arguments.quick else 15
+    rounds = 1 if arguments.quick else 15
     rows += python_rows(rows, rounds)
     rows.append(environment_row(rounds, find(rows, "environment, reach at 50 Hz, C++")))
     rows.append(reading_row(rounds, find(rows, "log: 60 s at 1 kHz into arrays, C++")))
-    rows += recorder_rows(2, 0.5) if arguments.quick else recorder_rows(30, 2.0)
+    rows += recorder_rows(1, 0.5) if arguments.quick else recorder_rows(30, 2.0)
     print_table(rows)
     if arguments.json:
         arguments.json.write_text(json.dumps(rows, indent=2) + "\n")

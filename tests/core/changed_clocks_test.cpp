@@ -17,7 +17,7 @@
 namespace trifinger::test {
 namespace {
 
-constexpr Nanoseconds kPeriod = std::chrono::milliseconds(1);
+constexpr Nanoseconds kMillisecond = std::chrono::milliseconds(1);
 constexpr std::chrono::hours kDay(24);
 
 class ChangedClocksTest : public ::testing::Test {
@@ -33,7 +33,7 @@ class ChangedClocksTest : public ::testing::Test {
   Backend backend_{driver_,
                    host_,
                    {.mode = BackendOptions::Mode::kRealTime,
-                    .period = kPeriod,
+                    .period = kMillisecond,
                     .max_action_repeats = 1'000'000'000,
                     .max_skipped_ticks = 1'000'000'000,
                     .first_action_timeout = std::chrono::hours(1)}};
@@ -56,9 +56,9 @@ TEST_F(ChangedClocksTest, fault_55_OnTheWallChangeNothing) {
   const Status& first = statuses.front();
   for (const Status& status : statuses) {
     EXPECT_EQ(status.time - status.lateness,
-              first.time - first.lateness + status.tick * kPeriod.count());
+              first.time - first.lateness + status.tick * kMillisecond.count());
     EXPECT_GE(status.lateness, 0);
-    EXPECT_LT(status.lateness, kPeriod.count());
+    EXPECT_LT(status.lateness, kMillisecond.count());
   }
   clocks_.set_wall_ahead(-kDay);
   EXPECT_THROW(static_cast<void>(robot.get_status(1LL << 40U, std::chrono::milliseconds(5))),

@@ -21,12 +21,6 @@ namespace {
 struct Numbers {
   static TimeIndex action(TimeIndex k) { return k; }
 };
-void run_steps(AnyUser& robot, TimeIndex first, TimeIndex last) {
-  test::run_steps<Numbers>(robot, first, last);
-}
-void append_ahead(AnyUser& robot, TimeIndex first, TimeIndex last) {
-  test::append_ahead<Numbers>(robot, first, last);
-}
 
 // The law of the end where no step had begun: there is no step 0, and there never will be. What was
 // seen while holding remains.
@@ -90,7 +84,7 @@ TEST_P(TimingContract, ShowsTheRobotBeforeStepZero) {
 TEST_P(TimingContract, MeasuresBeforeTheActionOfTheStepActs) {
   const auto rig = make_rig();
   const auto robot = rig->connect();
-  run_steps(*robot, 0, 50);
+  run_steps<Numbers>(*robot, 0, 50);
   robot->finish();
   expect_measured_before_acting(rig->log());
 }
@@ -123,7 +117,7 @@ TEST_P(TimingContract, ShowsTheNextObservationBeforeItsAction) {
 TEST_P(TimingContract, fault_62_WaitsForAnActionAsLongAsItTakes) {
   const auto rig = make_rig();
   const auto robot = rig->connect();
-  run_steps(*robot, 0, 3);
+  run_steps<Numbers>(*robot, 0, 3);
   robot->wait_until_time_index(4);
   // Days, to the back-end's clock.
   rig->clock().advance(std::chrono::hours(100));
@@ -187,7 +181,7 @@ TEST_P(TimingContract, TakesABurst) {
 TEST_P(TimingContract, ReadsManyStepsInOneCall) {
   const auto rig = make_rig();
   const auto robot = rig->connect();
-  run_steps(*robot, 0, 19);
+  run_steps<Numbers>(*robot, 0, 19);
   const auto observations = robot->get_observations(4, 15);
   const auto desired = robot->get_desired_actions(4, 15);
   const auto applied = robot->get_applied_actions(4, 15);
@@ -212,7 +206,7 @@ TEST_P(TimingContract, RefusesARangeThatTheHistoryCannotHold) {
 TEST_P(TimingContract, fault_34_NamesTheOldestStepWhenHistoryIsLost) {
   const auto rig = make_rig({.session = {.history = 16, .queue = 16}});
   const auto robot = rig->connect();
-  run_steps(*robot, 0, 40);
+  run_steps<Numbers>(*robot, 0, 40);
   // y_41 is there, so 26 to 41 are kept.
   robot->wait_until_time_index(41);
   try {
@@ -242,7 +236,7 @@ TEST_P(TimingContract, fault_05_AppendWaitsWhileTheQueueIsFull) {
 TEST_P(TimingContract, EndsBehindTheLastActionWhenFinished) {
   const auto rig = make_rig();
   const auto robot = rig->connect();
-  run_steps(*robot, 0, 9);
+  run_steps<Numbers>(*robot, 0, 9);
   robot->finish();
   expect_end(*robot, 10, {.code = Fault::Code::kFinished});
   expect_actions(*robot, 10);
@@ -263,7 +257,7 @@ TEST_P(TimingContract, EndsWhenTheControllerLetsGo) {
   const auto rig = make_rig();
   auto robot = rig->connect();
   const auto observer = rig->observe();
-  run_steps(*robot, 0, 9);
+  run_steps<Numbers>(*robot, 0, 9);
   robot->wait_until_time_index(10);
   robot.reset();
   expect_end(*observer, 10, {.code = Fault::Code::kDetached});
@@ -313,7 +307,7 @@ TEST_P(TimingContract, fault_06_EndsWhenTooManyActionsInARowAreRejected) {
 TEST_P(TimingContract, EndsWhenTheBackendIsAskedToStop) {
   const auto rig = make_rig();
   const auto robot = rig->connect();
-  run_steps(*robot, 0, 9);
+  run_steps<Numbers>(*robot, 0, 9);
   robot->wait_until_time_index(10);
   rig->request_stop();
   expect_end(*robot, 10, {.code = Fault::Code::kStopped});
@@ -351,11 +345,11 @@ TEST_P(TimingContract, SaysWhyInTheText) {
 TEST_P(TimingContract, BeginsTheNextSessionAtOnceAfterACleanEnd) {
   const auto rig = make_rig();
   const auto first = rig->connect();
-  run_steps(*first, 0, 4);
+  run_steps<Numbers>(*first, 0, 4);
   first->finish();
   const auto second = rig->connect();
   EXPECT_NE(second->session().info().session_id, first->session().info().session_id);
-  run_steps(*second, 0, 2);
+  run_steps<Numbers>(*second, 0, 2);
   static_cast<void>(second->get_observation(3));
   // The old handle still tells its own story.
   expect_end(*first, 5, {.code = Fault::Code::kFinished});
@@ -371,7 +365,7 @@ TEST_P(TimingContract, NeedsRecoveryAfterAFault) {
 
   first->recover();
   const auto second = rig->connect();
-  run_steps(*second, 0, 9);
+  run_steps<Numbers>(*second, 0, 9);
   second->finish();
   expect_end(*second, 10, {.code = Fault::Code::kFinished});
   expect_end(*first, 2, fault);
@@ -395,7 +389,7 @@ TEST_P(TimingContract, NeedsRecoveryWhenTheDriverCannotBePrepared) {
 TEST_P(TimingContract, PreparesAndStopsInSmallSteps) {
   const auto rig = make_rig({.injection = {.prepare_periods = 3, .stop_periods = 4}});
   const auto robot = rig->connect();
-  run_steps(*robot, 0, 2);
+  run_steps<Numbers>(*robot, 0, 2);
   EXPECT_EQ(rig->log().prepares, 4);
   robot->finish();
   // What the stop does is not part of the series.
@@ -473,7 +467,7 @@ TEST_P(TimingContract, GivesTheSameSeriesEveryTime) {
   for (auto& bytes : series) {
     const auto rig = make_rig();
     const auto robot = rig->connect();
-    run_steps(*robot, 0, 99);
+    run_steps<Numbers>(*robot, 0, 99);
     robot->finish();
     for (TimeIndex t = 0; t < 100; ++t) {
       for (const Bytes& part : {robot->get_observation(t), robot->get_applied_action(t)}) {
@@ -517,7 +511,7 @@ TEST_P(RealTimeContract, DoesOneStepPerPeriod) {
   const auto rig = make_rig(with_deadlines());
   const auto robot = rig->connect();
   rig->tick();
-  append_ahead(*robot, 0, 19);
+  append_ahead<Numbers>(*robot, 0, 19);
   for (TimeIndex t = 0; t < 20; ++t) {
     rig->tick();
     ASSERT_EQ(robot->current_time_index(), t);
@@ -535,7 +529,7 @@ TEST_P(RealTimeContract, StopsWhenAnActionIsLate) {
   const auto rig = make_rig(with_deadlines());
   const auto robot = rig->connect();
   rig->tick();
-  append_ahead(*robot, 0, 4);
+  append_ahead<Numbers>(*robot, 0, 4);
   rig->tick(6);
   expect_end(*robot, 5, {.code = Fault::Code::kActionLate});
   EXPECT_EQ(robot->get_status(5).tick, 5);
@@ -546,7 +540,7 @@ TEST_P(RealTimeContract, fault_04_RepeatsALateActionOnlySoOften) {
   const auto rig = make_rig(with_deadlines(3));
   const auto robot = rig->connect();
   rig->tick();
-  append_ahead(*robot, 0, 1);
+  append_ahead<Numbers>(*robot, 0, 1);
   rig->tick(2 + 3 + 1);
   expect_end(*robot, 5, {.code = Fault::Code::kActionLate, .detail = 3});
   for (TimeIndex t = 0; t < 5; ++t) {
@@ -573,7 +567,7 @@ TEST_P(RealTimeContract, fault_04_AppendGoesOnAtTheFirstOpenStepAfterRepetitions
   const auto rig = make_rig(with_deadlines(100));
   const auto robot = rig->connect();
   rig->tick();
-  append_ahead(*robot, 0, 0);
+  append_ahead<Numbers>(*robot, 0, 0);
   rig->tick(4);
   // Steps 1 to 3 are closed. A loop that fell behind is in step again at once, and blamed for
   // nothing.
@@ -620,7 +614,7 @@ TEST_P(RealTimeContract, SkipsTheTicksThatALateBackendMissed) {
   const auto rig = make_rig(with_deadlines());
   const auto robot = rig->connect();
   rig->tick();
-  append_ahead(*robot, 0, 19);
+  append_ahead<Numbers>(*robot, 0, 19);
   rig->tick(3);
   // The machine stalls: two ticks pass unseen, the third is seen in time.
   rig->clock().advance(3 * kPeriod);
@@ -640,7 +634,7 @@ TEST_P(RealTimeContract, KeepsThePhaseHoweverLateItWas) {
   const auto rig = make_rig(with_deadlines());
   const auto robot = rig->connect();
   rig->tick();
-  append_ahead(*robot, 0, 39);
+  append_ahead<Numbers>(*robot, 0, 39);
   rig->tick();
   for (const int percent : {150, 30, 420, 70, 199, 1, 250, 100, 510, 20}) {
     rig->clock().wait_for_sleeper();
@@ -661,7 +655,7 @@ TEST_P(RealTimeContract, TooManySkippedTicksAreAFault) {
   const auto rig = make_rig(with_deadlines());
   const auto robot = rig->connect();
   rig->tick();
-  append_ahead(*robot, 0, 9);
+  append_ahead<Numbers>(*robot, 0, 9);
   rig->tick(2);
   rig->clock().advance(6 * kPeriod);
   rig->clock().wait_for_sleeper();
@@ -702,7 +696,7 @@ TEST_P(RealTimeContract, EndsWhenTheDriverFaults) {
                                               : with_deadlines(0, {.action_fault_at = 7}));
     const auto robot = rig->connect();
     rig->tick();
-    append_ahead(*robot, 0, 9);
+    append_ahead<Numbers>(*robot, 0, 9);
     const TimeIndex held = rig->log().actions;  // holding needs calls, too
     rig->tick(static_cast<int>(8 - held));
     expect_end(*robot, 7 - held,
@@ -717,7 +711,7 @@ TEST_P(RealTimeContract, EndsWhenTheControllerLetsGo) {
   auto robot = rig->connect();
   const auto observer = rig->observe();
   rig->tick();
-  append_ahead(*robot, 0, 4);
+  append_ahead<Numbers>(*robot, 0, 4);
   rig->tick(5);
   robot.reset();
   rig->tick();
@@ -730,7 +724,7 @@ TEST_P(RealTimeContract, EndsWhenTheBackendIsAskedToStop) {
   const auto rig = make_rig(plan);
   const auto robot = rig->connect();
   rig->tick();
-  append_ahead(*robot, 0, 4);
+  append_ahead<Numbers>(*robot, 0, 4);
   rig->tick(5);
   rig->request_stop();
   // The request takes its time from one process to another; the action is repeated meanwhile.
@@ -744,7 +738,7 @@ TEST_P(RealTimeContract, FinishesBehindTheActionsThatWait) {
   const auto rig = make_rig(with_deadlines(0, {.stop_periods = 4}));
   const auto robot = rig->connect();
   rig->tick();
-  append_ahead(*robot, 0, 4);
+  append_ahead<Numbers>(*robot, 0, 4);
   EXPECT_THROW(robot->finish(Timeout::zero()), TimedOut);
   rig->tick(6);
   expect_end(*robot, 5, {.code = Fault::Code::kFinished});
@@ -764,7 +758,7 @@ TEST_P(RealTimeContract, NeedsRecoveryAfterALateAction) {
   const auto rig = make_rig(with_deadlines());
   const auto first = rig->connect();
   rig->tick();
-  append_ahead(*first, 0, 1);
+  append_ahead<Numbers>(*first, 0, 1);
   rig->tick(3);
   rig->last_tick();  // of the orderly stop
   expect_end(*first, 2, {.code = Fault::Code::kActionLate});
@@ -772,7 +766,7 @@ TEST_P(RealTimeContract, NeedsRecoveryAfterALateAction) {
 
   const auto second = rig->connect();
   rig->tick();
-  append_ahead(*second, 0, 3);
+  append_ahead<Numbers>(*second, 0, 3);
   rig->tick(4);
   EXPECT_EQ(second->current_time_index(), 3);
   EXPECT_EQ(second->get_status(3).tick, 3);
@@ -788,7 +782,7 @@ TEST_P(RealTimeContract, PreparesOncePerPeriod) {
   EXPECT_EQ(rig->log().observations, 0);
   EXPECT_THROW(static_cast<void>(robot->latest_observation(Timeout::zero())), TimedOut);
   // Whoever is early waits for the robot.
-  append_ahead(*robot, 0, 2);
+  append_ahead<Numbers>(*robot, 0, 2);
   rig->tick();
   EXPECT_EQ(robot->current_time_index(), -1);
   rig->tick();
@@ -801,12 +795,12 @@ TEST_P(RealTimeContract, fault_05_AFullQueueRefusesAndForgetsNothing) {
   const auto rig = make_rig(plan);
   const auto robot = rig->connect();
   rig->tick();
-  append_ahead(*robot, 0, 7);
+  append_ahead<Numbers>(*robot, 0, 7);
   for (int i = 0; i < 3; ++i) {
     EXPECT_THROW(robot->append_desired_action(8, Timeout::zero()), TimedOut);
   }
   rig->tick();
-  append_ahead(*robot, 8, 8);
+  append_ahead<Numbers>(*robot, 8, 8);
   rig->tick(8);
   expect_actions(*robot, 9);
 }
@@ -816,7 +810,7 @@ TEST_P(RealTimeContract, WakesEveryWaiterAtTheEnd) {
   const auto robot = rig->connect();
   const auto observer = rig->observe();
   rig->tick();
-  append_ahead(*robot, 0, 2);
+  append_ahead<Numbers>(*robot, 0, 2);
   std::vector<std::optional<Fault>> faults(12);
   std::vector<std::thread> waiters;
   waiters.reserve(faults.size());
@@ -837,7 +831,7 @@ TEST_P(RealTimeContract, WakesReadersStepByStep) {
   const auto rig = make_rig(with_deadlines());
   const auto robot = rig->connect();
   rig->tick();
-  append_ahead(*robot, 0, 49);
+  append_ahead<Numbers>(*robot, 0, 49);
   std::thread reader([&] {
     for (TimeIndex t = 0; t < 50; ++t) robot->wait_until_time_index(t);
   });
@@ -850,7 +844,7 @@ TEST_P(RealTimeContract, LetsNobodyWaitLongerThanTheyWant) {
   const auto robot = rig->connect();
   rig->tick();
   EXPECT_THROW(static_cast<void>(robot->get_observation(0, Timeout::zero())), TimedOut);
-  append_ahead(*robot, 0, 0);
+  append_ahead<Numbers>(*robot, 0, 0);
   rig->tick();
   // The manual clock stands still; the timeout counts the user's time.
   for (const Timeout timeout : {Timeout::zero(), Timeout(std::chrono::milliseconds(5))}) {
@@ -868,7 +862,7 @@ TEST_P(RealTimeContract, ClosesNoStepBeforeItsTick) {
   const auto rig = make_rig(with_deadlines(100));
   const auto robot = rig->connect();
   rig->tick();
-  append_ahead(*robot, 0, 0);
+  append_ahead<Numbers>(*robot, 0, 0);
   rig->tick();
   // The user works within the period, as a program in step does.
   for (TimeIndex t = 1; t < 30; ++t) {

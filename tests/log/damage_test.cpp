@@ -21,7 +21,6 @@
 namespace trifinger::log {
 namespace {
 
-using test::Bytes;
 using test::Folder;
 using test::OddLampReading;
 using test::OddSession;
@@ -131,7 +130,7 @@ class DamagedLog : public ::testing::Test {
 
   Folder folder_;
   std::vector<OddSession> sessions_{random_session(1, 60), random_session(2, 45, false)};
-  Bytes whole_;
+  test::Bytes whole_;
   std::filesystem::path path_;
 };
 
@@ -203,7 +202,7 @@ TEST_F(DamagedLog, fault_25_LosesOneChunkAtMostForOneFlippedBit) {
   Examination examination(sessions_);
   const std::size_t all = num_elements(sessions_);
   for (int i = 0; i < 500; ++i) {
-    Bytes bytes = whole_;
+    test::Bytes bytes = whole_;
     test::flip(bytes, random);
     test::write_file(path_, bytes);
     ASSERT_GE(examination.examine(Log(path_)) + kInChunk, all);

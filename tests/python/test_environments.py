@@ -616,7 +616,8 @@ def test_a_robot_in_real_time_runs_the_same_task(start_program: StartProgram):
 
 
 @pytest.mark.release  # It is Stable-Baselines3 that takes the time.
-def test_hindsight_experience_replay_takes_the_variant_with_goals():
+def test_hindsight_experience_replay_takes_the_variant_with_goals(tmp_path, monkeypatch):
+    monkeypatch.setenv("SB3_LOGDIR", str(tmp_path))
     environment = gymnasium.make("TriFinger/Reach-v0", observation="goal", duration=0.4)
     model = stable_baselines3.DDPG(
         "MultiInputPolicy",

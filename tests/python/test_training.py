@@ -379,6 +379,7 @@ def test_the_programs_of_the_pages_run(page, word, changes, tmp_path, monkeypatc
         assert long in program
         program = program.replace(long, short)
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("SB3_LOGDIR", str(tmp_path))
     exec(program, {})  # noqa: S102, our own page
     assert page != "training" or (tmp_path / "run/film.mp4").exists()
 
