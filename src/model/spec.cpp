@@ -110,6 +110,12 @@ class Builder {
     option.disableflags |= mjDSBL_AUTORESET;
     // Solving groups of contacts apart pays only where several objects lie about.
     if (description_.objects.size() < 2) option.disableflags |= mjDSBL_ISLAND;
+    // For contacts: twenty times what a cube between the fingers, or all objects in a heap, were
+    // seen to take. MuJoCo would take 14 MiB, all of which a back-end in real time keeps in RAM;
+    // those who go on with a file may need that.
+    if (!pictures_) {
+      spec_->memory = static_cast<mjtSize>((1 + description_.objects.size()) << 20U);
+    }
 
     spec_->compiler.degree = false;
     spec_->compiler.autolimits = true;

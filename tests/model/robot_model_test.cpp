@@ -229,6 +229,29 @@ TEST(RobotModel, KeepsObjectsInsideTheBoundary) {
   }
 }
 
+TEST(RobotModel, HasRoomForManyMoreContactsThanAHeapOfObjectsMakes) {
+  const RobotModel model({.objects = {cube(), cuboid(), stick(), ball()}});
+  const Data data = initial_data(model);
+  // Above each other, in the middle of the fingers.
+  double height = 0.04;
+  for (const char* const name : {"cube", "cuboid", "stick", "ball"}) {
+    double* const position = data->qpos + model.object(name).position;
+    position[0] = position[1] = 0.0;
+    position[2] = height;
+    height += 0.04;
+  }
+  // Inwards and down.
+  const std::vector<double> target{0, 0, -2.7, 0, 0, -2.7, 0, 0, -2.7};
+  int contacts = 0;
+  for (int step = 0; step < 2000; ++step) {
+    drive_towards(model, data.get(), target);
+    mj_step(model.mujoco(), data.get());
+    contacts = std::max(contacts, data->ncon);
+  }
+  EXPECT_GT(contacts, 12);
+  EXPECT_LT(10 * data->maxuse_arena, data->narena);
+}
+
 TEST(RobotModel, KeepsTipsInsideTheBoundary) {
   // Outside the wall and low enough to meet it, for each variant.
   for (const Variant variant : test::kVariants) {
