@@ -234,8 +234,8 @@ TEST(RobotModel, HasRoomForManyMoreContactsThanAHeapOfObjectsMakes) {
   const Data data = initial_data(model);
   // Above each other, in the middle of the fingers.
   double height = 0.04;
-  for (const char* const name : {"cube", "cuboid", "stick", "ball"}) {
-    double* const position = data->qpos + model.object(name).position;
+  for (const ObjectDescription& object : model.description().objects) {
+    double* const position = data->qpos + model.object(object.name).position;
     position[0] = position[1] = 0.0;
     position[2] = height;
     height += 0.04;
