@@ -21,11 +21,11 @@ import numpy as np
 import trifinger
 from trifinger import plot, program
 from trifinger.film import Scene, Trace, save_report
-from trifinger.picture import View
+from trifinger.picture import View, add_view_options, view_of
 
 NAME = "demo"
 HOLD_TIME = 3.0  # [s]
-VIEW = View(size=(960, 720), height=0.2, distance=0.75, azimuth=120.0, elevation=-15.0)
+VIEW = View("115,-20", 960, 720)  # two faces of the cube
 
 
 @contextlib.contextmanager
@@ -89,14 +89,14 @@ def table(session: trifinger.LoggedSession, folder: Path) -> str:
     return "\n".join(f"  {name:<18}{value:>14}" for name, value in rows)
 
 
-def save_scene(session: trifinger.LoggedSession, trace: Trace, path: Path) -> None:
+def save_scene(session: trifinger.LoggedSession, trace: Trace, path: Path, view: View) -> None:
     """A picture of the scene while the cube is held; if it never was, of the end."""
     import matplotlib.image
 
     steps = trace.columns["step"].astype(int)
     held = [step for step, phase in zip(steps, trace.phases, strict=True) if phase == "hold"]
     step = held[len(held) // 2] if held else len(session.observations) - 1
-    with contextlib.closing(Scene(session, view=VIEW)) as scene:
+    with contextlib.closing(Scene(session, view=view)) as scene:
         matplotlib.image.imsave(path, scene.image(int(step)))
 
 
@@ -122,6 +122,7 @@ def main() -> int:
         default="--real-time",
         help="as fast as the machine can; the robot waits for its controller",
     )
+    add_view_options(parser, VIEW)
     arguments = parser.parse_args()
     folder: Path = arguments.output
     folder.mkdir(parents=True, exist_ok=True)
@@ -129,6 +130,7 @@ def main() -> int:
         (folder / left).unlink(missing_ok=True)
 
     try:
+        view = view_of(arguments)
         with back_end(folder, arguments.mode):
             print(f"The robot '{NAME}' runs in a process of its own; another one moves it.")
             sys.stdout.flush()
@@ -150,7 +152,7 @@ def main() -> int:
     subprocess.run([program.path(), "log", "info", path], check=True)
 
     pictures = [folder / name for name in ("scene.png", "report.png", "plot.png")]
-    save_scene(session, trace, pictures[0])
+    save_scene(session, trace, pictures[0], view)
     save_report(trace, pictures[1])
     plot.plot(log, pictures[2])
     print(f"\nLog:      {path}\nPictures: {', '.join(map(str, pictures))}")

@@ -30,7 +30,7 @@ import numpy.typing as npt
 from trifinger import _trifinger, mappings
 from trifinger._trifinger import Element, Frontend, Simulation
 from trifinger.errors import InvalidArgument, RobotStopped
-from trifinger.picture import Painter, draw_marks
+from trifinger.picture import Painter, Sight, View, draw_marks
 
 try:
     import gymnasium
@@ -238,6 +238,7 @@ class Environment(gymnasium.Env[Any, Array]):
     robot that cannot be put anywhere is moved to where an episode begins, at the begin of its
     session; objects stay where they are. `config` and `config_overrides` must say what it is. Noise
     of `options` is for simulations of its own: what is measured elsewhere has the noise it has.
+    `view` is the camera and the size of what `render` draws; a window begins there.
     """
 
     metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 50}  # noqa: RUF012
@@ -251,6 +252,7 @@ class Environment(gymnasium.Env[Any, Array]):
         config: str = "trifinger_edu",
         config_overrides: dict[str, object] | None = None,
         render_mode: Literal["rgb_array", "human"] | None = None,
+        view: View | None = None,
     ) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise InvalidArgument(f"render_mode is '{render_mode}', must be 'rgb_array' or 'human'")
@@ -284,6 +286,7 @@ class Environment(gymnasium.Env[Any, Array]):
         self._episode = 0
         self._is_running = False
         self._drawing: Any = None
+        self._view = view or View()
         metadata = dict(type(self).metadata)
         metadata["render_fps"] = round(self.episode_actions / self.options.duration)
         self.metadata = metadata
@@ -407,9 +410,9 @@ class Environment(gymnasium.Env[Any, Array]):
             )
         if self._drawing is None:
             if self.render_mode == "human":
-                self._drawing = _Window(self._mjcf(), 1 / self.metadata["render_fps"])
+                self._drawing = _Window(self._mjcf(), self._view, 1 / self.metadata["render_fps"])
             else:
-                self._drawing = Painter(self._mjcf(), is_plain=True)
+                self._drawing = Painter(self._mjcf(), is_plain=True, view=self._view)
         goal = self._core.desired
         marks = (
             goal if len(goal) % 3 == 0 else np.append(goal[:2], goal[2:3] if len(goal) > 2 else 0.0)
@@ -499,7 +502,7 @@ class GoalEnvironment(Environment):
 class _Window:
     """A window of MuJoCo's viewer, which shows what it is given as fast as it happened."""
 
-    def __init__(self, mjcf: str, frame_time: float) -> None:
+    def __init__(self, mjcf: str, view: View, frame_time: float) -> None:
         if sys.platform.startswith("linux") and not (
             os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
         ):
@@ -516,10 +519,16 @@ class _Window:
         self._mujoco = mujoco
         self._model = mujoco.MjModel.from_xml_string(mjcf)
         self._data = mujoco.MjData(self._model)
+        self._sight = Sight(self._model, view)
         others = threading.enumerate()
         self._viewer = mujoco.viewer.launch_passive(
             self._model, self._data, show_left_ui=False, show_right_ui=False
         )
+        with self._viewer.lock():
+            begin, camera = self._sight.camera, self._viewer.cam
+            camera.type, camera.fixedcamid = begin.type, begin.fixedcamid
+            camera.azimuth, camera.elevation = begin.azimuth, begin.elevation
+            camera.lookat[:], camera.distance = begin.lookat, begin.distance
         self._threads = [thread for thread in threading.enumerate() if thread not in others]
         self._frame_time = frame_time
         self._next = time.monotonic()
@@ -528,6 +537,7 @@ class _Window:
         with self._viewer.lock():
             self._data.qpos[:] = configuration[: self._model.nq]
             self._mujoco.mj_forward(self._model, self._data)
+            self._sight.clear(self._data, self._viewer.cam)
             draw_marks(self._viewer.user_scn, marks)
         self._viewer.sync()
         time.sleep(max(0.0, self._next - time.monotonic()))
@@ -724,7 +734,7 @@ def _with_options(task: str, arguments: dict[str, Any], own: set[str]) -> dict[s
 
 
 def _make(task: str, render_mode: Any = None, **arguments: Any) -> Environment:
-    own = {"options", "connect", "config", "config_overrides"}
+    own = {"options", "connect", "config", "config_overrides", "view"}
     chosen = _with_options(task, arguments, own)
     kind = GoalEnvironment if chosen["options"].observation == "goal" else Environment
     return kind(task, render_mode=render_mode, **chosen)

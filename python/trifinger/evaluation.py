@@ -20,7 +20,7 @@ from gymnasium.vector import AutoresetMode
 
 from trifinger._trifinger import Policy
 from trifinger.errors import InvalidArgument
-from trifinger.picture import FILM_RATE, save_film
+from trifinger.picture import FILM_RATE, View, save_film
 
 Array = npt.NDArray[Any]
 # Rows of observations to rows of actions.
@@ -165,9 +165,11 @@ def evaluate(policy: Policy, task: str, episodes: int = 50, seed: int = SEED) ->
     return evaluator(act_of(policy), evaluator.rows_of(policy))
 
 
-def save_policy_film(act: Act, task: str, options: Options, path: Path, rows: int = 1) -> None:
+def save_policy_film(
+    act: Act, task: str, options: Options, path: Path, rows: int = 1, view: View | None = None
+) -> None:
     """A film of some episodes at the speed of life."""
-    environment = Environment(task, options=options, render_mode="rgb_array")
+    environment = Environment(task, options=options, render_mode="rgb_array", view=view)
     rate = environment.metadata["render_fps"]
     every = -(-rate // FILM_RATE)
 

@@ -237,7 +237,13 @@ def save_report(trace: Trace, path: Path) -> None:
     figure.savefig(path, dpi=110)
 
 
-def film(log: Log, output: Path, robot: str = "", report: Path | None = None) -> list[Path]:
+def film(
+    log: Log,
+    output: Path,
+    robot: str = "",
+    report: Path | None = None,
+    view: View | None = None,
+) -> list[Path]:
     """Draws the newest session of `robot` and returns the files it has made in `output`.
 
     They are film.mp4 and strip.png; report.png as well, if `report` is the folder that
@@ -249,9 +255,9 @@ def film(log: Log, output: Path, robot: str = "", report: Path | None = None) ->
     trace = Trace(report) if report else None
     output.mkdir(parents=True, exist_ok=True)
     made = [output / "film.mp4", output / "strip.png"]
-    with contextlib.closing(Scene(session, is_plain=True)) as scene:
+    with contextlib.closing(Scene(session, is_plain=True, view=view)) as scene:
         save_film(scene, session, made[0])
-    with contextlib.closing(Scene(session)) as scene:
+    with contextlib.closing(Scene(session, view=view)) as scene:
         if trace:
             steps = [min(step, session.steps - 1) for step in trace.steps(STRIP_IMAGES)]
         else:
@@ -275,10 +281,12 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument("-o", "--output", type=Path, help="folder; default: the report's, or film")
     parser.add_argument("--report", type=Path, help="folder that `trifinger manipulate` has made")
     parser.add_argument("--robot", metavar="NAME", default="", help="needed if there are several")
+    picture.add_view_options(parser)
     arguments = parser.parse_args(words)
     output = arguments.output or arguments.report or Path("film")
     try:
-        made = film(Log(arguments.log), output, arguments.robot, arguments.report)
+        view = picture.view_of(arguments)
+        made = film(Log(arguments.log), output, arguments.robot, arguments.report, view)
     except (Error, OSError) as error:
         print(f"trifinger: {error}", file=sys.stderr)
         return 2 if isinstance(error, InvalidArgument) else 1

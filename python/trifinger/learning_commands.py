@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from trifinger._trifinger import Policy, task_names
 from trifinger.errors import Error, InvalidArgument
+from trifinger.picture import add_view_options, view_of
 
 if TYPE_CHECKING:
     from tqdm import tqdm
@@ -46,6 +47,7 @@ def train(words: Sequence[str] | None = None) -> int:
         metavar="KEY=VALUE",
         help="a field of trifinger.training.Recipe or trifinger.environments.Options",
     )
+    add_view_options(parser)
     arguments = parser.parse_args(words)
     if (arguments.task is None) == (arguments.resume is None):
         parser.error("either a task or --resume is needed")
@@ -61,6 +63,7 @@ def train(words: Sequence[str] | None = None) -> int:
 
         from trifinger.training import Plan, Training, parse_setting
 
+        view = view_of(arguments)
         if arguments.resume:
             folder, plan = arguments.resume, Plan.of_folder(arguments.resume)
         else:
@@ -92,7 +95,7 @@ def train(words: Sequence[str] | None = None) -> int:
                 raise
             show(bar, plan.episodes)
             try:
-                training.save_figures()
+                training.save_figures(view)
             except (Error, ImportError) as error:
                 say(f"no figures or film: {error}")
         print(summary)

@@ -56,6 +56,7 @@ from trifinger.evaluation import (
     save_policy_film,
     save_ways,
 )
+from trifinger.picture import View
 
 Algorithm = Literal["ddpg", "td3", "sac", "ppo"]
 MODELS: dict[str, type[BaseAlgorithm]] = {"ddpg": QuickDDPG, "td3": TD3, "sac": SAC, "ppo": PPO}
@@ -298,14 +299,14 @@ class Training:
         """Draws the learning curve into the folder."""
         save_curve({self.plan.task: self.curve}, self.folder / "curve.png")
 
-    def save_figures(self) -> None:
+    def save_figures(self, view: View | None = None) -> None:
         """Draws learning curve, ways to the goals, and a film of the policy into the folder."""
         task = self.plan.task
         self.save_curve()
         if task in WAYS:
             save_ways(self._ways, self.folder / WAYS[task])
         film = self.folder / "film.mp4"
-        save_policy_film(self.act, task, self.plan.options, film, self._rows.rows)
+        save_policy_film(self.act, task, self.plan.options, film, self._rows.rows, view)
 
     @property
     def policy_path(self) -> Path:

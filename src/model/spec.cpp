@@ -31,6 +31,7 @@ constexpr int kUpperMeets = kObjectBit | kLowerBit | kMiddleBit;
 
 // Groups that viewers can switch.
 constexpr int kLooksGroup = 0;
+constexpr int kSurroundGroup = 1;  // Frame and wall, which stand around what moves.
 constexpr int kTouchesGroup = 3;
 constexpr int kSiteGroup = 4;
 
@@ -119,23 +120,35 @@ class Builder {
 
     spec_->compiler.degree = false;
     spec_->compiler.autolimits = true;
-    spec_->stat.extent = 0.6;
-    spec_->stat.center[2] = 0.2;
+    set_view();
+  }
+
+  // Where viewers begin: between two fingers, with table and robot in the picture.
+  void set_view() {
+    constexpr double kFovy = 38;
+    constexpr double kReach = 0.25;  // Of the fingers, about the vertical axis.
+    const double axes = finger_height(description_);
+    const double top = description_.flipped ? flip_height(description_) : axes + 0.08;
+    spec_->stat.center[2] = top / 2;
+    // MuJoCo's viewers begin at one and a half times the extent.
+    spec_->stat.extent =
+        std::hypot(kReach, top / 2) / (1.5 * std::sin(kFovy / 2 * std::numbers::pi / 180));
     spec_->stat.meansize = 0.03;
 
     mjVisual& visual = spec_->visual;
     visual.global.offwidth = 1920;
     visual.global.offheight = 1440;
-    visual.global.azimuth = 75;
+    visual.global.azimuth = 90;
     visual.global.elevation = -20;
-    visual.global.fovy = 38;
-    visual.quality.shadowsize = 4096;
+    visual.global.fovy = kFovy;
+    visual.quality.shadowsize = 2048;
     visual.map.znear = 0.01F;
     visual.map.zfar = 20;
     visual.map.shadowclip = 2;
+    visual.map.shadowscale = 0.45F;
     for (int i = 0; i < 3; ++i) {
-      visual.headlight.ambient[i] = 0.30F;
-      visual.headlight.diffuse[i] = 0.18F;
+      visual.headlight.ambient[i] = 0.32F;
+      visual.headlight.diffuse[i] = 0.12F;
       visual.headlight.specular[i] = 0.05F;
     }
   }
@@ -193,6 +206,12 @@ class Builder {
                                                            : "plastic");
   }
 
+  // What stands around the scene can be left out of pictures, and its shadows would hide the rest.
+  static void surround(mjsGeom* geom) {
+    geom->group = kSurroundGroup;
+    geom->castshadow = false;
+  }
+
   void name(mjsElement* element, const std::string& text) { mjs_setName(element, text.c_str()); }
 
   void touch(mjsGeom* geom, int own, int meets) const {
@@ -237,9 +256,22 @@ class Builder {
     set_colour(floor->rgba, {0.62F, 0.64F, 0.66F, 1});
     mjs_setString(floor->material, "matte");
 
-    add_light({1.1, -1.3, 2.3}, 0.52F, true);
-    add_light({-1.4, 0.4, 1.5}, 0.20F, false);
-    add_light({0.5, 1.5, 1.2}, 0.15F, false);
+    add_lamp({0.9, -1.2, 2.4}, 0.58F);
+    add_light({-1.4, 0.4, 1.5}, 0.16F, false);
+    add_light({0.5, 1.5, 1.2}, 0.12F, false);
+  }
+
+  // A lamp of some width: lights on its rim share the brightness, so shadows have soft edges. With
+  // two more lights and the viewer's own there are eight, the most that OpenGL shows at once.
+  void add_lamp(const Eigen::Vector3d& position, float brightness) {
+    constexpr int kLights = 5;
+    constexpr double kRadius = 0.09;
+    const Eigen::Matrix3d rim = along(kLit - position);
+    for (int i = 0; i < kLights; ++i) {
+      const double angle = 2 * std::numbers::pi * i / kLights;
+      add_light(position + kRadius * (std::cos(angle) * rim.col(0) + std::sin(angle) * rim.col(1)),
+                brightness / kLights, true);
+    }
   }
 
   void add_light(const Eigen::Vector3d& position, float brightness, bool shadow) {
@@ -248,7 +280,7 @@ class Builder {
     light->cutoff = 50;
     light->exponent = 1;
     copy(light->pos, position);
-    copy(light->dir, Eigen::Vector3d((Eigen::Vector3d(0, 0, 0.15) - position).normalized()));
+    copy(light->dir, Eigen::Vector3d((kLit - position).normalized()));
     light->castshadow = shadow;
     for (int i = 0; i < 3; ++i) {
       light->diffuse[i] = brightness;
@@ -313,7 +345,7 @@ class Builder {
           add_box(platform_, pose, {kPanelThickness / 2, half_width, slope.norm() / 2});
       touch(panel, kBoundaryBit, 0);
       paint(panel, Paint::kWall);
-      panel->castshadow = false;
+      surround(panel);
     }
   }
 
@@ -329,17 +361,17 @@ class Builder {
                                           Eigen::Vector3d::UnitZ())
                             .toRotationMatrix();
       const double half_length = (profile.to - profile.from).norm() / 2;
-      paint(add_box(platform_, pose, {0.02, 0.02, half_length}), Paint::kProfile);
+      add_part(pose, {0.02, 0.02, half_length}, Paint::kProfile);
       // The grooves that make it look like a profile.
-      paint(add_box(platform_, pose, {0.0202, 0.004, half_length - 0.0005}), Paint::kGroove);
-      paint(add_box(platform_, pose, {0.004, 0.0202, half_length - 0.0005}), Paint::kGroove);
+      add_part(pose, {0.0202, 0.004, half_length - 0.0005}, Paint::kGroove);
+      add_part(pose, {0.004, 0.0202, half_length - 0.0005}, Paint::kGroove);
     }
     for (int i = 0; i < num_fingers(description_); ++i) {
       const Profile& post = profiles[static_cast<std::size_t>(i)];
       Eigen::Isometry3d foot = Eigen::Isometry3d::Identity();
       foot.rotate(Eigen::AngleAxisd(finger_azimuth(description_, i), Eigen::Vector3d::UnitZ()));
       foot.translation() = Eigen::Vector3d(post.from.x(), post.from.y(), 0.004);
-      paint(add_box(platform_, foot, {0.032, 0.032, 0.004}), Paint::kBracket);
+      add_part(foot, {0.032, 0.032, 0.004}, Paint::kBracket);
     }
     const double beam_bottom = finger_height(description_) + 0.08;
     if (description_.arrangement == Arrangement::kTriFinger) {
@@ -349,8 +381,15 @@ class Builder {
                       .radius = 0.062,
                       .paint = Paint::kBracket,
                       .role = Role::kLooks};
-      add_solid(platform_, hub, 0);
+      surround(add_solid(platform_, hub, 0));
     }
+  }
+
+  // A box of the frame.
+  void add_part(const Eigen::Isometry3d& pose, const Eigen::Vector3d& half, Paint colour) {
+    mjsGeom* part = add_box(platform_, pose, half);
+    paint(part, colour);
+    surround(part);
   }
 
   void add_camera(const CameraFigures& figures) {
@@ -371,13 +410,14 @@ class Builder {
     // Housing and lens, behind the optical centre where the camera does not see them.
     Eigen::Isometry3d part = pose;
     part.translation() = pose * Eigen::Vector3d(0, 0, 0.055);
-    paint(add_box(platform_, part, {0.0145, 0.0145, 0.021}), Paint::kBracket);
+    add_part(part, {0.0145, 0.0145, 0.021}, Paint::kBracket);
     mjsGeom* lens = add_geom(platform_, mjGEOM_CYLINDER);
     part.translation() = pose * Eigen::Vector3d(0, 0, 0.020);
     set_pose(lens->pos, lens->quat, part);
     lens->size[0] = 0.014;
     lens->size[1] = 0.016;
     paint(lens, Paint::kMotor);
+    surround(lens);
   }
 
   // --------------------------------------------------------------------------------------- fingers
@@ -628,6 +668,9 @@ class Builder {
 
   inline static const std::string kLinkNames[] = {"finger_upper_link", "finger_middle_link",
                                                   "finger_lower_link"};
+
+  // What lights are turned to.
+  inline static const Eigen::Vector3d kLit{0, 0, 0.15};
 
   const RobotDescription& description_;
   const bool pictures_;

@@ -14,6 +14,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from stable_baselines3.common.env_checker import check_env as check_env_of_sb3
 from trifinger import environments
 from trifinger.environments import Environment, GoalEnvironment, Options, VectorEnvironment
+from trifinger.picture import View
 
 # Everything that can be random, in one go.
 VARIED = {
@@ -471,6 +472,20 @@ def test_options_reach_the_environment_by_name_and_are_printed():
     assert vector.unwrapped.options == Options.of("reach", duration=1.0, steps_per_action=10)
     for field in dataclasses.fields(Options):
         assert field.name in repr(vector.unwrapped)
+
+
+@pytest.mark.release
+def test_a_picture_has_the_view_that_was_asked_for():
+    pictures = {}
+    for camera in ("front", "camera60"):
+        environment = gymnasium.make(
+            "TriFinger/Reach-v0", render_mode="rgb_array", view=View(camera, 161, 121)
+        )
+        environment.reset(seed=0)
+        pictures[camera] = environment.render()
+        environment.close()
+        assert pictures[camera].shape == (121, 161, 3)
+    assert (pictures["front"] != pictures["camera60"]).mean() > 0.5
 
 
 @pytest.mark.release

@@ -4,6 +4,7 @@ import signal
 import subprocess
 from pathlib import Path
 
+import av
 import pytest
 from conftest import BUILD, StartProgram
 from trifinger import film
@@ -45,10 +46,14 @@ def test_lifts_a_cube_and_leaves_a_report_and_pictures(
     assert report["grasps"] == 1
     assert report["height"] == pytest.approx(0.05, abs=2e-3)
     assert report["position_rms"] < 1.5e-3
-    assert film.main([str(logs), "--report", str(output)]) == 0
+    size = ("--width", "322", "--height", "240")
+    assert film.main([str(logs), "--report", str(output), "--camera", "side", *size]) == 0
     for name in ("strip.png", "report.png"):
         assert (output / name).read_bytes().startswith(b"\x89PNG")
     assert (output / "film.mp4").read_bytes()[4:8] == b"ftyp"
+    with av.open(str(output / "film.mp4")) as made:
+        assert (made.streams.video[0].width, made.streams.video[0].height) == (322, 240)
+    assert film.main([str(logs), "--camera", "nowhere"]) == 2
 
 
 def test_puts_the_cube_down_when_it_is_interrupted(
