@@ -2,6 +2,9 @@
 """Evaluations of trainings: that their tables tell what came of them, and that they may fail."""
 
 import dataclasses
+import resource
+import subprocess
+import sys
 
 import numpy as np
 import push
@@ -20,7 +23,7 @@ def summary(median):
 
 
 def runs(**changes):
-    figures = {"reach": 0.010, "reach_shared": 0.002, "early": 0.008, "seconds": 270.0} | changes
+    figures = {"reach": 0.010, "reach_shared": 0.002, "early": 0.008, "time": 270.0} | changes
     return [
         learning.Run(
             kind,
@@ -30,8 +33,8 @@ def runs(**changes):
                 (100, summary(figures["early"])),
                 (700, summary(figures[kind.name])),
             ],
-            figures["seconds"] if seed == 1 else 1000.0,
-            was_alone=seed == 1,
+            processor_time=figures["time"],
+            wall_time=1000.0,  # beside others
         )
         for kind in learning.KINDS
         for seed in (1, 2, 3)
@@ -43,12 +46,13 @@ def test_the_table_holds_by_its_narrowest_row():
     holds, line = learning.verdict(rows)
     assert holds
     assert line == (
-        "The table holds: the narrowest, 'three fingers, one network: wall time', is 270.00 s of "
-        "300 s, 10 % below."
+        "The table holds: the narrowest, 'three fingers, one network: processor time', is "
+        "270.00 s of 300 s, 10 % below."
     )
     assert len(rows) == 5
     page = learning.page(runs(), rows, 3)
     assert "| three fingers, one network: after 700 episodes | 1.2 cm | 1.00 cm |" in page
+    assert "| three fingers, one network | 1 | 0.80 | 1.00 | 100.00 | 50 | 270 | 1000 |" in page
 
 
 @pytest.mark.parametrize(
@@ -57,7 +61,7 @@ def test_the_table_holds_by_its_narrowest_row():
         ({"reach": 0.013}, "three fingers, one network: after 700 episodes"),
         ({"reach_shared": 0.004}, "one policy shared by the fingers: after 700 episodes"),
         ({"early": 0.011}, "one policy shared by the fingers: after 100 episodes"),
-        ({"seconds": 400.0}, "three fingers, one network: wall time"),
+        ({"time": 400.0}, "three fingers, one network: processor time"),
     ],
 )
 def test_what_does_not_hold_is_named(changes, what):
@@ -73,11 +77,26 @@ def test_the_median_of_the_seeds_counts():
     assert learning.verdict(learning.table([*all_runs[:2], worse, *all_runs[3:]]))[0]
 
 
+def test_the_times_of_a_training_are_its_own(tmp_path, monkeypatch):
+    """The processor time of others that ended meanwhile, and of this process, is not in it."""
+    monkeypatch.setattr(learning, "RUNS", tmp_path)
+    monkeypatch.setattr(learning, "read_curve", lambda _: [(learning.EPISODES, summary(0.01))])
+    burn = "import time\nwhile time.process_time() < 0.5: pass\n"
+    subprocess.run([sys.executable, "-c", burn], check=True)
+    kind = dataclasses.replace(learning.KINDS[0], words=("--help",))
+    usage_before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    run = learning.train(kind, 1)
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    spent = usage.ru_utime + usage.ru_stime - usage_before.ru_utime - usage_before.ru_stime
+    assert run.processor_time == pytest.approx(spent, abs=1e-3)
+    assert run.wall_time > 0.0
+
+
 def test_a_failed_training_names_its_log(tmp_path, monkeypatch):
     monkeypatch.setattr(learning, "RUNS", tmp_path)
     kind = dataclasses.replace(learning.KINDS[0], words=("--set", "gama=1"))
     with pytest.raises(SystemExit, match=str(tmp_path / "reach_1.log")):
-        learning.train(kind, 1, is_alone=True)
+        learning.train(kind, 1)
     assert "gama" in (tmp_path / "reach_1.log").read_text()
 
 
