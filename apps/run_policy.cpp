@@ -40,6 +40,10 @@ struct RunPolicyOptions {
   learning::PolicyRunOptions run;
   std::string json;
   Choice<Demand> scheduling{scheduling_choice()};
+  Choice<learning::Precision> precision{
+      "--precision",
+      "double",
+      {{"double", learning::Precision::kDouble}, {"single", learning::Precision::kSingle}}};
 };
 
 // What the policy's file says of how it was trained.
@@ -173,7 +177,7 @@ int run_on(Frontend<R>& robot, Policy& policy, const RunPolicyOptions& options) 
 }
 
 int run(const RunPolicyOptions& options) {
-  Policy policy = Policy::load(options.policy);
+  Policy policy = Policy::load(options.policy, options.precision.value());
   if (Session::open(options.robot).info().type == Finger::kType) {
     auto robot = connect<Finger>(options.robot);
     return run_on(robot, policy, options);
@@ -201,6 +205,9 @@ int run_policy_command(const std::vector<std::string>& words) {
   program.add_option("--json", options.json, "Also write the episodes to FILE")
       ->option_text("FILE");
   options.scheduling.add_to(program, "Real-time priority, where the robot is in real-time mode");
+  options.precision.add_to(program,
+                           "Of the policy's sums: single takes half the time and rounds as much "
+                           "as PyTorch");
   return run_user_program(program, words, [&] { return run(options); });
 }
 

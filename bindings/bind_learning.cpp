@@ -45,6 +45,7 @@ using Numbers = std::vector<double>;
 // In the order of the enumerations.
 constexpr std::array<std::string_view, 3> kActivations{"identity", "relu", "tanh"};
 constexpr std::array<std::string_view, 2> kBoundings{"scale", "clip"};
+constexpr std::array<std::string_view, 2> kPrecisions{"double", "single"};
 
 Eigen::VectorXd to_vector(const Numbers& numbers) {
   return Eigen::Map<const Eigen::VectorXd>(numbers.data(),
@@ -117,17 +118,22 @@ void bind_learning(nb::module_& m) {
                      "described in docs/policies.md.\n\nNot for several threads at once.")
       .def(
           "__init__",
-          [](Policy* self, const std::filesystem::path& path) {
-            new (self) Policy(Policy::load(path));
+          [](Policy* self, const std::filesystem::path& path, const std::string& precision) {
+            new (self)
+                Policy(Policy::load(path, choice<Precision>("precision", kPrecisions, precision)));
           },
-          "path"_a, nb::sig("def __init__(self, path: str | os.PathLike[str]) -> None"),
-          "Reads the file at `path`.")
+          "path"_a, nb::kw_only(), "precision"_a = "double",
+          nb::sig("def __init__(self, path: str | os.PathLike[str], *, precision: str = 'double') "
+                  "-> None"),
+          "Reads the file at `path`. Sums are 'double' precision, or 'single', which takes about "
+          "half the time and rounds\nas much as PyTorch does.")
       .def_static(
           "from_layers",
           [](const std::vector<PyLayer>& layers, const std::optional<Numbers>& mean,
              const std::optional<Numbers>& variance, double epsilon, double clip,
              const std::optional<Numbers>& low, const std::optional<Numbers>& high,
-             const std::string& bounding, const std::map<std::string, std::string>& metadata) {
+             const std::string& bounding, const std::map<std::string, std::string>& metadata,
+             const std::string& precision) {
             Network network{.metadata = metadata};
             std::ranges::transform(layers, std::back_inserter(network.layers), to_layer);
             require_both("mean and variance", mean.has_value(), variance.has_value());
@@ -143,11 +149,13 @@ void bind_learning(nb::module_& m) {
                                 .high = to_vector(*high),
                                 .bounding = choice<Bounding>("bounding", kBoundings, bounding)};
             }
-            return Policy(std::move(network));
+            return Policy(std::move(network),
+                          choice<Precision>("precision", kPrecisions, precision));
           },
           "layers"_a, nb::kw_only(), "mean"_a = nb::none(), "variance"_a = nb::none(),
           "epsilon"_a = usual.epsilon, "clip"_a = usual.clip, "low"_a = nb::none(),
           "high"_a = nb::none(), "bounding"_a = "scale", "metadata"_a = nb::dict(),
+          "precision"_a = "double",
           "Of layers: weights with a row for each output, bias, and 'identity', 'relu' or 'tanh'. "
           "Inputs are normalised with\n`mean` and `variance`; outputs are brought between `low` "
           "and `high`, by 'scale' from -1 to 1, or by 'clip'.\n`trifinger.policy_file` makes them "
@@ -181,6 +189,12 @@ void bind_learning(nb::module_& m) {
             return activations;
           },
           "Of each layer.")
+      .def_prop_ro(
+          "precision",
+          [](const Policy& policy) {
+            return std::string(kPrecisions.at(static_cast<std::size_t>(policy.precision())));
+          },
+          "Of its sums: 'double' or 'single'.")
       .def_prop_ro(
           "bounds",
           [](const Policy& policy) -> std::optional<std::tuple<Numbers, Numbers, std::string>> {

@@ -1407,11 +1407,14 @@ class Policy:
     Not for several threads at once.
     """
 
-    def __init__(self, path: str | os.PathLike[str]) -> None:
-        """Reads the file at `path`."""
+    def __init__(self, path: str | os.PathLike[str], *, precision: str = 'double') -> None:
+        """
+        Reads the file at `path`. Sums are 'double' precision, or 'single', which takes about half the time and rounds
+        as much as PyTorch does.
+        """
 
     @staticmethod
-    def from_layers(layers: Sequence[tuple[Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], str]], *, mean: Sequence[float] | None = ..., variance: Sequence[float] | None = ..., epsilon: float = ..., clip: float = ..., low: Sequence[float] | None = ..., high: Sequence[float] | None = ..., bounding: str = ..., metadata: Mapping[str, str] = ...) -> Policy:
+    def from_layers(layers: Sequence[tuple[Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], str]], *, mean: Sequence[float] | None = ..., variance: Sequence[float] | None = ..., epsilon: float = ..., clip: float = ..., low: Sequence[float] | None = ..., high: Sequence[float] | None = ..., bounding: str = ..., metadata: Mapping[str, str] = ..., precision: str = ...) -> Policy:
         """
         Of layers: weights with a row for each output, bias, and 'identity', 'relu' or 'tanh'. Inputs are normalised with
         `mean` and `variance`; outputs are brought between `low` and `high`, by 'scale' from -1 to 1, or by 'clip'.
@@ -1441,6 +1444,10 @@ class Policy:
     @property
     def activations(self) -> list[str]:
         """Of each layer."""
+
+    @property
+    def precision(self) -> str:
+        """Of its sums: 'double' or 'single'."""
 
     @property
     def bounds(self) -> tuple[list[float], list[float], str] | None:

@@ -114,37 +114,57 @@ void apply_affine(const Layer& layer, const double* input, double* output) noexc
   }
 }
 
-void apply(Activation activation, Eigen::Map<Eigen::ArrayXd> values) noexcept {
+// The same where the numbers are single precision, too. Eigen sums four columns at once as well.
+void apply_affine(const Layer& layer, const float* input, float* output) noexcept {
+  Eigen::Map<Eigen::VectorXf> sums(output, layer.weights.rows());
+  sums = layer.bias;
+  sums.noalias() += layer.weights * Eigen::Map<const Eigen::VectorXf>(input, layer.weights.cols());
+}
+
+template <class Number>
+void apply(Activation activation, Eigen::Map<Eigen::ArrayX<Number>> values) noexcept {
+  constexpr Number kOne{1};
+  constexpr Number kTwo{2};
   switch (activation) {
     case Activation::kIdentity:
       break;
     case Activation::kRelu:
-      values = values.max(0.0);
+      values = values.max(Number{0});
       break;
     case Activation::kTanh:
       // Eigen computes several exponentials at once, std::tanh would take longer than the sums.
-      values = 1.0 - 2.0 / ((2.0 * values).exp() + 1.0);
+      values = kOne - kTwo / ((kTwo * values).exp() + kOne);
       break;
   }
 }
 
-}  // namespace
-
-Policy::Policy(Network network) : network_(checked(std::move(network))) {
+template <class Activities>
+void make_room(Activities& activities, const std::vector<Layer>& layers) {
   Eigen::Index largest = 0;
-  for (const Layer& layer : network_.layers) {
+  for (const Layer& layer : layers) {
     largest = std::max({largest, layer.weights.rows(), layer.weights.cols()});
   }
-  for (Eigen::VectorXd& values : activities_) values.setZero(largest);
+  for (auto& values : activities) values.setZero(largest);
+}
+
+}  // namespace
+
+Policy::Policy(Network network, Precision precision)
+    : network_(checked(std::move(network))), precision_(precision) {
+  if (precision_ == Precision::kSingle) {
+    make_room(single_activities_, network_.layers);
+  } else {
+    make_room(activities_, network_.layers);
+  }
   if (network_.normalization) {
     const InputNormalization& normalization = *network_.normalization;
     input_scale_ = (normalization.variance.array() + normalization.epsilon).sqrt().inverse();
   }
 }
 
-Policy Policy::load(const std::filesystem::path& path) {
+Policy Policy::load(const std::filesystem::path& path, Precision precision) {
   try {
-    return Policy(detail::read_policy_file(path));
+    return Policy(detail::read_policy_file(path), precision);
   } catch (const InvalidArgument& error) {
     throw PolicyFileError(path.string() + " is not a policy that can be used: " + error.what());
   }
@@ -164,22 +184,30 @@ std::size_t Policy::num_outputs() const noexcept {
 
 bool Policy::evaluate(std::span<const double> observation, std::span<double> action) noexcept {
   if (observation.size() != num_inputs() || action.size() != num_outputs()) return false;
-  double* input = activities_[0].data();
-  double* output = activities_[1].data();
+  return precision_ == Precision::kSingle ? evaluate_in(single_activities_, observation, action)
+                                          : evaluate_in(activities_, observation, action);
+}
+
+template <class Number>
+bool Policy::evaluate_in(Activities<Number>& activities, std::span<const double> observation,
+                         std::span<double> action) const noexcept {
+  Number* input = activities[0].data();
+  Number* output = activities[1].data();
   if (!take_input(observation, input)) return false;
   for (const Layer& layer : network_.layers) {
     apply_affine(layer, input, output);
-    const Eigen::Map<Eigen::ArrayXd> values(output, layer.weights.rows());
+    const Eigen::Map<Eigen::ArrayX<Number>> values(output, layer.weights.rows());
     // Before the activation, which would make a number of what is none.
     if (!values.allFinite()) return false;
-    apply(layer.activation, values);
+    apply<Number>(layer.activation, values);
     std::swap(input, output);
   }
   give_output(input, action);
   return true;
 }
 
-bool Policy::take_input(std::span<const double> observation, double* input) const noexcept {
+template <class Number>
+bool Policy::take_input(std::span<const double> observation, Number* input) const noexcept {
   for (std::size_t i = 0; i < observation.size(); ++i) {
     double value = observation[i];
     if (!std::isfinite(value)) return false;
@@ -191,12 +219,13 @@ bool Policy::take_input(std::span<const double> observation, double* input) cons
     }
     if (std::abs(value) > static_cast<double>(std::numeric_limits<float>::max())) return false;
     // PyTorch's networks are given single precision.
-    input[i] = static_cast<double>(static_cast<float>(value));
+    input[i] = Number{static_cast<float>(value)};
   }
   return true;
 }
 
-void Policy::give_output(const double* output, std::span<double> action) const noexcept {
+template <class Number>
+void Policy::give_output(const Number* output, std::span<double> action) const noexcept {
   if (!network_.bounds) {
     std::copy_n(output, action.size(), action.begin());
     return;
@@ -206,9 +235,10 @@ void Policy::give_output(const double* output, std::span<double> action) const n
     const auto k = static_cast<Eigen::Index>(i);
     const double low = bounds.low[k];
     const double high = bounds.high[k];
+    const double unbounded{output[i]};
     const double value = bounds.bounding == Bounding::kScale
-                             ? low + 0.5 * (output[i] + 1.0) * (high - low)
-                             : output[i];
+                             ? low + 0.5 * (unbounded + 1.0) * (high - low)
+                             : unbounded;
     action[i] = std::clamp(value, low, high);
   }
 }

@@ -15,7 +15,8 @@ TEST(Policy, AllocatesNothingOnceItIsMade) {
   Random random{.seed = 3};
   for (int i = 0; i < 50; ++i) {
     const trifinger::test::MallocCounter making;
-    Policy policy(test::random_network(random));
+    Policy policy(test::random_network(random),
+                  i % 2 == 0 ? Precision::kDouble : Precision::kSingle);
     EXPECT_GT(making.count(), 0);  // so Eigen's memory is seen
     const std::vector<double> observation = test::random_observation(random, policy.num_inputs());
     std::vector<double> action(policy.num_outputs());

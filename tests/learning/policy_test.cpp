@@ -59,6 +59,47 @@ std::vector<double> recomputed(const Network& network, std::vector<double> value
   return values;
 }
 
+// How far an evaluation in single precision may be from that in double precision: the rounding of
+// each sum, in whatever order, and what layers make of the differences before them.
+std::vector<double> bound_of_deviation(const Network& network,
+                                       const std::vector<double>& observation) {
+  constexpr double kUnit = 0x1p-24;  // of rounding to single precision
+  Network unbounded = network;
+  unbounded.bounds.reset();
+  unbounded.layers.clear();
+  std::vector<double> deviations(observation.size(), 0.0);
+  for (const Layer& layer : network.layers) {
+    // What the layer is given, without those after it.
+    const std::vector<double> inputs = recomputed(unbounded, observation);
+    const auto terms = static_cast<double>(inputs.size() + 1);
+    const double rounding = terms * kUnit / (1 - terms * kUnit);
+    std::vector<double> outputs;
+    for (Eigen::Index row = 0; row < layer.weights.rows(); ++row) {
+      double size = std::abs(static_cast<double>(layer.bias[row]));
+      double deviation = 0;
+      for (std::size_t i = 0; i < inputs.size(); ++i) {
+        const double weight =
+            std::abs(static_cast<double>(layer.weights(row, static_cast<Eigen::Index>(i))));
+        size += weight * (std::abs(inputs[i]) + deviations[i]);
+        deviation += weight * deviations[i];
+      }
+      deviation += rounding * size;
+      // No activation makes a difference larger; the exponential in tanh is rounded a few times.
+      if (layer.activation == Activation::kTanh) deviation += 4 * kUnit;
+      outputs.push_back(deviation);
+    }
+    deviations = outputs;
+    unbounded.layers.push_back(layer);
+  }
+  if (network.bounds && network.bounds->bounding == Bounding::kScale) {
+    for (std::size_t i = 0; i < deviations.size(); ++i) {
+      const auto k = static_cast<Eigen::Index>(i);
+      deviations[i] *= (network.bounds->high[k] - network.bounds->low[k]) / 2;
+    }
+  }
+  return deviations;
+}
+
 // Two layers with three inputs and two outputs.
 Network small_network() {
   return {.layers = {{.weights = Eigen::MatrixXf::Constant(4, 3, 0.25F),
@@ -84,16 +125,45 @@ TEST(Policy, ComputesNetworksOfEveryShape) {
   }
 }
 
+TEST(Policy, InSinglePrecisionDeviatesByItsRoundingAlone) {
+  Random random{.seed = 5};
+  double largest = 0;  // as a share of what is allowed
+  bool differs = false;
+  for (int i = 0; i < 300; ++i) {
+    const Network network = random_network(random);
+    Policy policy(network);
+    Policy single(network, Precision::kSingle);
+    EXPECT_EQ(single.precision(), Precision::kSingle);
+    std::vector<double> action(policy.num_outputs());
+    std::vector<double> single_action(policy.num_outputs());
+    for (int k = 0; k < 5; ++k) {
+      const std::vector<double> observation = random_observation(random, policy.num_inputs());
+      ASSERT_TRUE(policy.evaluate(observation, action));
+      ASSERT_TRUE(single.evaluate(observation, single_action));
+      const std::vector<double> bound = bound_of_deviation(network, observation);
+      for (std::size_t j = 0; j < action.size(); ++j) {
+        const double deviation = std::abs(single_action[j] - action[j]);
+        constexpr double kDouble = 1e-12;  // the rounding of the other one
+        EXPECT_LE(deviation, bound[j] + kDouble);
+        largest = std::max(largest, deviation / (bound[j] + kDouble));
+        differs = differs || deviation > 1e-10;
+      }
+    }
+  }
+  EXPECT_TRUE(differs);  // so it was single precision
+  RecordProperty("largest_share_of_the_bound", std::to_string(largest));
+}
+
 TEST(Policy, StaysWithinItsBoundsHoweverLargeTheObservation) {
   Random random{.seed = 4};
-  for (int i = 0; i < 200; ++i) {
+  for (int i = 0; i < 400; ++i) {
     Network network = random_network(random);
     const auto width = network.layers.back().bias.size();
     const auto low = test::random_numbers<Eigen::VectorXd>(random, width, 1);
     const Eigen::VectorXd high = low.array() + random.uniform(0, 1);
     network.bounds = {
         .low = low, .high = high, .bounding = i % 2 == 0 ? Bounding::kScale : Bounding::kClip};
-    Policy policy(network);
+    Policy policy(network, i < 200 ? Precision::kDouble : Precision::kSingle);
     std::vector<double> action(policy.num_outputs());
     for (const double scale : {0.0, 1.0, 1e3, 1e30}) {
       std::vector<double> observation = random_observation(random, policy.num_inputs());
@@ -113,22 +183,25 @@ TEST(Policy, ReachesBothBoundsBySaturation) {
                               .activation = Activation::kTanh}},
                   .bounds = OutputBounds{.low = Eigen::VectorXd::Constant(1, -0.36),
                                          .high = Eigen::VectorXd::Constant(1, 0.2)}};
-  Policy policy(network);
-  std::vector<double> action(1);
-  ASSERT_TRUE(policy.evaluate(std::vector{1e9}, action));
-  EXPECT_EQ(action[0], 0.2);
-  ASSERT_TRUE(policy.evaluate(std::vector{-1e9}, action));
-  EXPECT_EQ(action[0], -0.36);
+  for (const Precision precision : {Precision::kDouble, Precision::kSingle}) {
+    Policy policy(network, precision);
+    std::vector<double> action(1);
+    ASSERT_TRUE(policy.evaluate(std::vector{1e9}, action));
+    EXPECT_EQ(action[0], 0.2);
+    ASSERT_TRUE(policy.evaluate(std::vector{-1e9}, action));
+    EXPECT_EQ(action[0], -0.36);
+  }
 }
 
 TEST(Policy, GivesNoActionWithoutAWholeObservation) {
   Network network = small_network();
-  for (const bool is_normalized : {false, true}) {
+  for (const int kind : {0, 1, 2, 3}) {
+    const bool is_normalized = kind / 2 == 1;
     if (is_normalized) {
       network.normalization = {.mean = Eigen::VectorXd::Zero(3),
                                .variance = Eigen::VectorXd::Ones(3)};
     }
-    Policy policy(network);
+    Policy policy(network, kind % 2 == 0 ? Precision::kDouble : Precision::kSingle);
     const std::vector<double> whole{1, 2, 3};
     for (std::size_t i = 0; i < whole.size(); ++i) {
       for (const double bad : {kNan, kInfinity, -kInfinity}) {
@@ -171,11 +244,13 @@ TEST(Policy, GivesNoActionWhereItsSumsOverflow) {
   network.layers.push_back({.weights = Eigen::MatrixXf{{1.0F, -1.0F}},
                             .bias = Eigen::VectorXf::Zero(1),
                             .activation = Activation::kTanh});
-  Policy policy(network);
-  std::vector<double> action{7};
-  EXPECT_FALSE(policy.evaluate(std::vector<double>{1e38, 1e38}, action));
-  EXPECT_THAT(action, testing::ElementsAre(7));
-  EXPECT_TRUE(policy.evaluate(std::vector<double>{-1, -1}, action));
+  for (const Precision precision : {Precision::kDouble, Precision::kSingle}) {
+    Policy policy(network, precision);
+    std::vector<double> action{7};
+    EXPECT_FALSE(policy.evaluate(std::vector<double>{1e38, 1e38}, action));
+    EXPECT_THAT(action, testing::ElementsAre(7));
+    EXPECT_TRUE(policy.evaluate(std::vector<double>{-0.1, -0.1}, action));
+  }
 }
 
 TEST(Policy, SharesNothingWithItsCopies) {

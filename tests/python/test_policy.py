@@ -89,6 +89,24 @@ def test_normalises_its_inputs_and_bounds_its_outputs(tmp_path: Path) -> None:
         np.testing.assert_allclose(policy(observation), expected, rtol=0, atol=3e-7)
 
 
+def test_sums_in_the_precision_that_was_asked_for(tmp_path: Path) -> None:
+    random = np.random.default_rng(4)
+    layers = random_layers(random, [36, 256, 256, 9])
+    policy_file.write(tmp_path / "a.policy", layers)
+    policy = trifinger.Policy(tmp_path / "a.policy")
+    single = trifinger.Policy(tmp_path / "a.policy", precision="single")
+    assert (policy.precision, single.precision) == ("double", "single")
+    assert trifinger.Policy.from_layers(layers, precision="single").precision == "single"
+    observations = random.normal(0, 3, (100, 36))
+    deviations = [np.abs(single(each) - policy(each)).max() for each in observations]
+    # The bound that follows from the network is tested in C++.
+    assert 1e-9 < max(deviations) < 2e-6
+    for name in ("half", "", "Single"):
+        said = f"precision is '{name}'.*'double'.*'single'"
+        with pytest.raises(trifinger.InvalidArgument, match=said):
+            trifinger.Policy(tmp_path / "a.policy", precision=name)
+
+
 def test_file_is_what_its_description_says(tmp_path: Path) -> None:
     random = np.random.default_rng(3)
     layers = random_layers(random, [3, 4, 2])
@@ -300,9 +318,10 @@ def test_does_not_import_what_trains() -> None:
 
 
 @pytest.mark.release
+@pytest.mark.parametrize("precision", ["double", "single"])
 @pytest.mark.parametrize("hidden", ["ReLU", "Tanh"])
 @pytest.mark.parametrize("widths", WIDTHS)
-def test_equals_pytorch(widths: list[int], hidden: str, tmp_path: Path) -> None:
+def test_equals_pytorch(widths: list[int], hidden: str, precision: str, tmp_path: Path) -> None:
     torch = pytest.importorskip("torch")
     torch.manual_seed(0)
     modules: list[Any] = []
@@ -312,7 +331,7 @@ def test_equals_pytorch(widths: list[int], hidden: str, tmp_path: Path) -> None:
     network = torch.nn.Sequential(*modules)
     path = tmp_path / "a.policy"
     policy_file.write(path, policy_file.layers_of(network))
-    policy = trifinger.Policy(path)
+    policy = trifinger.Policy(path, precision=precision)
     observations = np.random.default_rng(6).normal(0, 2, (1000, widths[0]))
     with torch.no_grad():
         expected = network(torch.as_tensor(observations, dtype=torch.float32)).numpy()

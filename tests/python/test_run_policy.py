@@ -37,21 +37,30 @@ def run(*words: object, robot: str = "p") -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.parametrize(
-    ("task", "robot", "settings", "options", "sharing"),
+    ("task", "robot", "settings", "options", "sharing", "precision"),
     [
-        ("reach", "trifinger_edu", [], {}, 1),
-        ("reach", "trifinger_edu", [], {"per_finger": True}, 3),
-        ("reach", "trifinger_edu", [], {"mapping": "state_augmentation", "action": "torque"}, 1),
-        ("finger_reach", "trifinger_edu", ["robot.arrangement=finger"], {}, 1),
-        ("push", "sim", [], {"duration": 1.0, "position_noise": 1e-3}, 1),
+        ("reach", "trifinger_edu", [], {}, 1, "double"),
+        ("reach", "trifinger_edu", [], {}, 1, "single"),
+        ("reach", "trifinger_edu", [], {"per_finger": True}, 3, "double"),
+        (
+            "reach",
+            "trifinger_edu",
+            [],
+            {"mapping": "state_augmentation", "action": "torque"},
+            1,
+            "double",
+        ),
+        ("finger_reach", "trifinger_edu", ["robot.arrangement=finger"], {}, 1, "double"),
+        ("push", "sim", [], {"duration": 1.0, "position_noise": 1e-3}, 1, "double"),
     ],
-    ids=["joint", "shared", "augmented", "finger", "push"],
+    ids=["joint", "single precision", "shared", "augmented", "finger", "push"],
 )
 def test_does_what_the_environment_does_to_the_last_bit(
-    start_program: StartProgram, tmp_path: Path, task, robot, settings, options, sharing
+    start_program: StartProgram, tmp_path: Path, task, robot, settings, options, sharing, precision
 ) -> None:
     chosen = Options.of(task, **options)
-    policy = write_policy(tmp_path / "p.policy", task, chosen, sharing)
+    write_policy(tmp_path / "p.policy", task, chosen, sharing)
+    policy = trifinger.Policy(tmp_path / "p.policy", precision=precision)
     words = [word for setting in settings for word in ("--set", setting)]
     start_program("run", robot, "--name", "p", "--non-real-time", *words).wait_for(
         "waits for a user"
@@ -73,9 +82,8 @@ def test_does_what_the_environment_does_to_the_last_bit(
         ended = terminated or truncated
     environment.close()
 
-    done = run(
-        tmp_path / "p.policy", "--episodes", 1, "--first", 5, "--seed", 2, "--json", tmp_path / "j"
-    )
+    words = ["--episodes", 1, "--first", 5, "--seed", 2, "--precision", precision]
+    done = run(tmp_path / "p.policy", *words, "--json", tmp_path / "j")
     assert done.returncode == 0, done.stdout + done.stderr
     (report,) = json.loads((tmp_path / "j").read_text())
     assert report["total_reward"] == total

@@ -62,18 +62,24 @@ struct Network {
   std::map<std::string, std::string> metadata{};
 };
 
+/// What a policy computes its sums in.
+enum class Precision : std::uint8_t {
+  kDouble,  ///< The actions are those that PyTorch would give if it did not round.
+  kSingle,  ///< About half the time. It rounds as often as PyTorch, but sums in another order.
+};
+
 /// A trained policy: actions from observations, without Python.
 ///
-/// Sums are double precision, so the actions are those that PyTorch would give if it did not round.
 /// Not for several threads at once: make a copy for each.
 class Policy {
  public:
   /// @throws InvalidArgument if sizes do not fit together or a number is not finite.
-  explicit Policy(Network network);
+  explicit Policy(Network network, Precision precision = Precision::kDouble);
 
   /// Reads the file at `path`, which may come from anywhere.
   /// @throws PolicyFileError, SystemError if it cannot be read.
-  [[nodiscard]] static Policy load(const std::filesystem::path& path);
+  [[nodiscard]] static Policy load(const std::filesystem::path& path,
+                                   Precision precision = Precision::kDouble);
 
   /// Writes the file at `path`, in one step: what was there is whole until the new one is.
   /// @throws InvalidArgument if the metadata are no text in UTF-8 or too long, SystemError.
@@ -87,14 +93,27 @@ class Policy {
   [[nodiscard]] std::size_t num_inputs() const noexcept;
   [[nodiscard]] std::size_t num_outputs() const noexcept;
   [[nodiscard]] const Network& network() const noexcept { return network_; }
+  [[nodiscard]] Precision precision() const noexcept { return precision_; }
 
  private:
-  [[nodiscard]] bool take_input(std::span<const double> observation, double* input) const noexcept;
-  void give_output(const double* output, std::span<double> action) const noexcept;
+  /// Before and after a layer, in turn.
+  template <class Number>
+  using Activities = std::array<Eigen::Vector<Number, Eigen::Dynamic>, 2>;
+
+  template <class Number>
+  [[nodiscard]] bool evaluate_in(Activities<Number>& activities,
+                                 std::span<const double> observation,
+                                 std::span<double> action) const noexcept;
+  template <class Number>
+  [[nodiscard]] bool take_input(std::span<const double> observation, Number* input) const noexcept;
+  template <class Number>
+  void give_output(const Number* output, std::span<double> action) const noexcept;
 
   Network network_;
-  Eigen::VectorXd input_scale_;                ///< 1 / sqrt(variance + epsilon)
-  std::array<Eigen::VectorXd, 2> activities_;  ///< Before and after a layer, in turn.
+  Precision precision_;
+  Eigen::VectorXd input_scale_;          ///< 1 / sqrt(variance + epsilon)
+  Activities<double> activities_;        ///< Where the precision is double.
+  Activities<float> single_activities_;  ///< Where it is single.
 };
 
 }  // namespace trifinger::learning
