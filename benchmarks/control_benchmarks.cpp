@@ -134,7 +134,7 @@ double processor_microseconds() {
 
 }  // namespace
 
-std::vector<Row> control_rows(const Effort& effort) {
+std::vector<Row> control_cycle(const Effort& effort) {
   const Recording recording = record_lift();
   Bare bare;
   Samples slowest;
@@ -178,7 +178,7 @@ std::vector<Row> control_rows(const Effort& effort) {
                      paired.measure.median() <= 15.0 && allocations == 0 && std::isfinite(sum));
   row.remark =
       fmt::format("{} allocations, {} % of the wrenches exact", allocations, 100 * exact / cycles);
-  return {row, make_row("the same: p99.9, processor time", "us", slowest, "<= 40 us",
+  return {row, make_row("control cycle: p99.9, processor time", "us", slowest, "<= 40 us",
                         slowest.median() <= 40.0)};
 }
 

@@ -12,7 +12,6 @@
 #include <thread>
 
 #include "harness.hpp"
-#include "support/soak.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/fake_robot.hpp"
@@ -24,9 +23,6 @@ namespace trifinger::benchmarks {
 namespace {
 
 constexpr Nanoseconds kSearch = std::chrono::seconds(20);  // a wait of a process that starts
-// Names of robots.
-constexpr const char* kDetection = "benchmark-detection";
-constexpr const char* kKills = "benchmark-kills";
 // Whoever stands still for so long hangs.
 constexpr Nanoseconds kHang = std::chrono::seconds(20);
 
@@ -131,87 +127,8 @@ KilledController kill_controller(const std::string& name, const Child& backend, 
 Instant time_of(const Status& status) { return Instant(Nanoseconds(status.time)); }
 Instant deadline_of(const Status& status) { return time_of(status) - Nanoseconds(status.lateness); }
 
-// The robot goes on with what the controller had appended, so the first tick that can notice the
-// death is that of the first missing action.
-Row dead_user_row(int kills) {
-  const std::string name = kDetection;
-  const Child backend([&] { run_backend(name, at_one_kilohertz(0)); });
-  Dice random;
-  Samples from_last_action;  // [periods]
-  Samples from_kill;         // [ms]
-  bool holds = true;
-  test::ProgressLine progress(kills);
-  for (int counted = 0; counted < kills;) {
-    progress.update(counted);
-    const KilledController killed = kill_controller(name, backend, random);
-    // On a busy machine a controller may be late by itself, which says nothing.
-    if (killed.time != Instant{} && time_of(killed.end) >= killed.time) {
-      const Nanoseconds time = time_of(killed.end) - std::max(killed.time, time_of(killed.last));
-      ++counted;
-      from_last_action.add(milliseconds(time) / milliseconds(kPeriod));
-      from_kill.add(milliseconds(time_of(killed.end) - killed.time));
-      // A tick that is late by itself has a figure of its own.
-      const Instant since = std::max(killed.time, deadline_of(killed.last));
-      holds = holds && deadline_of(killed.end) - since <= kPeriod * (1 + killed.end.skipped_ticks);
-    }
-    recover(name);
-  }
-  return make_row(
-      "dead user: from the kill, or its last action, to the tick that stops the robot", "periods",
-      from_last_action, "<= 1 period + the tick's lateness", holds,
-      fmt::format("{} kills; from the kill, with an action that was still queued: median "
-                  "{:.3g} ms, 95 % {:.3g} ms",
-                  kills, from_kill.median(), from_kill.quantile(0.95)));
-}
-
-// The same where missing actions may be repeated: a watchdog finds the lock of the controller free.
-Row dead_user_with_repeats_row(int kills) {
-  const std::string name = kDetection;
-  const Child backend([&] { run_backend(name, at_one_kilohertz(1'000'000)); });
-  Dice random;
-  Samples samples;  // [ms]
-  test::ProgressLine progress(kills);
-  for (int counted = 0; counted < kills;) {
-    progress.update(counted);
-    const KilledController killed = kill_controller(name, backend, random);
-    if (killed.time == Instant{}) continue;  // ended before the kill
-    ++counted;
-    samples.add(milliseconds(time_of(killed.end) - killed.time));
-  }
-  return make_row("dead user whose actions may be repeated: kill to the end of the session", "ms",
-                  samples, "95 % <= 25 ms", samples.quantile(0.95) <= 25.0,
-                  fmt::format("{} kills; the watchdog looks every 20 ms; 95 % {:.3g} ms", kills,
-                              samples.quantile(0.95)));
-}
-
-Row dead_backend_row(int kills) {
-  const std::string name = kDetection;
-  Dice random;
-  Samples samples;  // [ms]
-  test::ProgressLine progress(kills);
-  for (int i = 0; i < kills; ++i) {
-    progress.update(i);
-    auto backend = std::make_unique<Child>([&] { run_backend(name, at_one_kilohertz(0)); });
-    const Frontend<FakeRobot> robot = find(name, *backend);
-    static_cast<void>(robot.latest_observation(kSearch));
-    Instant killed{};
-    std::thread killer([&] {
-      random.dawdle(std::chrono::milliseconds(150));
-      killed = now();
-      backend.reset();
-    });
-    Instant noticed{};
-    try {
-      static_cast<void>(robot.get_observation(0, kHang));
-    } catch (const RobotStopped&) {
-      noticed = now();
-    }
-    killer.join();
-    samples.add(milliseconds(noticed - killed));
-  }
-  return make_row("dead back-end: kill to the error of a user who waits", "ms", samples,
-                  "<= 200 ms", samples.quantile(1.0) <= 200.0, fmt::format("{} kills", kills));
-}
+// Of one kind: each takes a while.
+int deaths(const Effort& effort) { return std::max(4, effort.kills / 5); }
 
 // --- Kills of any process ---
 
@@ -382,7 +299,7 @@ class FourProcesses {
     }
   }
 
-  std::string name_{kKills};
+  std::string name_{"benchmark-kills"};
   TemporaryFolder logs_;
   Shared<Work> work_;
   Dice random_;
@@ -392,15 +309,98 @@ class FourProcesses {
   int kills_{0};
 };
 
-std::vector<Row> kill_rows(int kills) {
+}  // namespace
+
+// The robot goes on with what the controller had appended, so the first tick that can notice the
+// death is that of the first missing action.
+std::vector<Row> dead_user(const Effort& effort) {
+  const int kills = deaths(effort);
+  const std::string name = "benchmark-detection";
+  const Child backend([&] { run_backend(name, at_one_kilohertz(0)); });
+  Dice random;
+  Samples from_last_action;  // [periods]
+  Samples from_kill;         // [ms]
+  bool holds = true;
+  for (int counted = 0; counted < kills;) {
+    report_progress(counted, kills);
+    const KilledController killed = kill_controller(name, backend, random);
+    // On a busy machine a controller may be late by itself, which says nothing.
+    if (killed.time != Instant{} && time_of(killed.end) >= killed.time) {
+      const Nanoseconds time = time_of(killed.end) - std::max(killed.time, time_of(killed.last));
+      ++counted;
+      from_last_action.add(milliseconds(time) / milliseconds(kPeriod));
+      from_kill.add(milliseconds(time_of(killed.end) - killed.time));
+      // A tick that is late by itself has a figure of its own.
+      const Instant since = std::max(killed.time, deadline_of(killed.last));
+      holds = holds && deadline_of(killed.end) - since <= kPeriod * (1 + killed.end.skipped_ticks);
+    }
+    recover(name);
+  }
+  return {
+      make_row("dead user: from the kill, or its last action, to the tick that stops the robot",
+               "periods", from_last_action, "<= 1 period + the tick's lateness", holds,
+               fmt::format("{} kills; from the kill, with an action that was still queued: median "
+                           "{:.3g} ms, 95 % {:.3g} ms",
+                           kills, from_kill.median(), from_kill.quantile(0.95)))};
+}
+
+// The same where missing actions may be repeated: a watchdog finds the lock of the controller free.
+std::vector<Row> dead_user_with_repeats(const Effort& effort) {
+  const int kills = deaths(effort);
+  const std::string name = "benchmark-detection";
+  const Child backend([&] { run_backend(name, at_one_kilohertz(1'000'000)); });
+  Dice random;
+  Samples samples;  // [ms]
+  for (int counted = 0; counted < kills;) {
+    report_progress(counted, kills);
+    const KilledController killed = kill_controller(name, backend, random);
+    if (killed.time == Instant{}) continue;  // ended before the kill
+    ++counted;
+    samples.add(milliseconds(time_of(killed.end) - killed.time));
+  }
+  return {make_row("dead user whose actions may be repeated: kill to the end of the session", "ms",
+                   samples, "95 % <= 25 ms", samples.quantile(0.95) <= 25.0,
+                   fmt::format("{} kills; the watchdog looks every 20 ms; 95 % {:.3g} ms", kills,
+                               samples.quantile(0.95)))};
+}
+
+std::vector<Row> dead_backend(const Effort& effort) {
+  const int kills = deaths(effort);
+  const std::string name = "benchmark-detection";
+  Dice random;
+  Samples samples;  // [ms]
+  for (int i = 0; i < kills; ++i) {
+    report_progress(i, kills);
+    auto backend = std::make_unique<Child>([&] { run_backend(name, at_one_kilohertz(0)); });
+    const Frontend<FakeRobot> robot = find(name, *backend);
+    static_cast<void>(robot.latest_observation(kSearch));
+    Instant killed{};
+    std::thread killer([&] {
+      random.dawdle(std::chrono::milliseconds(150));
+      killed = now();
+      backend.reset();
+    });
+    Instant noticed{};
+    try {
+      static_cast<void>(robot.get_observation(0, kHang));
+    } catch (const RobotStopped&) {
+      noticed = now();
+    }
+    killer.join();
+    samples.add(milliseconds(noticed - killed));
+  }
+  return {make_row("dead back-end: kill to the error of a user who waits", "ms", samples,
+                   "<= 200 ms", samples.quantile(1.0) <= 200.0, fmt::format("{} kills", kills))};
+}
+
+std::vector<Row> kills(const Effort& effort) {
   FourProcesses robot;
   int hangs = 0;
   std::string remark;
   try {
     robot.start();
-    test::ProgressLine progress(kills);
-    while (robot.kills() < kills) {
-      progress.update(robot.kills());
+    while (robot.kills() < effort.kills) {
+      report_progress(robot.kills(), effort.kills);
       robot.kill_one();
     }
     robot.end();
@@ -416,6 +416,7 @@ std::vector<Row> kill_rows(int kills) {
                .high = number,
                .unit = {},
                .reference = std::move(reference),
+               .reference_value = {},
                .ratio = {},
                .reach = "0",
                .holds = value == 0,
@@ -426,24 +427,6 @@ std::vector<Row> kill_rows(int kills) {
   return {count("random kills: processes that hang", hangs,
                 "the original stack hangs in 20 of 20 kills of a user"),
           count("random kills: committed steps that are lost", robot.lost(), {})};
-}
-
-}  // namespace
-
-std::vector<Row> fault_rows(const Effort& effort) {
-  // Whoever takes a name removes what the dead have left under it, be it of another version.
-  const auto clean = [] {
-    for (const char* const name : {kDetection, kKills}) {
-      const SessionHost host = SessionHost::named(name);
-    }
-  };
-  clean();
-  const int deaths = std::max(4, effort.kills / 5);
-  std::vector<Row> rows{dead_user_row(deaths), dead_user_with_repeats_row(deaths),
-                        dead_backend_row(deaths)};
-  for (Row& row : kill_rows(effort.kills)) rows.push_back(std::move(row));
-  clean();
-  return rows;
 }
 
 }  // namespace trifinger::benchmarks

@@ -5,13 +5,17 @@
 #include <sched.h>
 #include <signal.h>
 #include <sys/mman.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
+#include <cstdio>
 #include <cstdlib>
+#include <fstream>
 
 #include "trifinger/base/error.hpp"
 
@@ -25,6 +29,28 @@ std::string quoted(const std::string& text) {
     result += character;
   }
   return result + "\"";
+}
+
+// A whole line at once: another process reads it.
+void report(const std::string& object) {
+  fmt::print("{}\n", object);
+  static_cast<void>(std::fflush(stdout));
+}
+
+std::string or_null(const std::optional<double>& value) {
+  return value ? fmt::format("{:.6g}", *value) : "null";
+}
+
+// What /proc says of this process, as in "Cpus_allowed_list".
+std::string status_of(const std::string& name) {
+  std::ifstream file("/proc/self/status");
+  std::string word;
+  while (file >> word) {
+    if (word != name + ":") continue;
+    file >> word;
+    return word;
+  }
+  throw Error("/proc/self/status has no " + name);
 }
 
 }  // namespace
@@ -44,6 +70,7 @@ Paired alternate(int rounds, const std::function<double()>& measure,
   static_cast<void>(measure());
   static_cast<void>(reference());
   for (int i = 0; i < rounds; ++i) {
+    report_progress(i, rounds);
     const double a = measure();
     const double b = reference();
     paired.measure.add(a);
@@ -61,6 +88,7 @@ Row make_row(std::string measure, std::string unit, const Samples& samples, std:
           .high = samples.quantile(1.0),
           .unit = std::move(unit),
           .reference = {},
+          .reference_value = {},
           .ratio = {},
           .reach = std::move(reach),
           .holds = holds,
@@ -70,7 +98,8 @@ Row make_row(std::string measure, std::string unit, const Samples& samples, std:
 Row make_row(std::string measure, std::string unit, const Paired& paired, std::string reference,
              std::string reach, bool holds) {
   Row row = make_row(std::move(measure), std::move(unit), paired.measure, std::move(reach), holds);
-  row.reference = fmt::format("{} ({:.4g} {})", reference, paired.reference.median(), row.unit);
+  row.reference = std::move(reference);
+  row.reference_value = paired.reference.median();
   row.ratio = paired.ratio.median();
   return row;
 }
@@ -87,19 +116,35 @@ TemporaryFolder::~TemporaryFolder() {
   std::filesystem::remove_all(path_, ignored);
 }
 
-std::string to_json(const std::vector<Row>& rows) {
-  std::string text = "[";
-  for (const Row& row : rows) {
-    text += fmt::format(
-        "{}\n  {{\"measure\": {}, \"value\": {:.6g}, \"low\": {:.6g}, \"high\": {:.6g}, \"unit\": "
-        "{}, "
-        "\"reference\": {}, \"ratio\": {}, \"reach\": {}, \"holds\": {}, \"remark\": {}}}",
-        text.size() > 1 ? "," : "", quoted(row.measure), row.value, row.low, row.high,
-        quoted(row.unit), row.reference.empty() ? "null" : quoted(row.reference),
-        row.ratio ? fmt::format("{:.4g}", *row.ratio) : "null", quoted(row.reach),
-        row.holds ? "true" : "false", quoted(row.remark));
-  }
-  return text + "\n]\n";
+void report_process() {
+  report(fmt::format(
+      "{{\"process\": {{\"processors\": {}, \"scheduler\": {}, \"priority\": {}, \"nice\": {}, "
+      "\"locked\": {}}}}}",
+      quoted(status_of("Cpus_allowed_list")), ::sched_getscheduler(0),
+      [] {
+        sched_param parameters{};
+        ::sched_getparam(0, &parameters);
+        return parameters.sched_priority;
+      }(),
+      ::getpriority(PRIO_PROCESS, 0), status_of("VmLck")));
+}
+
+void report_progress(std::int64_t done, std::int64_t total) {
+  static Clock::time_point next;
+  const auto now = Clock::now();
+  if (now < next) return;
+  next = now + std::chrono::milliseconds(500);
+  report(fmt::format("{{\"done\": {}, \"total\": {}}}", done, total));
+}
+
+void report_row(const Row& row) {
+  report(fmt::format(
+      "{{\"row\": {{\"measure\": {}, \"value\": {:.6g}, \"low\": {:.6g}, \"high\": {:.6g}, "
+      "\"unit\": {}, \"reference\": {}, \"reference_value\": {}, \"ratio\": {}, \"reach\": {}, "
+      "\"holds\": {}, \"remark\": {}}}}}",
+      quoted(row.measure), row.value, row.low, row.high, quoted(row.unit),
+      row.reference.empty() ? "null" : quoted(row.reference), or_null(row.reference_value),
+      or_null(row.ratio), quoted(row.reach), row.holds ? "true" : "false", quoted(row.remark)));
 }
 
 bool pin(int cpu) {
@@ -113,6 +158,7 @@ Child::Child(const std::function<void()>& body, int end_signal)
     : pid_(::fork()), end_signal_(end_signal) {
   if (pid_ < 0) throw SystemError("fork", errno);
   if (pid_ != 0) return;
+  ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   try {
     body();
   } catch (const std::exception& error) {

@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <csignal>
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <optional>
@@ -45,12 +46,17 @@ struct Row {
   double low{0.0};    ///< Smallest and largest of the rounds.
   double high{0.0};
   std::string unit;
-  std::string reference;        ///< What was measured beside it; empty for nothing.
+  std::string reference;                  ///< What was measured beside it; empty for nothing.
+  std::optional<double> reference_value;  ///< In the same unit, median.
   std::optional<double> ratio;  ///< Of the measure to its reference, median of the rounds.
-  std::string reach;            ///< In words, as in "<= 80 ns".
-  bool holds{false};
+  std::string reach;            ///< In words, as in "<= 80 ns"; empty for none.
+  bool holds{true};
   std::string remark;
 };
+
+/// Tells `./run bench` how far the measure is, twice a second at most: whoever shows it takes a
+/// processor for that.
+void report_progress(std::int64_t done, std::int64_t total);
 
 /// Measures both sides in turn, so that both see the same machine. Returns samples of each and of
 /// their ratio.
@@ -68,8 +74,11 @@ struct Paired {
 [[nodiscard]] Row make_row(std::string measure, std::string unit, const Paired& paired,
                            std::string reference, std::string reach, bool holds);
 
-/// The rows as a JSON list.
-[[nodiscard]] std::string to_json(const std::vector<Row>& rows);
+/// Tells `./run bench` what was measured.
+void report_row(const Row& row);
+
+/// Tells `./run bench` what this process may use of the machine.
+void report_process();
 
 /// Keeps the calling thread on one processor. False if there is no such processor.
 bool pin(int cpu);
@@ -89,7 +98,7 @@ class TemporaryFolder {
 };
 
 /// A child process that runs `body` and exits; sent a signal and awaited at the end of its life
-/// here.
+/// here. Killed if this thread ends without that.
 class Child {
  public:
   explicit Child(const std::function<void()>& body, int end_signal = SIGKILL);
@@ -127,13 +136,16 @@ struct Effort {
   double hold_time;    ///< Of the lifted cube [s].
 };
 
-[[nodiscard]] std::vector<Row> control_rows(const Effort& effort);
-[[nodiscard]] std::vector<Row> lift_rows(const Effort& effort);
-[[nodiscard]] std::vector<Row> core_rows(const Effort& effort);
-[[nodiscard]] std::vector<Row> realtime_rows(const Effort& effort);
-[[nodiscard]] std::vector<Row> simulation_rows(const Effort& effort);
-[[nodiscard]] std::vector<Row> learning_rows(const Effort& effort);
-[[nodiscard]] std::vector<Row> log_rows(const Effort& effort);
-[[nodiscard]] std::vector<Row> fault_rows(const Effort& effort);
+/// What a process of its own measures. It may pin itself, become real-time and lock its memory: all
+/// that ends with it.
+using Measure = std::vector<Row>(const Effort& effort);
+
+Measure lateness, lateness_beside_hogs, lift;
+Measure append, wake, loop, inline_loop;
+Measure safety_chain, simulation, control_cycle;
+Measure policy, single_precision_policy;
+Measure vector_environment_1_thread, vector_environment_2_threads, environment;
+Measure log_files, recorded_simulation;
+Measure dead_user, dead_user_with_repeats, dead_backend, kills;
 
 }  // namespace trifinger::benchmarks

@@ -53,10 +53,60 @@ Network network() {
   return network;
 }
 
+Row policy_row(const Effort& effort, Precision precision) {
+  const Network made_of = network();
+  Policy policy(made_of, precision);
+  Random random{.seed = 2};
+  std::vector<double> observation(policy.num_inputs());
+  std::vector<double> action(policy.num_outputs());
+  std::size_t allocations = 0;
+  double sum = 0;  // Looked at, so that no compiler leaves out what made it.
+  bool is_done = true;
+  const auto inference = [&] {
+    Samples times;
+    for (int i = 0; i < kCalls; ++i) {
+      for (double& number : observation) number = random.normal();
+      const test::AllocationCounter counter;
+      const auto begin = Clock::now();
+      is_done = policy.evaluate(observation, action) && is_done;
+      const auto end = Clock::now();
+      allocations += counter.count();
+      times.add(microseconds(end - begin));
+      sum += action[0];
+    }
+    return times.median();
+  };
+  // Neither double precision, nor activations, nor any other work on the numbers.
+  std::array<Eigen::VectorXf, kWidths.size()> values;
+  for (std::size_t i = 0; i < kWidths.size(); ++i) values[i].setZero(kWidths[i]);
+  const auto products = [&] {
+    Samples times;
+    for (int i = 0; i < kCalls; ++i) {
+      for (float& number : values[0]) number = static_cast<float>(random.normal());
+      const auto begin = Clock::now();
+      for (std::size_t k = 0; k < made_of.layers.size(); ++k) {
+        values[k + 1].noalias() = made_of.layers[k].weights * values[k];
+      }
+      times.add(microseconds(Clock::now() - begin));
+      sum += static_cast<double>(values.back()[0]);
+    }
+    return times.median();
+  };
+  const Paired paired = alternate(effort.rounds, inference, products);
+  const bool is_single = precision == Precision::kSingle;
+  const bool is_fast = is_single ? paired.ratio.median() <= 1.6 : paired.measure.median() <= 20.0;
+  Row row = make_row(fmt::format("C++ policy inference, 2 x 256 MLP, {} precision: p50",
+                                 is_single ? "single" : "double"),
+                     "us", paired, "bare Eigen products of the same matrices, single precision",
+                     is_single ? "<= 1.6x, 0 allocations" : "<= 20 us, 0 allocations",
+                     is_fast && allocations == 0 && is_done && std::isfinite(sum));
+  row.remark = fmt::format("{} allocations", allocations);
+  return row;
+}
+
 // ---- environments ----
 
 constexpr int kSimulations = 64;
-constexpr int kThreads = 2;
 constexpr int kActions = 100;  // An episode.
 
 SimulationOptions<TriFinger> without_objects() {
@@ -83,12 +133,12 @@ std::vector<std::vector<float>> wandering(std::size_t count) {
 // each, and nothing else.
 class DirectSteps {
  public:
-  DirectSteps()
+  explicit DirectSteps(int threads)
       : environment_("reach", learning::default_options("reach"), model_.description()),
         runs_(kSimulations) {
     mjBatchConfig config;
     mjb_defaultConfig(&config);
-    config.nthread = kThreads;
+    config.nthread = threads;
     batch_.reset(mjb_makeBatch(model_.mujoco(), kSimulations, &config, nullptr, 0));
   }
 
@@ -164,11 +214,11 @@ double steps_per_second(const Step& step) {
   return static_cast<double>(kSimulations) * kActions / time;
 }
 
-Row vector_row(const Effort& effort) {
+Row vector_row(const Effort& effort, int threads) {
   learning::EnvironmentBatch batch("reach", learning::default_options("reach"), without_objects(),
-                                   kSimulations, kThreads);
+                                   kSimulations, threads);
   for (std::size_t i = 0; i < kSimulations; ++i) batch.seed(i, i);
-  DirectSteps direct;
+  DirectSteps direct(threads);
   const auto actions = wandering(std::size_t{kSimulations} * TriFinger::kJoints);
   Samples bare_ratios;
   double environments = 0.0;
@@ -186,29 +236,46 @@ Row vector_row(const Effort& effort) {
     return steps;
   };
   const Paired paired = alternate(effort.rounds, environment, direct_steps);
-  Row row = make_row("vector environment, 64 x reach at 50 Hz, 2 threads", "actions/s", paired,
-                     "the same steps with safety chain and motors alone, in C++", ">= 0.9x",
-                     paired.ratio.median() >= 0.9);
+  Row row =
+      make_row(fmt::format("vector environment, {} x reach at 50 Hz, {} thread{}", kSimulations,
+                           threads, threads == 1 ? "" : "s"),
+               "actions/s", paired, "the same steps with safety chain and motors alone, in C++",
+               ">= 0.9x", paired.ratio.median() >= 0.9);
   row.remark = fmt::format("20 steps per action; {:.2f}x of bare mjb_step, whose fingers fall",
                            bare_ratios.median());
   return row;
 }
 
+}  // namespace
+
+std::vector<Row> policy(const Effort& effort) { return {policy_row(effort, Precision::kDouble)}; }
+std::vector<Row> single_precision_policy(const Effort& effort) {
+  return {policy_row(effort, Precision::kSingle)};
+}
+
+std::vector<Row> vector_environment_1_thread(const Effort& effort) {
+  return {vector_row(effort, 1)};
+}
+std::vector<Row> vector_environment_2_threads(const Effort& effort) {
+  return {vector_row(effort, 2)};
+}
+
 // What `trifinger.environments.Environment` does, in C++.
-Row single_row(const Effort& effort) {
-  const learning::Environment environment("reach", learning::default_options("reach"),
-                                          without_objects().description);
+std::vector<Row> environment(const Effort& effort) {
+  const learning::Environment task("reach", learning::default_options("reach"),
+                                   without_objects().description);
   const Simulation<TriFinger> simulation(without_objects(), {.history = 1024});
   const auto actions = wandering(TriFinger::kJoints);
-  std::vector<float> observation(environment.observation_size());
-  std::vector<double> achieved(environment.goal_size());
-  std::vector<double> desired(environment.goal_size());
+  std::vector<float> observation(task.observation_size());
+  std::vector<double> achieved(task.goal_size());
+  std::vector<double> desired(task.goal_size());
   std::array<TriFinger::Action, 20> burst{};
   Samples samples;
   double sum = 0.0;
   for (int round = 0; round < effort.rounds; ++round) {
+    report_progress(round, effort.rounds);
     learning::Episode episode;
-    const learning::Start start = environment.begin(0, 0, episode);
+    const learning::Start start = task.begin(0, 0, episode);
     JointVector<TriFinger::kJoints> position{};
     std::copy_n(start.position.begin(), position.size(), position.begin());
     simulation.robot().reset(position, start.random);
@@ -216,70 +283,19 @@ Row single_row(const Effort& effort) {
     TimeIndex t = robot.append_desired_action(hold_position(robot.latest_observation()));
     const auto begin = Clock::now();
     for (const std::vector<float>& action : actions) {
-      (void)environment.take_action(action, episode, burst[0].torque, burst[0].position);
+      (void)task.take_action(action, episode, burst[0].torque, burst[0].position);
       burst.fill(burst[0]);
       t = robot.append_desired_actions(burst);
       const auto y = robot.get_observation(t);
-      sum += environment
-                 .observe({.position = y.position, .velocity = y.velocity}, episode, observation,
+      sum += task.observe({.position = y.position, .velocity = y.velocity}, episode, observation,
                           achieved, desired)
                  .reward;
     }
     samples.add(kActions / std::chrono::duration<double>(Clock::now() - begin).count());
     robot.finish();
   }
-  return make_row("environment, reach at 50 Hz, C++", "actions/s", samples, "none",
-                  std::isfinite(sum));
-}
-
-}  // namespace
-
-std::vector<Row> learning_rows(const Effort& effort) {
-  const Network made_of = network();
-  Policy policy(made_of);
-  Random random{.seed = 2};
-  std::vector<double> observation(policy.num_inputs());
-  std::vector<double> action(policy.num_outputs());
-  std::size_t allocations = 0;
-  double sum = 0;  // Looked at, so that no compiler leaves out what made it.
-  bool is_done = true;
-  const auto inference = [&] {
-    Samples times;
-    for (int i = 0; i < kCalls; ++i) {
-      for (double& number : observation) number = random.normal();
-      const test::AllocationCounter counter;
-      const auto begin = Clock::now();
-      is_done = policy.evaluate(observation, action) && is_done;
-      const auto end = Clock::now();
-      allocations += counter.count();
-      times.add(microseconds(end - begin));
-      sum += action[0];
-    }
-    return times.median();
-  };
-  // Neither double precision, nor activations, nor any other work on the numbers.
-  std::array<Eigen::VectorXf, kWidths.size()> values;
-  for (std::size_t i = 0; i < kWidths.size(); ++i) values[i].setZero(kWidths[i]);
-  const auto products = [&] {
-    Samples times;
-    for (int i = 0; i < kCalls; ++i) {
-      for (float& number : values[0]) number = static_cast<float>(random.normal());
-      const auto begin = Clock::now();
-      for (std::size_t k = 0; k < made_of.layers.size(); ++k) {
-        values[k + 1].noalias() = made_of.layers[k].weights * values[k];
-      }
-      times.add(microseconds(Clock::now() - begin));
-      sum += static_cast<double>(values.back()[0]);
-    }
-    return times.median();
-  };
-  const Paired paired = alternate(effort.rounds, inference, products);
-  Row row = make_row(
-      "C++ policy inference, 2 x 256 MLP: p50", "us", paired,
-      "bare Eigen products of the same matrices, single precision", "<= 20 us, 0 allocations",
-      paired.measure.median() <= 20.0 && allocations == 0 && is_done && std::isfinite(sum));
-  row.remark = fmt::format("{} allocations", allocations);
-  return {row, vector_row(effort), single_row(effort)};
+  return {
+      make_row("environment, reach at 50 Hz, C++", "actions/s", samples, {}, std::isfinite(sum))};
 }
 
 }  // namespace trifinger::benchmarks

@@ -9,6 +9,7 @@
 #include <bit>
 #include <cerrno>
 #include <chrono>
+#include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <optional>
@@ -124,10 +125,12 @@ std::string text_of(const LatenessHistogram& times) {
 }
 
 // All statuses of a session, from its first step to its end.
-std::vector<Status> statuses_of(const Frontend<TriFinger>& robot) {
+std::vector<Status> statuses_of(const Frontend<TriFinger>& robot, double hold_time) {
   std::vector<Status> statuses;
   for (bool has_ended = false; !has_ended;) {
     constexpr TimeIndex kAtOnce = 100;  // so as to be woken rarely
+    constexpr double kWayTime = 10.0;   // there and back [s]
+    report_progress(std::ssize(statuses) / 1000, std::llround(hold_time + kWayTime));
     const auto next = static_cast<TimeIndex>(statuses.size());
     try {
       robot.wait_until_time_index(next + kAtOnce);
@@ -142,7 +145,7 @@ std::vector<Status> statuses_of(const Frontend<TriFinger>& robot) {
 
 }  // namespace
 
-std::vector<Row> lift_rows(const Effort& effort) {
+std::vector<Row> lift(const Effort& effort) {
   const std::string name = fmt::format("benchmark-{}", ::getpid());
   const TemporaryFolder folder;
 
@@ -164,7 +167,7 @@ std::vector<Row> lift_rows(const Effort& effort) {
   const Child controller =
       start(kControllerCpu, {"trifinger", "manipulate", "lift", "--robot", name, "--output",
                              folder.path(), "--set", hold_time});
-  const std::vector<Status> statuses = statuses_of(*robot);
+  const std::vector<Status> statuses = statuses_of(*robot, effort.hold_time);
   beside_backend.stop();
   beside_controller.stop();
 

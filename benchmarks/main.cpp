@@ -1,66 +1,76 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Measures the figures of the C++ side, each beside its reference, and prints them as JSON. `./run
-// bench` calls it.
+// The measures of the C++ side. `./run bench` starts this once for each of them, and reads JSON, an
+// object on each line: what the process may use of the machine, how far it is, its rows.
 #include <fmt/format.h>
+#include <sys/prctl.h>
 
 #include <algorithm>
 #include <array>
+#include <csignal>
 #include <cstdlib>
 #include <exception>
+#include <span>
 #include <string_view>
-#include <utility>
-#include <vector>
 
 #include "harness.hpp"
 
 namespace {
 
-using trifinger::benchmarks::Effort;
-using trifinger::benchmarks::Row;
+namespace benchmarks = trifinger::benchmarks;
 
-struct Part {
+struct NamedMeasure {
   std::string_view name;
-  std::vector<Row> (*rows)(const Effort& effort);
+  benchmarks::Measure* rows;
 };
 
-// These three first: they must not inherit the affinity that the others set.
-constexpr std::array kParts{Part{"realtime", trifinger::benchmarks::realtime_rows},
-                            Part{"lift", trifinger::benchmarks::lift_rows},
-                            Part{"faults", trifinger::benchmarks::fault_rows},
-                            Part{"core", trifinger::benchmarks::core_rows},
-                            Part{"simulation", trifinger::benchmarks::simulation_rows},
-                            Part{"control", trifinger::benchmarks::control_rows},
-                            Part{"learning", trifinger::benchmarks::learning_rows},
-                            Part{"log", trifinger::benchmarks::log_rows}};
+constexpr std::array kMeasures{
+    NamedMeasure{"lateness", benchmarks::lateness},
+    NamedMeasure{"lateness_beside_hogs", benchmarks::lateness_beside_hogs},
+    NamedMeasure{"append", benchmarks::append},
+    NamedMeasure{"wake", benchmarks::wake},
+    NamedMeasure{"loop", benchmarks::loop},
+    NamedMeasure{"inline_loop", benchmarks::inline_loop},
+    NamedMeasure{"safety_chain", benchmarks::safety_chain},
+    NamedMeasure{"simulation", benchmarks::simulation},
+    NamedMeasure{"control_cycle", benchmarks::control_cycle},
+    NamedMeasure{"policy", benchmarks::policy},
+    NamedMeasure{"single_precision_policy", benchmarks::single_precision_policy},
+    NamedMeasure{"vector_environment_1_thread", benchmarks::vector_environment_1_thread},
+    NamedMeasure{"vector_environment_2_threads", benchmarks::vector_environment_2_threads},
+    NamedMeasure{"environment", benchmarks::environment},
+    NamedMeasure{"lift", benchmarks::lift},
+    NamedMeasure{"log", benchmarks::log_files},
+    NamedMeasure{"recorded_simulation", benchmarks::recorded_simulation},
+    NamedMeasure{"dead_user", benchmarks::dead_user},
+    NamedMeasure{"dead_user_with_repeats", benchmarks::dead_user_with_repeats},
+    NamedMeasure{"dead_backend", benchmarks::dead_backend},
+    NamedMeasure{"kills", benchmarks::kills}};
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  Effort effort{.rounds = 15, .windows = 30, .window_time = 2.0, .kills = 1000, .hold_time = 50.0};
-  std::string_view only;
-  for (int i = 1; i < argc; ++i) {
-    const std::string_view argument = argv[i];
-    if (argument == "--quick") {
-      effort = {.rounds = 1, .windows = 1, .window_time = 0.5, .kills = 20, .hold_time = 0.1};
-    } else if (std::ranges::find(kParts, argument, &Part::name) != kParts.end()) {
-      only = argument;
-    } else {
-      fmt::print(stderr,
-                 "usage: {} [--quick] [realtime | lift | faults | core | simulation | control | "
-                 "learning | log]\n",
-                 argv[0]);
-      return 2;
-    }
+  const std::span arguments(argv, static_cast<std::size_t>(argc));
+  benchmarks::Effort effort{
+      .rounds = 15, .windows = 30, .window_time = 2.0, .kills = 1000, .hold_time = 50.0};
+  if (argc == 3 && std::string_view(arguments[2]) == "--quick") {
+    effort = {.rounds = 1, .windows = 1, .window_time = 0.5, .kills = 20, .hold_time = 0.1};
+  } else if (argc != 2) {
+    fmt::print(stderr, "usage: {} MEASURE [--quick]\nmeasures:\n", arguments[0]);
+    for (const NamedMeasure& measure : kMeasures) fmt::print(stderr, "  {}\n", measure.name);
+    return 2;
   }
+  const auto* const measure = std::ranges::find(kMeasures, arguments[1], &NamedMeasure::name);
+  if (measure == kMeasures.end()) {
+    fmt::print(stderr, "there is no measure '{}'\n", arguments[1]);
+    return 2;
+  }
+  // Ends with its `./run bench`.
+  ::prctl(PR_SET_PDEATHSIG, SIGTERM);
   try {
-    std::vector<Row> rows;
-    for (const Part& part : kParts) {
-      if (!only.empty() && part.name != only) continue;
-      for (Row& row : part.rows(effort)) rows.push_back(std::move(row));
-    }
-    fmt::print("{}", trifinger::benchmarks::to_json(rows));
+    benchmarks::report_process();
+    for (const benchmarks::Row& row : measure->rows(effort)) benchmarks::report_row(row);
   } catch (const std::exception& error) {
-    fmt::print(stderr, "{}\n", error.what());
+    fmt::print(stderr, "{}: {}\n", measure->name, error.what());
     return 1;
   }
   return EXIT_SUCCESS;

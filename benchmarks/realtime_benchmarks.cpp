@@ -132,6 +132,7 @@ Pairs measure_pairs(const Effort& effort, const std::function<Samples(double)>& 
   Pairs pairs;
   const double steal_before = steal_time();
   for (int i = 0; i < effort.windows; ++i) {
+    report_progress(i, effort.windows);
     const Window ours = backend_window(effort.window_time);
     const Samples others = reference(effort.window_time);
     pairs.p99.measure.add(ours.lateness.quantile(0.99));
@@ -152,8 +153,9 @@ Row lateness_row(const Effort& effort, const Pairs& pairs, std::string measure,
     row.reference = reference + ": missing, or refused";
     return row;
   }
-  row.reference = fmt::format("{} ({:.4g} us)", reference, pairs.p99.reference.median());
-  row.ratio = row.value / pairs.p99.reference.median();
+  row.reference = reference;
+  row.reference_value = pairs.p99.reference.median();
+  row.ratio = row.value / *row.reference_value;
   row.holds = *row.ratio <= 1.2;
   row.remark = fmt::format(
       "{} pairs of windows of {:g} s; maxima {:.0f} us and, of the reference, {:.0f} us; steal "
@@ -177,27 +179,20 @@ class Hog {
 
 }  // namespace
 
-std::vector<Row> realtime_rows(const Effort& effort) {
-  const Pairs quiet = measure_pairs(effort, bare_window);
-  const Row drift_row{.measure = "1 kHz: drift",
-                      .value = quiet.drift,
-                      .low = quiet.drift,
-                      .high = quiet.drift,
-                      .unit = "ns",
-                      .reference = {},
-                      .ratio = {},
-                      .reach = "0",
-                      .holds = quiet.drift == 0.0,
-                      .remark = {}};
+std::vector<Row> lateness(const Effort& effort) {
+  const Pairs pairs = measure_pairs(effort, bare_window);
+  Samples drift;
+  drift.add(pairs.drift);
+  return {make_row("1 kHz: drift", "ns", drift, "0", pairs.drift == 0.0),
+          lateness_row(effort, pairs, "1 kHz: lateness, median of the windows' p99",
+                       "bare clock_nanosleep loop, same priority")};
+}
 
+std::vector<Row> lateness_beside_hogs(const Effort& effort) {
   const Hog first(0);
   const Hog second(1);
-  const Pairs loaded = measure_pairs(effort, cyclictest_window);
-
-  return {drift_row,
-          lateness_row(effort, quiet, "1 kHz: lateness, median of the windows' p99",
-                       "bare clock_nanosleep loop"),
-          lateness_row(effort, loaded, "1 kHz beside two CPU hogs: lateness, likewise",
+  return {lateness_row(effort, measure_pairs(effort, cyclictest_window),
+                       "1 kHz beside two CPU hogs: lateness, likewise",
                        "cyclictest, same priority")};
 }
 

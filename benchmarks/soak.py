@@ -4,8 +4,6 @@
 from __future__ import annotations
 
 import argparse
-import json
-import os
 import statistics
 import subprocess
 import sys
@@ -17,7 +15,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import trifinger
-from run_benchmarks import PROGRAM, back_end, print_table, recorder
+from measuring import Measure, folders, run
+from python_measures import back_end, recorder
+from rows import Row
 
 # A process at 1 kHz until it is killed, whatever happens to its robot.
 CONTROLLER = """
@@ -124,13 +124,19 @@ def memory(minutes: float) -> bool:
 
 def kills() -> bool:
     """Kills of any process at any instant, and how soon the others notice."""
-    environment = {**os.environ, "TRIFINGER_SOAK": "1"}  # so that it says how far it is
-    output = subprocess.run(
-        [str(PROGRAM), "faults"], check=True, stdout=subprocess.PIPE, env=environment
-    ).stdout
-    rows = json.loads(output)
-    print_table(rows)
-    return all(row["holds"] for row in rows)
+    rows: list[Row] = []
+    with folders():
+        for name in ("dead_user", "dead_user_with_repeats", "dead_backend", "kills"):
+            run(
+                Measure(name, "deaths"),
+                quick=False,
+                rows=rows,
+                on_row=rows.append,
+                on_progress=lambda done, total: print(f"[{done}/{total}]", flush=True),
+            )
+    for row in rows:
+        print(row.text())
+    return all(row.holds for row in rows)
 
 
 def main() -> int:

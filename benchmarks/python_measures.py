@@ -1,0 +1,315 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The measures of the Python side. `./run bench` starts this once for each of them.
+
+    python_measures.py MEASURE [--quick] < rows.json
+
+The rows are those that were measured before. Prints JSON, an object on each line: what the process
+may use of the machine, how far it is, its rows.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import ctypes
+import json
+import os
+import signal
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trifinger
+from rows import Row
+from trifinger import program
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much is measured."""
+
+    rounds: int
+    windows: int
+    window_time: float  # [s]
+    rows: list[Row]  # that were measured before
+
+    def reference(self, measure: str) -> Row:
+        """The row of that name."""
+        return next(row for row in self.rows if row.measure == measure)
+
+
+def report(**message: Any) -> None:
+    """Tells `./run bench`."""
+    print(json.dumps(message), flush=True)
+
+
+def in_rounds(rounds: int) -> Iterator[int]:
+    """As `range`, and says how far it is."""
+    for done in range(rounds):
+        report(done=done, total=rounds)
+        yield done
+
+
+def control_loop(robot: Any, steps: int) -> float:
+    """Steps per second of the basic control loop with a policy that does nothing."""
+    action = robot.new_action()
+    t = robot.append_desired_action(action)
+    begin = time.perf_counter()
+    for _ in range(steps):
+        robot.get_observation(t)
+        t = robot.append_desired_action(action)
+    return steps / (time.perf_counter() - begin)
+
+
+@contextlib.contextmanager
+def back_end(robot: str, *options: str) -> Iterator[str]:
+    """A back-end in a process of its own; gives its name."""
+    name = f"benchmark-{os.getpid()}"
+    with subprocess.Popen(
+        [program.path(), "run", robot, "--name", name, *options],
+        stdout=subprocess.DEVNULL,
+    ) as process:
+        try:
+            while name not in (session.name for session in trifinger.list_sessions()):
+                process.poll()
+                if process.returncode is not None:
+                    raise SystemExit(f"`trifinger run {robot}` ended with an error")
+                time.sleep(0.01)
+            yield name
+        finally:
+            process.terminate()
+            process.wait()
+
+
+@contextlib.contextmanager
+def recorder(name: str, folder: str, *options: str) -> Iterator[int]:
+    """A recorder in a process of its own that has begun its file; gives its process id."""
+    before = set(Path(folder).glob("*.mcap"))
+    with subprocess.Popen(
+        [program.path(), "record", name, "--to", folder, *options], stdout=subprocess.DEVNULL
+    ) as process:
+        try:
+            while set(Path(folder).glob("*.mcap")) == before:
+                process.poll()
+                if process.returncode is not None:
+                    raise SystemExit("`trifinger record` ended with an error")
+                time.sleep(0.01)
+            yield process.pid
+        finally:
+            process.terminate()
+            process.wait()
+
+
+def loop_row(measure: str, samples: list[float], reach: float, reference: Row) -> Row:
+    """Steps per second, beside those of C++."""
+    value = statistics.median(samples)
+    return Row.of(
+        measure,
+        samples,
+        "steps/s",
+        reference="the same from C++",
+        reference_value=reference.value,
+        ratio=value / reference.value,
+        reach=f">= {reach / 1000:g} k steps/s",
+        holds=value >= reach,
+    )
+
+
+def inline_loop(effort: Effort) -> list[Row]:
+    """Back-end and user in one thread."""
+    with trifinger.fake() as robot:
+        samples = [control_loop(robot, 200_000) for _ in in_rounds(effort.rounds)]
+    reference = effort.reference("inline loop of the fake robot, C++")
+    return [loop_row("inline loop of the fake robot, Python", samples, 700_000, reference)]
+
+
+def loop(effort: Effort) -> list[Row]:
+    """The back-end is a process of its own, on the same processor, which it inherits."""
+    os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+    with back_end("fake", "--non-real-time") as name, trifinger.connect(name) as robot:
+        samples = [control_loop(robot, 30_000) for _ in in_rounds(effort.rounds)]
+    measure = "loop of the fake robot across processes, one CPU"
+    return [loop_row(f"{measure}, Python", samples, 120_000, effort.reference(measure))]
+
+
+def cpu_time(pid: int) -> float:
+    """The time that a process has spent on processors so far [s]."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def recorder_rows(effort: Effort) -> list[Row]:
+    """A simulated robot with its object at 1 kHz, recorded by a process of its own."""
+    load: list[float] = []
+    recorded: list[float] = []
+    alone: list[float] = []
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        # Nobody acts while a recorder starts or ends.
+        back_end(
+            "sim",
+            *("--set", "backend.late_action.max_repeats=1000000"),
+            *("--set", "backend.max_skipped_ticks=1000000"),
+        ) as name,
+        trifinger.connect(name) as robot,
+    ):
+        action = robot.new_action(position=robot.latest_observation().position)
+        actions = np.repeat(np.asarray(action), 50)
+        t = robot.append_desired_action(action)
+
+        def window() -> float:
+            """The 99th percentile of the lateness of a window [us]."""
+            nonlocal t
+            first = t
+            while t < first + 1000 * effort.window_time:
+                t = robot.append_desired_actions(actions)
+                robot.wait_until_time_index(t - 20)
+            statuses = robot.get_statuses(first + 1, t - 20)
+            return float(np.quantile(statuses["lateness"], 0.99)) * 1e-3
+
+        for _ in in_rounds(effort.windows):
+            with recorder(name, folder) as pid:
+                cpu_before, before = cpu_time(pid), time.perf_counter()
+                recorded.append(window())
+                load.append(100 * (cpu_time(pid) - cpu_before) / (time.perf_counter() - before))
+            alone.append(window())
+    ratio = statistics.median(a / b for a, b in zip(recorded, alone, strict=True))
+    mean_load = statistics.mean(load)
+    return [
+        # The mean: the system counts in hundredths of a second.
+        Row(
+            "recorder's CPU at 1 kHz, robot and object",
+            mean_load,
+            min(load),
+            max(load),
+            "%",
+            reach="<= 3 % of one core",
+            holds=mean_load <= 3.0,
+        ),
+        Row.of(
+            "1 kHz: lateness while recorded, p99 of windows",
+            recorded,
+            "us",
+            reference="not recorded",
+            reference_value=statistics.median(alone),
+            ratio=ratio,
+            reach="<= 1.2x",
+            holds=ratio <= 1.2,
+        ),
+    ]
+
+
+def log(effort: Effort) -> list[Row]:
+    """A minute of a recorded robot into NumPy."""
+    steps = 60_000
+    with tempfile.TemporaryDirectory() as folder:
+        simulation = trifinger.Simulation()
+        with simulation.record(folder), simulation.connect() as robot:
+            random = np.random.default_rng(1)
+            action = robot.new_action(position=robot.latest_observation().position)
+            for torque in random.uniform(-0.2, 0.2, (steps, 9)):
+                action.torque = torque
+                robot.wait_until_time_index(robot.append_desired_action(action))
+            robot.finish()
+        samples = []
+        for _ in in_rounds(effort.rounds + 1):
+            begin = time.perf_counter()
+            rows = trifinger.Log(folder).session().read()
+            samples.append(time.perf_counter() - begin)
+            if len(rows.observations) != steps:
+                raise SystemExit("steps are missing in the log")
+    del samples[0]
+    value = statistics.median(samples)
+    reference = effort.reference("log: 60 s at 1 kHz into arrays, C++")
+    return [
+        Row.of(
+            "log: 60 s at 1 kHz into NumPy",
+            samples,
+            "s",
+            reference="the same from C++",
+            reference_value=reference.value,
+            ratio=value / reference.value,
+            reach="<= 0.15 s",
+            holds=value <= 0.15,
+        )
+    ]
+
+
+def environment(effort: Effort) -> list[Row]:
+    """Actions of the single environment."""
+    from trifinger.environments import Environment
+
+    robot = Environment("reach")
+    random = np.random.default_rng(1)
+    actions = np.clip(np.cumsum(0.2 * random.normal(size=(100, 9)), axis=0), -1, 1)
+    samples = []
+    for episode in in_rounds(effort.rounds):
+        robot.reset(seed=0, options={"episode": episode})
+        begin = time.perf_counter()
+        for action in actions.astype(np.float32):
+            robot.step(action)
+        samples.append(len(actions) / (time.perf_counter() - begin))
+    reference = effort.reference("environment, reach at 50 Hz, C++")
+    ratio = reference.value / statistics.median(samples)
+    return [
+        Row.of(
+            "environment, reach at 50 Hz, Python",
+            samples,
+            "actions/s",
+            reference="the same from C++; the ratio is that of the times",
+            reference_value=reference.value,
+            ratio=ratio,
+            reach="<= 1.3x",
+            holds=ratio <= 1.3,
+        )
+    ]
+
+
+MEASURES: dict[str, Callable[[Effort], list[Row]]] = {
+    "python_loop": loop,
+    "python_inline_loop": inline_loop,
+    "python_environment": environment,
+    "python_log": log,
+    "recorder": recorder_rows,
+}
+
+
+def process_state() -> dict[str, Any]:
+    """What this process may use of the machine; the C++ side says the same (harness.cpp)."""
+    status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
+    return {
+        "processors": status["Cpus_allowed_list"].strip(),
+        "scheduler": os.sched_getscheduler(0),
+        "priority": os.sched_getparam(0).sched_priority,
+        "nice": os.getpriority(os.PRIO_PROCESS, 0),
+        "locked": int(status["VmLck"].split()[0]),
+    }
+
+
+def main() -> int:
+    """Runs one measure."""
+    report(process=process_state())
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("measure", choices=MEASURES)
+    parser.add_argument("--quick", action="store_true")
+    arguments = parser.parse_args()
+    # Ends with its `./run bench`, and then ends whatever it has started.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
+    set_parent_death_signal = 1
+    ctypes.CDLL(None).prctl(set_parent_death_signal, signal.SIGTERM)
+    rows = [Row(**row) for row in json.load(sys.stdin)]
+    effort = Effort(1, 1, 0.5, rows) if arguments.quick else Effort(15, 30, 2.0, rows)
+    for row in MEASURES[arguments.measure](effort):
+        report(row=row.json())
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
