@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <utility>
 
 namespace trifinger::ipc {
 
@@ -54,15 +55,17 @@ class Ring {
     // relaxed: each release below carries this store, so whoever sees a new word sees the odd
     // number.
     slot[0].store(sequence - 1, std::memory_order_relaxed);
-    const auto* source = static_cast<const std::byte*>(element);
-    for (std::uint64_t i = 1; i < words_; ++i, source += 8) {
+    const auto* const source = static_cast<const std::byte*>(element);
+    for_each_word([slot, source](std::uint64_t i) {
       std::uint64_t word;
-      std::memcpy(&word, source, 8);
-      slot[i].store(word, std::memory_order_release);
+      std::memcpy(&word, source + 8 * i, 8);
+      slot[1 + i].store(word, std::memory_order_release);
+    });
+    if (const std::uint64_t rest = shape_.element_size % 8; rest != 0) {
+      std::uint64_t last{0};
+      std::memcpy(&last, source + shape_.element_size - rest, rest);
+      slot[words_].store(last, std::memory_order_release);
     }
-    std::uint64_t last{0};
-    std::memcpy(&last, source, last_word_size());
-    slot[words_].store(last, std::memory_order_release);
     // At least release: whoever sees the even number sees the whole element.
     slot[0].store(sequence, commit);
     // The next slot was last touched a whole history ago. Its lines come into the cache while
@@ -80,14 +83,17 @@ class Ring {
     if (before != sequence_of(index)) {
       return before > sequence_of(index) ? ReadResult::kLost : ReadResult::kNotYet;
     }
-    auto* target = static_cast<std::byte*>(element);
-    for (std::uint64_t i = 1; i < words_; ++i, target += 8) {
+    auto* const target = static_cast<std::byte*>(element);
+    for_each_word([slot, target](std::uint64_t i) {
       // acquire: a word of a newer element brings that element's odd number along.
-      const std::uint64_t word = slot[i].load(std::memory_order_acquire);
-      std::memcpy(target, &word, 8);
+      const std::uint64_t word = slot[1 + i].load(std::memory_order_acquire);
+      std::memcpy(target + 8 * i, &word, 8);
+    });
+    if (const std::uint64_t rest = shape_.element_size % 8; rest != 0) {
+      // acquire: likewise.
+      const std::uint64_t last = slot[words_].load(std::memory_order_acquire);
+      std::memcpy(target + shape_.element_size - rest, &last, rest);
     }
-    const std::uint64_t last = slot[words_].load(std::memory_order_acquire);
-    std::memcpy(target, &last, last_word_size());
     // relaxed: ordered behind the loads above because they acquire.
     return slot[0].load(std::memory_order_relaxed) == before ? ReadResult::kDone
                                                              : ReadResult::kLost;
@@ -118,8 +124,19 @@ class Ring {
     const std::uint64_t position = static_cast<std::uint64_t>(index) & (shape_.capacity - 1);
     return reinterpret_cast<Word*>(memory_ + position * slot_size_);
   }
-  [[nodiscard]] std::size_t last_word_size() const noexcept {
-    return shape_.element_size - 8 * (words_ - 1);
+  // Calls `copy` for each whole word of an element. Compilers neither join copies of atomics nor
+  // unroll their loops, so that four of five instructions would be those of the loop.
+  template <class Copy>
+  void for_each_word(const Copy& copy) const noexcept {
+    constexpr std::uint64_t kAtOnce = 8;
+    const std::uint64_t count = shape_.element_size / 8;
+    std::uint64_t i = 0;
+    for (; i + kAtOnce <= count; i += kAtOnce) {
+      [&]<std::uint64_t... k>(std::integer_sequence<std::uint64_t, k...>) {
+        (copy(i + k), ...);
+      }(std::make_integer_sequence<std::uint64_t, kAtOnce>());
+    }
+    for (; i < count; ++i) copy(i);
   }
 
   std::byte* memory_{nullptr};
