@@ -117,15 +117,11 @@ TemporaryFolder::~TemporaryFolder() {
 }
 
 void report_process() {
+  sched_param parameters{};
+  ::sched_getparam(0, &parameters);
   report(fmt::format(
-      "{{\"process\": {{\"processors\": {}, \"scheduler\": {}, \"priority\": {}, \"nice\": {}, "
-      "\"locked\": {}}}}}",
-      quoted(status_of("Cpus_allowed_list")), ::sched_getscheduler(0),
-      [] {
-        sched_param parameters{};
-        ::sched_getparam(0, &parameters);
-        return parameters.sched_priority;
-      }(),
+      R"({{"process": {{"processors": {}, "scheduler": {}, "priority": {}, "nice": {}, "locked": {}}}}})",
+      quoted(status_of("Cpus_allowed_list")), ::sched_getscheduler(0), parameters.sched_priority,
       ::getpriority(PRIO_PROCESS, 0), status_of("VmLck")));
 }
 
@@ -134,14 +130,14 @@ void report_progress(std::int64_t done, std::int64_t total) {
   const auto now = Clock::now();
   if (now < next) return;
   next = now + std::chrono::milliseconds(500);
-  report(fmt::format("{{\"done\": {}, \"total\": {}}}", done, total));
+  report(fmt::format(R"({{"done": {}, "total": {}}})", done, total));
 }
 
 void report_row(const Row& row) {
   report(fmt::format(
-      "{{\"row\": {{\"measure\": {}, \"value\": {:.6g}, \"low\": {:.6g}, \"high\": {:.6g}, "
-      "\"unit\": {}, \"reference\": {}, \"reference_value\": {}, \"ratio\": {}, \"reach\": {}, "
-      "\"holds\": {}, \"remark\": {}}}}}",
+      R"({{"row": {{"measure": {}, "value": {:.6g}, "low": {:.6g}, "high": {:.6g}, "unit": {}, )"
+      R"("reference": {}, "reference_value": {}, "ratio": {}, "reach": {}, "holds": {}, )"
+      R"("remark": {}}}}})",
       quoted(row.measure), row.value, row.low, row.high, quoted(row.unit),
       row.reference.empty() ? "null" : quoted(row.reference), or_null(row.reference_value),
       or_null(row.ratio), quoted(row.reach), row.holds ? "true" : "false", quoted(row.remark)));

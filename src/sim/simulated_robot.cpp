@@ -338,7 +338,7 @@ class SimulatedRobot<R>::Implementation {
   void keep_state_before_step() noexcept {
     double* target = before_step_.data();
     for (const std::span<const double> part : changed_by_step_) {
-      target = std::copy(part.begin(), part.end(), target);
+      target = std::ranges::copy(part, target).out;
     }
   }
 
