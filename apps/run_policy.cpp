@@ -23,6 +23,7 @@
 
 #include "exit_code.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/config/file.hpp"
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/realtime/thread.hpp"
 #include "trifinger/sim/robot_config.hpp"
@@ -105,17 +106,50 @@ class Printer {
   std::jthread thread_;  // Last: it uses the others.
 };
 
+Variant variant_of(const RobotConfig& config) {
+  return std::visit([](const auto& simulation) { return simulation.description.variant; },
+                    config.simulation);
+}
+
+// The configuration that the policy was trained with, if its file has one; those of older versions
+// have only its name.
+std::optional<config::File> trained_with(const Policy& policy, const std::string& file) {
+  const auto& metadata = policy.network().metadata;
+  const auto text = metadata.find("configuration");
+  if (text == metadata.end()) return std::nullopt;
+  return config::File::parse(text->second, "the configuration in " + file);
+}
+
 // A policy for other fingers would move these to where they must not be.
-void check_robot(const Policy& policy, const std::string& file, const RobotDescription& actual) {
+void check_robot(const Policy& policy, const std::string& file, const config::File& robot) {
+  const Variant variant = variant_of(read_robot_config(robot));
+  const std::optional<config::File> trained = trained_with(policy, file);
   const auto& metadata = policy.network().metadata;
   const auto name = metadata.find("robot");
-  if (name == metadata.end()) return;
-  const RobotConfig trained = load_robot_config(name->second);
-  const Variant variant = std::visit(
-      [](const auto& simulation) { return simulation.description.variant; }, trained.simulation);
-  if (variant != actual.variant) {
+  const bool is_other =
+      trained ? trained->values()["robot.variant"] != robot.values()["robot.variant"]
+              : name != metadata.end() && variant_of(load_robot_config(name->second)) != variant;
+  if (is_other) {
     throw InvalidArgument(
-        fmt::format("{} was trained for a {}, which this robot is not", file, name->second));
+        fmt::format("{} was trained for a {}, which this robot is not", file,
+                    name != metadata.end() ? name->second : trained->values()["robot.variant"]));
+  }
+}
+
+// Says what is other here than in the training.
+void warn_of_differences(const Policy& policy, const RunPolicyOptions& options,
+                         const config::File& robot) {
+  const std::optional<config::File> trained = trained_with(policy, options.policy);
+  if (!trained) return;
+  const std::vector<ConfigDifference> different = differences(robot, *trained);
+  if (different.empty()) return;
+  fmt::print(stderr,
+             "trifinger run-policy: warning: '{}' is not what {} was trained on, and may not do "
+             "what it did there:\n",
+             options.robot, options.policy);
+  for (const ConfigDifference& difference : different) {
+    fmt::print(stderr, "  {}: {} here, {} in the training\n", difference.key,
+               difference.value.value_or("none"), difference.other.value_or("none"));
   }
 }
 
@@ -131,16 +165,19 @@ nlohmann::ordered_json json_of(const EpisodeReport& report) {
 
 template <class R>
 int run_on(Frontend<R>& robot, Policy& policy, const RunPolicyOptions& options) {
-  const RobotConfig config = robot_config_of(robot.session());
+  const config::File described = config_file_of(robot.session());
+  const RobotConfig config = read_robot_config(described);
   const auto* const simulation = std::get_if<SimulationOptions<R>>(&config.simulation);
   if (simulation == nullptr) throw InvalidArgument("the robot is not what its configuration says");
   const std::string task = metadata_of(policy, "task", options.policy);
-  check_robot(policy, options.policy, simulation->description);
+  check_robot(policy, options.policy, described);
   auto trained = learning::read_options(metadata_of(policy, "options", options.policy));
   // What is measured here has the noise that it has.
   trained.position_noise = trained.velocity_noise = 0.0;
   const learning::Environment environment(task, trained, simulation->description,
                                           robot.session().info().period);
+
+  warn_of_differences(policy, options, described);
 
   const std::atomic<bool>& stop = stop_on_signals();
   fmt::print("'{}' shall do '{}' with {}: {}\n", options.robot, task, options.policy,

@@ -51,6 +51,11 @@ struct Entry {
 // The value in YAML, which `parse` reads as the same value.
 [[nodiscard]] std::string yaml_of(const Element& element);
 
+// A scalar or a list without sections in the one way in which equal values are written: numbers
+// without unit, as short as they can be; a list of equal values, which stands for as many as are
+// needed, is one of them.
+[[nodiscard]] std::string canonical_text(const Element& element);
+
 // "fingers" and "height" make "fingers.height".
 [[nodiscard]] std::string join(const std::string& path, std::string_view key);
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "trifinger/config/file.hpp"
 
+#include <algorithm>
 #include <cerrno>
 #include <charconv>
 #include <fstream>
@@ -18,6 +19,9 @@ using detail::Element;
 using detail::Entry;
 
 constexpr std::string_view kExtends = "extends";
+constexpr std::string_view kSuffix = ".yml";
+
+using Folders = std::vector<std::filesystem::path>;
 
 std::string read_text(const std::filesystem::path& path) {
   // Opening a directory succeeds and reads as an empty file.
@@ -40,27 +44,65 @@ Element parse_sections(std::string_view text, const std::filesystem::path& name)
   return root;
 }
 
-// Takes `extends: other.yml` out of `root` and puts in the sections of the other file that `root`
-// lacks.
-void resolve_extends(Element& root, const std::filesystem::path& name) {
-  const Entry* extends = root.find(kExtends);
-  if (extends == nullptr) return;
-  const auto base_name =
-      Node(std::make_shared<Element>(extends->value), std::string(kExtends)).as<std::string>();
-  const std::filesystem::path base_path = name.parent_path() / base_name;
+// What `folder` has under the name `name`, written with or without ".yml"; empty if nothing.
+std::filesystem::path find_in(const std::filesystem::path& folder, const std::string& name) {
   std::error_code ignored;
-  if (!std::filesystem::is_regular_file(base_path, ignored)) {
-    throw ConfigError(extends->value.location,
-                      "extends is '" + base_name + "', but there is no file " + base_path.string());
+  for (const std::string& file : {name, name + std::string(kSuffix)}) {
+    if (std::filesystem::is_regular_file(folder / file, ignored)) return folder / file;
   }
-  Element base = parse_sections(read_text(base_path), base_path);
-  if (const Entry* third = base.find(kExtends)) {
-    throw ConfigError(third->location, "a file that others extend must not extend one itself (" +
-                                           name.string() + " extends this one)");
+  return {};
+}
+
+[[noreturn]] void fail_to_find(const Location& location, const std::string& name,
+                               const std::filesystem::path& beside, const Folders& folders) {
+  std::string text = "extends is '" + name + "', but there is no such file in " +
+                     (beside.empty() ? "the working directory" : beside.string());
+  std::vector<std::string> known;
+  std::string others;
+  std::error_code ignored;
+  for (const std::filesystem::path& folder : folders) {
+    for (const auto& entry : std::filesystem::directory_iterator(folder, ignored)) {
+      if (entry.path().extension() == kSuffix) known.push_back(entry.path().stem().string());
+    }
+    if (std::filesystem::is_directory(folder, ignored)) others += " or " + folder.string();
   }
-  std::erase_if(root.entries, [](const Entry& entry) { return entry.key == kExtends; });
-  for (Entry& entry : base.entries) {
-    if (root.find(entry.key) == nullptr) root.entries.push_back(std::move(entry));
+  if (!others.empty())
+    text += ", nor among the files that come with the program in " + others.substr(4);
+  const std::string stem = std::filesystem::path(name).stem().string();
+  const std::string_view meant = closest(stem, {known.begin(), known.end()});
+  if (!meant.empty()) text += "; did you mean '" + std::string(meant) + "'?";
+  throw ConfigError(location, text);
+}
+
+// Puts the sections into `root` that it lacks and the file that it extends has, and so on until a
+// file extends no other one.
+void resolve_extends(Element& root, const std::filesystem::path& name, const Folders& folders) {
+  std::vector<std::filesystem::path> chain{name};
+  while (const Entry* const extends = root.find(kExtends)) {
+    const Location location = extends->value.location;
+    const auto base_name =
+        Node(std::make_shared<Element>(extends->value), std::string(kExtends)).as<std::string>();
+    const std::filesystem::path beside = chain.back().parent_path();
+    std::filesystem::path base_path = find_in(beside, base_name);
+    for (auto folder = folders.begin(); base_path.empty() && folder != folders.end(); ++folder) {
+      base_path = find_in(*folder, base_name);
+    }
+    if (base_path.empty()) fail_to_find(location, base_name, beside, folders);
+    const auto is_base = [&base_path](const std::filesystem::path& other) {
+      std::error_code ignored;
+      return std::filesystem::equivalent(base_path, other, ignored);
+    };
+    if (std::ranges::any_of(chain, is_base)) {
+      throw ConfigError(location, "extends is '" + base_name + "', which is " + base_path.string() +
+                                      ": a file must not extend itself, nor one that extends it");
+    }
+    Element base = parse_sections(read_text(base_path), base_path);
+    std::erase_if(root.entries, [](const Entry& entry) { return entry.key == kExtends; });
+    // Its own `extends` comes along, for the next turn.
+    for (Entry& entry : base.entries) {
+      if (root.find(entry.key) == nullptr) root.entries.push_back(std::move(entry));
+    }
+    chain.push_back(std::move(base_path));
   }
 }
 
@@ -155,18 +197,33 @@ void find_unknown_keys(const Element& element, const std::string& path, std::str
   }
 }
 
+void collect_values(const Element& element, const std::string& path,
+                    std::map<std::string, std::string>& values) {
+  if (element.kind == Element::Kind::kSection) {
+    for (const Entry& entry : element.entries) {
+      collect_values(entry.value, detail::join(path, entry.key), values);
+    }
+    return;
+  }
+  const bool has_sections = std::ranges::any_of(
+      element.items, [](const Element& item) { return item.kind == Element::Kind::kSection; });
+  if (!has_sections) values[path] = detail::canonical_text(element);
+}
+
 }  // namespace
 
 File::File(std::shared_ptr<const Element> root) : root_(std::move(root)) {}
 
-File File::load(const std::filesystem::path& path, const std::vector<std::string>& overrides) {
-  return parse(read_text(path), path, overrides);
+File File::load(const std::filesystem::path& path, const std::vector<std::string>& overrides,
+                const std::vector<std::filesystem::path>& folders) {
+  return parse(read_text(path), path, overrides, folders);
 }
 
 File File::parse(std::string_view text, const std::filesystem::path& name,
-                 const std::vector<std::string>& overrides) {
+                 const std::vector<std::string>& overrides,
+                 const std::vector<std::filesystem::path>& folders) {
   auto root = std::make_shared<Element>(parse_sections(text, name));
-  resolve_extends(*root, name);
+  resolve_extends(*root, name, folders);
   for (const std::string& assignment : overrides) apply_override(*root, assignment);
   return File(std::move(root));
 }
@@ -174,6 +231,12 @@ File File::parse(std::string_view text, const std::filesystem::path& name,
 Node File::root() const { return {root_, ""}; }
 
 std::string File::text() const { return detail::yaml_of(*root_); }
+
+std::map<std::string, std::string> File::values() const {
+  std::map<std::string, std::string> values;
+  collect_values(*root_, "", values);
+  return values;
+}
 
 void File::reject_unknown_keys() const {
   std::string problems;

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "trifinger/config/node.hpp"
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <iterator>
 #include <system_error>
 
 #include "element.hpp"
@@ -93,6 +95,27 @@ std::string Location::text() const {
 
 ConfigError::ConfigError(Location location, const std::string& problem)
     : Error(location.text() + ": " + problem), location_(std::move(location)) {}
+
+namespace detail {
+
+std::string canonical_text(const Element& element) {
+  if (element.kind == Element::Kind::kScalar) {
+    if (element.quoted) return element.scalar;
+    const std::optional<double> number = parse_double(split_unit(element.scalar).digits);
+    return number ? text_of(*number) : element.scalar;
+  }
+  if (element.kind != Element::Kind::kList) return {};
+  std::vector<std::string> items;
+  for (const Element& item : element.items) items.push_back(canonical_text(item));
+  if (!items.empty() && std::ranges::count(items, items.front()) == std::ssize(items)) {
+    return items.front();
+  }
+  std::string text;
+  for (const std::string& item : items) text += (text.empty() ? "" : ", ") + item;
+  return "[" + text + "]";
+}
+
+}  // namespace detail
 
 Node::Node(std::shared_ptr<const Element> element, std::string path)
     : element_(std::move(element)), path_(std::move(path)) {}

@@ -79,7 +79,9 @@ void read_slide(const Node& section, ManipulationConfig& config) {
 
 ManipulationConfig load_config(const std::string& name, const std::string& task,
                                const std::vector<std::string>& overrides) {
-  const config::File file = config::File::load(find_config(name, "manipulate"), overrides);
+  constexpr const char* kFolder = "manipulate";
+  const config::File file =
+      config::File::load(find_config(name, kFolder), overrides, config_folders(kFolder));
   const Node root = file.root();
   ManipulationConfig config;
   config.object = root.required<std::string>("object");

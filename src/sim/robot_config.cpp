@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <cstdlib>
+#include <map>
 #include <set>
 #include <utility>
 
@@ -17,39 +18,13 @@ namespace {
 
 using config::Node;
 using config::Range;
-
-constexpr std::string_view kSuffix = ".yml";
-constexpr double kMaxCount = 1e6;
-
 using sim::text_of;
 
-double in_seconds(Nanoseconds time) { return std::chrono::duration<double>(time).count(); }
+constexpr std::string_view kSuffix = ".yml";
+constexpr std::string_view kDocument = "configuration.yml";
+constexpr double kMaxCount = 1e6;
 
-// Folders with the configurations that come with the program: beside the Python module that this
-// code is linked into, or in the share folder that belongs to the program.
-std::vector<std::filesystem::path> config_folders(const std::string& folder) {
-  std::vector<std::filesystem::path> folders;
-  if (const char* const given = std::getenv("TRIFINGER_CONFIG_DIR");
-      given != nullptr && *given != '\0') {
-    folders.emplace_back(given);
-  }
-  Dl_info info{};
-  std::error_code ignored;
-  if (::dladdr(reinterpret_cast<const void*>(&config_folders), &info) != 0) {
-    // A program is named as it was called: without a slash it was found on the PATH, and is not
-    // what has that name in the working directory.
-    const std::string_view name = info.dli_fname;
-    std::filesystem::path self;
-    if (name.find('/') != std::string_view::npos) self = std::filesystem::canonical(name, ignored);
-    if (self.empty()) self = std::filesystem::canonical("/proc/self/exe", ignored);
-    folders.push_back(self.parent_path() / "config");
-    folders.push_back(self.parent_path().parent_path() / "share" / "trifinger" / "config");
-  }
-  if (!folder.empty()) {
-    for (std::filesystem::path& path : folders) path /= folder;
-  }
-  return folders;
-}
+double in_seconds(Nanoseconds time) { return std::chrono::duration<double>(time).count(); }
 
 Variant read_variant(const Node& robot) {
   return robot.required_choice<Variant>(
@@ -245,7 +220,64 @@ SimulationOptions<R> read_simulation(const Node& root, RobotDescription descript
   return options;
 }
 
+// "box of 0.065 x 0.065 x 0.065 m and 0.094 kg"
+std::string object_text(const ObjectDescription& object) {
+  std::string text = object.shape == ObjectShape::kBox     ? "box of "
+                     : object.shape == ObjectShape::kStick ? "stick of "
+                                                           : "ball of ";
+  const std::size_t lengths = object.shape == ObjectShape::kBox     ? 3
+                              : object.shape == ObjectShape::kStick ? 2
+                                                                    : 1;
+  for (std::size_t i = 0; i < lengths; ++i) {
+    text += (i > 0 ? " x " : "") + text_of(object.size[i]);
+  }
+  return text + " m and " + text_of(object.mass) + " kg";
+}
+
+// The values of a configuration that a controller notices, by their keys; objects by their names.
+std::map<std::string, std::string> noticed_values(const config::File& file) {
+  std::map<std::string, std::string> values = file.values();
+  std::erase_if(values, [](const auto& entry) {
+    const std::string& key = entry.first;
+    return key == "name" || key == "driver" || key == "fingers.initial_position" ||
+           key == "simulation.seed" || key.ends_with("_noise") || key.starts_with("stop.") ||
+           (key.starts_with("backend.") && key != "backend.period") || key.starts_with("objects");
+  });
+  if (const auto objects = file.root().find("objects"); objects && objects->is_list()) {
+    for (const Node& node : objects->items()) {
+      const ObjectDescription object = read_object(node);
+      values["object '" + object.name + "'"] = object_text(object);
+    }
+  }
+  return values;
+}
+
 }  // namespace
+
+std::vector<std::filesystem::path> config_folders(const std::string& folder) {
+  std::vector<std::filesystem::path> folders;
+  if (const char* const given = std::getenv("TRIFINGER_CONFIG_DIR");
+      given != nullptr && *given != '\0') {
+    folders.emplace_back(given);
+  }
+  Dl_info info{};
+  std::error_code ignored;
+  // By something of this file alone: what other files see may be that of another library.
+  if (::dladdr(&kSuffix, &info) != 0) {
+    // A program is named as it was called: without a slash it was found on the PATH, and is not
+    // what has that name in the working directory.
+    const std::string_view name = info.dli_fname;
+    std::filesystem::path self;
+    if (name.find('/') != std::string_view::npos) self = std::filesystem::canonical(name, ignored);
+    if (self.empty()) self = std::filesystem::canonical("/proc/self/exe", ignored);
+    folders.push_back(self.parent_path() / "config");
+    folders.push_back(self.parent_path().parent_path() / "share" / "trifinger" / "config");
+  }
+  if (!folder.empty()) {
+    for (std::filesystem::path& path : folders) path /= folder;
+  }
+  return folders;
+}
 
 std::vector<std::string> config_names(const std::string& folder) {
   std::set<std::string> names;
@@ -274,7 +306,7 @@ std::filesystem::path find_config(const std::string& name, const std::string& fo
 }
 
 RobotConfig load_robot_config(const std::string& name, const std::vector<std::string>& overrides) {
-  return read_robot_config(config::File::load(find_config(name), overrides));
+  return read_robot_config(config::File::load(find_config(name), overrides, config_folders()));
 }
 
 RobotConfig read_robot_config(const config::File& file) {
@@ -300,16 +332,33 @@ RobotConfig read_robot_config(const config::File& file) {
     // Single values were checked where they were read. What is left is how objects go together.
     throw config::ConfigError(root.at("objects").location(), error.what());
   }
-  config.session.documents = {{"configuration.yml", "application/yaml", file.text()}};
+  config.session.documents = {{std::string(kDocument), "application/yaml", file.text()}};
   return config;
 }
 
-RobotConfig robot_config_of(const Session& session) {
+std::vector<ConfigDifference> differences(const config::File& robot, const config::File& other) {
+  std::map<std::string, ConfigDifference> found;
+  for (const auto& [key, value] : noticed_values(robot)) found[key] = {.key = key, .value = value};
+  for (const auto& [key, value] : noticed_values(other)) {
+    found[key].key = key;
+    found[key].other = value;
+  }
+  std::vector<ConfigDifference> different;
+  for (auto& [key, difference] : found) {
+    if (difference.value != difference.other) different.push_back(std::move(difference));
+  }
+  return different;
+}
+
+config::File config_file_of(const Session& session) {
   for (const Document& document : session.documents()) {
-    if (document.name != "configuration.yml") continue;
-    return read_robot_config(config::File::parse(document.text, "configuration.yml"));
+    if (document.name == kDocument) return config::File::parse(document.text, document.name);
   }
   throw InvalidArgument("the robot does not say what it is: its session has no configuration");
+}
+
+RobotConfig robot_config_of(const Session& session) {
+  return read_robot_config(config_file_of(session));
 }
 
 }  // namespace trifinger

@@ -14,6 +14,7 @@ namespace trifinger::config {
 namespace {
 
 using test::message_of;
+using testing::AllOf;
 using testing::EndsWith;
 using testing::HasSubstr;
 
@@ -68,18 +69,61 @@ TEST_F(Extends, AppliesOverridesToTheResult) {
   EXPECT_EQ(file.root().section("fingers").required<double>("height"), 0.4);
 }
 
-TEST_F(Extends, GoesOneLevelDeepOnly) {
-  (void)write("third.yml", "name: third\n");
-  (void)write("base.yml", "extends: third.yml\n");
-  EXPECT_THAT(message_of([&] { (void)File::load(write("sim.yml", "extends: base.yml\n")); }),
-              HasSubstr("base.yml:1:1: a file that others extend must not extend one itself"));
-  EXPECT_THAT(message_of([&] { (void)File::load(write("self.yml", "extends: self.yml\n")); }),
-              HasSubstr("self.yml:1:1: a file that others extend must not extend one itself"));
+TEST_F(Extends, GoesOnWithWhatTheOtherFileExtends) {
+  (void)write("third.yml", "name: third\nfingers:\n  height: 0.3\nseed: 3\n");
+  (void)write("base.yml", "extends: third.yml\nname: base\nseed: 2\n");
+  const File file = File::load(write("sim.yml", "extends: base.yml\nseed: 1\n"));
+  EXPECT_EQ(file.root().required<int>("seed"), 1);
+  EXPECT_EQ(file.root().required<std::string>("name"), "base");
+  EXPECT_EQ(file.root().section("fingers").required<double>("height"), 0.3);
+  EXPECT_NO_THROW(file.reject_unknown_keys());
 }
 
-TEST_F(Extends, TellsWhichFileIsNotThere) {
-  EXPECT_THAT(message_of([&] { (void)File::load(write("sim.yml", "extends: bsae.yml\n")); }),
-              HasSubstr("sim.yml:1:10: extends is 'bsae.yml', but there is no file "));
+TEST_F(Extends, RefusesCircles) {
+  (void)write("base.yml", "extends: sim.yml\n");
+  EXPECT_THAT(message_of([&] { (void)File::load(write("sim.yml", "extends: base.yml\n")); }),
+              AllOf(HasSubstr("base.yml:1:10: extends is 'sim.yml', which is "),
+                    HasSubstr("a file must not extend itself, nor one that extends it")));
+  EXPECT_THAT(message_of([&] { (void)File::load(write("self.yml", "extends: self.yml\n")); }),
+              HasSubstr("self.yml:1:10: extends is 'self.yml', which is "));
+}
+
+TEST_F(Extends, NeedsNoSuffix) {
+  (void)write("base.yml", "name: base\n");
+  const File file = File::load(write("sim.yml", "extends: base\n"));
+  EXPECT_EQ(file.root().required<std::string>("name"), "base");
+}
+
+TEST_F(Extends, LooksInOtherFoldersForWhatIsNotBesideIt) {
+  const std::filesystem::path shared = folder_ / "shared";
+  std::filesystem::create_directory(shared);
+  (void)write("shared/edu.yml", "name: shared\n");
+  (void)write("shared/pro.yml", "extends: edu.yml\nseed: 2\n");
+  const auto name_in = [&](const std::filesystem::path& path) {
+    return File::load(path, {}, {folder_ / "none", shared}).root().required<std::string>("name");
+  };
+  EXPECT_EQ(name_in(write("mine.yml", "extends: edu\n")), "shared");
+  EXPECT_EQ(name_in(write("mine.yml", "extends: edu.yml\n")), "shared");
+  EXPECT_EQ(name_in(write("mine.yml", "extends: pro\n")), "shared");
+  (void)write("edu.yml", "name: beside\n");
+  EXPECT_EQ(name_in(write("mine.yml", "extends: edu\n")), "beside");
+  // What a file of another folder extends is looked for beside that file first.
+  EXPECT_EQ(name_in(write("mine.yml", "extends: pro\n")), "shared");
+}
+
+TEST_F(Extends, TellsWhichFileIsNotThereAndWhereItWasLookedFor) {
+  const auto load = [&](const std::string& text) {
+    (void)File::load(write("sim.yml", text), {}, {folder_ / "none", folder_ / "shared"});
+  };
+  EXPECT_THAT(message_of([&] { load("extends: bsae.yml\n"); }),
+              EndsWith("sim.yml:1:10: extends is 'bsae.yml', but there is no such file in " +
+                       folder_.string()));
+  std::filesystem::create_directory(folder_ / "shared");
+  (void)write("shared/base.yml", "name: base\n");
+  EXPECT_THAT(message_of([&] { load("extends: bsae\n"); }),
+              EndsWith("sim.yml:1:10: extends is 'bsae', but there is no such file in " +
+                       folder_.string() + ", nor among the files that come with the program in " +
+                       (folder_ / "shared").string() + "; did you mean 'base'?"));
 }
 
 TEST_F(Extends, RefusesANameThatIsNoText) {

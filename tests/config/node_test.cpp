@@ -211,5 +211,21 @@ TEST(UnknownKeys, AreNoneWhereEverythingWasRead) {
       File::parse("name: a\nfingers: {height: 1}\nobjects: [{mass: 1}]\n", "robot.yml")));
 }
 
+TEST(Values, AreWrittenInOneWay) {
+  const File file = File::parse(
+      "name: a\n"
+      "fingers: {height: 0.30 m, position: [0, 0.9, -1.7]}\n"
+      "safety: {kp: [9, 9.0, 9], limit: .inf, margins: []}\n"
+      "text: \"1.0\"\n"
+      "objects: [{mass: 1}]\n",
+      "robot.yml");
+  EXPECT_THAT(file.values(),
+              testing::UnorderedElementsAre(
+                  testing::Pair("name", "a"), testing::Pair("fingers.height", "0.3"),
+                  testing::Pair("fingers.position", "[0, 0.9, -1.7]"),
+                  testing::Pair("safety.kp", "9"), testing::Pair("safety.limit", "inf"),
+                  testing::Pair("safety.margins", "[]"), testing::Pair("text", "1.0")));
+}
+
 }  // namespace
 }  // namespace trifinger::config

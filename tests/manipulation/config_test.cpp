@@ -3,7 +3,10 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <stdlib.h>
 
+#include <filesystem>
+#include <fstream>
 #include <string>
 
 #include "trifinger/base/error.hpp"
@@ -31,6 +34,19 @@ TEST(ManipulationConfig, TakesItsSettings) {
   EXPECT_EQ(std::get<LiftTask>(config.task).height, 0.1);
   EXPECT_EQ(config.controller.friction, 0.6);
   EXPECT_EQ(config.planner.min_normal_force, 1.1);
+}
+
+TEST(ManipulationConfig, ExtendsOneThatComesWithTheProgramByName) {
+  std::string folder = ::testing::TempDir() + "trifinger_manipulate_XXXXXX";
+  ASSERT_NE(::mkdtemp(folder.data()), nullptr);
+  const std::filesystem::path path = std::filesystem::path(folder) / "mine.yml";
+  std::ofstream(path) << "extends: pro\nlook_time: 0.7\n";
+  const ManipulationConfig mine = load_config(path.string(), "lift");
+  const ManipulationConfig shipped = load_config("pro", "lift");
+  std::filesystem::remove_all(folder);
+  EXPECT_EQ(mine.look_time, Seconds(0.7));
+  EXPECT_EQ(mine.max_duration, shipped.max_duration);
+  EXPECT_EQ(mine.object, shipped.object);
 }
 
 TEST(ManipulationConfig, RefusesWhatItDoesNotKnow) {

@@ -89,6 +89,57 @@ TEST_F(RobotConfigFile, EveryOneThatComesWithTheProgramRuns) {
   EXPECT_EQ(count, 7);
 }
 
+TEST_F(RobotConfigFile, ExtendsOneThatComesWithTheProgramByName) {
+  for (const std::string& name : config_names()) {
+    SCOPED_TRACE(name);
+    const RobotConfig shipped = load_robot_config(name, {"name=mine"});
+    for (const std::string& written : {name, name + ".yml"}) {
+      std::ofstream(folder_ / "mine.yml") << "extends: " << written << "\nname: mine\n";
+      const RobotConfig mine = load_robot_config((folder_ / "mine.yml").string());
+      EXPECT_EQ(mine.name, "mine");
+      EXPECT_EQ(mine.session.documents, shipped.session.documents);
+    }
+  }
+  std::ofstream(folder_ / "mine.yml") << "extends: trifinger_deu\n";
+  EXPECT_THAT(message_of([&] { (void)load_robot_config((folder_ / "mine.yml").string()); }),
+              AllOf(HasSubstr("there is no such file in " + folder_.string()),
+                    HasSubstr(std::filesystem::path(TRIFINGER_CONFIG_DIR).string()),
+                    HasSubstr("did you mean 'trifinger_edu'?")));
+}
+
+TEST_F(RobotConfigFile, DiffersInWhatAControllerNotices) {
+  const auto parsed = [](const std::string& name, const std::vector<std::string>& overrides = {}) {
+    return config::File::load(find_config(name), overrides, config_folders());
+  };
+  const auto lines = [](const config::File& robot, const config::File& other) {
+    std::vector<std::string> found;
+    for (const ConfigDifference& one : differences(robot, other)) {
+      found.push_back(one.key + ": " + one.value.value_or("none") + ", " +
+                      one.other.value_or("none"));
+    }
+    return found;
+  };
+  const config::File sim = parsed("sim");
+  // Other ways to say the same, and what makes no difference.
+  EXPECT_THAT(lines(sim, parsed("trifinger_edu", {"name=other", "fingers.height=0.2830 m",
+                                                  R"(objects=[{"name": "cube", "type": "cube"}])",
+                                                  "safety.max_torque=[0.36, 0.36, 0.36]",
+                                                  "fingers.initial_position=[0, 0.8, -1.6]",
+                                                  "backend.mode=non_real_time", "simulation.seed=7",
+                                                  "simulation.object_position_noise=0.001"})),
+              testing::IsEmpty());
+  EXPECT_THAT(
+      lines(parsed("sim", {"boundary=false", "objects.0.mass=0.2", "backend.period=0.002"}), sim),
+      testing::ElementsAre("backend.period: 0.002, 0.001", "boundary: false, true",
+                           "object 'cube': box of 0.065 x 0.065 x 0.065 m and 0.2 kg, "
+                           "box of 0.065 x 0.065 x 0.065 m and 0.094 kg"));
+  // A file of another version may lack a key, or have one more.
+  const config::File other =
+      config::File::parse("contact: {tip_friction: 1, stiffness: 3}\n", "other.yml");
+  EXPECT_THAT(lines(sim, other), testing::IsSupersetOf({"contact.stiffness: none, 3",
+                                                        "contact.floor_friction: 0.5, none"}));
+}
+
 TEST_F(RobotConfigFile, GoesAlongWithTheSessionsInOnePiece) {
   const RobotConfig config = load_robot_config("sim", {"fingers.height=0.31"});
   ASSERT_EQ(config.session.documents.size(), 1U);
