@@ -119,6 +119,9 @@ SessionSummary summary_of(const LoggedSession& session) {
           summary.loop->skipped += status.skipped_ticks;
         }
       });
+  if (const auto end = session.end_status(); end && summary.loop) {
+    summary.loop->timing.add(end->first, end->second, session.header().period);
+  }
   for (const LoggedSession& companion : session.companions()) {
     summary.companions.push_back(
         summary_of(companion, {}, [](const auto&, const auto&, std::size_t) {}));
@@ -169,7 +172,7 @@ void print_loop(const InfoSheet& sheet, const SessionSummary& summary) {
   const LoopSummary& loop = *summary.loop;
   if (summary.session.header().is_real_time) {
     const bool is_late = loop.timing.late_steps() > 0;
-    sheet.line("lateness", lateness_text(loop.timing.lateness()));
+    sheet.line("lateness", describe(loop.timing.lateness()));
     sheet.line("late", describe(loop.timing), is_late ? Style::kWarning : Style::kPlain);
     if (is_late) sheet.line("worst", worst_text(loop.timing));
   }

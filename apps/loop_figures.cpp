@@ -34,7 +34,7 @@ void LoopFigures::update(const UntypedFrontend& session) {
     Status status;
     try {
       if (!session.try_get(Series::kStatus, next_, &status)) break;
-      take(next_, status);
+      take(next_, status, info.period);
       ++next_;
     } catch (const HistoryLost& lost) {
       // A fast back-end overwrites while we read: go on well ahead of it.
@@ -47,17 +47,16 @@ void LoopFigures::update(const UntypedFrontend& session) {
   while (!recent_.empty() && recent_.front().time < now_ - kSecond) recent_.pop_front();
 }
 
-void LoopFigures::take(TimeIndex t, const Status& status) {
+void LoopFigures::take(TimeIndex t, const Status& status, Nanoseconds period) {
   newest_ = status;
   // The last status of a session only says why it ended.
   if ((status.flags & Status::kEnd) != 0) return;
   const Step step{.time_index = t,
                   .time = status.time,
-                  .lateness = status.lateness,
+                  .lateness = lateness_of(status, period),
                   .flags = status.flags,
                   .skipped_ticks = status.skipped_ticks};
   count(step, total_);
-  worst_lateness_ = std::max(worst_lateness_, Nanoseconds(status.lateness));
   recent_.push_back(step);
   while (recent_.front().time < status.time - kSecond) recent_.pop_front();
 }
@@ -81,16 +80,10 @@ double LoopFigures::rate() const {
   return static_cast<double>(steps) * 1e9 / static_cast<double>(end - recent_.front().time);
 }
 
-LoopFigures::Lateness LoopFigures::lateness() const {
-  if (recent_.empty()) return {};
-  std::vector<std::int64_t> sorted;
-  sorted.reserve(recent_.size());
-  for (const Step& step : recent_) sorted.push_back(step.lateness);
-  std::ranges::sort(sorted);
-  const auto quantile = [&sorted](std::size_t percent) {
-    return Nanoseconds(sorted[(sorted.size() - 1) * percent / 100]);
-  };
-  return {.p50 = quantile(50), .p99 = quantile(99), .max = quantile(100)};
+LatenessHistogram LoopFigures::lateness() const {
+  LatenessHistogram lateness;
+  for (const Step& step : recent_) lateness.add(step.lateness);
+  return lateness;
 }
 
 LoopFigures::Counts LoopFigures::last_second() const {

@@ -6,17 +6,13 @@
 
 #include "trifinger/base/time.hpp"
 #include "trifinger/core/frontend.hpp"
+#include "trifinger/core/timing.hpp"
 
 namespace trifinger::apps {
 
 // What the statuses of one session say about its loop. Waits for nothing and disturbs nobody.
 class LoopFigures {
  public:
-  struct Lateness {
-    Nanoseconds p50{0};
-    Nanoseconds p99{0};
-    Nanoseconds max{0};
-  };
   struct Counts {
     std::int64_t steps{0};
     std::int64_t repeats{0};
@@ -33,11 +29,10 @@ class LoopFigures {
   // Steps per second, over the last second. At the end of a session, over its last second.
   [[nodiscard]] double rate() const;
   // Over the last second.
-  [[nodiscard]] Lateness lateness() const;
+  [[nodiscard]] LatenessHistogram lateness() const;
   [[nodiscard]] Counts last_second() const;
   // Over all statuses taken in, from step `first_step` on.
   [[nodiscard]] const Counts& total() const noexcept { return total_; }
-  [[nodiscard]] Nanoseconds worst_lateness() const noexcept { return worst_lateness_; }
   [[nodiscard]] TimeIndex first_step() const noexcept { return first_; }
   // The newest status.
   [[nodiscard]] const Status& newest() const noexcept { return newest_; }
@@ -46,12 +41,12 @@ class LoopFigures {
   struct Step {
     TimeIndex time_index;
     std::int64_t time;
-    std::int64_t lateness;
+    Nanoseconds lateness;
     std::uint32_t flags;
     std::uint32_t skipped_ticks;
   };
 
-  void take(TimeIndex t, const Status& status);
+  void take(TimeIndex t, const Status& status, Nanoseconds period);
   static void count(const Step& step, Counts& counts) noexcept;
 
   std::uint64_t session_id_{0};
@@ -60,7 +55,6 @@ class LoopFigures {
   std::int64_t now_{0};
   std::deque<Step> recent_;  // of the last second
   Counts total_;
-  Nanoseconds worst_lateness_{0};
   Status newest_{};
 };
 

@@ -184,9 +184,10 @@ class RunReporter {
     std::string text =
         fmt::format("{}, {} at the end", counted(info.steps, "step"), rate_text(figures_.rate()));
     if (info.is_real_time) {
-      text += fmt::format(", worst lateness {}, {}, {} skipped",
-                          duration_text(figures_.worst_lateness()),
-                          counted(total.repeats, "repeat"), total.skipped);
+      text += fmt::format(", {}, {} skipped", counted(total.repeats, "repeat"), total.skipped);
+      if (const auto timing = session_->session().timing()) {
+        text += "; lateness " + describe(timing->lateness());
+      }
     }
     return text;
   }
@@ -202,10 +203,11 @@ class RunReporter {
       segments.push_back({rate_text(figures_.rate()), 9, Style::kPlain});
       segments.push_back({fmt::format("step {}", info.steps), 8, Style::kPlain});
       if (info.is_real_time) {
-        const LoopFigures::Lateness lateness = figures_.lateness();
-        segments.push_back({fmt::format("late p99 {} max {}", duration_text(lateness.p99),
-                                        duration_text(lateness.max)),
-                            6, Style::kPlain});
+        const LatenessHistogram lateness = figures_.lateness();
+        segments.push_back(
+            {fmt::format("late p99 {} max {}", duration_text(lateness.quantile(0.99)),
+                         duration_text(lateness.max())),
+             6, Style::kPlain});
         segments.push_back({fmt::format("repeats {}", figures_.total().repeats), 7,
                             recent.repeats > 0 ? Style::kWarning : Style::kPlain});
       }

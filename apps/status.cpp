@@ -136,8 +136,7 @@ class Observer {
     const TimeIndex first = figures_.first_step();
     sheet.add("rate", rate_text(figures_.rate()));
     if (info.is_real_time) {
-      const LoopFigures::Lateness lateness = figures_.lateness();
-      sheet.add("lateness", lateness_text(lateness.p50, lateness.p99, lateness.max));
+      sheet.add("lateness", describe(figures_.lateness()));
       if (const auto timing = session.session().timing()) add_timing(sheet, *timing);
       sheet.add("repeats", count_text(recent.repeats, total.repeats, first),
                 warn_if(recent.repeats > 0));
@@ -156,7 +155,7 @@ class Observer {
 
   // What the back-end has noted since step 0, also of steps that the history has lost.
   static void add_timing(StatusSheet& sheet, const TimingRecord& timing) {
-    sheet.add("since 0", lateness_text(timing.lateness()));
+    sheet.add("since 0", describe(timing.lateness()));
     sheet.add("in time",
               fmt::format("{:.1f} % of the last {} steps", 100.0 * timing.success_rate(),
                           std::min(timing.steps(), TimingRecord::kRecentSteps)),
@@ -210,8 +209,9 @@ void add_status(CLI::App& program, Action& action) {
   command->footer(
       "It only reads and never slows the robot.\n"
       "  realtime   whether the loop has all that was asked for: priority, locked memory, ...\n"
-      "  lateness   how long after their deadlines the steps of the last second began\n"
-      "  since 0    the same of all steps, those left out counted in\n"
+      "  lateness   how long after their deadlines the steps of the last second began; after\n"
+      "             that of the first one left out before them\n"
+      "  since 0    the same of all steps\n"
       "  in time    the share of the last 1000 steps that were in time\n"
       "  late       steps that were not: their action was missing (user), or they began more than\n"
       "             half a period late; scheduler: the back-end did not get the processor, "

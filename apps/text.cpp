@@ -23,15 +23,6 @@ std::vector<std::string> realtime_lines(const std::vector<std::string>& lacks) {
   return lines;
 }
 
-std::string lateness_text(Nanoseconds p50, Nanoseconds p99, Nanoseconds max) {
-  return fmt::format("p50 {}, p99 {}, max {}", duration_text(p50), duration_text(p99),
-                     duration_text(max));
-}
-
-std::string lateness_text(const LatenessHistogram& lateness) {
-  return lateness_text(lateness.quantile(0.5), lateness.quantile(0.99), lateness.max());
-}
-
 std::string worst_text(const TimingRecord& timing) {
   std::string text;
   for (const LateStep& step : timing.worst()) {

@@ -17,9 +17,6 @@ namespace trifinger::apps {
 [[nodiscard]] std::string counted(std::int64_t count, const std::string& what);
 // Whether a loop is a real-time thread, a line each: "yes", or "no: " and what it lacks.
 [[nodiscard]] std::vector<std::string> realtime_lines(const std::vector<std::string>& lacks);
-// "p50 12 µs, p99 80 µs, max 1.2 ms"
-[[nodiscard]] std::string lateness_text(Nanoseconds p50, Nanoseconds p99, Nanoseconds max);
-[[nodiscard]] std::string lateness_text(const LatenessHistogram& lateness);
 // "step 77 by 1.2 ms (user), step 12 by 800 µs (driver)"
 [[nodiscard]] std::string worst_text(const TimingRecord& timing);
 

@@ -16,10 +16,8 @@ constexpr unsigned kBits = 3;
 constexpr std::size_t kLastBin = LatenessHistogram::kNumBins - 1;
 
 // How late the step was, as LateStep tells it.
-Nanoseconds lateness_of(const Status& status, LateCause cause, Nanoseconds period) noexcept {
-  if (cause != LateCause::kUser) {
-    return Nanoseconds(status.lateness) + status.skipped_ticks * period;
-  }
+Nanoseconds late_by(const Status& status, LateCause cause, Nanoseconds period) noexcept {
+  if (cause != LateCause::kUser) return lateness_of(status, period);
   // In a last step without its action there was nothing left to repeat.
   const bool is_repeated = (status.flags & Status::kActionRepeated) != 0;
   return (status.action_repeats + (is_repeated ? 0 : 1)) * period;
@@ -47,6 +45,10 @@ LateCause late_cause(const Status& status) noexcept {
   const bool is_missing = (status.flags & Status::kActionRepeated) != 0 ||
                           status.fault_code == static_cast<std::int32_t>(Fault::Code::kActionLate);
   return is_missing ? LateCause::kUser : LateCause::kNone;
+}
+
+Nanoseconds lateness_of(const Status& status, Nanoseconds period) noexcept {
+  return Nanoseconds(status.lateness) + status.skipped_ticks * period;
 }
 
 std::size_t LatenessHistogram::bin_of(Nanoseconds time) noexcept {
@@ -94,12 +96,12 @@ Nanoseconds LatenessHistogram::quantile(double fraction) const noexcept {
 
 void TimingRecord::add(TimeIndex t, const Status& status, Nanoseconds period) noexcept {
   const LateCause cause = late_cause(status);
-  lateness_.add(Nanoseconds(status.lateness) + status.skipped_ticks * period);
+  lateness_.add(lateness_of(status, period));
   ++counts_[static_cast<std::size_t>(cause)];
   note_recent(cause != LateCause::kNone);
   ++steps_;
   if (cause == LateCause::kNone) return;
-  note_worst({.time_index = t, .lateness = lateness_of(status, cause, period), .cause = cause});
+  note_worst({.time_index = t, .lateness = late_by(status, cause, period), .cause = cause});
 }
 
 void TimingRecord::note_recent(bool is_late) noexcept {
@@ -141,6 +143,11 @@ double TimingRecord::success_rate() const noexcept {
 std::span<const LateStep> TimingRecord::worst() const noexcept {
   const auto* const end = std::ranges::find(worst_, LateCause::kNone, &LateStep::cause);
   return {worst_.begin(), end};
+}
+
+std::string describe(const LatenessHistogram& lateness) {
+  return "p50 " + duration_text(lateness.quantile(0.5)) + ", p99 " +
+         duration_text(lateness.quantile(0.99)) + ", max " + duration_text(lateness.max());
 }
 
 std::string describe(const TimingRecord& timing) {

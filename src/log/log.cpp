@@ -415,6 +415,42 @@ SeriesReader LoggedSession::read(const std::vector<Column>& columns, TimeIndex f
       std::make_unique<SeriesReader::Implementation>(log_, *stream_, columns, first, last));
 }
 
+std::optional<std::pair<TimeIndex, Status>> LoggedSession::end_status() const {
+  if (is_companion() || !has_elements() || element(Series::kStatus) != describe<Status>()) {
+    return std::nullopt;
+  }
+  const TimeIndex t = range(Series::kAppliedAction).second;
+  if (t >= range(Series::kStatus).second) return std::nullopt;
+  Status status;
+  try {
+    get(Series::kStatus, t, 1, &status);
+  } catch (const NotInLog&) {
+    return std::nullopt;
+  }
+  return std::pair(t, status);
+}
+
+std::optional<TimingRecord> LoggedSession::timing(TimeIndex first, TimeIndex last) const {
+  if (is_companion() || !header().is_real_time || !has_elements() ||
+      element(Series::kStatus) != describe<Status>()) {
+    return std::nullopt;
+  }
+  constexpr std::size_t kBlock = 4096;
+  TimingRecord timing;
+  std::vector<TimeIndex> indices(kBlock);
+  std::vector<Status> statuses(kBlock);
+  const std::array<void*, 1> columns{statuses.data()};
+  SeriesReader reader = read({{Series::kStatus, {}}}, first, last);
+  while (const std::size_t rows =
+             reader.read(kBlock, {.indices = indices.data(), .columns = columns})) {
+    for (std::size_t i = 0; i < rows; ++i) timing.add(indices[i], statuses[i], header().period);
+  }
+  if (const auto end = end_status(); end && end->first >= first && end->first < last) {
+    timing.add(end->first, end->second, header().period);
+  }
+  return timing;
+}
+
 TimeIndex LoggedSession::find(std::int64_t time) const {
   const Lock lock(log_->mutex);
   const std::size_t n =

@@ -25,6 +25,12 @@ enum class LateCause : std::uint32_t {
 /// Who was to blame for the step of `status`. A back-end that is late itself blames nobody else.
 [[nodiscard]] LateCause late_cause(const Status& status) noexcept;
 
+/// How late the step of `status` was: how long after the deadline the tick began, or after the
+/// deadline of the first tick that was left out before it; zero without deadlines. This is what
+/// "lateness" means wherever it is shown, and `TimingRecord` is where its quantiles and its largest
+/// come from.
+[[nodiscard]] Nanoseconds lateness_of(const Status& status, Nanoseconds period) noexcept;
+
 /// Counts times in bins that widen with the time: eight for each power of two, so a quantile is
 /// known to an eighth of itself however many times there are.
 class LatenessHistogram {
@@ -74,7 +80,7 @@ class TimingRecord {
   /// Takes in the status of step `t`, in the order of the steps.
   void add(TimeIndex t, const Status& status, Nanoseconds period) noexcept;
 
-  /// How late the ticks began, those left out counted in.
+  /// `lateness_of` all steps.
   [[nodiscard]] const LatenessHistogram& lateness() const noexcept { return lateness_; }
   [[nodiscard]] std::uint64_t steps() const noexcept { return steps_; }
   [[nodiscard]] std::uint64_t late_steps() const noexcept;
@@ -98,6 +104,9 @@ class TimingRecord {
   std::array<std::uint64_t, (kRecentSteps + 63) / 64> recent_{};  // a bit each: late
   std::array<LateStep, kNumWorst> worst_{};
 };
+
+/// "p50 12 µs, p99 80 µs, max 1.2 ms"
+[[nodiscard]] std::string describe(const LatenessHistogram& lateness);
 
 /// "3 of 10000 steps were late (user 3), the worst by 1.2 ms at step 77"
 [[nodiscard]] std::string describe(const TimingRecord& timing);

@@ -18,6 +18,7 @@
 #include "trifinger/core/robot.hpp"
 #include "trifinger/core/session.hpp"
 #include "trifinger/core/status.hpp"
+#include "trifinger/core/timing.hpp"
 #include "trifinger/log/log_writer.hpp"
 #include "trifinger/mcap/reader.hpp"
 
@@ -143,6 +144,14 @@ class LoggedSession {
   /// Reads what there is of the whole steps from `first` to before `last`.
   [[nodiscard]] SeriesReader read(const std::vector<Column>& columns, TimeIndex first = 0,
                                   TimeIndex last = std::numeric_limits<TimeIndex>::max()) const;
+  /// The status of the end of a robot's session, in which no action was applied, and its step;
+  /// nothing if it is not in the log, or of another version.
+  [[nodiscard]] std::optional<std::pair<TimeIndex, Status>> end_status() const;
+  /// How the session kept its time from step `first` to before `last`, the status of its end
+  /// included: what its back-end has noted, if no step is missing. Nothing outside real-time mode,
+  /// and if statuses are of another version. Reads all of them.
+  [[nodiscard]] std::optional<TimingRecord> timing(
+      TimeIndex first = 0, TimeIndex last = std::numeric_limits<TimeIndex>::max()) const;
   /// The first index that was measured at or after `time`, since 1970 [ns]; the end of the range if
   /// there is none.
   [[nodiscard]] TimeIndex find(std::int64_t time) const;
