@@ -23,6 +23,11 @@ void bind_backend(nb::module_& m) {
       R"(A back-end in a thread of this process, offered to all processes under a name.
 
 It runs session after session until stop(), or until the end of its `with` block.)")
+      .def("__repr__",
+           [](const RunningBackend& backend) {
+             return "<Backend of '" + backend.name() + "'" +
+                    (backend.is_running() ? ">" : ", stopped>");
+           })
       .def_prop_ro("name", &RunningBackend::name, "For connect() and observe().")
       .def(
           "wait",

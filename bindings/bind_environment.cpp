@@ -171,7 +171,7 @@ void bind_episodes(nb::module_& m) {
           },
           "seed"_a, "number"_a,
           nb::sig("def begin(self, seed: int, number: int) -> tuple[list[float], list[float], "
-                  "list[float], dict[str, typing.Any], int]"),
+                  "list[float], dict[str, float], int]"),
           "Joints [rad], object's position [m] and quaternion, variation, series of random "
           "numbers.")
       .def(
@@ -409,6 +409,16 @@ void bind_environment(nb::module_& m) {
       "task"_a, "options"_a,
       nb::sig("def environment_overrides(task: str, options: str) -> dict[str, object]"),
       "What a robot's configuration must say for a task with options (JSON).");
+  m.def(
+      "robot_configuration",
+      [](const std::string& config, const nb::dict& overrides) {
+        return load_config(config, overrides).session.documents.front().text;
+      },
+      "config"_a, "config_overrides"_a = nb::dict(),
+      nb::sig("def robot_configuration(config: str, config_overrides: dict[str, object] = {}) -> "
+              "str"),
+      "The whole text of a configuration, with what it extends and its overrides, as sessions have "
+      "it.");
 }
 
 }  // namespace trifinger::python

@@ -77,7 +77,7 @@ exception.)")
       .def(
           "append_desired_action", &PythonFrontend::append_desired_action, "action"_a.none(),
           "timeout"_a = nb::none(),
-          nb::sig("def append_desired_action(self, action: Element, timeout: float | None = None) "
+          nb::sig("def append_desired_action(self, action: Action, timeout: float | None = None) "
                   "-> int"),
           R"(Appends `action` and returns the step it is scheduled for: the next one, or the first still open
 if the loop fell behind. The first call starts time 0. Waits only if the queue is full.
@@ -87,56 +87,58 @@ action of this robot: see new_action.)")
       .def(
           "append_desired_actions", &PythonFrontend::append_desired_actions, "actions"_a.none(),
           "timeout"_a = nb::none(),
-          nb::sig("def append_desired_actions(self, actions: numpy.typing.NDArray[Element], "
+          nb::sig("def append_desired_actions(self, actions: numpy.typing.NDArray[Action], "
                   "timeout: float | None = None) -> int"),
           R"(Appends a burst: the elements of a one-dimensional array of `action_dtype`, one behind the
 other. Returns the step of the last one.)")
       .def(
           "new_action", &PythonFrontend::new_action, "fields"_a,
-          nb::sig("def new_action(self, **fields: numpy.typing.ArrayLike) -> Element"),
+          nb::sig("def new_action(self, **fields: numpy.typing.ArrayLike) -> Action"),
           R"(Returns the robot's default action with `fields` filled in; a number fills the whole field. It
 can be changed and appended as often as you like.)")
-      .def("get_observation", get(Series::kObservation), "t"_a, "timeout"_a = nb::none(),
-           nb::sig("def get_observation(self, t: int, timeout: float | None = None) -> Element"),
-           R"(Returns y[t], waiting for it if `t` lies in the future.
+      .def(
+          "get_observation", get(Series::kObservation), "t"_a, "timeout"_a = nb::none(),
+          nb::sig("def get_observation(self, t: int, timeout: float | None = None) -> Observation"),
+          R"(Returns y[t], waiting for it if `t` lies in the future.
 
 Raises HistoryLost if y[t] was already overwritten, RobotStopped if it will never come,
 TimedOut.)")
       .def("get_desired_action", get(Series::kDesiredAction), "t"_a, "timeout"_a = nb::none(),
-           nb::sig("def get_desired_action(self, t: int, timeout: float | None = None) -> Element"),
+           nb::sig("def get_desired_action(self, t: int, timeout: float | None = None) -> Action"),
            R"(Returns a[t] as the back-end took it; raises as get_observation, like all below.)")
       .def("get_applied_action", get(Series::kAppliedAction), "t"_a, "timeout"_a = nb::none(),
-           nb::sig("def get_applied_action(self, t: int, timeout: float | None = None) -> Element"),
+           nb::sig("def get_applied_action(self, t: int, timeout: float | None = None) -> "
+                   "AppliedAction"),
            "Returns a'[t]: what was applied.")
       .def("get_status", get(Series::kStatus), "t"_a, "timeout"_a = nb::none(),
-           nb::sig("def get_status(self, t: int, timeout: float | None = None) -> Element"),
+           nb::sig("def get_status(self, t: int, timeout: float | None = None) -> StatusElement"),
            "Returns what the back-end has to say about step t.")
       .def(
           "get_observations", get_many(Series::kObservation), "first"_a, "last"_a,
           "timeout"_a = nb::none(),
           nb::sig("def get_observations(self, first: int, last: int, timeout: float | None = None) "
-                  "-> numpy.typing.NDArray[Element]"),
+                  "-> numpy.typing.NDArray[Observation]"),
           "Returns the steps from `first` to before `last`, waiting for the last one.")
       .def("get_desired_actions", get_many(Series::kDesiredAction), "first"_a, "last"_a,
            "timeout"_a = nb::none(),
            nb::sig(
                "def get_desired_actions(self, first: int, last: int, timeout: float | None = None) "
-               "-> numpy.typing.NDArray[Element]"))
+               "-> numpy.typing.NDArray[Action]"))
       .def("get_applied_actions", get_many(Series::kAppliedAction), "first"_a, "last"_a,
            "timeout"_a = nb::none(),
            nb::sig(
                "def get_applied_actions(self, first: int, last: int, timeout: float | None = None) "
-               "-> numpy.typing.NDArray[Element]"))
+               "-> numpy.typing.NDArray[AppliedAction]"))
       .def("get_statuses", get_many(Series::kStatus), "first"_a, "last"_a, "timeout"_a = nb::none(),
            nb::sig("def get_statuses(self, first: int, last: int, timeout: float | None = None) "
-                   "-> numpy.typing.NDArray[Element]"))
+                   "-> numpy.typing.NDArray[StatusElement]"))
       .def(
           "latest_observation", &PythonFrontend::latest_observation, "timeout"_a = nb::none(),
-          nb::sig("def latest_observation(self, timeout: float | None = None) -> Element"),
+          nb::sig("def latest_observation(self, timeout: float | None = None) -> Observation"),
           R"(Returns the newest observation, before step 0 too: nobody has to act in order to look.)")
       .def(
           "get_latest_at", &PythonFrontend::get_latest_at, "t"_a, "timeout"_a = nb::none(),
-          nb::sig("def get_latest_at(self, t: int, timeout: float | None = None) -> Element "
+          nb::sig("def get_latest_at(self, t: int, timeout: float | None = None) -> Observation "
                   "| None"),
           R"(Companions: returns the newest element that arrived at or before the robot's step `t`, waiting
 for that step. None if there was none by then.)")
@@ -189,17 +191,18 @@ first whole step.)")
           "close", &PythonFrontend::close,
           R"(Lets go of the session. If actions were appended and it still runs, it ends ("detached").)")
       .def_prop_ro("action_dtype", dtype(Series::kDesiredAction),
-                   nb::sig("def action_dtype(self) -> numpy.dtype[Element]"),
+                   nb::sig("def action_dtype(self) -> numpy.dtype[Action]"),
                    "The layout of an action.")
       .def_prop_ro("applied_action_dtype", dtype(Series::kAppliedAction),
-                   nb::sig("def applied_action_dtype(self) -> numpy.dtype[Element]"),
+                   nb::sig("def applied_action_dtype(self) -> numpy.dtype[AppliedAction]"),
                    "The layout of what the robot says it has applied.")
       .def_prop_ro("observation_dtype", dtype(Series::kObservation),
-                   nb::sig("def observation_dtype(self) -> numpy.dtype[Element]"),
+                   nb::sig("def observation_dtype(self) -> numpy.dtype[Observation]"),
                    "The layout of an observation.")
       .def_prop_ro("status_dtype", dtype(Series::kStatus),
-                   nb::sig("def status_dtype(self) -> numpy.dtype[Element]"),
+                   nb::sig("def status_dtype(self) -> numpy.dtype[StatusElement]"),
                    "The layout of a status, the same for every robot.")
+      .def("__repr__", &PythonFrontend::text, nb::sig("def __repr__(self) -> str"))
       .def(
           "__enter__", [](nb::object self) { return self; },
           nb::sig("def __enter__(self) -> Frontend"))

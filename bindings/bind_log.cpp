@@ -9,6 +9,7 @@
 #include <nanobind/stl/vector.h>
 
 #include <chrono>
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
@@ -96,6 +97,18 @@ observations and are counted by themselves.
         steps.time_index, steps.observations, steps.applied_actions
 
 Any number of threads may read.)")
+      .def(
+          "__repr__",
+          [](const PythonLoggedSession& session) {
+            const log::LoggedSession& logged = session.session();
+            const std::string steps = !logged.steps() ? "not ended"
+                                      : *logged.steps() == 1
+                                          ? "1 step"
+                                          : std::to_string(*logged.steps()) + " steps";
+            const std::string text = "<LoggedSession of '" + logged.name() + "', " + logged.type();
+            return to_text(logged.is_companion() ? text + ">" : text + ", " + steps + ">");
+          },
+          nb::sig("def __repr__(self) -> str"))
       .def_prop_ro("name",
                    [](const PythonLoggedSession& session) { return session.session().name(); })
       .def_prop_ro(
@@ -157,15 +170,15 @@ Looks at the whole log once.)")
 
       .def_prop_ro(
           "observations", all_steps(Series::kObservation),
-          nb::sig("def observations(self) -> numpy.typing.NDArray[Element]"),
+          nb::sig("def observations(self) -> numpy.typing.NDArray[Observation]"),
           R"(Those of all whole steps: a row for each number in `time_index`. Read when first asked for,
 and kept.)")
       .def_prop_ro("desired_actions", all_steps(Series::kDesiredAction),
-                   nb::sig("def desired_actions(self) -> numpy.typing.NDArray[Element]"))
+                   nb::sig("def desired_actions(self) -> numpy.typing.NDArray[Action]"))
       .def_prop_ro("applied_actions", all_steps(Series::kAppliedAction),
-                   nb::sig("def applied_actions(self) -> numpy.typing.NDArray[Element]"))
+                   nb::sig("def applied_actions(self) -> numpy.typing.NDArray[AppliedAction]"))
       .def_prop_ro("statuses", all_steps(Series::kStatus),
-                   nb::sig("def statuses(self) -> numpy.typing.NDArray[Element]"))
+                   nb::sig("def statuses(self) -> numpy.typing.NDArray[StatusElement]"))
       .def_prop_ro(
           "time_index", &PythonLoggedSession::time_index,
           nb::sig("def time_index(self) -> numpy.typing.NDArray[numpy.int64]"),
@@ -175,19 +188,20 @@ and kept.)")
                    "When they were measured, by the clock on the wall (UTC).")
 
       .def("get_observation", get(Series::kObservation), "t"_a,
-           nb::sig("def get_observation(self, t: int) -> Element"),
+           nb::sig("def get_observation(self, t: int) -> Observation"),
            "Returns y[t]. Raises NotInLog, like all below.")
       .def("get_desired_action", get(Series::kDesiredAction), "t"_a,
-           nb::sig("def get_desired_action(self, t: int) -> Element"))
+           nb::sig("def get_desired_action(self, t: int) -> Action"))
       .def("get_applied_action", get(Series::kAppliedAction), "t"_a,
-           nb::sig("def get_applied_action(self, t: int) -> Element"))
+           nb::sig("def get_applied_action(self, t: int) -> AppliedAction"))
       .def("get_status", get(Series::kStatus), "t"_a,
-           nb::sig("def get_status(self, t: int) -> Element"))
+           nb::sig("def get_status(self, t: int) -> StatusElement"))
       .def(
           "get_observations", get_many(Series::kObservation), "first"_a, "last"_a,
           "fields"_a = nb::none(),
-          nb::sig("def get_observations(self, first: int, last: int, fields: str | "
-                  "collections.abc.Sequence[str] | None = None) -> numpy.typing.NDArray[Element]"),
+          nb::sig(
+              "def get_observations(self, first: int, last: int, fields: str | "
+              "collections.abc.Sequence[str] | None = None) -> numpy.typing.NDArray[Observation]"),
           R"(Returns the steps from `first` to before `last`: row i is step `first + i`, so all of them must
 be in the log. Only these `fields`, if given.
 
@@ -195,17 +209,19 @@ Where the session ended in step N there are an observation and a status N, but n
       .def("get_desired_actions", get_many(Series::kDesiredAction), "first"_a, "last"_a,
            "fields"_a = nb::none(),
            nb::sig("def get_desired_actions(self, first: int, last: int, fields: str | "
-                   "collections.abc.Sequence[str] | None = None) -> numpy.typing.NDArray[Element]"))
+                   "collections.abc.Sequence[str] | None = None) -> numpy.typing.NDArray[Action]"))
       .def("get_applied_actions", get_many(Series::kAppliedAction), "first"_a, "last"_a,
            "fields"_a = nb::none(),
            nb::sig("def get_applied_actions(self, first: int, last: int, fields: str | "
-                   "collections.abc.Sequence[str] | None = None) -> numpy.typing.NDArray[Element]"))
+                   "collections.abc.Sequence[str] | None = None) -> "
+                   "numpy.typing.NDArray[AppliedAction]"))
       .def("get_statuses", get_many(Series::kStatus), "first"_a, "last"_a, "fields"_a = nb::none(),
            nb::sig("def get_statuses(self, first: int, last: int, fields: str | "
-                   "collections.abc.Sequence[str] | None = None) -> numpy.typing.NDArray[Element]"))
+                   "collections.abc.Sequence[str] | None = None) -> "
+                   "numpy.typing.NDArray[StatusElement]"))
       .def(
           "get_latest_at", &PythonLoggedSession::get_latest_at, "t"_a,
-          nb::sig("def get_latest_at(self, t: int) -> Element | None"),
+          nb::sig("def get_latest_at(self, t: int) -> Observation | None"),
           R"(Companions: returns the newest element that arrived at or before the robot's step `t`; None if
 there was none by then.)")
       .def("range", &PythonLoggedSession::range, "series"_a,
@@ -216,6 +232,19 @@ there was none by then.)")
           nb::sig("def between(self, begin: float, end: float) -> tuple[int, int]"),
           R"(The range of the steps that were measured from `begin` to before `end`, in seconds since the
 first step in the log.)")
+      .def(
+          "timing",
+          [](const PythonLoggedSession& session, TimeIndex first, nb::handle last) {
+            const TimeIndex end =
+                last.is_none() ? std::numeric_limits<TimeIndex>::max() : nb::cast<TimeIndex>(last);
+            return without_gil([&] { return session.session().timing(first, end); });
+          },
+          "first"_a = 0, "last"_a = nb::none(),
+          nb::sig("def timing(self, first: int = 0, last: int | None = None) -> TimingRecord | "
+                  "None"),
+          R"(How the session kept its time from step `first` to before `last`, the status of its end
+included: what Frontend.timing() says, if no step is missing. None outside real-time mode, and if
+the statuses are those of another version.)")
       .def(
           "read",
           [](const PythonLoggedSession& session, nb::handle first, nb::handle last,
@@ -258,13 +287,13 @@ names and fields: `{"observation": ("position",), "status": None}`.)")
           },
           "name"_a, R"(The companion `name` of this robot, as in "object".)")
       .def_prop_ro("observation_dtype", dtype(Series::kObservation),
-                   nb::sig("def observation_dtype(self) -> numpy.dtype[Element]"))
+                   nb::sig("def observation_dtype(self) -> numpy.dtype[Observation]"))
       .def_prop_ro("action_dtype", dtype(Series::kDesiredAction),
-                   nb::sig("def action_dtype(self) -> numpy.dtype[Element]"))
+                   nb::sig("def action_dtype(self) -> numpy.dtype[Action]"))
       .def_prop_ro("applied_action_dtype", dtype(Series::kAppliedAction),
-                   nb::sig("def applied_action_dtype(self) -> numpy.dtype[Element]"))
+                   nb::sig("def applied_action_dtype(self) -> numpy.dtype[AppliedAction]"))
       .def_prop_ro("status_dtype", dtype(Series::kStatus),
-                   nb::sig("def status_dtype(self) -> numpy.dtype[Element]"))
+                   nb::sig("def status_dtype(self) -> numpy.dtype[StatusElement]"))
       .def_prop_ro(
           "units",
           [](const PythonLoggedSession& session) {
@@ -285,7 +314,7 @@ names and fields: `{"observation": ("position",), "status": None}`.)")
       .def("to_pandas", exported("to_pandas"),
            nb::sig("def to_pandas(self, first: int | None = None, last: int | None = None, series: "
                    "collections.abc.Mapping[str, collections.abc.Sequence[str] | None] | "
-                   "collections.abc.Sequence[str] | None = None) -> typing.Any"),
+                   "collections.abc.Sequence[str] | None = None) -> pandas.DataFrame"),
            R"(The same as read() as a pandas.DataFrame: a row per step, a column per number, as in
 "observation.position[0]". Needs pip install "trifinger[export]".)")
       .def("to_csv", exported("to_csv"),
@@ -341,6 +370,15 @@ recording, or a list has parts of several; OSError.)")
           nb::sig(
               "def __init__(self, path: str | os.PathLike[str] | collections.abc.Sequence[str | "
               "os.PathLike[str]]) -> None"))
+      .def(
+          "__repr__",
+          [](const Log& log) {
+            const auto& files = log.files();
+            const std::string parts =
+                files.size() == 1 ? "" : ", " + std::to_string(files.size()) + " parts";
+            return to_text("<Log of '" + files.front().string() + "'" + parts + ">");
+          },
+          nb::sig("def __repr__(self) -> str"))
       .def_prop_ro(
           "files",
           [](const Log& log) {

@@ -273,6 +273,10 @@ void bind_simulation(nb::module_& m) {
           "`config` is the name of a configuration that comes with the package, or a file; "
           "`overrides` changes "
           "single\nvalues: {\"fingers.height\": 0.3, \"simulation.seed\": 7}.")
+      .def("__repr__",
+           [](const PythonSimulation& simulation) {
+             return "<Simulation of '" + simulation.name() + "'>";
+           })
       .def("connect", &PythonSimulation::connect, nb::kw_only(), "strict"_a = true,
            "Controls the robot in a new session. Raises ControlHeld while another front-end does.")
       .def("reset", &PythonSimulation::reset, "position"_a = nb::none(), "seed"_a = nb::none(),
@@ -323,7 +327,7 @@ void bind_simulation(nb::module_& m) {
           },
           "MuJoCo's qpos, then qvel, to draw the scene of mjcf().")
       .def("add_check", &PythonSimulation::add_check, "function"_a,
-           nb::sig("def add_check(self, function: collections.abc.Callable[[Element, Element], "
+           nb::sig("def add_check(self, function: collections.abc.Callable[[Observation, Action], "
                    "None]) -> None"),
            "Adds a safety check of your own, between sessions: `function(observation, action)` "
            "changes the action in "
@@ -354,7 +358,7 @@ void bind_simulation(nb::module_& m) {
       "record"_a = nb::none(), "checks"_a = nb::tuple(),
       nb::sig("def simulate(config: str = 'sim', overrides: dict[str, object] = {}, *, strict: "
               "bool = True, record: str | os.PathLike[str] | None = None, "
-              "checks: collections.abc.Iterable[collections.abc.Callable[[Element, Element], "
+              "checks: collections.abc.Iterable[collections.abc.Callable[[Observation, Action], "
               "None]] = ()) -> Frontend"),
       "Starts a simulated robot in this process and controls it; see Simulation. `record` is the "
       "folder for a log,\n`checks` are safety checks of your own, see Simulation.add_check(). "

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "element.hpp"
 #include "element_type.hpp"
 
 namespace trifinger::python {
@@ -21,7 +22,9 @@ class Checks {
    public:
     Check(nanobind::object function, const ElementDescription& observation,
           const ElementDescription& action)
-        : function_(std::move(function)), observation_(observation), action_(action) {}
+        : function_(std::move(function)),
+          observation_(observation, class_of(Series::kObservation)),
+          action_(action, class_of(Series::kDesiredAction)) {}
 
     /// Changes the action at `action` in place. @throws Error if the function has thrown
     void call(const void* observation, void* action) const;

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "element.hpp"
 
-#include <array>
+#include <string>
+#include <vector>
 
 #include "numpy.hpp"
 
@@ -25,28 +26,72 @@ int set_attribute(PyObject* self, PyObject* name, PyObject* value) {
   return PyObject_GenericSetAttr(self, name, value);
 }
 
+// Whatever goes wrong, for instance while the interpreter ends, an element can be printed.
+PyObject* text_of(PyObject* self) {
+  const nb::object module = nb::steal(PyImport_ImportModule("trifinger.element_text"));
+  if (module.is_valid()) {
+    PyObject* const text = PyObject_CallMethod(module.ptr(), "text_of", "O", self);
+    if (text != nullptr) return text;
+  }
+  // Ctrl-C is not swallowed.
+  if (PyErr_ExceptionMatches(PyExc_Exception) == 0) return nullptr;
+  PyErr_Clear();
+  return PyUnicode_FromString("<Element>");
+}
+
+}  // namespace
+
+namespace {
+
+// A class without memory of its own: instances are as large as their base, and have no __dict__.
+void make_class(nb::module_& m, const std::string& name, const char* doc, PyObject* base,
+                std::vector<PyType_Slot> slots) {
+  const std::string full_name = "trifinger._trifinger." + name;
+  slots.push_back({Py_tp_doc, const_cast<char*>(doc)});
+  slots.push_back({0, nullptr});
+  PyType_Spec spec{.name = full_name.c_str(),
+                   .basicsize = 0,
+                   .itemsize = 0,
+                   .flags = Py_TPFLAGS_DEFAULT | Py_TPFLAGS_BASETYPE,
+                   .slots = slots.data()};
+  PyObject* const type = PyType_FromSpecWithBases(&spec, base);
+  if (type == nullptr) throw nb::python_error();
+  m.attr(name.c_str()) = nb::steal(type);
+}
+
 }  // namespace
 
 void bind_element(nb::module_& m) {
-  static const char doc[] =
-      R"(One element of a series: a record of NumPy whose fields are attributes, too.
+  make_class(m, "Element",
+             R"(One element of a series: a record of NumPy whose fields are attributes, too.
 
-`y.position` and `y["position"]` are the same, `y.stamp.capture_time` is a field of a field.)";
-  static std::array slots{
-      PyType_Slot{Py_tp_doc, const_cast<char*>(doc)},
-      PyType_Slot{Py_tp_getattro, reinterpret_cast<void*>(get_attribute)},
-      PyType_Slot{Py_tp_setattro, reinterpret_cast<void*>(set_attribute)},
-      PyType_Slot{0, nullptr},
-  };
-  static PyType_Spec spec{.name = "trifinger._trifinger.Element",
-                          .basicsize = 0,  // as its base
-                          .itemsize = 0,
-                          .flags = Py_TPFLAGS_DEFAULT | Py_TPFLAGS_BASETYPE,
-                          .slots = slots.data()};
-  PyObject* const type =
-      PyType_FromSpecWithBases(&spec, reinterpret_cast<PyObject*>(&PyVoidArrType_Type));
-  if (type == nullptr) throw nb::python_error();
-  m.attr("Element") = nb::steal(type);
+`y.position` and `y["position"]` are the same, `y.stamp.capture_time` is a field of a field.)",
+             reinterpret_cast<PyObject*>(&PyVoidArrType_Type),
+             {{Py_tp_repr, reinterpret_cast<void*>(text_of)},
+              {Py_tp_str, reinterpret_cast<void*>(text_of)},
+              {Py_tp_getattro, reinterpret_cast<void*>(get_attribute)},
+              {Py_tp_setattro, reinterpret_cast<void*>(set_attribute)}});
+  const nb::object element = m.attr("Element");
+  make_class(m, "Action", "What a user asks for in a step.", element.ptr(), {});
+  make_class(m, "AppliedAction", "What a robot says it has applied in a step.", element.ptr(), {});
+  make_class(m, "Observation", "What a robot or a companion has measured.", element.ptr(), {});
+  make_class(m, "StatusElement", "What the back-end has to say about a step.", element.ptr(), {});
+}
+
+const char* class_of(Series series) noexcept {
+  switch (series) {
+    case Series::kDesiredAction:
+      return "Action";
+    case Series::kAppliedAction:
+      return "AppliedAction";
+    case Series::kObservation:
+    case Series::kHolding:
+    case Series::kStopping:
+      return "Observation";
+    case Series::kStatus:
+      return "StatusElement";
+  }
+  return "Element";
 }
 
 }  // namespace trifinger::python

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "element_type.hpp"
 
+#include <nanobind/stl/string.h>
+
 #include <cmath>
 #include <cstring>
 
@@ -23,8 +25,9 @@ nb::object number_dtype(const nb::object& numpy, const FieldDescription& field) 
   return nb::make_tuple(std::move(number), nb::tuple(shape));
 }
 
-// The dtype of `fields`, whose names share the first `prefix` characters.
-nb::object record_dtype(const nb::object& numpy, Fields fields, std::size_t prefix) {
+// The dtype of `fields`, whose names share the first `prefix` characters. One of them is a `kind`.
+nb::object record_dtype(const nb::object& numpy, Fields fields, std::size_t prefix,
+                        const char* kind) {
   nb::list names;
   nb::list formats;
   nb::list offsets;
@@ -41,7 +44,7 @@ nb::object record_dtype(const nb::object& numpy, Fields fields, std::size_t pref
       const std::string nested = fields[i].name.substr(0, prefix + dot + 1);
       while (end < fields.size() && fields[end].name.starts_with(nested)) ++end;
       names.append(name.substr(0, dot).c_str());
-      formats.append(record_dtype(numpy, fields.subspan(i, end - i), nested.size()));
+      formats.append(record_dtype(numpy, fields.subspan(i, end - i), nested.size(), "Element"));
     }
     offsets.append(fields[i].offset - start);
     const FieldDescription& last = fields[end - 1];
@@ -53,7 +56,7 @@ nb::object record_dtype(const nb::object& numpy, Fields fields, std::size_t pref
   layout["formats"] = formats;
   layout["offsets"] = offsets;
   layout["itemsize"] = size;
-  const nb::object element = nb::module_::import_("trifinger._trifinger").attr("Element");
+  const nb::object element = nb::module_::import_("trifinger._trifinger").attr(kind);
   return numpy.attr("dtype")(nb::make_tuple(element, layout));
 }
 
@@ -82,9 +85,15 @@ std::byte* data_of(nb::handle array) {
 
 }  // namespace
 
-ElementType::ElementType(const ElementDescription& description)
-    : dtype_(record_dtype(nb::module_::import_("numpy"), description.fields(), 0)),
-      size_(description.size()) {}
+ElementType::ElementType(const ElementDescription& description, const char* kind)
+    : dtype_(record_dtype(nb::module_::import_("numpy"), description.fields(), 0, kind)),
+      size_(description.size()) {
+  nb::dict units;
+  for (const FieldDescription& field : description.fields()) {
+    units[field.name.c_str()] = field.unit;
+  }
+  nb::module_::import_("trifinger.element_text").attr("learn")(dtype_, units);
+}
 
 ElementType::New ElementType::new_element() const {
   const nb::object memory = new_numpy_array(dtype_, {});

@@ -19,7 +19,8 @@ namespace trifinger::python {
 class ElementType {
  public:
   ElementType() = default;
-  explicit ElementType(const ElementDescription& description);
+  /// `kind` is the class of single elements: Element, or that of a series.
+  explicit ElementType(const ElementDescription& description, const char* kind = "Element");
 
   [[nodiscard]] const nanobind::object& dtype() const noexcept { return dtype_; }
   /// Of one element [bytes].

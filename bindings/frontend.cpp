@@ -6,7 +6,9 @@
 #include <algorithm>
 #include <cstring>
 
+#include "element.hpp"
 #include "gil.hpp"
+#include "log.hpp"
 #include "timeout.hpp"
 #include "trifinger/core/errors.hpp"
 
@@ -83,10 +85,11 @@ PythonFrontend::PythonFrontend(UntypedFrontend frontend, Role role, nb::object c
       handle_(std::make_shared<Handle>(std::move(frontend))) {
   const Session& session = handle_->frontend.session();
   types_[static_cast<std::size_t>(Series::kObservation)] =
-      ElementType(session.element(Series::kObservation));
+      ElementType(session.element(Series::kObservation), class_of(Series::kObservation));
   if (!session.info().is_companion) {
     for (const Series series : {Series::kDesiredAction, Series::kAppliedAction, Series::kStatus}) {
-      types_[static_cast<std::size_t>(series)] = ElementType(session.element(series));
+      types_[static_cast<std::size_t>(series)] =
+          ElementType(session.element(series), class_of(series));
     }
     nan_check_ = NanCheck(session.description().action, session.description().default_action);
   }
@@ -267,6 +270,30 @@ std::unique_ptr<PythonFrontend> PythonFrontend::companion(const std::string& nam
 SessionInfo PythonFrontend::session_info() const { return open()->frontend.session().info(); }
 std::vector<Document> PythonFrontend::documents() const {
   return open()->frontend.session().documents();
+}
+
+nb::object PythonFrontend::text() const {
+  if (handle_ == nullptr) return nb::str("<Frontend, closed>");
+  std::string text = "<Frontend";
+  try {
+    const SessionInfo info = handle_->frontend.session().info();
+    text += " of '" + info.name + "'";
+    const bool has_ended = info.phase == SessionInfo::Phase::kEnded;
+    if (has_ended) {
+      text += ", ended (" + std::string(name_of(info.fault.code)) + ")";
+    } else {
+      text += info.backend_is_alive ? ", " + std::string(name_of(info.phase))
+                                    : std::string(", its back-end is gone");
+    }
+    if (info.is_companion) {
+      text += ", " + std::to_string(info.steps) + " elements";
+    } else if (const TimeIndex t = handle_->frontend.current_time_index(); t >= 0) {
+      text += ", step " + std::to_string(t);
+    }
+  } catch (const std::exception& error) {
+    text += ": " + std::string(error.what());
+  }
+  return to_text(text + ">");
 }
 
 void PythonFrontend::close() {

@@ -56,6 +56,8 @@ class PythonFrontend {
 
   [[nodiscard]] SessionInfo session_info() const;
   [[nodiscard]] std::vector<Document> documents() const;
+  /// For repr(): whose session it is and how far; waits for nothing and always has an answer.
+  [[nodiscard]] nanobind::object text() const;
   [[nodiscard]] nanobind::object dtype(Series series) const { return type_of(series).dtype(); }
 
   /// Lets go of the session, and tells threads that wait with this object.

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <limits>
 
+#include "element.hpp"
 #include "gil.hpp"
 #include "numpy.hpp"
 #include "series.hpp"
@@ -64,7 +65,7 @@ TimeIndex to_index(nb::handle index, TimeIndex otherwise) {
 
 ElementType type_of(const log::LoggedSession& session, Series series) {
   const ElementDescription& element = session.element(series);
-  if (!element.fields().empty()) return ElementType(element);
+  if (!element.fields().empty()) return ElementType(element, class_of(series));
   throw log::NotInLog("the log has no elements of '" + session.name() + "'");
 }
 
@@ -123,7 +124,7 @@ PythonSteps::PythonSteps(const log::LoggedSession& session, nb::handle series, n
   if (count == 0) throw InvalidArgument("count is 0, must be at least 1");
   for (std::size_t i = 0; i < columns_.size(); ++i) {
     (void)type_of(session, columns_[i].series);
-    types_.emplace_back(reader_.element(i));
+    types_.emplace_back(reader_.element(i), class_of(columns_[i].series));
   }
 }
 
@@ -231,7 +232,8 @@ nb::object PythonLoggedSession::get_many(Series series, TimeIndex first, TimeInd
     (void)get(series, first < begin ? first : last - 1);
   const log::Column column{series, to_fields(fields)};
   const ElementDescription& whole = session_.element(series);
-  const ElementType type(column.fields.empty() ? whole : log::select(whole, column.fields));
+  const ElementType type(column.fields.empty() ? whole : log::select(whole, column.fields),
+                         class_of(column.series));
   const auto count = static_cast<std::size_t>(last - first);
   auto [array, memory] = type.new_array(count);
   const GilRelease release;

@@ -29,6 +29,8 @@ class RunningBackend {
   ~RunningBackend();
 
   [[nodiscard]] const std::string& name() const noexcept { return name_; }
+  /// False once it was stopped.
+  [[nodiscard]] bool is_running() const noexcept { return parts_ != nullptr; }
   /// Waits until the back-end has ended. @throws what ended it, TimedOut
   void wait(Timeout timeout) const;
   /// Ends the session, brings the robot to rest and gives the name back. Does nothing when called

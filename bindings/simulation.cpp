@@ -44,7 +44,8 @@ RobotDescription description_of(const RobotConfig& config) {
 }
 
 PythonSimulation::PythonSimulation(const RobotConfig& config)
-    : checks_(nb::cast(new Checks, nb::rv_policy::take_ownership)),
+    : name_(config.name),
+      checks_(nb::cast(new Checks, nb::rv_policy::take_ownership)),
       simulation_(std::visit(
           [&](const auto& options) -> decltype(simulation_) {
             if constexpr (std::is_same_v<std::decay_t<decltype(options)>,

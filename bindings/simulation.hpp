@@ -27,6 +27,8 @@ class PythonSimulation {
  public:
   explicit PythonSimulation(const RobotConfig& config);
 
+  /// As the configuration has it.
+  [[nodiscard]] const std::string& name() const noexcept { return name_; }
   [[nodiscard]] std::unique_ptr<PythonFrontend> connect(bool strict) const;
   void reset(const std::optional<std::vector<double>>& position, std::optional<std::uint64_t> seed,
              std::uint64_t episode) const;
@@ -53,6 +55,7 @@ class PythonSimulation {
   void clear() noexcept { checks_.reset(); }
 
  private:
+  std::string name_;
   nanobind::object checks_;  // Checks
   std::variant<Simulation<TriFinger>, Simulation<Finger>> simulation_;
 };

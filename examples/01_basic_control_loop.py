@@ -11,7 +11,7 @@ import trifinger
 GOAL = np.array([0.1, 0.8, -1.5] * 3)  # [rad]
 
 
-def policy(y: trifinger.Element) -> trifinger.Element:
+def policy(y: trifinger.Observation) -> trifinger.Action:
     """a[t+1] as a function of y[t]: a target on the way to the goal; the robot's PD follows it."""
     return robot.new_action(position=y.position + np.clip(GOAL - y.position, -0.1, 0.1))
 

@@ -10,7 +10,7 @@ robot = trifinger.simulate()
 hold = robot.new_action(position=robot.latest_observation().position)
 
 
-def policy(y: trifinger.Element) -> trifinger.Element:
+def policy(y: trifinger.Observation) -> trifinger.Action:
     """Swings joint 0 of each finger about zero; the robot's PD follows at 1 kHz."""
     action = hold.copy()
     action.position[0::3] = np.where(y.position[0::3] < 0.0, 0.2, -0.2)

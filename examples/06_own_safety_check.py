@@ -7,7 +7,7 @@ import trifinger
 MAX_SPEED = 1.0  # of this task [rad/s]
 
 
-def slow_down(y: trifinger.Element, action: trifinger.Element) -> None:
+def slow_down(y: trifinger.Observation, action: trifinger.Action) -> None:
     """Brakes joints that are too fast.
 
     It sees the newest observation and an action that is finite, with all gains filled in, and

@@ -15,6 +15,7 @@ from typing import Annotated, Any
 import numpy
 import numpy.typing
 from numpy.typing import NDArray
+import pandas
 
 import trifinger.log_types
 import trifinger.session_info
@@ -30,6 +31,44 @@ class Element(numpy.void):  # type: ignore[misc]  # final in NumPy's own stub, n
     """
     def __getattr__(self, name: str) -> Any: ...
     def __setattr__(self, name: str, value: object) -> None: ...
+
+class Action(Element):  # type: ignore[misc]
+    """What a user asks for in a step."""
+    torque: numpy.typing.NDArray[numpy.float64]
+    position: numpy.typing.NDArray[numpy.float64]
+    position_kp: numpy.typing.NDArray[numpy.float64]
+    position_kd: numpy.typing.NDArray[numpy.float64]
+
+class AppliedAction(Element):  # type: ignore[misc]
+    """What a robot says it has applied in a step."""
+    torque: numpy.typing.NDArray[numpy.float64]
+    position: numpy.typing.NDArray[numpy.float64]
+    position_kp: numpy.typing.NDArray[numpy.float64]
+    position_kd: numpy.typing.NDArray[numpy.float64]
+    reasons: numpy.typing.NDArray[numpy.uint32]
+    thermal_margin: numpy.typing.NDArray[numpy.float64]
+
+class Observation(Element):  # type: ignore[misc]
+    """What a robot or a companion has measured."""
+    position: numpy.typing.NDArray[numpy.float64]
+    velocity: numpy.typing.NDArray[numpy.float64]
+    torque: numpy.typing.NDArray[numpy.float64]
+    tip_force: numpy.typing.NDArray[numpy.float64]
+
+class StatusElement(Element):  # type: ignore[misc]
+    """What the back-end has to say about a step."""
+    time: numpy.int64
+    tick: numpy.int64
+    lateness: numpy.int64
+    measurement_age: numpy.int64
+    flags: numpy.uint32  # type: ignore[assignment]  # every record of NumPy has one
+    skipped_ticks: numpy.uint32
+    action_repeats: numpy.uint32
+    discarded_actions: numpy.uint32
+    rejected_actions: numpy.uint32
+    lost_frames: numpy.uint32
+    fault_code: numpy.int32
+    fault_detail: numpy.int32
 
 class Status(enum.IntFlag):
     """What happened in a step: bits of the field `flags` of its status."""
@@ -82,8 +121,21 @@ class LatenessHistogram:
         The time [s] below which the share `fraction` of all times lies; 0 if there are none.
         """
 
+    def counts(self) -> list[int]:
+        """How many times are in each bin."""
+
+    @staticmethod
+    def edges() -> list[float]:
+        """
+        The shortest time of each bin [s]; that of the last one and all that are longer.
+        """
+
     def max(self) -> float:
         """The longest time [s]."""
+
+    def __str__(self) -> str: ...
+
+    def __repr__(self) -> str: ...
 
 class LateStep:
     """A step that was late."""
@@ -102,6 +154,8 @@ class LateStep:
     def cause(self) -> str:
         """Who was to blame: "user", "scheduler" or "driver"."""
 
+    def __repr__(self) -> str: ...
+
 class TimingRecord:
     """
     How a session in real time keeps its time; str() tells it in a sentence.
@@ -112,7 +166,7 @@ class TimingRecord:
     """
 
     def lateness(self) -> LatenessHistogram:
-        """How late the ticks began, those left out counted in."""
+        """`lateness_of` all steps."""
 
     def steps(self) -> int:
         """Steps so far, the one that ended the session included."""
@@ -133,6 +187,17 @@ class TimingRecord:
 
     def __str__(self) -> str: ...
 
+    def __repr__(self) -> str: ...
+
+def duration_text(seconds: float) -> str:
+    """A time for people, as in "12 µs" and "1.2 ms"."""
+
+def lateness_of(statuses: numpy.typing.NDArray[StatusElement], period: float) -> numpy.typing.NDArray[numpy.float64]:
+    """
+    How late each step was [s]: how long after its deadline the tick began, or after the deadline of
+    the first tick that was left out before it; zero without deadlines. `period` is the session's.
+    """
+
 class Frontend:
     """
     The user's view of a running robot: append desired actions, read back what happened.
@@ -152,7 +217,7 @@ class Frontend:
     exception.
     """
 
-    def append_desired_action(self, action: Element, timeout: float | None = None) -> int:
+    def append_desired_action(self, action: Action, timeout: float | None = None) -> int:
         """
         Appends `action` and returns the step it is scheduled for: the next one, or the first still open
         if the loop fell behind. The first call starts time 0. Waits only if the queue is full.
@@ -161,19 +226,19 @@ class Frontend:
         action of this robot: see new_action.
         """
 
-    def append_desired_actions(self, actions: numpy.typing.NDArray[Element], timeout: float | None = None) -> int:
+    def append_desired_actions(self, actions: numpy.typing.NDArray[Action], timeout: float | None = None) -> int:
         """
         Appends a burst: the elements of a one-dimensional array of `action_dtype`, one behind the
         other. Returns the step of the last one.
         """
 
-    def new_action(self, **fields: numpy.typing.ArrayLike) -> Element:
+    def new_action(self, **fields: numpy.typing.ArrayLike) -> Action:
         """
         Returns the robot's default action with `fields` filled in; a number fills the whole field. It
         can be changed and appended as often as you like.
         """
 
-    def get_observation(self, t: int, timeout: float | None = None) -> Element:
+    def get_observation(self, t: int, timeout: float | None = None) -> Observation:
         """
         Returns y[t], waiting for it if `t` lies in the future.
 
@@ -181,34 +246,34 @@ class Frontend:
         TimedOut.
         """
 
-    def get_desired_action(self, t: int, timeout: float | None = None) -> Element:
+    def get_desired_action(self, t: int, timeout: float | None = None) -> Action:
         """
         Returns a[t] as the back-end took it; raises as get_observation, like all below.
         """
 
-    def get_applied_action(self, t: int, timeout: float | None = None) -> Element:
+    def get_applied_action(self, t: int, timeout: float | None = None) -> AppliedAction:
         """Returns a'[t]: what was applied."""
 
-    def get_status(self, t: int, timeout: float | None = None) -> Element:
+    def get_status(self, t: int, timeout: float | None = None) -> StatusElement:
         """Returns what the back-end has to say about step t."""
 
-    def get_observations(self, first: int, last: int, timeout: float | None = None) -> numpy.typing.NDArray[Element]:
+    def get_observations(self, first: int, last: int, timeout: float | None = None) -> numpy.typing.NDArray[Observation]:
         """
         Returns the steps from `first` to before `last`, waiting for the last one.
         """
 
-    def get_desired_actions(self, first: int, last: int, timeout: float | None = None) -> numpy.typing.NDArray[Element]: ...
+    def get_desired_actions(self, first: int, last: int, timeout: float | None = None) -> numpy.typing.NDArray[Action]: ...
 
-    def get_applied_actions(self, first: int, last: int, timeout: float | None = None) -> numpy.typing.NDArray[Element]: ...
+    def get_applied_actions(self, first: int, last: int, timeout: float | None = None) -> numpy.typing.NDArray[AppliedAction]: ...
 
-    def get_statuses(self, first: int, last: int, timeout: float | None = None) -> numpy.typing.NDArray[Element]: ...
+    def get_statuses(self, first: int, last: int, timeout: float | None = None) -> numpy.typing.NDArray[StatusElement]: ...
 
-    def latest_observation(self, timeout: float | None = None) -> Element:
+    def latest_observation(self, timeout: float | None = None) -> Observation:
         """
         Returns the newest observation, before step 0 too: nobody has to act in order to look.
         """
 
-    def get_latest_at(self, t: int, timeout: float | None = None) -> Element | None:
+    def get_latest_at(self, t: int, timeout: float | None = None) -> Observation | None:
         """
         Companions: returns the newest element that arrived at or before the robot's step `t`, waiting
         for that step. None if there was none by then.
@@ -267,20 +332,22 @@ class Frontend:
         """
 
     @property
-    def action_dtype(self) -> numpy.dtype[Element]:
+    def action_dtype(self) -> numpy.dtype[Action]:
         """The layout of an action."""
 
     @property
-    def applied_action_dtype(self) -> numpy.dtype[Element]:
+    def applied_action_dtype(self) -> numpy.dtype[AppliedAction]:
         """The layout of what the robot says it has applied."""
 
     @property
-    def observation_dtype(self) -> numpy.dtype[Element]:
+    def observation_dtype(self) -> numpy.dtype[Observation]:
         """The layout of an observation."""
 
     @property
-    def status_dtype(self) -> numpy.dtype[Element]:
+    def status_dtype(self) -> numpy.dtype[StatusElement]:
         """The layout of a status, the same for every robot."""
+
+    def __repr__(self) -> str: ...
 
     def __enter__(self) -> Frontend: ...
 
@@ -306,6 +373,8 @@ class Backend:
 
     It runs session after session until stop(), or until the end of its `with` block.
     """
+
+    def __repr__(self) -> str: ...
 
     @property
     def name(self) -> str:
@@ -453,6 +522,8 @@ class Simulation:
         values: {"fingers.height": 0.3, "simulation.seed": 7}.
         """
 
+    def __repr__(self) -> str: ...
+
     def connect(self, *, strict: bool = ...) -> Frontend:
         """
         Controls the robot in a new session. Raises ControlHeld while another front-end does.
@@ -492,7 +563,7 @@ class Simulation:
     def configuration(self) -> Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C')]:
         """MuJoCo's qpos, then qvel, to draw the scene of mjcf()."""
 
-    def add_check(self, function: Callable[[Element, Element], None]) -> None:
+    def add_check(self, function: Callable[[Observation, Action], None]) -> None:
         """
         Adds a safety check of your own, between sessions: `function(observation, action)` changes the action in place.
         The robot's own limits hold behind it. An exception in it ends the session with a fault.
@@ -507,7 +578,7 @@ class Simulation:
     def mjcf(self) -> str:
         """The scene in MuJoCo's format."""
 
-def simulate(config: str = 'sim', overrides: dict[str, object] = {}, *, strict: bool = True, record: str | os.PathLike[str] | None = None, checks: Iterable[Callable[[Element, Element], None]] = ()) -> Frontend:
+def simulate(config: str = 'sim', overrides: dict[str, object] = {}, *, strict: bool = True, record: str | os.PathLike[str] | None = None, checks: Iterable[Callable[[Observation, Action], None]] = ()) -> Frontend:
     """
     Starts a simulated robot in this process and controls it; see Simulation. `record` is the folder for a log,
     `checks` are safety checks of your own, see Simulation.add_check(). connect() is for one that runs elsewhere.
@@ -1464,7 +1535,7 @@ class Episodes:
 
     def __init__(self, task: str, options: str, config: str, overrides: dict[str, object]) -> None: ...
 
-    def begin(self, seed: int, number: int) -> tuple[list[float], list[float], list[float], dict[str, Any], int]:
+    def begin(self, seed: int, number: int) -> tuple[list[float], list[float], list[float], dict[str, float], int]:
         """
         Joints [rad], object's position [m] and quaternion, variation, series of random numbers.
         """
@@ -1620,6 +1691,11 @@ def default_environment_options(task: str) -> str:
 def environment_overrides(task: str, options: str) -> dict[str, object]:
     """What a robot's configuration must say for a task with options (JSON)."""
 
+def robot_configuration(config: str, config_overrides: dict[str, object] = {}) -> str:
+    """
+    The whole text of a configuration, with what it extends and its overrides, as sessions have it.
+    """
+
 class StepsIterator:
     """What LoggedSession.chunks() goes through."""
 
@@ -1641,6 +1717,8 @@ class LoggedSession:
 
     Any number of threads may read.
     """
+
+    def __repr__(self) -> str: ...
 
     @property
     def name(self) -> str: ...
@@ -1707,20 +1785,20 @@ class LoggedSession:
         """
 
     @property
-    def observations(self) -> numpy.typing.NDArray[Element]:
+    def observations(self) -> numpy.typing.NDArray[Observation]:
         """
         Those of all whole steps: a row for each number in `time_index`. Read when first asked for,
         and kept.
         """
 
     @property
-    def desired_actions(self) -> numpy.typing.NDArray[Element]: ...
+    def desired_actions(self) -> numpy.typing.NDArray[Action]: ...
 
     @property
-    def applied_actions(self) -> numpy.typing.NDArray[Element]: ...
+    def applied_actions(self) -> numpy.typing.NDArray[AppliedAction]: ...
 
     @property
-    def statuses(self) -> numpy.typing.NDArray[Element]: ...
+    def statuses(self) -> numpy.typing.NDArray[StatusElement]: ...
 
     @property
     def time_index(self) -> numpy.typing.NDArray[numpy.int64]:
@@ -1732,16 +1810,16 @@ class LoggedSession:
     def times(self) -> numpy.typing.NDArray[numpy.datetime64]:
         """When they were measured, by the clock on the wall (UTC)."""
 
-    def get_observation(self, t: int) -> Element:
+    def get_observation(self, t: int) -> Observation:
         """Returns y[t]. Raises NotInLog, like all below."""
 
-    def get_desired_action(self, t: int) -> Element: ...
+    def get_desired_action(self, t: int) -> Action: ...
 
-    def get_applied_action(self, t: int) -> Element: ...
+    def get_applied_action(self, t: int) -> AppliedAction: ...
 
-    def get_status(self, t: int) -> Element: ...
+    def get_status(self, t: int) -> StatusElement: ...
 
-    def get_observations(self, first: int, last: int, fields: str | Sequence[str] | None = None) -> numpy.typing.NDArray[Element]:
+    def get_observations(self, first: int, last: int, fields: str | Sequence[str] | None = None) -> numpy.typing.NDArray[Observation]:
         """
         Returns the steps from `first` to before `last`: row i is step `first + i`, so all of them must
         be in the log. Only these `fields`, if given.
@@ -1749,13 +1827,13 @@ class LoggedSession:
         Where the session ended in step N there are an observation and a status N, but no actions.
         """
 
-    def get_desired_actions(self, first: int, last: int, fields: str | Sequence[str] | None = None) -> numpy.typing.NDArray[Element]: ...
+    def get_desired_actions(self, first: int, last: int, fields: str | Sequence[str] | None = None) -> numpy.typing.NDArray[Action]: ...
 
-    def get_applied_actions(self, first: int, last: int, fields: str | Sequence[str] | None = None) -> numpy.typing.NDArray[Element]: ...
+    def get_applied_actions(self, first: int, last: int, fields: str | Sequence[str] | None = None) -> numpy.typing.NDArray[AppliedAction]: ...
 
-    def get_statuses(self, first: int, last: int, fields: str | Sequence[str] | None = None) -> numpy.typing.NDArray[Element]: ...
+    def get_statuses(self, first: int, last: int, fields: str | Sequence[str] | None = None) -> numpy.typing.NDArray[StatusElement]: ...
 
-    def get_latest_at(self, t: int) -> Element | None:
+    def get_latest_at(self, t: int) -> Observation | None:
         """
         Companions: returns the newest element that arrived at or before the robot's step `t`; None if
         there was none by then.
@@ -1768,6 +1846,13 @@ class LoggedSession:
         """
         The range of the steps that were measured from `begin` to before `end`, in seconds since the
         first step in the log.
+        """
+
+    def timing(self, first: int = 0, last: int | None = None) -> TimingRecord | None:
+        """
+        How the session kept its time from step `first` to before `last`, the status of its end
+        included: what Frontend.timing() says, if no step is missing. None outside real-time mode, and if
+        the statuses are those of another version.
         """
 
     def read(self, first: int | None = None, last: int | None = None, series: Mapping[str, Sequence[str] | None] | Sequence[str] | None = None) -> trifinger.log_types.Steps:
@@ -1789,16 +1874,16 @@ class LoggedSession:
         """The companion `name` of this robot, as in "object"."""
 
     @property
-    def observation_dtype(self) -> numpy.dtype[Element]: ...
+    def observation_dtype(self) -> numpy.dtype[Observation]: ...
 
     @property
-    def action_dtype(self) -> numpy.dtype[Element]: ...
+    def action_dtype(self) -> numpy.dtype[Action]: ...
 
     @property
-    def applied_action_dtype(self) -> numpy.dtype[Element]: ...
+    def applied_action_dtype(self) -> numpy.dtype[AppliedAction]: ...
 
     @property
-    def status_dtype(self) -> numpy.dtype[Element]: ...
+    def status_dtype(self) -> numpy.dtype[StatusElement]: ...
 
     @property
     def units(self) -> dict[str, dict[str, str]]:
@@ -1806,7 +1891,7 @@ class LoggedSession:
         Of the fields of each series: `units["observation"]["position"]` is "rad".
         """
 
-    def to_pandas(self, first: int | None = None, last: int | None = None, series: Mapping[str, Sequence[str] | None] | Sequence[str] | None = None) -> Any:
+    def to_pandas(self, first: int | None = None, last: int | None = None, series: Mapping[str, Sequence[str] | None] | Sequence[str] | None = None) -> pandas.DataFrame:
         """
         The same as read() as a pandas.DataFrame: a row per step, a column per number, as in
         "observation.position[0]". Needs pip install "trifinger[export]".
@@ -1832,6 +1917,8 @@ class Log:
     """
 
     def __init__(self, path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]]) -> None: ...
+
+    def __repr__(self) -> str: ...
 
     @property
     def files(self) -> list[pathlib.Path]:

@@ -75,13 +75,15 @@ def table(session: trifinger.LoggedSession, folder: Path) -> str:
     report = json.loads((folder / "report.json").read_text())
     duration = (statuses["time"][-1] - statuses["time"][0]) * 1e-9
     repeats = int(np.count_nonzero(statuses["flags"] & trifinger.Status.ACTION_REPEATED))
-    # As `trifinger log info` has it: steps that were left out before one made it later.
-    lateness = statuses["lateness"] * 1e-6 + statuses["skipped_ticks"] * session.period * 1e3
+    timing = session.timing()
+    if timing is None:
+        raise trifinger.Error("the log says nothing of how the session kept its time")
+    lateness = timing.lateness()
     rows = [
         ("steps", f"{len(statuses)}"),
         ("rate", f"{(len(statuses) - 1) / duration:.2f} Hz"),
-        ("lateness, median", f"{np.median(lateness):.3f} ms"),
-        ("lateness, worst", f"{np.max(lateness):.3f} ms"),
+        ("lateness, median", f"{1e3 * lateness.quantile(0.5):.3f} ms"),
+        ("lateness, worst", f"{1e3 * lateness.max():.3f} ms"),
         ("repeated actions", f"{repeats}"),
         ("cube lifted by", f"{1e2 * report['height']:.1f} cm"),
         ("its error, rms", f"{1e3 * report['position_rms']:.2f} mm"),

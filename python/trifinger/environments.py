@@ -4,6 +4,7 @@
     import gymnasium
     import trifinger.environments
 
+    gymnasium.register_envs(trifinger.environments)
     environment = gymnasium.make("TriFinger/Reach-v0")
     observation, info = environment.reset(seed=1)
 
@@ -28,7 +29,8 @@ import numpy as np
 import numpy.typing as npt
 
 from trifinger import _trifinger, mappings
-from trifinger._trifinger import Element, Frontend, Simulation
+from trifinger._trifinger import Frontend, Simulation
+from trifinger._trifinger import Observation as Observed
 from trifinger.errors import InvalidArgument, RobotStopped
 from trifinger.picture import Painter, Sight, View, draw_marks
 
@@ -121,7 +123,7 @@ class Options:
         names = {field.name for field in dataclasses.fields(self)}
         for name in changes:
             if name not in names:
-                raise InvalidArgument(f"there is no option '{name}'; there are {sorted(names)}")
+                raise InvalidArgument.of_name("option", name, names)
         return dataclasses.replace(self, **changes)
 
     def to_json(self) -> str:
@@ -226,8 +228,8 @@ def _code_of(stopped: RobotStopped) -> int:
     return fault.detail if fault is not None and fault.code == "driver" else -1
 
 
-def _observed(state: Any) -> Element:
-    observed: Element = state.observation if isinstance(state, mappings.AugmentedState) else state
+def _observed(state: Any) -> Observed:
+    observed: Observed = state.observation if isinstance(state, mappings.AugmentedState) else state
     return observed
 
 
@@ -341,7 +343,8 @@ class Environment(gymnasium.Env[Any, Array]):
         self._episode += 1
         simulation = self._simulation
         if simulation is not None:
-            simulation.vary(**variation)
+            delay = int(variation.pop("torque_delay"))
+            simulation.vary(**variation, torque_delay=delay)
             simulation.reset(position, self._seed, stream)
             if self._object:
                 simulation.place_object(self._object, object_position, orientation)
@@ -716,9 +719,23 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Array, Any]):
         return info | {f"_{name}": mask.copy() for name in info}
 
 
-def policy_metadata(task: str, options: Options, config: str = "trifinger_edu") -> dict[str, str]:
-    """What the file of a policy says of its environment, for `trifinger run-policy`."""
-    return {"task": task, "options": options.to_json(), "robot": config}
+def policy_metadata(
+    task: str,
+    options: Options,
+    config: str = "trifinger_edu",
+    config_overrides: dict[str, object] | None = None,
+) -> dict[str, str]:
+    """What the file of a policy says of its environment, for `trifinger run-policy`.
+
+    The arguments are those of the `Environment` that it was trained in.
+    """
+    overrides = _overrides(task, options, config_overrides)
+    return {
+        "task": task,
+        "options": options.to_json(),
+        "robot": config,
+        "configuration": _trifinger.robot_configuration(config, overrides),
+    }
 
 
 def _gymnasium_id(task: str) -> str:

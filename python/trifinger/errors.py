@@ -4,6 +4,10 @@
 What the operating system refuses is an OSError, as everywhere in Python.
 """
 
+from __future__ import annotations
+
+from collections.abc import Iterable
+
 from trifinger.session_info import Fault
 
 
@@ -17,6 +21,16 @@ class Error(RuntimeError):
 
 class InvalidArgument(Error, ValueError):
     """An argument has no meaning here: a wrong name, range, size or unit."""
+
+    @classmethod
+    def of_name(cls, kind: str, name: str, names: Iterable[str]) -> InvalidArgument:
+        """The error of a `name` that is none of the `names` of a `kind`; suggests the nearest."""
+        import difflib  # not for programs without mistakes
+
+        known = sorted(names)
+        meant = difflib.get_close_matches(name, known, 1, cutoff=0.75)
+        hint = f"; did you mean '{meant[0]}'?" if meant else f"; there are {', '.join(known)}"
+        return cls(f"there is no {kind} '{name}'{hint}")
 
 
 class TimedOut(Error, TimeoutError):

@@ -5,11 +5,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
+
+    from trifinger._trifinger import Action, AppliedAction, Observation, StatusElement
 
 
 @dataclass(frozen=True)
@@ -55,10 +57,21 @@ class Steps:
     time_index: NDArray[np.int64]
     times: NDArray[np.datetime64]
     """When they were measured, by the clock on the wall (UTC)."""
-    desired_actions: Any = None
-    applied_actions: Any = None
-    observations: Any = None
-    statuses: Any = None
+    desired_actions: NDArray[Action] | None = None
+    applied_actions: NDArray[AppliedAction] | None = None
+    observations: NDArray[Observation] | None = None
+    statuses: NDArray[StatusElement] | None = None
 
     def __len__(self) -> int:
         return len(self.time_index)
+
+    def __repr__(self) -> str:
+        series = {
+            "desired_actions": self.desired_actions,
+            "applied_actions": self.applied_actions,
+            "observations": self.observations,
+            "statuses": self.statuses,
+        }
+        there = [name for name, elements in series.items() if elements is not None]
+        steps = f"{self.time_index[0]} to {self.time_index[-1]}" if len(self) else "none"
+        return f"<Steps {steps}: {', '.join(there) or 'no series'}>"

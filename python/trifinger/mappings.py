@@ -23,7 +23,7 @@ from typing import Generic, NamedTuple, Self, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from trifinger._trifinger import Element, Frontend
+from trifinger._trifinger import Action, Frontend, Observation
 from trifinger.errors import InvalidArgument, RobotStopped
 
 __all__ = [
@@ -38,15 +38,15 @@ __all__ = [
 class AugmentedState(NamedTuple):
     """What `StateAugmentation` takes for the state: what is seen, and what is already decided."""
 
-    observation: Element
-    action: Element
+    observation: Observation
+    action: Action
     """The action that began to act when `observation` was measured."""
 
 
 State_co = TypeVar("State_co", covariant=True)
 
 
-def hold_position(robot: Frontend) -> Element:
+def hold_position(robot: Frontend) -> Action:
     """The action that keeps the pose which the robot has now, as `hold_position` of C++.
 
     Raises InvalidArgument for a robot without joint positions.
@@ -81,7 +81,7 @@ class DecisionProcess(ABC, Generic[State_co]):
         connect: Callable[[], Frontend],
         steps_per_action: int,
         *,
-        hold: Callable[[Frontend], Element] = hold_position,
+        hold: Callable[[Frontend], Action] = hold_position,
     ) -> None:
         if not callable(connect):
             raise InvalidArgument(
@@ -95,7 +95,7 @@ class DecisionProcess(ABC, Generic[State_co]):
             raise InvalidArgument(f"steps_per_action is {steps_per_action}; allowed are 1 and more")
         self._hold = hold
         self._robot: Frontend | None = None
-        self._burst: npt.NDArray[Element] = np.empty(0, Element)
+        self._burst: npt.NDArray[Action] = np.empty(0, Action)
         self._time_index = -1
 
     @abstractmethod
@@ -110,7 +110,7 @@ class DecisionProcess(ABC, Generic[State_co]):
         """
 
     @abstractmethod
-    def step(self, action: Element) -> State_co:
+    def step(self, action: Action) -> State_co:
         """Lets `action` act for its steps, and returns the next state.
 
         Raises RobotStopped once the session has ended, InvalidArgument for anything but an action
@@ -171,7 +171,7 @@ class DecisionProcess(ABC, Generic[State_co]):
         finally:
             self.close()
 
-    def _begin(self) -> Element:
+    def _begin(self) -> Action:
         # Ends the session, begins the next one and returns the action that holds the robot.
         before = self._robot
         if before is not None:
@@ -190,7 +190,7 @@ class DecisionProcess(ABC, Generic[State_co]):
         self._burst = np.empty(self._steps_per_action - 1, robot.action_dtype)
         return self._hold(robot)
 
-    def _append(self, action: Element) -> tuple[int, int]:
+    def _append(self, action: Action) -> tuple[int, int]:
         # Appends the action for all its steps and returns the first and the last of them.
         robot = self.robot
         first = last = robot.append_desired_action(action)
@@ -201,7 +201,7 @@ class DecisionProcess(ABC, Generic[State_co]):
             last = robot.append_desired_actions(self._burst)
         return first, last
 
-    def _observe(self, t: int) -> Element:
+    def _observe(self, t: int) -> Observation:
         observation = self.robot.get_observation(t)
         self._time_index = t
         return observation
@@ -215,7 +215,7 @@ class StateAugmentation(DecisionProcess[AugmentedState]):
         connect: Callable[[], Frontend],
         steps_per_action: int = 1,
         *,
-        hold: Callable[[Frontend], Element] = hold_position,
+        hold: Callable[[Frontend], Action] = hold_position,
     ) -> None:
         super().__init__(connect, steps_per_action, hold=hold)
 
@@ -223,7 +223,7 @@ class StateAugmentation(DecisionProcess[AugmentedState]):
         """Begins a new session with the hold action a_0 for k steps, and returns (y_0, a_0)."""
         return self.step(self._begin())
 
-    def step(self, action: Element) -> AugmentedState:
+    def step(self, action: Action) -> AugmentedState:
         """Returns (y_t, action), where t is the first of the k steps in which `action` acts.
 
         y_t does not depend on `action` yet. y_(t + k), of the next state, depends on nothing but
@@ -235,15 +235,15 @@ class StateAugmentation(DecisionProcess[AugmentedState]):
         return AugmentedState(self._observe(first), action.copy())
 
 
-class Approximation(DecisionProcess[Element]):
+class Approximation(DecisionProcess[Observation]):
     """The approximate mapping, for many steps per action: the state is an observation alone."""
 
-    def reset(self) -> Element:
+    def reset(self) -> Observation:
         """Begins a new session with the hold action a_0 for one step, and returns y_0."""
         hold = self._begin()
         return self._observe(self.robot.append_desired_action(hold))
 
-    def step(self, action: Element) -> Element:
+    def step(self, action: Action) -> Observation:
         """Returns y_t, where t is the last of the k steps in which `action` acts.
 
         Of the k steps since the last state, `action` has acted in k - 1 and the action before in

@@ -160,6 +160,9 @@ class Plan:
         recipe = Recipe.of(task, algorithm, is_shared=is_shared)
         settings = dict(settings or {})
         names = {field.name for field in dataclasses.fields(Recipe)}
+        known = names | {field.name for field in dataclasses.fields(Options)}
+        for name in sorted(settings.keys() - known):
+            raise InvalidArgument.of_name("setting", name, known)
         changes = {name: settings.pop(name) for name in names & settings.keys()}
         for name, value in changes.items():
             _check_type(name, value, getattr(recipe, name))

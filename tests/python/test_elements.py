@@ -2,6 +2,8 @@
 """Elements as NumPy has them, and what is no action."""
 
 import pickle
+import re
+import sys
 from collections.abc import Callable
 
 import numpy as np
@@ -166,15 +168,71 @@ def test_a_misspelt_attribute_is_an_error(robot: trifinger.Frontend) -> None:
 def test_elements_of_arrays_are_elements(robot: trifinger.Frontend) -> None:
     robot.append_desired_action(robot.new_action(setpoint=4.0))
     robot.wait_until_time_index(0)
-    assert type(robot.get_desired_actions(0, 1)[0]) is trifinger.Element
+    assert type(robot.get_desired_actions(0, 1)[0]) is trifinger.Action
     assert robot.get_desired_actions(0, 1)[0].setpoint == 4.0
 
 
 def test_elements_survive_a_trip_to_another_process(robot: trifinger.Frontend) -> None:
     action = pickle.loads(pickle.dumps(robot.new_action(setpoint=4.0)))  # noqa: S301
-    assert type(action) is trifinger.Element
+    assert type(action) is trifinger.Action
+    assert isinstance(action, trifinger.Element)
     assert action.dtype == robot.action_dtype
     assert action.setpoint == 4.0
+
+
+# ---- printed ----
+
+
+def test_an_element_prints_with_its_fields_and_units() -> None:
+    with trifinger.simulate() as robot:
+        action = robot.new_action(torque=np.arange(9) / 8)
+        t = robot.append_desired_action(action)
+        y = robot.get_observation(t)
+        assert repr(y) == (
+            "Observation(\n"
+            "  position=[0 0.9 -1.7 0 0.9 -1.7 0 0.9 -1.7] rad,\n"
+            "  velocity=[0 0 0 0 0 0 0 0 0] rad/s,\n"
+            "  torque=[0 0 0 0 0 0 0 0 0] Nm,\n"
+            f"  tip_force=[{' '.join(f'{force:.5g}' for force in y.tip_force)}] N,\n"
+            ")"
+        )
+        assert str(y) == repr(y) == f"{y}"
+        assert "torque=[0 0.125 0.25 0.375 0.5 0.625 0.75 0.875 1] Nm" in repr(action)
+        assert "position=[nan nan nan" in repr(action)
+        robot.append_desired_action(action)
+        applied = robot.get_applied_action(0)
+        assert re.match(r"AppliedAction\(\n  torque=\[.*\] Nm,\n", repr(applied))
+        status = repr(robot.get_status(0))
+        assert re.match(r"StatusElement\(\n  time=\d+ ns,\n  tick=0,\n  lateness=0 ns,\n", status)
+        cube = robot.companion("object").get_latest_at(0)
+        text = repr(cube)
+        assert re.search(r"stamp\.capture_time=-?\d+ ns", text)
+        assert re.search(r"cube\.position=\[\S+ \S+ \S+\] m", text)
+        assert repr(cube.stamp).startswith("Element(\n  arrival_index=")
+        assert f"stamp.capture_time={cube.stamp.capture_time} ns" in text
+
+
+def test_a_short_element_is_one_line(robot: trifinger.Frontend) -> None:
+    assert repr(robot.new_action(setpoint=1.5)) == "Action(setpoint=1.5)"
+
+
+def test_what_is_not_an_element_of_a_robot_prints_too() -> None:
+    wide = np.zeros((), np.dtype((trifinger.Element, [("a", "u1", (300, 200)), ("b", "f4")])))
+    assert repr(wide[()]) == "Element(a=[0 0 0 ... 0 0 0] (300, 200), b=0)"
+    assert (
+        repr(np.zeros((), np.dtype((trifinger.Element, [("text", "U5")])))[()]) == "Element(text=)"
+    )
+    assert repr(np.empty(0, trifinger.Element).dtype)
+
+
+def test_an_element_prints_whatever_goes_wrong(
+    robot: trifinger.Frontend, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    action = robot.new_action()
+    monkeypatch.setattr("trifinger.element_text.text_of", lambda _: 1 / 0)
+    assert repr(action) == "<Element>"
+    monkeypatch.setitem(sys.modules, "trifinger.element_text", None)
+    assert repr(action) == "<Element>"
 
 
 # ---- robots that Python has never heard of ----

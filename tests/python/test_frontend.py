@@ -1,9 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What the front-end promises, with a robot inside the program."""
 
+import os
+import re
+import threading
+
 import numpy as np
 import pytest
 import trifinger
+from conftest import StartChild
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -260,3 +265,60 @@ def test_session_info_says_who_takes_part(robot: trifinger.Frontend) -> None:
     robot.finish()
     assert robot.session_info().steps == 4
     assert robot.session_info().fault == robot.fault()
+
+
+# ---- printed ----
+
+
+def test_a_front_end_prints_with_robot_and_step(start_fake: StartChild) -> None:
+    start_fake("printed", sensor_period=2)
+    with trifinger.connect("printed") as robot, trifinger.observe("printed") as observer:
+        assert repr(robot) == "<Frontend of 'printed', holding>"
+        robot.append_desired_actions(np.repeat(robot.new_action(), 11))
+        robot.wait_until_time_index(11)
+        assert repr(robot) == repr(observer) == "<Frontend of 'printed', running, step 11>"
+        assert str(robot) == repr(robot)
+        assert re.fullmatch(
+            r"<Frontend of 'printed.sensor', running, \d+ elements>",
+            repr(robot.companion("sensor")),
+        )
+        robot.finish()
+        assert repr(robot) == "<Frontend of 'printed', ended (finished), step 11>"
+    assert repr(robot) == "<Frontend, closed>"
+
+
+def test_a_front_end_prints_when_its_back_end_is_gone(start_fake: StartChild) -> None:
+    backend = start_fake("killed")
+    robot = trifinger.connect("killed")
+    robot.append_desired_action(robot.new_action())
+    robot.wait_until_time_index(0)
+    backend.kill()
+    assert re.match(r"<Frontend of 'killed', its back-end is gone, step \d>", repr(robot))
+    robot.close()
+
+
+def test_a_front_end_prints_while_another_thread_waits_with_it() -> None:
+    with trifinger.run_fake("waits"), trifinger.connect("waits") as robot:
+        robot.append_desired_action(robot.new_action())
+        thread = threading.Thread(target=robot.wait_until_time_index, args=(5,))
+        thread.start()
+        assert "of 'waits'" in repr(robot)
+        robot.append_desired_actions(np.repeat(robot.new_action(), 5))
+        thread.join()
+
+
+def test_a_front_end_of_another_process_prints() -> None:
+    robot = trifinger.fake()
+    child = os.fork()
+    if child == 0:
+        os._exit(0 if repr(robot).startswith("<Frontend") else 1)
+    assert os.waitpid(child, 0)[1] == 0
+    robot.close()
+
+
+def test_simulations_back_ends_and_times_print() -> None:
+    simulation = trifinger.Simulation("trifinger_edu")
+    assert repr(simulation) == "<Simulation of 'trifinger-edu'>"
+    with trifinger.run_fake("printed") as backend:
+        assert repr(backend) == "<Backend of 'printed'>"
+    assert repr(backend) == "<Backend of 'printed', stopped>"

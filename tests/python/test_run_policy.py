@@ -100,6 +100,55 @@ def test_goes_through_episodes_in_real_time(start_program: StartProgram, tmp_pat
     assert "of 2 episodes ended at their goal." in done.stdout
 
 
+def warnings_of(done: subprocess.CompletedProcess[str]) -> list[str]:
+    assert done.returncode == 0, done.stdout + done.stderr
+    return [line.strip() for line in done.stderr.splitlines() if line.startswith("  ")]
+
+
+@pytest.mark.parametrize(("task", "robot"), [("reach", "trifinger_edu"), ("push", "sim")])
+def test_warns_of_another_scene_than_that_of_the_training(
+    start_program: StartProgram, tmp_path: Path, task, robot
+) -> None:
+    options = Options.of(task, duration=0.1)
+    path = tmp_path / "p.policy"
+    write_policy(path, task, options)
+    words = (path, "--episodes", 1, "--scheduling", "off")
+    same = start_program("run", robot, "--name", "p", "--non-real-time")
+    same.wait_for("waits for a user")
+    done = run(*words)
+    assert (warnings_of(done), done.stderr) == ([], "")
+    same.end()
+
+    changes = {
+        "fingers.height": "0.3",
+        "backend.period": "0.002",
+        "contact.floor_friction": "0.8",
+        "objects": '[{"name": "cube", "type": "cube", "mass": 0.2}]',
+        "simulation.seed": "7",
+    }
+    settings = [word for key, value in changes.items() for word in ("--set", f"{key}={value}")]
+    other = start_program("run", robot, "--name", "p", "--non-real-time", *settings)
+    other.wait_for("waits for a user")
+    done = run(*words)
+    cube = "box of 0.065 x 0.065 x 0.065 m and"
+    before = f"{cube} 0.094 kg" if task == "push" else "none"
+    assert "'p' is not what" in done.stderr
+    assert warnings_of(done) == [
+        "backend.period: 0.002 here, 0.001 in the training",
+        "contact.floor_friction: 0.8 here, 0.5 in the training",
+        "fingers.height: 0.3 here, 0.283 in the training",
+        f"object 'cube': {cube} 0.2 kg here, {before} in the training",
+    ]
+
+    # As earlier versions wrote them.
+    policy = trifinger.Policy(path)
+    old = {name: text for name, text in policy.metadata.items() if name != "configuration"}
+    assert set(policy.metadata) - set(old) == {"configuration"}
+    sizes = (policy.num_outputs, policy.num_inputs)
+    policy_file.write(path, [(np.zeros(sizes), np.zeros(sizes[0]), "tanh")], metadata=old)
+    assert run(*words).stderr == ""
+
+
 def test_says_what_is_wrong(start_program: StartProgram, tmp_path: Path) -> None:
     start_program("run", "trifinger_edu", "--name", "p").wait_for("waits for a user")
     layers = [(np.zeros((9, 27)), np.zeros(9), "tanh")]

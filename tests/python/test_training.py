@@ -390,7 +390,9 @@ def test_the_programs_of_the_pages_run(page, word, changes, tmp_path, monkeypatc
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["reach", "--set", "gama=1"], "gama"),
+        (["reach", "--set", "gama=1"], "no setting 'gama'; did you mean 'gamma'?"),
+        (["reach", "--set", "durration=1"], "no setting 'durration'; did you mean 'duration'?"),
+        (["reach", "--set", "colour=1"], "no setting 'colour'; there are action, algorithm, appr"),
         (["reach", "--set", "gamma"], "KEY=VALUE"),
         (["reach", "--set", "gamma='high'"], "gamma"),
         (["reach", "--episodes", "0"], "episodes"),

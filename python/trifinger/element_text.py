@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""How elements are printed: field names, values and units.
+
+    Observation(position=[0 0.9 -1.7] rad, velocity=[0 0 0] rad/s, stamp.capture_time=1000 ns)
+
+What is longer than a line has a line for each field.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from trifinger._trifinger import Element
+
+# By the layout of an element, the units of its fields. NumPy's types have no place for them that
+# would survive being saved. None where robots disagree.
+UNITS: dict[np.dtype[Any], dict[str, str] | None] = {}
+
+LINE = 88  # characters
+MOST_NUMBERS = 16  # of a field
+DIGITS = 5
+
+
+def learn(dtype: np.dtype[Any], units: dict[str, str]) -> None:
+    """Notes the units of the fields of `dtype`, those of nested ones by names with dots."""
+    if UNITS.setdefault(dtype, units) != units:
+        UNITS[dtype] = None
+    for name in dtype.names or ():
+        inner = dtype[name]
+        if inner.names is not None:
+            start = f"{name}."
+            learn(
+                inner,
+                {
+                    key.removeprefix(start): unit
+                    for key, unit in units.items()
+                    if key.startswith(start)
+                },
+            )
+
+
+def text_of(element: Element) -> str:
+    """An element as `repr` shows it."""
+    units = UNITS.get(element.dtype) or {}
+    parts = [
+        f"{name}={_values(value)}" + (f" {unit}" if (unit := units.get(name, "")) else "")
+        for name, value in _fields(element)
+    ]
+    name = type(element).__name__
+    line = f"{name}({', '.join(parts)})"
+    if len(line) <= LINE:
+        return line
+    return f"{name}(\n" + "".join(f"  {part},\n" for part in parts) + ")"
+
+
+def _fields(element: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for name in element.dtype.names:
+        value = element[name]
+        if element.dtype[name].names is None:
+            yield prefix + name, value
+        else:
+            yield from _fields(value, f"{prefix}{name}.")
+
+
+def _values(value: Any) -> str:
+    if np.ndim(value) == 0:
+        return _number(value)
+    numbers = np.ravel(value)
+    if len(numbers) <= MOST_NUMBERS:
+        shown = " ".join(_number(number) for number in numbers)
+    else:
+        ends = [" ".join(_number(number) for number in end) for end in (numbers[:3], numbers[-3:])]
+        shown = f"{ends[0]} ... {ends[1]}"
+    shape = "" if np.ndim(value) == 1 and len(numbers) <= MOST_NUMBERS else f" {np.shape(value)}"
+    return f"[{shown}]{shape}"
+
+
+def _number(number: Any) -> str:
+    return f"{number:.{DIGITS}g}" if isinstance(number, np.floating) else str(number)
