@@ -2,13 +2,14 @@
 """Sessions of logs as tables for other programs, and `trifinger log export`.
 
 A table has a row per step and a column per number: "observation.position[0]". Numbers are written
-in full, so that they read back the same.
+in full, so that they read back the same. CSV needs nothing but NumPy, Parquet needs PyArrow.
 """
 
 from __future__ import annotations
 
 import argparse
 import contextlib
+import csv
 import importlib
 import os
 import subprocess
@@ -25,6 +26,7 @@ from trifinger.errors import Error, InvalidArgument
 from trifinger.log_types import Steps
 
 if TYPE_CHECKING:
+    import pandas
     from numpy.typing import NDArray
 
 SeriesChoice = Mapping[str, Sequence[str] | None] | Sequence[str] | None
@@ -80,11 +82,12 @@ def to_pandas(
     first: int | None = None,
     last: int | None = None,
     series: SeriesChoice = None,
-) -> Any:
-    """The session as a pandas.DataFrame."""
-    pandas = _needed("pandas")
+) -> pandas.DataFrame:
+    """The session as a table of pandas."""
     steps = session.read(first, last, series)
-    return pandas.DataFrame({name: values for name, _, values in columns_of(session, steps)})
+    return _needed("pandas").DataFrame(
+        {name: values for name, _, values in columns_of(session, steps)}
+    )
 
 
 def _parts(
@@ -99,6 +102,16 @@ def _parts(
         yield session.read(0, 0, series)
 
 
+def _texts(values: NDArray[Any]) -> list[Any]:
+    """Numbers for a file of text: as few digits as read back the same."""
+    if values.dtype.kind == "M":
+        return np.datetime_as_string(values, unit="ns").tolist()  # type: ignore[no-any-return]
+    # Those of single precision need fewer digits than the doubles that `tolist` makes of them.
+    if values.dtype == np.float32:
+        return values.astype("U").tolist()  # type: ignore[no-any-return]
+    return values.tolist()  # type: ignore[no-any-return]
+
+
 def to_csv(
     session: LoggedSession,
     path: str | os.PathLike[str],
@@ -106,8 +119,14 @@ def to_csv(
     last: int | None = None,
     series: SeriesChoice = None,
 ) -> None:
-    """Writes the session as comma-separated values."""
-    _write(session, path, _needed("pyarrow.csv").CSVWriter, _parts(session, first, last, series))
+    """Writes the session as comma-separated values; a number that is missing is "nan"."""
+    with open(path, "w", newline="", encoding="utf-8") as file:  # noqa: PTH123
+        writer = csv.writer(file, lineterminator="\n")
+        for i, steps in enumerate(_parts(session, first, last, series)):
+            columns = list(columns_of(session, steps))
+            if i == 0:
+                writer.writerow([name for name, _, _ in columns])
+            writer.writerows(zip(*[_texts(values) for _, _, values in columns], strict=True))
 
 
 def to_parquet(
@@ -118,20 +137,11 @@ def to_parquet(
     series: SeriesChoice = None,
 ) -> None:
     """Writes the session as a Parquet file. The units are in the metadata of its fields."""
-    parquet = _needed("pyarrow.parquet").ParquetWriter
-    _write(session, path, parquet, _parts(session, first, last, series))
-
-
-def _write(
-    session: LoggedSession,
-    path: str | os.PathLike[str],
-    make_writer: Callable[..., Any],
-    parts: Iterator[Steps],
-) -> None:
+    make_writer = _needed("pyarrow.parquet").ParquetWriter
     arrow = _needed("pyarrow")
     with contextlib.ExitStack() as stack:
         writer = None
-        for steps in parts:
+        for steps in _parts(session, first, last, series):
             columns = list(columns_of(session, steps))
             arrays = [arrow.array(np.ascontiguousarray(values)) for _, _, values in columns]
             fields = [
@@ -187,35 +197,57 @@ def export(arguments: argparse.Namespace) -> None:
         sys.exit(subprocess.run(command, check=False).returncode)
 
     log = Log(arguments.log)
-    folder = arguments.output or Path()
-    folder.mkdir(parents=True, exist_ok=True)
+    output = arguments.output or Path()
+    kind = output.suffix.removeprefix(".")
+    if kind in WRITERS:
+        if arguments.format not in (None, kind):
+            raise InvalidArgument(f"--format is {arguments.format}, but {output} ends in .{kind}")
+        _export_session(log.session(arguments.robot or ""), output, WRITERS[kind], arguments)
+        return
+    output.mkdir(parents=True, exist_ok=True)
     stem = Path(arguments.log).resolve().stem
     sessions = sessions_of(log, arguments.robot)
+    kind = arguments.format or "csv"
     for session, name in zip(sessions, names_of(sessions), strict=True):
-        path = folder / f"{stem}.{name}.{arguments.format}"
-        try:
-            series = None if session.is_companion else arguments.series
-            first, last = step_range(session, arguments.from_, arguments.to)
-            WRITERS[arguments.format](session, path, first, last, series)
-        except Exception:
-            path.unlink(missing_ok=True)
-            raise
-        print(f"{path} written.")
+        _export_session(session, output / f"{stem}.{name}.{kind}", WRITERS[kind], arguments)
+
+
+def _export_session(
+    session: LoggedSession, path: Path, write: Callable[..., None], arguments: argparse.Namespace
+) -> None:
+    series = None if session.is_companion else arguments.series
+    first, last = step_range(session, arguments.from_, arguments.to)
+    # A table that is not whole is worse than none.
+    part = path.with_name(f".{path.name}.part")
+    try:
+        write(session, part, first, last, series)
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+    print(f"{path} written.")
 
 
 def parse(words: Sequence[str] | None) -> argparse.Namespace:
     """What was typed."""
     parser = argparse.ArgumentParser(
         prog="trifinger log export",
-        description="Write a table for each session and companion of a log: a row per step.",
-        epilog="Example:\n  trifinger log export run.mcap --format parquet -o tables",
+        description="Write the sessions and companions of a log as tables: a row per step.",
+        epilog="Examples:\n  trifinger log export run.mcap -o run.csv\n"
+        "  trifinger log export run.mcap --format parquet -o tables",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("log", help="a file, or a folder: the newest recording in it")
     parser.add_argument(
-        "--format", choices=[*WRITERS, "mcap"], default="csv", help="default: csv; mcap is a copy"
+        "--format",
+        choices=[*WRITERS, "mcap"],
+        help="default: csv, or that of the output; parquet needs pyarrow; mcap is a copy",
     )
-    parser.add_argument("-o", "--output", type=Path, help="folder of the files; of mcap, the file")
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        help="a file (.csv, .parquet) for the newest session, or a folder for all sessions",
+    )
     parser.add_argument("--robot", metavar="NAME", help="only the robot or companion of this name")
     parser.add_argument(
         "--series", nargs="+", choices=list(SERIES), help="only these series; default: all"

@@ -3,14 +3,12 @@
 
 Fields, shapes and units come from the log. Where there are more steps than a picture can show, the
 smallest and the largest number of each stretch are drawn, so that no peak is lost; the log may be
-larger than memory.
+larger than memory. `plot_page` makes a page of the same, in which one can zoom.
 """
 
 from __future__ import annotations
 
 import argparse
-import html
-import io
 import sys
 import textwrap
 from collections.abc import Iterator, Sequence
@@ -21,7 +19,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from trifinger._trifinger import Log, LoggedSession, Status
+from trifinger._trifinger import (
+    LatenessHistogram,
+    Log,
+    LoggedSession,
+    Status,
+    TimingRecord,
+    duration_text,
+    lateness_of,
+)
 from trifinger.errors import Error, InvalidArgument
 from trifinger.export import step_range
 
@@ -46,7 +52,6 @@ BAD = "#C0202A"
 # What the parts of long fields are called.
 GROUPS = {"trifinger": ("finger 0", "finger 120", "finger 240")}
 BINS = 1600  # stretches of time that a panel can show
-LATENESS_BINS = np.logspace(-7, 2, 451)  # [s]
 
 
 class Envelope:
@@ -100,10 +105,7 @@ class Picture:
     # By series and field, as in ("observation", "position").
     fields: dict[tuple[str, str], Envelope] = field(default_factory=dict)
     lateness: Envelope = field(default_factory=lambda: Envelope(0))
-    lateness_counts: Array = field(
-        default_factory=lambda: np.zeros(len(LATENESS_BINS) - 1, dtype=np.int64)
-    )
-    lateness_max: float = 0.0
+    timing: TimingRecord | None = None  # of real-time mode
     marks: dict[str, list[float]] = field(default_factory=dict)  # times [s]
     counts: dict[str, int] = field(default_factory=dict)
     gaps: list[tuple[float, float]] = field(default_factory=list)
@@ -117,13 +119,10 @@ class Picture:
         """A time since 1970 as one since the first step."""
         return (nanoseconds - self.begin) * 1e-9
 
-    def quantile(self, fraction: float) -> float:
-        """Of the lateness [s]."""
-        total = np.cumsum(self.lateness_counts)
-        if not total[-1]:
-            return 0.0
-        edge = LATENESS_BINS[1 + int(np.searchsorted(total, fraction * total[-1]))]
-        return float(min(edge, self.lateness_max))
+    @property
+    def has_lateness(self) -> bool:
+        """Whether it is known how late the steps were."""
+        return self.timing is not None and self.timing.lateness().max() > 0
 
 
 def is_number(series: str, dtype: np.dtype[Any]) -> bool:
@@ -162,12 +161,15 @@ def mark_steps(picture: Picture, statuses: Array, seconds: Array) -> None:
         marks.extend(found[:: max(1, len(found) // 200)].tolist())
 
 
-def read(session: LoggedSession, first: int | None = None, last: int | None = None) -> Picture:
-    """Goes through the steps once."""
+def read(
+    session: LoggedSession, first: int | None = None, last: int | None = None, bins: int = BINS
+) -> Picture:
+    """Goes through the steps once, and once more through their statuses."""
     begin, end = session.range("observation" if session.is_companion else "applied_action")
     begin = begin if first is None else max(begin, first)
+    timing = session.timing(begin, last)
     end = end if last is None else min(end, last)
-    picture = Picture(session, max(1, min(BINS, end - begin)), begin, end)
+    picture = Picture(session, max(1, min(bins, end - begin)), begin, end, timing=timing)
     picture.times = np.full(picture.bins, np.nan)
     picture.lateness = Envelope(picture.bins)
     before = begin
@@ -179,10 +181,10 @@ def read(session: LoggedSession, first: int | None = None, last: int | None = No
         picture.steps += len(steps)
         picture.end = int(times[-1])
         seconds = (times - picture.begin) * 1e-9
-        bins, starts = np.unique(
+        rows, starts = np.unique(
             (steps.time_index - begin) * picture.bins // (end - begin), return_index=True
         )
-        picture.times[bins] = np.fmin(picture.times[bins], seconds[starts])
+        picture.times[rows] = np.fmin(picture.times[rows], seconds[starts])
         # Where indices jump something is missing; that it is drawn as a gap needs no second look.
         jumps = np.flatnonzero(np.diff(steps.time_index, prepend=before - 1) > 1)
         for jump in jumps:
@@ -202,17 +204,12 @@ def read(session: LoggedSession, first: int | None = None, last: int | None = No
                     for part in name.split("."):
                         values = values[part]
                     envelope = picture.fields.setdefault((series, name), Envelope(picture.bins))
-                    envelope.add(bins, starts, values)
+                    envelope.add(rows, starts, values)
         statuses = steps.statuses
-        if statuses is not None and {"lateness", "flags", "skipped_ticks"} <= set(
-            statuses.dtype.names
-        ):
-            lateness = statuses["lateness"] * 1e-9
-            picture.lateness.add(bins, starts, lateness)
-            picture.lateness_max = max(picture.lateness_max, float(lateness.max()))
-            clipped = np.clip(lateness, LATENESS_BINS[0], LATENESS_BINS[-1])
-            picture.lateness_counts += np.histogram(clipped, LATENESS_BINS)[0]
+        if statuses is not None and {"flags", "skipped_ticks"} <= set(statuses.dtype.names or ()):
             mark_steps(picture, statuses, seconds)
+        if statuses is not None and picture.timing is not None:
+            picture.lateness.add(rows, starts, lateness_of(statuses, session.period))
     return picture
 
 
@@ -228,6 +225,16 @@ class Panel:
     measured: Envelope | None
     desired: Envelope | None = None
     applied: Envelope | None = None
+
+    def drawn(self) -> list[tuple[str, Envelope]]:
+        """What is drawn, in this order: "desired", and "measured" or "applied"."""
+        # A measured torque is what was applied, one step before: one of them is enough.
+        is_applied = self.measured is None or (self.applied is not None and self.unit == "Nm")
+        kinds = (
+            ("desired", self.desired),
+            ("applied", self.applied) if is_applied else ("measured", self.measured),
+        )
+        return [(kind, envelope) for kind, envelope in kinds if envelope is not None]
 
     @property
     def columns(self) -> int:
@@ -255,6 +262,17 @@ def panels_of(picture: Picture) -> list[Panel]:
     return panels
 
 
+def names_of_groups(picture: Picture, panel: Panel) -> list[str]:
+    """What the parts of a panel are called, behind its own name: ", finger 0"; one has no name."""
+    groups = groups_of(panel.columns)
+    if len(groups) == 1:
+        return [""]
+    names = GROUPS.get(picture.session.type, ())
+    if len(names) != len(groups):
+        return [f", {numbers.start} to {numbers.stop - 1}" for numbers in groups]
+    return [f", {name}" for name in names]
+
+
 def groups_of(columns: int) -> list[range]:
     """Which numbers of a field share a panel: fingers of three joints, legs, or all."""
     for size in (3, 4, 2):
@@ -272,6 +290,8 @@ def title_of(picture: Picture) -> tuple[str, str]:
         facts.append(f"{picture.duration:.4g} s")
         rate = (picture.last - picture.first - 1) / picture.duration
         facts.append(f"{rate:.4g} Hz")
+    if picture.timing is not None:
+        facts.append(f"lateness {picture.timing.lateness()}")
     facts.extend(f"{count} {kind}" for kind, count in picture.counts.items())
     if session.gaps:
         missing = sum(gap.last - gap.first + 1 for gap in session.gaps)
@@ -295,14 +315,12 @@ def decorate(axes: Axes, picture: Picture) -> None:
 
 def draw_panel(axes: Axes, picture: Picture, panel: Panel, numbers: range) -> None:
     """What was asked for as a broad, pale line; on it what was applied or measured."""
-    # A measured torque is what was applied, one step before: one of them is enough.
-    done = panel.applied if panel.applied is not None and panel.unit == "Nm" else panel.measured
-    kinds: tuple[tuple[Envelope | None, dict[str, Any]], ...] = (
-        (panel.desired, {"linewidth": 3.6, "alpha": 0.3, "solid_capstyle": "butt"}),
-        (done or panel.applied, {"linewidth": 1.0}),
-    )
-    for envelope, style in kinds:
-        if envelope is None or not envelope.has_numbers(slice(numbers.start, numbers.stop)):
+    styles: dict[str, dict[str, Any]] = {
+        "desired": {"linewidth": 3.6, "alpha": 0.3, "solid_capstyle": "butt"}
+    }
+    for kind, envelope in panel.drawn():
+        style = styles.get(kind, {"linewidth": 1.0})
+        if not envelope.has_numbers(slice(numbers.start, numbers.stop)):
             continue
         for i, number in enumerate(numbers):
             x, y = envelope.line(picture.times, number)
@@ -320,14 +338,10 @@ def entitle(axes: Axes, title: str, unit: str = "") -> None:
 def draw_row(parts: Sequence[Axes], picture: Picture, panel: Panel) -> None:
     """All numbers of a field, side by side if there are many."""
     groups = groups_of(panel.columns)
-    names = GROUPS.get(picture.session.type, ())
-    for i, (axes, numbers) in enumerate(zip(parts, groups, strict=True)):
+    names = names_of_groups(picture, panel)
+    for i, (axes, numbers, name) in enumerate(zip(parts, groups, names, strict=True)):
         draw_panel(axes, picture, panel, numbers)
-        title = panel.name
-        if len(groups) > 1:
-            is_named = len(names) == len(groups)
-            title += f", {names[i] if is_named else f'{numbers.start} to {numbers.stop - 1}'}"
-        entitle(axes, title, panel.unit if i == 0 else "")
+        entitle(axes, panel.name + name, panel.unit if i == 0 else "")
         if i:
             axes.tick_params(labelleft=False)
 
@@ -340,20 +354,27 @@ def time_unit(seconds: float) -> tuple[float, str]:
     return 1.0, "s"
 
 
-def time_text(seconds: float) -> str:
-    """As in "12.3 µs"."""
-    factor, unit = time_unit(seconds)
-    return f"{seconds * factor:.3g} {unit}"
+def histogram_of(lateness: LatenessHistogram) -> tuple[Array, Array]:
+    """How many steps are in each bin, from the first to the last that is not empty; its edges."""
+    counts = np.array(lateness.counts())
+    edges = np.array([*lateness.edges(), np.inf])
+    shown = np.flatnonzero(counts)
+    low, high = shown[0], shown[-1] + 1
+    edges = np.minimum(edges[low : high + 1], max(lateness.max(), edges[low + 1]))
+    # Times below the first edge cannot be drawn on a logarithmic axis.
+    return counts[low:high], np.maximum(edges, 0.5 * lateness.edges()[1])
 
 
 def draw_lateness(trace: Axes, histogram: Axes, picture: Picture) -> None:
     """How late the steps were, over time and how often."""
+    assert picture.timing is not None  # noqa: S101
+    lateness = picture.timing.lateness()
     x, y = picture.lateness.line(picture.times, 0)
-    factor, unit = time_unit(picture.lateness_max)
+    factor, unit = time_unit(lateness.max())
     quantiles = (
-        (picture.quantile(0.5), COLOURS[2], "p50"),
-        (picture.quantile(0.99), COLOURS[1], "p99"),
-        (picture.lateness_max, BAD, "max"),
+        (lateness.quantile(0.5), COLOURS[2], "p50"),
+        (lateness.quantile(0.99), COLOURS[1], "p99"),
+        (lateness.max(), BAD, "max"),
     )
     trace.plot(x, y * factor, color=COLOURS[0], linewidth=0.8)
     trace.axhline(quantiles[1][0] * factor, color=COLOURS[1], linewidth=1.0, linestyle="--")
@@ -361,17 +382,15 @@ def draw_lateness(trace: Axes, histogram: Axes, picture: Picture) -> None:
     entitle(trace, "lateness", unit)
     decorate(trace, picture)
 
-    shown = np.flatnonzero(picture.lateness_counts)
-    low, high = shown[0], shown[-1] + 1
-    edges = LATENESS_BINS[low : high + 1]
-    histogram.stairs(picture.lateness_counts[low:high], edges * factor, fill=True, color=COLOURS[5])
+    counts, edges = histogram_of(lateness)
+    histogram.stairs(counts, edges * factor, fill=True, color=COLOURS[5])
     histogram.set_xscale("log")
     histogram.set_yscale("log")
     histogram.set_xlabel(f"lateness [{unit}]")
     entitle(histogram, "lateness, how many steps")
     for value, colour, label in quantiles:
         line: dict[str, Any] = {"color": colour, "linewidth": 1.1, "linestyle": "--"}
-        histogram.axvline(value * factor, label=f"{label} {time_text(value)}", **line)
+        histogram.axvline(value * factor, label=f"{label} {duration_text(value)}", **line)
     histogram.legend(fontsize=8, loc="upper right", handlelength=1.3, edgecolor="none")
     histogram.grid(color="#E6E6E6", linewidth=0.6)
     histogram.set_axisbelow(True)
@@ -432,12 +451,14 @@ def draw_head(axes: Axes, picture: Picture, panels: Sequence[Panel]) -> None:
         )
 
 
-def companions_of(session: LoggedSession, picture: Picture) -> Iterator[tuple[str, Picture]]:
+def companions_of(
+    session: LoggedSession, picture: Picture, bins: int = BINS
+) -> Iterator[tuple[str, Picture]]:
     """The companions with something to draw, in the time of the picture."""
     for companion in session.companions:
         if companion.range("observation")[1] == 0:
             continue
-        found = read(companion)
+        found = read(companion, bins=bins)
         shift = (found.begin - picture.begin) * 1e-9
         found.times = found.times + shift
         found.gaps = [(start + shift, end + shift) for start, end in found.gaps]
@@ -478,7 +499,7 @@ def draw(log: Log, session: LoggedSession, first: int | None, last: int | None) 
     marks = troubles_of(log, picture)
     kinds = len(marks) + bool(picture.gaps)
     heights = [0.75] + [1.6] * len(rows)
-    heights += [1.6] * (picture.lateness_max > 0) + [0.35 + 0.22 * kinds] * (kinds > 0)
+    heights += [1.6] * picture.has_lateness + [0.35 + 0.22 * kinds] * (kinds > 0)
 
     style: Any = {
         "font.size": 8.5,
@@ -506,7 +527,7 @@ def draw(log: Log, session: LoggedSession, first: int | None, last: int | None) 
             draw_row(parts, source, panel)
             over_time += parts
             row += 1
-        if picture.lateness_max > 0:
+        if picture.has_lateness:
             trace = figure.add_subplot(grid[row, :8])
             draw_lateness(trace, figure.add_subplot(grid[row, 8:]), picture)
             over_time.append(trace)
@@ -523,54 +544,6 @@ def draw(log: Log, session: LoggedSession, first: int | None, last: int | None) 
     return figure
 
 
-def page(figure: Figure, log: Log, session: LoggedSession) -> str:
-    """A page that needs nothing but itself: the picture as SVG, and the texts of the session."""
-    text = io.StringIO()
-    figure.savefig(text, format="svg")
-    svg = text.getvalue()
-    svg = svg[svg.index("<svg") :]
-    rows = [
-        ("files", ", ".join(path.name for path in log.files)),
-        ("recorded by", f"trifinger {log.origin.get('trifinger_version', 'unknown')}"),
-        ("host", session.host),
-        ("end", session.fault_text or "went on when the recording ended"),
-        *(("gap", f"steps {gap.first} to {gap.last}: {gap.reason}") for gap in session.gaps),
-        *(("damage", damage.reason) for damage in log.damage),
-        *((event.level, f"{event.source}: {event.text}") for event in log.events),
-    ]
-    table = "\n".join(
-        f"<tr><th>{html.escape(name)}</th><td>{html.escape(value)}</td></tr>"
-        for name, value in rows
-    )
-    documents = "\n".join(
-        f"<details><summary>{html.escape(name)}</summary><pre>{html.escape(value)}</pre></details>"
-        for name, value in session.documents.items()
-    )
-    return f"""<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<title>{html.escape(session.name)}: {html.escape(log.files[0].name)}</title>
-<style>
-body {{ font-family: system-ui, sans-serif; color: #222; margin: 1.5em auto; max-width: 1300px; }}
-svg {{ width: 100%; height: auto; }}
-table {{ border-collapse: collapse; font-size: 0.9em; margin: 1em 0; }}
-th {{ text-align: left; vertical-align: top; color: #666; font-weight: normal; }}
-th, td {{ padding: 0.15em 1.2em 0.15em 0; }}
-pre {{ background: #f6f6f6; padding: 0.8em; overflow: auto; max-height: 40em; font-size: 0.85em; }}
-</style>
-</head>
-<body>
-{svg}
-<table>
-{table}
-</table>
-{documents}
-</body>
-</html>
-"""
-
-
 def plot(
     log: Log,
     path: Path,
@@ -578,19 +551,21 @@ def plot(
     begin: float | None = None,
     end: float | None = None,
 ) -> None:
-    """Draws the newest session of `robot` into a file: .png, .svg, .pdf or .html."""
+    """Draws the newest session of `robot` into a file: .png, .svg, .pdf, or .html to zoom in."""
     if path.suffix not in (".png", ".svg", ".pdf", ".html"):
         raise InvalidArgument(f"{path} must end in .png, .svg, .pdf or .html")
+    session = log.session(robot)
+    steps = step_range(session, begin, end)
+    if path.suffix == ".html":
+        from trifinger.plot_page import page
+
+        path.write_text(page(log, session, *steps), encoding="utf-8")
+        return
     try:
         import matplotlib  # noqa: F401
     except ImportError as error:
         raise Error('matplotlib is missing: pip install "trifinger[plot]"') from error
-    session = log.session(robot)
-    figure = draw(log, session, *step_range(session, begin, end))
-    if path.suffix == ".html":
-        path.write_text(page(figure, log, session), encoding="utf-8")
-    else:
-        figure.savefig(path, dpi=120)
+    draw(log, session, *steps).savefig(path, dpi=120)
 
 
 def parse(words: Sequence[str] | None) -> argparse.Namespace:

@@ -1,17 +1,24 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """`trifinger log` as its users see it: what it prints, what it writes, and its exit codes."""
 
+import base64
+import gzip
 import json
 import os
 import re
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
+import numpy as np
+import plotly.offline
 import pytest
 import trifinger
-from conftest import PROGRAM
+from conftest import PROGRAM, StartProgram
 from test_log import Written, write_log
+from trifinger import plot
 
 pytestmark = pytest.mark.release  # of the program
 
@@ -73,7 +80,7 @@ def test_every_command_has_help_with_an_example(
     command: str, python_programs: dict[str, str]
 ) -> None:
     text = run(command, "--help", environment=python_programs)
-    assert re.search(rf"Example:\n(  .*\n)*  trifinger log {command}\b", text)
+    assert re.search(rf"Examples?:\n(  .*\n)*  trifinger log {command}\b", text)
 
 
 def test_the_help_lists_every_command() -> None:
@@ -208,7 +215,7 @@ def test_cut_takes_steps_and_seconds(written: Written, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("robot", "suffix"), [("trifinger", "png"), ("trifinger", "html"), ("odd", "svg")]
+    ("robot", "suffix"), [("trifinger", "png"), ("trifinger", "svg"), ("odd", "svg")]
 )
 def test_plot_draws_every_robot(
     robot: str,
@@ -226,13 +233,134 @@ def test_plot_draws_every_robot(
     if suffix == "png":
         assert content.startswith(b"\x89PNG")
         return
-    text = content.decode()
-    assert "<svg" in text
-    if suffix == "html":
-        # Nothing is fetched from anywhere; the namespaces of SVG are no addresses.
-        assert not re.search(r"""(src|href)\s*=\s*["'](https?:)?//""", text)
-        assert "the disk is nearly full" in text
-        assert "period: 0.001 s" in text
+    assert "<svg" in content.decode()
+
+
+class Page:
+    """What a page made by `trifinger log plot` holds."""
+
+    def __init__(self, text: str) -> None:
+        bundle = plotly.offline.get_plotlyjs()
+        assert bundle in text
+        self.text = text.replace(bundle, "")
+        numbers = re.search(r'id="numbers">([^<]*)<', text)
+        index = re.search(r'id="index">([^<]*)<', text)
+        assert numbers
+        assert index
+        self.numbers = gzip.decompress(base64.b64decode(numbers[1]))
+        self.lines = json.loads(index[1])["lines"]
+
+    def line(self, i: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Times, smallest and largest numbers."""
+        _, times, low, high, count = self.lines[i]
+        return (
+            np.frombuffer(self.numbers, "<f8", count, times),
+            np.frombuffer(self.numbers, "<f4", count, low),
+            np.frombuffer(self.numbers, "<f4", count, high),
+        )
+
+
+@pytest.mark.parametrize("robot", ["trifinger", "odd"])
+def test_a_page_needs_nothing_but_itself_and_has_every_step(
+    robot: str, written: Written, odd: Written, tmp_path: Path, python_programs: dict[str, str]
+) -> None:
+    log = {"trifinger": written, "odd": odd}[robot]
+    run("plot", log.path, "-o", tmp_path / "page.html", environment=python_programs)
+    page = Page((tmp_path / "page.html").read_text())
+    assert not re.search(r"""(src|href)\s*=\s*["']?(https?:)?//""", page.text)
+    assert "The page holds every step" in page.text
+    if robot != "trifinger":
+        return
+    assert "the disk is nearly full" in page.text
+    assert "period: 0.001 s" in page.text
+    session = log.log.session()
+    whole = session.observations["position"].astype("<f4")
+    steps = session.time_index
+    found = [line for line in map(page.line, range(len(page.lines))) if len(line[0]) == STEPS]
+    for joint in range(9):
+        assert any(
+            np.array_equal(low[steps], whole[:, joint], equal_nan=True)
+            and np.array_equal(high[steps], whole[:, joint], equal_nan=True)
+            for _, low, high in found
+        )
+    # What is missing is drawn as a gap.
+    times, low, _ = found[0]
+    assert np.isnan(low[200:250]).all()
+    assert (np.diff(times) > 0).all()
+
+
+def test_a_page_of_a_long_log_keeps_every_peak(
+    written: Written, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("trifinger.plot_page.MOST_STRETCHES", 50)
+    plot.plot(written.log, tmp_path / "page.html")
+    page = Page((tmp_path / "page.html").read_text())
+    assert "50 stretches of up to 12 steps" in page.text
+    session = written.log.session()
+    lines = list(map(page.line, range(len(page.lines))))
+    assert max(len(times) for times, _, _ in lines) == 50
+    for joint in range(9):
+        position = session.observations["position"][:, joint].astype("<f4")
+        parts = np.split(position, np.flatnonzero(np.diff(session.time_index // 12)) + 1)
+        bounds = np.array([[np.nanmin(part), np.nanmax(part)] for part in parts])
+        assert any(
+            np.array_equal(low[np.isfinite(low)], bounds[:, 0])
+            and np.array_equal(high[np.isfinite(high)], bounds[:, 1])
+            for _, low, high in lines
+        )
+
+
+def test_a_page_says_what_it_needs(written: Written, tmp_path: Path) -> None:
+    text = (
+        "import sys\nsys.modules['plotly'] = None\nfrom trifinger.plot import main\n"
+        f"sys.exit(main([{str(written.path)!r}, '-o', 'a.html']))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", text], capture_output=True, text=True, check=False, cwd=tmp_path
+    )
+    assert done.returncode == 1
+    assert 'plotly is missing: pip install "trifinger[plot]"' in done.stderr
+    assert not (tmp_path / "a.html").exists()
+
+
+def test_lateness_is_the_same_number_in_every_command(
+    start_program: StartProgram, tmp_path: Path
+) -> None:
+    folder = tmp_path / "recorded"
+    patience = ("--set", "max_repeats=1000000", "--set", "max_skipped=1000000")
+    robot = start_program("run", "fake", "--name", "late", "--record", str(folder), *patience)
+    robot.wait_for("waits for a user")
+    with trifinger.connect("late") as user:
+        t = user.append_desired_action(user.new_action())
+        user.get_observation(t + 100)
+        # Ticks that are left out are lateness, too.
+        backend = user.session_info().backend_pid
+        os.kill(backend, signal.SIGSTOP)
+        time.sleep(0.02)
+        os.kill(backend, signal.SIGCONT)
+        user.get_observation(t + 200)
+        user.finish()
+        kept = user.timing()
+    assert kept is not None
+    expected = str(kept.lateness())
+    robot.wait_for(f"lateness {expected}")
+    assert robot.end()[0] == 0
+
+    log = trifinger.Log(folder)
+    session = log.session("late")
+    assert session.statuses["skipped_ticks"].any()
+    logged = session.timing()
+    assert (str(logged), str(logged and logged.lateness())) == (str(kept), expected)
+    assert f"lateness    {expected}" in run("info", folder)
+    loop = json.loads(run("info", "--json", folder))["sessions"][0]["loop"]
+    assert loop["lateness_max"] == kept.lateness().max()
+    assert loop["lateness_p99"] == kept.lateness().quantile(0.99)
+    plot.plot(log, tmp_path / "page.html", "late")
+    assert f"lateness {expected}" in Page((tmp_path / "page.html").read_text()).text
+    assert f"lateness {expected}" in plot.title_of(plot.read(session))[1]
+    each = trifinger.lateness_of(session.get_statuses(*session.range("status")), session.period)
+    assert len(each) == kept.steps()
+    assert each.max() == pytest.approx(kept.lateness().max(), abs=1e-12)
 
 
 def test_plot_refuses_what_it_cannot_draw(
@@ -244,6 +372,32 @@ def test_plot_refuses_what_it_cannot_draw(
     assert "it has 'robot'" in text
     text = run("plot", tmp_path / "nothing.mcap", expect=1, environment=python_programs)
     assert "nothing.mcap" in text
+
+
+@pytest.mark.parametrize("kind", ["csv", "parquet"])
+def test_export_writes_the_newest_session_into_a_file(
+    kind: str, written: Written, tmp_path: Path, python_programs: dict[str, str]
+) -> None:
+    pandas = pytest.importorskip("pandas")
+    path = tmp_path / f"run.{kind}"
+    text = run("export", written.path, "-o", path, environment=python_programs)
+    assert f"{path} written." in text
+    assert list(tmp_path.glob("*run*")) == [path]
+    table = {"csv": pandas.read_csv, "parquet": pandas.read_parquet}[kind](path)
+    assert len(table) == STEPS - 50
+    text = run(
+        *(
+            "export",
+            written.path,
+            "-o",
+            path,
+            "--format",
+            {"csv": "parquet", "parquet": "csv"}[kind],
+        ),
+        expect=2,
+        environment=python_programs,
+    )
+    assert f"ends in .{kind}" in text
 
 
 @pytest.mark.parametrize("format_", ["csv", "parquet"])
