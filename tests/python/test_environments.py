@@ -2,7 +2,10 @@
 """Environments: what Gymnasium asks of them, and that one simulation or many make no difference."""
 
 import dataclasses
+import subprocess
+import sys
 
+import av
 import gymnasium
 import numpy as np
 import pytest
@@ -49,6 +52,48 @@ def assert_equal(vector, index, one):
             np.testing.assert_array_equal(vector[name][index], part, err_msg=name)
     else:
         np.testing.assert_array_equal(vector[index], one)
+
+
+def test_environments_are_introduced_in_the_ways_of_gymnasium():
+    program = """
+import gymnasium
+{first}
+environment = gymnasium.make("{name}", duration=0.1)
+environment.reset(seed=1)
+environment.step(environment.action_space.sample())
+environment.close()
+"""
+    for first, name in [
+        ("import trifinger.environments\ngymnasium.register_envs(trifinger.environments)", ""),
+        ("", "trifinger.environments:"),
+    ]:
+        text = program.format(first=first, name=f"{name}TriFinger/Push-v0")
+        subprocess.run([sys.executable, "-W", "error", "-c", text], check=True)
+        text = text.replace("gymnasium.make(", "gymnasium.make_vec(").replace(
+            ", dur", ", num_envs=2, dur"
+        )
+        subprocess.run([sys.executable, "-W", "error", "-c", text], check=True)
+
+
+def test_gymnasium_records_a_film(tmp_path):
+    environment = gymnasium.make("TriFinger/Reach-v0", duration=0.2, render_mode="rgb_array")
+    recorder = gymnasium.wrappers.RecordVideo(
+        environment, str(tmp_path / "film"), name_prefix="reach"
+    )
+    recorder.reset(seed=1)
+    steps, has_ended = 0, False
+    while not has_ended:
+        *_, terminated, truncated, _ = recorder.step(recorder.action_space.sample())
+        has_ended = terminated or truncated
+        steps += 1
+    recorder.close()
+    with av.open(tmp_path / "film" / "reach-episode-0.mp4") as film:
+        stream = film.streams.video[0]
+        frames = [frame.to_ndarray(format="rgb24") for frame in film.decode(stream)]
+        assert stream.average_rate == 50
+    # A picture of the start and one after each action; the film's length is rounded to a picture.
+    assert len(frames) in (steps, steps + 1)
+    assert np.ptp(frames[0]) > 100
 
 
 @pytest.mark.parametrize("task", environments.TASKS)
