@@ -3,6 +3,7 @@
 
 #include <nanobind/stl/string.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 
@@ -60,6 +61,36 @@ nb::object record_dtype(const nb::object& numpy, Fields fields, std::size_t pref
   return numpy.attr("dtype")(nb::make_tuple(element, layout));
 }
 
+// The types that were made last. Every session begins with those of its robot, and making them
+// takes longer than all else that Python does then.
+struct KnownType {
+  ElementDescription description;
+  std::string kind;
+  nb::object dtype;
+};
+
+nb::object dtype_of(const ElementDescription& description, const std::string& kind) {
+  constexpr std::size_t kMostKnown = 64;
+  // Never destroyed: Python is gone when static objects are.
+  static auto& known = *new std::vector<KnownType>();
+  const auto is_it = [&](const KnownType& type) {
+    return type.kind == kind && type.description == description;
+  };
+  const auto found = std::ranges::find_if(known, is_it);
+  if (found != known.end()) return found->dtype;
+
+  nb::object dtype =
+      record_dtype(nb::module_::import_("numpy"), description.fields(), 0, kind.c_str());
+  nb::dict units;
+  for (const FieldDescription& field : description.fields()) {
+    units[field.name.c_str()] = field.unit;
+  }
+  nb::module_::import_("trifinger.element_text").attr("learn")(dtype, units);
+  if (known.size() == kMostKnown) known.erase(known.begin());
+  known.push_back({description, kind, dtype});
+  return dtype;
+}
+
 PyArray_Descr* descr_of(const nb::object& dtype) {
   return reinterpret_cast<PyArray_Descr*>(dtype.ptr());
 }
@@ -86,14 +117,7 @@ std::byte* data_of(nb::handle array) {
 }  // namespace
 
 ElementType::ElementType(const ElementDescription& description, const char* kind)
-    : dtype_(record_dtype(nb::module_::import_("numpy"), description.fields(), 0, kind)),
-      size_(description.size()) {
-  nb::dict units;
-  for (const FieldDescription& field : description.fields()) {
-    units[field.name.c_str()] = field.unit;
-  }
-  nb::module_::import_("trifinger.element_text").attr("learn")(dtype_, units);
-}
+    : dtype_(dtype_of(description, kind)), size_(description.size()) {}
 
 ElementType::New ElementType::new_element() const {
   const nb::object memory = new_numpy_array(dtype_, {});
