@@ -9,6 +9,7 @@
 #include <tuple>
 
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/text.hpp"
 
 namespace trifinger::mcap {
 namespace {
@@ -27,40 +28,6 @@ std::uint32_t length_of(std::size_t size) {
                           " bytes is too long for MCAP, at most 4294967295 are possible");
   }
   return static_cast<std::uint32_t>(size);
-}
-
-bool is_continuation(unsigned char byte) noexcept { return (byte & 0xC0U) == 0x80U; }
-
-// Unicode, Table 3-7: neither surrogates nor detours.
-bool is_utf8(std::string_view text) noexcept {
-  for (std::size_t i = 0; i < text.size();) {
-    const auto at = [&](std::size_t k) {
-      return i + k < text.size() ? static_cast<unsigned char>(text[i + k]) : 0U;
-    };
-    const unsigned first = at(0);
-    const unsigned second = at(1);
-    std::size_t length = 0;
-    bool is_right = true;
-    if (first < 0x80U) {
-      length = 1;
-    } else if (first >= 0xC2U && first <= 0xDFU) {
-      length = 2;
-    } else if (first >= 0xE0U && first <= 0xEFU) {
-      length = 3;
-      is_right = (first != 0xE0U || second >= 0xA0U) && (first != 0xEDU || second <= 0x9FU);
-    } else if (first >= 0xF0U && first <= 0xF4U) {
-      length = 4;
-      is_right = (first != 0xF0U || second >= 0x90U) && (first != 0xF4U || second <= 0x8FU);
-    } else {
-      return false;
-    }
-    for (std::size_t k = 1; k < length; ++k) {
-      is_right = is_right && is_continuation(static_cast<unsigned char>(at(k)));
-    }
-    if (!is_right) return false;
-    i += length;
-  }
-  return true;
 }
 
 bool is_checksum(std::string_view text) noexcept {
