@@ -58,7 +58,7 @@ It runs session after session until stop(), or until the end of its `with` block
                                 .observation_fault_after = observation_fault_after,
                                 .action_fault_after = action_fault_after});
         return std::make_unique<PythonFrontend>(
-            start_inline(std::move(driver), {}, {.history = history}, {.strict = strict}),
+            start_inline("fake", std::move(driver), {}, {.history = history}, {.strict = strict}),
             PythonFrontend::Role{.controls = true, .is_inline = true});
       },
       nb::kw_only(), "strict"_a = false, "history"_a = SessionOptions{}.history,

@@ -48,7 +48,7 @@ std::unique_ptr<PythonFrontend> replay(nb::handle log, const std::string& robot,
   const BackendOptions backend = driver->backend_options();
   const SessionOptions options = driver->session_options();
   return std::make_unique<PythonFrontend>(
-      start_inline(std::move(driver), backend, options, {.strict = strict}),
+      start_inline(session.name(), std::move(driver), backend, options, {.strict = strict}),
       PythonFrontend::Role{.controls = true, .is_inline = true});
 }
 

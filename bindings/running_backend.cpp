@@ -36,12 +36,12 @@ std::set<RunningBackend*> backends;
 
 }  // namespace
 
-UntypedFrontend start_inline(std::unique_ptr<UntypedDriver> driver,
+UntypedFrontend start_inline(const std::string& name, std::unique_ptr<UntypedDriver> driver,
                              const BackendOptions& backend_options,
                              const SessionOptions& session_options,
                              const FrontendOptions& frontend_options) {
-  auto robot = std::make_shared<Robot>(std::move(driver), SessionHost::anonymous(session_options),
-                                       backend_options);
+  auto robot = std::make_shared<Robot>(
+      std::move(driver), SessionHost::anonymous(session_options, name), backend_options);
   Backend& backend = robot->backend;
   return UntypedFrontend(backend, frontend_options, std::move(robot));
 }

@@ -10,8 +10,9 @@
 
 namespace trifinger::python {
 
-/// Starts the robot of `driver` inside the waits of the front-end that is returned.
-[[nodiscard]] UntypedFrontend start_inline(std::unique_ptr<UntypedDriver> driver,
+/// Starts the robot of `driver`, called `name`, inside the waits of the front-end that is returned.
+[[nodiscard]] UntypedFrontend start_inline(const std::string& name,
+                                           std::unique_ptr<UntypedDriver> driver,
                                            const BackendOptions& backend_options,
                                            const SessionOptions& session_options,
                                            const FrontendOptions& frontend_options);

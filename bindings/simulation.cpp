@@ -50,9 +50,9 @@ PythonSimulation::PythonSimulation(const RobotConfig& config)
           [&](const auto& options) -> decltype(simulation_) {
             if constexpr (std::is_same_v<std::decay_t<decltype(options)>,
                                          SimulationOptions<Finger>>) {
-              return Simulation<Finger>(options, config.session, config.backend);
+              return Simulation<Finger>(options, config.session, config.backend, config.name);
             } else {
-              return Simulation<TriFinger>(options, config.session, config.backend);
+              return Simulation<TriFinger>(options, config.session, config.backend, config.name);
             }
           },
           config.simulation)) {}
@@ -119,7 +119,7 @@ std::vector<double> PythonSimulation::configuration() const {
 
 std::shared_ptr<log::RecorderThread> PythonSimulation::record(const std::string& folder,
                                                               const std::string& precision) const {
-  auto recorder = start_recorder("sim", folder, precision);
+  auto recorder = start_recorder(name_, folder, precision);
   std::visit([&](const auto& simulation) { simulation.follow(recorder); }, simulation_);
   return recorder;
 }

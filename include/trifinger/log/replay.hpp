@@ -109,7 +109,7 @@ class Replay {
   struct Parts {
     Parts(const LoggedSession& session, const ReplayOptions& options)
         : driver(session, options),
-          host(SessionHost::anonymous(driver.session_options())),
+          host(SessionHost::anonymous(driver.session_options(), session.name())),
           backend(driver, host, driver.backend_options()) {}
 
     ReplayDriver driver;

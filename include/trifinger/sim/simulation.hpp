@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -27,10 +28,12 @@ class Simulation {
  public:
   /// The model is added to the documents of `session`.
   /// Of `backend`, the mode and the period are set by the simulation: it waits for every action.
+  /// `name` is what errors and logs call the robot, as that of a `RobotConfig`; by default its type
+  /// and variant, as in "trifinger-pro".
   /// @throws InvalidArgument
   explicit Simulation(SimulationOptions<R> options = {}, SessionOptions session = {},
-                      BackendOptions backend = {})
-      : parts_(std::make_shared<Parts>(std::move(options), std::move(session), backend)) {}
+                      BackendOptions backend = {}, const std::string& name = {})
+      : parts_(std::make_shared<Parts>(std::move(options), std::move(session), backend, name)) {}
 
   /// The robot itself: reset it, place objects, save and restore its state.
   [[nodiscard]] SimulatedRobot<R>& robot() const noexcept { return parts_->robot; }
@@ -55,11 +58,16 @@ class Simulation {
  private:
   struct Parts {
     Parts(SimulationOptions<R> options, SessionOptions session,
-          const BackendOptions& backend_options)
+          const BackendOptions& backend_options, const std::string& name)
         : robot(std::move(options)),
           host(SessionHost::anonymous(with_model(std::move(session), robot.options().description),
-                                      "sim")),
+                                      name.empty() ? default_name() : name)),
           backend(robot, host, without_deadlines(backend_options, robot.options().period)) {}
+
+    [[nodiscard]] std::string default_name() const {
+      const Variant variant = robot.options().description.variant;
+      return std::string(R::kType) + "-" + std::string(variant_figures(variant).name);
+    }
 
     static SessionOptions with_model(SessionOptions session, const RobotDescription& description) {
       session.documents.push_back(model_document(description));
