@@ -326,13 +326,15 @@ void bind_simulation(nb::module_& m) {
                 Eigen::Map<const Values>(values.data(), static_cast<Eigen::Index>(values.size())));
           },
           "MuJoCo's qpos, then qvel, to draw the scene of mjcf().")
-      .def("add_check", &PythonSimulation::add_check, "function"_a,
-           nb::sig("def add_check(self, function: collections.abc.Callable[[Observation, Action], "
-                   "None]) -> None"),
-           "Adds a safety check of your own, between sessions: `function(observation, action)` "
-           "changes the action in "
-           "place.\nThe robot's own limits hold behind it. An exception in it ends the session "
-           "with a fault.")
+      .def(
+          "add_check", &PythonSimulation::add_check, "function"_a,
+          nb::sig("def add_check(self, function: collections.abc.Callable[[Observation, Action], "
+                  "None]) -> None"),
+          "Adds a safety check of your own, between sessions: `function(observation, action)` "
+          "changes the action in "
+          "place.\nThe robot's own limits hold behind it. An exception in it ends the session with "
+          "a fault, which has its text.\nCtrl-C in it is no fault: KeyboardInterrupt reaches who "
+          "waits for the robot.")
       .def(
           "record",
           [](const PythonSimulation& simulation, nb::handle folder, const std::string& precision) {

@@ -1,13 +1,42 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "checks.hpp"
 
+#include <algorithm>
 #include <cstring>
+#include <string>
+#include <string_view>
+#include <utility>
 
 #include "trifinger/base/error.hpp"
+#include "trifinger/core/errors.hpp"
 
 namespace nb = nanobind;
 
 namespace trifinger::python {
+
+namespace {
+
+// "ValueError: too near"
+std::string text_of(const nb::python_error& error) {
+  auto text = nb::cast<std::string>(error.type().attr("__name__"));
+  const nb::object message = nb::steal(PyObject_Str(error.value().ptr()));
+  if (!message.is_valid()) {
+    PyErr_Clear();
+    return text;
+  }
+  // Not every string of Python is UTF-8: a file's name may hold any byte.
+  const nb::object bytes =
+      nb::steal(PyUnicode_AsEncodedString(message.ptr(), "utf-8", "backslashreplace"));
+  if (!bytes.is_valid()) throw nb::python_error();
+  const std::string_view says(PyBytes_AS_STRING(bytes.ptr()),
+                              static_cast<std::size_t>(PyBytes_GET_SIZE(bytes.ptr())));
+  if (!says.empty()) text.append(": ").append(says);
+  // What follows a zero would be lost on the way through `what()`.
+  std::ranges::replace(text, '\0', ' ');
+  return text;
+}
+
+}  // namespace
 
 void Checks::Check::call(const void* observation, void* action) const {
   const nb::gil_scoped_acquire gil;
@@ -20,12 +49,50 @@ void Checks::Check::call(const void* observation, void* action) const {
     function_(y, changed);
     std::memcpy(action, changed_bytes, action_.size());
   } catch (nb::python_error& error) {
-    // The chain turns whatever is thrown into a fault and has no place for a text: the traceback
-    // goes where Python's go.
+    if (!error.matches(PyExc_Exception)) {
+      // Ctrl-C, or sys.exit(): not the check's, but its thread's.
+      interruption_->keep(std::move(error));
+      throw Interrupted("a safety check was interrupted");
+    }
+    const std::string text = text_of(error);
+    // The session keeps a sentence: the traceback goes where Python's go.
     error.restore();
     PyErr_WriteUnraisable(function_.ptr());
-    throw Error("a safety check has thrown");
+    throw Error(text);
   }
+}
+
+Interruption::~Interruption() {
+  if (!error_) return;
+  const nb::gil_scoped_acquire gil;
+  error_.reset();
+}
+
+void Interruption::keep(nb::python_error&& error) {
+  if (error_) return;
+  error_.emplace(std::move(error));
+  // relaxed: only this very thread acts on it.
+  thread_.store(std::this_thread::get_id(), std::memory_order_relaxed);
+}
+
+void Interruption::raise() {
+  // relaxed: see keep.
+  if (thread_.load(std::memory_order_relaxed) != std::this_thread::get_id()) return;
+  const nb::gil_scoped_acquire gil;
+  if (!error_) return;
+  nb::python_error error = std::move(*error_);
+  clear();
+  throw nb::python_error(std::move(error));
+}
+
+int Interruption::traverse(visitproc visit, void* arg) const noexcept {
+  if (error_) Py_VISIT(error_->value().ptr());
+  return 0;
+}
+
+void Interruption::clear() noexcept {
+  thread_.store({}, std::memory_order_relaxed);
+  error_.reset();
 }
 
 std::shared_ptr<const Checks::Check> Checks::add(nb::object function,
@@ -39,17 +106,18 @@ std::shared_ptr<const Checks::Check> Checks::add(nb::object function,
     const nb::gil_scoped_acquire gil;
     delete check;
   };
-  checks_.emplace_back(new Check(std::move(function), observation, action), let_go);
+  checks_.emplace_back(new Check(std::move(function), observation, action, interruption_), let_go);
   return checks_.back();
 }
 
 int Checks::traverse(visitproc visit, void* arg) const noexcept {
   for (const auto& check : checks_) Py_VISIT(check->function_.ptr());
-  return 0;
+  return interruption_->traverse(visit, arg);
 }
 
 void Checks::clear() noexcept {
   for (const auto& check : checks_) check->function_.reset();
+  interruption_->clear();
 }
 
 }  // namespace trifinger::python

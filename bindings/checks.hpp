@@ -3,7 +3,10 @@
 
 #include <nanobind/nanobind.h>
 
+#include <atomic>
 #include <memory>
+#include <optional>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -11,6 +14,29 @@
 #include "element_type.hpp"
 
 namespace trifinger::python {
+
+/// What interrupted a function of Python in the loop, Ctrl-C or `sys.exit()`, on its way to the
+/// thread that it was meant for.
+class Interruption {
+ public:
+  Interruption() = default;
+  Interruption(const Interruption&) = delete;
+  Interruption& operator=(const Interruption&) = delete;
+  ~Interruption();
+
+  /// Keeps the first one for the calling thread. With the GIL.
+  void keep(nanobind::python_error&& error);
+  /// Raises what was kept for the calling thread, if anything was. With or without the GIL.
+  void raise();
+
+  /// For the garbage collector.
+  int traverse(visitproc visit, void* arg) const noexcept;
+  void clear() noexcept;
+
+ private:
+  std::atomic<std::thread::id> thread_{};
+  std::optional<nanobind::python_error> error_;  // changed with the GIL only
+};
 
 /// The safety checks of a simulation that are functions of Python. An object of Python itself: the
 /// simulation and its front-ends refer to it, and a check may refer to them, so the garbage
@@ -21,12 +47,14 @@ class Checks {
   class Check {
    public:
     Check(nanobind::object function, const ElementDescription& observation,
-          const ElementDescription& action)
+          const ElementDescription& action, std::shared_ptr<Interruption> interruption)
         : function_(std::move(function)),
           observation_(observation, class_of(Series::kObservation)),
-          action_(action, class_of(Series::kDesiredAction)) {}
+          action_(action, class_of(Series::kDesiredAction)),
+          interruption_(std::move(interruption)) {}
 
-    /// Changes the action at `action` in place. @throws Error if the function has thrown
+    /// Changes the action at `action` in place.
+    /// @throws Error with the text of what the function has raised, Interrupted
     void call(const void* observation, void* action) const;
 
    private:
@@ -35,11 +63,17 @@ class Checks {
     nanobind::object function_;  // none once nobody can reach the robot any more
     ElementType observation_;
     ElementType action_;
+    std::shared_ptr<Interruption> interruption_;
   };
 
   /// @throws InvalidArgument unless `function` can be called
   std::shared_ptr<const Check> add(nanobind::object function, const ElementDescription& observation,
                                    const ElementDescription& action);
+
+  /// What has interrupted one of them; front-ends look here during their waits.
+  [[nodiscard]] const std::shared_ptr<Interruption>& interruption() const noexcept {
+    return interruption_;
+  }
 
   /// For the garbage collector.
   int traverse(visitproc visit, void* arg) const noexcept;
@@ -47,6 +81,7 @@ class Checks {
 
  private:
   std::vector<std::shared_ptr<Check>> checks_;
+  std::shared_ptr<Interruption> interruption_ = std::make_shared<Interruption>();
 };
 
 }  // namespace trifinger::python

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "checks.hpp"
 #include "element.hpp"
 #include "gil.hpp"
 #include "log.hpp"
@@ -93,11 +94,13 @@ PythonFrontend::PythonFrontend(UntypedFrontend frontend, Role role, nb::object c
     }
     nan_check_ = NanCheck(session.description().action, session.description().default_action);
   }
-  handle_->frontend.set_interrupt([&is_closed = handle_->is_closed] {
+  if (checks_.is_valid()) interruption_ = nb::cast<const Checks&>(checks_).interruption();
+  handle_->frontend.set_interrupt([&is_closed = handle_->is_closed, interruption = interruption_] {
     // relaxed: a flag without data behind it.
     if (is_closed.load(std::memory_order_relaxed)) {
       throw InvalidArgument("this handle was closed while a thread waited with it");
     }
+    if (interruption != nullptr) interruption->raise();
     check_signals();
   });
 }
@@ -261,10 +264,8 @@ std::optional<TimingRecord> PythonFrontend::timing() const {
 std::unique_ptr<PythonFrontend> PythonFrontend::companion(const std::string& name) const {
   require_own_thread();
   const std::shared_ptr<Handle> handle = open();
-  auto companion = std::make_unique<PythonFrontend>(handle->frontend.companion(name),
-                                                    Role{.is_inline = role_.is_inline}, checks_);
-  if (role_.is_inline) companion->handle_->robot = handle;
-  return companion;
+  return std::make_unique<PythonFrontend>(handle->frontend.companion(name),
+                                          Role{.is_inline = role_.is_inline}, checks_);
 }
 
 SessionInfo PythonFrontend::session_info() const { return open()->frontend.session().info(); }
@@ -297,6 +298,12 @@ nb::object PythonFrontend::text() const {
 }
 
 void PythonFrontend::close() {
+  let_go();
+  // On its way to rest the robot may have asked a check again.
+  if (interruption_ != nullptr) interruption_->raise();
+}
+
+void PythonFrontend::let_go() noexcept {
   if (handle_ == nullptr) return;
   // relaxed: a flag without data behind it.
   handle_->is_closed.store(true, std::memory_order_relaxed);
@@ -310,7 +317,7 @@ void PythonFrontend::exit(bool is_clean) {
     try {
       finish(nb::none());
     } catch (...) {
-      close();
+      let_go();
       throw;
     }
   }

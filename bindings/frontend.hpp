@@ -17,6 +17,8 @@
 
 namespace trifinger::python {
 
+class Interruption;
+
 /// The front-end as Python sees it. All functions are called with the GIL held; they release it
 /// while they wait, so other threads can use the same object meanwhile.
 class PythonFrontend {
@@ -30,7 +32,7 @@ class PythonFrontend {
   PythonFrontend(UntypedFrontend frontend, Role role, nanobind::object checks = {});
   PythonFrontend(const PythonFrontend&) = delete;
   PythonFrontend& operator=(const PythonFrontend&) = delete;
-  ~PythonFrontend() { close(); }
+  ~PythonFrontend() { let_go(); }
 
   /// @throws ControlHeld if another thread is at it, InvalidArgument for anything but an action of
   /// this robot
@@ -60,7 +62,8 @@ class PythonFrontend {
   [[nodiscard]] nanobind::object text() const;
   [[nodiscard]] nanobind::object dtype(Series series) const { return type_of(series).dtype(); }
 
-  /// Lets go of the session, and tells threads that wait with this object.
+  /// Lets go of the session, and tells threads that wait with this object. @throws what has
+  /// interrupted the robot on its way to rest: Ctrl-C
   void close();
   /// The end of a `with` block: finishes after a clean one, lets go after an exception.
   void exit(bool is_clean);
@@ -77,8 +80,6 @@ class PythonFrontend {
   struct Handle {
     explicit Handle(UntypedFrontend untyped) : frontend(std::move(untyped)) {}
 
-    std::shared_ptr<Handle>
-        robot;  // of a companion that runs inline: ends the session, so it goes last
     std::atomic<bool> is_closed{false};
     UntypedFrontend frontend;
   };
@@ -89,6 +90,7 @@ class PythonFrontend {
   [[nodiscard]] bool is_own_thread() const noexcept {
     return std::this_thread::get_id() == thread_;
   }
+  void let_go() noexcept;
   // An inline robot is moved by one thread.
   void require_own_thread() const;
 
@@ -97,8 +99,9 @@ class PythonFrontend {
   std::array<ElementType, 4> types_;  // by Series
   NanCheck nan_check_;
   bool is_appending_{false};
-  nanobind::object checks_;         // Checks; behind the robot that calls them
-  std::shared_ptr<Handle> handle_;  // none once closed; replaced under the GIL only
+  nanobind::object checks_;                     // Checks; behind the robot that calls them
+  std::shared_ptr<Interruption> interruption_;  // theirs; none without checks
+  std::shared_ptr<Handle> handle_;              // none once closed; replaced under the GIL only
 };
 
 }  // namespace trifinger::python

@@ -566,7 +566,8 @@ class Simulation:
     def add_check(self, function: Callable[[Observation, Action], None]) -> None:
         """
         Adds a safety check of your own, between sessions: `function(observation, action)` changes the action in place.
-        The robot's own limits hold behind it. An exception in it ends the session with a fault.
+        The robot's own limits hold behind it. An exception in it ends the session with a fault, which has its text.
+        Ctrl-C in it is no fault: KeyboardInterrupt reaches who waits for the robot.
         """
 
     def record(self, folder: str | os.PathLike[str], *, precision: str = 'double') -> Recorder:

@@ -179,10 +179,13 @@ class Backend::Implementation {
   void request_stop() noexcept { stop_requested_.store(true, std::memory_order_relaxed); }
 
   void begin_session() {
-    if (run_ && !has_ended_) return;
+    if (run_ && !run_->loop.fault()) return;
+    come_to_rest();
     if (run_ && last_fault_.needs_recovery() && !was_recovered()) {
-      throw RobotStopped(last_fault_, "the robot has stopped: " + describe(last_fault_) +
-                                          "; call recover() before the next session");
+      const Session session = host_.open();
+      throw RobotStopped(last_fault_, "robot '" + session.info().name +
+                                          "' has stopped: " + session.mapping()->fault_text() +
+                                          "; clear this with recover() when it is safe");
     }
     begin();
     // Brings the driver to where it holds, so that the session can be looked at.
@@ -201,9 +204,7 @@ class Backend::Implementation {
   }
 
   void recover() noexcept {
-    // The orderly stop comes first.
-    while (run_ && run_->loop.fault() && advance() != Progress::kEnded) {
-    }
+    come_to_rest();
     last_fault_ = {};
   }
 
@@ -216,6 +217,13 @@ class Backend::Implementation {
   }
   [[nodiscard]] bool stop_requested() const noexcept {
     return stop_requested_.load(std::memory_order_relaxed);
+  }
+
+  // Of a session that has ended, inline: the orderly stop, which its front-end may have left
+  // undone.
+  void come_to_rest() noexcept {
+    while (run_ && run_->loop.fault() && advance() != Progress::kEnded) {
+    }
   }
 
   void begin() {

@@ -34,8 +34,9 @@ DriverReport FakeDriver::apply_action(const FakeAction& desired, FakeAction& app
   return {.action_rejected = is_rejected};
 }
 
-void FakeDriver::hold(const FakeObservation& observation, FakeAction& action) noexcept {
+DriverReport FakeDriver::hold(const FakeObservation& observation, FakeAction& action) noexcept {
   action.setpoint = observation.setpoint;
+  return DriverReport::ready();
 }
 
 DriverReport FakeDriver::stop(TimeIndex step) noexcept {
@@ -61,6 +62,10 @@ bool FakeDriver::get_companion_element(std::size_t, TimeIndex time_index, void* 
 
 std::string_view FakeDriver::fault_text(std::int32_t fault_code) const noexcept {
   return fault_code == kInjectedFault ? "a fault was injected" : "";
+}
+
+std::string_view FakeDriver::rejection_text() const noexcept {
+  return "its setpoint is the one that this fake robot was told to reject";
 }
 
 }  // namespace trifinger

@@ -73,7 +73,8 @@ std::string describe(const Fault& fault, std::string_view driver_text) {
                                : "the back-end was late by " + detail + " periods") +
              at_step + "; 'trifinger doctor' tells what this machine lacks for real time";
     case Fault::Code::kActionsRejected:
-      return detail + " actions in a row up to step " + step + " were not fit to apply";
+      return detail + " actions in a row up to step " + step + " were not fit to apply" +
+             (driver_text.empty() ? "" : "; the last: " + std::string(driver_text));
     case Fault::Code::kMemoryDamaged:
       return "the queue of actions was damaged, or shared memory was cut off" + at_step;
     case Fault::Code::kDriver:

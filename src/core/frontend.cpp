@@ -91,7 +91,7 @@ class UntypedFrontend::Implementation {
     while (true) {
       // relaxed: a flag without data behind it.
       const bool has_died = backend_died_.load(std::memory_order_relaxed);
-      if (has_died || mapping_->has_ended()) mapping_->throw_stopped();
+      if (has_died || mapping_->has_ended()) throw_stopped();
       // acquire: slots of indices taken before are free.
       const TimeIndex open = header().next_action.load(std::memory_order_acquire);
       const TimeIndex t = std::max(last_appended_ + 1, open);
@@ -272,7 +272,7 @@ class UntypedFrontend::Implementation {
     const Fault fault = mapping_->fault();
     const bool is_as_good =
         fault.code == Fault::Code::kExhausted && last_appended_ < fault.time_index;
-    if (fault.code != Fault::Code::kFinished && !is_as_good) mapping_->throw_stopped();
+    if (fault.code != Fault::Code::kFinished && !is_as_good) throw_stopped();
   }
 
   void recover(Timeout timeout) {
@@ -283,7 +283,7 @@ class UntypedFrontend::Implementation {
     }
     const Deadline deadline(timeout);
     if (!mapping_->has_ended()) {
-      if (!mapping_->backend_is_alive()) mapping_->throw_stopped();
+      if (!mapping_->backend_is_alive()) throw_stopped();
       return;
     }
     require_control();
@@ -293,10 +293,10 @@ class UntypedFrontend::Implementation {
       try {
         const SessionMapping current(mapping_->directory(), mapping_->name());
         if (current.header().session_id != header().session_id) return;
-        if (!current.backend_is_alive()) mapping_->throw_stopped();
+        if (!current.backend_is_alive()) throw_stopped();
       } catch (const SystemError& error) {
         if (error.error_number() != ENOENT) throw;
-        mapping_->throw_stopped();
+        throw_stopped();
       }
       if (deadline.passed()) throw TimedOut("no new session has begun after the fault");
       if (interrupt_ && slice.passed()) {
@@ -337,6 +337,16 @@ class UntypedFrontend::Implementation {
       throw InvalidArgument("this handle of '" + mapping_->name() +
                             "' only observes; use connect() to control the robot");
     }
+  }
+
+  [[noreturn]] void throw_stopped() const {
+    look_for_interrupted_step();
+    mapping_->throw_stopped();
+  }
+
+  // A session that its own user has ended inline, within a step: that is told before the end.
+  void look_for_interrupted_step() const {
+    if (inline_backend_ != nullptr && interrupt_) interrupt_();
   }
 
   [[noreturn]] void throw_lost(Series series, TimeIndex t) const {
@@ -381,7 +391,7 @@ class UntypedFrontend::Implementation {
     } catch (const HistoryLost&) {
       return false;
     }
-    if ((status.flags & Status::kEnd) != 0) mapping_->throw_stopped();
+    if ((status.flags & Status::kEnd) != 0) throw_stopped();
     return (status.flags & Status::kActionRepeated) == 0;
   }
 
@@ -405,7 +415,7 @@ class UntypedFrontend::Implementation {
       const std::uint32_t event = header().event.load(std::memory_order_seq_cst);
       const bool has_ended = mapping_->has_ended();
       if (ready()) return;
-      if (has_ended) mapping_->throw_stopped();
+      if (has_ended) throw_stopped();
       if (deadline.passed()) {
         // Who looks often and never waits for long must learn it, too.
         throw_if_backend_died(ready);
@@ -432,7 +442,7 @@ class UntypedFrontend::Implementation {
     if (mapping_->backend_is_alive() || mapping_->has_ended() || ready()) return;
     // relaxed: see append, which has no time to look.
     backend_died_.store(true, std::memory_order_relaxed);
-    mapping_->throw_stopped();
+    throw_stopped();
   }
 
   // The wait itself runs the back-end.
@@ -445,8 +455,9 @@ class UntypedFrontend::Implementation {
     int steps = 0;
     while (true) {
       const bool has_ended = mapping_->has_ended();
+      if (has_ended) look_for_interrupted_step();
       if (ready()) return;
-      if (has_ended) mapping_->throw_stopped();
+      if (has_ended) throw_stopped();
       const Progress progress = inline_backend_->advance();
       if (progress == Progress::kWaiting && !ready()) {
         throw ActionMissing(what() + " needs an action that has not been appended: step " +

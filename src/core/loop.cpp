@@ -5,6 +5,7 @@
 #include <cstring>
 #include <limits>
 
+#include "trifinger/base/text.hpp"
 #include "trifinger/ipc/ring.hpp"
 
 namespace trifinger::detail {
@@ -19,6 +20,15 @@ std::int32_t in_milliseconds(Nanoseconds time) noexcept {
   constexpr std::int64_t kMost = std::numeric_limits<std::int32_t>::max();
   return static_cast<std::int32_t>(
       std::min(std::chrono::ceil<std::chrono::milliseconds>(time).count(), kMost));
+}
+
+// One byte ends the text.
+static_assert(FixedText::kCapacity < sizeof(layout::StateHeader::fault_text));
+
+// True if the driver lets the session end before it is over by itself.
+bool breaks_off(const DriverReport& report) noexcept {
+  return report.state == DriverReport::State::kFault ||
+         report.state == DriverReport::State::kInterrupted;
 }
 
 }  // namespace
@@ -69,8 +79,7 @@ Progress Loop::prepare(const Tick& now) noexcept {
   if (const Fault request = end_request()) return end(request.code, request.detail);
   const DriverReport report = call_driver([&] { return driver_.prepare(count_); });
   ++count_;
-  if (report.state == DriverReport::State::kFault)
-    return end(Fault::Code::kDriver, report.fault_code);
+  if (breaks_off(report)) return end(report);
   if (report.state == DriverReport::State::kBusy) return Progress::kStepped;
   stage_ = Stage::kHolding;
   holding_since_ = now.time;
@@ -113,18 +122,14 @@ Progress Loop::hold(const Tick& now) noexcept {
   }
   if (!has_hold_action_) {
     // Once: the pose at the beginning is kept, not the pose into which the robot may creep.
-    const DriverReport held = call_driver([&] {
-      driver_.hold(observation_.data(), hold_action_.data());
-      return DriverReport::ready();
-    });
-    if (held.state == DriverReport::State::kFault)
-      return end(Fault::Code::kDriver, held.fault_code);
+    const DriverReport held =
+        call_driver([&] { return driver_.hold(observation_.data(), hold_action_.data()); });
+    if (breaks_off(held)) return end(held);
     has_hold_action_ = true;
   }
   const DriverReport report =
       call_driver([&] { return driver_.apply_action(hold_action_.data(), applied_.data()); });
-  if (report.state == DriverReport::State::kFault)
-    return end(Fault::Code::kDriver, report.fault_code);
+  if (breaks_off(report)) return end(report);
   is_measured_ = false;
   return Progress::kStepped;
 }
@@ -174,8 +179,7 @@ Progress Loop::run(const Tick& now) noexcept {
 
   const DriverReport report =
       call_driver([&] { return driver_.apply_action(desired_.data(), applied_.data()); });
-  if (report.state == DriverReport::State::kFault)
-    return end(Fault::Code::kDriver, report.fault_code);
+  if (breaks_off(report)) return end(report);
   status_.rejected_actions = report.action_rejected ? status_.rejected_actions + 1 : 0;
   if (report.action_rejected) status_.flags |= Status::kActionRejected;
 
@@ -222,8 +226,8 @@ bool Loop::measure(const Tick& now) noexcept {
   status_.time = now.time.time_since_epoch().count();
   const DriverReport report =
       call_driver([&] { return driver_.get_latest_observation(observation_.data()); });
-  if (report.state == DriverReport::State::kFault) {
-    end(Fault::Code::kDriver, report.fault_code);
+  if (breaks_off(report)) {
+    end(report);
     return false;
   }
   status_.measurement_age = report.measurement_age;
@@ -349,6 +353,12 @@ void Loop::announce(bool always) noexcept {
   writer_.announce(wake);
 }
 
+Progress Loop::end(const DriverReport& report) noexcept {
+  return report.state == DriverReport::State::kInterrupted
+             ? end(Fault::Code::kDetached, 0)
+             : end(Fault::Code::kDriver, report.fault_code);
+}
+
 Progress Loop::end(Fault::Code code, std::int32_t detail) noexcept {
   // acquire: the watchdog has ended the session while the driver was at work.
   if (was_cut_.load(std::memory_order_acquire)) {
@@ -365,10 +375,12 @@ Progress Loop::end(Fault::Code code, std::int32_t detail) noexcept {
     writer_.append(Series::kStatus, &status_);
     record_timing();
   }
-  const std::string_view text =
-      code == Fault::Code::kDriver ? driver_.fault_text(detail) : std::string_view();
-  for (const auto& companion : companions_) companion->end(fault_, text);
-  writer_.end(fault_, text);
+  // Whatever a driver says, it is a sentence then, and marked where it is too long.
+  FixedText text;
+  if (code == Fault::Code::kDriver) text.append(driver_.fault_text(detail));
+  if (code == Fault::Code::kActionsRejected) text.append(driver_.rejection_text());
+  for (const auto& companion : companions_) companion->end(fault_, text.view());
+  writer_.end(fault_, text.view());
   stage_ = Stage::kStopping;
   count_ = 0;
   return Progress::kStepped;

@@ -73,6 +73,8 @@ class Loop {
   void publish_companions(const Tick& now, TimeIndex time_index) noexcept;
   void announce(bool always) noexcept;
   Progress end(Fault::Code code, std::int32_t detail) noexcept;
+  // As a report says that `breaks_off`.
+  Progress end(const DriverReport& report) noexcept;
   template <class Call>
   DriverReport call_driver(const Call& call) noexcept;
 

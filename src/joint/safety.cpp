@@ -23,6 +23,7 @@ std::string_view predicate_of(SafetyFault fault) noexcept {
   switch (fault) {
     case SafetyFault::kNone:
     case SafetyFault::kOwnCheck:
+    case SafetyFault::kInterrupted:
       return {};
     case SafetyFault::kHardLimit:
       return "is beyond its hard limit";
@@ -40,7 +41,7 @@ std::string_view predicate_of(SafetyFault fault) noexcept {
   return {};
 }
 
-constexpr auto kLastFault = static_cast<std::size_t>(SafetyFault::kOverheated);
+constexpr auto kLastFault = static_cast<std::size_t>(SafetyFault::kInterrupted);
 
 }  // namespace
 
@@ -62,8 +63,51 @@ std::string_view describe(SafetyFault fault) noexcept {
       return "a joint measures the same for too long while its torque changes";
     case SafetyFault::kOverheated:
       return "a motor is too warm: it has given more torque than it was told";
+    case SafetyFault::kInterrupted:
+      return "the user broke off while a check that was added was at work";
   }
   return "unknown fault";
+}
+
+FixedText describe(const RejectedCommand& rejected, std::string_view joint_name,
+                   const JointLimit& limit) noexcept {
+  // The first that was not fit, in the order of the fields.
+  const bool is_torque = has(rejected.reasons, Reason::kTorqueNotFinite);
+  const bool is_position = !is_torque && has(rejected.reasons, Reason::kPositionNotFinite);
+  const bool is_kp = !is_torque && !is_position && has(rejected.reasons, Reason::kKpOutOfBounds);
+  const JointCommand& command = rejected.command;
+
+  FixedText text;
+  const auto write = [&](std::string_view field, double value, std::string_view unit) {
+    text.append(field).append(" of joint ").append(rejected.joint);
+    if (!joint_name.empty()) text.append(" (").append(joint_name).append(")");
+    if (rejected.is_own_check) {
+      text.append(" was made unfit by a safety check that was added");
+    } else {
+      text.append(" is ").append(value).append(" ").append(unit);
+    }
+    text.append(", allowed are ");
+  };
+  if (is_torque) {
+    write("torque", command.torque, "Nm");
+    text.append("finite numbers");
+  } else if (is_position) {
+    write("position", command.position, "rad");
+    text.append("finite numbers, and NaN for no target");
+  } else if (is_kp) {
+    write("position_kp", command.position_kp, "Nm/rad");
+    text.append("0 to ").append(limit.max_kp).append(" (safety.max_kp)");
+  } else {
+    write("position_kd", command.position_kd, "Nms/rad");
+    text.append("0 to ").append(limit.max_kd).append(" (safety.max_kd)");
+  }
+  if (rejected.num_values > 1) {
+    text.append("; of the same action ")
+        .append(rejected.num_values - 1)
+        .append(rejected.num_values == 2 ? " more value was" : " more values were")
+        .append(" not fit");
+  }
+  return text;
 }
 
 std::string_view fault_text_of(std::int32_t fault_code) noexcept {

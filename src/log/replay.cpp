@@ -146,8 +146,9 @@ DriverReport ReplayDriver::apply_action(const void* desired, void* applied) noex
   return {.action_rejected = was_rejected || !is_recorded};
 }
 
-void ReplayDriver::hold(const void*, void* action) noexcept {
+DriverReport ReplayDriver::hold(const void*, void* action) noexcept {
   std::memcpy(action, hold_action_.data(), hold_action_.size());
+  return DriverReport::ready();
 }
 
 DriverReport ReplayDriver::stop(TimeIndex) noexcept { return DriverReport::ready(); }

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstring>
 #include <span>
+#include <string>
 #include <string_view>
 #include <type_traits>
 #include <utility>
@@ -98,13 +99,26 @@ class SimulatedRobot<R>::Implementation {
     const bool has_diverged = report.fault_code == kDiverged;
     has_safety_fault_ = report.fault_code != 0 && !has_diverged;
     if (has_diverged) keep_state_before_divergence();
+    if (report.action_rejected) {
+      const RejectedCommand rejected = simulator_.safety().find_rejected(desired, applied);
+      rejection_text_ = describe(rejected, joint_names_[rejected.joint],
+                                 simulator_.safety().limit_of(rejected.joint));
+    }
     return report;
   }
 
-  void hold(const Observation& observation, Action& action) noexcept {
+  [[nodiscard]] std::string_view fault_text(std::int32_t fault_code) const noexcept {
+    if (fault_code == kDiverged) return "the simulation diverged";
+    if (fault_code == fault_code_of({.fault = SafetyFault::kOwnCheck})) return state_.thrown.view();
+    return fault_text_of(fault_code);
+  }
+  [[nodiscard]] std::string_view rejection_text() const noexcept { return rejection_text_.view(); }
+
+  DriverReport hold(const Observation& observation, Action& action) noexcept {
     action = hold_position(observation);
     // Without these the fingers would sink until the position controller carries their weight.
     simulator_.gravity_torques(mujoco(), *data_, action.torque);
+    return DriverReport::ready();
   }
 
   // The observation is that of the period before: the last one of the session, or what the loop has
@@ -380,6 +394,8 @@ class SimulatedRobot<R>::Implementation {
   typename Simulator<R>::State state_ = simulator_.make_state();
   OrderlyStop<R> stop_;
   bool has_safety_fault_{false};  // the chain has ended the session
+  std::vector<std::string> joint_names_ = joint_names(options().description);
+  FixedText rejection_text_;
   std::array<CompanionDescription, 1> companion_;
   Header header_{.magic = kStateMagic, .model = fingerprint()};
 
@@ -413,8 +429,8 @@ DriverReport SimulatedRobot<R>::apply_action(const Action& desired,
   return implementation_->apply_action(desired, applied);
 }
 template <class R>
-void SimulatedRobot<R>::hold(const Observation& observation, Action& action) noexcept {
-  implementation_->hold(observation, action);
+DriverReport SimulatedRobot<R>::hold(const Observation& observation, Action& action) noexcept {
+  return implementation_->hold(observation, action);
 }
 template <class R>
 DriverReport SimulatedRobot<R>::stop(TimeIndex step) noexcept {
@@ -431,8 +447,11 @@ bool SimulatedRobot<R>::get_companion_element(std::size_t, TimeIndex time_index,
 }
 template <class R>
 std::string_view SimulatedRobot<R>::fault_text(std::int32_t fault_code) const noexcept {
-  if (fault_code == kDiverged) return "the simulation diverged";
-  return fault_text_of(fault_code);
+  return implementation_->fault_text(fault_code);
+}
+template <class R>
+std::string_view SimulatedRobot<R>::rejection_text() const noexcept {
+  return implementation_->rejection_text();
 }
 template <class R>
 auto SimulatedRobot<R>::options() const noexcept -> const Options& {

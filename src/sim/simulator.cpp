@@ -186,8 +186,9 @@ void Simulator<R>::observe(const mjData_& data, State& state) const noexcept {
 template <class R>
 DriverReport Simulator<R>::step(const Action& desired, const mjModel_& model, mjData_& data,
                                 State& state, AppliedAction& applied) const noexcept {
-  const SafetyReport report =
-      safety_.apply(desired, state.observation, options_.period, state.memory.safety, applied);
+  const SafetyReport report = safety_.apply(desired, state.observation, options_.period,
+                                            state.memory.safety, applied, &state.thrown);
+  if (report.fault == SafetyFault::kInterrupted) return DriverReport::interrupted();
   if (report.fault != SafetyFault::kNone) return DriverReport::fault(fault_code_of(report));
   if (!move(applied.torque, model, data, state)) return DriverReport::fault(kDiverged);
   return {.action_rejected = report.action_rejected};

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <exception>
 #include <limits>
 #include <stdexcept>
 #include <string>
@@ -63,7 +64,7 @@ TEST(FixedText, CutsOffNoHalfCharacter) {
 TEST(FixedText, SaysWhatWasThrown) {
   const auto text_of = [](const auto& thrown) {
     try {
-      throw thrown;
+      std::rethrow_exception(std::make_exception_ptr(thrown));
     } catch (...) {
       return std::string(FixedText("hold ").append_exception().view());
     }

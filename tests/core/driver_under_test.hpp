@@ -103,9 +103,9 @@ class DriverUnderTest final : public UntypedDriver {
     return report;
   }
 
-  void hold(const void* observation, void* action) noexcept override {
+  [[nodiscard]] DriverReport hold(const void* observation, void* action) noexcept override {
     ++log_.holds;
-    driver_->hold(observation, action);
+    return driver_->hold(observation, action);
   }
   [[nodiscard]] DriverReport stop(TimeIndex step) noexcept override {
     ++log_.stops;
@@ -128,6 +128,9 @@ class DriverUnderTest final : public UntypedDriver {
   }
   [[nodiscard]] std::string_view fault_text(std::int32_t fault_code) const noexcept override {
     return fault_code == kFaultCode ? "a test injected this" : driver_->fault_text(fault_code);
+  }
+  [[nodiscard]] std::string_view rejection_text() const noexcept override {
+    return injection_.reject_from >= 0 ? "a test rejected it" : driver_->rejection_text();
   }
 
  private:

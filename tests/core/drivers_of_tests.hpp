@@ -49,7 +49,10 @@ class IdleDriver : public Driver<FakeRobot> {
     applied = desired;
     return DriverReport::ready();
   }
-  void hold(const FakeObservation&, FakeAction& action) noexcept override { action = {}; }
+  [[nodiscard]] DriverReport hold(const FakeObservation&, FakeAction& action) noexcept override {
+    action = {};
+    return DriverReport::ready();
+  }
 };
 
 }  // namespace trifinger::test

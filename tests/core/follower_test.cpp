@@ -200,7 +200,9 @@ class BurstDriver final : public Driver<FakeRobot> {
   [[nodiscard]] DriverReport apply_action(const FakeAction&, FakeAction&) noexcept override {
     return DriverReport::ready();
   }
-  void hold(const FakeObservation&, FakeAction&) noexcept override {}
+  [[nodiscard]] DriverReport hold(const FakeObservation&, FakeAction&) noexcept override {
+    return DriverReport::ready();
+  }
   [[nodiscard]] std::span<const CompanionDescription> companions() const noexcept override {
     return companions_;
   }

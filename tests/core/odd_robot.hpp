@@ -111,9 +111,11 @@ class OddDriver final : public Driver<OddRobot> {
     return DriverReport::ready();
   }
 
-  void hold(const OddObservation& observation, OddAction& action) noexcept override {
+  [[nodiscard]] DriverReport hold(const OddObservation& observation,
+                                  OddAction& action) noexcept override {
     action = {.speed = {observation.left.speed, observation.right.speed},
               .gear = observation.gears[0]};
+    return DriverReport::ready();
   }
 
   [[nodiscard]] std::span<const CompanionDescription> companions() const noexcept override {

@@ -269,7 +269,9 @@ class ShortDriver final : public Driver<FakeRobot> {
     ++state_.applied_actions;
     return DriverReport::ready();
   }
-  void hold(const FakeObservation&, FakeAction&) noexcept override {}
+  [[nodiscard]] DriverReport hold(const FakeObservation&, FakeAction&) noexcept override {
+    return DriverReport::ready();
+  }
 
  private:
   FakeObservation state_;

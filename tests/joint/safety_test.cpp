@@ -6,10 +6,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <exception>
+#include <functional>
 #include <limits>
 #include <new>
 #include <random>
 #include <stdexcept>
+#include <string>
 #include <type_traits>
 
 #include "joint/limits_of_tests.hpp"
@@ -761,7 +764,59 @@ TEST(SafetyReport, BecomesAFaultCodeWhoseTextNamesTheJoint) {
             "a joint is beyond its hard limit");
   EXPECT_EQ(text_of({.fault = SafetyFault::kOwnCheck}), describe(SafetyFault::kOwnCheck));
   EXPECT_EQ(fault_code_of({}), 0);
-  for (const int other : {0, 8, 64, -1, 256}) EXPECT_EQ(fault_text_of(other), "") << other;
+  for (const int other : {0, 9, 64, -1, 256}) EXPECT_EQ(fault_text_of(other), "") << other;
+}
+
+// What `describe` says of an action of which something was not fit.
+std::string rejection_of(const Action& desired, Chain& chain) {
+  SafetyState<3> state;
+  Applied applied;
+  const SafetyReport report = chain.apply(desired, {}, kPeriod, state, applied);
+  EXPECT_TRUE(report.action_rejected);
+  const RejectedCommand rejected = chain.find_rejected(desired, applied);
+  const test::AllocationCounter allocations;
+  const FixedText text = describe(rejected, "middle", chain.limit_of(rejected.joint));
+  EXPECT_EQ(allocations.count(), 0U);
+  return std::string(text.view());
+}
+
+TEST(RejectedCommand, fault_06_NamesFieldJointValueAndWhatIsAllowed) {
+  Chain chain(equal_limits());
+  const auto with = [](JointVector<3> Action::* field, std::size_t joint, double value) {
+    Action action = Action::of_position({});
+    (action.*field)[joint] = value;
+    return action;
+  };
+  EXPECT_EQ(rejection_of(with(&Action::position_kd, 1, 1.0), chain),
+            "position_kd of joint 1 (middle) is 1 Nms/rad, allowed are 0 to 0.5 (safety.max_kd)");
+  EXPECT_EQ(rejection_of(with(&Action::position_kp, 2, -3.5), chain),
+            "position_kp of joint 2 (middle) is -3.5 Nm/rad, allowed are 0 to 50 (safety.max_kp)");
+  EXPECT_EQ(rejection_of(with(&Action::torque, 0, kNotGiven), chain),
+            "torque of joint 0 (middle) is nan Nm, allowed are finite numbers");
+  EXPECT_EQ(rejection_of(with(&Action::position, 0, -kInfinity), chain),
+            "position of joint 0 (middle) is -inf rad, allowed are finite numbers, and NaN for no "
+            "target");
+}
+
+TEST(RejectedCommand, fault_06_SaysHowMuchElseWasNotFit) {
+  Chain chain(equal_limits());
+  Action action = Action::of_position({});
+  action.position_kd = {0.1, 1.0, 1.0};
+  EXPECT_EQ(rejection_of(action, chain),
+            "position_kd of joint 1 (middle) is 1 Nms/rad, allowed are 0 to 0.5 (safety.max_kd); "
+            "of the same action 1 more value was not fit");
+  action.position_kp.fill(kInfinity);
+  EXPECT_EQ(rejection_of(action, chain),
+            "position_kp of joint 0 (middle) is inf Nm/rad, allowed are 0 to 50 (safety.max_kp); "
+            "of the same action 4 more values were not fit");
+}
+
+TEST(RejectedCommand, fault_06_DoesNotBlameTheUserForWhatACheckHasDone) {
+  Chain chain(equal_limits());
+  chain.add_check([](const Observation&, Action& action) { action.torque[2] = kInfinity; });
+  EXPECT_EQ(rejection_of({}, chain),
+            "torque of joint 2 (middle) was made unfit by a safety check that was added, allowed "
+            "are finite numbers");
 }
 
 // --- A user's own checks ---
@@ -835,17 +890,38 @@ TEST(OwnCheck, RunsInTheOrderInWhichItWasAdded) {
   EXPECT_DOUBLE_EQ(applied.torque[0], 0.2);
 }
 
-TEST(OwnCheck, ThatThrowsBrakesTheRobot) {
-  Chain chain(equal_limits());
-  chain.add_check([](const Observation&, Action&) { throw std::runtime_error("no"); });
-  SafetyState<3> state;
+// What comes of a check that does `thrown`, for a finger whose first joint moves.
+struct Thrown {
+  SafetyFault fault;
+  FixedText text;
   Applied applied;
-  const Observation observation{.velocity = {1.0, 0.0, 0.0}};
-  const SafetyReport report =
-      chain.apply(Action::of_torque({0.3, 0.3, 0.3}), observation, kPeriod, state, applied);
-  EXPECT_EQ(report.fault, SafetyFault::kOwnCheck);
-  EXPECT_THAT(applied.torque, testing::ElementsAre(-0.09, 0.0, 0.0));
-  EXPECT_TRUE(has(applied.reasons[0], Reason::kOwnCheckFailed));
+};
+Thrown after_check(const std::function<void()>& thrown) {
+  Chain chain(equal_limits());
+  chain.add_check([&](const Observation&, Action&) { thrown(); });
+  SafetyState<3> state;
+  Thrown result{};
+  result.fault = chain
+                     .apply(Action::of_torque({0.3, 0.3, 0.3}), {.velocity = {1.0, 0.0, 0.0}},
+                            kPeriod, state, result.applied, &result.text)
+                     .fault;
+  return result;
+}
+
+TEST(OwnCheck, fault_16_ThatThrowsBrakesTheRobotAndItsTextIsKept) {
+  const Thrown thrown = after_check([] { throw std::runtime_error("too near to the table"); });
+  EXPECT_EQ(thrown.fault, SafetyFault::kOwnCheck);
+  EXPECT_EQ(thrown.text.view(), "a safety check threw an exception: too near to the table");
+  EXPECT_THAT(thrown.applied.torque, testing::ElementsAre(-0.09, 0.0, 0.0));
+  EXPECT_TRUE(has(thrown.applied.reasons[0], Reason::kOwnCheckFailed));
+  EXPECT_EQ(after_check([] { std::rethrow_exception(std::make_exception_ptr(3)); }).text.view(),
+            "a safety check threw an object that is no std::exception, so there is no text");
+}
+
+TEST(OwnCheck, fault_63_ThatIsInterruptedBrakesTheRobotToo) {
+  const Thrown thrown = after_check([] { throw Interrupted("Ctrl-C"); });
+  EXPECT_EQ(thrown.fault, SafetyFault::kInterrupted);
+  EXPECT_THAT(thrown.applied.torque, testing::ElementsAre(-0.09, 0.0, 0.0));
 }
 
 // --- Promises of the loop ---

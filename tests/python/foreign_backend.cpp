@@ -100,8 +100,9 @@ class ProbeDriver final : public Driver<ProbeRobot> {
     ++state_.applied_actions;
     return DriverReport::ready();
   }
-  void hold(const ProbeObservation&, ProbeAction& action) noexcept override {
+  [[nodiscard]] DriverReport hold(const ProbeObservation&, ProbeAction& action) noexcept override {
     action.label = kBeforeStep0;
+    return DriverReport::ready();
   }
 
  private:

@@ -2,7 +2,10 @@
 """The simulated robot inside a Python program."""
 
 import gc
+import re
+import signal
 import weakref
+from pathlib import Path
 
 import pytest
 import trifinger
@@ -45,16 +48,100 @@ def test_checks_run_in_their_order_and_before_the_robots_own() -> None:
     assert applied.torque[0] == pytest.approx(0.36)
 
 
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-def test_a_check_that_raises_ends_the_session_with_a_fault() -> None:
-    def broken(_: trifinger.Element, __: trifinger.Element) -> None:
-        raise ValueError("no")
+class UnprintableError(Exception):
+    """An exception that cannot even say what it is."""
 
+    def __str__(self) -> str:
+        raise ValueError
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.parametrize(
+    ("error", "text"),
+    [
+        (ValueError("too near"), "ValueError: too near"),
+        (KeyError(), "KeyError"),
+        (UnprintableError(), "UnprintableError"),
+        (RuntimeError("two\nlines, \udcff and \0"), r"RuntimeError: two lines, \\udcff and  "),
+        (RuntimeError("\N{SNOWMAN}" * 1000), "RuntimeError: \N{SNOWMAN}+\\.\\.\\."),
+    ],
+)
+def test_fault_16_a_check_that_raises_ends_the_session_with_a_fault_and_its_text(
+    error: Exception, text: str, tmp_path: Path
+) -> None:
+    def broken(_: trifinger.Element, __: trifinger.Element) -> None:
+        raise error
+
+    text = rf"the driver gave up at step 0: a safety check threw an exception: {text}"
     with (
-        pytest.raises(trifinger.RobotStopped, match="threw an exception"),
-        trifinger.simulate(checks=[broken]) as robot,
+        pytest.raises(trifinger.RobotStopped, match=rf"robot 'sim' has stopped: {text}$") as raised,
+        trifinger.simulate(checks=[broken], record=tmp_path) as robot,
     ):
         robot.get_observation(robot.append_desired_action(robot.new_action()) + 1)
+    assert raised.value.fault is not None
+    assert raised.value.fault.code == "driver"
+    assert re.fullmatch(text, robot_of(tmp_path).fault_text)
+
+
+def robot_of(folder: Path) -> trifinger.LoggedSession:
+    """The session of the only log in a folder, once it is finished."""
+    gc.collect()  # the simulation, and its recorder with it
+    return trifinger.Log(folder).session()
+
+
+class Asked(BaseException):
+    """What a program of its own may raise in a handler of signals."""
+
+
+@pytest.mark.parametrize("interrupt", [KeyboardInterrupt, SystemExit, Asked, "signal"])
+def test_fault_63_ctrl_c_in_a_check_is_an_interrupt_and_no_fault(
+    interrupt: type[BaseException] | str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    is_pressed = False
+
+    def check(_: trifinger.Element, action: trifinger.Element) -> None:
+        if not is_pressed:
+            return
+        action.torque[:] = 0.1
+        if isinstance(interrupt, str):
+            signal.raise_signal(signal.SIGINT)
+        else:
+            raise interrupt
+
+    simulation = trifinger.Simulation()
+    simulation.add_check(check)
+    expected = KeyboardInterrupt if isinstance(interrupt, str) else interrupt
+    robot = simulation.connect()
+    robot.get_applied_action(robot.append_desired_action(robot.new_action()))
+    is_pressed = True
+    t = robot.append_desired_action(robot.new_action())
+    # What is waited for is there in the end, but what interrupted its step is told at once.
+    with pytest.raises(expected) as raised:
+        robot.get_observation(t)
+    # Where it was pressed is in the traceback.
+    assert raised.traceback[-1].name == "check"
+    assert robot.fault() == trifinger.Fault("detached", 0, 1, needs_recovery=False)
+    assert "xception" not in "".join(capfd.readouterr())
+
+    is_pressed = False
+    step(simulation)
+
+
+def test_fault_63_ctrl_c_in_a_check_reaches_who_finishes_or_closes() -> None:
+    def check(_: trifinger.Element, __: trifinger.Element) -> None:
+        raise KeyboardInterrupt
+
+    simulation = trifinger.Simulation()
+    simulation.add_check(check)
+    robot = simulation.connect()
+    robot.append_desired_action(robot.new_action())
+    with pytest.raises(KeyboardInterrupt):
+        robot.finish()
+    # It is told once; then there is the end of the session.
+    with pytest.raises(trifinger.RobotStopped, match=r"let go at step 0 without finish\(\)"):
+        robot.finish()
+    with pytest.raises(trifinger.RobotStopped, match=r"let go at step 0 without finish\(\)"):
+        robot.append_desired_action(robot.new_action())
 
 
 def test_a_check_that_is_no_function_is_refused() -> None:
@@ -125,3 +212,56 @@ def test_fault_61_a_divergence_leaves_the_state_before() -> None:
     with pytest.raises(trifinger.RobotStopped, match="the simulation diverged"):
         step(other)
     assert other.state_before_divergence() == simulation.state_before_divergence()
+
+
+def test_fault_06_a_rejected_action_says_what_was_not_fit_and_what_is_allowed() -> None:
+    robot = trifinger.simulate("trifinger_pro")
+    hold = robot.latest_observation().position
+    action = robot.new_action(position=hold, position_kd=[0.1, 1.0, 1.0] + [0.1] * 6)
+    for _ in range(12):
+        t = robot.append_desired_action(action)
+    with pytest.raises(trifinger.RobotStopped) as raised:
+        robot.get_status(t + 1)
+    assert str(raised.value) == (
+        "robot 'trifinger-pro' has stopped: 11 actions in a row up to step 11 were not fit to "
+        "apply; the last: position_kd of joint 1 (finger_upper_to_middle_joint_0) is 1 Nms/rad, "
+        "allowed are 0 to 0.5 (safety.max_kd); of the same action 1 more value was not fit"
+    )
+    # The first of them was marked already.
+    reasons = trifinger.Reason(int(robot.get_applied_action(0).reasons[1]))
+    assert reasons == trifinger.Reason.KD_OUT_OF_BOUNDS
+
+
+def test_errors_name_the_robot_of_the_configuration(tmp_path: Path) -> None:
+    simulation = trifinger.Simulation("finger_pro", {"name": "left"})
+    recorder = simulation.record(tmp_path)
+    robot = simulation.connect()
+    assert robot.session_info().name == "left"
+    with pytest.raises(trifinger.ControlHeld, match="robot 'left' is controlled by"):
+        simulation.connect()
+    robot.append_desired_action(robot.new_action())
+    robot.close()
+    recorder.stop()
+    assert recorder.file is not None
+    assert trifinger.Log(recorder.file).session("left").steps == 0
+
+
+@pytest.mark.parametrize("kept", ["companion", "session", "element"])
+def test_fault_19_a_closed_handle_gives_control_back_whatever_else_is_kept(kept: str) -> None:
+    simulation = trifinger.Simulation()
+    robot = simulation.connect()
+    t = robot.append_desired_action(robot.new_action())
+    robot.wait_until_time_index(t + 1)
+    other: object
+    if kept == "companion":
+        other = robot.companion("object")
+    elif kept == "session":
+        other = robot.session_info(), robot.documents()
+    else:
+        other = robot.get_observation(t).position
+    robot.close()
+    with simulation.connect() as next_robot:
+        assert next_robot.append_desired_action(next_robot.new_action()) == 0
+    if kept == "companion":
+        assert isinstance(other, trifinger.Frontend)
+        assert other.get_latest_at(t) is not None

@@ -49,7 +49,7 @@ TYPED_TEST(SimulatedStop, EndsAtTheRestPositionAndNeverLeavesTheLimits) {
     typename TypeParam::Action holding;
     typename TypeParam::AppliedAction applied;
     static_cast<void>(robot.get_latest_observation(observation));
-    robot.hold(observation, holding);
+    EXPECT_EQ(robot.hold(observation, holding).state, DriverReport::State::kReady);
     // In the middle of a motion.
     typename TypeParam::Action action = holding;
     for (int step = 0; step < 200; ++step) {

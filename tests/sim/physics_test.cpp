@@ -175,7 +175,7 @@ TYPED_TEST(Physics, TakesNoMemoryInAStep) {
       (void)robot.get_latest_observation(observation);
       while (robot.get_companion_element(0, t, &element)) {
       }
-      robot.hold(observation, action);
+      ASSERT_EQ(robot.hold(observation, action).state, DriverReport::State::kReady);
       // The fingers fall on the table and on the cube.
       if (t >= 0) action = {};
       (void)robot.apply_action(action, applied);

@@ -3,15 +3,16 @@
 
 #include <concepts>
 #include <cstdint>
-#include <exception>
 #include <new>
 #include <span>
 #include <string>
 #include <string_view>
 #include <utility>
 
+#include "trifinger/base/text.hpp"
 #include "trifinger/base/time.hpp"
 #include "trifinger/core/description.hpp"
+#include "trifinger/core/errors.hpp"
 #include "trifinger/core/robot.hpp"
 #include "trifinger/realtime/annotations.hpp"
 
@@ -20,14 +21,16 @@ namespace trifinger {
 /// What a driver has to say about one call. Plain data, made in the loop.
 struct DriverReport {
   enum class State : std::uint8_t {
-    kReady,  ///< Done.
-    kBusy,   ///< `prepare` and `stop`: call again in the next period.
-    kFault,  ///< The robot cannot go on; the session ends with `fault_code`.
-    kEnd,    ///< `get_latest_observation`: y_t is the last one; the session ends, without a fault.
+    kReady,        ///< Done.
+    kBusy,         ///< `prepare` and `stop`: call again in the next period.
+    kFault,        ///< The robot cannot go on; the session ends with `fault_code`.
+    kEnd,          ///< `get_latest_observation`: y_t is the last one; the session ends, no fault.
+    kInterrupted,  ///< The user breaks off, as by Ctrl-C: the session ends (`kDetached`), no fault.
   };
 
   State state{State::kReady};
   /// `apply_action`: the action was not fit to apply and something safe was applied instead.
+  /// See `UntypedDriver::rejection_text`.
   bool action_rejected{false};
   std::int32_t fault_code{0};       ///< The driver's own code; see `UntypedDriver::fault_text`.
   std::int64_t measurement_age{0};  ///< Of the oldest measurement in y [ns].
@@ -39,6 +42,9 @@ struct DriverReport {
     return {.state = State::kFault, .fault_code = code};
   }
   [[nodiscard]] static constexpr DriverReport end() noexcept { return {.state = State::kEnd}; }
+  [[nodiscard]] static constexpr DriverReport interrupted() noexcept {
+    return {.state = State::kInterrupted};
+  }
 };
 
 /// When a companion's element was measured and when it became known. First member of every such
@@ -95,7 +101,8 @@ class UntypedDriver {
   [[nodiscard]] virtual DriverReport apply_action(const void* desired,
                                                   void* applied) noexcept TRIFINGER_REALTIME = 0;
   /// Writes the action that keeps the pose of `observation`; the back-end applies it before step 0.
-  virtual void hold(const void* observation, void* action) noexcept TRIFINGER_REALTIME = 0;
+  [[nodiscard]] virtual DriverReport hold(const void* observation,
+                                          void* action) noexcept TRIFINGER_REALTIME = 0;
   /// Comes to rest and releases the robot. Called once per period with a count from 0 until it is
   /// ready. In between measurements go on, for those who look into the end later.
   [[nodiscard]] virtual DriverReport stop(TimeIndex step) noexcept TRIFINGER_REALTIME = 0;
@@ -111,12 +118,18 @@ class UntypedDriver {
     return false;
   }
 
-  /// What a fault code of this driver means, as in "joint 3 is beyond its hard limit"; lives for
-  /// ever.
+  /// What the last fault was about, which had this code, as in "joint 3 is beyond its hard limit".
+  /// The loop asks when it ends the session, and copies the text: `RobotStopped`, `trifinger
+  /// status` and logs show up to `FixedText::kCapacity` bytes of it. The driver owns it; it holds
+  /// until the driver's next fault.
   [[nodiscard]] virtual std::string_view fault_text(std::int32_t fault_code) const noexcept {
     static_cast<void>(fault_code);
     return {};
   }
+  /// What was not fit to apply in the last action that was rejected, and what is allowed, as in
+  /// "position_kd of joint 3 is 1 Nms/rad, allowed are 0 to 0.5". Asked for, copied and owned like
+  /// the text of a fault; it holds until the next action is rejected.
+  [[nodiscard]] virtual std::string_view rejection_text() const noexcept { return {}; }
 };
 
 /// A driver for the robot R: the full interface, for hardware and simulators.
@@ -131,7 +144,8 @@ class Driver : public UntypedDriver {
       TRIFINGER_REALTIME = 0;
   [[nodiscard]] virtual DriverReport apply_action(
       const Action& desired, AppliedAction& applied) noexcept TRIFINGER_REALTIME = 0;
-  virtual void hold(const Observation& observation, Action& action) noexcept TRIFINGER_REALTIME = 0;
+  [[nodiscard]] virtual DriverReport hold(const Observation& observation,
+                                          Action& action) noexcept TRIFINGER_REALTIME = 0;
 
   [[nodiscard]] DriverReport prepare(TimeIndex) noexcept TRIFINGER_REALTIME override {
     return DriverReport::ready();
@@ -151,8 +165,9 @@ class Driver : public UntypedDriver {
     return apply_action(*static_cast<const Action*>(desired),
                         *static_cast<AppliedAction*>(applied));
   }
-  void hold(const void* observation, void* action) noexcept TRIFINGER_REALTIME final {
-    hold(*static_cast<const Observation*>(observation), *static_cast<Action*>(action));
+  [[nodiscard]] DriverReport hold(const void* observation,
+                                  void* action) noexcept TRIFINGER_REALTIME final {
+    return hold(*static_cast<const Observation*>(observation), *static_cast<Action*>(action));
   }
 };
 
@@ -166,9 +181,12 @@ concept SimpleDriverOf = Robot<R> && std::same_as<AppliedActionOf<R>, typename R
                            { driver.apply_action(action) } -> std::same_as<typename R::Action>;
                          };
 
-/// Makes a full driver of a class with the paper's two functions. An exception thrown by one of
-/// them is a fault. Before step 0 the robot receives `Action{}`, or `hold(observation)` if D has
-/// one.
+/// Makes a full driver of a class with the paper's two functions. Before step 0 the robot receives
+/// `Action{}`, or `hold(observation)` if D has one.
+///
+/// An exception that one of the functions throws ends the session with a fault, whose text says
+/// which function it was and what the exception said. `Interrupted` ends it without a fault. If
+/// `hold` throws, the robot still receives `Action{}`.
 template <Robot R, SimpleDriverOf<R> D>
 class SimpleDriver final : public Driver<R> {
  public:
@@ -185,36 +203,50 @@ class SimpleDriver final : public Driver<R> {
   using Driver<R>::hold;
 
   [[nodiscard]] DriverReport get_latest_observation(Observation& observation) noexcept override {
-    return guarded([&] { observation = driver_.get_latest_observation(); });
+    return guarded("get_latest_observation",
+                   [&] { observation = driver_.get_latest_observation(); });
   }
   [[nodiscard]] DriverReport apply_action(const Action& desired,
                                           Action& applied) noexcept override {
-    return guarded([&] { applied = driver_.apply_action(desired); });
+    return guarded("apply_action", [&] { applied = driver_.apply_action(desired); });
   }
-  void hold(const Observation& observation, Action& action) noexcept override {
+  [[nodiscard]] DriverReport hold(const Observation& observation,
+                                  Action& action) noexcept override {
+    action = Action{};
     if constexpr (requires {
                     { driver_.hold(observation) } -> std::same_as<Action>;
                   }) {
-      static_cast<void>(guarded([&] { action = driver_.hold(observation); }));
-    } else {
-      action = Action{};
+      const DriverReport held = guarded("hold", [&] { action = driver_.hold(observation); });
+      if (held.state != DriverReport::State::kReady) {
+        // Nothing else will be applied. What this throws as well says less than what `hold` threw.
+        const FixedText first = fault_text_;
+        static_cast<void>(apply_action(Action{}, action));
+        fault_text_ = first;
+      }
+      return held;
     }
+    return DriverReport::ready();
   }
   [[nodiscard]] std::string_view fault_text(std::int32_t) const noexcept override {
-    return "the driver threw an exception";
+    return fault_text_.view();
   }
 
  private:
   template <class Function>
-  static DriverReport guarded(const Function& function) noexcept {
+  DriverReport guarded(std::string_view name, const Function& function) noexcept {
     try {
       function();
       return DriverReport::ready();
+    } catch (const Interrupted&) {
+      return DriverReport::interrupted();
     } catch (...) {
+      fault_text_ = FixedText(name);
+      fault_text_.append(" ").append_exception();
       return DriverReport::fault(1);
     }
   }
 
+  FixedText fault_text_;
   D driver_;
 };
 

@@ -70,6 +70,13 @@ class IncompatibleSession : public Error {
   using Error::Error;
 };
 
+/// What a driver of two functions, or a safety check, throws to say that its user breaks off, as by
+/// Ctrl-C: the session ends as if the controller had let go (`kDetached`), without a fault.
+class Interrupted : public Error {
+ public:
+  using Error::Error;
+};
+
 /// The handle was made before fork(); the child must connect on its own.
 class InheritedHandle : public Error {
  public:

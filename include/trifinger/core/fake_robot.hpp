@@ -76,13 +76,15 @@ class FakeDriver final : public Driver<FakeRobot> {
   [[nodiscard]] DriverReport get_latest_observation(FakeObservation& observation) noexcept override;
   [[nodiscard]] DriverReport apply_action(const FakeAction& desired,
                                           FakeAction& applied) noexcept override;
-  void hold(const FakeObservation& observation, FakeAction& action) noexcept override;
+  [[nodiscard]] DriverReport hold(const FakeObservation& observation,
+                                  FakeAction& action) noexcept override;
   [[nodiscard]] DriverReport stop(TimeIndex step) noexcept override;
   void cut() noexcept override {}
   [[nodiscard]] std::span<const CompanionDescription> companions() const noexcept override;
   [[nodiscard]] bool get_companion_element(std::size_t index, TimeIndex time_index,
                                            void* element) noexcept override;
   [[nodiscard]] std::string_view fault_text(std::int32_t fault_code) const noexcept override;
+  [[nodiscard]] std::string_view rejection_text() const noexcept override;
 
  private:
   Options options_;

@@ -51,7 +51,8 @@ struct Fault {
 [[nodiscard]] std::string_view name_of(Fault::Code code) noexcept;
 
 /// A sentence for people: what happened at which step, and what to do about it.
-/// `driver_text` is the driver's name for `fault.detail`, may be empty.
+/// `driver_text` is what the driver said about its fault, or about the last action that it
+/// rejected; may be empty.
 [[nodiscard]] std::string describe(const Fault& fault, std::string_view driver_text = {});
 
 }  // namespace trifinger

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <chrono>
 #include <cmath>
 #include <cstddef>
@@ -13,7 +14,9 @@
 #include <utility>
 #include <vector>
 
+#include "trifinger/base/text.hpp"
 #include "trifinger/base/time.hpp"
+#include "trifinger/core/errors.hpp"
 #include "trifinger/joint/limits.hpp"
 #include "trifinger/joint/reasons.hpp"
 #include "trifinger/joint/types.hpp"
@@ -54,6 +57,7 @@ enum class SafetyFault : std::int32_t {
   kVelocityMismatch = 5,  ///< Velocity and change of position differ by `max_velocity_error`.
   kStuck = 6,             ///< Nothing moved for `stuck_time` while the torque varied.
   kOverheated = 7,        ///< A motor is warmer than it could be if it obeyed.
+  kInterrupted = 8,       ///< No fault: a check that was added has thrown `Interrupted`.
 };
 
 /// A sentence without the joint, as in "a joint is beyond its hard limit".
@@ -354,6 +358,20 @@ inline constexpr double kHeatOfDerating = 0.8;
   return SafetyFault::kNone;
 }
 
+/// What of an action was not fit to apply: the first joint of which something was not.
+struct RejectedCommand {
+  std::size_t joint{0};
+  std::uint64_t reasons{0};   ///< Those of `kRejected` that stand in the joint's reasons.
+  JointCommand command;       ///< As it was desired.
+  bool is_own_check{false};   ///< It was fit as it was desired: a check has spoilt it.
+  std::size_t num_values{0};  ///< How many values of the whole action were not fit.
+};
+
+/// "position_kd of joint 1 (finger_upper_to_middle_joint_0) is 1 Nms/rad, allowed are 0 to 0.5
+/// (safety.max_kd)": `joint_name` may be empty. Takes no memory.
+[[nodiscard]] FixedText describe(const RejectedCommand& rejected, std::string_view joint_name,
+                                 const JointLimit& limit) noexcept;
+
 /// The checks that stand between a desired action and the motors of the robot R, the same in
 /// simulation and on hardware:
 ///
@@ -382,7 +400,8 @@ class SafetyChain {
 
   /// A user's own check: looks at the observation and changes the action as it sees fit. It gets an
   /// action that is finite, with all gains filled in, and it cannot break a limit. It runs in the
-  /// loop: no waiting, no memory from the heap, the same answer for the same arguments.
+  /// loop: no waiting, no memory from the heap, the same answer for the same arguments. What it
+  /// throws is a fault, with its text; `Interrupted` breaks the session off without one.
   using Check = std::function<void(const Observation&, Action&)>;
 
   /// @throws InvalidArgument if `limits` make no sense.
@@ -397,10 +416,11 @@ class SafetyChain {
   [[nodiscard]] const Limits& limits() const noexcept { return limits_; }
 
   /// Finds what may be applied in place of `desired`, given the newest `observation`, `elapsed`
-  /// after the step before.
+  /// after the step before. `thrown`, if given, receives what a check that was added has thrown:
+  /// "a safety check threw an exception: too near".
   [[nodiscard]] SafetyReport apply(const Action& desired, const Observation& observation,
-                                   Nanoseconds elapsed, State& state,
-                                   AppliedAction& applied) const noexcept TRIFINGER_REALTIME {
+                                   Nanoseconds elapsed, State& state, AppliedAction& applied,
+                                   FixedText* thrown = nullptr) const noexcept TRIFINGER_REALTIME {
     const double seconds = in_seconds(elapsed);
     SafetyReport report = check_measurements(observation, seconds, state, applied);
     if (report.fault != SafetyFault::kNone) {
@@ -418,10 +438,12 @@ class SafetyChain {
       accepted_position = checked.command.position;
       set_command(accepted, i, checked.command);
     }
-    if (!checks_.empty() && !run_own_checks(observation, accepted, state, applied)) {
-      brake(observation, state, applied);
-      report.fault = SafetyFault::kOwnCheck;
-      return report;
+    if (!checks_.empty()) {
+      report.fault = run_own_checks(observation, accepted, state, applied, thrown);
+      if (report.fault != SafetyFault::kNone) {
+        brake(observation, state, applied);
+        return report;
+      }
     }
 
     for (std::size_t i = 0; i < kJoints; ++i) {
@@ -456,6 +478,27 @@ class SafetyChain {
       applied.reasons[i] = reasons;
     }
     return report;
+  }
+
+  /// What was not fit in `desired`, which `apply` rejected with the answer `applied`.
+  [[nodiscard]] RejectedCommand find_rejected(
+      const Action& desired, const AppliedAction& applied) const noexcept TRIFINGER_REALTIME {
+    RejectedCommand found;
+    // Backwards, so that the first joint stays.
+    for (std::size_t i = kJoints; i-- > 0;) {
+      const std::uint64_t reasons = applied.reasons[i] & kRejected;
+      if (reasons == 0) continue;
+      const JointCommand command = command_of(desired, i);
+      found = {.joint = i,
+               .reasons = reasons,
+               .command = command,
+               .is_own_check = accept_command(command, kNotGiven, joint_limits_[i]).reasons == 0,
+               .num_values = found.num_values + static_cast<std::size_t>(std::popcount(reasons))};
+    }
+    return found;
+  }
+  [[nodiscard]] const JointLimit& limit_of(std::size_t joint) const noexcept {
+    return joint_limits_[joint];
   }
 
  private:
@@ -547,15 +590,22 @@ class SafetyChain {
     }
   }
 
-  // Answers false if a check has thrown.
-  [[nodiscard]] bool run_own_checks(const Observation& observation, Action& accepted,
-                                    const State& state, AppliedAction& applied) const noexcept {
+  // Answers what a check has thrown, if one has.
+  [[nodiscard]] SafetyFault run_own_checks(const Observation& observation, Action& accepted,
+                                           const State& state, AppliedAction& applied,
+                                           FixedText* thrown) const noexcept {
     Action changed = accepted;
+    const auto failed = [&](SafetyFault fault) {
+      for (std::uint64_t& reasons : applied.reasons) reasons |= bit(Reason::kOwnCheckFailed);
+      return fault;
+    };
     try {
       for (const Check& check : checks_) check(observation, changed);
+    } catch (const Interrupted&) {
+      return failed(SafetyFault::kInterrupted);
     } catch (...) {
-      for (std::uint64_t& reasons : applied.reasons) reasons |= bit(Reason::kOwnCheckFailed);
-      return false;
+      if (thrown != nullptr) *thrown = FixedText("a safety check ").append_exception();
+      return failed(SafetyFault::kOwnCheck);
     }
     for (std::size_t i = 0; i < kJoints; ++i) {
       const JointCommand after = command_of(changed, i);
@@ -566,7 +616,7 @@ class SafetyChain {
       applied.reasons[i] |= checked.reasons | bit(Reason::kOwnCheck);
       set_command(accepted, i, checked.command);
     }
-    return true;
+    return SafetyFault::kNone;
   }
 
   Limits limits_;

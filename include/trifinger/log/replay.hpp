@@ -44,7 +44,7 @@ class ReplayDriver final : public UntypedDriver {
   [[nodiscard]] DriverReport prepare(TimeIndex step) noexcept override;
   [[nodiscard]] DriverReport get_latest_observation(void* observation) noexcept override;
   [[nodiscard]] DriverReport apply_action(const void* desired, void* applied) noexcept override;
-  void hold(const void* observation, void* action) noexcept override;
+  [[nodiscard]] DriverReport hold(const void* observation, void* action) noexcept override;
   [[nodiscard]] DriverReport stop(TimeIndex step) noexcept override;
   void cut() noexcept override {}
   [[nodiscard]] bool get_companion_element(std::size_t index, TimeIndex time_index,

@@ -65,12 +65,13 @@ class SimulatedRobot final : public Driver<R> {
   [[nodiscard]] DriverReport get_latest_observation(Observation& observation) noexcept override;
   [[nodiscard]] DriverReport apply_action(const Action& desired,
                                           AppliedAction& applied) noexcept override;
-  void hold(const Observation& observation, Action& action) noexcept override;
+  [[nodiscard]] DriverReport hold(const Observation& observation, Action& action) noexcept override;
   [[nodiscard]] DriverReport stop(TimeIndex step) noexcept override;
   [[nodiscard]] std::span<const CompanionDescription> companions() const noexcept override;
   [[nodiscard]] bool get_companion_element(std::size_t index, TimeIndex time_index,
                                            void* element) noexcept override;
   [[nodiscard]] std::string_view fault_text(std::int32_t fault_code) const noexcept override;
+  [[nodiscard]] std::string_view rejection_text() const noexcept override;
 
   [[nodiscard]] const Options& options() const noexcept;
   [[nodiscard]] const RobotModel& model() const noexcept;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "trifinger/base/random.hpp"
+#include "trifinger/base/text.hpp"
 #include "trifinger/base/time.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/joint/safety.hpp"
@@ -71,6 +72,7 @@ class Simulator {
     Memory memory{};
     std::vector<Capture> captures{};  ///< A ring, with the newest that was delivered in front.
     Observation observation{};        ///< The newest one, which the checks look at.
+    FixedText thrown{};               ///< What a check that was added has thrown last.
     bool has_initial_pose{false};
   };
 

@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <stdexcept>
+#include <string>
+#include <string_view>
+
+#include "support/allocation_counter.hpp"
+#include "support/message_of.hpp"
+#include "trifinger/core/errors.hpp"
+#include "trifinger/sim/simulation.hpp"
+
+// What a simulated robot says of itself when a session ends.
+
+namespace trifinger::test {
+namespace {
+
+using ::testing::HasSubstr;
+
+// What a user reads who appends `action` until the session has ended.
+template <class R>
+std::string end_of(const Simulation<R>& simulation, const typename R::Action& action) {
+  auto robot = simulation.connect();
+  return message_of<RobotStopped>([&] {
+    while (true) static_cast<void>(robot.get_status(robot.append_desired_action(action)));
+  });
+}
+
+TEST(Rejection, fault_06_SaysWhichFieldOfWhichJointWasNotFitAndWhatIsAllowed) {
+  const Simulation<TriFinger> simulation;
+  TriFinger::Action action = TriFinger::Action::of_position(simulation.robot().initial_position());
+  action.position_kd[4] = 1.0;
+  EXPECT_EQ(end_of(simulation, action),
+            "robot 'trifinger-edu' has stopped: 11 actions in a row up to step 11 were not fit to "
+            "apply; the last: position_kd of joint 4 (finger_upper_to_middle_joint_120) is 1 "
+            "Nms/rad, allowed are 0 to 0.5 (safety.max_kd)");
+}
+
+TEST(Rejection, fault_06_NamesTheJointsOfASingleFingerToo) {
+  SimulationOptions<Finger> options;
+  options.description = {.variant = Variant::kPro, .arrangement = Arrangement::kSingleFinger};
+  Finger::Action action;
+  action.torque[0] = kNotGiven;
+  EXPECT_EQ(end_of(Simulation<Finger>(options, {}, {}, "left"), action),
+            "robot 'left' has stopped: 11 actions in a row up to step 11 were not fit to apply; "
+            "the last: torque of joint 0 (finger_base_to_upper_joint) is nan Nm, allowed are "
+            "finite numbers");
+}
+
+TEST(Rejection, fault_06_TakesNoMemory) {
+  SimulatedRobot<TriFinger> robot;
+  TriFinger::Action action;
+  action.torque.fill(kNotGiven);
+  TriFinger::Observation observation;
+  TriFinger::AppliedAction applied;
+  ASSERT_EQ(robot.get_latest_observation(observation).state, DriverReport::State::kReady);
+  static_cast<void>(robot.apply_action({}, applied));
+  const AllocationCounter allocations;
+  const DriverReport report = robot.apply_action(action, applied);
+  const std::string_view text = robot.rejection_text();
+  EXPECT_EQ(allocations.count(), 0U);
+  EXPECT_TRUE(report.action_rejected);
+  EXPECT_THAT(std::string(text), HasSubstr("8 more values were not fit"));
+}
+
+TEST(OwnCheck, fault_16_EndsTheSessionWithTheTextOfWhatItThrew) {
+  const Simulation<TriFinger> simulation;
+  int calls = 0;
+  simulation.robot().safety().add_check([&](const auto&, auto&) {
+    if (++calls == 3) throw std::runtime_error("too near to the table");
+  });
+  EXPECT_EQ(end_of(simulation, {}),
+            "robot 'trifinger-edu' has stopped: the driver gave up at step 2: a safety check threw "
+            "an exception: too near to the table");
+}
+
+TEST(OwnCheck, fault_63_ThatIsInterruptedEndsTheSessionWithoutAFault) {
+  const Simulation<TriFinger> simulation;
+  bool is_interrupted = true;
+  simulation.robot().safety().add_check([&](const auto&, auto&) {
+    if (is_interrupted) throw Interrupted("Ctrl-C");
+  });
+  EXPECT_THAT(end_of(simulation, {}), HasSubstr("let go at step 0 without finish()"));
+  // Nobody needs to recover anything.
+  is_interrupted = false;
+  auto robot = simulation.connect();
+  static_cast<void>(robot.get_status(robot.append_desired_action({})));
+}
+
+}  // namespace
+}  // namespace trifinger::test
