@@ -316,7 +316,7 @@ names and fields: `{"observation": ("position",), "status": None}`.)")
                    "collections.abc.Mapping[str, collections.abc.Sequence[str] | None] | "
                    "collections.abc.Sequence[str] | None = None) -> pandas.DataFrame"),
            R"(The same as read() as a pandas.DataFrame: a row per step, a column per number, as in
-"observation.position[0]". Needs pip install "trifinger[export]".)")
+"observation.position[0]". Needs the extra "export".)")
       .def("to_csv", exported("to_csv"),
            nb::sig("def to_csv(self, path: str | os.PathLike[str], first: int | None = None, last: "
                    "int | "

@@ -1895,7 +1895,7 @@ class LoggedSession:
     def to_pandas(self, first: int | None = None, last: int | None = None, series: Mapping[str, Sequence[str] | None] | Sequence[str] | None = None) -> pandas.DataFrame:
         """
         The same as read() as a pandas.DataFrame: a row per step, a column per number, as in
-        "observation.position[0]". Needs pip install "trifinger[export]".
+        "observation.position[0]". Needs the extra "export".
         """
 
     def to_csv(self, path: str | os.PathLike[str], first: int | None = None, last: int | None = None, series: Mapping[str, Sequence[str] | None] | Sequence[str] | None = None) -> None:

@@ -32,6 +32,7 @@ from trifinger import _trifinger, mappings
 from trifinger._trifinger import Frontend, Simulation
 from trifinger._trifinger import Observation as Observed
 from trifinger.errors import InvalidArgument, RobotStopped
+from trifinger.extras import sentence
 from trifinger.picture import Painter, Sight, View, draw_marks
 
 try:
@@ -40,9 +41,7 @@ try:
     from gymnasium.vector import AutoresetMode
     from gymnasium.vector.utils import batch_space
 except ModuleNotFoundError as error:
-    raise ModuleNotFoundError(
-        'environments need Gymnasium: pip install "trifinger[learning]"', name=error.name
-    ) from error
+    raise ModuleNotFoundError(sentence("learning", "gymnasium"), name=error.name) from error
 
 __all__ = [
     "TASKS",
@@ -516,9 +515,7 @@ class _Window:
             import mujoco
             import mujoco.viewer
         except ImportError as error:
-            raise InvalidArgument(
-                f'a window needs glfw: pip install "trifinger[window]" ({error})'
-            ) from error
+            raise InvalidArgument(f"{sentence('window', 'glfw')} ({error})") from error
         self._mujoco = mujoco
         self._model = mujoco.MjModel.from_xml_string(mjcf)
         self._data = mujoco.MjData(self._model)

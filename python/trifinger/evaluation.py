@@ -25,6 +25,8 @@ from trifinger.picture import FILM_RATE, View, save_film
 Array = npt.NDArray[Any]
 # Rows of observations to rows of actions.
 Act = Callable[[Array], Array]
+# Is told which share of the work is done, from 0 to 1.
+Watch = Callable[[float], None]
 
 SEED = 1_000_000  # of the first evaluated episode, far from those of trainings
 FILM_EPISODES = 5
@@ -103,8 +105,11 @@ class Evaluator:
         )
         self._seed = seed
 
-    def __call__(self, act: Act, rows: int = 1) -> Evaluation:
-        """Lets a policy act in all of them; one that fingers share is asked for `rows` of each."""
+    def __call__(self, act: Act, rows: int = 1, watch: Watch | None = None) -> Evaluation:
+        """Lets a policy act in all of them; one that fingers share is asked for `rows` of each.
+
+        `watch` is told after each action which share of the longest episode is over.
+        """
         environment = self._environment
         count = environment.num_envs
         observations, info = environment.reset(seed=self._seed)
@@ -125,6 +130,8 @@ class Evaluator:
                 successes[ended] = final["is_success"][ended]
             ways.append(way)
             has_ended |= ended
+            if watch:
+                watch((len(ways) - 1) / self.episode_actions)
         return Evaluation(distances, successes, np.stack(ways, axis=1))
 
     @property
@@ -153,7 +160,13 @@ def act_of(policy: Policy) -> Act:
     return lambda observations: np.stack([policy(row) for row in observations])
 
 
-def evaluate(policy: Policy, task: str, episodes: int = 50, seed: int = SEED) -> Evaluation:
+def evaluate(
+    policy: Policy,
+    task: str,
+    episodes: int = 50,
+    seed: int = SEED,
+    watch: Watch | None = None,
+) -> Evaluation:
     """Lets a policy act with options and robot of its file; by default, those of the task.
 
     Raises InvalidArgument if it is no policy for that task.
@@ -162,7 +175,7 @@ def evaluate(policy: Policy, task: str, episodes: int = 50, seed: int = SEED) ->
     options = Options.from_json(text) if text else Options.of(task)
     config = policy.metadata.get("robot", "trifinger_edu")
     evaluator = Evaluator(task, options, episodes, seed, config)
-    return evaluator(act_of(policy), evaluator.rows_of(policy))
+    return evaluator(act_of(policy), evaluator.rows_of(policy), watch)
 
 
 def save_policy_film(

@@ -20,9 +20,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from trifinger import program
+from trifinger import command, extras, program
 from trifinger._trifinger import Log, LoggedSession
-from trifinger.errors import Error, InvalidArgument
+from trifinger.errors import InvalidArgument
 from trifinger.log_types import Steps
 
 if TYPE_CHECKING:
@@ -41,12 +41,8 @@ SERIES = {
 
 
 def _needed(module: str) -> Any:
-    try:
-        return importlib.import_module(module)
-    except ImportError as error:
-        raise Error(
-            f'{module.partition(".")[0]} is missing: pip install "trifinger[export]"'
-        ) from error
+    extras.require("export", module.partition(".")[0])
+    return importlib.import_module(module)
 
 
 def numbers_of(elements: NDArray[Any], prefix: str) -> Iterator[tuple[str, str, NDArray[Any]]]:
@@ -186,15 +182,15 @@ def step_range(
     return session.between(begin or 0.0, float("1e9") if end is None else end)
 
 
-def export(arguments: argparse.Namespace) -> None:
+def export(arguments: argparse.Namespace) -> int:
     """Writes a file per session and companion."""
     if arguments.format == "mcap":
-        command = [program.path(), "log", "cut", arguments.log]
-        command += ["-o", str(arguments.output or f"{Path(arguments.log).stem}.copy.mcap")]
+        words = [program.path(), "log", "cut", arguments.log]
+        words += ["-o", str(arguments.output or f"{Path(arguments.log).stem}.copy.mcap")]
         for option in ("robot", "from_", "to"):
             if (value := getattr(arguments, option)) is not None:
-                command += [f"--{option.rstrip('_')}", str(value)]
-        sys.exit(subprocess.run(command, check=False).returncode)
+                words += [f"--{option.rstrip('_')}", str(value)]
+        return subprocess.run(words, check=False).returncode
 
     log = Log(arguments.log)
     output = arguments.output or Path()
@@ -203,13 +199,14 @@ def export(arguments: argparse.Namespace) -> None:
         if arguments.format not in (None, kind):
             raise InvalidArgument(f"--format is {arguments.format}, but {output} ends in .{kind}")
         _export_session(log.session(arguments.robot or ""), output, WRITERS[kind], arguments)
-        return
+        return 0
     output.mkdir(parents=True, exist_ok=True)
     stem = Path(arguments.log).resolve().stem
     sessions = sessions_of(log, arguments.robot)
     kind = arguments.format or "csv"
     for session, name in zip(sessions, names_of(sessions), strict=True):
         _export_session(session, output / f"{stem}.{name}.{kind}", WRITERS[kind], arguments)
+    return 0
 
 
 def _export_session(
@@ -224,7 +221,7 @@ def _export_session(
         part.replace(path)
     finally:
         part.unlink(missing_ok=True)
-    print(f"{path} written.")
+    print(f"{path} written.", flush=True)
 
 
 def parse(words: Sequence[str] | None) -> argparse.Namespace:
@@ -261,14 +258,8 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
 
 def main(words: Sequence[str] | None = None) -> int:
     """`trifinger log export`."""
-    try:
-        export(parse(words))
-    except (Error, OSError) as error:
-        print(f"trifinger: {error}", file=sys.stderr)
-        return 2 if isinstance(error, InvalidArgument) else 1
-    except KeyboardInterrupt:
-        return 130
-    return 0
+    arguments = parse(words)
+    return command.run(lambda: export(arguments))
 
 
 if __name__ == "__main__":

@@ -7,17 +7,18 @@ What they need is imported when it is needed: a missing package is a line, not a
 from __future__ import annotations
 
 import argparse
-import importlib
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import closing
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from trifinger import command, extras
 from trifinger._trifinger import Policy, task_names
 from trifinger.errors import Error, InvalidArgument
 from trifinger.picture import add_view_options, view_of
+from trifinger.progress import Progress
 
 if TYPE_CHECKING:
     from tqdm import tqdm
@@ -58,7 +59,7 @@ def train(words: Sequence[str] | None = None) -> int:
         parser.error("--resume goes on as the training was begun: it takes no other options")
 
     def run() -> None:
-        require("gymnasium", "stable_baselines3", "torch", "tensorboard", "tqdm")
+        extras.require("learning")
         from tqdm import tqdm
 
         from trifinger.training import Plan, Training, parse_setting
@@ -101,7 +102,7 @@ def train(words: Sequence[str] | None = None) -> int:
         print(summary)
         print(f"{training.policy_path} written.")
 
-    return _guarded(run)
+    return command.run(run)
 
 
 def evaluate(words: Sequence[str] | None = None) -> int:
@@ -118,7 +119,7 @@ def evaluate(words: Sequence[str] | None = None) -> int:
     arguments = parser.parse_args(words)
 
     def run() -> None:
-        require("gymnasium")
+        extras.require("learning", "gymnasium")
         from trifinger import evaluation
 
         policy = Policy(arguments.policy)
@@ -128,19 +129,13 @@ def evaluate(words: Sequence[str] | None = None) -> int:
         if arguments.episodes < 1:
             raise InvalidArgument(f"--episodes is {arguments.episodes}, must be at least 1")
         print(f"{task}: {policy.metadata.get('options', 'its own options')}", file=sys.stderr)
-        result = evaluation.evaluate(policy, task, arguments.episodes, arguments.seed)
+        with Progress("episodes") as progress:
+            result = evaluation.evaluate(
+                policy, task, arguments.episodes, arguments.seed, progress.update
+            )
         print(result.summary().to_json() if arguments.json else result.summary())
 
-    return _guarded(run)
-
-
-def require(*packages: str) -> None:
-    """Raises Error, with what to install, if one of some packages is missing."""
-    for package in packages:
-        try:
-            importlib.import_module(package)
-        except ModuleNotFoundError as error:
-            raise Error(f'{package} is missing: pip install "trifinger[learning]"') from error
+    return command.run(run)
 
 
 def show(bar: tqdm[Any], episodes: int) -> None:
@@ -148,14 +143,3 @@ def show(bar: tqdm[Any], episodes: int) -> None:
     if bar.n == 0:
         bar.initial = episodes
     bar.update(episodes - bar.n)
-
-
-def _guarded(run: Callable[[], None]) -> int:
-    try:
-        run()
-    except (Error, OSError) as error:
-        print(f"trifinger: {error}", file=sys.stderr)
-        return 2 if isinstance(error, InvalidArgument) else 1
-    except KeyboardInterrupt:
-        return 130
-    return 0

@@ -4,9 +4,10 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import itertools
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from trifinger import extras
 from trifinger.errors import Error, InvalidArgument
 
 if TYPE_CHECKING:
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
     Array = NDArray[Any]
 
 
+DRAWING_PACKAGES = ("libegl1", "libgl1-mesa-dri", "libopengl0")  # of Debian, without a screen
 FILM_RATE = 30  # of films that leave out images [images/s]
 MARK_RADIUS = 0.01  # [m]
 MARK_COLOUR = (0.95, 0.75, 0.1, 1.0)
@@ -182,11 +185,12 @@ class Painter:
     def __init__(self, mjcf: str, is_plain: bool = False, view: View | None = None) -> None:
         """Plain pictures have neither shadows nor smooth edges, and take a tenth of the time.
 
-        Raises InvalidArgument if the model does not have the camera of `view`.
+        Raises InvalidArgument if the model does not have the camera of `view`, Error with what to
+        install if this machine cannot draw.
         """
-        os.environ.setdefault("MUJOCO_GL", "egl")
-        import mujoco
-        from mujoco.rendering.classic.renderer import Renderer
+        with explained():
+            import mujoco
+            from mujoco.rendering.classic.renderer import Renderer
 
         self._mujoco = mujoco
         self._model = mujoco.MjModel.from_xml_string(mjcf)
@@ -197,7 +201,8 @@ class Painter:
             self._model.vis.quality.offsamples = 0
         self._data = mujoco.MjData(self._model)
         self._sight = Sight(self._model, view)
-        self._renderer = Renderer(self._model, width=view.width, height=view.height)
+        with explained():
+            self._renderer = Renderer(self._model, width=view.width, height=view.height)
         if is_plain:
             for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
                 self._renderer.scene.flags[flag] = False
@@ -222,6 +227,23 @@ class Painter:
         self._renderer.close()
 
 
+@contextlib.contextmanager
+def explained() -> Iterator[None]:
+    """Says what to install if MuJoCo cannot be made to draw, without a screen if not told else.
+
+    Importing MuJoCo belongs to it: that loads the libraries that MUJOCO_GL names.
+    """
+    platform = os.environ.setdefault("MUJOCO_GL", "egl")
+    extras.require("film", "OpenGL")
+    try:
+        yield
+    # Whatever PyOpenGL and drivers raise where a library is missing: even an AttributeError.
+    except Exception as error:
+        remedy = f"apt-get install {' '.join(DRAWING_PACKAGES)}" if platform == "egl" else ""
+        remedy = remedy or "unset it, and nothing needs a screen"
+        raise Error(f"MuJoCo cannot draw with MUJOCO_GL={platform}: {remedy} ({error})") from error
+
+
 def draw_marks(scene: Any, marks: ArrayLike, keep: int = 0) -> None:
     """Adds a ball for each mark, a row x, y, z [m], behind the first `keep` shapes of a scene."""
     import mujoco
@@ -241,10 +263,9 @@ def draw_marks(scene: Any, marks: ArrayLike, keep: int = 0) -> None:
 
 def save_film(images: Iterable[Array], path: Path, rate: int | Fraction) -> None:
     """A film of images, height x width x 3, at some rate [images/s]."""
-    try:
-        import av
-    except ImportError as error:
-        raise Error('PyAV is missing: pip install "trifinger[film]"') from error
+    extras.require("film", "av")
+    import av
+
     with av.open(str(path), "w") as container:
         stream = container.add_stream("libx264", rate=rate)
         stream.pix_fmt = "yuv420p"

@@ -9,7 +9,6 @@ larger than memory. `plot_page` makes a page of the same, in which one can zoom.
 from __future__ import annotations
 
 import argparse
-import sys
 import textwrap
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -19,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from trifinger import command, extras
 from trifinger._trifinger import (
     LatenessHistogram,
     Log,
@@ -28,7 +28,7 @@ from trifinger._trifinger import (
     duration_text,
     lateness_of,
 )
-from trifinger.errors import Error, InvalidArgument
+from trifinger.errors import InvalidArgument
 from trifinger.export import step_range
 
 if TYPE_CHECKING:
@@ -561,10 +561,7 @@ def plot(
 
         path.write_text(page(log, session, *steps), encoding="utf-8")
         return
-    try:
-        import matplotlib  # noqa: F401
-    except ImportError as error:
-        raise Error('matplotlib is missing: pip install "trifinger[plot]"') from error
+    extras.require("plot", "matplotlib")
     draw(log, session, *steps).savefig(path, dpi=120)
 
 
@@ -594,16 +591,13 @@ def main(words: Sequence[str] | None = None) -> int:
     """`trifinger log plot`."""
     arguments = parse(words)
     path = arguments.output or Path(f"{Path(arguments.log).resolve().stem}.png")
-    try:
+
+    def work() -> None:
         plot(Log(arguments.log), path, arguments.robot, arguments.from_, arguments.to)
-    except (Error, OSError) as error:
-        print(f"trifinger: {error}", file=sys.stderr)
-        return 2 if isinstance(error, InvalidArgument) else 1
-    except KeyboardInterrupt:
-        return 130
-    print(f"{path} written.")
-    return 0
+        print(f"{path} written.")
+
+    return command.run(work)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

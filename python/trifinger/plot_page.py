@@ -19,8 +19,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from trifinger import extras
 from trifinger._trifinger import Log, LoggedSession
-from trifinger.errors import Error, InvalidArgument
+from trifinger.errors import InvalidArgument
 from trifinger.plot import (
     BAD,
     COLOURS,
@@ -210,11 +211,10 @@ def stretches_of(session: LoggedSession) -> int:
 
 
 def _needed() -> tuple[Any, Any]:
-    try:
-        import plotly.graph_objects as go
-        from plotly.subplots import make_subplots
-    except ImportError as error:
-        raise Error('plotly is missing: pip install "trifinger[plot]"') from error
+    extras.require("plot", "plotly")
+    import plotly.graph_objects as go
+    from plotly.subplots import make_subplots
+
     return go, make_subplots
 
 

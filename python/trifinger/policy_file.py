@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from trifinger import extras
 from trifinger._trifinger import Policy
-from trifinger.errors import Error, InvalidArgument
+from trifinger.errors import InvalidArgument
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -140,12 +141,8 @@ def load_model(path: str | os.PathLike[str], algorithm: str) -> Any:
         raise InvalidArgument(
             f"there is no algorithm '{algorithm}', only {', '.join(sorted(ALGORITHMS))}"
         )
-    try:
-        package = importlib.import_module("stable_baselines3")
-    except ImportError as error:
-        raise Error(
-            'stable_baselines3 or torch is missing: pip install "trifinger[learning]"'
-        ) from error
+    extras.require("learning", "stable_baselines3", "torch")
+    package = importlib.import_module("stable_baselines3")
     return getattr(package, ALGORITHMS[algorithm]).load(os.fspath(path), device="cpu")
 
 

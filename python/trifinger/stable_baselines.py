@@ -16,6 +16,7 @@ from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
 
 from trifinger.errors import InvalidArgument
+from trifinger.extras import sentence
 
 try:
     import torch
@@ -27,10 +28,7 @@ try:
     from stable_baselines3.common.vec_env import VecEnv, VecNormalize
     from stable_baselines3.td3.policies import TD3Policy
 except ModuleNotFoundError as error:
-    raise ModuleNotFoundError(
-        'training needs Stable-Baselines3 and PyTorch: pip install "trifinger[learning]"',
-        name=error.name,
-    ) from error
+    raise ModuleNotFoundError(sentence("learning", str(error.name)), name=error.name) from error
 
 Array = npt.NDArray[Any]
 Vector = gymnasium.vector.VectorEnv[Any, Any, Any]

@@ -442,4 +442,4 @@ except trifinger.Error as error:
     output = subprocess.run(
         [sys.executable, "-c", text], capture_output=True, text=True, check=True, cwd=tmp_path
     ).stdout
-    assert re.search(rf'{missing} is missing: pip install "trifinger\[export\]"', output)
+    assert re.search(rf"{missing} is missing: ./run setup", output)

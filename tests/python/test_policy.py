@@ -297,7 +297,7 @@ def test_names_what_cannot_be_part_of_a_policy(network: Any, said: str) -> None:
 
 def test_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "stable_baselines3", None)
-    with pytest.raises(trifinger.Error, match=r'pip install "trifinger\[learning\]"'):
+    with pytest.raises(trifinger.Error, match=r"stable_baselines3 is missing: \./run setup"):
         policy_file.load_model("model.zip", "sac")
     with pytest.raises(trifinger.InvalidArgument, match="'dqn', only a2c, ddpg, ppo, sac, td3"):
         policy_file.load_model("model.zip", "dqn")

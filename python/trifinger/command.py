@@ -1,0 +1,18 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What the commands in Python have in common."""
+
+import sys
+from collections.abc import Callable
+
+from trifinger.errors import Error, InvalidArgument
+
+
+def run(work: Callable[[], int | None]) -> int:
+    """Does the work of a command and returns its exit status: an error is a sentence."""
+    try:
+        return work() or 0
+    except (Error, OSError) as error:
+        print(f"trifinger: {error}", file=sys.stderr)
+        return 2 if isinstance(error, InvalidArgument) else 1
+    except KeyboardInterrupt:
+        return 130
