@@ -185,7 +185,7 @@ void print_loop(const InfoSheet& sheet, const SessionSummary& summary) {
   count("acausal", loop.acausal);
 }
 
-void print_session(const InfoSheet& sheet, const SessionSummary& summary) {
+void print_session(const InfoSheet& sheet, const SessionSummary& summary, std::size_t number) {
   const LoggedSession& session = summary.session;
   const log::SessionHeader& header = session.header();
   fmt::print("\n");
@@ -194,6 +194,7 @@ void print_session(const InfoSheet& sheet, const SessionSummary& summary) {
           ? "real-time at " + rate_text(1e9 / static_cast<double>(header.period.count()))
           : "non-real-time, steps of " + duration_text(header.period);
   sheet.heading(session.name(), session.type() + ", " + mode);
+  sheet.line("session", fmt::format("{}, id {}", number, header.session_id));
   sheet.line("began", fmt::format("{} on {}", date_text(header.created), header.host));
   const auto [first, end] = session.range(Series::kAppliedAction);
   sheet.line("steps", first < end ? fmt::format("{} ({} to {}), {:.6g} s, {}", summary.steps.count,
@@ -254,7 +255,7 @@ void print_for_people(const Log& log, const std::vector<SessionSummary>& session
     sheet.line("lost", size_text(lost), Style::kBad);
   }
   for (const Damage& one : damage) sheet.line("damage", text_of(one), Style::kBad);
-  for (const SessionSummary& session : sessions) print_session(sheet, session);
+  for (std::size_t i = 0; i < sessions.size(); ++i) print_session(sheet, sessions[i], i + 1);
 
   std::vector<Event> shown = log.events();
   const std::size_t all = shown.size();

@@ -185,6 +185,7 @@ int manipulate(const ManipulateOptions& options) {
   nlohmann::ordered_json json = json_of(report);
   json["task"] = options.task;
   json["robot"] = options.robot;
+  json["session_id"] = robot.session().info().session_id;
   json["period"] = trace.period.count();
   write_text(summary, json.dump(2) + "\n");
   if (report.num_poses > 0) print(report);

@@ -11,18 +11,18 @@ import argparse
 import contextlib
 import csv
 import json
-import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from trifinger import picture
+from trifinger import command, extras, picture
 from trifinger._trifinger import Log, LoggedSession
 from trifinger.errors import Error, InvalidArgument
 from trifinger.picture import Painter, View
 from trifinger.plot import COLOURS, entitle
+from trifinger.progress import shown
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -53,13 +53,15 @@ class Scene:
             raise InvalidArgument(f"'{session.name}' has no model in its log to draw")
         self._painter = Painter(session.documents["model.xml"], is_plain, view)
         self.size = self._painter.size
+        self._time_index = session.time_index
         self._joints = session.observations["position"]
         self._times, self._objects = object_poses(session)
 
     def image(self, step: int) -> Array:
         """The scene at a step: height x width x 3."""
         objects = [np.interp(step, self._times, column) for column in self._objects.T]
-        return self._painter.draw([*self._joints[step], *objects])
+        row = min(int(np.searchsorted(self._time_index, step)), len(self._joints) - 1)
+        return self._painter.draw([*self._joints[row], *objects])
 
     def close(self) -> None:
         """Gives the memory of the pictures back."""
@@ -88,7 +90,8 @@ def object_poses(session: LoggedSession) -> tuple[Array, Array]:
 def save_film(scene: Scene, session: LoggedSession, path: Path) -> None:
     """A film at the speed of life."""
     every = max(round(1.0 / (picture.FILM_RATE * session.period)), 1)
-    images = (scene.image(step) for step in range(0, session.steps or 0, every))
+    steps = range(int(session.time_index[0]), int(session.time_index[-1]) + 1, every)
+    images = (scene.image(step) for step in shown(steps, path.name, len(steps)))
     picture.save_film(images, path, picture.FILM_RATE)
 
 
@@ -100,7 +103,7 @@ def save_strip(scene: Scene, session: LoggedSession, steps: Sequence[int], path:
     aspect = scene.size[1] / scene.size[0]
     figure = Figure(figsize=(3.0 * columns, 2 * 3.0 * aspect), layout="constrained")
     figure.get_layout_engine().set(w_pad=0.02, h_pad=0.02, wspace=0.0, hspace=0.0)  # type: ignore[union-attr,call-arg]
-    for number, step in enumerate(steps):
+    for number, step in enumerate(shown(steps, path.name, len(steps))):
         axes = figure.add_subplot(2, columns, number + 1)
         axes.imshow(scene.image(step))
         axes.axis("off")
@@ -122,12 +125,21 @@ class Trace:
     """The table that `trifinger manipulate` leaves."""
 
     def __init__(self, folder: Path) -> None:
-        with (folder / "trace.csv").open(newline="") as file:
-            rows = list(csv.DictReader(file))
-        self.report = json.loads((folder / "report.json").read_text())
-        self.phases = [row.pop("phase") for row in rows]
-        self.columns = {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
-        self.times = self.columns["step"] * self.report["period"]
+        """Raises Error if there is none in `folder`."""
+        self.folder = folder
+        try:
+            with (folder / "trace.csv").open(newline="") as file:
+                rows = list(csv.DictReader(file))
+            self.report = json.loads((folder / "report.json").read_text())
+            self.phases = [row.pop("phase") for row in rows]
+            self.columns = {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
+            self.times = self.columns["step"] * self.report["period"]
+        except FileNotFoundError as error:
+            raise Error(
+                f"{error.filename} is missing: `trifinger manipulate` leaves it in its --output"
+            ) from error
+        except (ValueError, TypeError, LookupError) as error:
+            raise Error(f"{folder} has no report of `trifinger manipulate`: {error!r}") from error
 
     def group(self, name: str, parts: str) -> Array:
         """Columns such as normal_0 to normal_2, side by side."""
@@ -237,64 +249,140 @@ def save_report(trace: Trace, path: Path) -> None:
     figure.savefig(path, dpi=110)
 
 
-def film(
-    log: Log,
-    output: Path,
-    robot: str = "",
-    report: Path | None = None,
-    view: View | None = None,
-) -> list[Path]:
-    """Draws the newest session of `robot` and returns the files it has made in `output`.
+# ---- which session ----
 
-    They are film.mp4 and strip.png; report.png as well, if `report` is the folder that
-    `trifinger manipulate` has left its report of this session in.
+
+def recordings(path: Path) -> Iterator[Log]:
+    """The recording in a file, or all those in a folder: the newest first."""
+    newest = Log(path)
+    yield newest
+    others: dict[str, list[Path]] = {}
+    for file in sorted(path.glob("*.mcap")) if path.is_dir() else ():
+        try:
+            recording = Log(file).origin.get("recording", str(file))
+        except Error:  # it is no log
+            continue
+        if file not in newest.files:
+            others.setdefault(recording, []).append(file)
+    logs = [Log(parts) for parts in others.values()]
+    # As where the newest one is chosen: names tell recordings of the same second apart.
+    yield from sorted(
+        logs, key=lambda log: (log.origin.get("created", ""), log.files[0]), reverse=True
+    )
+
+
+def find_session(
+    path: Path, robot: str = "", wanted: int | None = None, trace: Trace | None = None
+) -> LoggedSession:
+    """The session to be drawn, of those in a log or a folder of logs.
+
+    It is the one that was `wanted`, by its number in the newest recording or by its id; else the
+    one that a report is of; else the newest one of `robot`. Raises InvalidArgument, which says what
+    there is, if there is none or the report is of another one.
     """
-    session = log.session(robot)
-    if not session.steps:
+    reported: int | None = trace.report.get("session_id") if trace else None
+    if trace and reported is None and wanted is None:
+        raise InvalidArgument(
+            f"the report in {trace.folder} does not say which session it is of, as it was made by "
+            "an earlier version; choose one by --session"
+        )
+    if wanted is None and reported is None:
+        return Log(path).session(robot)
+    known: list[str] = []
+    for age, log in enumerate(recordings(path)):
+        for number, session in enumerate(log.sessions, 1):
+            is_meant = session.session_id == (reported if wanted is None else wanted)
+            if (is_meant or (age, number) == (0, wanted)) and robot in ("", session.name):
+                if trace and reported not in (None, session.session_id):
+                    raise InvalidArgument(
+                        f"the report in {trace.folder} is of session {reported}, not of "
+                        f"{describe(number, session)}; without --session its own is drawn"
+                    )
+                return session
+            known.append(f"  {log.files[0].name}: {describe(number, session)}")
+    what = f"session {wanted}" if wanted is not None else f"the session {reported} of the report"
+    whose = f" of '{robot}'" if robot else ""
+    raise InvalidArgument(f"{path} does not have {what}{whose}. There are\n" + "\n".join(known))
+
+
+def describe(number: int, session: LoggedSession) -> str:
+    """As in "session 2 of 'sim' (12.34 s, id 1234)"."""
+    steps = len(session.time_index)
+    duration = f"{steps * session.period:.2f} s"
+    return f"session {number} of '{session.name}' ({duration}, id {session.session_id})"
+
+
+# ---- the command ----
+
+
+def film(
+    session: LoggedSession,
+    output: Path,
+    trace: Trace | None = None,
+    view: View | None = None,
+) -> Iterator[Path]:
+    """Draws a session, and gives each file in `output` when it is made.
+
+    They are film.mp4 and strip.png; report.png as well, if there is the `trace` of a manipulation
+    in this session.
+    """
+    if not len(session.time_index):
         raise InvalidArgument(f"there are no steps of '{session.name}' to draw")
-    trace = Trace(report) if report else None
     output.mkdir(parents=True, exist_ok=True)
-    made = [output / "film.mp4", output / "strip.png"]
+    path = output / "film.mp4"
     with contextlib.closing(Scene(session, is_plain=True, view=view)) as scene:
-        save_film(scene, session, made[0])
-    with contextlib.closing(Scene(session, view=view)) as scene:
-        if trace:
-            steps = [min(step, session.steps - 1) for step in trace.steps(STRIP_IMAGES)]
-        else:
-            steps = np.linspace(0, session.steps - 1, STRIP_IMAGES).astype(int).tolist()
-        save_strip(scene, session, steps, made[1])
+        save_film(scene, session, path)
+    yield path
+    first, last = int(session.time_index[0]), int(session.time_index[-1])
     if trace:
-        made.append(output / "report.png")
-        save_report(trace, made[-1])
-    return made
+        steps = [min(step, last) for step in trace.steps(STRIP_IMAGES)]
+    else:
+        steps = np.linspace(first, last, STRIP_IMAGES).astype(int).tolist()
+    path = output / "strip.png"
+    with contextlib.closing(Scene(session, view=view)) as scene:
+        save_strip(scene, session, steps, path)
+    yield path
+    if trace:
+        path = output / "report.png"
+        save_report(trace, path)
+        yield path
 
 
 def main(words: Sequence[str] | None = None) -> int:
     """`trifinger film`."""
     parser = argparse.ArgumentParser(
         prog="trifinger film",
-        description="Draw the newest session of a robot: a film and a strip of pictures.",
-        epilog="Example:\n  trifinger film logs --report manipulate_output",
+        description="Draw a session: a film and a strip of pictures; with a report, a plot of it.",
+        epilog="Examples:\n"
+        "  trifinger film logs                               the newest session\n"
+        "  trifinger film logs --report manipulate_output    the one that the report is of",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("log", help="a file, or a folder: the newest recording in it")
+    parser.add_argument("log", type=Path, help="a file, or a folder of recordings")
     parser.add_argument("-o", "--output", type=Path, help="folder; default: the report's, or film")
     parser.add_argument("--report", type=Path, help="folder that `trifinger manipulate` has made")
     parser.add_argument("--robot", metavar="NAME", default="", help="needed if there are several")
+    parser.add_argument(
+        "--session",
+        type=int,
+        metavar="N|ID",
+        help="number or id, as `trifinger log info` shows them; default: the report's, or the "
+        "newest",
+    )
     picture.add_view_options(parser)
     arguments = parser.parse_args(words)
-    output = arguments.output or arguments.report or Path("film")
-    try:
+
+    def work() -> None:
+        extras.require("film")
         view = picture.view_of(arguments)
-        made = film(Log(arguments.log), output, arguments.robot, arguments.report, view)
-    except (Error, OSError) as error:
-        print(f"trifinger: {error}", file=sys.stderr)
-        return 2 if isinstance(error, InvalidArgument) else 1
-    except KeyboardInterrupt:
-        return 130
-    print(*(f"{path} written." for path in made), sep="\n")
-    return 0
+        trace = Trace(arguments.report) if arguments.report else None
+        session = find_session(arguments.log, arguments.robot, arguments.session, trace)
+        output = arguments.output or arguments.report or Path("film")
+        for path in film(session, output, trace, view):
+            print(f"{path} written.", flush=True)
+
+    return command.run(work)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

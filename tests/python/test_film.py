@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Which session `trifinger film` draws, and what it says where it cannot."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trifinger
+from conftest import StartProgram
+from trifinger import film
+from trifinger.film import Trace, find_session
+
+pytestmark = pytest.mark.release  # of the program
+
+
+def record_session(steps: int) -> None:
+    """A session of 'sim' of that many steps."""
+    with trifinger.connect("sim") as robot:
+        for _ in range(steps):
+            robot.append_desired_action(robot.new_action())
+        robot.wait_until_time_index(steps - 1)
+        robot.finish()
+
+
+def record(start_program: StartProgram, folder: Path, *lengths: int) -> list[int]:
+    """A recording of sessions of these lengths; returns their ids."""
+    robot = start_program("run", "sim", "--non-real-time", "--record", str(folder))
+    for steps in lengths:
+        robot.wait_for("waits for a user")
+        record_session(steps)
+        robot.wait_for(f"finished at step {steps}")
+    robot.end()
+    newest = trifinger.Log(folder)
+    return [session.session_id for session in newest.sessions if session.steps]
+
+
+def record_alone(folder: Path) -> None:
+    """A recording of a simulation in this process."""
+    with trifinger.simulate(record=str(folder)) as robot:
+        robot.append_desired_actions(np.repeat(robot.new_action(), 40))
+        robot.wait_until_time_index(39)
+
+
+@pytest.fixture
+def logs(start_program: StartProgram, tmp_path: Path) -> tuple[Path, list[int]]:
+    """A folder with a recording of one session, and a newer one of two; the ids of the three."""
+    folder = tmp_path / "recordings"
+    first = record(start_program, folder, 10)
+    return folder, first + record(start_program, folder, 20, 30)
+
+
+def trace_of(folder: Path, **report: object) -> Trace:
+    """The trace of a manipulation that never was, with what its report says."""
+    folder.mkdir()
+    (folder / "trace.csv").write_text("step,phase\n0,look\n10,plan\n")
+    (folder / "report.json").write_text(json.dumps({"period": 1e-3, **report}))
+    return Trace(folder)
+
+
+def test_the_session_that_a_report_is_of_is_drawn(
+    logs: tuple[Path, list[int]], tmp_path: Path
+) -> None:
+    folder, ids = logs
+    for number, session_id in enumerate(ids):
+        trace = trace_of(tmp_path / f"report_{number}", session_id=session_id)
+        session = find_session(folder, trace=trace)
+        assert (session.session_id, session.steps) == (session_id, 10 * (number + 1))
+
+
+def test_a_session_is_chosen_by_its_number_or_its_id(logs: tuple[Path, list[int]]) -> None:
+    folder, ids = logs
+    assert find_session(folder).session_id == ids[2]
+    assert find_session(folder, wanted=1).session_id == ids[1]
+    assert find_session(folder, wanted=2).session_id == ids[2]
+    for session_id in ids:
+        assert find_session(folder, robot="sim", wanted=session_id).session_id == session_id
+    with pytest.raises(trifinger.InvalidArgument, match="does not have session 9") as no:
+        find_session(folder, wanted=9)
+    for session_id, steps in zip(ids, (10, 20, 30), strict=True):
+        assert f"of 'sim' ({steps * 1e-3:.2f} s, id {session_id})" in str(no.value)
+
+
+def test_a_report_of_another_session_is_refused(
+    logs: tuple[Path, list[int]], tmp_path: Path
+) -> None:
+    folder, ids = logs
+    trace = trace_of(tmp_path / "report", session_id=ids[1])
+    with pytest.raises(trifinger.InvalidArgument, match=f"is of session {ids[1]}, not of"):
+        find_session(folder, wanted=2, trace=trace)
+    trace = trace_of(tmp_path / "elsewhere", session_id=5)
+    with pytest.raises(trifinger.InvalidArgument, match="does not have the session 5 of the rep"):
+        find_session(folder, trace=trace)
+    trace = trace_of(tmp_path / "old")
+    with pytest.raises(trifinger.InvalidArgument, match="choose one by --session"):
+        find_session(folder, trace=trace)
+    assert find_session(folder, wanted=1, trace=trace).session_id == ids[1]
+
+
+@pytest.mark.parametrize(
+    ("files", "said"),
+    [
+        ({}, "trace.csv is missing: `trifinger manipulate` leaves it"),
+        ({"trace.csv": "step,phase\n1,look\n"}, "report.json is missing"),
+        ({"trace.csv": "a,b\n1,2\n", "report.json": "{}"}, "has no report of `trifinger man"),
+        ({"trace.csv": "", "report.json": "[]"}, "has no report of `trifinger manipulate`"),
+        ({"trace.csv": "step,phase\n1,look\n", "report.json": "{"}, "has no report"),
+    ],
+)
+def test_what_is_no_report_is_named(
+    files: dict[str, str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, text in files.items():
+        (tmp_path / name).write_text(text)
+    assert film.main([str(tmp_path), "--report", str(tmp_path)]) == 1
+    assert said in capsys.readouterr().err
+
+
+def test_says_before_it_draws_what_is_missing(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    monkeypatch.setitem(sys.modules, "av", None)
+    assert film.main([str(tmp_path)]) == 1
+    assert capsys.readouterr().err == "trifinger: av is missing: ./run setup\n"
+
+
+def test_says_what_drawing_lacks(tmp_path: Path) -> None:
+    record_alone(tmp_path)
+    # In a process of its own: which library draws is settled when MuJoCo is imported.
+    program = (
+        "import os, sys; os.environ['MUJOCO_GL'] = 'egl'; from trifinger import film\n"
+        "sys.modules['mujoco.egl'] = None; sys.exit(film.main(sys.argv[1:]))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program, str(tmp_path), "-o", str(tmp_path / "film")],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 1
+    remedy = "apt-get install libegl1 libgl1-mesa-dri libopengl0"
+    assert done.stderr.startswith(f"trifinger: MuJoCo cannot draw with MUJOCO_GL=egl: {remedy} (")
+    assert done.stderr.count("\n") == 1
+
+
+def test_film_of_the_newest_session(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    record_alone(tmp_path)
+    output = tmp_path / "film"
+    assert film.main([str(tmp_path), "-o", str(output)]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        f"{output / name} written." for name in ("film.mp4", "strip.png")
+    ]
