@@ -8,24 +8,34 @@
 #include <cstdlib>
 #include <filesystem>
 #include <set>
+#include <sstream>
 #include <string_view>
+#include <system_error>
 
+#include "exit_code.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace trifinger::apps {
 namespace {
 
 constexpr std::string_view kPrefix = "trifinger-";
+constexpr const char* kProgramsHeading = "Programs of their own";
+constexpr const char* kPythonHeading = "Programs of the Python package";
+
+// Where programs are looked for: the PATH, then the folder of this one.
+std::string search_path() {
+  const char* const path = std::getenv("PATH");
+  std::error_code ignored;
+  const auto self = std::filesystem::canonical("/proc/self/exe", ignored);
+  return (path == nullptr ? "" : std::string(path) + ":") + self.parent_path().string();
+}
 
 }  // namespace
 
 std::vector<std::string> external_verbs() {
-  const char* const path = std::getenv("PATH");
-  std::string_view folders = path == nullptr ? "" : path;
   std::set<std::string> verbs;
-  while (!folders.empty()) {
-    const std::string_view folder = folders.substr(0, folders.find(':'));
-    folders.remove_prefix(std::min(folders.size(), folder.size() + 1));
+  std::istringstream folders(search_path());
+  for (std::string folder; std::getline(folders, folder, ':');) {
     std::error_code ignored;
     for (const auto& entry : std::filesystem::directory_iterator(folder, ignored)) {
       const std::string file = entry.path().filename().string();
@@ -43,9 +53,41 @@ void run_external(const std::string& verb, const std::vector<std::string>& argum
   for (const std::string& argument : arguments)
     words.push_back(const_cast<char*>(argument.c_str()));
   words.push_back(nullptr);
+  ::setenv("PATH", search_path().c_str(), 1);
   ::execvp(program.c_str(), words.data());
   // EACCES: a folder on the PATH that is not ours to search.
   if (errno != ENOENT && errno != EACCES) throw SystemError("start " + program, errno);
+}
+
+void declare_external(CLI::App& parent, const std::string& verb, const std::string& description,
+                      Package package) {
+  parent.add_subcommand(verb, description)
+      ->prefix_command()
+      ->group(package == Package::kPython ? kPythonHeading : kProgramsHeading);
+}
+
+void run_declared_external(const CLI::App& program, const std::vector<std::string>& words) {
+  const CLI::App* command = &program;
+  std::string path;
+  auto word = words.begin();
+  for (; word != words.end() && !command->get_prefix_command(); ++word) {
+    const auto commands = command->get_subcommands({});
+    const auto found = std::ranges::find(commands, *word, &CLI::App::get_name);
+    if (found == commands.end()) return;
+    command = *found;
+    path += (path.empty() ? "" : " ") + *word;
+  }
+  if (!command->get_prefix_command()) return;
+
+  std::string verb = path;
+  std::ranges::replace(verb, ' ', '-');
+  run_external(verb, {word, words.end()});
+  throw UsageError("'trifinger " + path + "' is " +
+                   (command->get_group() == kPythonHeading
+                        ? "part of the Python package, which is not installed here, or not on the "
+                          "PATH: 'pip install .' in the sources of TriFinger installs it"
+                        : "a program of its own, trifinger-" + verb +
+                              ", which is neither beside this one nor on the PATH"));
 }
 
 }  // namespace trifinger::apps

@@ -12,7 +12,5 @@ void add_log_recover(CLI::App& log, Action& action);
 void add_log_cut(CLI::App& log, Action& action);
 void add_log_rescue(CLI::App& log, Action& action);
 void add_log_replay(CLI::App& log, Action& action);
-// Those that are written in Python: plot and export.
-void add_log_in_python(CLI::App& log, Action& action);
 
 }  // namespace trifinger::apps

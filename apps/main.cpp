@@ -6,6 +6,7 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
+#include <iterator>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -17,29 +18,46 @@
 namespace trifinger::apps {
 namespace {
 
-std::string footer() {
+using Commands = std::vector<std::string>;
+
+Commands commands_of(const CLI::App& program) {
+  Commands names;
+  for (const CLI::App* command : program.get_subcommands({})) names.push_back(command->get_name());
+  return names;
+}
+
+// What others have put on the PATH.
+Commands foreign_verbs(const CLI::App& program) {
+  const Commands own = commands_of(program);
+  Commands verbs = external_verbs();
+  std::erase_if(verbs, [&own](const std::string& verb) {
+    return verb.starts_with("log-") || std::ranges::find(own, verb) != own.end();
+  });
+  return verbs;
+}
+
+std::string footer(const CLI::App& program) {
   std::string text =
       "Example:\n"
       "  trifinger run sim           a simulated robot, in one terminal\n"
       "  trifinger status sim        how it is doing, in another\n"
       "'trifinger COMMAND --help' tells more.";
-  if (const std::vector<std::string> verbs = external_verbs(); !verbs.empty()) {
+  if (const Commands verbs = foreign_verbs(program); !verbs.empty()) {
     text += fmt::format("\nFrom other packages: {}", fmt::join(verbs, ", "));
   }
   return text;
 }
 
 [[noreturn]] void refuse_verb(const CLI::App& program, const std::string& verb) {
-  std::vector<std::string> known = external_verbs();
-  for (const CLI::App* command : program.get_subcommands({})) known.push_back(command->get_name());
+  Commands known = foreign_verbs(program);
+  std::ranges::copy(commands_of(program), std::back_inserter(known));
   std::string_view near = trifinger::closest(verb, {known.begin(), known.end()});
   for (const std::string& name : known) {
     if (near.empty() && name.starts_with(verb)) near = name;
   }
   throw UsageError(
       fmt::format("there is no command '{}', and no program trifinger-{} on the PATH{} 'trifinger "
-                  "--help' lists "
-                  "the commands.",
+                  "--help' lists the commands.",
                   verb, verb, near.empty() ? "." : fmt::format("; did you mean '{}'?", near)));
 }
 
@@ -72,7 +90,7 @@ int run_program(const std::vector<std::string>& words) {
   program.set_version_flag("--version", "trifinger " TRIFINGER_VERSION, "Print the version");
   program.set_help_flag("-h,--help", "Print this help");
   program.require_subcommand(1);
-  program.footer(footer);
+  program.footer([&program] { return footer(program); });
 
   Action action;
   add_run(program, action);
@@ -85,11 +103,19 @@ int run_program(const std::vector<std::string>& words) {
   add_log(program, action);
   add_model(program, action);
   add_doctor(program, action);
+  using enum Package;
+  declare_external(program, "manipulate", "Lift or slide a cube with a running robot", kPrograms);
+  declare_external(program, "run-policy", "Let a trained policy move a running robot", kPrograms);
+  declare_external(program, "demo", "Lift a cube with a simulated robot, and draw it", kPython);
+  declare_external(program, "film", "Draw a logged session: a film and pictures", kPython);
+  declare_external(program, "train", "Train a policy in simulation", kPython);
+  declare_external(program, "evaluate", "Say how near a policy comes to its goals", kPython);
 
   if (words.empty()) {
     fmt::print(stderr, "{}", program.help());
     return kWrongUsage;
   }
+  run_declared_external(program, words);
   const std::string& verb = words.front();
   const CLI::App* const command = find_command(program, verb);
   const bool is_known = command != nullptr;

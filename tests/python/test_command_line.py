@@ -83,6 +83,35 @@ def test_the_help_lists_every_command() -> None:
     assert all(re.search(rf"^  {command} ", text, re.MULTILINE) for command in COMMANDS)
 
 
+PROGRAMS_OF_PYTHON = ("demo", "evaluate", "film", "train", "log plot", "log export")
+
+
+@pytest.mark.parametrize("command", PROGRAMS_OF_PYTHON)
+def test_what_is_written_in_python_says_how_to_get_it_where_it_is_missing(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    for arguments in ("", "--help", "run --output stop"):
+        message = run(*command.split(), *arguments.split(), expect=2)
+        assert f"'trifinger {command}' is part of the Python package" in message
+        assert "'pip install .' in the sources of TriFinger installs it" in message
+
+
+@pytest.mark.parametrize("command", [*PROGRAMS_OF_PYTHON, "manipulate", "run-policy"])
+def test_the_help_lists_programs_of_their_own(command: str) -> None:
+    *above, verb = command.split()
+    assert re.search(rf"^  {verb}  +\w", run(*above, "--help"), re.MULTILINE)
+
+
+def test_programs_are_found_beside_this_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert "Usage: trifinger manipulate" in run("manipulate", "--help")
+    monkeypatch.delenv("PATH")
+    assert "Usage: trifinger run-policy" in run("run-policy", "--help")
+
+
 def test_the_version_is_that_of_the_package() -> None:
     assert run("--version") == f"trifinger {trifinger.__version__}\n"
 

@@ -92,12 +92,6 @@ def test_a_misspelt_command_is_recognised() -> None:
     assert "did you mean 'info'?" in run("inof", expect=2)
 
 
-@pytest.mark.parametrize("command", ["plot", "export"])
-def test_what_needs_python_says_so(command: str, written: Written, tmp_path: Path) -> None:
-    text = run(command, written.path, expect=2, environment={"PATH": str(tmp_path)})
-    assert f'pip install "trifinger[{command}]"' in text
-
-
 @pytest.mark.parametrize("command", ["info", "check", "recover"])
 def test_wrong_files_are_named(command: str, tmp_path: Path) -> None:
     assert "nothing.mcap: No such file" in run(command, tmp_path / "nothing.mcap", expect=1)
