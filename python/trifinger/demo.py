@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
+import os
 import subprocess
 import sys
 import time
@@ -19,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 import trifinger
-from trifinger import plot, program
+from trifinger import command, extras, plot, program
 from trifinger.film import Scene, Trace, save_report
 from trifinger.picture import View, add_view_options, view_of
 
@@ -34,10 +35,10 @@ def back_end(folder: Path, mode: str) -> Iterator[None]:
 
     It records itself into `folder`. Ctrl-C is not for it: who uses it lets go of it first.
     """
-    command = [program.path(), "run", "sim", mode, "--name", NAME, "--record", str(folder)]
-    command += ["--set", "fingers.height=0.3"]  # as built they meet the cube at 19 cm
+    words = [program.path(), "run", "sim", mode, "--name", NAME, "--record", str(folder)]
+    words += ["--set", "fingers.height=0.3"]  # as built they meet the cube at 19 cm
     with subprocess.Popen(
-        command,
+        words,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
@@ -47,9 +48,7 @@ def back_end(folder: Path, mode: str) -> Iterator[None]:
             while NAME not in (session.name for session in trifinger.list_sessions()):
                 if process.poll() is not None:
                     output = process.stdout.read() if process.stdout else ""
-                    raise trifinger.Error(
-                        f"`{' '.join(command)}` ended at once and said:\n{output}"
-                    )
+                    raise trifinger.Error(f"`{' '.join(words)}` ended at once and said:\n{output}")
                 time.sleep(0.01)
             yield
         finally:
@@ -59,9 +58,9 @@ def back_end(folder: Path, mode: str) -> Iterator[None]:
 
 def lift(folder: Path) -> int:
     """Runs the controller and returns its exit status; Ctrl-C lets it put the cube down first."""
-    command = [program.path(), "manipulate", "lift", "--robot", NAME, "--output", str(folder)]
-    command += ["--set", f"lift.hold_time={HOLD_TIME}"]
-    with subprocess.Popen(command) as process:
+    words = [program.path(), "manipulate", "lift", "--robot", NAME, "--output", str(folder)]
+    words += ["--set", f"lift.hold_time={HOLD_TIME}"]
+    with subprocess.Popen(words) as process:
         try:
             return process.wait()
         except KeyboardInterrupt:
@@ -111,8 +110,65 @@ def newest_log(folder: Path) -> Path:
     return max(folder.glob(f"{NAME}_*.mcap"), default=folder)
 
 
+def draw(log: trifinger.Log, folder: Path, view: View) -> Iterator[Path]:
+    """Draws the run, and gives each picture when it is made. Raises Error if it cannot be drawn."""
+    extras.require("demo", "matplotlib")
+    session, trace = log.session(NAME), Trace(folder)
+    save_report(trace, folder / "report.png")
+    yield folder / "report.png"
+    plot.plot(log, folder / "plot.png")
+    yield folder / "plot.png"
+    save_scene(session, trace, folder / "scene.png", view)
+    yield folder / "scene.png"
+
+
+def print_what_next(path: Path, folder: Path) -> None:
+    """Commands to go on with, as they work in the shell that has started the demo."""
+    lines = []
+    if sys.prefix != sys.base_prefix and os.environ.get("VIRTUAL_ENV") != sys.prefix:
+        lines.append((f"source {sys.prefix}/bin/activate", "lets this terminal find `trifinger`"))
+    lines.append((f"trifinger film {path} --report {folder}", "a film of it"))
+    lines.append(("trifinger --help", "what else there is"))
+    width = max(len(words) for words, _ in lines)
+    print("\nTo go on:")
+    print(*(f"  {words:<{width}}  # {what}" for words, what in lines), sep="\n")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Runs the demo and returns its exit status: that of the controller."""
+    view = view_of(arguments)
+    folder: Path = arguments.output
+    folder.mkdir(parents=True, exist_ok=True)
+    for left in ("report.json", "trace.csv"):  # by a demo before this one
+        (folder / left).unlink(missing_ok=True)
+    try:
+        with back_end(folder, arguments.mode):
+            print(f"The robot '{NAME}' runs in a process of its own; another one moves it.")
+            sys.stdout.flush()
+            status = lift(folder)
+    except KeyboardInterrupt:
+        print(f"Log:      {newest_log(folder)}")
+        raise
+    path = newest_log(folder)
+    if not (folder / "report.json").exists():  # the controller has said why
+        print(f"Log:      {path}")
+        return status
+    log = trifinger.Log(path)
+    print(f"\n{table(log.session(NAME), folder)}\n", flush=True)  # before another process's lines
+    subprocess.run([program.path(), "log", "info", path], check=True)
+
+    print(f"\nLog:      {path}", flush=True)
+    try:
+        for picture in draw(log, folder, view):
+            print(f"Picture:  {picture}", flush=True)
+    except trifinger.Error as error:
+        print(f"Not drawn: {error}", flush=True)
+    print_what_next(path, folder)
+    return status
+
+
 def main() -> int:
-    """Runs the demo."""
+    """`trifinger demo`."""
     parser = argparse.ArgumentParser(prog="trifinger demo", description=__doc__.splitlines()[0])
     parser.add_argument(
         "--output",
@@ -130,40 +186,7 @@ def main() -> int:
     )
     add_view_options(parser, VIEW)
     arguments = parser.parse_args()
-    folder: Path = arguments.output
-    folder.mkdir(parents=True, exist_ok=True)
-    for left in ("report.json", "trace.csv"):  # by a demo before this one
-        (folder / left).unlink(missing_ok=True)
-
-    try:
-        view = view_of(arguments)
-        with back_end(folder, arguments.mode):
-            print(f"The robot '{NAME}' runs in a process of its own; another one moves it.")
-            sys.stdout.flush()
-            status = lift(folder)
-    except trifinger.Error as error:
-        print(f"trifinger demo: {error}", file=sys.stderr)
-        return 1
-    except KeyboardInterrupt:
-        print(f"Log:      {newest_log(folder)}")
-        return 130
-    path = newest_log(folder)
-    if not (folder / "report.json").exists():  # the controller has said why
-        print(f"Log:      {path}")
-        return status
-    log = trifinger.Log(path)
-    session = log.session(NAME)
-    trace = Trace(folder)
-    print(f"\n{table(session, folder)}\n", flush=True)  # before the lines of another process
-    subprocess.run([program.path(), "log", "info", path], check=True)
-
-    pictures = [folder / name for name in ("scene.png", "report.png", "plot.png")]
-    save_scene(session, trace, pictures[0], view)
-    save_report(trace, pictures[1])
-    plot.plot(log, pictures[2])
-    print(f"\nLog:      {path}\nPictures: {', '.join(map(str, pictures))}")
-    print(f"A film:   trifinger film {path} --report {folder}")
-    return status
+    return command.run(lambda: run(arguments))
 
 
 if __name__ == "__main__":

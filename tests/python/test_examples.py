@@ -104,3 +104,29 @@ def test_the_control_loop_says_how_to_start_a_robot(command: list[str]) -> None:
     example = subprocess.run(command, capture_output=True, text=True)
     assert example.returncode == 1
     assert "'trifinger run sim" in example.stderr
+
+
+# ---- ./run examples ----
+
+
+def run_examples(*names: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, str(EXAMPLES.parent / "tools/run_examples.py"), str(PROGRAMS)]
+    return subprocess.run([*command, *names], capture_output=True, text=True, check=False)
+
+
+def test_run_examples_shows_what_those_that_are_named_say() -> None:
+    done = run_examples("01", "05_own")
+    assert (done.returncode, done.stderr) == (0, ""), done.stdout
+    assert re.findall(r"^\w.*", done.stdout, re.MULTILINE) == [
+        *("01_basic_control_loop, C++", "01_basic_control_loop, Python"),
+        *("05_own_robot, C++", "05_own_robot, Python"),
+        "4 examples succeeded",
+    ]
+    stopped = "    robot 'sim' has stopped: the back-end was asked to stop at step"
+    assert done.stdout.count(stopped) == 2
+
+
+def test_run_examples_says_which_there_are() -> None:
+    done = run_examples("13")
+    assert done.returncode == 2
+    assert "./run examples: there are 01_basic_control_loop, 02_" in done.stderr

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What `pip install .` gives to somebody who has neither the sources nor the build folder."""
+"""What a wheel gives to somebody who has neither the sources nor a compiler: `./run wheel`."""
 
 import fcntl
 import os
@@ -13,26 +13,21 @@ from pathlib import Path
 
 import pytest
 from conftest import BUILD
+from make_wheel import make_wheel
 
 pytestmark = pytest.mark.release
 
 SOURCES = Path(__file__).parents[2]
-VERSION = tomllib.loads((SOURCES / "pyproject.toml").read_text())["project"]["version"]
+PROJECT = tomllib.loads((SOURCES / "pyproject.toml").read_text())["project"]
+VERSION = PROJECT["version"]
 PACKAGES = Path(sysconfig.get_path("purelib"))
 
 
 def pip(*arguments: str | Path) -> None:
     """Runs pip without a network: what it needs is here already."""
     command = [sys.executable, "-m", "pip", "--disable-pip-version-check", *arguments]
-    # What was compiled in another build folder is found by paths that are relative to this one.
-    environment = {**os.environ, "CCACHE_BASEDIR": str(SOURCES)}
     done = subprocess.run(
-        command,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        env=environment,
-        check=False,
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False
     )
     assert done.returncode == 0, done.stdout
 
@@ -40,7 +35,6 @@ def pip(*arguments: str | Path) -> None:
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A wheel of this tree, compiled as the release build was, so that ccache has all objects."""
-    folder = tmp_path_factory.mktemp("wheel")
     same = re.findall(
         r"^(CMAKE_CXX_COMPILER(?:_LAUNCHER)?"
         r"|TRIFINGER_(?:WARNINGS_AS_ERRORS|JOIN_FILES)):\w+=(.+)$",
@@ -49,13 +43,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     with (tmp_path_factory.getbasetemp().parent / "wheel.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)  # as another worker may build there
-        pip(
-            *("wheel", "--no-build-isolation", "--no-deps", "--wheel-dir", folder),
-            *(f"--config-settings=cmake.define.{name}={value}" for name, value in same),
-            SOURCES,
-        )
-    (wheel,) = folder.glob("*.whl")
-    return wheel
+        return make_wheel(tmp_path_factory.mktemp("wheel"), dict(same))
 
 
 class Installation:
@@ -65,6 +53,8 @@ class Installation:
         venv.create(folder)
         self.folder = folder
         self.scripts = folder / "bin"
+        self.sessions = folder / "sessions"
+        self.sessions.mkdir()
         (self.packages,) = folder.glob("lib/python*/site-packages")
         pip("--python", self.scripts / "python", "install", "--no-index", "--no-deps", wheel)
         for name in ("mujoco", "numpy", "numpy.libs"):
@@ -75,7 +65,11 @@ class Installation:
         done = subprocess.run(
             command,
             cwd=self.folder,
-            env={"PATH": f"{self.scripts}:/usr/bin:/bin", "LC_ALL": "C.UTF-8"},
+            env={
+                "PATH": f"{self.scripts}:/usr/bin:/bin",
+                "LC_ALL": "C.UTF-8",
+                "TRIFINGER_SESSION_DIR": str(self.sessions),
+            },
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -102,19 +96,45 @@ def test_holds_the_package_alone(installation: Installation) -> None:
     for file in (SOURCES / "python" / "trifinger").glob("*.py*"):
         assert file.name in files
     assert {path.name for path in installation.packages.iterdir()} == {
-        *("trifinger", f"trifinger-{VERSION}.dist-info"),
+        *("trifinger", "trifinger.libs", f"trifinger-{VERSION}.dist-info"),
         *("mujoco", "numpy", "numpy.libs"),
     }
     assert not (installation.folder / "share").exists()
 
 
-@pytest.mark.parametrize("file", ["_trifinger*.so", "trifinger"])
-def test_uses_the_mujoco_beside_it(installation: Installation, file: str) -> None:
+def test_says_for_which_systems_it_is(wheel: Path) -> None:
+    python = f"cp{sys.version_info.major}{sys.version_info.minor}"
+    assert re.fullmatch(
+        rf"trifinger-{VERSION}-{python}-{python}-manylinux_2_\d+_\w+\.whl", wheel.name
+    )
+
+
+@pytest.mark.parametrize(
+    "file", ["_trifinger*.so", "trifinger", "trifinger-manipulate", "trifinger-run-policy"]
+)
+def test_brings_all_libraries_but_mujoco(installation: Installation, file: str) -> None:
     (binary,) = (installation.packages / "trifinger").glob(file)
-    libraries = installation.run("ldd", binary)
-    mujoco = re.search(r"libmujoco\S* => (.*) \(", libraries)
-    assert mujoco, libraries
-    assert mujoco[1].startswith(f"{installation.packages}/trifinger/../mujoco/")
+    found = dict(re.findall(r"(\S+) => (.*) \(", installation.run("ldd", binary)))
+    assert found
+    mujoco = [path for name, path in found.items() if name.startswith("libmujoco")]
+    assert [Path(path).parent.name for path in mujoco] == ["mujoco"]
+    assert os.path.normpath(mujoco[0]).startswith(f"{installation.packages}/mujoco/")
+    others = {
+        name for name, path in found.items() if path not in mujoco and "/trifinger" not in path
+    }
+    # What every Linux has for C++, as the standard of such wheels says.
+    assert {name.partition(".")[0] for name in others} <= {
+        *("libc", "libdl", "libgcc_s", "libm", "libpthread", "librt", "libstdc++"),
+    }
+
+
+def test_has_the_licences_of_what_is_inside(installation: Installation) -> None:
+    libraries = {path.name for path in (installation.packages / "trifinger.libs").iterdir()}
+    names = {re.split(r"-[0-9a-f]{8}\.", name)[0] for name in libraries}
+    assert names == {"libdeflate", "libfmt", "liblz4", "libyaml-cpp", "libzstd"}
+    licences = installation.packages / "trifinger" / "licences"
+    for name in (*names, "libspdlog", "libcli11", "libeigen3", "nlohmann-json3", "eiquadprog"):
+        assert any((licences / name).iterdir())
 
 
 def test_module_simulates(installation: Installation) -> None:
@@ -138,14 +158,47 @@ def test_program_knows_the_configurations_of_the_package(installation: Installat
         assert file.stem in refusal
 
 
-@pytest.mark.parametrize("command", ["demo", "train", "evaluate"])
+def test_program_starts_without_importing_the_package(installation: Installation) -> None:
+    """Which takes most of the time of a short command."""
+    script = installation.scripts / "trifinger"
+    imported = installation.run("python", "-X", "importtime", script, "--version")
+    assert "importlib.util" in imported
+    assert "numpy" not in imported
+    assert f"trifinger {VERSION}\n" in imported
+
+
+@pytest.mark.parametrize("command", ["demo", "train", "evaluate", "film", "log plot", "log export"])
 def test_program_finds_the_commands_of_the_package(
     installation: Installation, command: str
 ) -> None:
-    usage = installation.run("trifinger", command, "--help")
+    usage = installation.run("trifinger", *command.split(), "--help")
     assert usage.startswith(f"usage: trifinger {command}")
 
 
-def test_training_says_what_it_lacks(installation: Installation) -> None:
-    refusal = installation.run("trifinger", "train", "reach", succeeds=False)
-    assert re.match(r"trifinger: gymnasium, .* are missing: pip install gymnasium==", refusal)
+@pytest.mark.parametrize(
+    ("command", "missing", "extra"),
+    [
+        ("train reach", "gymnasium, stable_baselines3, torch, tensorboard and tqdm", "learning"),
+        ("evaluate reach.policy", "gymnasium", "learning"),
+        ("film logs", "matplotlib, OpenGL and av", "film"),
+        ("log plot logs", "matplotlib", "plot"),
+        ("log export logs --format parquet", "pyarrow", "export"),
+    ],
+)
+def test_commands_say_what_they_lack(
+    installation: Installation, command: str, missing: str, extra: str
+) -> None:
+    robot = "import trifinger\nrobot = trifinger.simulate(record='logs')\n"
+    if not (installation.folder / "logs").exists():
+        installation.run("python", "-c", f"{robot}robot.append_desired_action(robot.new_action())")
+    refusal = installation.run("trifinger", *command.split(), succeeds=False)
+    packages = " ".join(PROJECT["optional-dependencies"][extra])
+    verb = "is" if missing.isidentifier() else "are"
+    assert refusal == f"trifinger: {missing} {verb} missing: pip install {packages}\n"
+
+
+def test_demo_runs_without_what_draws_it(installation: Installation) -> None:
+    told = installation.run("trifinger", "demo", "--non-real-time")
+    assert re.search(r"cube lifted by +20\.\d cm", told)
+    packages = " ".join(PROJECT["optional-dependencies"]["demo"])
+    assert f"Not drawn: matplotlib is missing: pip install {packages}\n" in told
