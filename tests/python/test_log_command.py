@@ -313,7 +313,7 @@ def test_a_page_says_what_it_needs(written: Written, tmp_path: Path) -> None:
         [sys.executable, "-c", text], capture_output=True, text=True, check=False, cwd=tmp_path
     )
     assert done.returncode == 1
-    assert 'plotly is missing: pip install "trifinger[plot]"' in done.stderr
+    assert done.stderr == "trifinger: plotly is missing: ./run setup\n"
     assert not (tmp_path / "a.html").exists()
 
 
