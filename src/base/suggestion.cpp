@@ -35,6 +35,9 @@ std::string_view closest(std::string_view word, const std::vector<std::string_vi
   // One slip per three letters is a misspelling; more is another word.
   std::size_t best_distance = word.size() / 3 + 1;
   for (const std::string_view candidate : candidates) {
+    // Every letter too many is a slip; lengths that differ more need no look at the letters.
+    const std::size_t longer = std::max(word.size(), candidate.size());
+    if (longer - std::min(word.size(), candidate.size()) >= best_distance) continue;
     const std::size_t distance = edit_distance(word, candidate);
     if (distance < best_distance) {
       best = candidate;

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <set>
 #include <string>
 #include <string_view>
+#include <unordered_map>
 #include <utility>
 #include <vector>
 
@@ -14,6 +16,9 @@
 namespace trifinger::config::detail {
 
 struct Entry;
+
+// Sections and lists in each other; deeper ones would only exhaust the stack.
+inline constexpr std::size_t kMaxDepth = 32;
 
 // One value of a configuration, with the place where it was written.
 struct Element {
@@ -24,11 +29,16 @@ struct Element {
   std::string scalar;
   bool quoted{false};  // A quoted scalar is text, whatever it looks like.
   std::vector<Element> items;
-  std::vector<Entry> entries;
+  std::vector<Entry> entries;                           // changed by `add` and `remove` alone
+  std::unordered_map<std::string, std::size_t> places;  // in `entries`, by key
   // The keys that readers have asked for, there or not. Not a part of the value.
   mutable std::set<std::string, std::less<>> asked;
 
-  [[nodiscard]] const Entry* find(std::string_view key) const noexcept;
+  [[nodiscard]] const Entry* find(const std::string& key) const noexcept;
+  [[nodiscard]] Entry* find(const std::string& key) noexcept;
+  // The key must be new.
+  Entry& add(Entry entry);
+  void remove(const std::string& key);
 };
 
 struct Entry {

@@ -6,7 +6,6 @@
 #include <charconv>
 #include <fstream>
 #include <iterator>
-#include <optional>
 #include <utility>
 
 #include "element.hpp"
@@ -18,8 +17,12 @@ namespace {
 using detail::Element;
 using detail::Entry;
 
-constexpr std::string_view kExtends = "extends";
+const std::string kExtends = "extends";
 constexpr std::string_view kSuffix = ".yml";
+// A hundred times the largest one that makes sense [bytes].
+constexpr std::size_t kMaxSize = 4'000'000;
+// Unknown keys that an error names.
+constexpr int kMaxProblems = 20;
 
 using Folders = std::vector<std::filesystem::path>;
 
@@ -33,6 +36,11 @@ std::string read_text(const std::filesystem::path& path) {
 }
 
 Element parse_sections(std::string_view text, const std::filesystem::path& name) {
+  if (text.size() > kMaxSize) {
+    throw ConfigError({.source = name.string(), .line = 1, .column = 1},
+                      "the file has " + std::to_string(text.size()) +
+                          " bytes, a configuration has at most " + std::to_string(kMaxSize));
+  }
   Element root = detail::parse(std::string(text), name.string(), false);
   if (root.kind == Element::Kind::kNull) {
     root.kind = Element::Kind::kSection;
@@ -81,7 +89,7 @@ void resolve_extends(Element& root, const std::filesystem::path& name, const Fol
   while (const Entry* const extends = root.find(kExtends)) {
     const Location location = extends->value.location;
     const auto base_name =
-        Node(std::make_shared<Element>(extends->value), std::string(kExtends)).as<std::string>();
+        Node(std::make_shared<Element>(extends->value), kExtends).as<std::string>();
     const std::filesystem::path beside = chain.back().parent_path();
     std::filesystem::path base_path = find_in(beside, base_name);
     for (auto folder = folders.begin(); base_path.empty() && folder != folders.end(); ++folder) {
@@ -97,10 +105,10 @@ void resolve_extends(Element& root, const std::filesystem::path& name, const Fol
                                       ": a file must not extend itself, nor one that extends it");
     }
     Element base = parse_sections(read_text(base_path), base_path);
-    std::erase_if(root.entries, [](const Entry& entry) { return entry.key == kExtends; });
+    root.remove(kExtends);
     // Its own `extends` comes along, for the next turn.
     for (Entry& entry : base.entries) {
-      if (root.find(entry.key) == nullptr) root.entries.push_back(std::move(entry));
+      if (root.find(entry.key) == nullptr) root.add(std::move(entry));
     }
     chain.push_back(std::move(base_path));
   }
@@ -133,13 +141,12 @@ Element& descend(Element& parent, const std::string& key, const std::string& par
   if (parent.kind != Element::Kind::kSection) {
     throw ConfigError(location, parent_path + " is no section, it has no '" + key + "'");
   }
-  for (Entry& entry : parent.entries) {
-    if (entry.key == key) return entry.value;
-  }
-  parent.entries.push_back({.key = key,
-                            .location = location,
-                            .value = detail::make_element(Element::Kind::kSection, location)});
-  return parent.entries.back().value;
+  if (Entry* entry = parent.find(key)) return entry->value;
+  return parent
+      .add({.key = key,
+            .location = location,
+            .value = detail::make_element(Element::Kind::kSection, location)})
+      .value;
 }
 
 void apply_override(Element& root, const std::string& text) {
@@ -159,9 +166,16 @@ void apply_override(Element& root, const std::string& text) {
     throw ConfigError(location, "the value is a section, must be a value or a list");
   }
 
+  const std::vector<std::string> keys = split(path);
+  if (keys.size() > detail::kMaxDepth) {
+    constexpr std::size_t kEnough = 40;
+    throw ConfigError({.source = "--set " + path.substr(0, kEnough) + "..."},
+                      "names " + std::to_string(keys.size()) + " keys in each other, at most " +
+                          std::to_string(detail::kMaxDepth) + " can be");
+  }
   Element* element = &root;
   std::string reached;
-  for (const std::string& key : split(path)) {
+  for (const std::string& key : keys) {
     if (key.empty()) throw ConfigError(location, "a key in '" + path + "' is empty");
     element = &descend(*element, key, reached, location);
     reached = detail::join(reached, key);
@@ -169,33 +183,55 @@ void apply_override(Element& root, const std::string& text) {
   *element = std::move(value);
 }
 
-// Appends one line for every entry below `element` that nobody has asked for.
-void find_unknown_keys(const Element& element, const std::string& path, std::string& problems,
-                       std::optional<Location>& first) {
-  for (std::size_t i = 0; i < element.items.size(); ++i) {
-    find_unknown_keys(element.items[i], detail::join(path, std::to_string(i)), problems, first);
-  }
-  const std::vector<std::string_view> known(element.asked.begin(), element.asked.end());
-  for (const Entry& entry : element.entries) {
-    const std::string name = detail::join(path, entry.key);
-    if (element.asked.contains(entry.key)) {
-      find_unknown_keys(entry.value, name, problems, first);
-      continue;
+// The entries of a configuration that nobody has asked for.
+class UnknownKeys {
+ public:
+  // Looks at `element` and all below it.
+  void find(const Element& element, const std::string& path) {
+    for (std::size_t i = 0; i < element.items.size(); ++i) {
+      find(element.items[i], detail::join(path, std::to_string(i)));
     }
+    const std::vector<std::string_view> known(element.asked.begin(), element.asked.end());
+    for (const Entry& entry : element.entries) {
+      const std::string name = detail::join(path, entry.key);
+      if (element.asked.contains(entry.key)) {
+        find(entry.value, name);
+      } else {
+        add(entry, name, known);
+      }
+    }
+  }
+
+  void throw_if_any() const {
+    if (count_ == 0) return;
+    const int more = count_ - kMaxProblems;
+    throw ConfigError(first_, problems_ + (more > 0 ? "\nand " + std::to_string(more) +
+                                                          " more keys that are not known"
+                                                    : ""));
+  }
+
+ private:
+  void add(const Entry& entry, const std::string& name,
+           const std::vector<std::string_view>& known) {
+    if (++count_ > kMaxProblems) return;
     // The first location is added by ConfigError.
-    if (first) {
-      problems += "\n" + entry.location.text() + ": ";
+    if (count_ == 1) {
+      first_ = entry.location;
     } else {
-      first = entry.location;
+      problems_ += "\n" + entry.location.text() + ": ";
     }
-    problems += name + " is not a known key";
+    problems_ += name + " is not a known key";
     if (const std::string_view meant = closest(entry.key, known); !meant.empty()) {
-      problems += "; did you mean '" + std::string(meant) + "'?";
+      problems_ += "; did you mean '" + std::string(meant) + "'?";
     } else if (!known.empty()) {
-      problems += "; known are " + quoted_list(known, "and");
+      problems_ += "; known are " + quoted_list(known, "and");
     }
   }
-}
+
+  Location first_;
+  std::string problems_;  // a line for each
+  int count_{0};
+};
 
 void collect_values(const Element& element, const std::string& path,
                     std::map<std::string, std::string>& values) {
@@ -239,10 +275,9 @@ std::map<std::string, std::string> File::values() const {
 }
 
 void File::reject_unknown_keys() const {
-  std::string problems;
-  std::optional<Location> first;
-  find_unknown_keys(*root_, "", problems, first);
-  if (first) throw ConfigError(*first, problems);
+  UnknownKeys unknown;
+  unknown.find(*root_, "");
+  unknown.throw_if_any();
 }
 
 }  // namespace trifinger::config

@@ -140,7 +140,7 @@ Node Node::child(const Element& element, std::string_view key) const {
 std::optional<Node> Node::find(std::string_view key) const {
   require_section();
   element_->asked.emplace(key);
-  const Entry* entry = element_->find(key);
+  const Entry* entry = element_->find(std::string(key));
   if (entry == nullptr) return std::nullopt;
   return child(entry->value, key);
 }
@@ -157,7 +157,7 @@ Node Node::at(std::string_view key, std::string_view unit) const {
   }
   const std::string_view misspelt = closest(key, unasked);
   if (misspelt.empty()) throw ConfigError(location(), problem);
-  throw ConfigError(element_->find(misspelt)->location,
+  throw ConfigError(element_->find(std::string(misspelt))->location,
                     problem + "; is '" + std::string(misspelt) + "' meant to be it?");
 }
 

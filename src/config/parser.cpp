@@ -105,6 +105,10 @@ class TreeBuilder final : public YAML::EventHandler {
     refuse_tag(mark, tag);
     if (expects_key())
       fail(mark, "a key is a list or a section, must be a word; is a bracket not closed?");
+    if (open_.size() == kMaxDepth) {
+      fail(mark, "sections and lists are nested deeper than " + std::to_string(kMaxDepth) +
+                     " levels, no configuration is");
+    }
     open_.push_back(make_element(kind, location(mark)));
     keys_.emplace_back();
   }
@@ -123,7 +127,7 @@ class TreeBuilder final : public YAML::EventHandler {
       open_.back().items.push_back(std::move(element));
     } else {
       keys_.back()->value = std::move(element);
-      open_.back().entries.push_back(std::move(*keys_.back()));
+      open_.back().add(std::move(*keys_.back()));
       keys_.back().reset();
     }
   }
@@ -139,11 +143,25 @@ class TreeBuilder final : public YAML::EventHandler {
 
 }  // namespace
 
-const Entry* Element::find(std::string_view key) const noexcept {
-  for (const Entry& entry : entries) {
-    if (entry.key == key) return &entry;
-  }
-  return nullptr;
+const Entry* Element::find(const std::string& key) const noexcept {
+  const auto place = places.find(key);
+  return place == places.end() ? nullptr : &entries[place->second];
+}
+
+Entry* Element::find(const std::string& key) noexcept {
+  const auto place = places.find(key);
+  return place == places.end() ? nullptr : &entries[place->second];
+}
+
+Entry& Element::add(Entry entry) {
+  places.emplace(entry.key, entries.size());
+  return entries.emplace_back(std::move(entry));
+}
+
+void Element::remove(const std::string& key) {
+  std::erase_if(entries, [&key](const Entry& entry) { return entry.key == key; });
+  places.clear();
+  for (std::size_t i = 0; i < entries.size(); ++i) places.emplace(entries[i].key, i);
 }
 
 Element parse(const std::string& text, const std::string& source, bool is_override) {

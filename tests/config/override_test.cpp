@@ -35,6 +35,15 @@ TEST(Override, ReplacesAValueOfTheFile) {
   EXPECT_EQ(with("name=a=b").root().required<std::string>("name"), "a=b");
 }
 
+TEST(Override, fault_59_RefusesAPathThatIsDeeperThanAnyConfiguration) {
+  std::string path = "a";
+  for (int i = 1; i < 100'000; ++i) path += ".a";
+  EXPECT_EQ(
+      problem_with(path + "=1"),
+      "--set a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a....: names 100000 keys in each other, at "
+      "most 32 can be");
+}
+
 TEST(Override, IsInTheTextOfTheWholeConfiguration) {
   const File file = File::parse(
       "name: \"0.3\"\nfingers:\n  height: 0.3\nobjects:\n  - mass: 0.1\n"

@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstddef>
 #include <random>
 #include <string>
@@ -112,6 +113,57 @@ TEST(Parser, fault_59_AnswersEveryDamagedFileWithAConfigurationOrAConfigError) {
     }
   }
   EXPECT_GT(refused, 1000);
+}
+
+TEST(Parser, fault_59_RefusesWhatIsNestedDeeperThanAnyConfiguration) {
+  const auto nested = [](std::size_t depth) {
+    return "a: " + std::string(depth, '[') + std::string(depth, ']') + "\n";
+  };
+  // The file itself is the first level.
+  EXPECT_NO_THROW((void)File::parse(nested(31), "robot.yml"));
+  EXPECT_EQ(problem_in(nested(32)),
+            "robot.yml:1:35: sections and lists are nested deeper than 32 levels, no configuration "
+            "is");
+  std::string sections;
+  for (std::size_t i = 0; i < 1000; ++i) sections += std::string(i, ' ') + "a:\n";
+  for (const std::string& text : {nested(1'000'000), sections, "a: " + std::string(100'000, '{')}) {
+    EXPECT_THROW((void)File::parse(text, "robot.yml"), ConfigError) << text.substr(0, 10);
+  }
+}
+
+TEST(Parser, fault_59_RefusesAliasesBeforeTheyGrow) {
+  std::string bomb = "a0: &a0 [1, 1]\n";
+  for (int i = 1; i < 64; ++i) {
+    const std::string before = "*a" + std::to_string(i - 1);
+    bomb += "a" + std::to_string(i) + ": &a" + std::to_string(i) + " [" + before + ", " + before +
+            "]\n";
+  }
+  EXPECT_EQ(problem_in(bomb),
+            "robot.yml:1:5: anchors and aliases are not supported, write the value out");
+}
+
+TEST(Parser, fault_59_ReadsAHundredThousandKeysAndNamesTheFirstThatAreNotKnown) {
+  constexpr int kKeys = 100'000;
+  std::string text;
+  for (int i = 0; i < kKeys; ++i) text += "key" + std::to_string(i) + ": 1\n";
+  const File file = File::parse(text, "robot.yml");
+  const Node root = file.root();
+  for (int i = 10; i < kKeys; ++i) {
+    ASSERT_EQ(root.required<int>("key" + std::to_string(i)), 1);
+  }
+  EXPECT_TRUE(message_of([&] {
+                file.reject_unknown_keys();
+              }).starts_with("robot.yml:1:1: key0 is not a known key; did you mean"));
+  const std::string unknown =
+      message_of([&] { File::parse(text, "robot.yml").reject_unknown_keys(); });
+  EXPECT_EQ(std::ranges::count(unknown, '\n'), 20);
+  EXPECT_TRUE(unknown.ends_with("\nand 99980 more keys that are not known"));
+}
+
+TEST(Parser, fault_59_RefusesAFileThatIsLargerThanAnyConfiguration) {
+  const std::string text(4'000'001, '#');
+  EXPECT_EQ(problem_in(text),
+            "robot.yml:1:1: the file has 4000001 bytes, a configuration has at most 4000000");
 }
 
 TEST(Parser, GivesTheLocationAsData) {
