@@ -3,6 +3,7 @@
 
 #include <fmt/core.h>
 
+#include <csignal>
 #include <cstdio>
 #include <exception>
 #include <string>
@@ -13,6 +14,9 @@
 namespace trifinger::apps {
 
 int run_and_report(std::string_view program, const std::function<int()>& work) {
+  // A file that reaches the limit of sizes (ulimit -f) is to be an error of its write, like a full
+  // disk, and not the end of a robot.
+  std::signal(SIGXFSZ, SIG_IGN);
   std::string problem;
   int exit_code = kFailed;
   try {

@@ -10,6 +10,7 @@ namespace trifinger::apps {
 inline constexpr int kDone = 0;
 inline constexpr int kFailed = 1;
 inline constexpr int kWrongUsage = 2;
+inline constexpr int kIncomplete = 3;  // The work was done, but its log lacks something.
 
 // What the user typed has no meaning. The text says what would have one.
 class UsageError : public std::runtime_error {

@@ -20,6 +20,7 @@
 #include "commands.hpp"
 #include "log_text.hpp"
 #include "quantity.hpp"
+#include "run_recorder.hpp"
 #include "session_state.hpp"
 #include "signals.hpp"
 #include "terminal.hpp"
@@ -269,6 +270,13 @@ std::shared_ptr<const std::atomic<bool>> watch_standard_input() {
   return has_byte;
 }
 
+// For `trifinger run --record`: says that the recorder gets on, if it has since the last time.
+void give_sign(const log::RecorderState& state, std::uint64_t& progress) {
+  if (std::exchange(progress, state.progress) == state.progress) return;
+  fmt::print("{}\n", kRecorderSign);
+  std::fflush(stdout);
+}
+
 int record(const RecordOptions& options) {
   const Signals signals;
   for (const int signal : {SIGTTOU, SIGPIPE}) std::signal(signal, SIG_IGN);
@@ -278,6 +286,7 @@ int record(const RecordOptions& options) {
   RecordReporter reporter;
 
   bool is_stopping = false;
+  std::uint64_t progress = 0;
   while (!thread.has_ended()) {
     if (const std::optional<int> signal = signals.wait(kRefresh)) {
       if (is_stopping) Signals::die_of(*signal);
@@ -293,6 +302,7 @@ int record(const RecordOptions& options) {
       thread.recorder().request_stop();
     }
     reporter.look(thread, is_stopping);
+    if (is_child) give_sign(thread.recorder().state(), progress);
   }
   reporter.look(thread, is_stopping);
   if (thread.failure() != nullptr) std::rethrow_exception(thread.failure());

@@ -8,6 +8,7 @@
 #include <chrono>
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <exception>
 #include <filesystem>
 #include <fstream>
@@ -123,13 +124,15 @@ class RunReporter {
     console_.print(about, text, style);
   }
 
-  // Looks at the current session.
-  void look(bool is_stopping) {
+  // Looks at the current session. `recorder_trouble` is what is wrong with its recorder.
+  void look(bool is_stopping, const std::string& recorder_trouble) {
     if (session_) observe(*session_);
     // The next one is looked for only when there may be one: in the process of the loop a mapping
     // is not free.
     if (!session_ || phase_ == SessionInfo::Phase::kEnded) find_next_session();
-    if (session_ && console_.is_live()) console_.draw(status_line(is_stopping));
+    if (session_ && console_.is_live()) {
+      console_.draw(status_line(is_stopping, recorder_trouble));
+    }
   }
 
  private:
@@ -192,12 +195,16 @@ class RunReporter {
     return text;
   }
 
-  [[nodiscard]] std::vector<Segment> status_line(bool is_stopping) const {
+  [[nodiscard]] std::vector<Segment> status_line(bool is_stopping,
+                                                 const std::string& recorder_trouble) const {
     const SessionInfo info = session_->session().info();
     const Health health = health_of(info);
     const std::string state = is_stopping ? "stopping" : state_text(info);
     std::vector<Segment> segments{{name_, 10, Style::kBold},
                                   {state, 11, is_stopping ? Style::kWarning : style_of(health)}};
+    if (!recorder_trouble.empty()) {
+      segments.push_back({"recorder " + recorder_trouble, 10, Style::kBad});
+    }
     if (info.phase == SessionInfo::Phase::kRunning) {
       const LoopFigures::Counts recent = figures_.last_second();
       segments.push_back({rate_text(figures_.rate()), 9, Style::kPlain});
@@ -284,6 +291,13 @@ void ignore_signals_of_terminals() {
   for (const int signal : {SIGTSTP, SIGTTOU, SIGPIPE}) std::signal(signal, SIG_IGN);
 }
 
+// Ends the program as a kill would, so that the memory of the last session stays where it is: what
+// its log lacks is there. The robot is at rest.
+[[noreturn]] void leave_memory_behind(int exit_code) {
+  std::fflush(nullptr);
+  std::_Exit(exit_code);
+}
+
 int run(const RunOptions& options) {
   const Signals signals;
   ignore_signals_of_terminals();
@@ -317,11 +331,11 @@ int run(const RunOptions& options) {
   const auto report = [&](bool is_stopping) {
     // Taken before the look: the end that a sentence belongs to is told first.
     const std::vector<std::string> sentences = messages.take();
-    reporter.look(is_stopping);
+    reporter.look(is_stopping, recorder != nullptr ? recorder->trouble() : "");
     for (const std::string& sentence : sentences) reporter.print(sentence);
     if (recorder != nullptr) {
-      for (const std::string& line : recorder->take_lines()) {
-        reporter.print("recorder", line, Style::kPlain);
+      for (const RunRecorder::Line& line : recorder->look()) {
+        reporter.print("recorder", line.text, line.style);
       }
     }
     for (const log::FlightRecorder::Left& left : flight_recorder.write()) {
@@ -351,6 +365,19 @@ int run(const RunOptions& options) {
       report(is_stopping);
     }
     report(is_stopping);
+  }
+  const std::string missing = recorder != nullptr ? recorder->failure() : "";
+  if (!missing.empty()) {
+    reporter.print("recorder",
+                   fmt::format("{}. The log in {} lacks the end; it is still in memory: 'trifinger "
+                               "record {} --until-end --to {}' writes it, here or in another "
+                               "folder, until a back-end of this name is started",
+                               missing, options.record->string(), name, options.record->string()),
+                   Style::kBad);
+    leave_memory_behind(loop.failure() == nullptr ? kIncomplete
+                                                  : run_and_report("trifinger", [&loop]() -> int {
+                                                      std::rethrow_exception(loop.failure());
+                                                    }));
   }
   if (loop.failure() != nullptr) std::rethrow_exception(loop.failure());
   reporter.print("stopped");
@@ -414,6 +441,8 @@ void add_run(CLI::App& program, Action& action) {
                     "Save power: processors may enter states that they wake from slowly");
   command->footer(
       "Ctrl-C, SIGTERM and SIGHUP bring the robot to rest, exit code 0; a second one kills.\n"
+      "A recorder that dies is replaced, one that stands still is told of. Exit code 3 says that\n"
+      "the log lacks the end of the last session, and how to get it.\n"
       "A fault leaves a log of the last seconds in $TRIFINGER_LOG_DIR, default\n"
       "~/.local/state/trifinger; a simulation that diverges leaves the state before, too.\n"
       "Example:\n"

@@ -14,6 +14,7 @@
 #include <exception>
 #include <future>
 #include <mutex>
+#include <string_view>
 #include <thread>
 #include <utility>
 
@@ -26,8 +27,63 @@
 namespace trifinger::apps {
 namespace {
 
+using Line = RunRecorder::Line;
+
+// A recorder gives a sign several times a second.
+constexpr Nanoseconds kWorryingSilence = std::chrono::seconds(2);
+// At the end of the program.
+constexpr Nanoseconds kPatience = std::chrono::seconds(10);
+// Before the next recorder is started where one has died without having given a sign.
+constexpr Nanoseconds kPause = std::chrono::seconds(1);
+// Recorders that may try to write the end.
+constexpr int kMaxEndings = 2;
+
+[[nodiscard]] Instant now() noexcept { return std::chrono::steady_clock::now(); }
+
+// Knows from its signs whether a recorder gets on, and says so once when that changes.
+class Vigil {
+ public:
+  // A recorder is started, or gets on.
+  void begin() noexcept { last_sign_ = now(); }
+  void see_sign() {
+    begin();
+    if (trouble_.empty()) return;
+    lines_.push_back(
+        {fmt::format("is well again after {}", duration_text(now() - trouble_since_))});
+    trouble_.clear();
+  }
+  // `trouble` in a few words, `text` in a sentence. Told if it is the first or a different one.
+  void see_trouble(const std::string& trouble, const std::string& text) {
+    if (trouble_.empty()) trouble_since_ = last_sign_;
+    if (trouble_ != trouble) lines_.push_back({text, Style::kBad});
+    trouble_ = trouble;
+  }
+  // To be called after the signs so far were seen.
+  void look() {
+    if (trouble_.empty() && silence() > kWorryingSilence) {
+      see_trouble("stands still",
+                  fmt::format("has stood still for {}: it was stopped, or its disk hangs. What it "
+                              "misses is not lost as long as the history of the session holds it",
+                              duration_text(kWorryingSilence)));
+    }
+  }
+  void say(std::string text, Style style = Style::kPlain) {
+    lines_.push_back({std::move(text), style});
+  }
+
+  [[nodiscard]] Nanoseconds silence() const noexcept { return now() - last_sign_; }
+  [[nodiscard]] const std::string& trouble() const noexcept { return trouble_; }
+  [[nodiscard]] std::vector<Line> take_lines() { return std::exchange(lines_, {}); }
+
+ private:
+  Instant last_sign_{now()};
+  Instant trouble_since_;
+  std::string trouble_;  // that was told
+  std::vector<Line> lines_;
+};
+
 // `trifinger record` as a child. It notices by itself when we are gone; a byte on its standard
-// input says that the robot has stopped.
+// input says that the robot has stopped. On its output it gives a sign as long as it gets on.
 class RecorderProcess final : public RunRecorder {
  public:
   RecorderProcess(std::string robot, std::filesystem::path folder)
@@ -39,29 +95,28 @@ class RecorderProcess final : public RunRecorder {
   RecorderProcess(const RecorderProcess&) = delete;
   RecorderProcess& operator=(const RecorderProcess&) = delete;
 
-  std::vector<std::string> take_lines() override {
-    read_output();
+  std::vector<Line> look() override {
     look_after_child();
-    return std::exchange(lines_, {});
+    return vigil_.take_lines();
   }
 
+  std::string trouble() const override { return vigil_.trouble(); }
+  std::string failure() const override { return failure_; }
+
   bool finish(Nanoseconds timeout) override {
-    if (child_ == 0) return true;
-    if (!is_told_) {
-      // A child that is gone is found below.
-      static_cast<void>(::write(input_.get(), "", 1));
-      is_told_ = true;
-    }
+    is_ending_ = true;
     const Deadline deadline(timeout);
-    while (child_ != 0 && !deadline.passed()) {
+    look_after_child();
+    while (!is_over_ && !deadline.passed()) {
+      tell_child();
+      end_silence();
       // Its output ends with it.
       pollfd output{.fd = output_.get(), .events = POLLIN, .revents = 0};
       const timespec time{.tv_sec = 0, .tv_nsec = deadline.remaining(timeout).count()};
-      ::ppoll(&output, 1, &time, nullptr);
-      read_output();
+      ::ppoll(&output, child_ == 0 ? 0 : 1, &time, nullptr);
       look_after_child();
     }
-    return child_ == 0;
+    return is_over_;
   }
 
  private:
@@ -113,7 +168,10 @@ class RecorderProcess final : public RunRecorder {
     if (error != 0) throw SystemError("start a recorder", error);
 
     child_ = child;
-    started_ = std::chrono::steady_clock::now();
+    has_given_sign_ = is_told_ = was_killed_ = false;
+    text_.clear();
+    last_words_.clear();
+    vigil_.begin();
     input_ = std::move(input.write);
     output_ = std::move(output.read);
     ::fcntl(output_.get(), F_SETFL, O_NONBLOCK);
@@ -131,41 +189,107 @@ class RecorderProcess final : public RunRecorder {
     for (std::size_t end = text_.find('\n'); end != std::string::npos; end = text_.find('\n')) {
       const std::string line = text_.substr(0, end);
       text_.erase(0, end + 1);
-      for (const std::string_view head : {"recorder: ", "trifinger: "}) {
-        if (line.starts_with(head)) lines_.push_back(line.substr(head.size()));
+      if (line == kRecorderSign) {
+        has_given_sign_ = true;
+        vigil_.see_sign();
+      } else if (line.starts_with(kSaid)) {
+        vigil_.say(line.substr(kSaid.size()));
+      } else if (line.starts_with(kFailed)) {
+        last_words_ = line.substr(kFailed.size());
       }
     }
   }
 
-  // Starts another one for one that was killed: it goes on where that was cut off.
+  // Starts another one for one that is gone: it goes on where that was cut off.
   void look_after_child() {
-    if (child_ == 0) return;
-    int status = 0;
-    if (::waitpid(child_, &status, WNOHANG) != child_) return;
+    if (is_over_) return;
     read_output();
-    child_ = 0;
-    if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return;
-    constexpr Nanoseconds kShort = std::chrono::seconds(1);
-    const bool was_killed = WIFSIGNALED(status);
-    const bool has_just_begun = std::chrono::steady_clock::now() - started_ < kShort;
-    if (!was_killed || has_just_begun) {
-      lines_.emplace_back("has failed: nothing is recorded any more");
+    if (child_ == 0) {
+      if (now() >= next_start_) start_again();
       return;
     }
-    lines_.push_back(fmt::format("was killed by signal {}; another one goes on", WTERMSIG(status)));
-    is_told_ = false;
-    spawn();
+    int status = 0;
+    if (::waitpid(child_, &status, WNOHANG) != child_) {
+      vigil_.look();
+      return;
+    }
+    read_output();
+    child_ = 0;
+    if (WIFEXITED(status) && WEXITSTATUS(status) == 0) {
+      is_over_ = true;
+      return;
+    }
+    const std::string how =
+        was_killed_           ? "stood still at the end and was killed"
+        : WIFSIGNALED(status) ? fmt::format("was killed by signal {}", WTERMSIG(status))
+        : last_words_.empty() ? fmt::format("has failed with exit code {}", WEXITSTATUS(status))
+                              : "has failed: " + last_words_;
+    if (is_ending_ && ++endings_ >= kMaxEndings) {
+      give_up(how);
+      return;
+    }
+    vigil_.see_trouble("is gone", how + "; another one goes on");
+    // One that fails at once is not tried again and again without a pause.
+    next_start_ = has_given_sign_ ? Instant{} : now() + kPause;
+    if (now() >= next_start_) start_again();
   }
+
+  void start_again() {
+    try {
+      spawn();
+    } catch (const SystemError& error) {
+      vigil_.see_trouble("cannot be started", error.what());
+      next_start_ = now() + kPause;
+      if (is_ending_ && ++endings_ >= kMaxEndings) give_up(error.what());
+    }
+  }
+
+  // Says that the robot has stopped.
+  void tell_child() {
+    if (child_ == 0 || is_told_) return;
+    // A child that is gone is found by `look_after_child`.
+    static_cast<void>(::write(input_.get(), "", 1));
+    is_told_ = true;
+  }
+
+  // At the end nobody waits for ever: a recorder that stands still makes room for another one,
+  // unless the system does not let it die.
+  void end_silence() {
+    if (child_ == 0 || vigil_.silence() < kPatience) return;
+    if (was_killed_) {
+      give_up(fmt::format("stands still, and process {} cannot be killed", child_));
+      return;
+    }
+    ::kill(child_, SIGKILL);
+    was_killed_ = true;
+    vigil_.begin();
+  }
+
+  void give_up(const std::string& why) {
+    is_over_ = true;
+    failure_ = why;
+  }
+
+  static constexpr std::string_view kSaid = "recorder: ";
+  static constexpr std::string_view kFailed = "trifinger: ";
 
   std::string robot_;
   std::filesystem::path folder_;
-  pid_t child_{0};
-  Instant started_;
+  pid_t child_{0};  // 0: there is none at present
   ipc::FileDescriptor input_;
   ipc::FileDescriptor output_;
-  std::string text_;
-  std::vector<std::string> lines_;
+  std::string text_;  // of the output, that is not yet a whole line
+  std::string last_words_;
+  bool has_given_sign_{false};
   bool is_told_{false};
+  bool was_killed_{false};
+
+  Vigil vigil_;
+  Instant next_start_;
+  bool is_ending_{false};
+  int endings_{0};  // that have failed
+  bool is_over_{false};
+  std::string failure_;
 };
 
 // A recorder in a thread of this process, which the back-end waits for.
@@ -180,7 +304,7 @@ class RecorderInThread final : public RunRecorder {
       try {
         recorder_.run();
       } catch (const std::exception& error) {
-        add(error.what());
+        failure_ = error.what();
       }
       returned.set_value();
     });
@@ -189,15 +313,25 @@ class RecorderInThread final : public RunRecorder {
   RecorderInThread& operator=(const RecorderInThread&) = delete;
   ~RecorderInThread() override { recorder_.request_stop(); }
 
-  std::vector<std::string> take_lines() override {
+  std::vector<Line> look() override {
+    look_at_progress();
+    std::vector<Line> lines = vigil_.take_lines();
     const std::lock_guard lock(mutex_);
-    return std::exchange(lines_, {});
+    for (std::string& line : std::exchange(lines_, {})) lines.push_back({std::move(line)});
+    return lines;
   }
+
+  std::string trouble() const override { return vigil_.trouble(); }
 
   bool finish(Nanoseconds timeout) override {
     recorder_.request_stop();
-    return returned_.wait_for(timeout) == std::future_status::ready;
+    if (returned_.wait_for(timeout) == std::future_status::ready) return true;
+    look_at_progress();
+    is_given_up_ = vigil_.silence() >= kPatience;
+    return is_given_up_;
   }
+
+  std::string failure() const override { return is_given_up_ ? "stands still" : failure_; }
 
  private:
   log::RecorderOptions options(const std::filesystem::path& folder) {
@@ -211,6 +345,14 @@ class RecorderInThread final : public RunRecorder {
     return options;
   }
 
+  void look_at_progress() {
+    if (const std::uint64_t progress = recorder_.state().progress; progress != progress_) {
+      progress_ = progress;
+      vigil_.see_sign();
+    }
+    vigil_.look();
+  }
+
   void add(const std::string& line) {
     {
       const std::lock_guard lock(mutex_);
@@ -222,6 +364,10 @@ class RecorderInThread final : public RunRecorder {
   std::mutex mutex_;
   std::vector<std::string> lines_;
   log::Recorder recorder_;
+  Vigil vigil_;
+  std::uint64_t progress_{0};
+  bool is_given_up_{false};
+  std::string failure_;  // of the thread, once it has returned
   std::future<void> returned_;
   std::jthread thread_;  // last: it uses the others
 };

@@ -205,9 +205,12 @@ void require_valid_name(const std::string& name) {
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' ||
            c == '-';
   };
-  if (name.empty() || name.size() > 64 || !std::ranges::all_of(name, is_allowed)) {
+  // A name that begins with '-' would be an option to every command.
+  if (name.empty() || name.size() > 64 || name.front() == '-' ||
+      !std::ranges::all_of(name, is_allowed)) {
     throw InvalidArgument("'" + name +
-                          "' cannot name a robot: use 1 to 64 letters, digits, '_' and '-'");
+                          "' cannot name a robot: use 1 to 64 letters, digits, '_' and '-', and "
+                          "begin with one of the first three");
   }
 }
 
@@ -734,16 +737,24 @@ SessionPlace::SessionPlace(std::shared_ptr<Directory> directory, std::string nam
 
 void SessionPlace::take_name() {
   if (!ipc::try_lock(lock_.file())) {
-    std::string owner = "another process";
+    std::optional<ipc::ProcessIdentity> owner;
+    std::string text = "another process";
     try {
       const SessionMapping session(directory_, name_);
-      owner = ipc::describe({session.header().backend_pid, session.header().backend_start_time}) +
-              " on " + session.host();
+      owner = {session.header().backend_pid, session.header().backend_start_time};
+      text = ipc::describe(*owner) + " on " + session.host();
     } catch (const Error&) {
       // It has just taken the name and has no session yet.
     }
-    throw RobotOwned("robot '" + name_ + "' is run by " + owner +
-                     "; stop it with 'trifinger stop " + name_ + "', or choose another name");
+    const ipc::LockPatience patience;
+    bool is_taken = false;
+    while (!is_taken && patience.wait(owner && owner->is_ending())) {
+      is_taken = ipc::try_lock(lock_.file());
+    }
+    if (!is_taken) {
+      throw RobotOwned("robot '" + name_ + "' is run by " + text +
+                       "; stop it with 'trifinger stop " + name_ + "', or choose another name");
+    }
   }
   directory_->remove_all(std::string(kPrefix) + name_ + ".", lock_file(name_));
 }

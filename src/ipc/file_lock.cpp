@@ -4,6 +4,7 @@
 #include <fcntl.h>
 
 #include <cerrno>
+#include <thread>
 
 #include "trifinger/base/error.hpp"
 
@@ -24,6 +25,17 @@ bool try_lock(const FileDescriptor& file) {
   if (::fcntl(file.get(), F_OFD_SETLK, &lock) == 0) return true;
   if (errno == EAGAIN || errno == EACCES) return false;
   throw SystemError("lock a session file", errno);
+}
+
+bool LockPatience::wait(bool holder_is_ending) const {
+  constexpr Nanoseconds kLook = std::chrono::milliseconds(5);
+  // There is an instant in which a kill is no longer pending and not yet seen otherwise.
+  constexpr Nanoseconds kDoubt = std::chrono::milliseconds(100);
+  constexpr Nanoseconds kLongest = std::chrono::seconds(10);
+  const Nanoseconds waited = std::chrono::steady_clock::now() - begin_;
+  if (waited >= (holder_is_ending ? kLongest : kDoubt)) return false;
+  std::this_thread::sleep_for(kLook);
+  return true;
 }
 
 void unlock(const FileDescriptor& file) noexcept {

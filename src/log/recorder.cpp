@@ -81,7 +81,7 @@ void require_names(const std::vector<std::string>& robots) {
       return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
              c == '_' || c == '-';
     };
-    if (name.empty() || !std::ranges::all_of(name, is_allowed)) {
+    if (name.empty() || name.front() == '-' || !std::ranges::all_of(name, is_allowed)) {
       throw InvalidArgument("'" + name + "' is not the name of a robot" +
                             (name.find('.') == std::string::npos
                                  ? ""
@@ -118,6 +118,8 @@ class Recorder::Implementation {
   void run() {
     try {
       while (!stop_requested_.load(std::memory_order_acquire) && !is_over()) {
+        // relaxed: a sign of life; nothing belongs to it.
+        rounds_.fetch_add(1, std::memory_order_relaxed);
         look_for_sessions();
         watch_wall_clock();
         work();
@@ -142,7 +144,13 @@ class Recorder::Implementation {
 
   RecorderState state() const {
     const std::lock_guard lock(mutex_);
-    return state_;
+    RecorderState state = state_;
+    // relaxed: only the change counts. A long history is written in one round.
+    state.progress = rounds_.load(std::memory_order_relaxed);
+    if (written_ != nullptr) {
+      state.progress += static_cast<std::uint64_t>(written_->load(std::memory_order_relaxed));
+    }
+    return state;
   }
 
   // --- of the back-end's thread ---
@@ -336,6 +344,10 @@ class Recorder::Implementation {
   }
 
   void pump(RecordedRobot& robot, SessionRecorder& session) {
+    {
+      const std::lock_guard lock(mutex_);
+      written_ = session.shared_next_step();
+    }
     try {
       session.begin_after(robot.last_time);
       LogWriter& log = recording_.log();
@@ -524,6 +536,7 @@ class Recorder::Implementation {
   Recording recording_;
   std::deque<RecordedRobot> robots_;
   std::atomic<bool> stop_requested_{false};
+  std::atomic<std::uint64_t> rounds_{0};
   Nanoseconds period_{kPollPeriod};
   bool hurry_{false};
   std::optional<Nanoseconds> wall_clock_offset_;  // to the monotonic clock, as last told
@@ -540,6 +553,7 @@ class Recorder::Implementation {
   mutable std::mutex mutex_;
   // Guarded by the mutex.
   RecorderState state_;
+  std::shared_ptr<const std::atomic<TimeIndex>> written_;  // of the session that is being written
   std::deque<Handed> inbox_;
   std::size_t dropped_{0};
   bool is_over_{false};

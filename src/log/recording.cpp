@@ -190,6 +190,43 @@ class PositionSearch {
   Position position_;
 };
 
+// Who holds a lock, as the lock's file has it. Everything works without: it is for messages, and
+// for whoever waits.
+struct LockOwner {
+  ipc::ProcessIdentity recorder;
+  ipc::ProcessIdentity robot;  // the process with which the recorder ends, if there is one
+
+  static LockOwner read(const ipc::FileDescriptor& file) noexcept {
+    LockOwner owner;
+    if (::pread(file.get(), &owner, sizeof(owner), 0) != sizeof(owner)) return {};
+    return owner;
+  }
+  void write(const ipc::FileDescriptor& file) const noexcept {
+    static_cast<void>(::pwrite(file.get(), this, sizeof(*this), 0));
+  }
+  [[nodiscard]] bool is_known() const noexcept { return recorder.pid != 0; }
+  [[nodiscard]] bool is_finishing() const noexcept {
+    return (robot.pid != 0 && robot.is_ending()) || (is_known() && recorder.is_ending());
+  }
+};
+
+[[noreturn]] void throw_recorded(const std::filesystem::path& folder, const std::string& robot,
+                                 const LockOwner& owner) {
+  throw AlreadyRecorded("robot '" + robot + "' is recorded into " + folder.string() + " by " +
+                        (owner.is_known() ? ipc::describe(owner.recorder) : "another process") +
+                        "; choose another folder, or stop that one");
+}
+
+[[noreturn]] void throw_unfinished(const std::filesystem::path& folder, const std::string& robot,
+                                   const LockOwner& owner) {
+  throw AlreadyRecorded(
+      "robot '" + robot + "' is recorded into " + folder.string() + " by " +
+      ipc::describe(owner.recorder) +
+      ", whose back-end is gone and which does not finish; choose another folder, or end it with "
+      "'kill -9 " +
+      std::to_string(owner.recorder.pid) + "'");
+}
+
 std::unique_ptr<mcap::Sink> open_file(const std::filesystem::path& path,
                                       std::optional<std::uint64_t> size) {
   return std::make_unique<mcap::FileSink>(size ? mcap::FileSink::resume(path, *size)
@@ -200,19 +237,20 @@ std::unique_ptr<mcap::Sink> open_file(const std::filesystem::path& path,
 
 // --- RecordingLock ---
 
-RecordingLock::RecordingLock(const std::filesystem::path& folder, const std::string& robot)
+RecordingLock::RecordingLock(const std::filesystem::path& folder, const std::string& robot,
+                             const std::optional<ipc::ProcessIdentity>& robot_process)
     : path_(folder / ("." + robot + ".recorder")) {
   constexpr mode_t kMode = S_IRUSR | S_IWUSR | S_IRGRP | S_IROTH;
+  const ipc::LockPatience patience;
   while (true) {
     file_ = ipc::FileDescriptor(
         [this] { return ::open(path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, kMode); });
     if (!file_) throw SystemError("open " + path_.string(), errno);
     if (!ipc::try_lock(file_)) {
-      ipc::ProcessIdentity owner;
-      const bool is_known = ::pread(file_.get(), &owner, sizeof(owner), 0) == sizeof(owner);
-      throw AlreadyRecorded("robot '" + robot + "' is recorded into " + folder.string() + " by " +
-                            (is_known ? ipc::describe(owner) : "another process") +
-                            "; choose another folder, or stop that one");
+      const LockOwner owner = LockOwner::read(file_);
+      if (patience.wait(owner.is_finishing())) continue;
+      if (owner.is_finishing()) throw_unfinished(folder, robot, owner);
+      throw_recorded(folder, robot, owner);
     }
     // The one before may have removed the file between our two calls.
     struct stat ours{};
@@ -222,9 +260,8 @@ RecordingLock::RecordingLock(const std::filesystem::path& folder, const std::str
       break;
     }
   }
-  const auto self = ipc::ProcessIdentity::of_this_process();
-  // For people: recording works without.
-  static_cast<void>(::pwrite(file_.get(), &self, sizeof(self), 0));
+  LockOwner{ipc::ProcessIdentity::of_this_process(), robot_process.value_or(ipc::ProcessIdentity{})}
+      .write(file_);
 }
 
 RecordingLock::~RecordingLock() {
@@ -240,7 +277,9 @@ Recording::Recording(const std::vector<std::string>& robots, const RecorderOptio
   std::error_code error;
   std::filesystem::create_directories(options_.folder, error);
   if (error) throw SystemError("make the folder " + options_.folder.string(), error.value());
-  for (const std::string& robot : robots) locks_.emplace_back(options_.folder, robot);
+  for (const std::string& robot : robots) {
+    locks_.emplace_back(options_.folder, robot, options_.until_process_ends);
+  }
   look_at(find_files());
 }
 

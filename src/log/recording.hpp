@@ -13,6 +13,7 @@
 #include "session_recorder.hpp"
 #include "trifinger/base/time.hpp"
 #include "trifinger/ipc/file_descriptor.hpp"
+#include "trifinger/ipc/process.hpp"
 #include "trifinger/log/log_writer.hpp"
 #include "trifinger/log/recorder.hpp"
 #include "trifinger/mcap/reader.hpp"
@@ -25,8 +26,11 @@ namespace trifinger::log {
 // The right to record one robot into one folder, as long as the object lives.
 class RecordingLock {
  public:
-  // Throws AlreadyRecorded, SystemError.
-  RecordingLock(const std::filesystem::path& folder, const std::string& robot);
+  // `robot_process`: the process with which the recorder ends, if there is one. Waits for an owner
+  // whose own such process is gone, since that one is about to finish. Throws AlreadyRecorded,
+  // SystemError.
+  RecordingLock(const std::filesystem::path& folder, const std::string& robot,
+                const std::optional<ipc::ProcessIdentity>& robot_process);
   RecordingLock(RecordingLock&&) noexcept = default;
   RecordingLock& operator=(RecordingLock&&) = delete;
   RecordingLock(const RecordingLock&) = delete;

@@ -63,6 +63,9 @@ class SessionRecorder {
   [[nodiscard]] const Session& session() const noexcept { return session_; }
   [[nodiscard]] bool backend_is_gone() const { return !session_.info().backend_is_alive; }
   [[nodiscard]] TimeIndex next_step() const noexcept;
+  [[nodiscard]] std::shared_ptr<const std::atomic<TimeIndex>> shared_next_step() const noexcept {
+    return next_step_;
+  }
   // Nothing more will be read.
   void give_up() noexcept;
   // How much of the history is still to be read, 0 to 1.

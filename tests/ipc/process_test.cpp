@@ -3,10 +3,12 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sched.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <csignal>
 #include <string>
 
 #include "support/child_process.hpp"
@@ -48,6 +50,25 @@ TEST(ProcessIdentity, IsNotAliveOnceTheProcessIsAZombie) {
   EXPECT_FALSE(identity->is_alive());
   ::waitpid(pid, nullptr, 0);
   EXPECT_FALSE(identity->is_alive());
+}
+
+TEST(ProcessIdentity, fault_18_KnowsThatAProcessIsKilledBeforeItIsGone) {
+  EXPECT_FALSE(ProcessIdentity::of_this_process().is_ending());
+  test::SharedValue<ProcessIdentity> identity;
+  const pid_t pid = ::fork();
+  if (pid == 0) {
+    *identity = ProcessIdentity::of_this_process();
+    ::raise(SIGSTOP);
+    ::_exit(0);
+  }
+  siginfo_t info{};
+  ASSERT_EQ(::waitid(P_PID, static_cast<id_t>(pid), &info, WSTOPPED), 0);
+  EXPECT_FALSE(identity->is_ending()) << "a stopped process may go on";
+  ASSERT_EQ(::kill(pid, SIGKILL), 0);
+  // As long as nobody waits for it, too; the watchdog bounds it.
+  while (!identity->is_ending()) ::sched_yield();
+  ::waitpid(pid, nullptr, 0);
+  EXPECT_TRUE(identity->is_ending());
 }
 
 TEST(ProcessIdentity, SurvivesANameThatLooksLikeTheEndOfIt) {

@@ -4,9 +4,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <cerrno>
 #include <cstdint>
 #include <string>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -14,7 +16,9 @@
 #include "log/recordings.hpp"
 #include "session_memory.hpp"
 #include "support/child_process.hpp"
+#include "support/message_of.hpp"
 #include "support/session_folder.hpp"
+#include "support/shared_value.hpp"
 #include "trifinger/log/log.hpp"
 
 namespace trifinger::test {
@@ -325,6 +329,45 @@ TEST_F(RecorderTest, RefusesASecondRecorderOfTheSameRobotAndFolder) {
     EXPECT_THAT(error.what(), HasSubstr("process " + std::to_string(::getpid())));
   }
   const Recorder other({"other"}, options());
+}
+
+// A recorder in a process of its own that is to end with another process, which is gone.
+class LeftBehind {
+ public:
+  explicit LeftBehind(RecorderOptions options)
+      : process_([this, &options] {
+          options.until_process_ends = ipc::ProcessIdentity{.pid = ::getpid(), .start_time = 0};
+          const Recorder recorder({"robot"}, options);
+          // relaxed, as below: a flag without data behind it.
+          has_begun_->store(true, std::memory_order_relaxed);
+          while (!may_end_->load(std::memory_order_relaxed)) std::this_thread::yield();
+          return 0;
+        }) {
+    while (!has_begun_->load(std::memory_order_relaxed)) std::this_thread::yield();
+  }
+
+  void let_end() { may_end_->store(true, std::memory_order_relaxed); }
+  [[nodiscard]] pid_t pid() const noexcept { return process_.pid(); }
+
+ private:
+  SharedValue<std::atomic<bool>> has_begun_;
+  SharedValue<std::atomic<bool>> may_end_;
+  ChildProcess process_;
+};
+
+TEST_F(RecorderTest, fault_74_WaitsForARecorderThatIsAboutToEnd) {
+  for (int i = 0; i < 20; ++i) {
+    LeftBehind other(options());
+    const std::jthread ender([&other] { other.let_end(); });
+    const Recorder recorder({"robot"}, options());
+  }
+}
+
+TEST_F(RecorderTest, fault_74_NamesARecorderThatShouldEndAndDoesNot) {
+  const LeftBehind other(options());
+  EXPECT_THAT(message_of<log::AlreadyRecorded>([this] { return Recorder({"robot"}, options()); }),
+              ::testing::AllOf(HasSubstr("whose back-end is gone and which does not finish"),
+                               HasSubstr("'kill -9 " + std::to_string(other.pid()) + "'")));
 }
 
 TEST_F(RecorderTest, LeavesNothingBesidesItsFiles) {

@@ -236,7 +236,7 @@ def test_a_killed_recorder_of_run_is_replaced_and_nothing_is_missing(
     program.wait_for("records into")
     robot = trifinger.connect("fake")
     robot.append_desired_action(robot.new_action())
-    robot.wait_until_time_index(1500)  # one that dies at once is not replaced
+    robot.wait_until_time_index(50)
     os.kill(child_of(program.process.pid), signal.SIGKILL)
     program.wait_for("another one goes on")
     program.wait_for("goes on with")

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <chrono>
+
+#include "trifinger/base/time.hpp"
 #include "trifinger/ipc/file_descriptor.hpp"
 
 namespace trifinger::ipc {
@@ -11,6 +14,18 @@ namespace trifinger::ipc {
 /// Takes the exclusive lock of the file, for as long as the descriptor is open. False if another
 /// descriptor holds it. @throws SystemError
 [[nodiscard]] bool try_lock(const FileDescriptor& file);
+
+/// For whoever was refused a lock and asks again: a holder that is killed has the lock until the
+/// kernel has taken its memory apart, which lasts a while.
+class LockPatience {
+ public:
+  /// Sleeps for some milliseconds. False if it makes no sense to try again: the holder lives, or
+  /// has been ending for 10 s. `holder_is_ending`: see `ProcessIdentity::is_ending`.
+  [[nodiscard]] bool wait(bool holder_is_ending) const;
+
+ private:
+  Instant begin_{std::chrono::steady_clock::now()};
+};
 
 /// Gives the lock back.
 void unlock(const FileDescriptor& file) noexcept;

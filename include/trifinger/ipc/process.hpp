@@ -15,6 +15,10 @@ struct ProcessIdentity {
   /// True if the process still runs (a zombie does not).
   [[nodiscard]] bool is_alive() const noexcept;
 
+  /// True if the process is gone, or a kill is under way that it cannot escape: the kernel still
+  /// takes its memory apart, and gives its locks back only then.
+  [[nodiscard]] bool is_ending() const noexcept;
+
   friend bool operator==(const ProcessIdentity&, const ProcessIdentity&) = default;
 };
 

@@ -83,6 +83,9 @@ struct RecorderState {
   std::int64_t steps{0};       ///< Likewise.
   std::int64_t lost_steps{0};  ///< Overwritten before they could be read. Each has its gap.
   std::string trouble;         ///< Why nothing can be written at present; empty if all is well.
+  /// Another number each time the recorder gets on, even if there is nothing to write. One that
+  /// stays the same for seconds belongs to a recorder whose disk hangs.
+  std::uint64_t progress{0};
 };
 
 /// Writes what robots do, all series and companions, into one recording: files of one after the
@@ -99,6 +102,9 @@ struct RecorderState {
 class Recorder final : public Follower {
  public:
   /// Takes the right to record `robots` into the folder. Sessions are looked for by `run`.
+  ///
+  /// A recorder whose process to end with is gone (`until_process_ends`) has this right until it
+  /// has finished its file: this waits for it, at most 10 s.
   /// @throws AlreadyRecorded, InvalidArgument, SystemError
   Recorder(const std::vector<std::string>& robots, RecorderOptions options);
   ~Recorder() override;
