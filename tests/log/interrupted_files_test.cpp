@@ -59,7 +59,7 @@ TEST(InterruptedFiles, fault_23_CostARecorderNothing) {
   const SessionFolder sessions;
   const Folder logs;
   const InterruptedFiles interruptions;
-  const FakeBackend backend("robot", {}, kRealTime);
+  const FakeBackend backend("robot", {.history = 131072}, kRealTime);
   Frontend<FakeRobot> robot(backend.host());
   robot.append_desired_action({});
   for (int round = 1; round <= 2; ++round) {  // the second goes on behind the first

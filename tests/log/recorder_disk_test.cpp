@@ -40,7 +40,8 @@ RecorderOptions options_for(const std::filesystem::path& folder) {
 // A robot in real time that a recorder writes to a disk of the tests.
 class RecorderDisk : public ::testing::Test {
  protected:
-  void start(std::size_t history = 16384) {
+  // The history is long enough for half a minute of a machine that does something else.
+  void start(std::size_t history = 131072) {
     backend_.emplace("robot", SessionOptions{.history = history}, kRealTime);
     robot_.emplace(backend_->host());
     robot_->append_desired_action({});
@@ -130,7 +131,7 @@ TEST_P(RecorderDiskError, fault_21_IsAGapWhereTheHistoryIsTooShort) {
   for (const auto& [first, last] : log.first().gaps) lost += last - first + 1;
   EXPECT_EQ((*recorder_)->state().lost_steps, lost);
   EXPECT_TRUE(log.first().is_ordered());
-  EXPECT_EQ(log.count_events(" not in the log: overwritten before"), log.first().gaps.size());
+  EXPECT_EQ(log.count_losses_of("robot"), log.first().gaps.size());
 }
 
 INSTANTIATE_TEST_SUITE_P(Errors, RecorderDiskError, ::testing::Values(ENOSPC, EIO, EDQUOT),
@@ -139,7 +140,7 @@ INSTANTIATE_TEST_SUITE_P(Errors, RecorderDiskError, ::testing::Values(ENOSPC, EI
                          });
 
 TEST_F(RecorderDisk, fault_21_WarnsWhenHalfOfTheHistoryIsStillToBeWritten) {
-  constexpr std::size_t kHistory = 4096;
+  constexpr std::size_t kHistory = 8192;
   start(kHistory);
   go_on(kHistory);  // the whole history is in use
   catch_up();
@@ -148,7 +149,11 @@ TEST_F(RecorderDisk, fault_21_WarnsWhenHalfOfTheHistoryIsStillToBeWritten) {
   disk_.set_error(0);
   recorder_->wait_for_event("writes again after ");
   recorder_->stop();
-  EXPECT_THAT(Recorded(logs_.path()).first().holes(), IsEmpty());
+  // A busy machine may come back when the other half is used up as well; the warning was before.
+  const Recorded log(logs_.path());
+  EXPECT_EQ(log.first().holes(), log.first().told_holes());
+  const std::string events = recorder_->all_events();
+  EXPECT_LT(events.find("far behind robot"), events.find("not in the log: overwritten before"));
 }
 
 TEST_F(RecorderDisk, fault_21_ThatHangsDelaysNobodyButTheRecorder) {
@@ -211,7 +216,7 @@ constexpr int kNotPermitted = 77;
 template <class Spoil, class Repair>
 int record_on_full_disk(const std::filesystem::path& folder, const Spoil& spoil,
                         const Repair& repair) {
-  const FakeBackend backend("robot", {}, kRealTime);
+  const FakeBackend backend("robot", {.history = 131072}, kRealTime);
   Frontend<FakeRobot> robot(backend.host());
   robot.append_desired_action({});
   RecorderThread recorder({"robot"}, options_for(folder));

@@ -179,6 +179,11 @@ class Recorded {
     return static_cast<std::size_t>(std::ranges::count_if(
         events, [&](const std::string& event) { return event.find(text) != std::string::npos; }));
   }
+  /// Events that tell of lost steps of a robot, or of lost elements of a companion.
+  [[nodiscard]] std::size_t count_losses_of(const std::string& name) const {
+    return count_events(" of " + name + " is not in the log: overwritten") +
+           count_events(" of " + name + " are not in the log: overwritten");
+  }
 
   std::vector<std::filesystem::path> files;
   std::vector<bool> is_finished;        // of each file
