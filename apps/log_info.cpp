@@ -383,6 +383,9 @@ Json json_of(const Log& log, const std::vector<SessionSummary>& sessions) {
                        {"events", events}});
 }
 
+// Paths and texts of others need not be UTF-8; JSON must be.
+constexpr auto kReplace = Json::error_handler_t::replace;
+
 // ---- other MCAP files ----
 
 struct Topic {
@@ -425,7 +428,7 @@ int tell_of_another_file(const LogInfoOptions& options, const std::string& reaso
                                      {"messages", contents.message_count},
                                      {"duration", duration},
                                      {"topics", list}})
-                           .dump(2));
+                           .dump(2, ' ', false, kReplace));
     return kDone;
   }
   const InfoSheet sheet;
@@ -453,7 +456,7 @@ int info(const LogInfoOptions& options) {
   std::vector<SessionSummary> sessions;
   for (const LoggedSession& session : log->sessions()) sessions.push_back(summary_of(session));
   if (options.json) {
-    fmt::print("{}\n", json_of(*log, sessions).dump(2));
+    fmt::print("{}\n", json_of(*log, sessions).dump(2, ' ', false, kReplace));
   } else {
     print_for_people(*log, sessions, options.events);
   }

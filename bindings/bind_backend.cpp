@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <nanobind/nanobind.h>
-#include <nanobind/stl/string.h>
 #include <nanobind/stl/unique_ptr.h>
 
 #include <memory>
@@ -9,6 +8,7 @@
 #include "bindings.hpp"
 #include "frontend.hpp"
 #include "running_backend.hpp"
+#include "text.hpp"
 #include "timeout.hpp"
 #include "trifinger/core/fake_robot.hpp"
 

@@ -2,7 +2,6 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
-#include <nanobind/stl/string.h>
 
 #include <array>
 #include <optional>
@@ -10,6 +9,7 @@
 
 #include "array.hpp"
 #include "bindings.hpp"
+#include "text.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/control/filters.hpp"
 #include "trifinger/control/force_optimizer.hpp"

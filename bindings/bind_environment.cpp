@@ -4,7 +4,6 @@
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
-#include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
@@ -25,6 +24,7 @@
 #include "choice.hpp"
 #include "gil.hpp"
 #include "simulation.hpp"
+#include "text.hpp"
 #include "timeout.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/learning/environment.hpp"

@@ -2,12 +2,9 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
-#include <nanobind/stl/string.h>
-#include <nanobind/stl/string_view.h>
 #include <nanobind/stl/unique_ptr.h>
 
 #include <string>
-#include <string_view>
 
 #include "bindings.hpp"
 #include "errors.hpp"
@@ -15,6 +12,7 @@
 #include "garbage.hpp"
 #include "series.hpp"
 #include "session_info.hpp"
+#include "text.hpp"
 #include "timeout.hpp"
 
 namespace nb = nanobind;
@@ -150,7 +148,7 @@ for that step. None if there was none by then.)")
            "The newest step whose observation is there, -1 before step 0.")
       .def(
           "range",
-          [](const PythonFrontend& frontend, std::string_view series) {
+          [](const PythonFrontend& frontend, const std::string& series) {
             return frontend.range(series_of(series));
           },
           "series"_a, nb::sig("def range(self, series: str) -> tuple[int, int]"),

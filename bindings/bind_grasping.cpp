@@ -2,7 +2,6 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
-#include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
 #include <optional>
@@ -13,6 +12,7 @@
 #include "array.hpp"
 #include "bindings.hpp"
 #include "simulation.hpp"
+#include "text.hpp"
 #include "trifinger/control/grasp_controller.hpp"
 #include "trifinger/control/grasp_planner.hpp"
 

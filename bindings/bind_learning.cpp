@@ -1,17 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
-#include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/map.h>
 #include <nanobind/stl/optional.h>
-#include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <filesystem>
 #include <iterator>
 #include <map>
 #include <optional>
@@ -25,6 +22,7 @@
 #include "array.hpp"
 #include "bindings.hpp"
 #include "choice.hpp"
+#include "text.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/learning/policy.hpp"
 
@@ -118,9 +116,9 @@ void bind_learning(nb::module_& m) {
                      "described in docs/policies.md.\n\nNot for several threads at once.")
       .def(
           "__init__",
-          [](Policy* self, const std::filesystem::path& path, const std::string& precision) {
-            new (self)
-                Policy(Policy::load(path, choice<Precision>("precision", kPrecisions, precision)));
+          [](Policy* self, nb::handle path, const std::string& precision) {
+            new (self) Policy(Policy::load(to_path(path),
+                                           choice<Precision>("precision", kPrecisions, precision)));
           },
           "path"_a, nb::kw_only(), "precision"_a = "double",
           nb::sig("def __init__(self, path: str | os.PathLike[str], *, precision: str = 'double') "
@@ -160,9 +158,10 @@ void bind_learning(nb::module_& m) {
           "Inputs are normalised with\n`mean` and `variance`; outputs are brought between `low` "
           "and `high`, by 'scale' from -1 to 1, or by 'clip'.\n`trifinger.policy_file` makes them "
           "from networks of PyTorch.")
-      .def("save", &Policy::save, "path"_a,
-           nb::sig("def save(self, path: str | os.PathLike[str]) -> None"),
-           "Writes the file at `path`, in one step: what was there is whole until the new one is.")
+      .def(
+          "save", [](const Policy& policy, nb::handle path) { policy.save(to_path(path)); },
+          "path"_a, nb::sig("def save(self, path: str | os.PathLike[str]) -> None"),
+          "Writes the file at `path`, in one step: what was there is whole until the new one is.")
       .def("__call__", &call, "observation"_a,
            nb::sig("def __call__(self, observation: numpy.typing.ArrayLike) -> "
                    "numpy.typing.NDArray[numpy.float64]"),

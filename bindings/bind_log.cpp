@@ -3,8 +3,6 @@
 #include <nanobind/stl/map.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
-#include <nanobind/stl/string.h>
-#include <nanobind/stl/string_view.h>
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
 
@@ -20,6 +18,7 @@
 #include "log.hpp"
 #include "series.hpp"
 #include "session_info.hpp"
+#include "text.hpp"
 #include "timeout.hpp"
 
 namespace nb = nanobind;
@@ -50,10 +49,6 @@ nb::list to_sessions(std::vector<LoggedSession> sessions) {
     list.append(nb::cast(std::make_unique<PythonLoggedSession>(std::move(session))));
   }
   return list;
-}
-
-nb::object to_path(const std::filesystem::path& path) {
-  return nb::module_::import_("pathlib").attr("Path")(path.string());
 }
 
 // A method that is written in Python: trifinger.export.NAME(session, ...).
@@ -383,7 +378,7 @@ recording, or a list has parts of several; OSError.)")
           "files",
           [](const Log& log) {
             nb::list files;
-            for (const std::filesystem::path& file : log.files()) files.append(to_path(file));
+            for (const std::filesystem::path& file : log.files()) files.append(to_python(file));
             return files;
           },
           nb::sig("def files(self) -> list[pathlib.Path]"), "In the order of the parts.")

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/optional.h>
-#include <nanobind/stl/string.h>
 #include <nanobind/stl/unique_ptr.h>
 
 #include <filesystem>
@@ -16,6 +15,7 @@
 #include "gil.hpp"
 #include "log.hpp"
 #include "running_backend.hpp"
+#include "text.hpp"
 #include "trifinger/log/replay.hpp"
 
 namespace nb = nanobind;

@@ -4,7 +4,6 @@
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/shared_ptr.h>
-#include <nanobind/stl/string.h>
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
 
@@ -23,6 +22,7 @@
 #include "numpy.hpp"
 #include "recorder.hpp"
 #include "simulation.hpp"
+#include "text.hpp"
 #include "trifinger/joint/reasons.hpp"
 #include "trifinger/model/export.hpp"
 #include "trifinger/model/kinematics.hpp"
@@ -209,11 +209,6 @@ void bind_kinematics(nb::module_& m) {
           "is the\none nearest to `near` [rad], by default to the initial pose.");
 }
 
-// What Python takes for a path.
-std::string path_of(nb::handle path) {
-  return nb::cast<std::string>(nb::module_::import_("os").attr("fspath")(path));
-}
-
 void bind_recorder(nb::module_& m) {
   nb::class_<log::RecorderThread>(
       m, "Recorder",
@@ -229,9 +224,8 @@ void bind_recorder(nb::module_& m) {
       .def_prop_ro(
           "file",
           [](const log::RecorderThread& recorder) -> nb::object {
-            const std::string file = recorder.file().string();
-            if (file.empty()) return nb::none();
-            return nb::module_::import_("pathlib").attr("Path")(file);
+            const std::filesystem::path file = recorder.file();
+            return file.empty() ? nb::none() : to_python(file);
           },
           nb::sig("def file(self) -> pathlib.Path | None"),
           "The newest file; None before the first session.")
@@ -338,7 +332,7 @@ void bind_simulation(nb::module_& m) {
       .def(
           "record",
           [](const PythonSimulation& simulation, nb::handle folder, const std::string& precision) {
-            return simulation.record(path_of(folder), precision);
+            return simulation.record(to_path(folder), precision);
           },
           "folder"_a, nb::kw_only(), "precision"_a = "double",
           nb::sig("def record(self, folder: str | os.PathLike[str], *, precision: str = 'double') "
@@ -353,7 +347,7 @@ void bind_simulation(nb::module_& m) {
          const nb::iterable& checks) {
         PythonSimulation simulation(load_config(config, overrides));
         for (const nb::handle check : checks) simulation.add_check(nb::borrow(check));
-        if (!record.is_none()) static_cast<void>(simulation.record(path_of(record), "double"));
+        if (!record.is_none()) static_cast<void>(simulation.record(to_path(record), "double"));
         return simulation.connect(strict);
       },
       "config"_a = "sim", "overrides"_a = nb::dict(), nb::kw_only(), "strict"_a = true,

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/optional.h>
-#include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
 #include <cstring>
@@ -13,6 +12,7 @@
 #include "array.hpp"
 #include "bindings.hpp"
 #include "element_type.hpp"
+#include "text.hpp"
 #include "timeout.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/time.hpp"
@@ -103,7 +103,7 @@ did not get the processor ("scheduler"), or because calls of the driver took up 
           "late_steps",
           // Of a std::string g++ 12 says that it is used before it is set.
           [](const TimingRecord& timing, const std::optional<nb::str>& cause) {
-            return cause ? timing.late_steps(cause_of(cause->c_str())) : timing.late_steps();
+            return cause ? timing.late_steps(cause_of(text_of(*cause))) : timing.late_steps();
           },
           "cause"_a = nb::none(), "How many steps were late, all of them or because of `cause`.")
       .def("success_rate", &TimingRecord::success_rate,

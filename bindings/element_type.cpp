@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "element_type.hpp"
 
-#include <nanobind/stl/string.h>
-
 #include <algorithm>
 #include <cmath>
 #include <cstring>
 
 #include "numpy.hpp"
+#include "text.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace nb = nanobind;
@@ -98,8 +97,6 @@ PyArray_Descr* descr_of(const nb::object& dtype) {
 PyArrayObject* as_array(nb::handle object) {
   return reinterpret_cast<PyArrayObject*>(object.ptr());
 }
-
-std::string text_of(nb::handle object) { return nb::str(object).c_str(); }
 
 std::string shape_of(nb::handle array) { return text_of(array.attr("shape")); }
 

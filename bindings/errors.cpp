@@ -4,6 +4,7 @@
 #include <exception>
 #include <string_view>
 
+#include "text.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/learning/policy.hpp"
 #include "trifinger/log/log.hpp"
@@ -17,7 +18,7 @@ namespace {
 template <class... Data>
 void raise(const char* name, const Error& error, const Data&... data) {
   const nb::object type = nb::module_::import_("trifinger.errors").attr(name);
-  const nb::object exception = type(error.what(), data...);
+  const nb::object exception = type(to_message(error.what()), data...);
   PyErr_SetObject(type.ptr(), exception.ptr());
 }
 
@@ -55,7 +56,8 @@ void translate(const std::exception_ptr& thrown, void* /*payload*/) {
   } catch (const SystemError& error) {
     // Python chooses the subclass from the number: PermissionError, FileNotFoundError.
     const nb::object exception =
-        nb::module_::import_("builtins").attr("OSError")(error.error_number(), error.what());
+        nb::module_::import_("builtins")
+            .attr("OSError")(error.error_number(), to_message(error.what()));
     PyErr_SetObject(exception.type().ptr(), exception.ptr());
   } catch (const Error& error) {
     raise("Error", error);

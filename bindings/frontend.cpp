@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "frontend.hpp"
 
-#include <nanobind/stl/string.h>
-
 #include <algorithm>
 #include <cstring>
 
@@ -10,6 +8,7 @@
 #include "element.hpp"
 #include "gil.hpp"
 #include "log.hpp"
+#include "text.hpp"
 #include "timeout.hpp"
 #include "trifinger/core/errors.hpp"
 
@@ -38,8 +37,7 @@ std::string suggestion(const nb::object& name, const nb::object& names) {
 void assign(const nb::object& action, const nb::object& name, const nb::object& value) {
   const nb::object dtype = action.attr("dtype")[name];
   const auto text = [&](const std::string& reason) {
-    return "field '" + nb::cast<std::string>(name) + "' holds " + nb::str(dtype).c_str() + "; " +
-           reason;
+    return "field '" + text_of(name) + "' holds " + text_of(dtype) + "; " + reason;
   };
   try {
     action[name] = value;
@@ -48,7 +46,7 @@ void assign(const nb::object& action, const nb::object& name, const nb::object& 
         !error.matches(PyExc_OverflowError)) {
       throw;
     }
-    throw InvalidArgument(text(nb::str(error.value()).c_str()));
+    throw InvalidArgument(text(text_of(error.value())));
   }
   const auto kind = nb::cast<std::string>(dtype.attr("base").attr("kind"));
   if (kind != "i" && kind != "u") return;
@@ -168,10 +166,9 @@ nb::object PythonFrontend::new_action(const nb::kwargs& fields) const {
   for (const auto& [key, value] : fields) {
     const nb::object name = nb::borrow(key);
     if (PySequence_Contains(names.ptr(), name.ptr()) != 1) {
-      throw InvalidArgument("an action of this robot has no field '" + nb::cast<std::string>(name) +
-                            "'; its fields are " +
-                            nb::cast<std::string>(nb::str(", ").attr("join")(names)) +
-                            suggestion(name, names));
+      throw InvalidArgument(
+          "an action of this robot has no field '" + text_of(name) + "'; its fields are " +
+          nb::cast<std::string>(nb::str(", ").attr("join")(names)) + suggestion(name, names));
     }
     assign(action, name, nb::borrow(value));
   }

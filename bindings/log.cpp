@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "log.hpp"
 
-#include <nanobind/stl/string.h>
-
 #include <algorithm>
 #include <limits>
 
@@ -226,7 +224,7 @@ nb::object PythonLoggedSession::get_many(Series series, TimeIndex first, TimeInd
                           std::to_string(first));
   }
   (void)type_of(session_, series);
-  const auto [begin, end] = range(name_of(series));
+  const auto [begin, end] = range(std::string(name_of(series)));
   // Before memory is taken for it: what is outside is not there, and the error says so.
   if (first < last && (first < begin || last > end))
     (void)get(series, first < begin ? first : last - 1);
@@ -252,7 +250,7 @@ nb::object PythonLoggedSession::get_latest_at(TimeIndex t) const {
   return is_there ? std::move(element) : nb::none();
 }
 
-std::pair<TimeIndex, TimeIndex> PythonLoggedSession::range(std::string_view series) const {
+std::pair<TimeIndex, TimeIndex> PythonLoggedSession::range(const std::string& series) const {
   const Series each = series_of(series);
   const GilRelease release;
   return session_.range(each);
@@ -282,10 +280,6 @@ nb::object to_text(std::string_view text) {
 }
 
 std::vector<std::filesystem::path> to_paths(nb::handle path) {
-  const nb::object fspath = nb::module_::import_("os").attr("fspath");
-  const auto to_path = [&fspath](nb::handle one) {
-    return std::filesystem::path(nb::cast<std::string>(fspath(one)));
-  };
   if (!nb::isinstance<nb::list>(path) && !nb::isinstance<nb::tuple>(path)) return {to_path(path)};
   std::vector<std::filesystem::path> paths;
   for (const nb::handle one : nb::iter(path)) paths.push_back(to_path(one));
@@ -306,8 +300,7 @@ nb::object to_python(const log::Event& event) {
 }
 
 nb::object to_python(const log::Damage& damage) {
-  const nb::object path = nb::module_::import_("pathlib").attr("Path")(damage.file.string());
-  return types().attr("Damage")(path, damage.offset, damage.size, damage.reason);
+  return types().attr("Damage")(to_python(damage.file), damage.offset, damage.size, damage.reason);
 }
 
 }  // namespace trifinger::python

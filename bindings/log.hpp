@@ -54,7 +54,7 @@ class PythonLoggedSession {
   [[nodiscard]] nanobind::object get_many(Series series, TimeIndex first, TimeIndex last,
                                           nanobind::handle fields) const;
   [[nodiscard]] nanobind::object get_latest_at(TimeIndex t) const;
-  [[nodiscard]] std::pair<TimeIndex, TimeIndex> range(std::string_view series) const;
+  [[nodiscard]] std::pair<TimeIndex, TimeIndex> range(const std::string& series) const;
   [[nodiscard]] std::pair<TimeIndex, TimeIndex> between(double begin, double end) const;
   [[nodiscard]] nanobind::object dtype(Series series) const;
 

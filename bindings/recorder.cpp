@@ -24,7 +24,7 @@ log::Precision to_precision(const std::string& name) {
 }  // namespace
 
 std::shared_ptr<log::RecorderThread> start_recorder(const std::string& robot,
-                                                    const std::string& folder,
+                                                    const std::filesystem::path& folder,
                                                     const std::string& precision) {
   log::RecorderOptions options;
   options.folder = folder;

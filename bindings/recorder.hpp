@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <filesystem>
 #include <memory>
 #include <string>
 
@@ -11,9 +12,8 @@ namespace trifinger::python {
 /// Starts a recorder of a robot of this process; it is stopped at the end of the program at the
 /// latest.
 /// @throws AlreadyRecorded, InvalidArgument, SystemError
-[[nodiscard]] std::shared_ptr<log::RecorderThread> start_recorder(const std::string& robot,
-                                                                  const std::string& folder,
-                                                                  const std::string& precision);
+[[nodiscard]] std::shared_ptr<log::RecorderThread> start_recorder(
+    const std::string& robot, const std::filesystem::path& folder, const std::string& precision);
 
 /// From now on a program that ends without stopping its recorders finishes their files, too.
 void stop_recorders_at_exit();

@@ -34,7 +34,7 @@ RobotConfig load_config(const std::string& name, const nb::dict& overrides) {
   const nb::object dumps = nb::module_::import_("json").attr("dumps");
   std::vector<std::string> texts;
   for (const auto& [key, value] : overrides) {
-    texts.push_back(std::string(nb::str(key).c_str()) + "=" + nb::str(dumps(value)).c_str());
+    texts.push_back(text_of(key) + "=" + text_of(dumps(value)));
   }
   return load_robot_config(name, texts);
 }
@@ -117,7 +117,7 @@ std::vector<double> PythonSimulation::configuration() const {
                     simulation_);
 }
 
-std::shared_ptr<log::RecorderThread> PythonSimulation::record(const std::string& folder,
+std::shared_ptr<log::RecorderThread> PythonSimulation::record(const std::filesystem::path& folder,
                                                               const std::string& precision) const {
   auto recorder = start_recorder(name_, folder, precision);
   std::visit([&](const auto& simulation) { simulation.follow(recorder); }, simulation_);

@@ -4,6 +4,7 @@
 #include <nanobind/nanobind.h>
 
 #include <cstdint>
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
@@ -42,7 +43,7 @@ class PythonSimulation {
   [[nodiscard]] std::vector<double> configuration() const;
   [[nodiscard]] std::string mjcf() const;
   /// Records every session from the next one on.
-  [[nodiscard]] std::shared_ptr<log::RecorderThread> record(const std::string& folder,
+  [[nodiscard]] std::shared_ptr<log::RecorderThread> record(const std::filesystem::path& folder,
                                                             const std::string& precision) const;
   /// Adds `function(observation, action)` to the safety checks; it changes the action in place.
   void add_check(nanobind::object function);

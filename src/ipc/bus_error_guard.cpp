@@ -8,8 +8,11 @@
 
 #include <array>
 #include <atomic>
+#include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <mutex>
+#include <string>
 
 #include "trifinger/base/error.hpp"
 
@@ -24,28 +27,60 @@ struct Entry {
   std::atomic<bool> damaged{false};
 };
 
-constexpr std::size_t kMaxRanges = 4096;
-std::array<Entry, kMaxRanges> entries;
+// Blocks are made when they are needed, and stay. All together are more than the kernel allows a
+// process to map (vm.max_map_count) unless it was told otherwise.
+constexpr std::size_t kBlockSize = 1024;
+constexpr std::size_t kMaxBlocks = 1024;
+using Block = std::array<Entry, kBlockSize>;
+std::array<std::atomic<Block*>, kMaxBlocks> blocks;
 struct sigaction previous_action;
 std::uintptr_t page_size;
 
+// The entry in use whose range has this address, or nullptr.
+Entry* find(std::uintptr_t address) noexcept {
+  for (const std::atomic<Block*>& place : blocks) {
+    // acquire: the block was made before.
+    Block* const block = place.load(std::memory_order_acquire);
+    if (block == nullptr) break;
+    for (Entry& entry : *block) {
+      // acquire: pairs with the release in guard_range, begin is valid once end is.
+      const std::uintptr_t end = entry.end.load(std::memory_order_acquire);
+      if (address < end && address >= entry.begin.load(std::memory_order_relaxed)) return &entry;
+    }
+  }
+  return nullptr;
+}
+
+Entry& entry_at(int index) noexcept {
+  const auto i = static_cast<std::size_t>(index);
+  // acquire: the block was made before, perhaps by another thread.
+  return (*blocks[i / kBlockSize].load(std::memory_order_acquire))[i % kBlockSize];
+}
+
+// The block at this place, which is made if it is not there.
+Block& block_at(std::atomic<Block*>& place) {
+  // acquire: the block was made before.
+  Block* block = place.load(std::memory_order_acquire);
+  if (block != nullptr) return *block;
+  auto made = std::make_unique<Block>();
+  // acq_rel: whoever sees the block sees it made, be it ours or that of another thread.
+  if (place.compare_exchange_strong(block, made.get(), std::memory_order_acq_rel)) {
+    block = made.release();
+  }
+  return *block;
+}
+
 void on_bus_error(int signal, siginfo_t* info, void* context) {
   const auto address = reinterpret_cast<std::uintptr_t>(info->si_addr);
-  for (Entry& entry : entries) {
-    // acquire: pairs with the release in guard_range, begin is valid once end is.
-    const std::uintptr_t end = entry.end.load(std::memory_order_acquire);
-    if (end == 0 || address >= end || address < entry.begin.load(std::memory_order_relaxed)) {
-      continue;
-    }
+  if (Entry* const entry = find(address)) {
     void* const page = reinterpret_cast<void*>(address & ~(page_size - 1));
     // Not by mmap(): to ThreadSanitizer that is a write of this thread to the whole page.
     if (::syscall(SYS_mmap, page, page_size, PROT_READ | PROT_WRITE,
-                  MAP_PRIVATE | MAP_ANONYMOUS | MAP_FIXED, -1, 0) == -1) {
-      break;
+                  MAP_PRIVATE | MAP_ANONYMOUS | MAP_FIXED, -1, 0) != -1) {
+      // relaxed: a flag without data behind it.
+      entry->damaged.store(true, std::memory_order_relaxed);
+      return;
     }
-    // relaxed: a flag without data behind it.
-    entry.damaged.store(true, std::memory_order_relaxed);
-    return;
   }
 
   if ((previous_action.sa_flags & SA_SIGINFO) != 0 && previous_action.sa_sigaction != nullptr) {
@@ -74,28 +109,34 @@ void install_handler() {
 
 int guard_range(std::byte* data, std::size_t size) {
   install_handler();
-  for (std::size_t i = 0; i < entries.size(); ++i) {
-    Entry& entry = entries[i];
-    // acquire: the previous owner's stores are done.
-    if (entry.taken.exchange(true, std::memory_order_acquire)) continue;
-    entry.damaged.store(false, std::memory_order_relaxed);
-    entry.begin.store(reinterpret_cast<std::uintptr_t>(data), std::memory_order_relaxed);
-    // release: the handler that sees `end` sees the stores above.
-    entry.end.store(reinterpret_cast<std::uintptr_t>(data) + size, std::memory_order_release);
-    return static_cast<int>(i);
+  for (std::size_t b = 0; b < blocks.size(); ++b) {
+    Block& block = block_at(blocks[b]);
+    for (std::size_t i = 0; i < block.size(); ++i) {
+      Entry& entry = block[i];
+      // relaxed: only spares the write that a taken entry does not need.
+      if (entry.taken.load(std::memory_order_relaxed)) continue;
+      // acquire: the previous owner's stores are done.
+      if (entry.taken.exchange(true, std::memory_order_acquire)) continue;
+      entry.damaged.store(false, std::memory_order_relaxed);
+      entry.begin.store(reinterpret_cast<std::uintptr_t>(data), std::memory_order_relaxed);
+      // release: the handler that sees `end` sees the stores above.
+      entry.end.store(reinterpret_cast<std::uintptr_t>(data) + size, std::memory_order_release);
+      return static_cast<int>(b * kBlockSize + i);
+    }
   }
-  throw Error("more than " + std::to_string(kMaxRanges) + " mapped session files in one process");
+  throw Error("more than " + std::to_string(kMaxBlocks * kBlockSize) +
+              " mapped session files in one process");
 }
 
 void release_range(int entry) noexcept {
-  Entry& released = entries[static_cast<std::size_t>(entry)];
+  Entry& released = entry_at(entry);
   released.end.store(0, std::memory_order_relaxed);
   // release: whoever takes the entry next sees it empty.
   released.taken.store(false, std::memory_order_release);
 }
 
 bool is_range_damaged(int entry) noexcept {
-  return entries[static_cast<std::size_t>(entry)].damaged.load(std::memory_order_relaxed);
+  return entry_at(entry).damaged.load(std::memory_order_relaxed);
 }
 
 }  // namespace trifinger::ipc

@@ -167,7 +167,12 @@ void SharedMemory::map(Access access) {
   if (address == MAP_FAILED) {
     const int error = errno;
     size_ = 0;
-    throw SystemError("map " + path_.string(), error);
+    const std::string doing = "map " + (path_.empty() ? "shared memory" : path_.string());
+    if (error != ENOMEM) throw SystemError(doing, error);
+    throw SystemError(doing +
+                          " (is there room, and are the mappings of this process fewer than "
+                          "'sysctl vm.max_map_count' allows?)",
+                      error);
   }
   data_ = static_cast<std::byte*>(address);
   guard_ = guard_range(data_, size_);

@@ -75,6 +75,7 @@ Reader::Implementation::Implementation(std::unique_ptr<Source> source, const Rea
 
 bool Reader::Implementation::has_magic(const std::string& name) {
   const auto bytes = window_.at(0, kMagic.size());
+  if (bytes.empty()) throw FormatError(name + " is empty");
   if (std::equal(bytes.begin(), bytes.end(), kMagic.begin())) {
     if (bytes.size() == kMagic.size()) return true;
     walk_.add_damage(0, window_.size(), std::string(kNotBegun));

@@ -2,6 +2,7 @@
 #include "trifinger/ipc/shared_memory.hpp"
 
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -12,6 +13,7 @@
 #include <filesystem>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "support/child_process.hpp"
 #include "support/interruptions.hpp"
@@ -216,9 +218,28 @@ TEST_F(SharedMemoryFile, StaysGuardedWhenItMoves) {
 
 TEST_F(SharedMemoryFile, GivesGuardsBack) {
   create().publish();
-  // More than the table of guards holds.
+  // More than a block of guards holds.
   for (int i = 0; i < 10'000; ++i) {
     static_cast<void>(SharedMemory::open(path_, Access::kReadOnly));
+  }
+}
+
+TEST_F(SharedMemoryFile, fault_75_IsGuardedHoweverManyThereAre) {
+  constexpr std::size_t kCount = 5000;
+  rlimit limit{};
+  ASSERT_EQ(::getrlimit(RLIMIT_NOFILE, &limit), 0);
+  if (limit.rlim_max < kCount + 100) GTEST_SKIP() << "not so many files may be open";
+  limit.rlim_cur = limit.rlim_max;
+  ASSERT_EQ(::setrlimit(RLIMIT_NOFILE, &limit), 0);
+  create().publish();
+  std::vector<SharedMemory> memories;
+  for (std::size_t i = 0; i < kCount; ++i) {
+    memories.push_back(SharedMemory::open(path_, Access::kReadOnly));
+  }
+  ASSERT_EQ(::truncate(path_.c_str(), 0), 0);
+  for (const SharedMemory& memory : memories) {
+    ASSERT_EQ(memory.data()[0], std::byte{0});
+    ASSERT_TRUE(memory.is_damaged());
   }
 }
 

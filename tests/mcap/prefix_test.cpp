@@ -72,7 +72,7 @@ TEST_P(Prefixes, fault_24_AreReadUpToTheLastWholeRecordAndTheLostBytesAreCounted
     std::ranges::sort(ends);
   }
 
-  for (std::size_t size = 0; size < sample.bytes.size(); size += kStride) {
+  for (std::size_t size = 1; size < sample.bytes.size(); size += kStride) {
     for (const bool verify : {false, true}) {
       SCOPED_TRACE(std::to_string(size) + " bytes");
       Reader reader = read_bytes(std::span(sample.bytes).first(size), {.verify = verify});
@@ -80,7 +80,7 @@ TEST_P(Prefixes, fault_24_AreReadUpToTheLastWholeRecordAndTheLostBytesAreCounted
       const Contents& contents = reader.contents();
       ASSERT_FALSE(contents.is_finished);
       ASSERT_EQ(contents.complete_size, *std::prev(std::ranges::upper_bound(ends, size)));
-      if (size == contents.complete_size && size > 0) {
+      if (size == contents.complete_size) {
         ASSERT_TRUE(contents.damage.empty());
       } else {
         ASSERT_EQ(contents.damage.size(), 1U);

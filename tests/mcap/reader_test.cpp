@@ -109,6 +109,15 @@ TEST(Reader, AllocatesNothingPerChunk) {
   EXPECT_EQ(allocations.count(), 0U);
 }
 
+TEST(Reader, fault_75_SaysThatAFileIsEmpty) {
+  try {
+    static_cast<void>(read_bytes({}));
+    FAIL() << "nothing thrown";
+  } catch (const FormatError& error) {
+    EXPECT_STREQ(error.what(), "this is empty");
+  }
+}
+
 TEST(Reader, ReadsMessagesOutsideOfChunks) {
   Buffer buffer;
   Encoder encoder(buffer);

@@ -65,7 +65,7 @@ TEST(Resuming, fault_24_FinishesAFileThatWasCutAnywhereAsIfItHadNotBeen) {
   constexpr std::size_t kStride = trifinger::test::kHasSanitizer ? 5 : 1;
   for (const Compression compression : kCompressions) {
     const Sample sample = make_sample(compression, true);
-    for (std::size_t size = 0; size < sample.bytes.size(); size += kStride) {
+    for (std::size_t size = 1; size < sample.bytes.size(); size += kStride) {
       SCOPED_TRACE(std::string(name_of(compression)) + " " + std::to_string(size) + " bytes");
       MemorySink sink;
       const Everything everything = go_on(std::span(sample.bytes).first(size), sink);

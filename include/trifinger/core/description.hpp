@@ -90,20 +90,6 @@ class ElementDescription {
   std::size_t size_{0};
 };
 
-/// One entry of a struct's list of fields; made by `field()`.
-template <class Struct, class Member>
-struct Field {
-  std::string_view name;
-  Member Struct::* member;
-  std::string_view unit;
-};
-
-template <class Struct, class Member>
-[[nodiscard]] constexpr Field<Struct, Member> field(std::string_view name, Member Struct::* member,
-                                                    std::string_view unit = "") {
-  return {name, member, unit};
-}
-
 namespace detail {
 
 template <class T>
@@ -142,6 +128,32 @@ struct ArrayTraits<std::array<T, N>> {
 template <class T>
 concept HasFields = requires { T::fields(); };
 
+template <class T>
+constexpr bool kIsField = HasFields<T> || kIsScalarField<typename ArrayTraits<T>::Scalar>;
+
+}  // namespace detail
+
+/// One entry of a struct's list of fields; made by `field()`.
+template <class Struct, class Member>
+struct Field {
+  std::string_view name;
+  Member Struct::* member;
+  std::string_view unit;
+};
+
+template <class Struct, class Member>
+[[nodiscard]] constexpr Field<Struct, Member> field(std::string_view name, Member Struct::* member,
+                                                    std::string_view unit = "") {
+  // The compiler shows the line of the field, where this is instantiated.
+  static_assert(detail::kIsField<Member>,
+                "the type of this field is no number of fixed size: take std::uint8_t instead of "
+                "bool, an integer instead of an enum, an index instead of a pointer, std::array of "
+                "numbers instead of a container, or give the inner struct a fields() of its own");
+  return {name, member, unit};
+}
+
+namespace detail {
+
 /// True if the sizes of the listed fields add up to that of T: nothing left out, no padding.
 template <HasFields T>
 constexpr bool fields_fill_struct() {
@@ -170,29 +182,6 @@ constexpr bool fields_are_ordered() {
       },
       T::fields());
 #endif
-}
-
-template <class T>
-constexpr bool has_valid_fields();
-
-template <class Member>
-constexpr bool is_valid_member() {
-  if constexpr (HasFields<Member>) {
-    return has_valid_fields<Member>();
-  } else {
-    return kIsScalarField<typename ArrayTraits<Member>::Scalar>;
-  }
-}
-
-template <class T>
-constexpr bool has_valid_fields() {
-  return std::apply(
-      [](const auto&... entry) {
-        return (
-            is_valid_member<std::remove_cvref_t<decltype(std::declval<T&>().*entry.member)>>() &&
-            ...);
-      },
-      T::fields());
 }
 
 template <HasFields T>
@@ -230,9 +219,8 @@ void append_fields(std::vector<FieldDescription>& fields, const std::string& pre
 
 /// A plain struct with a list of its fields; see the top of this file.
 template <class T>
-concept Described =
-    detail::HasFields<T> && std::is_trivially_copyable_v<T> && std::is_standard_layout_v<T> &&
-    std::is_default_constructible_v<T> && detail::has_valid_fields<T>();
+concept Described = detail::HasFields<T> && std::is_trivially_copyable_v<T> &&
+                    std::is_standard_layout_v<T> && std::is_default_constructible_v<T>;
 
 /// The description of T, made from its list of fields.
 template <Described T>
