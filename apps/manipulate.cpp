@@ -1,16 +1,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The program `trifinger-manipulate`: lifts or slides a cube with a robot that runs elsewhere.
 #include <fmt/core.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <atomic>
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -18,6 +19,7 @@
 
 #include "exit_code.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/regular_file.hpp"
 #include "trifinger/config/file.hpp"
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/manipulation/config.hpp"
@@ -123,10 +125,9 @@ void print(const Report& report) {
 }
 
 void write_text(const std::filesystem::path& path, const std::string& text) {
-  std::ofstream file(path);
-  file << text;
-  file.close();
-  if (!file) throw Error("cannot write " + path.string());
+  // Made anew: in the place of an earlier result somebody may have put something else.
+  ::unlink(path.c_str());
+  write_new_file(path, std::as_bytes(std::span(text)));
 }
 
 // A table with a row for every tenth step and each change of the phase.

@@ -1,12 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "robots.hpp"
 
-#include <cerrno>
 #include <chrono>
 #include <cstddef>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <optional>
 #include <system_error>
 #include <utility>
@@ -14,6 +11,7 @@
 
 #include "commands.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/regular_file.hpp"
 #include "trifinger/config/file.hpp"
 #include "trifinger/core/fake_robot.hpp"
 #include "trifinger/joint/types.hpp"
@@ -81,9 +79,8 @@ bool is_log(const std::string& robot) {
 }
 
 SimulationState read_state(const std::filesystem::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  const std::string bytes(std::istreambuf_iterator<char>(file), {});
-  if (!file) throw SystemError("read " + path.string(), errno);
+  constexpr std::size_t kMaxSize = std::size_t{64} << 20U;
+  const std::string bytes = read_file(path, kMaxSize);
   const auto* const begin = reinterpret_cast<const std::byte*>(bytes.data());
   return {begin, begin + bytes.size()};
 }

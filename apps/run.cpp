@@ -4,14 +4,12 @@
 #include <sched.h>
 
 #include <atomic>
-#include <cerrno>
 #include <chrono>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
 #include <filesystem>
-#include <fstream>
 #include <future>
 #include <memory>
 #include <mutex>
@@ -31,6 +29,7 @@
 #include "terminal.hpp"
 #include "text.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/regular_file.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/core/log_folder.hpp"
@@ -257,11 +256,7 @@ std::string save(const SimulationState& state, const std::string& name) {
     const std::filesystem::path path =
         log_folder() / fmt::format("{}_{:%Y-%m-%d_%H-%M-%S}.{:03}_fault.state", name,
                                    fmt::gmtime(seconds.count()), milliseconds.count());
-    std::ofstream file(path, std::ios::binary);
-    file.write(reinterpret_cast<const char*>(state.data()),
-               static_cast<std::streamsize>(state.size()));
-    file.close();
-    if (!file) throw SystemError("write " + path.string(), errno);
+    write_new_file(path, state);
     return "the state before the divergence is in " + path.string();
   } catch (const Error& error) {
     return fmt::format("the state before the divergence could not be saved: {}", error.what());

@@ -2,13 +2,13 @@
 #include "trifinger/config/file.hpp"
 
 #include <algorithm>
-#include <cerrno>
 #include <charconv>
-#include <fstream>
 #include <iterator>
+#include <optional>
 #include <utility>
 
 #include "element.hpp"
+#include "trifinger/base/regular_file.hpp"
 #include "trifinger/base/suggestion.hpp"
 
 namespace trifinger::config {
@@ -27,12 +27,8 @@ constexpr int kMaxProblems = 20;
 using Folders = std::vector<std::filesystem::path>;
 
 std::string read_text(const std::filesystem::path& path) {
-  // Opening a directory succeeds and reads as an empty file.
-  if (std::filesystem::is_directory(path)) throw SystemError("read " + path.string(), EISDIR);
-  errno = 0;
-  std::ifstream stream(path, std::ios::binary);
-  if (!stream) throw SystemError("open " + path.string(), errno);
-  return {std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>()};
+  // A little too much is an error with a place in the file; what never ends is none.
+  return read_file(path, 4 * kMaxSize);
 }
 
 Element parse_sections(std::string_view text, const std::filesystem::path& name) {

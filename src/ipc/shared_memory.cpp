@@ -7,14 +7,14 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cerrno>
-#include <cstdio>
+#include <cstdint>
+#include <random>
 #include <utility>
-#include <vector>
 
 #include "bus_error_guard.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/regular_file.hpp"
 
 namespace trifinger::ipc {
 namespace {
@@ -35,24 +35,13 @@ void allocate(const FileDescriptor& file, std::size_t size, const std::string& w
   }
 }
 
-// The folder is open to everybody: a file of this name may have been laid there by somebody else.
-// Trusted are ourselves, the administrator, and those who share the file with a group of ours.
-void require_trusted_owner(const FileDescriptor& file, const std::filesystem::path& path) {
-  struct stat status{};
-  if (::fstat(file.get(), &status) != 0) throw SystemError("inspect " + path.string(), errno);
-  if (status.st_uid == ::geteuid() || status.st_uid == 0) return;
-  const bool is_shared = (status.st_mode & S_IRGRP) != 0;
-  std::vector<gid_t> groups(static_cast<std::size_t>(std::max(0, ::getgroups(0, nullptr))));
-  const int count = ::getgroups(static_cast<int>(groups.size()), groups.data());
-  groups.resize(static_cast<std::size_t>(std::max(0, count)));
-  groups.push_back(::getegid());
-  if (is_shared && std::ranges::find(groups, status.st_gid) != groups.end()) return;
-  throw Error(path.string() + " belongs to user " + std::to_string(status.st_uid) +
-              ", who shares it with none of your groups; it is not opened");
-}
+int open_flags(Access access) { return access == Access::kReadOnly ? O_RDONLY : O_RDWR; }
 
-int open_flags(Access access) {
-  return (access == Access::kReadOnly ? O_RDONLY : O_RDWR) | O_CLOEXEC | O_NOFOLLOW;
+// Nobody can guess it, and so nobody has taken it before.
+std::string hidden_name(const std::string& name) {
+  std::random_device device;
+  const std::uint64_t number = (std::uint64_t{device()} << 32U) | device();
+  return "." + name + "." + std::to_string(number);
 }
 
 }  // namespace
@@ -68,19 +57,14 @@ SharedMemory SharedMemory::create_anonymous(std::size_t size) {
 
 SharedMemory SharedMemory::create_file(const std::filesystem::path& folder, const std::string& name,
                                        std::size_t size, unsigned mode) {
-  static std::atomic<unsigned> count{0};
   SharedMemory memory;
   memory.path_ = folder / name;
-  // relaxed: only the numbers have to differ.
-  memory.temporary_path_ = folder / ("." + name + "." + std::to_string(::getpid()) + "." +
-                                     std::to_string(count.fetch_add(1, std::memory_order_relaxed)));
-  // A file left by a killed process with our number.
-  ::unlink(memory.temporary_path_.c_str());
+  const std::filesystem::path hidden = folder / hidden_name(name);
   memory.file_ = FileDescriptor([&] {
-    return ::open(memory.temporary_path_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC,
-                  S_IRUSR | S_IWUSR);
+    return open_regular_file(hidden, O_RDWR | O_CREAT | O_EXCL, NamedBy::kProgram,
+                             S_IRUSR | S_IWUSR);
   });
-  if (!memory.file_) throw SystemError("make " + memory.temporary_path_.string(), errno);
+  memory.temporary_path_ = hidden;
   allocate(memory.file_, size, memory.path_.string());
   // fchmod, not open: the mode asked for must not depend on the umask.
   if (::fchmod(memory.file_.get(), mode) != 0) {
@@ -93,9 +77,8 @@ SharedMemory SharedMemory::create_file(const std::filesystem::path& folder, cons
 SharedMemory SharedMemory::open(const std::filesystem::path& path, Access access) {
   SharedMemory memory;
   memory.path_ = path;
-  memory.file_ = FileDescriptor([&] { return ::open(path.c_str(), open_flags(access)); });
-  if (!memory.file_) throw SystemError("open " + path.string(), errno);
-  require_trusted_owner(memory.file_, path);
+  memory.file_ = FileDescriptor(
+      [&] { return open_regular_file(path, open_flags(access), NamedBy::kProgram); });
   memory.map(access);
   return memory;
 }
@@ -106,7 +89,7 @@ SharedMemory SharedMemory::reopen(Access access) const {
   // The link in /proc is the only other name of anonymous memory; it opens a new file description.
   const std::string link = "/proc/self/fd/" + std::to_string(file_.get());
   memory.file_ =
-      FileDescriptor([&] { return ::open(link.c_str(), open_flags(access) & ~O_NOFOLLOW); });
+      FileDescriptor([&] { return ::open(link.c_str(), open_flags(access) | O_CLOEXEC); });
   if (!memory.file_) throw SystemError("open shared memory once more", errno);
   memory.map(access);
   return memory;
@@ -132,7 +115,14 @@ SharedMemory::~SharedMemory() {
 
 void SharedMemory::publish() {
   if (::rename(temporary_path_.c_str(), path_.c_str()) != 0) {
-    throw SystemError("publish " + path_.string(), errno);
+    const int error = errno;
+    try {
+      // Says what is in the way if that is no file of ours.
+      ::close(open_regular_file(path_, O_RDONLY, NamedBy::kProgram));
+    } catch (const SystemError& found) {
+      if (found.error_number() != ENOENT) throw;
+    }
+    throw SystemError("publish " + path_.string(), error);
   }
   temporary_path_.clear();
 }

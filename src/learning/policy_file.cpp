@@ -7,14 +7,14 @@
 #include <bit>
 #include <cerrno>
 #include <cstdint>
-#include <fstream>
 #include <initializer_list>
 #include <nlohmann/json.hpp>
+#include <span>
 #include <string>
 #include <string_view>
-#include <system_error>
 #include <vector>
 
+#include "trifinger/base/regular_file.hpp"
 #include "trifinger/base/suggestion.hpp"
 
 namespace trifinger::learning::detail {
@@ -217,18 +217,15 @@ std::string header_text(const Network& network) {
 
 // ---- files ----
 
-int error_of_stream() { return errno == 0 ? EIO : errno; }
-
-void read(std::ifstream& file, char* bytes, std::uint64_t size) {
-  if (!file.read(bytes, static_cast<std::streamsize>(size))) {
-    throw InvalidArgument("it ended while it was read");
-  }
+void read(FileReader& file, std::span<char> bytes) {
+  if (file.read(bytes) < bytes.size()) throw InvalidArgument("it ended while it was read");
 }
 
 // The two lines of text that a file begins with, or less of them if they are longer than allowed.
-std::string beginning_of(std::ifstream& file, std::uint64_t size) {
+std::string beginning_of(FileReader& file) {
+  const std::uint64_t size = file.size();
   std::string beginning(std::min<std::uint64_t>(size, kFirstLine.size()), '\0');
-  read(file, beginning.data(), beginning.size());
+  read(file, beginning);
   // Before more is read: this may be any large file.
   if (beginning != kFirstLine) {
     if (kFirstLine.starts_with(beginning)) throw InvalidArgument("it ends in its first line");
@@ -238,7 +235,7 @@ std::string beginning_of(std::ifstream& file, std::uint64_t size) {
     throw InvalidArgument("it is of another version than 1, the one that this program knows");
   }
   std::string header(std::min<std::uint64_t>(size - beginning.size(), kMaxHeader), '\0');
-  read(file, header.data(), header.size());
+  read(file, header);
   const std::size_t end = header.find('\n');
   if (end == std::string::npos) {
     throw InvalidArgument("its header does not end within " + std::to_string(header.size()) +
@@ -261,35 +258,33 @@ void check_size(const std::vector<Shape>& shapes, std::uint64_t found) {
                         std::to_string(count * sizeof(float)));
 }
 
-Layer read_layer(std::ifstream& file, const Shape& shape) {
+std::span<char> bytes_of(auto& numbers) {
+  return {reinterpret_cast<char*>(numbers.data()),
+          static_cast<std::size_t>(numbers.size()) * sizeof(float)};
+}
+
+Layer read_layer(FileReader& file, const Shape& shape) {
   RowMajor weights(shape.outputs, shape.inputs);
   Eigen::VectorXf bias(shape.outputs);
-  read(file, reinterpret_cast<char*>(weights.data()), shape.outputs * shape.inputs * sizeof(float));
-  read(file, reinterpret_cast<char*>(bias.data()), shape.outputs * sizeof(float));
+  read(file, bytes_of(weights));
+  read(file, bytes_of(bias));
   return {.weights = weights, .bias = std::move(bias), .activation = shape.activation};
 }
 
-void write(std::ofstream& file, const Eigen::Ref<const RowMajor>& numbers) {
-  file.write(reinterpret_cast<const char*>(numbers.data()),
-             numbers.size() * static_cast<std::streamsize>(sizeof(float)));
+void append(std::string& bytes, const Eigen::Ref<const RowMajor>& numbers) {
+  bytes.append(reinterpret_cast<const char*>(numbers.data()),
+               static_cast<std::size_t>(numbers.size()) * sizeof(float));
 }
 
 }  // namespace
 
 Network read_policy_file(const std::filesystem::path& path) {
-  // This comes first, and refuses what is not a file: opening a pipe would wait for its writer.
-  std::error_code error;
-  const std::uint64_t size = std::filesystem::file_size(path, error);
-  if (error) throw SystemError("read " + path.string(), error.value());
-  errno = 0;
-  std::ifstream file(path, std::ios::binary);
-  if (!file) throw SystemError("open " + path.string(), error_of_stream());
-  const std::string text = beginning_of(file, size);
+  FileReader file(path);
+  const std::string text = beginning_of(file);
   Header header = header_of(parse(text));
   const std::uint64_t begin = kFirstLine.size() + text.size() + 1;
-  check_size(header.shapes, size - begin);
-  file.clear();
-  file.seekg(static_cast<std::streamoff>(begin));
+  check_size(header.shapes, file.size() - begin);
+  file.seek(begin);
   for (const Shape& shape : header.shapes) {
     header.network.layers.push_back(read_layer(file, shape));
   }
@@ -305,21 +300,18 @@ void write_policy_file(const Network& network, const std::filesystem::path& path
   }
   std::filesystem::path part = path;
   part += "." + std::to_string(::getpid()) + ".part";
-  errno = 0;
-  std::ofstream file(part, std::ios::binary | std::ios::trunc);
-  file << kFirstLine << header;
+  std::string bytes = std::string(kFirstLine) + header;
   for (const Layer& layer : network.layers) {
-    write(file, layer.weights);
-    write(file, layer.bias.transpose());
+    append(bytes, layer.weights);
+    append(bytes, layer.bias.transpose());
   }
-  file.close();
-  const int error = file ? 0 : error_of_stream();
-  std::error_code renaming;
-  if (error == 0) std::filesystem::rename(part, path, renaming);
-  if (error == 0 && !renaming) return;
-  std::error_code ignored;
-  std::filesystem::remove(part, ignored);
-  throw SystemError("write " + path.string(), error == 0 ? renaming.value() : error);
+  // Left by a killed process with our number.
+  ::unlink(part.c_str());
+  write_new_file(part, std::as_bytes(std::span(bytes)));
+  if (::rename(part.c_str(), path.c_str()) == 0) return;
+  const int error = errno;
+  ::unlink(part.c_str());
+  throw SystemError("write " + path.string(), error);
 }
 
 }  // namespace trifinger::learning::detail

@@ -266,7 +266,8 @@ std::vector<FaultLog> fault_logs(const std::filesystem::path& folder) {
 std::filesystem::path new_fault_log(const std::filesystem::path& folder, const std::string& robot) {
   const std::string name = robot + "_" + date_text(std::chrono::system_clock::now()) + "_fault";
   std::filesystem::path path = folder / (name + std::string(kLogSuffix));
-  for (int i = 2; std::filesystem::exists(path); ++i) {
+  // A link that leads nowhere is in the way, too.
+  for (int i = 2; std::filesystem::exists(std::filesystem::symlink_status(path)); ++i) {
     path = folder / (name + "_" + std::to_string(i) + std::string(kLogSuffix));
   }
   return path;

@@ -498,7 +498,10 @@ std::vector<std::filesystem::path> files_of(const std::filesystem::path& path) {
   if (!std::filesystem::is_directory(path, error)) return {path};
   std::vector<std::filesystem::path> files;
   for (const auto& entry : std::filesystem::directory_iterator(path, error)) {
-    if (entry.path().extension() == kLogSuffix) files.push_back(entry.path());
+    std::error_code ignored;
+    if (entry.path().extension() == kLogSuffix && entry.is_regular_file(ignored)) {
+      files.push_back(entry.path());
+    }
   }
   if (error) throw SystemError("look into " + path.string(), error.value());
   if (files.empty()) throw InvalidArgument("the folder " + path.string() + " has no .mcap files");

@@ -7,12 +7,12 @@
 #include <iterator>
 #include <sstream>
 #include <string_view>
-#include <system_error>
 #include <utility>
 
 #include "cdr_reader.hpp"
 #include "format.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/regular_file.hpp"
 
 namespace trifinger::log::detail {
 namespace {
@@ -52,13 +52,6 @@ std::vector<std::byte> bytes_of(std::string_view digits) {
     bytes[i] = static_cast<std::byte>(value);
   }
   return bytes;
-}
-
-std::uint64_t size_of_file(const std::filesystem::path& path) {
-  std::error_code error;
-  const std::uint64_t size = std::filesystem::file_size(path, error);
-  if (error) throw SystemError("open " + path.string(), error.value());
-  return size;
 }
 
 // How the messages of `channel` are read; those that are none of ours are not.
@@ -214,7 +207,7 @@ void LogData::open(const std::vector<std::filesystem::path>& parts, Several seve
     } catch (const mcap::FormatError& error) {
       if (parts.size() == 1) throw;
       // A recorder that was killed when it began a part leaves such a file.
-      damage_.push_back({path, 0, size_of_file(path), error.what()});
+      damage_.push_back({path, 0, FileReader(path).size(), error.what()});
     }
   }
   if (files_.empty()) {
@@ -267,7 +260,7 @@ void LogData::leave_newest_recording() {
 }
 
 LogData::File::File(const std::filesystem::path& its_path)
-    : path(its_path), size(size_of_file(its_path)), reader(its_path) {
+    : path(its_path), size(FileReader(its_path).size()), reader(its_path) {
   const mcap::Contents& contents = reader.contents();
   for (const mcap::Metadata& record : contents.metadata) {
     if (record.name == "trifinger.log") origin = record.entries;

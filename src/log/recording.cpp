@@ -18,6 +18,7 @@
 #include "dates.hpp"
 #include "format.hpp"
 #include "random_id.hpp"
+#include "trifinger/base/regular_file.hpp"
 #include "trifinger/ipc/file_lock.hpp"
 #include "trifinger/ipc/process.hpp"
 #include "trifinger/log/message_layout.hpp"
@@ -244,8 +245,7 @@ RecordingLock::RecordingLock(const std::filesystem::path& folder, const std::str
   const ipc::LockPatience patience;
   while (true) {
     file_ = ipc::FileDescriptor(
-        [this] { return ::open(path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, kMode); });
-    if (!file_) throw SystemError("open " + path_.string(), errno);
+        [this] { return open_regular_file(path_, O_RDWR | O_CREAT, NamedBy::kProgram, kMode); });
     if (!ipc::try_lock(file_)) {
       const LockOwner owner = LockOwner::read(file_);
       if (patience.wait(owner.is_finishing())) continue;
@@ -255,7 +255,7 @@ RecordingLock::RecordingLock(const std::filesystem::path& folder, const std::str
     // The one before may have removed the file between our two calls.
     struct stat ours{};
     struct stat named{};
-    if (::fstat(file_.get(), &ours) == 0 && ::stat(path_.c_str(), &named) == 0 &&
+    if (::fstat(file_.get(), &ours) == 0 && ::lstat(path_.c_str(), &named) == 0 &&
         ours.st_ino == named.st_ino && ours.st_dev == named.st_dev) {
       break;
     }
@@ -294,13 +294,19 @@ std::vector<Recording::File> Recording::find_files() const {
         !is_date(std::string_view(body).substr(name_.size() + 1, kDatePattern.size()))) {
       continue;
     }
-    File file{.path = found.path(), .stem = body.substr(0, stem_size)};
+    struct stat status{};
+    // What somebody else has put there is neither continued nor removed.
+    if (::lstat(found.path().c_str(), &status) != 0 || !S_ISREG(status.st_mode) ||
+        status.st_uid != ::geteuid()) {
+      continue;
+    }
+    File file{.path = found.path(),
+              .stem = body.substr(0, stem_size),
+              .size = static_cast<std::uint64_t>(status.st_size)};
     const char* const digits = body.c_str() + stem_size + 1;
     const char* const end = body.c_str() + body.size();
     const auto result = std::from_chars(digits, end, file.part);
     if (result.ec != std::errc() || result.ptr != end || file.part < 0) continue;
-    std::error_code ignored;
-    file.size = found.file_size(ignored);
     files.push_back(std::move(file));
   }
   std::ranges::sort(files, [](const File& a, const File& b) {

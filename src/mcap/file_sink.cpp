@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/regular_file.hpp"
 #include "trifinger/ipc/file_lock.hpp"
 #include "trifinger/mcap/sink.hpp"
 
@@ -17,8 +18,8 @@ namespace {
 
 ipc::FileDescriptor open_locked(const std::filesystem::path& path, int flags) {
   constexpr mode_t kMode = S_IRUSR | S_IWUSR | S_IRGRP | S_IWGRP | S_IROTH | S_IWOTH;  // and umask
-  ipc::FileDescriptor file([&] { return ::open(path.c_str(), flags | O_CLOEXEC, kMode); });
-  if (!file) throw SystemError("open " + path.string() + " for writing", errno);
+  ipc::FileDescriptor file(
+      [&] { return open_regular_file(path, flags, NamedBy::kProgram, kMode); });
   if (!ipc::try_lock(file)) {
     throw InvalidArgument("another process is writing " + path.string());
   }

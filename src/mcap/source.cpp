@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/regular_file.hpp"
 #include "trifinger/ipc/file_descriptor.hpp"
 #include "trifinger/mcap/reader.hpp"
 
@@ -18,12 +19,7 @@ namespace {
 class FileSource final : public Source {
  public:
   explicit FileSource(const std::filesystem::path& path)
-      // O_NONBLOCK: a pipe would keep us waiting for somebody who writes to it.
-      : file_([&] { return ::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC); }),
-        path_(path) {
-    if (!file_) throw SystemError("open " + path_.string(), errno);
-    if (!S_ISREG(status().st_mode)) throw FormatError(path_.string() + " is not a file");
-  }
+      : file_([&] { return open_regular_file(path, O_RDONLY, NamedBy::kUser); }), path_(path) {}
 
   [[nodiscard]] std::size_t read(std::uint64_t offset, std::span<std::byte> bytes) const override {
     std::size_t done = 0;

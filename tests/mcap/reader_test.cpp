@@ -50,7 +50,7 @@ TEST(Reader, NamesTheFile) {
     EXPECT_THAT(error.what(), HasSubstr(path.string()));
   }
   EXPECT_THROW(Reader(folder.path() / "nothing.mcap"), SystemError);
-  EXPECT_THROW(Reader(folder.path()), FormatError) << "a folder";
+  EXPECT_THROW(Reader(folder.path()), SystemError) << "a folder";
 }
 
 TEST(Reader, ReadsFiles) {

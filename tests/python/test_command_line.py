@@ -392,7 +392,7 @@ def test_a_state_that_cannot_be_saved_is_said(
     ("content", "arguments", "problem"),
     [
         (b"text", "sim", "file.state: this is not the saved state of a simulation"),
-        (None, "sim", "read .*file.state: No such file"),
+        (None, "sim", "open .*file.state: No such file"),
         (b"", "fake", "--state is for simulations"),
     ],
 )

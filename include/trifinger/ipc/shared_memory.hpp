@@ -28,9 +28,7 @@ class SharedMemory {
                                                 const std::string& name, std::size_t size,
                                                 unsigned mode);
 
-  /// Maps the whole of an existing file.
-  /// @throws Error if it belongs to a stranger: neither to us nor to the administrator, nor shared
-  /// with a group of ours.
+  /// Maps the whole of an existing file. Never waits: see NamedBy::kProgram for what is refused.
   /// @throws SystemError; its error_number() is ENOENT if there is none, EACCES if it may not be
   /// opened.
   [[nodiscard]] static SharedMemory open(const std::filesystem::path& path, Access access);

@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/base/regular_file.hpp"
+
+#include <fcntl.h>
+#include <pwd.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <vector>
+
+#include "trifinger/base/error.hpp"
+
+namespace trifinger {
+namespace {
+
+// Nothing for a regular file.
+const char* kind_of(mode_t mode) noexcept {
+  switch (mode & S_IFMT) {
+    case S_IFREG:
+      return nullptr;
+    case S_IFDIR:
+      return "a folder";
+    case S_IFIFO:
+      return "a FIFO";
+    case S_IFLNK:
+      return "a symbolic link";
+    case S_IFSOCK:
+      return "a socket";
+    case S_IFCHR:
+    case S_IFBLK:
+      return "a device";
+    default:
+      return "of an unknown kind";
+  }
+}
+
+int error_of(mode_t mode) noexcept {
+  if (S_ISDIR(mode)) return EISDIR;
+  return S_ISLNK(mode) ? ELOOP : EINVAL;
+}
+
+std::string user_name(uid_t user) {
+  passwd entry{};
+  passwd* found = nullptr;
+  std::array<char, 4096> text{};
+  ::getpwuid_r(user, &entry, text.data(), text.size(), &found);
+  return found != nullptr ? found->pw_name : std::to_string(user);
+}
+
+// Trusted are ourselves, the administrator, and those who share the file with a group of ours.
+bool is_trusted(const struct stat& status) {
+  if (status.st_uid == ::geteuid() || status.st_uid == 0) return true;
+  if ((status.st_mode & S_IRGRP) == 0) return false;
+  std::vector<gid_t> groups(static_cast<std::size_t>(std::max(0, ::getgroups(0, nullptr))));
+  const int count = ::getgroups(static_cast<int>(groups.size()), groups.data());
+  groups.resize(static_cast<std::size_t>(std::max(0, count)));
+  groups.push_back(::getegid());
+  return std::ranges::find(groups, status.st_gid) != groups.end();
+}
+
+void require_suitable(const std::filesystem::path& path, const struct stat& status,
+                      NamedBy named_by) {
+  const std::string of_user = " of user " + user_name(status.st_uid);
+  if (const char* const kind = kind_of(status.st_mode)) {
+    std::string text = "open " + path.string() + ", which is " + kind + of_user +
+                       " where a regular file is expected";
+    if (named_by == NamedBy::kProgram) text += "; remove it, or choose another name or folder";
+    throw SystemError(text, error_of(status.st_mode));
+  }
+  if (named_by == NamedBy::kProgram && !is_trusted(status)) {
+    throw SystemError("open " + path.string() + ", which is a file" + of_user +
+                          " that is shared with none of your groups; let " +
+                          user_name(status.st_uid) + " remove it, or choose another name or folder",
+                      EPERM);
+  }
+}
+
+}  // namespace
+
+int open_regular_file(const std::filesystem::path& path, int flags, NamedBy named_by, mode_t mode) {
+  // O_NONBLOCK: a FIFO would wait for its other end, and a file with a lease for its holder.
+  flags |= O_NONBLOCK | O_NOCTTY | O_CLOEXEC;
+  if (named_by == NamedBy::kProgram) flags |= O_NOFOLLOW;
+  const int file = ::open(path.c_str(), flags, mode);
+  const int error = errno;
+  struct stat status{};
+  if (file < 0) {
+    // What cannot be opened as a file may be none. O_EXCL refuses whatever there is.
+    const bool is_new = (flags & O_EXCL) != 0;
+    const int follow = named_by == NamedBy::kProgram ? AT_SYMLINK_NOFOLLOW : 0;
+    if (!is_new && ::fstatat(AT_FDCWD, path.c_str(), &status, follow) == 0 &&
+        kind_of(status.st_mode) != nullptr) {
+      require_suitable(path, status, named_by);
+    }
+    throw SystemError("open " + path.string(), error);
+  }
+  try {
+    if (::fstat(file, &status) != 0) throw SystemError("inspect " + path.string(), errno);
+    require_suitable(path, status, named_by);
+  } catch (...) {
+    ::close(file);
+    throw;
+  }
+  return file;
+}
+
+FileReader::FileReader(const std::filesystem::path& path)
+    : path_(path), file_(open_regular_file(path, O_RDONLY, NamedBy::kUser)) {
+  struct stat status{};
+  size_ = ::fstat(file_, &status) == 0 ? static_cast<std::uint64_t>(status.st_size) : 0;
+}
+
+FileReader::~FileReader() { ::close(file_); }
+
+std::size_t FileReader::read(std::span<char> bytes) {
+  std::size_t done = 0;
+  while (done < bytes.size()) {
+    const ssize_t count =
+        ::pread(file_, bytes.data() + done, bytes.size() - done, static_cast<off_t>(offset_));
+    if (count == 0) break;
+    if (count > 0) {
+      done += static_cast<std::size_t>(count);
+      offset_ += static_cast<std::uint64_t>(count);
+    } else if (errno != EINTR) {
+      throw SystemError("read " + path_.string(), errno);
+    }
+  }
+  return done;
+}
+
+std::string read_file(const std::filesystem::path& path, std::size_t max_size) {
+  FileReader file(path);
+  constexpr std::size_t kPiece = 64 * 1024;
+  std::string text;
+  // Not by its size: files of the kernel have none, and others may grow.
+  while (true) {
+    const std::size_t before = text.size();
+    text.resize(before + kPiece);
+    const std::size_t count = file.read(std::span(text).subspan(before));
+    text.resize(before + count);
+    if (text.size() > max_size) {
+      throw SystemError("read " + path.string() + ", which has more than the " +
+                            std::to_string(max_size) + " bytes that are allowed",
+                        EFBIG);
+    }
+    if (count < kPiece) return text;
+  }
+}
+
+void write_new_file(const std::filesystem::path& path, std::span<const std::byte> bytes) {
+  constexpr mode_t kMode = S_IRUSR | S_IWUSR | S_IRGRP | S_IWGRP | S_IROTH | S_IWOTH;  // and umask
+  const int file = open_regular_file(path, O_WRONLY | O_CREAT | O_EXCL, NamedBy::kProgram, kMode);
+  int error = 0;
+  while (!bytes.empty() && error == 0) {
+    const ssize_t count = ::write(file, bytes.data(), bytes.size());
+    if (count > 0) {
+      bytes = bytes.subspan(static_cast<std::size_t>(count));
+    } else if (count == 0 || errno != EINTR) {
+      error = count == 0 ? ENOSPC : errno;
+    }
+  }
+  if (::close(file) != 0 && error == 0) error = errno;
+  if (error == 0) return;
+  ::unlink(path.c_str());
+  throw SystemError("write " + path.string(), error);
+}
+
+}  // namespace trifinger

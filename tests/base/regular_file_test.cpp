@@ -1,0 +1,169 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/base/regular_file.hpp"
+
+#include <fcntl.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstddef>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "support/nobody.hpp"
+#include "support/session_folder.hpp"
+#include "trifinger/base/error.hpp"
+
+// A hang is ended by the watchdog of the suite.
+
+namespace trifinger {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+class RegularFile : public ::testing::Test {
+ protected:
+  // The error that opening `path` is answered with, as text; its number goes to `number_`.
+  std::string refusal(const std::filesystem::path& path, int flags, NamedBy named_by) {
+    number_ = 0;
+    try {
+      ::close(open_regular_file(path, flags, named_by, 0600));
+    } catch (const SystemError& error) {
+      number_ = error.error_number();
+      return error.what();
+    }
+    return "";
+  }
+
+  [[nodiscard]] std::filesystem::path file(const std::string& text = "text") const {
+    std::ofstream(folder_.path() / "file") << text;
+    return folder_.path() / "file";
+  }
+  [[nodiscard]] std::filesystem::path fifo() const {
+    const std::filesystem::path path = folder_.path() / "fifo";
+    EXPECT_EQ(::mkfifo(path.c_str(), 0666), 0);
+    return path;
+  }
+  [[nodiscard]] std::filesystem::path link_to(const std::filesystem::path& target) const {
+    std::filesystem::create_symlink(target, folder_.path() / "link");
+    return folder_.path() / "link";
+  }
+
+  test::SessionFolder folder_;  // any folder of its own will do
+  int number_{0};
+};
+
+constexpr int kWays[]{O_RDONLY, O_RDWR, O_WRONLY, O_RDWR | O_CREAT};
+
+TEST_F(RegularFile, fault_73_AFifoIsRefusedAtOnceHoweverItIsOpened) {
+  const std::filesystem::path path = fifo();
+  for (const int flags : kWays) {
+    for (const NamedBy named_by : {NamedBy::kUser, NamedBy::kProgram}) {
+      EXPECT_THAT(refusal(path, flags, named_by), AllOf(HasSubstr(path), HasSubstr("a FIFO of")));
+      EXPECT_EQ(number_, EINVAL);
+    }
+  }
+  EXPECT_THAT(refusal(path, O_RDONLY, NamedBy::kProgram), HasSubstr("remove it, or choose"));
+}
+
+TEST_F(RegularFile, fault_73_FoldersDevicesAndSocketsAreRefusedByTheirKind) {
+  for (const int flags : kWays) {
+    EXPECT_THAT(refusal(folder_.path(), flags, NamedBy::kUser), HasSubstr("a folder of"));
+    EXPECT_EQ(number_, EISDIR);
+    EXPECT_THAT(refusal("/dev/zero", flags, NamedBy::kUser), HasSubstr("a device of user root"));
+  }
+  const int socket = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  sockaddr_un address{.sun_family = AF_UNIX, .sun_path = {}};
+  const std::string path = folder_.path() / "socket";
+  path.copy(address.sun_path, sizeof(address.sun_path) - 1);
+  ASSERT_EQ(::bind(socket, reinterpret_cast<const sockaddr*>(&address), sizeof(address)), 0);
+  EXPECT_THAT(refusal(path, O_RDWR, NamedBy::kProgram), HasSubstr("a socket of"));
+  ::close(socket);
+}
+
+TEST_F(RegularFile, fault_73_ALinkIsFollowedOnlyForAUserWhoNamedIt) {
+  const std::filesystem::path path = link_to(file());
+  for (const int flags : kWays) {
+    EXPECT_EQ(refusal(path, flags, NamedBy::kUser), "");
+    EXPECT_THAT(refusal(path, flags, NamedBy::kProgram), HasSubstr("a symbolic link of"));
+    EXPECT_EQ(number_, ELOOP);
+  }
+  // It is not followed to make a file either.
+  std::filesystem::remove(folder_.path() / "file");
+  EXPECT_NE(refusal(path, O_RDWR | O_CREAT, NamedBy::kProgram), "");
+  EXPECT_NE(refusal(path, O_RDWR | O_CREAT | O_EXCL, NamedBy::kProgram), "");
+  EXPECT_FALSE(std::filesystem::exists(folder_.path() / "file"));
+}
+
+TEST_F(RegularFile, fault_73_AFileOfAStrangerIsRefusedForTheProgramAndServesTheUser) {
+  if (!test::may_become_nobody()) GTEST_SKIP() << "only the administrator can become nobody";
+  const std::filesystem::path path = file();
+  std::filesystem::permissions(folder_.path(), std::filesystem::perms::all);
+  std::filesystem::permissions(path, std::filesystem::perms::all);
+  ASSERT_EQ(::chown(path.c_str(), 12345, 12345), 0);
+  // To the administrator everybody else is a stranger, and so they are to each other.
+  EXPECT_THAT(refusal(path, O_RDWR, NamedBy::kProgram),
+              AllOf(HasSubstr(path), HasSubstr("of user 12345"), HasSubstr("none of your groups")));
+  EXPECT_EQ(number_, EPERM);
+  EXPECT_EQ(refusal(path, O_RDWR, NamedBy::kUser), "");
+  test::ChildProcess stranger([&] {
+    test::become_nobody();
+    return refusal(path, O_RDWR, NamedBy::kProgram).empty() ? 1 : 0;
+  });
+  EXPECT_EQ(stranger.wait(), 0);
+  test::ChildProcess member([&] {
+    test::become_nobody(12345);
+    return refusal(path, O_RDWR, NamedBy::kProgram).empty() ? 0 : 1;
+  });
+  EXPECT_EQ(member.wait(), 0);
+}
+
+TEST_F(RegularFile, ThatIsNotThereIsAnErrorOfTheSystem) {
+  const std::string path = folder_.path() / "none";
+  EXPECT_EQ(refusal(path, O_RDONLY, NamedBy::kUser),
+            "open " + path + ": No such file or directory");
+  EXPECT_EQ(number_, ENOENT);
+}
+
+TEST_F(RegularFile, IsReadAsAWhole) {
+  EXPECT_EQ(read_file(file("some text"), 100), "some text");
+  EXPECT_EQ(read_file(file(""), 0), "");
+  const std::string large(200'000, 'x');
+  EXPECT_EQ(read_file(file(large), large.size()), large);
+  // Files of the kernel say that they have no bytes.
+  EXPECT_NE(read_file("/proc/self/stat", 10'000), "");
+}
+
+TEST_F(RegularFile, IsNotReadIfItIsLargerThanAllowed) {
+  try {
+    static_cast<void>(read_file(file("some text"), 8));
+    FAIL();
+  } catch (const SystemError& error) {
+    EXPECT_EQ(error.error_number(), EFBIG);
+    EXPECT_THAT(error.what(), HasSubstr("more than the 8 bytes"));
+  }
+}
+
+TEST_F(RegularFile, IsMadeAnewAndReplacesNothing) {
+  const std::filesystem::path path = folder_.path() / "new";
+  const std::string text = "content";
+  const auto bytes = std::as_bytes(std::span(text));
+  write_new_file(path, bytes);
+  EXPECT_EQ(read_file(path, 100), text);
+  EXPECT_THROW(write_new_file(path, bytes), SystemError);
+  EXPECT_THROW(write_new_file(fifo(), bytes), SystemError);
+  EXPECT_THROW(write_new_file(link_to(folder_.path() / "elsewhere"), bytes), SystemError);
+  EXPECT_FALSE(std::filesystem::exists(folder_.path() / "elsewhere"));
+}
+
+}  // namespace
+}  // namespace trifinger
