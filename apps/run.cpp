@@ -143,8 +143,8 @@ class RunReporter {
       session_.emplace(std::move(found));
       phase_.reset();
       observe(*session_);
-    } catch (const SessionNotFound&) {
-      return;  // not begun yet
+    } catch (const Error&) {
+      return;  // Not begun yet, or just damaged by somebody; then there is another one soon.
     }
   }
 
@@ -315,6 +315,9 @@ int run(const RunOptions& options) {
   backend.set_after_session([&](const Fault& fault) {
     const SimulationState state = robot.state_before(fault);
     if (!state.empty()) messages.add(save(state, name));
+  });
+  backend.set_on_waiting([&](const std::string& problem) {
+    messages.add("the next session waits for memory: " + problem);
   });
   if (options.fault_log > 0.0) backend.follow(flight_recorder);
   if (options.record) recorder = RunRecorder::start(name, *options.record, robot.backend, backend);

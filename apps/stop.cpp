@@ -8,6 +8,7 @@
 #include <chrono>
 #include <csignal>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "commands.hpp"
@@ -24,22 +25,35 @@ struct StopOptions {
   double timeout{15.0};  // [s]
 };
 
+// The process that runs the robot, also one whose files were damaged or removed; nothing if it is
+// gone.
+std::optional<ipc::ProcessIdentity> backend_of(const std::string& name) {
+  const bool is_robot = robot_of(name) == name;
+  if (is_robot) {
+    if (const auto backend = find_backend(name)) return backend;
+  }
+  // Of another user, whose processes cannot be looked at.
+  const SessionInfo info = robot_info(name);
+  if (!info.backend_is_alive) return std::nullopt;
+  return info.backend;
+}
+
 int stop(const StopOptions& options) {
-  const SessionInfo info = robot_info(options.name);
   const auto already_gone = [&] {
-    fmt::print("{}: its back-end is already gone.\n", info.name);
+    fmt::print("{}: its back-end is already gone.\n", options.name);
     return kDone;
   };
-  if (!info.backend_is_alive) return already_gone();
+  const std::optional<ipc::ProcessIdentity> backend = backend_of(options.name);
+  if (!backend) return already_gone();
 
   // The descriptor stays with this one process, however its number is used later.
-  const auto pid = static_cast<pid_t>(info.backend.pid);
-  const std::string who = ipc::describe(info.backend);
+  const auto pid = static_cast<pid_t>(backend->pid);
+  const std::string who = ipc::describe(*backend);
   const ipc::FileDescriptor process(
       [pid] { return static_cast<int>(::syscall(SYS_pidfd_open, pid, 0)); });
   if (!process && errno == ESRCH) return already_gone();
   if (!process) throw SystemError("find " + who, errno);
-  if (!info.backend.is_alive()) return already_gone();
+  if (!backend->is_alive()) return already_gone();
   if (::syscall(SYS_pidfd_send_signal, process.get(), SIGTERM, nullptr, 0) != 0) {
     if (errno == ESRCH) return already_gone();
     throw SystemError("stop " + who, errno);
@@ -56,7 +70,7 @@ int stop(const StopOptions& options) {
           who, options.timeout, pid));
     }
   }
-  fmt::print("{}: stopped {}.\n", info.name, who);
+  fmt::print("{}: stopped {}.\n", options.name, who);
   return kDone;
 }
 

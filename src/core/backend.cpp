@@ -4,10 +4,12 @@
 #include <signal.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <condition_variable>
 #include <mutex>
 #include <optional>
 #include <string>
+#include <thread>
 #include <utility>
 
 #include "followers.hpp"
@@ -154,8 +156,7 @@ class Backend::Implementation {
   void follow(Follower& follower) { followers_.add(follower); }
 
   void run() {
-    while (!stop_requested()) {
-      begin();
+    while (!stop_requested() && begin_when_there_is_memory()) {
       {
         const Watchdog watchdog(*run_, is_real_time() ? options_.driver_timeout : kForever);
         if (is_real_time()) {
@@ -173,6 +174,9 @@ class Backend::Implementation {
 
   void set_after_session(std::function<void(const Fault&)> function) {
     after_session_ = std::move(function);
+  }
+  void set_on_waiting(std::function<void(const std::string&)> function) {
+    on_waiting_ = std::move(function);
   }
 
   // relaxed: a flag without data behind it.
@@ -233,6 +237,26 @@ class Backend::Implementation {
     has_ended_ = false;
     last_fault_ = {};
     followers_.begin_session(host_, run_->writers);
+  }
+
+  // The memory of the last session but one serves the next. If others still look at it and no other
+  // is to be had, the robot stays at rest until it is. False if the back-end shall stop instead.
+  bool begin_when_there_is_memory() {
+    bool was_told = false;
+    while (!stop_requested()) {
+      try {
+        begin();
+        return true;
+      } catch (const SystemError& error) {
+        const bool is_full = error.error_number() == ENOSPC || error.error_number() == ENOMEM;
+        if (run_ == nullptr || !is_full) throw;
+        if (!was_told && on_waiting_) on_waiting_(error.what());
+        was_told = true;
+      }
+      run_->loop.beat(clock_.now());
+      std::this_thread::sleep_for(kWaitSlice);
+    }
+    return false;
   }
 
   // Does a tick without a deadline, or makes room for it.
@@ -347,6 +371,7 @@ class Backend::Implementation {
   Clock& clock_;
   detail::Followers followers_;
   std::function<void(const Fault&)> after_session_;
+  std::function<void(const std::string&)> on_waiting_;
   ipc::ForkGuard fork_;
   std::atomic<bool> stop_requested_{false};
   std::unique_ptr<Run> run_;
@@ -362,6 +387,9 @@ void Backend::follow(Follower& follower) { implementation_->follow(follower); }
 void Backend::run() { implementation_->run(); }
 void Backend::set_after_session(std::function<void(const Fault&)> function) {
   implementation_->set_after_session(std::move(function));
+}
+void Backend::set_on_waiting(std::function<void(const std::string&)> function) {
+  implementation_->set_on_waiting(std::move(function));
 }
 void Backend::request_stop() noexcept { implementation_->request_stop(); }
 void Backend::begin_session() { implementation_->begin_session(); }

@@ -3,31 +3,41 @@
 
 #include <algorithm>
 #include <chrono>
+#include <optional>
 #include <thread>
 
+#include "trifinger/base/error.hpp"
 #include "trifinger/core/driver.hpp"
 
 namespace trifinger::detail {
 
 void Followers::begin_session(const SessionHost& host, const SessionPlace::Writers& writers) {
   if (followers_.empty()) return;
-  const Session robot = host.open();
-  std::vector<Session> companions;
-  for (const std::string& name : robot.companion_names())
-    companions.push_back(robot.companion(name));
-
   // The newest series of all: observations are published before their step is whole.
   capacity_ = writers.robot->capacity_of(Series::kObservation);
+  next_look_ = capacity_;
   companions_.clear();
+  for (Entry& entry : followers_) entry = {.follower = entry.follower};
+  std::optional<Session> robot;
+  std::vector<Session> companions;
+  try {
+    robot = host.open();
+    for (const std::string& name : robot->companion_names()) {
+      companions.push_back(robot->companion(name));
+    }
+  } catch (const Error&) {
+    // Somebody has just removed it or cut it off: it is not followed, and the loop sees to the
+    // rest.
+    return;
+  }
   for (const auto& writer : writers.companions) {
     companions_.push_back(
         {.writer = writer.get(), .capacity = writer->capacity_of(Series::kObservation)});
   }
   for (Entry& entry : followers_) {
-    entry = {.follower = entry.follower, .has_joined = true};
-    entry.follower->begin_session(robot, companions);
+    entry.has_joined = true;
+    entry.follower->begin_session(*robot, companions);
   }
-  next_look_ = capacity_;
 }
 
 // The elements are in the order of their arrival.

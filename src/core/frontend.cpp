@@ -26,6 +26,13 @@ constexpr Nanoseconds kSlice = std::chrono::milliseconds(100);
 // Sessions begin in files of their own, so there is no event to wait for between them.
 constexpr auto kPollPeriod = std::chrono::milliseconds(1);
 
+void send_request(layout::ActionHeader& header, layout::Request what) noexcept {
+  // release: actions appended before are seen with it.
+  header.requests.fetch_or(what, std::memory_order_release);
+  header.event.fetch_add(1, std::memory_order_seq_cst);
+  ipc::futex_wake_all(header.event);
+}
+
 // Says in the action file what a thread of the controller waits for, as long as it waits.
 class WaitSlot {
  public:
@@ -298,7 +305,11 @@ class UntypedFrontend::Implementation {
         if (error.error_number() != ENOENT) throw;
         throw_stopped();
       }
-      if (deadline.passed()) throw TimedOut("no new session has begun after the fault");
+      if (deadline.passed()) {
+        throw TimedOut("robot '" + mapping_->name() +
+                       "' has not begun a new session after the fault; 'trifinger stop " +
+                       mapping_->name() + "' ends its back-end");
+      }
       if (interrupt_ && slice.passed()) {
         slice = Deadline(kSlice);
         interrupt_();
@@ -354,12 +365,7 @@ class UntypedFrontend::Implementation {
     throw HistoryLost(t, std::max(t + 1, range(series).first));
   }
 
-  void request(layout::Request what) const noexcept {
-    // release: actions appended before are seen with it.
-    action_header()->requests.fetch_or(what, std::memory_order_release);
-    action_header()->event.fetch_add(1, std::memory_order_seq_cst);
-    ipc::futex_wake_all(action_header()->event);
-  }
+  void request(layout::Request what) const noexcept { send_request(*action_header(), what); }
 
   // Brings the robot of an inline back-end to rest. It waits only if it is in a later session, by
   // no business of ours.
@@ -506,11 +512,22 @@ std::optional<ipc::SharedMemory> take_control(const SessionMapping& mapping) {
   // Cut off by somebody: the back-end notices that, too.
   if (action->size() < place.offset + place.shape.size()) return std::nullopt;
   auto& header = *reinterpret_cast<layout::ActionHeader*>(action->data());
+  // One at a time: whoever has the claim sees a lock and the name of its holder that belong
+  // together.
+  if (!ipc::try_lock(action->file(), ipc::Lock::kClaim)) return std::nullopt;
   if (!ipc::try_lock(action->file())) {
     // The handle that ended it still lives; the next session is about to begin.
     if (mapping.has_ended()) return std::nullopt;
-    const ipc::ProcessIdentity holder{header.controller_pid.load(std::memory_order_relaxed),
-                                      header.controller_start_time.load(std::memory_order_relaxed)};
+    const ipc::ProcessIdentity holder = detail::controller_of(header);
+    if (holder.is_known_dead()) {
+      // A child that it made by a bare fork(2) keeps the lock: only the next session can be had.
+      // The back-end ends one that has begun by itself.
+      if (mapping.header().phase.load(std::memory_order_acquire) <
+          static_cast<std::uint32_t>(layout::Phase::kRunning)) {
+        send_request(header, layout::kDetach);
+      }
+      return std::nullopt;
+    }
     const bool is_own = holder == ipc::ProcessIdentity::of_this_process();
     throw ControlHeld("robot '" + mapping.name() + "' is controlled by " +
                       (is_own ? "another handle in this process" : describe(holder)) +
@@ -526,8 +543,10 @@ std::optional<ipc::SharedMemory> take_control(const SessionMapping& mapping) {
   }
   const auto self = ipc::ProcessIdentity::of_this_process();
   header.controller_start_time.store(self.start_time, std::memory_order_relaxed);
+  header.controller_number_space.store(self.number_space, std::memory_order_relaxed);
   // release: the watchdog that sees the number finds the lock taken.
   header.controller_pid.store(self.pid, std::memory_order_release);
+  ipc::unlock(action->file(), ipc::Lock::kClaim);
   return action;
 }
 
@@ -555,7 +574,9 @@ auto attach(const Find& find, const FrontendOptions& options, const Make& make) 
     std::optional<ipc::SharedMemory> action = take_control(*mapping);
     if (action) return make(mapping, std::move(action));
     if (deadline.passed()) {
-      throw TimedOut("robot '" + mapping->name() + "' has not begun a new session in time");
+      throw TimedOut("robot '" + mapping->name() +
+                     "' has not begun a new session in time; if this lasts, 'trifinger stop " +
+                     mapping->name() + "' ends its back-end");
     }
     std::this_thread::sleep_for(kPollPeriod);
   }

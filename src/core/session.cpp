@@ -35,7 +35,33 @@ std::vector<std::string> session_names() {
   return names;
 }
 
+// How to end the back-end of a robot whose session cannot be opened; empty if it has none. All
+// processes are looked at only if there is no file of it that could be locked.
+std::string remedy_for(const std::string& robot) {
+  const auto directory = session_directory();
+  const auto is_locked = [&](const std::string& file) {
+    try {
+      return ipc::is_locked_by_other(directory->open(file, ipc::Access::kReadOnly).file());
+    } catch (const Error&) {
+      return false;
+    }
+  };
+  const std::filesystem::path lock = session_folder() / detail::lock_file(robot);
+  if (!is_locked(detail::lock_file(robot)) && !is_locked(detail::state_file(robot)) &&
+      (std::filesystem::exists(lock) || !find_backend(robot))) {
+    return "";
+  }
+  return "its back-end still runs, 'trifinger stop " + robot +
+         "' brings the robot to rest and ends it";
+}
+
 std::string not_found_text(const std::string& name) {
+  if (name.find('.') == std::string::npos) {
+    if (const std::string remedy = remedy_for(name); !remedy.empty()) {
+      return "robot '" + name + "' is just beginning its session, or somebody has removed " +
+             (session_folder() / detail::state_file(name)).string() + "; " + remedy;
+    }
+  }
   std::string text = "there is no robot '" + name + "' on this machine";
   std::string others;
   for (const SessionInfo& other : list_sessions()) {
@@ -96,7 +122,19 @@ Session Session::open(const std::string& name) {
   } catch (const SystemError& error) {
     if (error.error_number() == ENOENT) throw SessionNotFound(not_found_text(name));
     throw;
+  } catch (const IncompatibleSession& error) {
+    const std::string remedy = remedy_for(detail::robot_of(name));
+    if (remedy.empty()) throw;
+    throw IncompatibleSession(std::string(error.what()) + "; " + remedy);
   }
+}
+
+std::optional<ipc::ProcessIdentity> find_backend(const std::string& name) {
+  detail::require_valid_name(name);
+  const auto owners = ipc::owners_of(session_folder() / detail::lock_file(name));
+  // The oldest: children that were made by a bare fork(2) own what their parent does.
+  if (owners.empty()) return std::nullopt;
+  return owners.front();
 }
 
 SessionInfo Session::info() const {
@@ -115,7 +153,7 @@ SessionInfo Session::info() const {
       std::chrono::duration_cast<std::chrono::system_clock::duration>(
           Nanoseconds(header.created_time)));
   info.host = mapping_->host();
-  info.backend = {header.backend_pid, header.backend_start_time};
+  info.backend = detail::backend_of(header);
   info.backend_is_alive = mapping_->backend_is_alive();
   info.phase = static_cast<SessionInfo::Phase>(header.phase.load(std::memory_order_acquire));
   const Series counted = info.is_companion ? Series::kObservation : Series::kAppliedAction;
@@ -136,10 +174,10 @@ SessionInfo Session::info() const {
       const ipc::SharedMemory action = mapping_->directory()->open(
           detail::action_file(mapping_->name(), header.session_id), ipc::Access::kReadOnly);
       if (action.size() >= sizeof(layout::ActionHeader) && ipc::is_locked_by_other(action.file())) {
-        const auto& controller = *reinterpret_cast<const layout::ActionHeader*>(action.data());
-        // relaxed: for people to read.
-        info.controller = {controller.controller_pid.load(std::memory_order_relaxed),
-                           controller.controller_start_time.load(std::memory_order_relaxed)};
+        const auto controller =
+            detail::controller_of(*reinterpret_cast<const layout::ActionHeader*>(action.data()));
+        // The lock of a dead one is kept by a child that it made by a bare fork(2).
+        if (!controller.is_known_dead()) info.controller = controller;
       }
     } catch (const Error&) {
       // Ended, or not ours to look at: nobody is named.
@@ -207,7 +245,9 @@ void recover(const std::string& name, Timeout timeout) {
   }
   while (Session::open(name).info().session_id == stopped_id) {
     if (deadline.passed()) {
-      throw TimedOut("robot '" + name + "' has not begun a new session after its fault");
+      throw TimedOut("robot '" + name +
+                     "' has not begun a new session after its fault; 'trifinger stop " + name +
+                     "' ends its back-end");
     }
     // The next session is another file: there is no event to wait for.
     std::this_thread::sleep_for(std::chrono::milliseconds(1));

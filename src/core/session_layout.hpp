@@ -15,7 +15,7 @@ namespace trifinger::layout {
 
 inline constexpr std::uint64_t kStateMagic = 0x3154532d52474654;   // "TFGR-ST1"
 inline constexpr std::uint64_t kActionMagic = 0x3143412d52474654;  // "TFGR-AC1"
-inline constexpr std::uint32_t kLayoutVersion = 4;
+inline constexpr std::uint32_t kLayoutVersion = 5;
 
 inline constexpr std::size_t kNumSeries = 6;
 inline constexpr std::size_t kNumWaitSlots = 8;
@@ -57,6 +57,7 @@ struct StateHeader {
   std::int64_t created_time;  // since 1970 [ns]
   std::int64_t backend_pid;
   std::uint64_t backend_start_time;
+  std::uint64_t backend_number_space;
   std::int64_t first_index;                 // the step that a robot begins with, here called step 0
   std::array<RingPlace, kNumSeries> rings;  // by Series
   RingPlace queue;                          // in the action file
@@ -100,13 +101,16 @@ enum Request : std::uint32_t {
 };
 inline constexpr std::uint32_t kEndRequests = kFinish | kDetach;
 
-// Written by the controlling front-end. The back-end believes nothing in it.
+// Written by the controlling front-end. The back-end believes nothing in it. Who controls is who
+// has the owner's lock of the file; the process that it names is a claim, which can only be used
+// against whoever makes it: a lock whose holder says to be a process that is dead counts no more.
 struct ActionHeader {
   std::uint64_t magic;
   std::uint64_t session_id;
   std::atomic<std::int64_t>
       controller_pid;  // 0: nobody has taken control since it was last given back
   std::atomic<std::uint64_t> controller_start_time;
+  std::atomic<std::uint64_t> controller_number_space;
 
   alignas(64) std::atomic<std::uint32_t> event;  // what the back-end sleeps on
   std::atomic<std::uint32_t> requests;           // set of Request

@@ -14,6 +14,7 @@
 #include <cstring>
 #include <random>
 #include <sstream>
+#include <thread>
 #include <utility>
 
 #include "trifinger/core/errors.hpp"
@@ -108,7 +109,32 @@ class FilePlan {
 
 ipc::SharedMemory FolderDirectory::create(const std::string& file, std::size_t size,
                                           unsigned mode) {
-  return ipc::SharedMemory::create_file(folder_, file, size, mode);
+  for (ipc::SharedMemory& spare : spares_) {
+    if (spare.size() != size || !spare.make_anew(file, mode)) continue;
+    ipc::SharedMemory memory = std::move(spare);
+    std::erase_if(spares_, [](const ipc::SharedMemory& one) { return !one.file(); });
+    return memory;
+  }
+  ipc::SharedMemory memory = ipc::SharedMemory::create_file(folder_, file, size, mode);
+  // Others still look at them: their memory goes with its last user.
+  std::erase_if(spares_, [size](const ipc::SharedMemory& one) { return one.size() == size; });
+  return memory;
+}
+
+void FolderDirectory::give_back(ipc::SharedMemory memory) noexcept {
+  memory.retire();
+  spares_.push_back(std::move(memory));
+}
+
+void FolderDirectory::reserve(const std::string& file, std::size_t size) {
+  constexpr unsigned kOwnerAlone = 0600;
+  give_back(ipc::SharedMemory::create_file(folder_, file, size, kOwnerAlone));
+}
+
+std::vector<ipc::ProcessIdentity> FolderDirectory::other_owners(const std::string& file) const {
+  std::vector<ipc::ProcessIdentity> owners = ipc::owners_of(folder_ / file);
+  std::erase(owners, ipc::ProcessIdentity::of_this_process());
+  return owners;
 }
 
 ipc::SharedMemory FolderDirectory::publish(const std::string&, ipc::SharedMemory memory) {
@@ -188,6 +214,14 @@ void ProcessDirectory::remove_all(const std::string& prefix, const std::string& 
   });
 }
 
+void ProcessDirectory::give_back(ipc::SharedMemory) noexcept {}
+
+void ProcessDirectory::reserve(const std::string&, std::size_t) {}
+
+std::vector<ipc::ProcessIdentity> ProcessDirectory::other_owners(const std::string&) const {
+  return {};
+}
+
 std::string state_file(const std::string& name) { return std::string(kPrefix) + name + ".state"; }
 
 std::string action_file(const std::string& name, std::uint64_t session_id) {
@@ -198,6 +232,20 @@ std::string robot_of(const std::string& name) { return name.substr(0, name.find(
 
 std::string lock_file(const std::string& name) {
   return std::string(kPrefix) + robot_of(name) + ".lock";
+}
+
+ipc::ProcessIdentity backend_of(const layout::StateHeader& header) noexcept {
+  return {.pid = header.backend_pid,
+          .start_time = header.backend_start_time,
+          .number_space = header.backend_number_space};
+}
+
+ipc::ProcessIdentity controller_of(const layout::ActionHeader& header) noexcept {
+  // acquire: what was stored before the number belongs to it.
+  const std::int64_t pid = header.controller_pid.load(std::memory_order_acquire);
+  return {.pid = pid,
+          .start_time = header.controller_start_time.load(std::memory_order_relaxed),
+          .number_space = header.controller_number_space.load(std::memory_order_relaxed)};
 }
 
 void require_valid_name(const std::string& name) {
@@ -225,7 +273,7 @@ SessionMapping::SessionMapping(std::shared_ptr<Directory> directory, const std::
   try {
     lock_.emplace(directory_->open(lock_file(name), ipc::Access::kReadOnly));
   } catch (const SystemError& error) {
-    // Without its lock file nobody holds the name: the session reads as one whose back-end is gone.
+    // Somebody has removed it: the lock of the session itself has to do.
     if (error.error_number() != ENOENT) throw;
   }
 }
@@ -421,14 +469,11 @@ void SessionMapping::require_own() const {
 bool SessionMapping::backend_is_alive() const noexcept {
   // What was cut off says nothing any more: for us it is gone.
   if (memory_.is_damaged()) return false;
-  // A back-end ends its session before the file goes. One without an end was removed by a later
-  // back-end, whose lock says nothing about ours, or by somebody who tidied up.
-  const bool is_named = !memory_.path().empty();
-  if (is_named && !memory_.has_name() && !has_ended()) {
-    const ipc::ProcessIdentity backend{header_->backend_pid, header_->backend_start_time};
-    if (!backend.is_alive()) return false;
-  }
-  return lock_.has_value() && ipc::is_locked_by_other(lock_->file());
+  // A back-end has the lock of its session until the next one begins, and always that of its name.
+  const bool is_held = ipc::is_locked_by_other(memory_.file()) ||
+                       (has_ended() && lock_ && ipc::is_locked_by_other(lock_->file()));
+  // A child that was made by a bare fork(2) keeps the locks of the dead.
+  return is_held && !backend_of(*header_).is_known_dead();
 }
 
 Fault SessionMapping::fault() const noexcept {
@@ -478,10 +523,14 @@ void SessionMapping::throw_stopped() const {
 
 // --- SessionWriter ---
 
-SessionWriter::SessionWriter(std::shared_ptr<Directory> directory, const SessionPlan& plan)
+SessionWriter::SessionWriter(std::shared_ptr<Directory> directory, std::string state_file,
+                             TimeIndex first_index)
     : directory_(std::move(directory)),
-      state_file_(state_file(plan.name)),
-      first_index_(plan.first_index) {
+      state_file_(std::move(state_file)),
+      first_index_(first_index) {}
+
+SessionWriter::SessionWriter(std::shared_ptr<Directory> directory, const SessionPlan& plan)
+    : SessionWriter(std::move(directory), state_file(plan.name), plan.first_index) {
   std::uint64_t hash = hash_of(plan.type);
   std::array<std::string, layout::kNumSeries> descriptions;
   std::array<layout::RingPlace, layout::kNumSeries> rings{};
@@ -516,8 +565,9 @@ SessionWriter::SessionWriter(std::shared_ptr<Directory> directory, const Session
                                         plan.default_action.size()};
   const layout::TextPlace companions_place{file.add(plan.companions.size()),
                                            plan.companions.size()};
-  const layout::TextPlace lacks_place{file.add(plan.realtime_lacks.size()),
-                                      plan.realtime_lacks.size()};
+  // All sessions of a back-end have the same size, so that each can have the memory of another.
+  const std::size_t lacks_room = std::max(plan.realtime_lacks.size(), std::size_t{4096});
+  const layout::TextPlace lacks_place{file.add(lacks_room), plan.realtime_lacks.size()};
   const auto add_text = [&file](const std::string& text) {
     return layout::TextPlace{file.add(text.size()), text.size()};
   };
@@ -529,8 +579,10 @@ SessionWriter::SessionWriter(std::shared_ptr<Directory> directory, const Session
   const std::uint64_t documents_size = documents.size() * sizeof(layout::DocumentPlace);
   const layout::TextPlace documents_place{file.add(documents_size), documents_size};
 
-  ipc::SharedMemory state = directory_->create(state_file_, file.size(), plan.mode);
-  std::byte* const data = state.data();
+  // Nobody but the back-end ever writes to it.
+  const unsigned state_mode = plan.mode & ~static_cast<unsigned>(S_IWGRP | S_IWOTH);
+  state_.emplace(directory_->create(state_file_, file.size(), state_mode));
+  std::byte* const data = state_->data();
   const auto write_text = [data](const layout::TextPlace& place, const void* text) {
     // A companion has no default action: nothing, at no address.
     if (place.size > 0) std::memcpy(data + place.offset, text, place.size);
@@ -550,6 +602,7 @@ SessionWriter::SessionWriter(std::shared_ptr<Directory> directory, const Session
   const auto backend = ipc::ProcessIdentity::of_this_process();
   header_->backend_pid = backend.pid;
   header_->backend_start_time = backend.start_time;
+  header_->backend_number_space = backend.number_space;
   header_->first_index = plan.first_index;
   header_->rings = rings;
   header_->timing = timing;
@@ -594,25 +647,32 @@ SessionWriter::SessionWriter(std::shared_ptr<Directory> directory, const Session
     // Published first: whoever finds the state file finds the queue, too.
     make_queue(plan.mode);
   }
-  state_.emplace(directory_->publish(state_file_, std::move(state)));
+  if (!ipc::try_lock(state_->file())) throw Error("a new session is locked by somebody else");
+  state_ = directory_->publish(state_file_, std::move(*state_));
+}
+
+void SessionWriter::reserve_another() const {
+  directory_->reserve(state_file_, state_->size());
+  if (action_) directory_->reserve(action_file_, action_->size());
 }
 
 void SessionWriter::make_queue(unsigned mode) {
   const layout::RingPlace& place = header_->queue;
-  ipc::SharedMemory action =
-      directory_->create(action_file_, place.offset + place.shape.size(), mode);
-  auto* const header = new (action.data()) layout::ActionHeader{};
+  action_.emplace(directory_->create(action_file_, place.offset + place.shape.size(), mode));
+  auto* const header = new (action_->data()) layout::ActionHeader{};
   header->magic = layout::kActionMagic;
   header->session_id = header_->session_id;
-  ipc::SharedMemory published = directory_->publish(action_file_, std::move(action));
+  action_ = directory_->publish(action_file_, std::move(*action_));
   action_header_ = header;
-  queue_ = ipc::Ring(published.data() + place.offset, place.shape);
-  action_.emplace(std::move(published));
+  queue_ = ipc::Ring(action_->data() + place.offset, place.shape);
 }
 
 SessionWriter::~SessionWriter() {
+  if (fork_.is_inherited()) return;
   // The state file stays for readers until the next session takes its name.
-  if (!action_file_.empty() && !fork_.is_inherited()) directory_->remove(action_file_);
+  if (!action_file_.empty()) directory_->remove(action_file_);
+  if (action_) directory_->give_back(std::move(*action_));
+  if (state_) directory_->give_back(std::move(*state_));
 }
 
 bool SessionWriter::controller_died() const noexcept {
@@ -623,7 +683,10 @@ bool SessionWriter::controller_died() const noexcept {
     return false;
   }
   const std::uint32_t requests = action_header_->requests.load(std::memory_order_acquire);
-  return (requests & layout::kDetach) == 0 && !ipc::is_locked_by_other(action_->file());
+  if ((requests & layout::kDetach) != 0) return false;
+  // A child that was made by a bare fork(2) keeps the lock of the dead.
+  return !ipc::is_locked_by_other(action_->file()) ||
+         controller_of(*action_header_).is_known_dead();
 }
 
 void SessionWriter::append(Series series, const void* element) noexcept {
@@ -727,36 +790,90 @@ SessionPlace::SessionPlace(std::shared_ptr<Directory> directory, std::string nam
                            SessionOptions options)
     : directory_(std::move(directory)),
       name_((require_valid_name(name), std::move(name))),
-      options_(std::move(options)),
-      lock_(directory_->open_or_create(lock_file(name_), options_.mode)) {
+      options_(std::move(options)) {
   if (options_.history == 0 || options_.queue == 0) {
     throw InvalidArgument("history and queue need room for at least one element each");
   }
-  take_name();
+  take_name(false);
 }
 
-void SessionPlace::take_name() {
-  if (!ipc::try_lock(lock_.file())) {
-    std::optional<ipc::ProcessIdentity> owner;
-    std::string text = "another process";
-    try {
-      const SessionMapping session(directory_, name_);
-      owner = {session.header().backend_pid, session.header().backend_start_time};
-      text = ipc::describe(*owner) + " on " + session.host();
-    } catch (const Error&) {
-      // It has just taken the name and has no session yet.
-    }
-    const ipc::LockPatience patience;
-    bool is_taken = false;
-    while (!is_taken && patience.wait(owner && owner->is_ending())) {
-      is_taken = ipc::try_lock(lock_.file());
-    }
-    if (!is_taken) {
-      throw RobotOwned("robot '" + name_ + "' is run by " + text +
-                       "; stop it with 'trifinger stop " + name_ + "', or choose another name");
-    }
+void SessionPlace::take_name(bool is_ours) {
+  // One at a time, and nobody looks at files that are about to be removed.
+  std::optional<ipc::SharedMemory> lock;
+  const Deadline deadline(std::chrono::seconds(2));
+  while (true) {
+    lock.emplace(directory_->open_or_create(lock_file(name_), options_.mode));
+    if (ipc::try_lock(lock->file(), ipc::Lock::kClaim) && lock->has_name()) break;
+    if (deadline.passed()) throw_owned("another process that is just starting");
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
-  directory_->remove_all(std::string(kPrefix) + name_ + ".", lock_file(name_));
+  // A back-end that was just killed gives its locks back a little later.
+  const ipc::LockPatience patience;
+  bool is_taken = ipc::try_lock(lock->file());
+  while (!is_taken && !is_left_by_the_dead() && patience.wait(is_left_by_the_dying())) {
+    is_taken = ipc::try_lock(lock->file());
+  }
+  if (!is_taken) {
+    if (!is_left_by_the_dead()) throw_owned(find_owner().value_or("another process"));
+    // It cannot be had, so another one takes its place; whoever comes waits for our claim.
+    ipc::SharedMemory fresh = directory_->create(lock_file(name_), 1, options_.mode);
+    if (!ipc::try_lock(fresh.file(), ipc::Lock::kClaim) || !ipc::try_lock(fresh.file())) {
+      throw_owned("another process");
+    }
+    lock = directory_->publish(lock_file(name_), std::move(fresh));
+  }
+  // The file may be new, because somebody has removed that of a back-end that lives.
+  if (!is_ours) {
+    std::optional<std::string> owner = find_owner();
+    while (owner && patience.wait(is_left_by_the_dying())) owner = find_owner();
+    if (owner) throw_owned(*owner);
+  }
+  // The one that is there may be from the time before the group was let in.
+  if (!lock->path().empty()) ::fchmod(lock->file().get(), options_.mode);
+  if (!is_ours) directory_->remove_all(std::string(kPrefix) + name_ + ".", lock_file(name_));
+  // The one that we had, if any, goes last: by it others see at any time that we live.
+  lock_ = std::move(lock);
+  ipc::unlock(lock_->file(), ipc::Lock::kClaim);
+}
+
+std::optional<std::string> SessionPlace::find_owner() const {
+  std::optional<std::string> owner;
+  try {
+    const ipc::SharedMemory state = directory_->open(state_file(name_), ipc::Access::kReadOnly);
+    if (ipc::is_locked_by_other(state.file())) owner = "another process";
+    const SessionMapping session(directory_, name_);
+    const ipc::ProcessIdentity backend = backend_of(session.header());
+    if (owner && backend.is_known_dead()) owner.reset();
+    if (owner) owner = ipc::describe(backend) + " on " + session.host();
+  } catch (const Error&) {
+    // Just begun, or the file is gone or damaged: its lock counts, if there is one.
+  }
+  if (const auto owners = directory_->other_owners(lock_file(name_)); !owners.empty()) {
+    // A child that was made by a bare fork(2) keeps what the dead owned.
+    if (owner || !is_left_by_the_dead()) owner = ipc::describe(owners.front());
+  }
+  return owner;
+}
+
+bool SessionPlace::is_left_by_the_dead() const {
+  try {
+    return backend_of(SessionMapping(directory_, name_).header()).is_known_dead();
+  } catch (const Error&) {
+    return false;
+  }
+}
+
+bool SessionPlace::is_left_by_the_dying() const {
+  try {
+    return backend_of(SessionMapping(directory_, name_).header()).is_ending();
+  } catch (const Error&) {
+    return false;
+  }
+}
+
+void SessionPlace::throw_owned(const std::string& owner) const {
+  throw RobotOwned("robot '" + name_ + "' is run by " + owner + "; stop it with 'trifinger stop " +
+                   name_ + "', or choose another name");
 }
 
 SessionPlace::~SessionPlace() {
@@ -772,10 +889,7 @@ SessionPlace::Writers SessionPlace::begin(const UntypedDriver& driver, bool is_r
                           "' was made before fork(), and the name is its parent's");
   }
   // Somebody tidied up: whoever comes from now on looks at another file.
-  if (!lock_.path().empty() && !lock_.has_name()) {
-    lock_ = directory_->open_or_create(lock_file(name_), options_.mode);
-    take_name();
-  }
+  if (!lock_->has_name()) take_name(true);
   const RobotTypes& robot = driver.description();
   SessionPlan plan{
       .name = name_,
@@ -820,6 +934,11 @@ SessionPlace::Writers SessionPlace::begin(const UntypedDriver& driver, bool is_r
     writers.companions.push_back(std::make_unique<SessionWriter>(directory_, companion_plan));
   }
   writers.robot = std::make_unique<SessionWriter>(directory_, plan);
+  if (!has_reserve_) {
+    writers.robot->reserve_another();
+    for (const auto& companion : writers.companions) companion->reserve_another();
+    has_reserve_ = true;
+  }
   return writers;
 }
 

@@ -34,7 +34,11 @@ class Directory {
   // From now on `open` finds the file; returns the mapping to keep.
   [[nodiscard]] virtual ipc::SharedMemory publish(const std::string& file,
                                                   ipc::SharedMemory memory) = 0;
-  // A file that is never replaced: the one there is, or a new one.
+  // Keeps the memory of a file that was made here, for files of the same size to come.
+  virtual void give_back(ipc::SharedMemory memory) noexcept = 0;
+  // Takes memory for another file like this one.
+  virtual void reserve(const std::string& file, std::size_t size) = 0;
+  // The one there is, or a new one.
   [[nodiscard]] virtual ipc::SharedMemory open_or_create(const std::string& file,
                                                          unsigned mode) = 0;
   // Throws SystemError with ENOENT if there is no such file.
@@ -42,6 +46,9 @@ class Directory {
   virtual void remove(const std::string& file) noexcept = 0;
   // Removes the files whose names begin with `prefix`, but for `kept`.
   virtual void remove_all(const std::string& prefix, const std::string& kept) noexcept = 0;
+  // The other processes that own a file of this name, also one that was removed; oldest first.
+  [[nodiscard]] virtual std::vector<ipc::ProcessIdentity> other_owners(
+      const std::string& file) const = 0;
 };
 
 // Session files in `folder`.
@@ -55,12 +62,18 @@ class FolderDirectory final : public Directory {
   ipc::SharedMemory open(const std::string& file, ipc::Access access) override;
   void remove(const std::string& file) noexcept override;
   void remove_all(const std::string& prefix, const std::string& kept) noexcept override;
+  void give_back(ipc::SharedMemory memory) noexcept override;
+  void reserve(const std::string& file, std::size_t size) override;
+  [[nodiscard]] std::vector<ipc::ProcessIdentity> other_owners(
+      const std::string& file) const override;
 
  private:
   std::filesystem::path folder_;
+  std::vector<ipc::SharedMemory> spares_;  // of the back-end's thread
 };
 
-// Session "files" of this process.
+// Session "files" of this process. Their memory is given back to the system: nobody else can fill
+// it.
 class ProcessDirectory final : public Directory {
  public:
   ipc::SharedMemory create(const std::string& file, std::size_t size, unsigned mode) override;
@@ -69,6 +82,10 @@ class ProcessDirectory final : public Directory {
   ipc::SharedMemory open(const std::string& file, ipc::Access access) override;
   void remove(const std::string& file) noexcept override;
   void remove_all(const std::string& prefix, const std::string& kept) noexcept override;
+  void give_back(ipc::SharedMemory memory) noexcept override;
+  void reserve(const std::string& file, std::size_t size) override;
+  [[nodiscard]] std::vector<ipc::ProcessIdentity> other_owners(
+      const std::string& file) const override;
 
  private:
   std::mutex mutex_;
@@ -85,6 +102,9 @@ class ProcessDirectory final : public Directory {
 [[nodiscard]] std::string lock_file(const std::string& name);
 // The robot's name in the name of a session: "sim" of "sim.object".
 [[nodiscard]] std::string robot_of(const std::string& name);
+// The back-end that wrote this, and the controller that this says to be written by.
+[[nodiscard]] ipc::ProcessIdentity backend_of(const layout::StateHeader& header) noexcept;
+[[nodiscard]] ipc::ProcessIdentity controller_of(const layout::ActionHeader& header) noexcept;
 // Throws InvalidArgument unless `name` can be the name of a robot.
 void require_valid_name(const std::string& name);
 
@@ -131,7 +151,7 @@ class SessionMapping {
   [[nodiscard]] std::int64_t begin_of(Series series) const noexcept {
     return is_indexed_by_step(series) ? header_->first_index : 0;
   }
-  // Two system calls.
+  // Some system calls.
   [[nodiscard]] bool backend_is_alive() const noexcept;
   // Throws InheritedHandle in a forked child, where the lock cannot be asked for.
   void require_own() const;
@@ -200,8 +220,8 @@ class SessionWriter {
   [[nodiscard]] bool is_damaged() const noexcept {
     return is_cut_off() || action_header_->magic != layout::kActionMagic;
   }
-  // True if the process whose actions are applied ended without giving control back. One system
-  // call.
+  // True if the process whose actions are applied ended without giving control back. Some system
+  // calls.
   [[nodiscard]] bool controller_died() const noexcept;
   [[nodiscard]] std::uint64_t session_id() const noexcept { return header_->session_id; }
   [[nodiscard]] TimeIndex first_index() const noexcept { return first_index_; }
@@ -233,7 +253,13 @@ class SessionWriter {
   void append_stopping(const void* observation) noexcept;
   void come_to_rest() noexcept;
 
+  // Takes the memory of another session like this one. Throws SystemError.
+  void reserve_another() const;
+
  private:
+  // What the other constructor throws behind this one is cleaned up by the destructor.
+  SessionWriter(std::shared_ptr<Directory> directory, std::string state_file,
+                TimeIndex first_index);
   void write(Series series, const void* element) noexcept;
   [[nodiscard]] bool somebody_has_what_they_want() const noexcept;
   void make_queue(unsigned mode);
@@ -283,7 +309,9 @@ class SessionPlace {
     std::vector<std::unique_ptr<SessionWriter>> companions;
   };
   // The next session and its companions. `realtime_lacks`, see SessionInfo, counts in real-time
-  // mode only. Throws RobotOwned if the name was lost meanwhile.
+  // mode only. The first one takes the memory of two sessions; those that follow have that of the
+  // last but one, unless others still look at it. Throws RobotOwned if the name was lost meanwhile,
+  // SystemError.
   [[nodiscard]] Writers begin(const UntypedDriver& driver, bool is_real_time, Nanoseconds period,
                               const std::vector<std::string>& realtime_lacks = {});
   // From now on sessions begin as if they had gone on for ages: their step 0 has this index.
@@ -293,14 +321,22 @@ class SessionPlace {
   [[nodiscard]] const std::string& name() const noexcept { return name_; }
 
  private:
-  // Throws RobotOwned.
-  void take_name();
+  // Throws RobotOwned. `is_ours`: we had the name before, and our session is there.
+  void take_name(bool is_ours);
+  // Who runs a robot of this name, whatever has become of its lock; nothing if nobody is found.
+  [[nodiscard]] std::optional<std::string> find_owner() const;
+  // True if the lock is kept by a child of a back-end that is dead.
+  [[nodiscard]] bool is_left_by_the_dead() const;
+  // True if the back-end that has the name is being killed.
+  [[nodiscard]] bool is_left_by_the_dying() const;
+  [[noreturn]] void throw_owned(const std::string& owner) const;
 
   std::shared_ptr<Directory> directory_;
   std::string name_;
   SessionOptions options_;
   TimeIndex first_index_{0};
-  ipc::SharedMemory lock_;
+  std::optional<ipc::SharedMemory> lock_;
+  bool has_reserve_{false};
   ipc::ForkGuard fork_;
 };
 

@@ -3,7 +3,14 @@
 
 #include <fcntl.h>
 
+#include <algorithm>
+#include <array>
 #include <cerrno>
+#include <charconv>
+#include <cstdint>
+#include <fstream>
+#include <string>
+#include <system_error>
 #include <thread>
 
 #include "trifinger/base/error.hpp"
@@ -11,20 +18,54 @@
 namespace trifinger::ipc {
 namespace {
 
-struct flock whole_file(short type) noexcept {
-  struct flock lock{};
-  lock.l_type = type;
-  lock.l_whence = SEEK_SET;
-  return lock;
+struct flock request_of(short type, Lock lock) noexcept {
+  struct flock request{};
+  request.l_type = type;
+  request.l_whence = SEEK_SET;
+  request.l_start = static_cast<off_t>(lock);
+  request.l_len = 1;
+  return request;
+}
+
+bool try_to(const FileDescriptor& file, struct flock request) {
+  if (::fcntl(file.get(), F_OFD_SETLK, &request) == 0) return true;
+  if (errno == EAGAIN || errno == EACCES) return false;
+  throw SystemError("lock a session file", errno);
+}
+
+// Whether the open file holds the owner's lock, from what /proc says of it:
+// "lock:\t1: OFDLCK ADVISORY  WRITE -1 00:1a:4711 0 0".
+bool is_owner(const std::filesystem::path& info) {
+  std::ifstream file(info);
+  for (std::string line; std::getline(file, line);) {
+    if (!line.starts_with("lock:") || line.find(" OFDLCK ") == std::string::npos) continue;
+    if (line.find(" WRITE ") != std::string::npos && line.ends_with(" 0 0")) return true;
+  }
+  return false;
+}
+
+// Whether the process owns a file of one of these names.
+bool is_owner(const std::filesystem::path& process, const std::array<std::string, 2>& names) {
+  std::error_code error;
+  std::filesystem::directory_iterator files(process / "fd", error);
+  for (const std::filesystem::directory_iterator end; !error && files != end;
+       files.increment(error)) {
+    std::error_code gone;
+    const std::string target = std::filesystem::read_symlink(files->path(), gone).string();
+    if (gone || std::ranges::find(names, target) == names.end()) continue;
+    if (is_owner(process / "fdinfo" / files->path().filename())) return true;
+  }
+  return false;
 }
 
 }  // namespace
 
-bool try_lock(const FileDescriptor& file) {
-  struct flock lock = whole_file(F_WRLCK);
-  if (::fcntl(file.get(), F_OFD_SETLK, &lock) == 0) return true;
-  if (errno == EAGAIN || errno == EACCES) return false;
-  throw SystemError("lock a session file", errno);
+bool try_lock(const FileDescriptor& file, Lock lock) {
+  return try_to(file, request_of(F_WRLCK, lock));
+}
+
+bool try_share(const FileDescriptor& file, Lock lock) {
+  return try_to(file, request_of(F_RDLCK, lock));
 }
 
 bool LockPatience::wait(bool holder_is_ending) const {
@@ -38,14 +79,37 @@ bool LockPatience::wait(bool holder_is_ending) const {
   return true;
 }
 
-void unlock(const FileDescriptor& file) noexcept {
-  struct flock lock = whole_file(F_UNLCK);
-  ::fcntl(file.get(), F_OFD_SETLK, &lock);
+void unlock(const FileDescriptor& file, Lock lock) noexcept {
+  struct flock request = request_of(F_UNLCK, lock);
+  ::fcntl(file.get(), F_OFD_SETLK, &request);
 }
 
-bool is_locked_by_other(const FileDescriptor& file) noexcept {
-  struct flock lock = whole_file(F_WRLCK);
-  return ::fcntl(file.get(), F_OFD_GETLK, &lock) == 0 && lock.l_type != F_UNLCK;
+bool is_locked_by_other(const FileDescriptor& file, Lock lock) noexcept {
+  struct flock request = request_of(F_WRLCK, lock);
+  return ::fcntl(file.get(), F_OFD_GETLK, &request) == 0 && request.l_type != F_UNLCK;
+}
+
+std::vector<ProcessIdentity> owners_of(const std::filesystem::path& path) {
+  std::error_code ignored;
+  std::filesystem::path real = std::filesystem::canonical(path.parent_path(), ignored);
+  if (ignored) return {};
+  real /= path.filename();
+  const std::array<std::string, 2> names{real.string(), real.string() + " (deleted)"};
+  std::vector<ProcessIdentity> owners;
+  std::error_code error;
+  std::filesystem::directory_iterator processes("/proc", error);
+  for (const std::filesystem::directory_iterator end; !error && processes != end;
+       processes.increment(error)) {
+    std::int64_t pid = 0;
+    const std::string name = processes->path().filename().string();
+    const auto [last, problem] = std::from_chars(name.data(), name.data() + name.size(), pid);
+    if (problem != std::errc() || last != name.data() + name.size()) continue;
+    // Before the look: a process that takes the number meanwhile is not taken for this one.
+    const ProcessIdentity process = ProcessIdentity::of(pid);
+    if (is_owner(processes->path(), names) && process.is_alive()) owners.push_back(process);
+  }
+  std::ranges::sort(owners, {}, &ProcessIdentity::start_time);
+  return owners;
 }
 
 }  // namespace trifinger::ipc

@@ -8,13 +8,18 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <chrono>
 #include <cstdint>
+#include <cstdio>
+#include <cstring>
 #include <random>
+#include <thread>
 #include <utility>
 
 #include "bus_error_guard.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/regular_file.hpp"
+#include "trifinger/ipc/file_lock.hpp"
 
 namespace trifinger::ipc {
 namespace {
@@ -36,6 +41,12 @@ void allocate(const FileDescriptor& file, std::size_t size, const std::string& w
 }
 
 int open_flags(Access access) { return access == Access::kReadOnly ? O_RDONLY : O_RDWR; }
+
+bool is_same_file(const std::filesystem::path& path, const struct stat& status) noexcept {
+  struct stat named{};
+  return ::lstat(path.c_str(), &named) == 0 && named.st_ino == status.st_ino &&
+         named.st_dev == status.st_dev;
+}
 
 // Nobody can guess it, and so nobody has taken it before.
 std::string hidden_name(const std::string& name) {
@@ -64,23 +75,28 @@ SharedMemory SharedMemory::create_file(const std::filesystem::path& folder, cons
     return open_regular_file(hidden, O_RDWR | O_CREAT | O_EXCL, NamedBy::kProgram,
                              S_IRUSR | S_IWUSR);
   });
-  memory.temporary_path_ = hidden;
+  memory.hidden_path_ = hidden;
   allocate(memory.file_, size, memory.path_.string());
-  // fchmod, not open: the mode asked for must not depend on the umask.
-  if (::fchmod(memory.file_.get(), mode) != 0) {
-    throw SystemError("set the mode of " + memory.path_.string(), errno);
-  }
+  memory.set_mode(mode);
   memory.map(Access::kReadWrite);
   return memory;
 }
 
 SharedMemory SharedMemory::open(const std::filesystem::path& path, Access access) {
+  // A file that is being made anew has just lost its name, so the next look finds another one.
+  constexpr int kLooks = 200;
   SharedMemory memory;
   memory.path_ = path;
-  memory.file_ = FileDescriptor(
-      [&] { return open_regular_file(path, open_flags(access), NamedBy::kProgram); });
-  memory.map(access);
-  return memory;
+  for (int i = 0; i < kLooks; ++i) {
+    memory.file_ = FileDescriptor(
+        [&] { return open_regular_file(path, open_flags(access), NamedBy::kProgram); });
+    if (try_share(memory.file_, Lock::kUse)) {
+      memory.map(access);
+      return memory;
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  throw SystemError("open " + path.string() + ", which another process has locked", EAGAIN);
 }
 
 SharedMemory SharedMemory::reopen(Access access) const {
@@ -91,6 +107,9 @@ SharedMemory SharedMemory::reopen(Access access) const {
   memory.file_ =
       FileDescriptor([&] { return ::open(link.c_str(), open_flags(access) | O_CLOEXEC); });
   if (!memory.file_) throw SystemError("open shared memory once more", errno);
+  if (!try_share(memory.file_, Lock::kUse)) {
+    throw SystemError("open shared memory once more", EAGAIN);
+  }
   memory.map(access);
   return memory;
 }
@@ -100,22 +119,70 @@ SharedMemory::SharedMemory(SharedMemory&& other) noexcept { *this = std::move(ot
 SharedMemory& SharedMemory::operator=(SharedMemory&& other) noexcept {
   std::swap(file_, other.file_);
   std::swap(path_, other.path_);
-  std::swap(temporary_path_, other.temporary_path_);
+  std::swap(hidden_path_, other.hidden_path_);
   std::swap(data_, other.data_);
   std::swap(size_, other.size_);
   std::swap(guard_, other.guard_);
+  std::swap(fork_, other.fork_);
   return *this;
 }
 
 SharedMemory::~SharedMemory() {
+  unmap();
+  // In a forked child it is the parent's.
+  if (!hidden_path_.empty() && !fork_.is_inherited()) ::unlink(hidden_path_.c_str());
+}
+
+void SharedMemory::unmap() noexcept {
   if (guard_ >= 0) release_range(guard_);
   if (data_ != nullptr) ::munmap(data_, size_);
-  if (!temporary_path_.empty()) ::unlink(temporary_path_.c_str());
+  guard_ = -1;
+  data_ = nullptr;
+}
+
+void SharedMemory::retire() noexcept {
+  unmap();
+  unlock(file_, Lock::kOwner);
+}
+
+bool SharedMemory::make_anew(const std::string& name, unsigned mode) {
+  // Kept until the file is published: who has opened the old one and not yet mapped it looks again.
+  if (!try_lock(file_, Lock::kUse)) return false;
+  path_ = hidden_path_.parent_path() / name;
+  struct stat status{};
+  const bool is_whole = ::fstat(file_.get(), &status) == 0 &&
+                        std::cmp_equal(status.st_size, size_) && is_same_file(hidden_path_, status);
+  if (is_whole) {
+    allocate(file_, size_, path_.string());
+    set_mode(mode);
+    map(Access::kReadWrite);
+    std::memset(data_, 0, size_);
+    if (!is_damaged()) return true;
+  }
+  retire();
+  unlock(file_, Lock::kUse);
+  return false;
+}
+
+void SharedMemory::set_mode(unsigned mode) {
+  // fchmod, not open: the mode asked for must not depend on the umask.
+  if (::fchmod(file_.get(), mode) != 0) {
+    throw SystemError("set the mode of " + path_.string(), errno);
+  }
 }
 
 void SharedMemory::publish() {
-  if (::rename(temporary_path_.c_str(), path_.c_str()) != 0) {
+  unlock(file_, Lock::kUse);
+  // It keeps a hidden name, so that it can be made anew when another file has taken this one's.
+  const std::filesystem::path first = hidden_path_;
+  const std::filesystem::path second = path_.parent_path() / hidden_name(path_.filename().string());
+  if (::link(first.c_str(), second.c_str()) != 0) {
+    throw SystemError("publish " + path_.string(), errno);
+  }
+  hidden_path_ = second;
+  if (::rename(first.c_str(), path_.c_str()) != 0) {
     const int error = errno;
+    ::unlink(first.c_str());
     try {
       // Says what is in the way if that is no file of ours.
       ::close(open_regular_file(path_, O_RDONLY, NamedBy::kProgram));
@@ -124,24 +191,25 @@ void SharedMemory::publish() {
     }
     throw SystemError("publish " + path_.string(), error);
   }
-  temporary_path_.clear();
+  // It has stayed if the file had its new name already.
+  ::unlink(first.c_str());
 }
 
 bool SharedMemory::publish_if_absent() {
-  if (::renameat2(AT_FDCWD, temporary_path_.c_str(), AT_FDCWD, path_.c_str(), RENAME_NOREPLACE) !=
-      0) {
+  if (::renameat2(AT_FDCWD, hidden_path_.c_str(), AT_FDCWD, path_.c_str(), RENAME_NOREPLACE) != 0) {
     if (errno == EEXIST) return false;
     throw SystemError("publish " + path_.string(), errno);
   }
-  temporary_path_.clear();
+  hidden_path_.clear();
   return true;
 }
 
 bool SharedMemory::is_damaged() const noexcept { return guard_ >= 0 && is_range_damaged(guard_); }
 
 bool SharedMemory::has_name() const noexcept {
+  if (path_.empty()) return true;
   struct stat status{};
-  return ::fstat(file_.get(), &status) == 0 && status.st_nlink > 0;
+  return ::fstat(file_.get(), &status) == 0 && is_same_file(path_, status);
 }
 
 void SharedMemory::map(Access access) {

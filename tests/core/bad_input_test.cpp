@@ -497,11 +497,7 @@ void use(const std::string& name) {
 }
 
 TEST_F(TamperedSession, NeverCrashesWhoReadsADamagedHeader) {
-  // The copy looks alive: somebody holds its lock.
-  ipc::SharedMemory lock =
-      ipc::SharedMemory::create_file(folder_.path(), "trifinger.copy.lock", 1, 0600);
-  lock.publish();
-  ASSERT_TRUE(ipc::try_lock(lock.file()));
+  write_file(path("copy.lock"), Bytes(1, 'x'));
   std::filesystem::path action;
   for (const auto& entry : std::filesystem::directory_iterator(folder_.path())) {
     if (entry.path().extension() == ".action") action = entry.path();
@@ -519,12 +515,16 @@ TEST_F(TamperedSession, NeverCrashesWhoReadsADamagedHeader) {
       copy_[position] = static_cast<char>(random() % 2 == 0 ? random() : 0);
     }
     write_file(path("copy.state"), copy_);
+    // The copy looks alive: somebody holds its lock.
+    const auto holder = ipc::SharedMemory::open(path("copy.state"), ipc::Access::kReadWrite);
+    ASSERT_TRUE(ipc::try_lock(holder.file()));
     if (i % 3 != 0) write_file(path("copy." + std::to_string(id) + ".action"), action_bytes);
     use("copy");
   }
 }
 
 TEST_F(TamperedSession, NeverCrashesWhoReadsRandomBytes) {
+  write_file(path("copy.lock"), Bytes(1, 'x'));
   std::mt19937 random(4);
   for (int i = 0; i < 300; ++i) {
     copy_ = Bytes(sizeof(layout::StateHeader) + random() % 5000);

@@ -148,14 +148,24 @@ TEST_F(LeftBehind, fault_28_IsNothingHoweverEarlyABackendIsKilled) {
     while (std::chrono::steady_clock::now() < end) std::this_thread::yield();
     backend.kill();
   }
-  const NamedRobot robot("robot");
-  const std::string action =
-      "trifinger.robot." + std::to_string(Session::open("robot").info().session_id) + ".action";
-  std::set<std::string> files;
-  for (const auto& [file, inode] : files_in(folder_.path())) files.insert(file);
-  EXPECT_EQ(files,
-            (std::set<std::string>{action, "trifinger.robot.lock", "trifinger.robot.sensor.state",
-                                   "trifinger.robot.state"}));
+  const auto names = [this](const char* beginning) {
+    std::set<std::string> files;
+    for (const auto& [file, inode] : files_in(folder_.path())) {
+      if (file.starts_with(beginning)) files.insert(file);
+    }
+    return files;
+  };
+  {
+    const NamedRobot robot("robot");
+    const std::string action =
+        "trifinger.robot." + std::to_string(Session::open("robot").info().session_id) + ".action";
+    EXPECT_EQ(names("trifinger"),
+              (std::set<std::string>{action, "trifinger.robot.lock", "trifinger.robot.sensor.state",
+                                     "trifinger.robot.state"}));
+    // Another name of each of these three, and their reserve.
+    EXPECT_EQ(names(".").size(), 6U);
+  }
+  EXPECT_EQ(names(""), std::set<std::string>{"trifinger.robot.lock"});
 }
 
 enum class Death : std::uint8_t { kAbort, kCrash, kUncaughtException, kExit };

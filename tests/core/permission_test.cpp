@@ -80,6 +80,34 @@ TEST_F(Permission, fault_31_ByDefaultFilesAreTheirOwnersAlone) {
   }
 }
 
+TEST_F(Permission, fault_31_TheGroupMayWriteNothingButTheQueue) {
+  const NamedRobot robot("robot", {.history = 64, .queue = 64, .mode = 0660});
+  const auto mode_of = [&](const std::string& file) {
+    return std::filesystem::status(folder_.path() / file).permissions();
+  };
+  const perms read_by_group = perms::owner_read | perms::owner_write | perms::group_read;
+  EXPECT_EQ(mode_of("trifinger.robot.state"), read_by_group);
+  EXPECT_EQ(mode_of("trifinger.robot.sensor.state"), read_by_group);
+  const std::string id = std::to_string(Session::open("robot").info().session_id);
+  EXPECT_EQ(mode_of("trifinger.robot." + id + ".action"), read_by_group | perms::group_write);
+}
+
+TEST_F(Permission, fault_31_ALockFromBeforeTheGroupWasLetInIsOpenedToIt) {
+  static_cast<void>(SessionHost::named("robot"));
+  const std::filesystem::path lock = folder_.path() / "trifinger.robot.lock";
+  ASSERT_EQ(std::filesystem::status(lock).permissions(), perms::owner_read | perms::owner_write);
+  EXPECT_EQ(as_nobody(0660, 0,
+                      [] {
+                        Frontend<FakeRobot> robot("robot");
+                        static_cast<void>(robot.append_desired_action({.setpoint = 1.0}));
+                        robot.finish();
+                        return 0;
+                      }),
+            0);
+  EXPECT_EQ(std::filesystem::status(lock).permissions(),
+            perms::owner_read | perms::owner_write | perms::group_read | perms::group_write);
+}
+
 TEST_F(Permission, fault_31_AnotherUserIsToldWhoseTheRobotIsAndTheRemedy) {
   const auto visit = [] {
     for (const bool control : {true, false}) {
@@ -103,7 +131,7 @@ TEST_F(Permission, fault_31_OutsideTheGroupNothingIsShared) {
                           const Frontend<FakeRobot> robot("robot", {.control = false});
                           return 1;
                         } catch (const SystemError& error) {
-                          return says_all(error, "/trifinger.robot.state", "0660") ? kRefused
+                          return says_all(error, "/trifinger.robot.state", "0640") ? kRefused
                                                                                    : kWrongText;
                         }
                       }),

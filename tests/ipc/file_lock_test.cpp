@@ -103,6 +103,59 @@ TEST_F(FileLock, EndsWithItsHolderHoweverItEnds) {
   EXPECT_TRUE(try_lock(prober));
 }
 
+TEST_F(FileLock, OfOneKindDoesNotTouchThoseOfOthers) {
+  const FileDescriptor first = open();
+  const FileDescriptor second = open();
+  ASSERT_TRUE(try_lock(first, Lock::kOwner));
+  EXPECT_TRUE(try_lock(second, Lock::kClaim));
+  EXPECT_FALSE(try_lock(first, Lock::kClaim));
+  EXPECT_FALSE(is_locked_by_other(first, Lock::kUse));
+}
+
+TEST_F(FileLock, CanBeShared) {
+  const FileDescriptor owner = open();
+  const FileDescriptor reader = open(O_RDONLY);
+  {
+    const FileDescriptor another = open(O_RDONLY);
+    EXPECT_TRUE(try_share(reader, Lock::kUse));
+    EXPECT_TRUE(try_share(another, Lock::kUse));
+  }
+  EXPECT_FALSE(try_lock(owner, Lock::kUse));
+  unlock(reader, Lock::kUse);
+  EXPECT_TRUE(try_lock(owner, Lock::kUse));
+  EXPECT_FALSE(try_share(reader, Lock::kUse));
+}
+
+TEST_F(FileLock, fault_32_ShowsItsOwnersAlsoWhenTheFileWasRemoved) {
+  const Signal locked;
+  test::ChildProcess child([&] {
+    const FileDescriptor file = open();
+    if (!try_lock(file)) return 1;
+    locked.give();
+    while (true) ::pause();
+  });
+  locked.wait();
+  const auto expect_found = [&] {
+    const auto owners = owners_of(path_);
+    ASSERT_EQ(owners.size(), 1U);
+    EXPECT_EQ(owners.front().pid, child.pid());
+    EXPECT_TRUE(owners.front().is_alive());
+  };
+  // We have it open as well, and do not own it.
+  const FileDescriptor reader = open();
+  ASSERT_TRUE(try_share(reader, Lock::kUse));
+  expect_found();
+  std::filesystem::remove(path_);
+  expect_found();
+  // Nor does another file of this name belong to the child.
+  const FileDescriptor other(
+      [this] { return ::open(path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600); });
+  expect_found();
+  child.kill();
+  EXPECT_TRUE(owners_of(path_).empty());
+  EXPECT_TRUE(owners_of("/nowhere/at/all").empty());
+}
+
 TEST_F(FileLock, IsNotKeptByAForkedChildOfItsHolder) {
   const FileDescriptor prober = open();
   const Signal grandchild_lives;

@@ -5,11 +5,16 @@
 #include <gtest/gtest.h>
 #include <sched.h>
 #include <sys/prctl.h>
+#include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <csignal>
+#include <cstdint>
+#include <fstream>
 #include <string>
+#include <thread>
 
 #include "support/child_process.hpp"
 #include "support/shared_value.hpp"
@@ -69,6 +74,55 @@ TEST(ProcessIdentity, fault_18_KnowsThatAProcessIsKilledBeforeItIsGone) {
   while (!identity->is_ending()) ::sched_yield();
   ::waitpid(pid, nullptr, 0);
   EXPECT_TRUE(identity->is_ending());
+}
+
+TEST(ProcessIdentity, fault_64_IsKnownDeadOnlyForCertain) {
+  const auto self = ProcessIdentity::of_this_process();
+  EXPECT_FALSE(self.is_known_dead());
+  EXPECT_FALSE(ProcessIdentity::of(::getppid()).is_known_dead());
+  ProcessIdentity later = self;
+  ++later.start_time;
+  EXPECT_TRUE(later.is_known_dead()) << "the number belongs to another process";
+  later.number_space = 4711;
+  EXPECT_FALSE(later.is_known_dead()) << "of another container";
+  EXPECT_FALSE((ProcessIdentity{.pid = self.pid, .start_time = 1}.is_known_dead()));
+  for (const std::int64_t pid : {std::int64_t{0}, std::int64_t{-5}, std::int64_t{1} << 40U}) {
+    ProcessIdentity nonsense = self;
+    nonsense.pid = pid;
+    EXPECT_FALSE(nonsense.is_known_dead()) << pid;
+  }
+
+  test::SharedValue<ProcessIdentity> identity;
+  test::ChildProcess child([&] {
+    *identity = ProcessIdentity::of_this_process();
+    return 0;
+  });
+  child.wait();
+  EXPECT_TRUE(identity->is_known_dead());
+}
+
+TEST(ProcessIdentity, OfAProcessWhoseFirstThreadHasReturnedIsAlive) {
+  test::SharedValue<std::atomic<bool>> has_returned;
+  test::SharedValue<ProcessIdentity> identity;
+  test::ChildProcess child([&] {
+    *identity = ProcessIdentity::of_this_process();
+    std::thread([&] {
+      // The first thread is a zombie as long as others go on.
+      std::string state;
+      while (state.find(" Z ") == std::string::npos) {
+        std::ifstream file("/proc/self/stat");
+        std::getline(file, state);
+      }
+      has_returned->store(true);
+      while (true) ::pause();
+    }).detach();
+    ::syscall(SYS_exit, 0);  // of this thread alone
+    return 1;
+  });
+  while (!has_returned->load()) std::this_thread::yield();
+  EXPECT_TRUE(identity->is_alive());
+  EXPECT_FALSE(identity->is_known_dead());
+  child.kill();
 }
 
 TEST(ProcessIdentity, SurvivesANameThatLooksLikeTheEndOfIt) {

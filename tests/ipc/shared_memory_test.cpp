@@ -11,6 +11,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -110,7 +111,7 @@ TEST_F(SharedMemoryFile, TakesThePlaceOfAnOlderFileWhoseReadersKeepTheirs) {
   newer.publish();
   EXPECT_EQ(reader.data()[0], std::byte{1});
   EXPECT_EQ(SharedMemory::open(path_, Access::kReadOnly).data()[0], std::byte{2});
-  EXPECT_EQ(files(), 1U);
+  EXPECT_EQ(files(), 3U) << "this name, and a hidden one of each";
 }
 
 TEST_F(SharedMemoryFile, IsAlwaysThereWhileItIsReplaced) {
@@ -130,6 +131,66 @@ TEST_F(SharedMemoryFile, IsAlwaysThereWhileItIsReplaced) {
     ASSERT_EQ(memory.size(), kSize);
     ASSERT_EQ(memory.data()[0], memory.data()[kSize - 1]);
   }
+}
+
+TEST_F(SharedMemoryFile, fault_33_IsMadeAnewInTheSameMemory) {
+  SharedMemory older = create();
+  older.publish();
+  std::fill(older.data(), older.data() + kSize, std::byte{7});
+  SharedMemory newer = create();
+  newer.publish();
+  {
+    const SharedMemory reader = SharedMemory::open(path_, Access::kReadOnly);
+    newer.retire();
+    EXPECT_FALSE(newer.make_anew("memory", 0600)) << "somebody reads it";
+  }
+  older.retire();
+  ASSERT_TRUE(older.make_anew("another", 0640));
+  EXPECT_TRUE(std::all_of(older.data(), older.data() + kSize,
+                          [](std::byte b) { return b == std::byte{0}; }));
+  EXPECT_FALSE(std::filesystem::exists(folder_.path() / "another"));
+  older.data()[0] = std::byte{9};
+  older.publish();
+  const SharedMemory reader = SharedMemory::open(folder_.path() / "another", Access::kReadOnly);
+  EXPECT_EQ(reader.data()[0], std::byte{9});
+  EXPECT_TRUE(older.has_name());
+}
+
+TEST_F(SharedMemoryFile, fault_32_IsNotMadeAnewOfWhatSomebodyHasDamaged) {
+  SharedMemory cut = create("cut");
+  cut.publish();
+  std::filesystem::resize_file(folder_.path() / "cut", 1);
+  cut.retire();
+  EXPECT_FALSE(cut.make_anew("cut", 0600));
+
+  SharedMemory removed = create("removed");
+  removed.publish();
+  std::filesystem::remove_all(folder_.path());
+  removed.retire();
+  EXPECT_FALSE(removed.make_anew("removed", 0600));
+}
+
+TEST_F(SharedMemoryFile, fault_73_IsMadeUnderANameThatNobodyCanGuess) {
+  const SharedMemory first = create();
+  const SharedMemory second = create();
+  std::set<std::string> names;
+  for (const auto& entry : std::filesystem::directory_iterator(folder_.path())) {
+    names.insert(entry.path().filename().string());
+  }
+  EXPECT_EQ(names.size(), 2U);
+  for (const std::string& name : names) EXPECT_EQ(name.rfind(".memory.", 0), 0U) << name;
+}
+
+TEST_F(SharedMemoryFile, fault_64_KeepsItsHiddenNameIfAForkedChildEnds) {
+  SharedMemory memory = create();
+  memory.publish();
+  test::ChildProcess child([&] {
+    const SharedMemory inherited = std::move(memory);
+    return 0;
+  });
+  EXPECT_EQ(child.wait(), 0);
+  memory.retire();
+  EXPECT_TRUE(memory.make_anew("memory", 0600));
 }
 
 TEST_F(SharedMemoryFile, IsPublishedOnceIfAbsent) {

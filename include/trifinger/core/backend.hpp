@@ -95,13 +95,17 @@ class Backend {
   /// be called by the thread of the back-end, or before it runs.
   void follow(Follower& follower);
 
-  /// Runs session after session in the calling thread, until `request_stop`.
+  /// Runs session after session in the calling thread, until `request_stop`. Once one has begun, a
+  /// lack of memory ends nothing: the robot stays at rest until the next session has its memory.
   /// @throws SystemError if a session cannot be made
   void run();
   /// Makes `run` call `function` behind every session, in its own thread: the robot is at rest, the
   /// driver is nobody else's, and the next session waits. The place to save what a fault has left
   /// in a driver, or to reset a simulation. To be set before `run`; what it throws ends `run`.
   void set_after_session(std::function<void(const Fault&)> function);
+  /// Makes `run` call `function` with a sentence, in its own thread, when the next session has to
+  /// wait for memory. To be set before `run`; what it throws ends `run`.
+  void set_on_waiting(std::function<void(const std::string&)> function);
   /// Makes `run` return after an orderly stop. May be called from any thread or signal handler.
   void request_stop() noexcept;
 

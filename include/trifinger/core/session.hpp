@@ -70,7 +70,8 @@ struct SessionInfo {
 class Session {
  public:
   /// Finds the current session of the robot or companion `name`.
-  /// @throws SessionNotFound with the names that there are, IncompatibleSession, InvalidArgument
+  /// @throws SessionNotFound with the names that there are, IncompatibleSession, InvalidArgument,
+  /// SystemError that says what lies in its place
   [[nodiscard]] static Session open(const std::string& name);
 
   [[nodiscard]] SessionInfo info() const;
@@ -101,8 +102,13 @@ class Session {
   std::shared_ptr<const detail::SessionMapping> mapping_;
 };
 
+/// The process that runs the robot `name`, whatever has become of the files of its session. Nothing
+/// if there is none, or none that this user may look at.
+/// @throws InvalidArgument
+[[nodiscard]] std::optional<ipc::ProcessIdentity> find_backend(const std::string& name);
+
 /// What is in the session folder, robots and companions, in the order of their names. Sessions
-/// whose back-end died are included.
+/// whose back-end died are included; what cannot be opened is not.
 [[nodiscard]] std::vector<SessionInfo> list_sessions();
 
 /// Clears the fault of the robot `name`, as the operator who has looked at it; the next session
@@ -114,7 +120,8 @@ void recover(const std::string& name, Timeout timeout = std::chrono::seconds(5))
 struct SessionOptions {
   std::size_t history{16384};  ///< Elements kept per series; rounded up to a power of two.
   std::size_t queue{4096};     ///< Actions that may wait for their turn; rounded up likewise.
-  unsigned mode{0600};         ///< Permissions of the files; 0660 shares them with the group.
+  /// Permissions of the files; 0660 shares them with the group, but the state is the back-end's.
+  unsigned mode{0600};
   std::vector<Document> documents{};  ///< Go along with every session of the robot.
 };
 

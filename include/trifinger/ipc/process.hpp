@@ -10,10 +10,18 @@ namespace trifinger::ipc {
 struct ProcessIdentity {
   std::int64_t pid{0};
   std::uint64_t start_time{0};  ///< Clock ticks since boot, as in /proc/PID/stat.
+  /// Numbers are those of a namespace: each container counts its own. 0: not known.
+  std::uint64_t number_space{0};
 
   [[nodiscard]] static ProcessIdentity of_this_process() noexcept;
+  /// Who has the number `pid` now, in our namespace.
+  [[nodiscard]] static ProcessIdentity of(std::int64_t pid) noexcept;
   /// True if the process still runs (a zombie does not).
   [[nodiscard]] bool is_alive() const noexcept;
+  /// True if it is certain that the process has ended. What is not certain is false: the process of
+  /// another container, one that this user may not see, an identity that makes no sense. A few
+  /// system calls, no memory from the heap.
+  [[nodiscard]] bool is_known_dead() const noexcept;
 
   /// True if the process is gone, or a kill is under way that it cannot escape: the kernel still
   /// takes its memory apart, and gives its locks back only then.
