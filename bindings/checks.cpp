@@ -17,7 +17,7 @@ namespace trifinger::python {
 namespace {
 
 // "ValueError: too near"
-std::string text_of(const nb::python_error& error) {
+std::string message_of(const nb::python_error& error) {
   auto text = nb::cast<std::string>(error.type().attr("__name__"));
   const nb::object message = nb::steal(PyObject_Str(error.value().ptr()));
   if (!message.is_valid()) {
@@ -54,7 +54,7 @@ void Checks::Check::call(const void* observation, void* action) const {
       interruption_->keep(std::move(error));
       throw Interrupted("a safety check was interrupted");
     }
-    const std::string text = text_of(error);
+    const std::string text = message_of(error);
     // The session keeps a sentence: the traceback goes where Python's go.
     error.restore();
     PyErr_WriteUnraisable(function_.ptr());

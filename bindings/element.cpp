@@ -27,7 +27,7 @@ int set_attribute(PyObject* self, PyObject* name, PyObject* value) {
 }
 
 // Whatever goes wrong, for instance while the interpreter ends, an element can be printed.
-PyObject* text_of(PyObject* self) {
+PyObject* print_element(PyObject* self) {
   const nb::object module = nb::steal(PyImport_ImportModule("trifinger.element_text"));
   if (module.is_valid()) {
     PyObject* const text = PyObject_CallMethod(module.ptr(), "text_of", "O", self);
@@ -67,8 +67,8 @@ void bind_element(nb::module_& m) {
 
 `y.position` and `y["position"]` are the same, `y.stamp.capture_time` is a field of a field.)",
              reinterpret_cast<PyObject*>(&PyVoidArrType_Type),
-             {{Py_tp_repr, reinterpret_cast<void*>(text_of)},
-              {Py_tp_str, reinterpret_cast<void*>(text_of)},
+             {{Py_tp_repr, reinterpret_cast<void*>(print_element)},
+              {Py_tp_str, reinterpret_cast<void*>(print_element)},
               {Py_tp_getattro, reinterpret_cast<void*>(get_attribute)},
               {Py_tp_setattro, reinterpret_cast<void*>(set_attribute)}});
   const nb::object element = m.attr("Element");
