@@ -61,6 +61,7 @@ known to an eighth of itself however many times there are.)")
           "edges",
           [] {
             std::vector<double> edges;
+            edges.reserve(LatenessHistogram::kNumBins);
             for (std::size_t bin = 0; bin < LatenessHistogram::kNumBins; ++bin) {
               edges.push_back(to_seconds(LatenessHistogram::begin_of(bin)));
             }

@@ -3,13 +3,14 @@
 
 #include <cerrno>
 #include <string>
+#include <string_view>
 #include <system_error>
 
 namespace trifinger {
 namespace {
 
 // How to raise the limit of this process that was reached.
-std::string remedy_of(int error_number) {
+std::string_view remedy_of(int error_number) {
   switch (error_number) {
     case EMFILE:
       return "; 'ulimit -n' shows how many this process may open, and raises it";
@@ -23,7 +24,8 @@ std::string remedy_of(int error_number) {
 }  // namespace
 
 SystemError::SystemError(const std::string& doing, int error_number)
-    : Error(doing + ": " + std::generic_category().message(error_number) + remedy_of(error_number)),
+    : Error(doing + ": " + std::generic_category().message(error_number) +
+            std::string(remedy_of(error_number))),
       error_number_(error_number) {}
 
 }  // namespace trifinger

@@ -106,6 +106,7 @@ std::string canonical_text(const Element& element) {
   }
   if (element.kind != Element::Kind::kList) return {};
   std::vector<std::string> items;
+  items.reserve(element.items.size());
   for (const Element& item : element.items) items.push_back(canonical_text(item));
   if (!items.empty() && std::ranges::count(items, items.front()) == std::ssize(items)) {
     return items.front();

@@ -245,9 +245,11 @@ void recover(const std::string& name, Timeout timeout) {
   }
   while (Session::open(name).info().session_id == stopped_id) {
     if (deadline.passed()) {
-      throw TimedOut("robot '" + name +
-                     "' has not begun a new session after its fault; 'trifinger stop " + name +
-                     "' ends its back-end");
+      std::string text = "robot '";
+      text += name;
+      text += "' has not begun a new session after its fault; 'trifinger stop ";
+      text += name;
+      throw TimedOut(text += "' ends its back-end");
     }
     // The next session is another file: there is no event to wait for.
     std::this_thread::sleep_for(std::chrono::milliseconds(1));

@@ -219,7 +219,8 @@ bool Policy::take_input(std::span<const double> observation, Number* input) cons
     }
     if (std::abs(value) > static_cast<double>(std::numeric_limits<float>::max())) return false;
     // PyTorch's networks are given single precision.
-    input[i] = Number{static_cast<float>(value)};
+    const auto single = static_cast<float>(value);
+    input[i] = static_cast<Number>(single);
   }
   return true;
 }
@@ -235,7 +236,7 @@ void Policy::give_output(const Number* output, std::span<double> action) const n
     const auto k = static_cast<Eigen::Index>(i);
     const double low = bounds.low[k];
     const double high = bounds.high[k];
-    const double unbounded{output[i]};
+    const auto unbounded = static_cast<double>(output[i]);
     const double value = bounds.bounding == Bounding::kScale
                              ? low + 0.5 * (unbounded + 1.0) * (high - low)
                              : unbounded;

@@ -135,8 +135,9 @@ TEST(Parser, fault_59_RefusesAliasesBeforeTheyGrow) {
   std::string bomb = "a0: &a0 [1, 1]\n";
   for (int i = 1; i < 64; ++i) {
     const std::string before = "*a" + std::to_string(i - 1);
-    bomb += "a" + std::to_string(i) + ": &a" + std::to_string(i) + " [" + before + ", " + before +
-            "]\n";
+    const std::string name = "a" + std::to_string(i);
+    bomb.append(name).append(": &").append(name).append(" [").append(before).append(", ");
+    bomb.append(before).append("]\n");
   }
   EXPECT_EQ(problem_in(bomb),
             "robot.yml:1:5: anchors and aliases are not supported, write the value out");

@@ -107,7 +107,7 @@ TEST_F(BareFork, fault_64_AChildDoesNotKeepTheControlOfAControllerThatDiedBefore
     return 0;
   });
   wait_for_heir();
-  EXPECT_THROW(connect<FakeRobot>("robot"), ControlHeld);
+  EXPECT_THROW(static_cast<void>(connect<FakeRobot>("robot")), ControlHeld);
   controller.kill();
   EXPECT_EQ(Session::open("robot").info().controller.pid, 0);
   auto next = find();

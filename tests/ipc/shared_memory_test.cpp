@@ -294,6 +294,7 @@ TEST_F(SharedMemoryFile, fault_75_IsGuardedHoweverManyThereAre) {
   ASSERT_EQ(::setrlimit(RLIMIT_NOFILE, &limit), 0);
   create().publish();
   std::vector<SharedMemory> memories;
+  memories.reserve(kCount);
   for (std::size_t i = 0; i < kCount; ++i) {
     memories.push_back(SharedMemory::open(path_, Access::kReadOnly));
   }
