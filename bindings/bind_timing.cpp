@@ -136,7 +136,7 @@ only the last one.)")
           std::memcpy(&status, elements.bytes + i * sizeof(status), sizeof(status));
           lateness[static_cast<Eigen::Index>(i)] = to_seconds(lateness_of(status, length));
         }
-        return Array(std::move(lateness));
+        return Array{std::move(lateness)};
       },
       "statuses"_a, "period"_a,
       nb::sig("def lateness_of(statuses: numpy.typing.NDArray[StatusElement], period: float) -> "
