@@ -106,6 +106,7 @@ def train(kind: Kind, seed: int) -> Run:
     begin = time.monotonic()
     folder.parent.mkdir(parents=True, exist_ok=True)
     path = RUNS / f"{folder.name}.log"
+    print(f"{kind.title}, seed {seed}: begins; {path} shows how far it is", flush=True)
     with path.open("w") as log:
         process = subprocess.Popen(
             [sys.executable, "-c", program, *words, "--episodes", str(EPISODES)],

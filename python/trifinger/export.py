@@ -14,7 +14,7 @@ import importlib
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +24,7 @@ from trifinger import command, extras, program
 from trifinger._trifinger import Log, LoggedSession
 from trifinger.errors import InvalidArgument
 from trifinger.log_types import Steps
+from trifinger.progress import shown
 
 if TYPE_CHECKING:
     import pandas
@@ -86,7 +87,7 @@ def to_pandas(
     )
 
 
-def _parts(
+def parts_of(
     session: LoggedSession, first: int | None, last: int | None, series: SeriesChoice
 ) -> Iterator[Steps]:
     """What there is, in parts; one without rows if there is nothing, which has the columns."""
@@ -116,9 +117,14 @@ def to_csv(
     series: SeriesChoice = None,
 ) -> None:
     """Writes the session as comma-separated values; a number that is missing is "nan"."""
+    write_csv(session, path, parts_of(session, first, last, series))
+
+
+def write_csv(session: LoggedSession, path: str | os.PathLike[str], parts: Iterable[Steps]) -> None:
+    """Writes parts of a session."""
     with open(path, "w", newline="", encoding="utf-8") as file:  # noqa: PTH123
         writer = csv.writer(file, lineterminator="\n")
-        for i, steps in enumerate(_parts(session, first, last, series)):
+        for i, steps in enumerate(parts):
             columns = list(columns_of(session, steps))
             if i == 0:
                 writer.writerow([name for name, _, _ in columns])
@@ -133,11 +139,18 @@ def to_parquet(
     series: SeriesChoice = None,
 ) -> None:
     """Writes the session as a Parquet file. The units are in the metadata of its fields."""
+    write_parquet(session, path, parts_of(session, first, last, series))
+
+
+def write_parquet(
+    session: LoggedSession, path: str | os.PathLike[str], parts: Iterable[Steps]
+) -> None:
+    """Writes parts of a session."""
     make_writer = _needed("pyarrow.parquet").ParquetWriter
     arrow = _needed("pyarrow")
     with contextlib.ExitStack() as stack:
         writer = None
-        for steps in _parts(session, first, last, series):
+        for steps in parts:
             columns = list(columns_of(session, steps))
             arrays = [arrow.array(np.ascontiguousarray(values)) for _, _, values in columns]
             fields = [
@@ -152,7 +165,7 @@ def to_parquet(
 
 # ---- the command ----
 
-WRITERS = {"csv": to_csv, "parquet": to_parquet}
+WRITERS = {"csv": write_csv, "parquet": write_parquet}
 
 
 def sessions_of(log: Log, name: str | None) -> list[LoggedSession]:
@@ -216,8 +229,11 @@ def _export_session(
     first, last = step_range(session, arguments.from_, arguments.to)
     # A table that is not whole is worse than none.
     part = path.with_name(f".{path.name}.part")
+    begin, end = session.range("observation")
+    begin, end = (begin if first is None else first), (end if last is None else last)
+    parts = parts_of(session, first, last, series)
     try:
-        write(session, part, first, last, series)
+        write(session, part, shown(parts, path.name, -(-(end - begin) // ROWS)))
         part.replace(path)
     finally:
         part.unlink(missing_ok=True)

@@ -29,7 +29,8 @@ from trifinger._trifinger import (
     lateness_of,
 )
 from trifinger.errors import InvalidArgument
-from trifinger.export import step_range
+from trifinger.export import ROWS, step_range
+from trifinger.progress import shown
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -174,7 +175,8 @@ def read(
     picture.lateness = Envelope(picture.bins)
     before = begin
     before_seconds = 0.0
-    for steps in session.chunks(20_000, begin, end):
+    parts = session.chunks(ROWS, begin, end)
+    for steps in shown(parts, f"reading '{session.name}'", -(-(end - begin) // ROWS)):
         times = steps.times.astype(np.int64)
         if not picture.steps:
             picture.begin = int(times[0])

@@ -178,7 +178,11 @@ def test_program_finds_the_commands_of_the_package(
 @pytest.mark.parametrize(
     ("command", "missing", "extra"),
     [
-        ("train reach", "gymnasium, stable_baselines3, torch, tensorboard and tqdm", "learning"),
+        (
+            "train reach",
+            "gymnasium, stable_baselines3, torch, tensorboard, tqdm and moviepy",
+            "learning",
+        ),
         ("evaluate reach.policy", "gymnasium", "learning"),
         ("film logs", "matplotlib, OpenGL and av", "film"),
         ("log plot logs", "matplotlib", "plot"),
