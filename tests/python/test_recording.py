@@ -89,19 +89,22 @@ def assert_log_has(robot: trifinger.Frontend, folder: Path, single: bool = False
     messages = read_messages(folder)
     name = robot.session_info().name
     steps = messages[f"/{name}/step"]
-    assert [step.time_index for step in steps] == list(range(STEPS))
+    # In real time a busy machine lets the robot make more before it is told to finish.
+    count = robot.session_info().steps
+    assert count >= STEPS
+    assert [step.time_index for step in steps] == list(range(count))
     assert {step.session_id for step in steps} == {robot.session_info().session_id}
     for field, array in {
-        "status": robot.get_statuses(0, STEPS),
-        "observation": robot.get_observations(0, STEPS),
-        "applied_action": robot.get_applied_actions(0, STEPS),
-        "desired_action": robot.get_desired_actions(0, STEPS),
+        "status": robot.get_statuses(0, count),
+        "observation": robot.get_observations(0, count),
+        "applied_action": robot.get_applied_actions(0, count),
+        "desired_action": robot.get_desired_actions(0, count),
     }.items():
         assert_same([getattr(step, field) for step in steps], array, single)
     end = messages[f"/{name}/end"][0]
-    assert end.time_index == STEPS
-    assert_same([end.status], robot.get_statuses(STEPS, STEPS + 1))
-    assert_same([end.observation], robot.get_observations(STEPS, STEPS + 1), single)
+    assert end.time_index == count
+    assert_same([end.status], robot.get_statuses(count, count + 1))
+    assert_same([end.observation], robot.get_observations(count, count + 1), single)
     return messages
 
 
@@ -190,8 +193,9 @@ def test_run_records_its_robot_from_the_first_step_to_the_last(
         assert (status, output.splitlines()[-1]) == (0, "fake: stopped")
         # The file is finished when the program has ended, whoever has written it.
         assert_log_has(robot, tmp_path / "out")
+        steps = robot.session_info().steps
     ends = read_metadata(tmp_path / "out", "trifinger.end")
-    assert (ends[0]["fault"], ends[0]["steps"]) == ("finished", str(STEPS))
+    assert (ends[0]["fault"], ends[0]["steps"]) == ("finished", str(steps))
 
 
 def child_of(pid: int) -> int:
