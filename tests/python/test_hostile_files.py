@@ -150,4 +150,4 @@ def test_fault_73_devices_are_neither_configurations_nor_policies() -> None:
 def test_links_to_files_that_a_user_names_are_followed(tmp_path: Path) -> None:
     (tmp_path / "real.yml").write_text("extends: none.yml\n")
     (tmp_path / "link.yml").symlink_to("real.yml")
-    assert "there is no file" in run("run", str(tmp_path / "link.yml"), expect=1)
+    assert "there is no such file" in run("run", str(tmp_path / "link.yml"), expect=1)
