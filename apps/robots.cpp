@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "robots.hpp"
 
+#include <algorithm>
 #include <chrono>
 #include <cstddef>
 #include <filesystem>
+#include <iterator>
 #include <optional>
 #include <system_error>
 #include <utility>
@@ -88,7 +90,8 @@ SimulationState read_state(const std::filesystem::path& path) {
 template <class R>
 void add_simulation(RunnableRobot& robot, SimulationOptions<R> options,
                     const std::optional<std::filesystem::path>& state) {
-  robot.session.documents.push_back(model_document(options.description));
+  std::ranges::move(model_documents(options.description),
+                    std::back_inserter(robot.session.documents));
   auto driver = std::make_unique<SimulatedRobot<R>>(std::move(options));
   if (state) {
     try {

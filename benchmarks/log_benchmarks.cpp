@@ -67,6 +67,10 @@ log::SessionHeader header() {
   header.session_id = 1;
   header.period = std::chrono::milliseconds(1);
   header.types = describe_robot<TriFinger>();
+  // What viewers are told is made from these.
+  for (Document& document : model_documents({})) {
+    if (document.name != "model.xml") header.documents.push_back(std::move(document));
+  }
   return header;
 }
 
@@ -153,7 +157,12 @@ Row size_row(std::string measure, const Run& run, const std::filesystem::path& f
   write(run, file, precision);
   Row row;
   row.measure = std::move(measure);
-  row.value = static_cast<double>(std::filesystem::file_size(file)) / kLogSteps;
+  // Documents are there once in a file, however long it is.
+  double documents = 0;
+  for (const Document& document : header().documents) {
+    documents += static_cast<double>(document.text.size());
+  }
+  row.value = (static_cast<double>(std::filesystem::file_size(file)) - documents) / kLogSteps;
   row.low = row.high = row.value;
   row.unit = "bytes";
   row.reach = fmt::format("<= {:.0f} bytes", reach);

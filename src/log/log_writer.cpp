@@ -14,12 +14,14 @@
 #include <span>
 #include <utility>
 
+#include "cdr_text.hpp"
 #include "dates.hpp"
 #include "format.hpp"
 #include "random_id.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/mcap/reader.hpp"
+#include "viewer_messages.hpp"
 
 namespace trifinger::log {
 namespace {
@@ -91,32 +93,6 @@ std::vector<std::byte> nothing(const ElementDescription& element) {
   return bytes;
 }
 
-// CDR of a message with texts.
-class CdrText {
- public:
-  CdrText() { bytes_ = {std::byte{0}, std::byte{1}, std::byte{0}, std::byte{0}}; }
-
-  template <class Number>
-  void add(Number number) {
-    while ((bytes_.size() - kCdrHeaderSize) % sizeof(number) != 0) bytes_.push_back(std::byte{0});
-    append(&number, sizeof(number));
-  }
-  void add(std::string_view text) {
-    add(static_cast<std::uint32_t>(text.size() + 1));
-    append(text.data(), text.size());
-    bytes_.push_back(std::byte{0});
-  }
-  [[nodiscard]] std::span<const std::byte> bytes() const noexcept { return bytes_; }
-
- private:
-  void append(const void* data, std::size_t size) {
-    const auto* begin = static_cast<const std::byte*>(data);
-    bytes_.insert(bytes_.end(), begin, begin + size);
-  }
-
-  std::vector<std::byte> bytes_;
-};
-
 // Messages of one layout on one channel.
 struct WrittenStream {
   MessageLayout layout;
@@ -132,14 +108,18 @@ struct WrittenSession {
   WrittenStream step;
   WrittenStream end;
   std::vector<WrittenStream> companions;
+  detail::ViewerMessages viewer;
+  std::array<std::uint16_t, detail::kNumViewerTopics> viewer_channels{};
   std::vector<std::byte> no_observation;
   bool is_announced{false};
+  bool is_shown{false};        // its description, to viewers
   TimeIndex observations{-1};  // known with the end
 
-  WrittenSession(SessionHeader its_header, Precision precision)
+  WrittenSession(SessionHeader its_header, Precision precision, double viewer_rate)
       : header(std::move(its_header)),
         step(step_layout(header.types, describe<Status>(), precision)),
         end(end_layout(header.types, describe<Status>(), precision)),
+        viewer(header, viewer_rate),
         no_observation(nothing(header.types.observation)) {
     for (const SessionHeader::Companion& companion : header.companions) {
       companions.emplace_back(companion_layout(companion.type, companion.element, precision));
@@ -184,7 +164,9 @@ SessionHeader SessionHeader::of(const Session& robot, const std::vector<Session>
 class LogWriter::Implementation {
  public:
   Implementation(mcap::Sink& sink, const LogOptions& options, const mcap::Contents* contents)
-      : precision_(options.precision), writer_(make_writer(sink, options, contents)) {
+      : precision_(options.precision),
+        viewer_rate_(options.viewer_rate),
+        writer_(make_writer(sink, options, contents)) {
     if (contents != nullptr) {
       for (const mcap::Metadata& record : contents->metadata) {
         if (record.name == "trifinger.log") is_begun_ = true;
@@ -222,7 +204,7 @@ class LogWriter::Implementation {
     };
     auto found = std::ranges::find_if(sessions_, is_it);
     if (found == sessions_.end()) {
-      auto session = std::make_unique<WrittenSession>(header, precision_);
+      auto session = std::make_unique<WrittenSession>(header, precision_, viewer_rate_);
       add_channels(*session);
       sessions_.push_back(std::move(session));
       found = sessions_.end() - 1;
@@ -244,6 +226,7 @@ class LogWriter::Implementation {
       const std::array<const void*, 5> elements{&head, status, observation, applied, desired};
       const std::uint64_t time = time_of(session.header, head.index, status);
       write(session.step, elements, time, time);
+      if (session.viewer.shows(head.index)) show_step(session, time, observation);
       desired += types.action.size();
       applied += types.applied_action.size();
       observation += types.observation.size();
@@ -266,8 +249,11 @@ class LogWriter::Implementation {
                         (header.is_real_time ? monotonic : step * header.period.count()));
       };
       const std::array<const void*, 2> parts{&head, element};
-      write(session.companions[companion], parts, time(stamp.arrival_index, stamp.arrival_time),
-            time(stamp.capture_index, stamp.capture_time));
+      const std::uint64_t arrival = time(stamp.arrival_index, stamp.arrival_time);
+      const std::uint64_t capture = time(stamp.capture_index, stamp.capture_time);
+      write(session.companions[companion], parts, arrival, capture);
+      session.viewer.see(companion, static_cast<std::int64_t>(arrival),
+                         static_cast<std::int64_t>(capture), element);
       element += header.companions[companion].element.size();
     }
   }
@@ -312,10 +298,8 @@ class LogWriter::Implementation {
   }
 
   void write_event(Level level, std::string_view source, std::string_view text, std::int64_t time) {
-    constexpr std::int64_t kSecond = 1'000'000'000;
-    CdrText message;
-    message.add(static_cast<std::int32_t>(time / kSecond));
-    message.add(static_cast<std::uint32_t>(time % kSecond));
+    detail::CdrText message;
+    message.add_time(time);
     message.add(static_cast<std::uint8_t>(level));
     message.add(source);
     message.add(text);
@@ -334,9 +318,77 @@ class LogWriter::Implementation {
     }
     return *sessions_[number];
   }
+  void flush() {
+    begin();
+    writer_.flush();
+    if (viewer_size_ < kViewerChunkSize && !is_viewer_due_) return;
+    write_viewer_messages();
+    writer_.flush();
+  }
+  void finish() {
+    begin();
+    if (!viewer_messages_.empty()) {
+      is_viewer_due_ = true;
+      flush();
+    }
+    writer_.finish();
+  }
   [[nodiscard]] mcap::Writer& writer() noexcept { return writer_; }
 
  private:
+  // Messages for viewers wait for each other and have chunks of their own, where they compress to a
+  // third: they are much alike, but unlike the steps between them.
+  static constexpr std::size_t kViewerChunkSize = std::size_t{128} << 10U;
+
+  struct WaitingMessage {
+    std::uint16_t channel;
+    std::uint64_t time;
+    std::vector<std::byte> data;
+  };
+
+  void show_step(WrittenSession& session, std::uint64_t time, const std::byte* observation) {
+    show_still(session, time);
+    show(session, session.viewer.at(static_cast<std::int64_t>(time), observation));
+  }
+
+  // What does not move: once in a file as long as the documents are the same.
+  void show_still(WrittenSession& session, std::uint64_t time) {
+    if (session.is_shown) return;
+    session.is_shown = true;
+    std::vector<detail::ViewerMessage> messages =
+        session.viewer.still(static_cast<std::int64_t>(time));
+    std::vector<Document>& known = shown_documents_[session.header.name];
+    if (known == session.header.documents) return;
+    known = session.header.documents;
+    show(session, std::move(messages));
+    is_viewer_due_ = true;
+    for (const std::string& mistake : session.viewer.mistakes()) {
+      write_event(Level::kWarning, session.header.name, mistake, static_cast<std::int64_t>(time));
+    }
+  }
+
+  void show(const WrittenSession& session, std::vector<detail::ViewerMessage> messages) {
+    for (detail::ViewerMessage& message : messages) {
+      viewer_size_ += message.data.size();
+      viewer_messages_.push_back({.channel = session.viewer_channels[message.topic],
+                                  .time = log_time(message.time),
+                                  .data = std::move(message.data)});
+    }
+  }
+
+  // To be called when the open chunk is empty: then the disk is not asked, and nothing throws.
+  void write_viewer_messages() {
+    for (const WaitingMessage& message : viewer_messages_) {
+      writer_.write(mcap::Message{.channel_id = message.channel,
+                                  .log_time = message.time,
+                                  .publish_time = message.time,
+                                  .data = message.data});
+    }
+    viewer_messages_.clear();
+    viewer_size_ = 0;
+    is_viewer_due_ = false;
+  }
+
   static mcap::Writer make_writer(mcap::Sink& sink, const LogOptions& options,
                                   const mcap::Contents* contents) {
     mcap::WriterOptions its_options{.profile = "ros2",
@@ -390,6 +442,19 @@ class LogWriter::Implementation {
            {"role", "companion"},
            {"precision", std::string(name_of(precision_))},
            {"observation", companion.element.text()}});
+    }
+    if (session.viewer.has_description() || session.viewer.has_frames()) {
+      add_viewer_channels(session);
+    }
+  }
+
+  void add_viewer_channels(WrittenSession& session) {
+    const std::string& name = session.header.name;
+    for (std::size_t i = 0; i < detail::kNumViewerTopics; ++i) {
+      const detail::ViewerTopic& topic = detail::viewer_topics()[i];
+      session.viewer_channels[i] =
+          add_channel("/" + name + "/" + std::string(topic.name), topic.type, topic.definition,
+                      {{"role", "viewer"}, {"robot", name}});
     }
   }
 
@@ -461,6 +526,7 @@ class LogWriter::Implementation {
   }
 
   Precision precision_;
+  double viewer_rate_;
   mcap::Writer writer_;
   bool is_begun_{false};
   Entries origin_;
@@ -468,6 +534,10 @@ class LogWriter::Implementation {
   std::vector<std::unique_ptr<WrittenSession>> sessions_;    // nullptr: has ended
   std::set<std::pair<std::string, std::string>> announced_;  // name and id, in the file before us
   std::map<std::string, std::string> documents_;             // the newest of each name in the file
+  std::map<std::string, std::vector<Document>> shown_documents_;  // of each robot, to viewers
+  std::vector<WaitingMessage> viewer_messages_;
+  std::size_t viewer_size_{0};  // bytes of these
+  bool is_viewer_due_{false};
 };
 
 LogWriter::LogWriter(mcap::Sink& sink, const LogOptions& options)
@@ -510,14 +580,8 @@ void LogWriter::write_event(Level level, std::string_view source, std::string_vi
                             std::int64_t time) {
   implementation_->write_event(level, source, text, time);
 }
-void LogWriter::flush() {
-  implementation_->begin();
-  implementation_->writer().flush();
-}
-void LogWriter::finish() {
-  implementation_->begin();
-  implementation_->writer().finish();
-}
+void LogWriter::flush() { implementation_->flush(); }
+void LogWriter::finish() { implementation_->finish(); }
 std::size_t LogWriter::open_chunk_size() const noexcept {
   return implementation_->writer().open_chunk_size();
 }

@@ -2,10 +2,14 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <initializer_list>
 #include <iomanip>
 #include <limits>
 #include <locale>
 #include <sstream>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "blueprint.hpp"
 #include "trifinger/model/export.hpp"
@@ -20,12 +24,26 @@ using model::Solid;
 // Half a turn about x, exactly, gives -0 here and there; URDF files need not show it.
 double tidy(double value) { return value == 0 ? 0.0 : value; }
 
-std::string triple(const Eigen::Vector3d& values) {
+std::string numbers(std::initializer_list<double> values) {
   std::ostringstream text;
   text.imbue(std::locale::classic());
-  text << std::setprecision(std::numeric_limits<double>::max_digits10) << tidy(values.x()) << ' '
-       << tidy(values.y()) << ' ' << tidy(values.z());
+  text << std::setprecision(std::numeric_limits<double>::max_digits10);
+  const char* separator = "";
+  for (const double value : values) {
+    text << separator << tidy(value);
+    separator = " ";
+  }
   return text.str();
+}
+
+std::string triple(const Eigen::Vector3d& values) {
+  return numbers({values.x(), values.y(), values.z()});
+}
+
+std::string pose_text(const Eigen::Isometry3d& pose) {
+  const Eigen::Quaterniond rotation(pose.linear());
+  return triple(pose.translation()) + ' ' +
+         numbers({rotation.w(), rotation.x(), rotation.y(), rotation.z()});
 }
 
 // Roll, pitch, yaw about fixed axes, as URDF has them.
@@ -35,14 +53,18 @@ Eigen::Vector3d roll_pitch_yaw(const Eigen::Matrix3d& rotation) {
           std::atan2(rotation(1, 0), rotation(0, 0))};
 }
 
+// Writes the file, and beside it the lines that say where the links are.
 class UrdfWriter {
  public:
-  explicit UrdfWriter(const RobotDescription& description) : description_(description) {
+  UrdfWriter(const RobotDescription& description, UrdfContent content, FrameSources sources = {})
+      : description_(description), content_(content), sources_(std::move(sources)) {
     out_.imbue(std::locale::classic());
     out_ << std::setprecision(std::numeric_limits<double>::max_digits10);
+    frames_.imbue(std::locale::classic());
+    frames_ << "fixed world base_link " << pose_text(Eigen::Isometry3d::Identity()) << '\n';
   }
 
-  std::string write() {
+  void write() {
     out_ << "<?xml version=\"1.0\"?>\n<robot name=\"trifinger-" << figures(description_).name
          << "\">\n"
          // For readers that are MuJoCo: keep tip and camera frames as bodies of their own.
@@ -54,9 +76,15 @@ class UrdfWriter {
     for (int i = 0; i < num_fingers(description_); ++i) finger(i);
     if (description_.cameras)
       for (const CameraFigures& figures : camera_figures()) camera(figures);
+    if (content_ == UrdfContent::kScene) {
+      table();
+      for (const ObjectDescription& one : description_.objects) object(one);
+    }
     out_ << "</robot>\n";
-    return out_.str();
   }
+
+  [[nodiscard]] std::string urdf() const { return out_.str(); }
+  [[nodiscard]] std::string frames() const { return frames_.str(); }
 
  private:
   void empty_link(const std::string& name) { out_ << "  <link name=\"" << name << "\"/>\n"; }
@@ -77,6 +105,7 @@ class UrdfWriter {
                    const Eigen::Isometry3d& pose) {
     joint_head(name, "fixed", parent, child, pose);
     out_ << "  </joint>\n";
+    frames_ << "fixed " << parent << ' ' << child << ' ' << pose_text(pose) << '\n';
   }
 
   void inertial(const model::Inertia& inertia) {
@@ -105,7 +134,8 @@ class UrdfWriter {
   void solid(const Solid& solid, int finger) {
     const model::Colour colour = model::colour(solid.paint, description_.variant, finger);
     if (solid.role != Role::kTouches) solid_as("visual", solid, colour);
-    if (solid.role != Role::kLooks) solid_as("collision", solid, colour);
+    if (solid.role != Role::kLooks && content_ == UrdfContent::kRobot)
+      solid_as("collision", solid, colour);
   }
 
   void sphere(const char* tag, const Eigen::Vector3d& centre, double radius,
@@ -165,8 +195,12 @@ class UrdfWriter {
       inertial(link.inertia);
       for (const Solid& part : link.solids) solid(part, index);
       out_ << "  </link>\n";
-      joint_head(joints[static_cast<std::size_t>(index * kJointsPerFinger) + j], "revolute", parent,
-                 child, Eigen::Isometry3d(Eigen::Translation3d(model::vector(link.origin))));
+      const std::size_t joint = static_cast<std::size_t>(index * kJointsPerFinger) + j;
+      const Eigen::Isometry3d pose(Eigen::Translation3d(model::vector(link.origin)));
+      joint_head(joints[joint], "revolute", parent, child, pose);
+      frames_ << "turning " << parent << ' ' << child << ' ' << pose_text(pose) << ' '
+              << triple(model::vector(link.axis)) << ' ' << joints[joint] << ' '
+              << sources_.joint_field << '[' << joint << "]\n";
       out_ << "    <axis xyz=\"" << triple(model::vector(link.axis)) << "\"/>\n"
            << "    <limit lower=\"" << limits.hard_lower[j] << "\" upper=\"" << limits.hard_upper[j]
            << "\" effort=\"" << drive.torque_limit << "\" velocity=\"" << drive.no_load_speed
@@ -201,15 +235,68 @@ class UrdfWriter {
     fixed_joint("platform_to_" + frame + "_joint", "platform", frame, pose);
   }
 
+  void table() {
+    const Solid slab{.form = Form::kBox,
+                     .from = {0, 0, -0.015},
+                     .to = {0.5, 0.5, 0.015},
+                     .radius = 0,
+                     .paint = model::Paint::kShell,
+                     .role = Role::kBoth};
+    out_ << "  <link name=\"table\">\n";
+    solid(slab, 0);
+    out_ << "  </link>\n";
+    fixed_joint("base_to_table_joint", "base_link", "table", Eigen::Isometry3d::Identity());
+  }
+
+  void object(const ObjectDescription& object) {
+    const Eigen::Vector3d size = model::vector(object.size);
+    Solid body{.form = Form::kBox,
+               .from = {},
+               .to = {size.x() / 2, size.y() / 2, size.z() / 2},
+               .radius = 0,
+               .paint = model::Paint::kFinger,
+               .role = Role::kBoth};
+    if (object.shape == ObjectShape::kStick) {
+      body.form = Form::kCapsule;
+      body.radius = size.y() / 2;
+      body.from = {body.radius - size.x() / 2, 0, 0};
+      body.to = {size.x() / 2 - body.radius, 0, 0};
+    } else if (object.shape == ObjectShape::kBall) {
+      body.form = Form::kSphere;
+      body.radius = size.x() / 2;
+    }
+    constexpr int kBlue = 2;  // the colour of the third finger
+    out_ << "  <link name=\"" << object.name << "\">\n";
+    solid(body, kBlue);
+    out_ << "  </link>\n";
+    joint_head("base_to_" + object.name + "_joint", "floating", "base_link", object.name,
+               Eigen::Isometry3d::Identity());
+    out_ << "  </joint>\n";
+    frames_ << "free base_link " << object.name << ' ' << sources_.object_companion << ' '
+            << object.name << ".position " << object.name << ".orientation\n";
+  }
+
   const RobotDescription& description_;
+  UrdfContent content_;
+  FrameSources sources_;
   std::ostringstream out_;
+  std::ostringstream frames_;
 };
 
 }  // namespace
 
-std::string export_urdf(const RobotDescription& description) {
+std::string export_urdf(const RobotDescription& description, UrdfContent content) {
   validate(description);
-  return UrdfWriter(description).write();
+  UrdfWriter writer(description, content);
+  writer.write();
+  return writer.urdf();
+}
+
+std::string export_frames(const RobotDescription& description, const FrameSources& sources) {
+  validate(description);
+  UrdfWriter writer(description, UrdfContent::kScene, sources);
+  writer.write();
+  return writer.frames();
 }
 
 }  // namespace trifinger

@@ -25,6 +25,8 @@ using detail::require;
 // Begins every saved state: one of another version is told apart.
 constexpr std::uint64_t kStateMagic = 0x33534d4953465254;  // "TRFSIMS3"
 
+constexpr const char* kObjectCompanion = "object";
+
 ElementDescription describe_objects(const RobotModel& model) {
   std::vector<FieldDescription> fields;
   std::size_t offset = 0;
@@ -60,8 +62,12 @@ std::size_t state_size_of(const RobotModel& model, int components) {
 
 }  // namespace
 
-Document model_document(const RobotDescription& description) {
-  return {"model.xml", "application/xml", export_mjcf(description)};
+std::vector<Document> model_documents(const RobotDescription& description) {
+  return {{"model.xml", "application/xml", export_mjcf(description)},
+          {"robot.urdf", "application/xml", export_urdf(description, UrdfContent::kScene)},
+          {"frames.txt", "text/plain",
+           export_frames(description,
+                         {.joint_field = "position", .object_companion = kObjectCompanion})}};
 }
 
 template <class R>
@@ -71,8 +77,9 @@ class SimulatedRobot<R>::Implementation {
       : simulator_(std::move(options)),
         data_(mj_makeData(model().mujoco())),
         stop_(this->options().stop, this->options().period),
-        companion_{CompanionDescription{
-            .name = "object", .type = "object_observation", .element = describe_objects(model())}} {
+        companion_{CompanionDescription{.name = kObjectCompanion,
+                                        .type = "object_observation",
+                                        .element = describe_objects(model())}} {
     if (data_ == nullptr) throw Error("MuJoCo has no memory for the scene");
     begin_state_.resize(state_size());
     spare_state_.resize(state_size());

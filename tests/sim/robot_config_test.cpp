@@ -153,10 +153,12 @@ TEST_F(RobotConfigFile, GoesAlongWithTheSessionsInOnePiece) {
 
   const Simulation<TriFinger> simulation(std::get<0>(config.simulation), config.session);
   const std::vector<Document> documents = simulation.connect().session().documents();
-  ASSERT_EQ(documents.size(), 2U);
+  ASSERT_EQ(documents.size(), 4U);
   EXPECT_EQ(documents[0], document);
   EXPECT_EQ(documents[1].name, "model.xml");
   EXPECT_EQ(documents[1].text, export_mjcf(simulation.robot().options().description));
+  EXPECT_EQ(documents[2].name, "robot.urdf");
+  EXPECT_EQ(documents[3].name, "frames.txt");
 }
 
 TEST_F(RobotConfigFile, SaysTheSameAsTheFiguresOfTheRobot) {

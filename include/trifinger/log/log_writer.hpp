@@ -56,6 +56,9 @@ struct LogOptions {
   int level{1};
   std::string recording;  ///< The same for all files of a recording.
   int part{0};            ///< Number of this file among them.
+  /// How often 3D viewers are told where the links of a robot are that has the documents
+  /// "robot.urdf" and "frames.txt" [1/s]; 0: they are told nothing.
+  double viewer_rate{8.0};
 };
 
 /// Writes sessions into one file; knows the format, but neither where the elements come from nor

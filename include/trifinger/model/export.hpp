@@ -15,10 +15,32 @@ namespace trifinger {
 [[nodiscard]] std::string export_mjcf(const RobotDescription& description,
                                       Detail detail = Detail::kPictures);
 
-/// The robot alone as URDF: links with the source's inertias, joints with limits, tips and cameras
-/// as frames (cameras as `NAME_optical_frame`: x right, y down, z forward). Table, boundary and
-/// objects are no part of it. Gravity points along the root link's -z, flipped or not.
+/// What a URDF file holds.
+enum class UrdfContent {
+  kRobot,  ///< The robot alone, for planners and other simulations.
+  /// For viewers: also the table, fixed to the root, and the objects, on floating joints; without
+  /// shapes for collisions.
+  kScene,
+};
+
+/// The robot as URDF: links with the source's inertias, joints with limits, tips and cameras as
+/// frames (cameras as `NAME_optical_frame`: x right, y down, z forward). It has no boundary and
+/// needs no other file. Gravity points along the root link's -z, flipped or not.
 /// @throws InvalidArgument if the description cannot be built.
-[[nodiscard]] std::string export_urdf(const RobotDescription& description);
+[[nodiscard]] std::string export_urdf(const RobotDescription& description,
+                                      UrdfContent content = UrdfContent::kRobot);
+
+/// Where the numbers come from that move frames.
+struct FrameSources {
+  std::string joint_field;  ///< Of the robot's observation: all joint angles [rad].
+  std::string
+      object_companion;  ///< Has fields OBJECT.position [m] and OBJECT.orientation (w x y z).
+};
+
+/// Where the links of the scene's URDF are, as lines of text that programs can follow which know
+/// no robots; docs/log_format.md has the format.
+/// @throws InvalidArgument if the description cannot be built.
+[[nodiscard]] std::string export_frames(const RobotDescription& description,
+                                        const FrameSources& sources);
 
 }  // namespace trifinger

@@ -23,9 +23,10 @@
 
 namespace trifinger {
 
-/// The scene as a document of its sessions: "model.xml", in MuJoCo's format.
+/// The scene as documents of its sessions: "model.xml" in MuJoCo's format, and for viewers
+/// "robot.urdf" and "frames.txt", which says how its links follow from what is measured.
 /// @throws InvalidArgument if the description cannot be built
-[[nodiscard]] Document model_document(const RobotDescription& description);
+[[nodiscard]] std::vector<Document> model_documents(const RobotDescription& description);
 
 /// Everything that decides how a simulation goes on, as bytes. It belongs to the model that it was
 /// saved from.

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <algorithm>
+#include <iterator>
 #include <memory>
 #include <string>
 #include <utility>
@@ -26,7 +28,7 @@ namespace trifinger {
 template <class R>
 class Simulation {
  public:
-  /// The model is added to the documents of `session`.
+  /// Model and description of the scene are added to the documents of `session`.
   /// Of `backend`, the mode and the period are set by the simulation: it waits for every action.
   /// `name` is what errors and logs call the robot, as that of a `RobotConfig`; by default its type
   /// and variant, as in "trifinger-pro".
@@ -70,7 +72,7 @@ class Simulation {
     }
 
     static SessionOptions with_model(SessionOptions session, const RobotDescription& description) {
-      session.documents.push_back(model_document(description));
+      std::ranges::move(model_documents(description), std::back_inserter(session.documents));
       return session;
     }
     static BackendOptions without_deadlines(BackendOptions options, Nanoseconds period) noexcept {
