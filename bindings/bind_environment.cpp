@@ -160,20 +160,16 @@ void bind_episodes(nb::module_& m) {
             const auto list = [](const auto& numbers, std::size_t count) {
               return std::vector<double>(numbers.begin(), numbers.begin() + count);
             };
-            nb::dict variation;
-            variation["object_mass"] = start.variation.object_mass;
-            variation["friction"] = start.variation.friction;
-            variation["motor_gain"] = start.variation.motor_gain;
-            variation["torque_delay"] = start.variation.torque_delay;
             return nb::make_tuple(list(start.position, self.environment.num_joints()),
                                   list(start.object.position, 3), list(start.object.orientation, 4),
-                                  variation, start.random.episode);
+                                  list(start.object_velocity.linear, 3), dict_of(start.variation),
+                                  start.random.episode);
           },
           "seed"_a, "number"_a,
           nb::sig("def begin(self, seed: int, number: int) -> tuple[list[float], list[float], "
-                  "list[float], dict[str, float], int]"),
-          "Joints [rad], object's position [m] and quaternion, variation, series of random "
-          "numbers.")
+                  "list[float], list[float], dict[str, typing.Any], int]"),
+          "Joints [rad], object's position [m], quaternion and velocity [m/s], variation, series "
+          "of random numbers.")
       .def(
           "check_robot",
           [](const Episodes& self, const std::string& configuration) {

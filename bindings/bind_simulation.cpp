@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <nanobind/eigen/dense.h>
 #include <nanobind/nanobind.h>
+#include <nanobind/stl/map.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/shared_ptr.h>
@@ -8,6 +9,7 @@
 #include <nanobind/stl/vector.h>
 
 #include <cctype>
+#include <map>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -253,9 +255,8 @@ void bind_simulation(nb::module_& m) {
       "A simulated robot in this process, with its back-end inside the waits of its front-end: no "
       "threads, "
       "deterministic,\nas fast as the physics. simulate() is the short form.\n\n"
-      "Every session begins in the state that the last reset(), place_object() or restore() has "
-      "left. During a "
-      "session\nthey take effect at once.")
+      "Every session begins in the state that the last reset(), place_object(), "
+      "set_object_velocity() or restore() has left.\nDuring a session they take effect at once.")
       .def(
           "__init__",
           [](PythonSimulation* self, const std::string& config, const nb::dict& overrides) {
@@ -273,29 +274,66 @@ void bind_simulation(nb::module_& m) {
            })
       .def("connect", &PythonSimulation::connect, nb::kw_only(), "strict"_a = true,
            "Controls the robot in a new session. Raises ControlHeld while another front-end does.")
-      .def("reset", &PythonSimulation::reset, "position"_a = nb::none(), "seed"_a = nb::none(),
-           "episode"_a = 0,
-           "Goes back to the beginning: joints at `position` [rad] (default: the configuration's), "
-           "objects in their "
-           "places,\nat rest, random numbers of `episode` of `seed` (default: the "
-           "configuration's).")
+      .def(
+          "reset", &PythonSimulation::reset, "position"_a = nb::none(), "seed"_a = nb::none(),
+          "episode"_a = 0,
+          "Goes back to the beginning: joints at `position` [rad] (default: the configuration's), "
+          "objects as they are "
+          "at the start\nof the configuration, random numbers of `episode` of `seed` (default: the "
+          "configuration's).")
       .def(
           "vary",
           [](const PythonSimulation& simulation, double object_mass, double friction,
-             double motor_gain, TimeIndex torque_delay) {
-            simulation.vary({.object_mass = object_mass,
-                             .friction = friction,
-                             .motor_gain = motor_gain,
-                             .torque_delay = torque_delay});
+             const std::map<std::string, double>& pair_friction, double contact_time,
+             double motor_gain, TimeIndex torque_delay, double rotor_inertia, double joint_damping,
+             double joint_friction, double stop_margin) {
+            Variation variation{.object_mass = object_mass,
+                                .friction = friction,
+                                .contact_time = contact_time,
+                                .motor_gain = motor_gain,
+                                .torque_delay = torque_delay,
+                                .rotor_inertia = rotor_inertia,
+                                .joint_damping = joint_damping,
+                                .joint_friction = joint_friction,
+                                .stop_margin = stop_margin};
+            for (const auto& [name, factor] : pair_friction) {
+              variation.pair_friction[surface_pair_from_name(name)] = factor;
+            }
+            simulation.vary(variation);
           },
-          nb::kw_only(), "object_mass"_a = 1.0, "friction"_a = 1.0, "motor_gain"_a = 1.0,
-          "torque_delay"_a = 0,
-          "Differs from its configuration from now on, whatever is reset: masses of objects, "
-          "friction of all surfaces and\ntorques that motors deliver, each times its own, and "
-          "the steps until they deliver them.")
+          nb::kw_only(), "object_mass"_a = 1.0, "friction"_a = 1.0, "pair_friction"_a = nb::dict(),
+          "contact_time"_a = 1.0, "motor_gain"_a = 1.0, "torque_delay"_a = 0,
+          "rotor_inertia"_a = 1.0, "joint_damping"_a = 1.0, "joint_friction"_a = 0.0,
+          "stop_margin"_a = 1.0,
+          nb::sig("def vary(self, *, object_mass: float = 1.0, friction: float = 1.0, "
+                  "pair_friction: dict[str, float] = {}, contact_time: float = 1.0, "
+                  "motor_gain: float = 1.0, torque_delay: int = 0, rotor_inertia: float = 1.0, "
+                  "joint_damping: float = 1.0, joint_friction: float = 0.0, "
+                  "stop_margin: float = 1.0) -> None"),
+          "Differs from its configuration from now on, whatever is reset. Each number is a factor "
+          "but for two: the steps until\nmotors deliver a torque, and the dry friction that is "
+          "added in the joints [Nm]. `pair_friction` is by pairs of\nsurfaces, as in "
+          "{\"tip_object\": 0.8}, besides `friction` of all; docs/simulation.md names them.")
       .def("place_object", &PythonSimulation::place_object, "name"_a, "position"_a,
            "orientation"_a = std::vector<double>{1.0, 0.0, 0.0, 0.0},
            "Puts an object somewhere, at rest: x, y, z [m] and a quaternion w, x, y, z.")
+      .def("set_object_velocity", &PythonSimulation::set_object_velocity, "name"_a, "linear"_a,
+           "angular"_a = std::vector<double>{0.0, 0.0, 0.0},
+           "Lets an object move from where it is, in the world frame: its centre [m/s], and about "
+           "it [rad/s].")
+      .def("push_object", &PythonSimulation::push_object, "name"_a, "force"_a,
+           "Lets a force act on an object's centre of mass from the next step on [N], until the "
+           "next call or reset().")
+      .def(
+          "object_velocity",
+          [](const PythonSimulation& simulation, const std::string& name) {
+            const ObjectVelocity velocity = simulation.object_velocity(name);
+            return std::pair(Eigen::Vector3d(velocity.linear.data()),
+                             Eigen::Vector3d(velocity.angular.data()));
+          },
+          "name"_a,
+          "How an object moves now, without delay and noise: its centre [m/s], and about it "
+          "[rad/s].")
       .def(
           "object_pose",
           [](const PythonSimulation& simulation, const std::string& name) {
@@ -326,9 +364,9 @@ void bind_simulation(nb::module_& m) {
                   "None]) -> None"),
           "Adds a safety check of your own, between sessions: `function(observation, action)` "
           "changes the action in "
-          "place.\nThe robot's own limits hold behind it. An exception in it ends the session with "
-          "a fault, which has its text.\nCtrl-C in it is no fault: KeyboardInterrupt reaches who "
-          "waits for the robot.")
+          "place.\nThe robot's own limits are checked after it. An exception ends the session with "
+          "a fault that has its text.\nCtrl-C is no fault: KeyboardInterrupt reaches the program "
+          "that waits for the robot.")
       .def(
           "record",
           [](const PythonSimulation& simulation, nb::handle folder, const std::string& precision) {

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "simulation.hpp"
 
+#include <nanobind/stl/string_view.h>
+
 #include <algorithm>
 #include <array>
 #include <span>
@@ -41,6 +43,26 @@ RobotConfig load_config(const std::string& name, const nb::dict& overrides) {
 
 RobotDescription description_of(const RobotConfig& config) {
   return std::visit([](const auto& options) { return options.description; }, config.simulation);
+}
+
+nb::dict dict_of(const Variation& variation) {
+  nb::dict pairs;
+  for (const SurfacePair pair : all_surface_pairs()) {
+    if (variation.pair_friction[pair] == 1.0) continue;
+    pairs[nb::cast(name_of(pair))] = variation.pair_friction[pair];
+  }
+  nb::dict dict;
+  dict["object_mass"] = variation.object_mass;
+  dict["friction"] = variation.friction;
+  dict["pair_friction"] = pairs;
+  dict["contact_time"] = variation.contact_time;
+  dict["motor_gain"] = variation.motor_gain;
+  dict["torque_delay"] = variation.torque_delay;
+  dict["rotor_inertia"] = variation.rotor_inertia;
+  dict["joint_damping"] = variation.joint_damping;
+  dict["joint_friction"] = variation.joint_friction;
+  dict["stop_margin"] = variation.stop_margin;
+  return dict;
 }
 
 PythonSimulation::PythonSimulation(const RobotConfig& config)
@@ -89,6 +111,29 @@ void PythonSimulation::place_object(const std::string& name, const std::vector<d
 
 void PythonSimulation::vary(const Variation& variation) const {
   std::visit([&](const auto& simulation) { simulation.robot().vary(variation); }, simulation_);
+}
+
+void PythonSimulation::push_object(const std::string& name,
+                                   const std::vector<double>& force) const {
+  const auto newtons = to_array<3>(force, "force");
+  std::visit([&](const auto& simulation) { simulation.robot().push_object(name, newtons); },
+             simulation_);
+}
+
+void PythonSimulation::set_object_velocity(const std::string& name,
+                                           const std::vector<double>& linear,
+                                           const std::vector<double>& angular) const {
+  const ObjectVelocity velocity{.linear = to_array<3>(linear, "linear"),
+                                .angular = to_array<3>(angular, "angular")};
+  std::visit(
+      [&](const auto& simulation) { simulation.robot().set_object_velocity(name, velocity); },
+      simulation_);
+}
+
+ObjectVelocity PythonSimulation::object_velocity(const std::string& name) const {
+  return std::visit(
+      [&](const auto& simulation) { return simulation.robot().object_velocity(name); },
+      simulation_);
 }
 
 ObjectPose PythonSimulation::object_pose(const std::string& name) const {

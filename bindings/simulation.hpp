@@ -23,6 +23,9 @@ namespace trifinger::python {
 
 [[nodiscard]] RobotDescription description_of(const RobotConfig& config);
 
+/// What differs from none, as `Simulation.vary` takes it.
+[[nodiscard]] nanobind::dict dict_of(const Variation& variation);
+
 /// A simulated robot in this process, whatever its number of fingers.
 class PythonSimulation {
  public:
@@ -36,7 +39,11 @@ class PythonSimulation {
   void vary(const Variation& variation) const;
   void place_object(const std::string& name, const std::vector<double>& position,
                     const std::vector<double>& orientation) const;
+  void push_object(const std::string& name, const std::vector<double>& force) const;
+  void set_object_velocity(const std::string& name, const std::vector<double>& linear,
+                           const std::vector<double>& angular) const;
   [[nodiscard]] ObjectPose object_pose(const std::string& name) const;
+  [[nodiscard]] ObjectVelocity object_velocity(const std::string& name) const;
   [[nodiscard]] nanobind::bytes save() const;
   void restore(const nanobind::bytes& state) const;
   [[nodiscard]] nanobind::bytes state_before_divergence() const;

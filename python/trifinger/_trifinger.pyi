@@ -512,8 +512,8 @@ class Simulation:
     A simulated robot in this process, with its back-end inside the waits of its front-end: no threads, deterministic,
     as fast as the physics. simulate() is the short form.
 
-    Every session begins in the state that the last reset(), place_object() or restore() has left. During a session
-    they take effect at once.
+    Every session begins in the state that the last reset(), place_object(), set_object_velocity() or restore() has left.
+    During a session they take effect at once.
     """
 
     def __init__(self, config: str = 'sim', overrides: dict[str, object] = {}) -> None:
@@ -531,19 +531,35 @@ class Simulation:
 
     def reset(self, position: Sequence[float] | None = ..., seed: int | None = ..., episode: int = ...) -> None:
         """
-        Goes back to the beginning: joints at `position` [rad] (default: the configuration's), objects in their places,
-        at rest, random numbers of `episode` of `seed` (default: the configuration's).
+        Goes back to the beginning: joints at `position` [rad] (default: the configuration's), objects as they are at the start
+        of the configuration, random numbers of `episode` of `seed` (default: the configuration's).
         """
 
-    def vary(self, *, object_mass: float = ..., friction: float = ..., motor_gain: float = ..., torque_delay: int = ...) -> None:
+    def vary(self, *, object_mass: float = 1.0, friction: float = 1.0, pair_friction: dict[str, float] = {}, contact_time: float = 1.0, motor_gain: float = 1.0, torque_delay: int = 0, rotor_inertia: float = 1.0, joint_damping: float = 1.0, joint_friction: float = 0.0, stop_margin: float = 1.0) -> None:
         """
-        Differs from its configuration from now on, whatever is reset: masses of objects, friction of all surfaces and
-        torques that motors deliver, each times its own, and the steps until they deliver them.
+        Differs from its configuration from now on, whatever is reset. Each number is a factor but for two: the steps until
+        motors deliver a torque, and the dry friction that is added in the joints [Nm]. `pair_friction` is by pairs of
+        surfaces, as in {"tip_object": 0.8}, besides `friction` of all; docs/simulation.md names them.
         """
 
     def place_object(self, name: str, position: Sequence[float], orientation: Sequence[float] = ...) -> None:
         """
         Puts an object somewhere, at rest: x, y, z [m] and a quaternion w, x, y, z.
+        """
+
+    def set_object_velocity(self, name: str, linear: Sequence[float], angular: Sequence[float] = ...) -> None:
+        """
+        Lets an object move from where it is, in the world frame: its centre [m/s], and about it [rad/s].
+        """
+
+    def push_object(self, name: str, force: Sequence[float]) -> None:
+        """
+        Lets a force act on an object's centre of mass from the next step on [N], until the next call or reset().
+        """
+
+    def object_velocity(self, name: str) -> tuple[Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]]:
+        """
+        How an object moves now, without delay and noise: its centre [m/s], and about it [rad/s].
         """
 
     def object_pose(self, name: str) -> tuple[Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], Annotated[NDArray[numpy.float64], dict(shape=(4), order='C')]]:
@@ -566,8 +582,8 @@ class Simulation:
     def add_check(self, function: Callable[[Observation, Action], None]) -> None:
         """
         Adds a safety check of your own, between sessions: `function(observation, action)` changes the action in place.
-        The robot's own limits hold behind it. An exception in it ends the session with a fault, which has its text.
-        Ctrl-C in it is no fault: KeyboardInterrupt reaches who waits for the robot.
+        The robot's own limits are checked after it. An exception ends the session with a fault that has its text.
+        Ctrl-C is no fault: KeyboardInterrupt reaches the program that waits for the robot.
         """
 
     def record(self, folder: str | os.PathLike[str], *, precision: str = 'double') -> Recorder:
@@ -1536,9 +1552,9 @@ class Episodes:
 
     def __init__(self, task: str, options: str, config: str, overrides: dict[str, object]) -> None: ...
 
-    def begin(self, seed: int, number: int) -> tuple[list[float], list[float], list[float], dict[str, float], int]:
+    def begin(self, seed: int, number: int) -> tuple[list[float], list[float], list[float], list[float], dict[str, Any], int]:
         """
-        Joints [rad], object's position [m] and quaternion, variation, series of random numbers.
+        Joints [rad], object's position [m], quaternion and velocity [m/s], variation, series of random numbers.
         """
 
     def check_robot(self, configuration: str) -> None:

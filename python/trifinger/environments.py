@@ -22,7 +22,7 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -111,6 +111,21 @@ class Options:
     """What simulated motors deliver of a torque."""
     torque_delay: tuple[int, int] = (0, 0)
     """Steps until they deliver it, up to 10."""
+    pair_friction: Mapping[str, FloatRange] = dataclasses.field(default_factory=dict, hash=False)
+    """Of pairs of simulated surfaces, times their own, besides `friction` of all:
+    {"tip_object": (0.7, 1.2)}. docs/simulation.md names the pairs."""
+    contact_time: FloatRange = (1.0, 1.0)
+    """Softness of simulated contacts: their time constants, times their own."""
+    rotor_inertia: FloatRange = (1.0, 1.0)
+    """Of simulated motors, times their own."""
+    joint_damping: FloatRange = (1.0, 1.0)
+    """Of simulated joints, times their own; not that of the safety checks."""
+    joint_friction: FloatRange = (0.0, 0.0)
+    """Dry friction of simulated joints, on top of their own [Nm]."""
+    stop_margin: FloatRange = (1.0, 1.0)
+    """From hard limits to mechanical stops, times their own."""
+    object_speed: FloatRange = (0.0, 0.0)
+    """How fast a simulated object slides at the begin of an episode, in any direction [m/s]."""
 
     @classmethod
     def of(cls, task: str, **changes: Any) -> Self:
@@ -132,11 +147,13 @@ class Options:
     @classmethod
     def from_json(cls, text: str) -> Self:
         """Reads what to_json() has written."""
-        fields: dict[str, Any] = {
-            name: tuple(value) if isinstance(value, list) else value
-            for name, value in json.loads(text).items()
-        }
-        return cls(**fields)
+
+        def of(value: Any) -> Any:
+            if isinstance(value, dict):
+                return {name: of(part) for name, part in value.items()}
+            return tuple(value) if isinstance(value, list) else value
+
+        return cls(**of(json.loads(text)))
 
 
 def _overrides(
@@ -336,7 +353,7 @@ class Environment(gymnasium.Env[Any, Array]):
         if options and "episode" in options:
             self._episode = int(options["episode"])
         self._is_running = False
-        position, object_position, orientation, variation, stream = self._core.begin(
+        position, object_position, orientation, velocity, variation, stream = self._core.begin(
             self._seed, self._episode
         )
         self._episode += 1
@@ -347,6 +364,7 @@ class Environment(gymnasium.Env[Any, Array]):
             simulation.reset(position, self._seed, stream)
             if self._object:
                 simulation.place_object(self._object, object_position, orientation)
+                simulation.set_object_velocity(self._object, velocity)
         try:
             state = self._begin_session()
             if simulation is None:

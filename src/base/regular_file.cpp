@@ -42,14 +42,6 @@ int error_of(mode_t mode) noexcept {
   return S_ISLNK(mode) ? ELOOP : EINVAL;
 }
 
-std::string user_name(uid_t user) {
-  passwd entry{};
-  passwd* found = nullptr;
-  std::array<char, 4096> text{};
-  ::getpwuid_r(user, &entry, text.data(), text.size(), &found);
-  return found != nullptr ? found->pw_name : std::to_string(user);
-}
-
 // Trusted are ourselves, the administrator, and those who share the file with a group of ours.
 bool is_trusted(const struct stat& status) {
   if (status.st_uid == ::geteuid() || status.st_uid == 0) return true;
@@ -79,6 +71,14 @@ void require_suitable(const std::filesystem::path& path, const struct stat& stat
 }
 
 }  // namespace
+
+std::string user_name(uid_t user) {
+  passwd entry{};
+  passwd* found = nullptr;
+  std::array<char, 4096> text{};
+  ::getpwuid_r(user, &entry, text.data(), text.size(), &found);
+  return found != nullptr ? found->pw_name : std::to_string(user);
+}
 
 int open_regular_file(const std::filesystem::path& path, int flags, NamedBy named_by, mode_t mode) {
   // O_NONBLOCK: a FIFO would wait for its other end, and a file with a lease for its holder.

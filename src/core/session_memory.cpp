@@ -2,7 +2,6 @@
 #include "session_memory.hpp"
 
 #include <grp.h>
-#include <pwd.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -17,6 +16,7 @@
 #include <thread>
 #include <utility>
 
+#include "trifinger/base/regular_file.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/status.hpp"
 #include "trifinger/ipc/file_lock.hpp"
@@ -58,14 +58,6 @@ std::string host_name() {
   std::array<char, 256> name{};
   ::gethostname(name.data(), name.size() - 1);
   return name.data();
-}
-
-std::string user_name(uid_t user) {
-  passwd entry{};
-  passwd* found = nullptr;
-  std::array<char, 4096> text{};
-  ::getpwuid_r(user, &entry, text.data(), text.size(), &found);
-  return found != nullptr ? found->pw_name : std::to_string(user);
 }
 
 std::string group_name(gid_t group) {

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <numeric>
 #include <utility>
 
@@ -16,6 +17,7 @@ namespace {
 // Bounds of what is observed. Faster joints are braked by the safety checks.
 constexpr double kMaxVelocity = 10.0;   // [rad/s]
 constexpr double kMaxSideways = 0.5;    // [m]
+constexpr double kBeyondLimits = 0.2;   // [rad]
 constexpr double kMaxHeight = 0.6;      // [m]
 constexpr double kWayTime = 2.0;        // To where an episode begins [s].
 constexpr long long kWayActions = 20;   // At least.
@@ -28,6 +30,30 @@ constexpr std::uint64_t kJointNoise = 2;
 
 double draw(Random& random, const Range<double>& range) noexcept {
   return random.uniform(range.low, range.high);
+}
+
+// Draws only where there is a choice: episodes stay as they were before there was this option.
+double draw_if_free(Random& random, const Range<double>& range) noexcept {
+  return range.low < range.high ? draw(random, range) : range.low;
+}
+
+void draw_what_varies(const EnvironmentOptions& options, Random& random, Start& start) noexcept {
+  Variation& variation = start.variation;
+  for (const SurfacePair pair : all_surface_pairs()) {
+    if (const auto& range = options.pair_friction[pair]) {
+      variation.pair_friction[pair] = draw_if_free(random, *range);
+    }
+  }
+  variation.contact_time = draw_if_free(random, options.contact_time);
+  variation.rotor_inertia = draw_if_free(random, options.rotor_inertia);
+  variation.joint_damping = draw_if_free(random, options.joint_damping);
+  variation.joint_friction = draw_if_free(random, options.joint_friction);
+  variation.stop_margin = draw_if_free(random, options.stop_margin);
+  if (options.object_speed.high > 0.0) {
+    const double speed = draw(random, options.object_speed);
+    const double direction = draw(random, {0.0, 2 * std::numbers::pi});
+    start.object_velocity.linear = {speed * std::cos(direction), speed * std::sin(direction), 0.0};
+  }
 }
 
 // The range of desired positions of the authors' simulation of their reaching task, in the sign
@@ -88,8 +114,8 @@ struct Environment::Implementation {
     const VariantFigures& limits = figures(kinematics.description());
     Entry positions{.name = "joint_position", .unit = "rad", .low = {}, .high = {}};
     for (std::size_t i = 0; i < num_joints; ++i) {
-      positions.low.push_back(limits.hard_lower[i % kJointsPerFinger] - kEndStopMargin);
-      positions.high.push_back(limits.hard_upper[i % kJointsPerFinger] + kEndStopMargin);
+      positions.low.push_back(limits.hard_lower[i % kJointsPerFinger] - kBeyondLimits);
+      positions.high.push_back(limits.hard_upper[i % kJointsPerFinger] + kBeyondLimits);
     }
     entries.push_back(std::move(positions));
     add("joint_velocity", "rad/s", num_joints, -kMaxVelocity, kMaxVelocity);
@@ -251,6 +277,7 @@ Start Environment::begin(std::uint64_t seed, std::uint64_t number,
                      .motor_gain = draw(episode.random, options.motor_gain),
                      .torque_delay = episode.random.integer(options.torque_delay.low,
                                                             options.torque_delay.high + 1)};
+  draw_what_varies(options, episode.random, start);
   for (std::size_t i = 0; i < self.num_joints; ++i) {
     const double low = self.workspace.low[i];
     const double high = self.workspace.high[i];

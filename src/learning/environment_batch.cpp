@@ -116,8 +116,15 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
     if (batch_ == nullptr) throw Error("MuJoCo cannot make the simulations: " + std::string(error));
     if (environment.options().varies()) {
       std::vector<const mjModel*> models;
+      // With all pairs whose friction some episode may want.
+      Variation variation;
+      for (const SurfacePair pair : all_surface_pairs()) {
+        const auto& range = environment.options().pair_friction[pair];
+        if (range) variation.pair_friction[pair] = range->low < range->high ? 0.0 : range->low;
+      }
+      const RobotModel::Compiled varied = simulator_.make_varied_model(variation);
       for (Simulation& one : simulations_) {
-        one.varied.reset(mj_copyModel(nullptr, model.mujoco()));
+        one.varied.reset(mj_copyModel(nullptr, varied.get()));
         if (one.varied == nullptr) throw Error("MuJoCo has no memory for the models");
         models.push_back(one.varied.get());
       }
@@ -209,7 +216,9 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
     std::copy_n(start.position.begin(), R::kJoints, position.begin());
     simulator_.reset(position, start.random, model, data, one.state);
     if (has_object_) {
-      simulator_.place(simulator_.model().objects()[object_], start.object, data, one.state);
+      const ObjectAddress& object = simulator_.model().objects()[object_];
+      simulator_.place(object, start.object, data, one.state);
+      simulator_.set_velocity(object, start.object_velocity, data);
     }
     see_object(-1, data, one);
     see_object(0, data, one);

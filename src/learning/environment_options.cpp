@@ -3,8 +3,10 @@
 
 #include <algorithm>
 #include <array>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <numbers>
+#include <utility>
 
 #include "text.hpp"
 #include "trifinger/base/error.hpp"
@@ -54,6 +56,13 @@ void visit(Options& options, const Visitor& field) {
   field("friction", options.friction);
   field("motor_gain", options.motor_gain);
   field("torque_delay", options.torque_delay);
+  field("pair_friction", options.pair_friction);
+  field("contact_time", options.contact_time);
+  field("rotor_inertia", options.rotor_inertia);
+  field("joint_damping", options.joint_damping);
+  field("joint_friction", options.joint_friction);
+  field("stop_margin", options.stop_margin);
+  field("object_speed", options.object_speed);
 }
 
 struct Writer {
@@ -66,6 +75,13 @@ struct Writer {
   template <class T>
   void operator()(const char* name, const Range<T>& range) const {
     (*json)[name] = {range.low, range.high};
+  }
+  void operator()(const char* name,
+                  const OfSurfacePairs<std::optional<Range<double>>>& ranges) const {
+    Json& object = (*json)[name] = Json::object();
+    for (const SurfacePair pair : all_surface_pairs()) {
+      if (const auto& range = ranges[pair]) object[name_of(pair)] = {range->low, range->high};
+    }
   }
   template <class T, std::size_t kCount>
   void operator()(const char* name, T value,
@@ -87,6 +103,15 @@ struct Reader {
     take(name, [&](const Json& found) {
       const auto [low, high] = found.get<std::pair<T, T>>();
       range = {low, high};
+    });
+  }
+  void operator()(const char* name, OfSurfacePairs<std::optional<Range<double>>>& ranges) const {
+    take(name, [&](const Json& found) {
+      ranges = {};
+      using Limits = std::pair<double, double>;
+      for (const auto& [pair, limits] : found.get<std::map<std::string, Limits>>()) {
+        ranges[surface_pair_from_name(pair)] = Range<double>{limits.first, limits.second};
+      }
     });
   }
   template <class T, std::size_t kCount>
@@ -129,6 +154,17 @@ void EnvironmentOptions::validate() const {
   require_range("friction", friction, 0.0, 100.0);
   require_range("motor_gain", motor_gain, 0.01, 10.0);
   require_range("torque_delay", torque_delay, TimeIndex{0}, Variation::kMaxTorqueDelay);
+  for (const SurfacePair pair : all_surface_pairs()) {
+    if (!pair_friction[pair]) continue;
+    const std::string name = text("pair_friction of ", name_of(pair));
+    require_range(name.c_str(), *pair_friction[pair], 0.0, 100.0);
+  }
+  require_range("contact_time", contact_time, 0.01, 100.0);
+  require_range("rotor_inertia", rotor_inertia, 0.0, 100.0);
+  require_range("joint_damping", joint_damping, 0.0, 1000.0);
+  require_range("joint_friction", joint_friction, 0.0, 1.0);
+  require_range("stop_margin", stop_margin, 0.0, 10.0);
+  require_range("object_speed", object_speed, 0.0, 10.0);
   if (mapping == Mapping::kApproximation && steps_per_action == 1) {
     throw InvalidArgument(
         "steps_per_action is 1, must be 2 or more for the mapping 'approximation': an observation "
@@ -140,7 +176,10 @@ bool EnvironmentOptions::varies() const noexcept {
   const auto is_one = [](const Range<double>& range) {
     return range.low == 1.0 && range.high == 1.0;
   };
-  return !is_one(object_mass) || !is_one(friction) || !is_one(motor_gain) || torque_delay.high > 0;
+  return !is_one(object_mass) || !is_one(friction) || !is_one(motor_gain) ||
+         torque_delay.high > 0 || pair_friction != decltype(pair_friction){} ||
+         !is_one(contact_time) || !is_one(rotor_inertia) || !is_one(joint_damping) ||
+         joint_friction.high > 0.0 || !is_one(stop_margin);
 }
 
 std::string write_options(const EnvironmentOptions& options) {

@@ -7,6 +7,7 @@
 #include <sstream>
 
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/suggestion.hpp"
 
 namespace trifinger {
 namespace {
@@ -18,6 +19,9 @@ constexpr double kPostLength = 0.6;
 constexpr double kFlippedClearance = 0.2;
 constexpr double kLowestFingers = 0.2;
 constexpr double kHighestFingers = 0.6;
+// What is faster flies through a wall of 10 mm between two steps [m/s], [rad/s].
+constexpr double kMaxObjectSpeed = 10;
+constexpr double kMaxObjectSpin = 100;
 
 constexpr ActuatorParameters kTwoAmpere{.torque_limit = 0.36};
 // Needs 0.37 Nm to hold its middle link level, so its torque is not reduced by any heat.
@@ -109,6 +113,32 @@ void require_in(std::string_view what, double value, double lowest, double highe
   if (!allowed) reject(what, " is ", value, "; allowed is ", lowest, " to ", highest, ".");
 }
 
+constexpr std::array<SurfacePair, kNumSurfacePairs> kSurfacePairs{
+    SurfacePair::kTipTip,       SurfacePair::kTipLink,     SurfacePair::kTipObject,
+    SurfacePair::kTipTable,     SurfacePair::kTipBoundary, SurfacePair::kLinkLink,
+    SurfacePair::kLinkObject,   SurfacePair::kLinkTable,   SurfacePair::kLinkBoundary,
+    SurfacePair::kObjectObject, SurfacePair::kObjectTable, SurfacePair::kObjectBoundary,
+};
+
+constexpr std::array<std::string_view, kNumSurfacePairs> kSurfacePairNames{
+    "tip_tip",       "tip_link",      "tip_object",   "tip_table",
+    "tip_boundary",  "link_link",     "link_object",  "link_table",
+    "link_boundary", "object_object", "object_table", "object_boundary",
+};
+
+void validate_contact(const ContactParameters& contact) {
+  constexpr double kLeast = 1e-3;
+  constexpr double kMost = 10;
+  require_in("contact.tip_friction", contact.tip_friction, kLeast, kMost);
+  require_in("contact.tip_torsional_friction [m]", contact.tip_torsional_friction, 0, 1);
+  require_in("contact.floor_friction", contact.floor_friction, kLeast, kMost);
+  for (const SurfacePair pair : kSurfacePairs)
+    if (const auto friction = contact.friction[pair])
+      require_in("contact.friction." + std::string(name_of(pair)), *friction, kLeast, kMost);
+  require_in("contact.time_constant [s]", contact.time_constant, 0.002, 1);
+  require_in("contact.tip_time_constant [s]", contact.tip_time_constant, 0.002, 1);
+}
+
 void validate_actuator(const ActuatorParameters& actuator) {
   require_in("actuator.torque_limit [Nm]", actuator.torque_limit, 1e-3, 10);
   require_in("actuator.continuous_torque [Nm]", actuator.continuous_torque, 1e-3, 10);
@@ -145,6 +175,10 @@ void validate_object(const ObjectDescription& object) {
   if (object.position)
     for (const double coordinate : *object.position)
       require_in(name + "position [m]", coordinate, -10, 10);
+  for (const double speed : object.velocity)
+    require_in(name + "velocity [m/s]", speed, -kMaxObjectSpeed, kMaxObjectSpeed);
+  for (const double speed : object.angular_velocity)
+    require_in(name + "angular_velocity [rad/s]", speed, -kMaxObjectSpin, kMaxObjectSpin);
   double norm = 0;
   for (const double number : object.orientation) {
     require_in(name + "orientation", number, -1e3, 1e3);
@@ -154,6 +188,37 @@ void validate_object(const ObjectDescription& object) {
 }
 
 }  // namespace
+
+const std::array<SurfacePair, kNumSurfacePairs>& all_surface_pairs() noexcept {
+  return kSurfacePairs;
+}
+
+std::string_view name_of(SurfacePair pair) noexcept {
+  return kSurfacePairNames[static_cast<std::size_t>(pair)];
+}
+
+SurfacePair surface_pair_from_name(std::string_view name) {
+  for (const SurfacePair pair : kSurfacePairs)
+    if (name_of(pair) == name) return pair;
+  reject("There is no pair of surfaces '", name, "'; there are ",
+         quoted_list({kSurfacePairNames.begin(), kSurfacePairNames.end()}, "and"), ".");
+}
+
+SurfacePair pair_of(Surface one, Surface other) noexcept {
+  const auto [first, second] = std::minmax(one, other);
+  constexpr std::array<std::size_t, 3> kFirstOf{
+      static_cast<std::size_t>(SurfacePair::kTipTip),
+      static_cast<std::size_t>(SurfacePair::kLinkLink),
+      static_cast<std::size_t>(SurfacePair::kObjectObject)};
+  const auto row = static_cast<std::size_t>(first);
+  return kSurfacePairs[kFirstOf[row] + static_cast<std::size_t>(second) - row];
+}
+
+double sliding_friction(const ContactParameters& contact, SurfacePair pair) noexcept {
+  const double usual =
+      pair <= SurfacePair::kTipBoundary ? contact.tip_friction : contact.floor_friction;
+  return contact.friction[pair].value_or(usual);
+}
 
 double available_torque(const ActuatorParameters& actuator, double torque,
                         double velocity) noexcept {
@@ -261,10 +326,9 @@ std::vector<std::string> tip_names(const RobotDescription& description) {
 void validate(const RobotDescription& description) {
   require_in("finger_height [m]", finger_height(description), kLowestFingers, kHighestFingers);
   validate_actuator(actuator(description));
-  require_in("contact.tip_friction", description.contact.tip_friction, 1e-3, 10);
-  require_in("contact.tip_torsional_friction [m]", description.contact.tip_torsional_friction, 0,
-             1);
-  require_in("contact.floor_friction", description.contact.floor_friction, 1e-3, 10);
+  require_in("stops.margin [rad]", description.stops.margin, 0, 3);
+  require_in("stops.time_constant [s]", description.stops.time_constant, 0.002, 1);
+  validate_contact(description.contact);
 
   std::set<std::string> names;
   std::size_t without_position = 0;

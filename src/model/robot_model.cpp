@@ -22,6 +22,9 @@ RobotModel::RobotModel(RobotDescription description, Detail detail)
     tip_geoms_.push_back(mj_name2id(compiled, mjOBJ_GEOM, name.c_str()));
     tip_sites_.push_back(mj_name2id(compiled, mjOBJ_SITE, name.c_str()));
   }
+  for (int geom = 0; geom < static_cast<int>(compiled->ngeom); ++geom)
+    surfaces_.push_back(
+        model::surface_of(compiled->geom_contype[geom], compiled->geom_priority[geom]));
   initial_position_.assign(compiled->key_qpos, compiled->key_qpos + num_joints());
   for (const ObjectDescription& object : description_.objects) {
     const int joint = mj_name2id(compiled, mjOBJ_JOINT, object.name.c_str());

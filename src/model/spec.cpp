@@ -29,6 +29,9 @@ constexpr int kLowerMeets = kTableBit | kBoundaryBit | kObjectBit | kLowerBit;
 constexpr int kMiddleMeets = kObjectBit | kLowerBit | kMiddleBit;
 constexpr int kUpperMeets = kObjectBit | kLowerBit | kMiddleBit;
 
+// The rubber decides, whatever it touches.
+constexpr int kTipPriority = 1;
+
 // Groups that viewers can switch.
 constexpr int kLooksGroup = 0;
 constexpr int kSurroundGroup = 1;  // Frame and wall, which stand around what moves.
@@ -37,6 +40,9 @@ constexpr int kSiteGroup = 4;
 
 // Of contacts, the time constant [s]: two steps are the least that stays stable.
 constexpr double kHardest = 0.002;
+
+// Whoever moves has a number: fingers their own, objects those that follow.
+constexpr int kScene = -1;
 
 constexpr double kTableHalf = 0.5;
 constexpr double kFloorHeight = -0.75;
@@ -96,6 +102,7 @@ class Builder {
     add_platform();
     add_fingers();
     add_objects();
+    add_pairs();
     add_initial_key();
   }
 
@@ -217,7 +224,8 @@ class Builder {
 
   void name(mjsElement* element, const std::string& text) { mjs_setName(element, text.c_str()); }
 
-  void touch(mjsGeom* geom, int own, int meets) const {
+  void touch(mjsGeom* geom, int own, int meets, int mover) {
+    touching_.push_back({geom, mover});
     geom->contype = own;
     geom->conaffinity = meets;
     geom->condim = 3;
@@ -227,7 +235,7 @@ class Builder {
     // MuJoCo's own 20 ms let a cube that is dropped sink by 7 mm. More damping than a damping ratio
     // of 1 has keeps it from jumping up again; what sinks by less than 0.3 mm is met softly, or an
     // object that slides would rattle.
-    geom->solref[0] = kHardest;
+    geom->solref[0] = description_.contact.time_constant;
     geom->solref[1] = 1.5;
     constexpr double kYielding[] = {0.2, 0.95, 0.0003, 0.5, 2};
     std::ranges::copy(kYielding, geom->solimp);
@@ -306,7 +314,7 @@ class Builder {
     name(plane->element, "table");
     plane->size[0] = plane->size[1] = kTableHalf;
     plane->size[2] = 0.1;
-    touch(plane, kTableBit, 0);
+    touch(plane, kTableBit, 0, kScene);
     const Colour top = description_.variant == Variant::kEdu   ? Colour{0.84F, 0.84F, 0.82F, 1}
                        : description_.variant == Variant::kPro ? Colour{0.21F, 0.23F, 0.20F, 1}
                                                                : Colour{0.20F, 0.17F, 0.21F, 1};
@@ -353,7 +361,7 @@ class Builder {
       pose.translate(Eigen::Vector3d(kPanelThickness / 2, 0, 0));
       mjsGeom* panel =
           add_box(platform_, pose, {kPanelThickness / 2, half_width, slope.norm() / 2});
-      touch(panel, kBoundaryBit, 0);
+      touch(panel, kBoundaryBit, 0, kScene);
       paint(panel, Paint::kWall);
       surround(panel);
     }
@@ -477,7 +485,7 @@ class Builder {
       if (solid.role == Role::kLooks && !pictures_) continue;
       mjsGeom* geom = add_solid(body, solid, index);
       if (solid.role == Role::kLooks) continue;
-      touch(geom, kOwn[joint], kMeets[joint]);
+      touch(geom, kOwn[joint], kMeets[joint], index);
       if (solid.role == Role::kTouches) geom->group = kTouchesGroup;
     }
   }
@@ -491,8 +499,10 @@ class Builder {
     joint->type = mjJNT_HINGE;
     copy(joint->axis, link.axis);
     joint->limited = mjLIMITED_TRUE;
-    joint->range[0] = limits.hard_lower[j] - kEndStopMargin;
-    joint->range[1] = limits.hard_upper[j] + kEndStopMargin;
+    joint->range[0] = limits.hard_lower[j] - description_.stops.margin;
+    joint->range[1] = limits.hard_upper[j] + description_.stops.margin;
+    joint->solref_limit[0] = description_.stops.time_constant;
+    joint->solref_limit[1] = 1;
     joint->armature = reflected_inertia(drive);
     joint->damping[0] = drive.damping;
     joint->frictionloss = drive.friction;
@@ -522,12 +532,12 @@ class Builder {
     copy(tip->pos, finger.tip_origin);
     tip->size[0] = figures(description_).tip_radius;
     paint(tip, Paint::kTip);
-    touch(tip, kLowerBit, kLowerMeets);
+    touch(tip, kLowerBit, kLowerMeets, index);
     tip->condim = 4;
     tip->friction[0] = description_.contact.tip_friction;
     tip->friction[1] = description_.contact.tip_torsional_friction;
-    tip->priority = 1;
-    tip->solref[0] = description_.soft_tips ? 0.006 : kHardest;
+    tip->priority = kTipPriority;
+    tip->solref[0] = description_.soft_tips ? description_.contact.tip_time_constant : kHardest;
     tip->solref[1] = 1;
     constexpr double kSoft[] = {0.95, 0.99, 0.001, 0.5, 2};
     constexpr double kHard[] = {0.99, 0.999, 0.0005, 0.5, 2};
@@ -589,7 +599,7 @@ class Builder {
     mjsGeom* geom = add_geom(body, type);
     name(geom->element, object.name);
     geom->mass = object.mass;
-    touch(geom, kObjectBit, kObjectMeets);
+    touch(geom, kObjectBit, kObjectMeets, mover_of(object));
     if (pictures_) mjs_setString(geom->material, "plastic");
     return geom;
   }
@@ -621,6 +631,10 @@ class Builder {
       set_colour(tile->rgba, face.colour);
       mjs_setString(tile->material, "plastic");
     }
+  }
+
+  [[nodiscard]] int mover_of(const ObjectDescription& object) const {
+    return kMaxFingers + static_cast<int>(&object - description_.objects.data());
   }
 
   // Round bodies would roll for ever on sliding friction alone.
@@ -659,6 +673,65 @@ class Builder {
     add_solid(body, band, 0);
   }
 
+  // ----------------------------------------------------------------------------------------- pairs
+
+  struct Touching {
+    mjsGeom* geom;
+    int mover;
+  };
+
+  // Parts of one finger never meet: they are neighbours, or excluded.
+  static bool can_meet(const Touching& one, const Touching& other) {
+    return one.mover != other.mover && ((one.geom->contype & other.geom->conaffinity) != 0 ||
+                                        (other.geom->contype & one.geom->conaffinity) != 0);
+  }
+
+  // Friction that two geoms cannot agree on by themselves has to be said of both.
+  void add_pairs() {
+    const auto& friction = description_.contact.friction;
+    if (friction == OfSurfacePairs<std::optional<double>>{}) return;
+    for (std::size_t i = 0; i < touching_.size(); ++i)
+      for (std::size_t j = i + 1; j < touching_.size(); ++j) {
+        if (!can_meet(touching_[i], touching_[j])) continue;
+        const SurfacePair pair = pair_of(*surface_of(touching_[i]), *surface_of(touching_[j]));
+        if (friction[pair]) add_pair(i, j, *friction[pair]);
+      }
+  }
+
+  void add_pair(std::size_t first, std::size_t second, double friction) {
+    const mjsGeom* const one = touching_[first].geom;
+    const mjsGeom* const other = touching_[second].geom;
+    mjsPair* pair = mjs_addPair(spec_.get(), nullptr);
+    mjs_setString(pair->geomname1, contact_name(first).c_str());
+    mjs_setString(pair->geomname2, contact_name(second).c_str());
+    // The rest as MuJoCo mixes it. Geoms of one priority have the same stiffness here.
+    const bool is_equal = one->priority == other->priority;
+    const mjsGeom* const decides = one->priority >= other->priority ? one : other;
+    pair->condim = is_equal ? std::max(one->condim, other->condim) : decides->condim;
+    std::ranges::copy(decides->solref, pair->solref);
+    std::ranges::copy(decides->solimp, pair->solimp);
+    const auto mixed = [&](int kind) {
+      return is_equal ? std::max(one->friction[kind], other->friction[kind])
+                      : decides->friction[kind];
+    };
+    const double all[] = {friction, friction, mixed(1), mixed(2), mixed(2)};
+    std::ranges::copy(all, pair->friction);
+  }
+
+  // Pairs name their geoms, most of which have no name. No object has a space in its own.
+  std::string contact_name(std::size_t index) {
+    mjsElement* const element = touching_[index].geom->element;
+    std::string given = mjs_getString(mjs_getName(element));
+    if (!given.empty()) return given;
+    const std::string made = "part " + std::to_string(index);
+    name(element, made);
+    return made;
+  }
+
+  static std::optional<Surface> surface_of(const Touching& touching) {
+    return model::surface_of(touching.geom->contype, touching.geom->priority);
+  }
+
   void add_initial_key() {
     std::vector<double> positions;
     for (int i = 0; i < num_fingers(description_); ++i)
@@ -673,6 +746,17 @@ class Builder {
     mjsKey* key = mjs_addKey(spec_.get());
     name(key->element, "initial");
     mjs_setDouble(key->qpos, positions.data(), static_cast<int>(positions.size()));
+
+    std::vector<double> velocities(static_cast<std::size_t>(num_joints(description_)), 0.0);
+    for (const ObjectDescription& object : description_.objects) {
+      // MuJoCo has the rotation of a free body in the frame of the body.
+      const auto [w, x, y, z] = unit_quaternion(object);
+      const Eigen::Vector3d turning =
+          Eigen::Quaterniond(w, x, y, z).conjugate() * vector(object.angular_velocity);
+      velocities.insert(velocities.end(), object.velocity.begin(), object.velocity.end());
+      velocities.insert(velocities.end(), turning.begin(), turning.end());
+    }
+    mjs_setDouble(key->qvel, velocities.data(), static_cast<int>(velocities.size()));
   }
 
   inline static const std::string kLinkNames[] = {"finger_upper_link", "finger_middle_link",
@@ -686,9 +770,28 @@ class Builder {
   Spec spec_;
   mjsBody* world_;
   mjsBody* platform_{nullptr};
+  std::vector<Touching> touching_;
 };
 
 }  // namespace
+
+std::optional<Surface> surface_of(int contype, int priority) noexcept {
+  switch (contype) {
+    case kTableBit:
+      return Surface::kTable;
+    case kBoundaryBit:
+      return Surface::kBoundary;
+    case kObjectBit:
+      return Surface::kObject;
+    case kLowerBit:
+      return priority == kTipPriority ? Surface::kTip : Surface::kLink;
+    case kMiddleBit:
+    case kUpperBit:
+      return Surface::kLink;
+    default:
+      return std::nullopt;
+  }
+}
 
 Spec make_spec(const RobotDescription& description, Detail detail) {
   validate(description);

@@ -61,7 +61,52 @@ ObjectDescription read_object(const Node& node) {
   }
   object.orientation = node.optional<std::array<double, 4>>("orientation", object.orientation,
                                                             {.min = -10, .max = 10});
+  object.velocity =
+      node.optional<Triple>("velocity", object.velocity, {.unit = "m/s", .min = -10, .max = 10});
+  object.angular_velocity = node.optional<Triple>("angular_velocity", object.angular_velocity,
+                                                  {.unit = "rad/s", .min = -100, .max = 100});
   return object;
+}
+
+// Nothing of this was in the files of older versions: what is missing is as in a description.
+void read_joints(const Node& root, RobotDescription& description) {
+  const auto joints = root.optional_section("joints");
+  if (!joints) return;
+  ActuatorParameters drive = actuator(description);
+  drive.rotor_inertia = joints->optional<double>("rotor_inertia", drive.rotor_inertia,
+                                                 {.unit = "kgm^2", .min = 0, .max = 1e-3});
+  drive.damping =
+      joints->optional<double>("damping", drive.damping, {.unit = "Nms/rad", .min = 0, .max = 1});
+  drive.friction =
+      joints->optional<double>("friction", drive.friction, {.unit = "Nm", .min = 0, .max = 1});
+  description.actuator = drive;
+  StopParameters& stops = description.stops;
+  stops.margin =
+      joints->optional<double>("stop_margin", stops.margin, {.unit = "rad", .min = 0, .max = 1});
+  stops.time_constant = joints->optional<double>("stop_time_constant", stops.time_constant,
+                                                 {.unit = "s", .min = 0.002, .max = 0.1});
+}
+
+ContactParameters read_contact(const Node& section) {
+  const Range friction{.min = 0.001, .max = 5};
+  const Range time{.unit = "s", .min = 0.002, .max = 0.1};
+  ContactParameters contact;
+  contact.tip_friction = section.required<double>("tip_friction", friction);
+  contact.tip_torsional_friction =
+      section.required<double>("tip_torsional_friction", {.unit = "m", .min = 0, .max = 0.1});
+  contact.floor_friction = section.required<double>("floor_friction", friction);
+  // Older files have none of these.
+  if (const auto pairs = section.optional_section("friction")) {
+    for (const SurfacePair pair : all_surface_pairs()) {
+      if (const auto given = pairs->find(name_of(pair))) {
+        contact.friction[pair] = given->as<double>(friction);
+      }
+    }
+  }
+  contact.time_constant = section.optional<double>("time_constant", contact.time_constant, time);
+  contact.tip_time_constant =
+      section.optional<double>("tip_time_constant", contact.tip_time_constant, time);
+  return contact;
 }
 
 RobotDescription read_description(const Node& root) {
@@ -76,12 +121,8 @@ RobotDescription read_description(const Node& root) {
   description.flipped =
       root.required_choice<bool>("platform", {{"upright", false}, {"flipped", true}});
   description.boundary = root.required<bool>("boundary");
-  const Node contact = root.section("contact");
-  const Range friction{.min = 0.001, .max = 5};
-  description.contact = {.tip_friction = contact.required<double>("tip_friction", friction),
-                         .tip_torsional_friction = contact.required<double>(
-                             "tip_torsional_friction", {.unit = "m", .min = 0, .max = 0.1}),
-                         .floor_friction = contact.required<double>("floor_friction", friction)};
+  description.contact = read_contact(root.section("contact"));
+  read_joints(root, description);
   description.objects.clear();
   for (const Node& object : root.at("objects").items()) {
     description.objects.push_back(read_object(object));

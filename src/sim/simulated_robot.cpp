@@ -23,7 +23,7 @@ namespace {
 using detail::require;
 
 // Begins every saved state: one of another version is told apart.
-constexpr std::uint64_t kStateMagic = 0x33534d4953465254;  // "TRFSIMS3"
+constexpr std::uint64_t kStateMagic = 0x34534d4953465254;  // "TRFSIMS4"
 
 constexpr const char* kObjectCompanion = "object";
 
@@ -217,6 +217,21 @@ class SimulatedRobot<R>::Implementation {
     return simulator_.object_pose(model().object(name), *data_);
   }
 
+  void set_object_velocity(const std::string& name, const ObjectVelocity& velocity) {
+    const ObjectAddress& object = model().object(name);
+    for (const auto& part : {velocity.linear, velocity.angular}) {
+      for (const double value : part) {
+        require(std::isfinite(value), "the velocity of object '" + name + "' is not finite");
+      }
+    }
+    simulator_.set_velocity(object, velocity, *data_);
+    begin_here();
+  }
+
+  [[nodiscard]] ObjectVelocity object_velocity(const std::string& name) const {
+    return simulator_.object_velocity(model().object(name), *data_);
+  }
+
   [[nodiscard]] SimulationState save() const {
     SimulationState state(state_size());
     write_state(state);
@@ -276,10 +291,10 @@ class SimulatedRobot<R>::Implementation {
   // The state of the physics stays as it is.
   void vary_model(const Variation& variation) {
     if (variation == state_.memory.variation) return;
-    if (varied_ == nullptr) varied_.reset(mj_copyModel(nullptr, model().mujoco()));
-    if (varied_ == nullptr) throw Error("MuJoCo has no memory for the model");
+    RobotModel::Compiled varied = simulator_.make_varied_model(variation);
     mj_getState(&mujoco(), data_.get(), scratch().data(), kWholeState);
-    simulator_.vary(variation, *varied_, *data_);
+    simulator_.vary(variation, *varied, *data_);
+    varied_ = std::move(varied);
     mj_setState(&mujoco(), data_.get(), scratch().data(), kWholeState);
   }
 
@@ -496,6 +511,15 @@ void SimulatedRobot<R>::place_object(const std::string& name, const ObjectPose& 
 template <class R>
 void SimulatedRobot<R>::push_object(const std::string& name, const std::array<double, 3>& force) {
   implementation_->push_object(name, force);
+}
+template <class R>
+void SimulatedRobot<R>::set_object_velocity(const std::string& name,
+                                            const ObjectVelocity& velocity) {
+  implementation_->set_object_velocity(name, velocity);
+}
+template <class R>
+ObjectVelocity SimulatedRobot<R>::object_velocity(const std::string& name) const {
+  return implementation_->object_velocity(name);
 }
 template <class R>
 ObjectPose SimulatedRobot<R>::object_pose(const std::string& name) const {

@@ -49,6 +49,14 @@ bool is_finite(const mjModel& model, const mjData& data) noexcept {
          data.warning[mjWARN_BADQACC].number == 0;
 }
 
+// The time constant of the contact of two geoms, as MuJoCo mixes it.
+double mixed_time(const mjModel& model, int first, int second) noexcept {
+  const double one = model.geom_solref[mjNREF * first];
+  const double other = model.geom_solref[mjNREF * second];
+  if (model.geom_priority[first] == model.geom_priority[second]) return 0.5 * (one + other);
+  return model.geom_priority[first] > model.geom_priority[second] ? one : other;
+}
+
 void require_positive(const char* name, double value, bool may_be_zero) {
   if (std::isfinite(value) && (value > 0.0 || (may_be_zero && value == 0.0))) return;
   throw InvalidArgument(std::string(name) + " is " + text_of(value) + ", must be " +
@@ -60,11 +68,20 @@ void require_positive(const char* name, double value, bool may_be_zero) {
 void Variation::validate() const {
   require_positive("object_mass", object_mass, false);
   require_positive("friction", friction, true);
+  for (const SurfacePair pair : all_surface_pairs()) {
+    const std::string name = "pair_friction of " + std::string(name_of(pair));
+    require_positive(name.c_str(), pair_friction[pair], true);
+  }
+  require_positive("contact_time", contact_time, false);
   require_positive("motor_gain", motor_gain, false);
   if (torque_delay < 0 || torque_delay > kMaxTorqueDelay) {
     throw InvalidArgument("torque_delay is " + std::to_string(torque_delay) +
                           " steps, must be 0 to " + std::to_string(kMaxTorqueDelay));
   }
+  require_positive("rotor_inertia", rotor_inertia, true);
+  require_positive("joint_damping", joint_damping, true);
+  require_positive("joint_friction", joint_friction, true);
+  require_positive("stop_margin", stop_margin, true);
 }
 
 template <class R>
@@ -119,11 +136,57 @@ void Simulator<R>::vary(const Variation& variation, mjModel_& varied,
       varied.body_inertia[i] = variation.object_mass * original.body_inertia[i];
     }
   }
-  // Sliding friction is the first of three numbers.
   for (int geom = 0; geom < static_cast<int>(original.ngeom); ++geom) {
+    // Sliding friction is the first of three numbers, the time constant the first of two.
     varied.geom_friction[3 * geom] = variation.friction * original.geom_friction[3 * geom];
+    varied.geom_solref[mjNREF * geom] =
+        variation.contact_time * original.geom_solref[mjNREF * geom];
+  }
+  vary_pairs(variation, varied);
+  for (int joint = 0; joint < static_cast<int>(R::kJoints); ++joint) {
+    varied.dof_armature[joint] = variation.rotor_inertia * original.dof_armature[joint];
+    varied.dof_damping[joint] = variation.joint_damping * original.dof_damping[joint];
+    varied.dof_frictionloss[joint] = original.dof_frictionloss[joint] + variation.joint_friction;
+    const double more = (variation.stop_margin - 1.0) * options_.description.stops.margin;
+    varied.jnt_range[2 * joint] = original.jnt_range[2 * joint] - more;
+    varied.jnt_range[2 * joint + 1] = original.jnt_range[2 * joint + 1] + more;
   }
   mj_setConst(&varied, &data);
+}
+
+// The varied model may have pairs that the original has not: their geoms are the same.
+template <class R>
+void Simulator<R>::vary_pairs(const Variation& variation, mjModel_& varied) const noexcept {
+  const ContactParameters& contact = options_.description.contact;
+  const mjModel& original = *model_.mujoco();
+  for (int i = 0; i < static_cast<int>(varied.npair); ++i) {
+    const auto surface_of = [this](int geom) {
+      return *model_.surfaces()[static_cast<std::size_t>(geom)];
+    };
+    const int first = varied.pair_geom1[i];
+    const int second = varied.pair_geom2[i];
+    const SurfacePair pair = pair_of(surface_of(first), surface_of(second));
+    // Two directions of sliding are the first of five numbers.
+    const double friction =
+        variation.friction * variation.pair_friction[pair] * sliding_friction(contact, pair);
+    std::fill_n(varied.pair_friction + 5 * i, 2, friction);
+    varied.pair_solref[mjNREF * i] = variation.contact_time * mixed_time(original, first, second);
+  }
+}
+
+template <class R>
+RobotModel::Compiled Simulator<R>::make_varied_model(const Variation& variation) const {
+  RobotDescription description = options_.description;
+  auto& friction = description.contact.friction;
+  for (const SurfacePair pair : all_surface_pairs()) {
+    if (variation.pair_friction[pair] == 1.0) continue;
+    friction[pair] = sliding_friction(description.contact, pair);
+  }
+  const bool has_all = friction == options_.description.contact.friction;
+  RobotModel::Compiled varied(
+      mj_copyModel(nullptr, has_all ? model_.mujoco() : RobotModel(description).mujoco()));
+  if (varied == nullptr) throw Error("MuJoCo has no memory for the model");
+  return varied;
 }
 
 template <class R>
@@ -149,12 +212,32 @@ void Simulator<R>::place(const ObjectAddress& object, const ObjectPose& pose, mj
   norm = std::sqrt(norm);
   std::ranges::transform(pose.orientation, values + pose.position.size(),
                          [norm](double value) { return value / norm; });
-  constexpr int kFreeJointSpeeds = 6;
-  std::fill_n(data.qvel + object.velocity, kFreeJointSpeeds, 0.0);
+  set_velocity(object, {}, data);
   // What is under way shows where it was.
   state.memory.pending_count = 0;
   state.memory.has_delivered = 0;
   state.memory.next_capture = state.memory.step;
+}
+
+template <class R>
+void Simulator<R>::set_velocity(const ObjectAddress& object, const ObjectVelocity& velocity,
+                                mjData_& data) const noexcept {
+  double* const values = data.qvel + object.velocity;
+  std::ranges::copy(velocity.linear, values);
+  // MuJoCo has the rotation of a free body in the frame of the body.
+  mjtNum inverse[4];
+  mju_negQuat(inverse, data.qpos + object.position + 3);
+  mju_rotVecQuat(values + 3, velocity.angular.data(), inverse);
+}
+
+template <class R>
+ObjectVelocity Simulator<R>::object_velocity(const ObjectAddress& object,
+                                             const mjData_& data) const noexcept {
+  const double* const values = data.qvel + object.velocity;
+  ObjectVelocity velocity;
+  std::copy_n(values, velocity.linear.size(), velocity.linear.begin());
+  mju_rotVecQuat(velocity.angular.data(), values + 3, data.qpos + object.position + 3);
+  return velocity;
 }
 
 template <class R>

@@ -44,6 +44,13 @@ EnvironmentOptions varied(std::string_view task) {
   options.friction = {0.7, 1.2};
   options.motor_gain = {0.9, 1.1};
   options.torque_delay = {2, 5};
+  options.pair_friction = {{SurfacePair::kTipObject, Range<double>{0.5, 0.9}}};
+  options.contact_time = {1.0, 4.0};
+  options.rotor_inertia = {0.5, 1.5};
+  options.joint_damping = {0.5, 5.0};
+  options.joint_friction = {0.001, 0.01};
+  options.stop_margin = {0.5, 1.5};
+  options.object_speed = {0.1, 0.2};
   return options;
 }
 
@@ -69,6 +76,23 @@ TEST_P(EveryTask, BeginsAnEpisodeAsItsSeedAndNumberSay) {
   }
 }
 
+// What older options have not said, older episodes have not drawn.
+TEST_P(EveryTask, DrawsNothingForAnOptionThatLeavesNoChoice) {
+  EnvironmentOptions fixed = default_options(GetParam());
+  fixed.pair_friction = {{SurfacePair::kObjectTable, Range<double>{0.5, 0.5}}};
+  fixed.contact_time = {2.0, 2.0};
+  fixed.joint_friction = {0.01, 0.01};
+  Episode usual;
+  Episode other;
+  (void)make(default_options(GetParam())).begin(3, 7, usual);
+  const Start start = make(fixed).begin(3, 7, other);
+  EXPECT_EQ(usual.goal, other.goal);
+  EXPECT_EQ(usual.random.uniform(0.0, 1.0), other.random.uniform(0.0, 1.0));
+  EXPECT_EQ(start.variation.pair_friction[SurfacePair::kObjectTable], 0.5);
+  EXPECT_EQ(start.variation.contact_time, 2.0);
+  EXPECT_EQ(start.variation.joint_friction, 0.01);
+}
+
 TEST_P(EveryTask, DrawsWithinItsBounds) {
   const EnvironmentOptions options = varied(GetParam());
   const Environment environment = make(options);
@@ -88,6 +112,15 @@ TEST_P(EveryTask, DrawsWithinItsBounds) {
     EXPECT_LE(start.variation.torque_delay, 5);
     EXPECT_GE(start.variation.object_mass, 0.5);
     EXPECT_LT(start.variation.object_mass, 2.0);
+    EXPECT_GE(start.variation.pair_friction[SurfacePair::kTipObject], 0.5);
+    EXPECT_LT(start.variation.pair_friction[SurfacePair::kTipObject], 0.9);
+    EXPECT_EQ(start.variation.pair_friction[SurfacePair::kObjectTable], 1.0);
+    EXPECT_GE(start.variation.joint_friction, 0.001);
+    EXPECT_LT(start.variation.joint_friction, 0.01);
+    const auto [x, y, z] = start.object_velocity.linear;
+    EXPECT_GE(std::hypot(x, y), 0.1);
+    EXPECT_LT(std::hypot(x, y), 0.2);
+    EXPECT_EQ(z, 0.0);
   }
 }
 

@@ -123,6 +123,10 @@ TEST(Validate, NamesTheValueFoundAndTheValueAllowed) {
   EXPECT_THAT(refusal({.finger_height = std::nan("")}), HasSubstr("finger_height"));
   EXPECT_THAT(refusal({.actuator = ActuatorParameters{.damping = -1}}), HasSubstr("damping"));
   EXPECT_THAT(refusal({.contact = {.tip_friction = 0}}), HasSubstr("tip_friction"));
+  EXPECT_THAT(refusal({.contact = {.friction = {{SurfacePair::kTipLink, -1}}}}),
+              HasSubstr("contact.friction.tip_link is -1"));
+  EXPECT_THAT(refusal({.contact = {.time_constant = 0.001}}), HasSubstr("time_constant"));
+  EXPECT_THAT(refusal({.stops = {.margin = -0.1}}), HasSubstr("stops.margin"));
 }
 
 TEST(Validate, RefusesObjectsThatCannotBe) {

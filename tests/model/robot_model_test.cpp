@@ -7,7 +7,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <random>
+#include <set>
+#include <string>
+#include <tuple>
+#include <utility>
 
 #include "scenes.hpp"
 #include "trifinger/base/error.hpp"
@@ -81,6 +86,23 @@ TEST(RobotModel, StartsWithNothingTouchingButObjectsOnTheTable) {
         EXPECT_GT(contact.dist, -1e-6) << label(robot);
       }
     }
+  }
+}
+
+TEST(RobotModel, HasTheStopsAndTheStiffnessOfTheDescription) {
+  const RobotModel model({.stops = {.margin = 0.1, .time_constant = 0.01},
+                          .contact = {.time_constant = 0.004, .tip_time_constant = 0.008}});
+  const mjModel* mujoco = model.mujoco();
+  const VariantFigures& limits = figures(model.description());
+  for (std::size_t i = 0; i < 9; ++i) {
+    EXPECT_DOUBLE_EQ(mujoco->jnt_range[2 * i], limits.hard_lower[i % 3] - 0.1);
+    EXPECT_DOUBLE_EQ(mujoco->jnt_range[2 * i + 1], limits.hard_upper[i % 3] + 0.1);
+    EXPECT_EQ(mujoco->jnt_solref[mjNREF * i], 0.01);
+  }
+  for (std::size_t geom = 0; geom < model.surfaces().size(); ++geom) {
+    if (!model.surfaces()[geom]) continue;
+    EXPECT_EQ(mujoco->geom_solref[mjNREF * geom],
+              model.surfaces()[geom] == Surface::kTip ? 0.008 : 0.004);
   }
 }
 
@@ -323,6 +345,93 @@ TEST(RobotModel, GivesContactsOfTheTipsTheTipsFriction) {
   }
   EXPECT_EQ(of_tips, 1);
   EXPECT_EQ(of_floor, 4);
+}
+
+// --- Friction of pairs
+
+OfSurfacePairs<std::optional<double>> distinct_frictions() {
+  OfSurfacePairs<std::optional<double>> frictions;
+  double friction = 0.1;
+  for (const SurfacePair pair : all_surface_pairs()) frictions[pair] = friction += 0.05;
+  return frictions;
+}
+
+TEST(SurfacePairs, HaveTheNamesOfTheirSurfaces) {
+  constexpr std::pair<Surface, std::string_view> kSurfaces[] = {{Surface::kTip, "tip"},
+                                                                {Surface::kLink, "link"},
+                                                                {Surface::kObject, "object"},
+                                                                {Surface::kTable, "table"},
+                                                                {Surface::kBoundary, "boundary"}};
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < std::size(kSurfaces); ++i)
+    for (std::size_t j = i; j < std::size(kSurfaces); ++j) {
+      if (kSurfaces[i].first >= Surface::kTable) continue;
+      const SurfacePair pair = pair_of(kSurfaces[i].first, kSurfaces[j].first);
+      EXPECT_EQ(pair, pair_of(kSurfaces[j].first, kSurfaces[i].first));
+      EXPECT_EQ(pair, all_surface_pairs()[count++]);
+      const std::string name =
+          std::string(kSurfaces[i].second) + "_" + std::string(kSurfaces[j].second);
+      EXPECT_EQ(name_of(pair), name);
+      EXPECT_EQ(surface_pair_from_name(name), pair);
+    }
+  EXPECT_EQ(count, kNumSurfacePairs);
+  EXPECT_THROW((void)surface_pair_from_name("tip_floor"), InvalidArgument);
+}
+
+TEST(SurfacePairs, AreNotInTheModelUnlessTheirFrictionIsGiven) {
+  EXPECT_EQ(static_cast<int>(RobotModel().mujoco()->npair), 0);
+  const RobotModel model({.contact = {.friction = {{SurfacePair::kTipObject, 0.8},
+                                                   {SurfacePair::kObjectTable, 0.3}}}});
+  EXPECT_EQ(static_cast<int>(model.mujoco()->npair), 3 + 1);
+}
+
+// Contacts of everything with everything, in a heap.
+TEST(SurfacePairs, HaveTheFrictionThatIsGivenAndNothingElseOfTheirOwn) {
+  for (RobotDescription robot : test::all_robots()) {
+    const RobotModel usual(robot);
+    robot.contact.friction = distinct_frictions();
+    const RobotModel paired(robot);
+    const Data of_usual = initial_data(usual);
+    const Data of_paired = initial_data(paired);
+    std::mt19937 random(1);
+    std::set<SurfacePair> seen;
+    const bool meets_all = robot.arrangement == Arrangement::kTriFinger && !robot.flipped;
+    const auto is_missing = [&] { return meets_all && seen.size() < kNumSurfacePairs; };
+    for (int trial = 0; trial < 2000 || (is_missing() && trial < 100'000); ++trial) {
+      // Anywhere: nothing is simulated.
+      for (int i = 0; i < static_cast<int>(usual.mujoco()->nq); ++i)
+        of_usual->qpos[i] = std::uniform_real_distribution<double>(-1.5, 1.5)(random);
+      for (const ObjectAddress& object : usual.objects())
+        for (int i = 0; i < 3; ++i) of_usual->qpos[object.position + i] *= i < 2 ? 0.15 : 0.08;
+      std::copy_n(of_usual->qpos, usual.mujoco()->nq, of_paired->qpos);
+      using Contact =
+          std::tuple<int, int, double, int, double, double, double, double, double, double>;
+      const auto contacts = [&](const RobotModel& model, mjData* data) {
+        mj_fwdPosition(model.mujoco(), data);
+        std::multiset<Contact> all;
+        for (int i = 0; i < data->ncon; ++i) {
+          const mjContact& contact = data->contact[i];
+          const auto [first, second] = std::minmax(contact.geom[0], contact.geom[1]);
+          all.emplace(first, second, contact.dist, contact.dim, contact.friction[2],
+                      contact.friction[3], contact.solref[0], contact.solref[1], contact.solimp[0],
+                      contact.solimp[2]);
+          if (model.mujoco()->npair == 0) continue;
+          const auto surface = [&](int geom) {
+            return *model.surfaces()[static_cast<std::size_t>(geom)];
+          };
+          const SurfacePair pair = pair_of(surface(first), surface(second));
+          seen.insert(pair);
+          EXPECT_EQ(contact.friction[0], robot.contact.friction[pair]) << name_of(pair);
+          EXPECT_EQ(contact.friction[1], robot.contact.friction[pair]) << name_of(pair);
+        }
+        return all;
+      };
+      EXPECT_EQ(contacts(usual, of_usual.get()), contacts(paired, of_paired.get())) << label(robot);
+    }
+    for (const SurfacePair pair : all_surface_pairs()) {
+      EXPECT_TRUE(!meets_all || seen.contains(pair)) << name_of(pair) << ' ' << label(robot);
+    }
+  }
 }
 
 TEST(CollisionMasks, IgnoreOnlyPairsThatCannotMeet) {

@@ -30,6 +30,13 @@ VARIED = {
     "friction": (0.7, 1.2),
     "motor_gain": (0.9, 1.1),
     "torque_delay": (0, 4),
+    "pair_friction": {"tip_object": (0.8, 1.2), "object_table": (0.5, 1.5)},
+    "contact_time": (1.0, 3.0),
+    "rotor_inertia": (0.5, 1.5),
+    "joint_damping": (0.5, 5.0),
+    "joint_friction": (0.0, 0.01),
+    "stop_margin": (0.5, 1.5),
+    "object_speed": (0.0, 0.1),
 }
 
 

@@ -2,10 +2,12 @@
 """The simulated robot inside a Python program."""
 
 import gc
+import math
 import re
 import signal
 import weakref
 from pathlib import Path
+from typing import Any
 
 import pytest
 import trifinger
@@ -265,3 +267,74 @@ def test_fault_19_a_closed_handle_gives_control_back_whatever_else_is_kept(kept:
     if kept == "companion":
         assert isinstance(other, trifinger.Frontend)
         assert other.get_latest_at(t) is not None
+
+
+def wait(simulation: trifinger.Simulation, steps: int) -> None:
+    with simulation.connect() as robot:
+        hold = robot.new_action(position=robot.latest_observation().position)
+        for _ in range(steps):
+            robot.get_observation(robot.append_desired_action(hold))
+
+
+def test_an_object_flies_as_it_was_thrown() -> None:
+    simulation = trifinger.Simulation()
+    simulation.place_object("cube", [0.0, 0.0, 1.0])
+    simulation.set_object_velocity("cube", [0.5, 0.0, 1.0], angular=[0.0, 0.0, 3.0])
+    wait(simulation, 100)
+    position, orientation = simulation.object_pose("cube")
+    assert position == pytest.approx([0.05, 0.0, 1.05], abs=1e-3)
+    assert orientation == pytest.approx([math.cos(0.15), 0.0, 0.0, math.sin(0.15)], abs=1e-6)
+    linear, angular = simulation.object_velocity("cube")
+    assert linear == pytest.approx([0.5, 0.0, 1.0 - 0.981], abs=1e-6)
+    assert angular == pytest.approx([0.0, 0.0, 3.0], abs=1e-6)
+
+
+def test_a_configuration_says_how_objects_move_at_the_start() -> None:
+    simulation = trifinger.Simulation(
+        overrides={"objects.0.velocity": [0.1, 0, 2], "objects.0.angular_velocity": [1, 2, 3]}
+    )
+    for _ in range(2):
+        linear, angular = simulation.object_velocity("cube")
+        assert linear == pytest.approx([0.1, 0.0, 2.0])
+        assert angular == pytest.approx([1.0, 2.0, 3.0])
+        wait(simulation, 10)
+        simulation.reset()
+
+
+def test_the_friction_of_one_pair_can_vary() -> None:
+    def slide(**variation: Any) -> float:
+        simulation = trifinger.Simulation()
+        simulation.vary(**variation)
+        simulation.set_object_velocity("cube", [0.3, 0.0, 0.0])
+        wait(simulation, 100)
+        return float(simulation.object_pose("cube")[0][0])
+
+    usual = slide()
+    assert slide(pair_friction={"tip_object": 0.1}) == pytest.approx(usual)
+    assert slide(pair_friction={"object_table": 0.0}) > 1.3 * usual
+    assert slide(friction=0.0) > 1.3 * usual
+    with pytest.raises(trifinger.InvalidArgument, match="'tip_floor'; there are 'tip_tip'"):
+        slide(pair_friction={"tip_floor": 1.0})
+
+
+def test_joints_can_have_other_rotors_damping_and_friction() -> None:
+    def turned(**variation: float) -> float:
+        simulation = trifinger.Simulation()
+        simulation.vary(**variation)
+        with simulation.connect() as robot:
+            for _ in range(100):
+                t = robot.append_desired_action(robot.new_action(torque=[0.1] * 9))
+            start, end = (robot.get_observation(step).position[0] for step in (0, t))
+        return float(abs(end - start))
+
+    usual = turned()
+    assert turned(rotor_inertia=3.0) < 0.9 * usual
+    assert turned(joint_damping=100.0) < 0.9 * usual
+    assert turned(joint_friction=0.02) < 0.9 * usual
+
+
+def test_a_force_pushes_an_object() -> None:
+    simulation = trifinger.Simulation()
+    simulation.push_object("cube", [1.0, 0.0, 0.0])
+    wait(simulation, 100)
+    assert simulation.object_pose("cube")[0][0] > 0.01

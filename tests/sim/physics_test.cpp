@@ -12,6 +12,7 @@
 
 #include "sim/robots.hpp"
 #include "support/allocation_counter.hpp"
+#include "trifinger/base/error.hpp"
 #include "trifinger/model/kinematics.hpp"
 #include "trifinger/sim/simulation.hpp"
 
@@ -40,6 +41,68 @@ TYPED_TEST(Physics, HasTheActuatorsOfTheDescription) {
     }
     EXPECT_EQ(model.opt.timestep, 0.001);
   }
+}
+
+// A throw: a parabola, and a rotation that goes on.
+TYPED_TEST(Physics, AnObjectFliesAsItWasThrown) {
+  using R = TypeParam;
+  constexpr double kGravity = 9.81;
+  const ObjectVelocity thrown{.linear = {0.4, -0.3, 1.0}, .angular = {1.0, 2.0, -3.0}};
+  for (const bool by_description : {true, false}) {
+    SimulationOptions<R> options = options_of<R>();
+    ObjectDescription& cube = options.description.objects.at(0);
+    cube.position = {0.0, 0.0, 1.0};
+    cube.orientation = {0.5, 0.1, -0.7, 0.2};
+    if (by_description) {
+      cube.velocity = thrown.linear;
+      cube.angular_velocity = thrown.angular;
+    }
+    const Simulation<R> simulation(options);
+    SimulatedRobot<R>& driver = simulation.robot();
+    if (!by_description) driver.set_object_velocity("cube", thrown);
+    const auto expect_thrown = [&] {
+      const ObjectVelocity velocity = driver.object_velocity("cube");
+      for (std::size_t i = 0; i < 3; ++i) {
+        EXPECT_NEAR(velocity.linear[i], thrown.linear[i], 1e-12);
+        EXPECT_NEAR(velocity.angular[i], thrown.angular[i], 1e-12);
+      }
+    };
+    // Every session begins so, and a state that was saved has it, too.
+    const SimulationState state = driver.save();
+    for (int session = 0; session < 2; ++session) {
+      Frontend<R> robot = simulation.connect();
+      expect_thrown();
+      const auto hold = hold_position(robot.latest_observation());
+      constexpr int kSteps = 100;
+      for (int i = 0; i < kSteps; ++i)
+        (void)robot.get_observation(robot.append_desired_action(hold));
+      constexpr double kTime = 0.1;
+      const ObjectPose pose = driver.object_pose("cube");
+      EXPECT_NEAR(pose.position[0], 0.4 * kTime, 1e-9);
+      EXPECT_NEAR(pose.position[1], -0.3 * kTime, 1e-9);
+      EXPECT_NEAR(pose.position[2], 1.0 + 1.0 * kTime - 0.5 * kGravity * kTime * kTime, 1e-3);
+      // All axes of a cube have the same inertia: it spins about the one it was given.
+      const ObjectVelocity velocity = driver.object_velocity("cube");
+      for (std::size_t i = 0; i < 3; ++i) {
+        EXPECT_NEAR(velocity.angular[i], thrown.angular[i], 1e-6);
+      }
+    }
+    driver.restore(state);
+    expect_thrown();
+    driver.place_object("cube", {.position = {0.0, 0.0, 1.0}});
+    EXPECT_EQ(driver.object_velocity("cube").linear, (std::array<double, 3>{}));
+    driver.reset();
+    if (by_description) expect_thrown();
+  }
+}
+
+TYPED_TEST(Physics, RefusesAVelocityThatIsNone) {
+  using R = TypeParam;
+  SimulatedRobot<R> robot(options_of<R>());
+  EXPECT_THROW(robot.set_object_velocity("ball", {}), InvalidArgument);
+  EXPECT_THROW(robot.set_object_velocity(
+                   "cube", {.angular = {0.0, std::numeric_limits<double>::infinity(), 0.0}}),
+               InvalidArgument);
 }
 
 TYPED_TEST(Physics, TorqueOfAnObservationBelongsToThePeriodBefore) {

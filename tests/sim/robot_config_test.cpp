@@ -8,7 +8,9 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <optional>
 #include <regex>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -174,6 +176,12 @@ TEST_F(RobotConfigFile, SaysTheSameAsTheFiguresOfTheRobot) {
           << detail::joint_limit_fields()[i].name;
     }
     EXPECT_EQ(*options.description.finger_height, figures(options.description).finger_height);
+    // To the last byte of the model: what the files say of the physics is what holds without them.
+    RobotDescription of_defaults = options.description;
+    of_defaults.actuator.reset();
+    of_defaults.stops = {};
+    of_defaults.contact = {};
+    EXPECT_EQ(export_mjcf(options.description), export_mjcf(of_defaults));
     for (std::size_t i = 0; i < options.initial_position->size(); ++i) {
       EXPECT_EQ((*options.initial_position)[i],
                 figures(options.description).initial_position[i % kJointsPerFinger]);
@@ -195,6 +203,15 @@ TEST_F(RobotConfigFile, FillsEveryOption) {
                                           "contact.tip_friction=0.7",
                                           "contact.tip_torsional_friction=0.01",
                                           "contact.floor_friction=0.4",
+                                          "contact.friction.tip_object=0.8",
+                                          "contact.friction.object_boundary=0.2",
+                                          "contact.time_constant=0.004",
+                                          "contact.tip_time_constant=0.01",
+                                          "joints.rotor_inertia=5e-6",
+                                          "joints.damping=0.002",
+                                          "joints.friction=0.01",
+                                          "joints.stop_margin=0.1",
+                                          "joints.stop_time_constant=0.005",
                                           "backend.mode=non_real_time",
                                           "backend.period=0.002",
                                           "backend.history=1024",
@@ -228,6 +245,18 @@ TEST_F(RobotConfigFile, FillsEveryOption) {
   EXPECT_EQ(options.description.contact.tip_friction, 0.7);
   EXPECT_EQ(options.description.contact.tip_torsional_friction, 0.01);
   EXPECT_EQ(options.description.contact.floor_friction, 0.4);
+  EXPECT_EQ(options.description.contact.friction,
+            (OfSurfacePairs<std::optional<double>>{{SurfacePair::kTipObject, 0.8},
+                                                   {SurfacePair::kObjectBoundary, 0.2}}));
+  EXPECT_EQ(options.description.contact.time_constant, 0.004);
+  EXPECT_EQ(options.description.contact.tip_time_constant, 0.01);
+  const ActuatorParameters drive = actuator(options.description);
+  EXPECT_EQ(drive.rotor_inertia, 5e-6);
+  EXPECT_EQ(drive.damping, 0.002);
+  EXPECT_EQ(drive.friction, 0.01);
+  EXPECT_EQ(drive.torque_limit, 0.396);
+  EXPECT_EQ(options.description.stops.margin, 0.1);
+  EXPECT_EQ(options.description.stops.time_constant, 0.005);
   EXPECT_TRUE(options.description.objects.empty());
   EXPECT_EQ(options.limits->max_torque[8], 0.396);
   EXPECT_EQ(options.period, std::chrono::milliseconds(2));
@@ -245,7 +274,8 @@ TEST_F(RobotConfigFile, ReadsObjects) {
                "0.02, position: [0.1, 0, 0.1]}\n"
                "  - {name: pen, type: stick, size: [0.14, 0.01]}\n"
                "  - {name: ball, type: ball, size: [0.05]}\n"
-               "  - {name: dice, type: cube, size: [0.04], orientation: [1, 0, 0, 1]}\n"));
+               "  - {name: dice, type: cube, size: [0.04], orientation: [1, 0, 0, 1], "
+               "velocity: [0.1, 0, 2], angular_velocity: [1, 2, 3]}\n"));
   const auto& objects =
       std::get<SimulationOptions<TriFinger>>(config.simulation).description.objects;
   ASSERT_EQ(objects.size(), 4U);
@@ -260,6 +290,9 @@ TEST_F(RobotConfigFile, ReadsObjects) {
   EXPECT_FALSE(objects[2].position);
   EXPECT_EQ(objects[3].size, (Triple{0.04, 0.04, 0.04}));
   EXPECT_EQ(objects[3].orientation, (std::array<double, 4>{1, 0, 0, 1}));
+  EXPECT_EQ(objects[3].velocity, (Triple{0.1, 0, 2}));
+  EXPECT_EQ(objects[3].angular_velocity, (Triple{1, 2, 3}));
+  EXPECT_EQ(objects[0].velocity, Triple{});
 }
 
 TEST_F(RobotConfigFile, WaitsForTheFirstActionForEverUnlessTold) {
@@ -295,6 +328,37 @@ TEST_F(RobotConfigFile, fault_59_NamesReversedLimits) {
       "velocity_error_time: .inf, stuck_torque: .inf, stuck_time: .inf}}\n";
   EXPECT_THAT(message(safety), AllOf(StartsWith("my.yml:2:"), HasSubstr("soft_lower"),
                                      HasSubstr("1.2 rad"), HasSubstr("soft_upper (1 rad)")));
+}
+
+TEST_F(RobotConfigFile, OfAnOlderVersionIsTheSameRobot) {
+  // One that says nothing of joints, and of contacts what they have always said.
+  const std::string path = extended(
+      "contact: {tip_friction: 1.0, tip_torsional_friction: 0.005, floor_friction: 0.5}\n");
+  std::stringstream base;
+  base << std::ifstream(folder_ / "trifinger_edu.yml").rdbuf();
+  const std::string without =
+      std::regex_replace(base.str(), std::regex("\njoints:\n(  [^\n]*\n)+"), "\n");
+  ASSERT_LT(without.size(), base.str().size());
+  std::ofstream(folder_ / "trifinger_edu.yml") << without;
+  const auto description = [](const std::string& name) {
+    return std::get<0>(load_robot_config(name).simulation).description;
+  };
+  EXPECT_EQ(export_mjcf(description(path)), export_mjcf(description("trifinger_edu")));
+}
+
+TEST_F(RobotConfigFile, NamesWhatCannotBeOfContactsAndJoints) {
+  EXPECT_EQ(message_of_override("contact.friction.tip_object=9"),
+            "--set contact.friction.tip_object: contact.friction.tip_object is 9, must be 0.001 to "
+            "5");
+  EXPECT_THAT(message_of_override("contact.friction.object_tip=1"),
+              HasSubstr("contact.friction.object_tip is not a known key"));
+  EXPECT_THAT(message_of_override("contact.time_constant=0.001"),
+              HasSubstr("contact.time_constant is 0.001 s, must be 0.002 to 0.1 s"));
+  EXPECT_THAT(message_of_override("joints.rotor_inertia=1"),
+              HasSubstr("joints.rotor_inertia is 1 kgm^2, must be 0 to 0.001 kgm^2"));
+  EXPECT_THAT(message_of_override("joints.stop_margin=-1"), HasSubstr("must be 0 to 1 rad"));
+  EXPECT_THAT(message_of_override("objects.0.velocity=[0, 0, 20]"),
+              HasSubstr("must be -10 to 10 m/s"));
 }
 
 TEST_F(RobotConfigFile, NamesAPeriodThatThePhysicsCannotKeep) {

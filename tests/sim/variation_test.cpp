@@ -3,9 +3,11 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <mujoco/mujoco.h>
 
 #include <algorithm>
 #include <limits>
+#include <memory>
 #include <vector>
 
 #include "trifinger/base/error.hpp"
@@ -59,6 +61,82 @@ TEST(Variation, OfTheFrictionDecidesHowFarAnObjectSlides) {
   EXPECT_GT(rough, slide(2.0));
 }
 
+TEST(Variation, OfThePairsIsForThemAlone) {
+  const auto slide = [](SurfacePair pair, double factor) {
+    const Simulation<TriFinger> simulation;
+    Variation variation;
+    variation.pair_friction[pair] = factor;
+    simulation.robot().vary(variation);
+    simulation.robot().reset();
+    simulation.robot().set_object_velocity("cube", {.linear = {0.3, 0.0, 0.0}});
+    auto robot = simulation.connect();
+    return wait(robot, simulation, 100).position[0];
+  };
+  const double usual = slide(SurfacePair::kObjectTable, 1.0);
+  EXPECT_GT(slide(SurfacePair::kObjectTable, 0.0), 1.3 * usual);
+  EXPECT_LT(slide(SurfacePair::kObjectTable, 2.0), usual);
+  EXPECT_NEAR(slide(SurfacePair::kTipObject, 0.0), usual, 1e-9);
+  EXPECT_NEAR(slide(SurfacePair::kLinkLink, 5.0), usual, 1e-9);
+}
+
+TEST(Variation, OfTheContactsDecidesHowFarADroppedCubeSinks) {
+  const auto sink = [](double factor) {
+    const Simulation<TriFinger> simulation;
+    simulation.robot().vary({.contact_time = factor});
+    simulation.robot().reset();
+    simulation.robot().place_object("cube", {.position = {0.0, 0.0, 0.08}});
+    auto robot = simulation.connect();
+    double lowest = 1.0;
+    for (int i = 0; i < 200; ++i) lowest = std::min(lowest, wait(robot, simulation, 1).position[2]);
+    return 0.5 * cube().size[2] - lowest;
+  };
+  EXPECT_LT(sink(1.0), 1e-3);
+  EXPECT_GT(sink(10.0), 4e-3);
+}
+
+// What is set in the model, of the joints and of pairs that the description has, too.
+TEST(Variation, ReachesTheModel) {
+  SimulationOptions<TriFinger> options;
+  options.description.actuator = ActuatorParameters{.friction = 0.01};
+  options.description.contact.friction = {{SurfacePair::kTipObject, 0.8}};
+  const Simulator<TriFinger> simulator(options);
+  Variation variation{.friction = 0.5,
+                      .contact_time = 2.0,
+                      .rotor_inertia = 3.0,
+                      .joint_damping = 4.0,
+                      .joint_friction = 0.02,
+                      .stop_margin = 0.5};
+  variation.pair_friction[SurfacePair::kTipObject] = 0.25;
+  variation.pair_friction[SurfacePair::kObjectTable] = 0.3;
+  const RobotModel::Compiled varied = simulator.make_varied_model(variation);
+  const std::unique_ptr<mjData, void (*)(mjData*)> data(mj_makeData(varied.get()), mj_deleteData);
+  const mjModel& usual = *simulator.model().mujoco();
+  // Twice: it is the model that counts, not what was varied before.
+  for (int round = 0; round < 2; ++round) {
+    simulator.vary(variation, *varied, *data);
+    for (int i = 0; i < 9; ++i) {
+      EXPECT_DOUBLE_EQ(varied->dof_armature[i], 3.0 * usual.dof_armature[i]);
+      EXPECT_DOUBLE_EQ(varied->dof_damping[i], 4.0 * usual.dof_damping[i]);
+      EXPECT_DOUBLE_EQ(varied->dof_frictionloss[i], 0.01 + 0.02);
+      EXPECT_DOUBLE_EQ(varied->jnt_range[2 * i], usual.jnt_range[2 * i] + 0.1);
+      EXPECT_DOUBLE_EQ(varied->jnt_range[2 * i + 1], usual.jnt_range[2 * i + 1] - 0.1);
+    }
+    ASSERT_EQ(static_cast<int>(varied->npair), 3 + 1);
+    int of_tips = 0;
+    for (int pair = 0; pair < 4; ++pair) {
+      const bool is_tip =
+          std::ranges::count(simulator.model().tip_geoms(), varied->pair_geom1[pair]) +
+              std::ranges::count(simulator.model().tip_geoms(), varied->pair_geom2[pair]) >
+          0;
+      of_tips += is_tip ? 1 : 0;
+      EXPECT_DOUBLE_EQ(varied->pair_friction[5 * pair], 0.5 * (is_tip ? 0.25 * 0.8 : 0.3 * 0.5));
+      EXPECT_DOUBLE_EQ(varied->pair_friction[5 * pair + 1], varied->pair_friction[5 * pair]);
+      EXPECT_DOUBLE_EQ(varied->pair_solref[2 * pair], is_tip ? 0.012 : 0.004);
+    }
+    EXPECT_EQ(of_tips, 3);
+  }
+}
+
 // Steps from a change of the torque until the joints are elsewhere than without it.
 TimeIndex steps_until_felt(TimeIndex delay) {
   constexpr TimeIndex kChange = 20;
@@ -110,8 +188,16 @@ TEST(Variation, OfTheMotorsIsNotSeenInTheirTorque) {
 }
 
 TEST(Variation, StaysWhateverIsResetAndGoesIntoSavedStates) {
-  const Variation variation{
-      .object_mass = 2.0, .friction = 0.7, .motor_gain = 0.9, .torque_delay = 3};
+  Variation variation{.object_mass = 2.0,
+                      .friction = 0.7,
+                      .contact_time = 1.5,
+                      .motor_gain = 0.9,
+                      .torque_delay = 3,
+                      .rotor_inertia = 0.8,
+                      .joint_damping = 2.0,
+                      .joint_friction = 0.005,
+                      .stop_margin = 0.5};
+  variation.pair_friction[SurfacePair::kObjectTable] = 0.6;
   const Simulation<TriFinger> simulation;
   simulation.robot().vary(variation);
   simulation.robot().reset();
@@ -146,6 +232,14 @@ TEST(Variation, IsRefusedWhereItMakesNoSense) {
   refuses({.friction = -1.0}, "friction is -1");
   refuses({.motor_gain = std::numeric_limits<double>::quiet_NaN()}, "motor_gain is nan");
   refuses({.torque_delay = Variation::kMaxTorqueDelay + 1}, "torque_delay is 11");
+  refuses({.contact_time = 0.0}, "contact_time is 0");
+  refuses({.rotor_inertia = -1.0}, "rotor_inertia is -1");
+  refuses({.joint_damping = -1.0}, "joint_damping is -1");
+  refuses({.joint_friction = -0.1}, "joint_friction is -0.1");
+  refuses({.stop_margin = -1.0}, "stop_margin is -1");
+  Variation pairs;
+  pairs.pair_friction[SurfacePair::kTipTable] = -0.5;
+  refuses(pairs, "pair_friction of tip_table is -0.5");
 }
 
 }  // namespace

@@ -52,6 +52,9 @@ class FileReader {
   std::uint64_t offset_{0};
 };
 
+/// What the system calls a user; its number if it has no name.
+[[nodiscard]] std::string user_name(uid_t user);
+
 /// The bytes of the regular file `path`, which a user has named.
 /// @throws SystemError; its error_number() is EFBIG if there are more than `max_size`
 [[nodiscard]] std::string read_file(const std::filesystem::path& path, std::size_t max_size);

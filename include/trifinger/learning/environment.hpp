@@ -50,6 +50,7 @@ struct Episode {
 struct Start {
   std::array<double, kMaxJoints> position{};  ///< Of the joints [rad].
   ObjectPose object{};                        ///< Of the task's object, if it has one.
+  ObjectVelocity object_velocity{};           ///< Likewise.
   Variation variation{};
   Random random{};  ///< For the noise on poses.
 };

@@ -2,12 +2,14 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "trifinger/base/time.hpp"
+#include "trifinger/model/robot_description.hpp"
 
 namespace trifinger::learning {
 
@@ -33,6 +35,8 @@ template <class T>
 struct Range {
   T low{};
   T high{};
+
+  friend bool operator==(const Range&, const Range&) = default;
 };
 
 /// What is free to choose of a decision process. The defaults of a task are in `default_options`.
@@ -57,6 +61,14 @@ struct EnvironmentOptions {
   Range<double> friction{1.0, 1.0};
   Range<double> motor_gain{1.0, 1.0};
   Range<TimeIndex> torque_delay{0, 0};
+  OfSurfacePairs<std::optional<Range<double>>> pair_friction{};
+  Range<double> contact_time{1.0, 1.0};
+  Range<double> rotor_inertia{1.0, 1.0};
+  Range<double> joint_damping{1.0, 1.0};
+  Range<double> joint_friction{0.0, 0.0};  ///< [Nm]
+  Range<double> stop_margin{1.0, 1.0};
+  /// How fast a simulated object slides at the begin of each episode, in any direction [m/s].
+  Range<double> object_speed{0.0, 0.0};
 
   /// @throws InvalidArgument naming the option, the value found and the values allowed
   void validate() const;

@@ -2,10 +2,13 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
+#include <initializer_list>
 #include <limits>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 /// \file
@@ -76,11 +79,87 @@ struct ActuatorParameters {
 [[nodiscard]] double available_torque(const ActuatorParameters& actuator, double torque,
                                       double velocity) noexcept;
 
+/// What touches, as far as friction is concerned. A link is any part of a finger but its tip.
+enum class Surface { kTip, kLink, kObject, kTable, kBoundary };
+
+/// Two kinds of surfaces that can touch each other.
+enum class SurfacePair {
+  kTipTip,
+  kTipLink,
+  kTipObject,
+  kTipTable,
+  kTipBoundary,
+  kLinkLink,
+  kLinkObject,
+  kLinkTable,
+  kLinkBoundary,
+  kObjectObject,
+  kObjectTable,
+  kObjectBoundary,
+};
+inline constexpr std::size_t kNumSurfacePairs = 12;
+
+/// All of them, in the order of the enumeration.
+[[nodiscard]] const std::array<SurfacePair, kNumSurfacePairs>& all_surface_pairs() noexcept;
+/// As in configurations: "tip_object".
+[[nodiscard]] std::string_view name_of(SurfacePair pair) noexcept;
+/// Finds "tip_object". @throws InvalidArgument naming those there are.
+[[nodiscard]] SurfacePair surface_pair_from_name(std::string_view name);
+/// The pair that two kinds of surfaces are, in either order. Not for table and boundary alone,
+/// which never meet.
+[[nodiscard]] SurfacePair pair_of(Surface one, Surface other) noexcept;
+
+/// A value for each pair of surfaces: `{{SurfacePair::kTipObject, 0.8}}` gives one, the others stay
+/// T{}.
+template <class T>
+class OfSurfacePairs {
+ public:
+  constexpr OfSurfacePairs() = default;
+  constexpr OfSurfacePairs(std::initializer_list<std::pair<SurfacePair, T>> given) {
+    for (const auto& [pair, value] : given) (*this)[pair] = value;
+  }
+  /// The same value for all.
+  [[nodiscard]] static constexpr OfSurfacePairs all(const T& value) {
+    OfSurfacePairs pairs;
+    pairs.values_.fill(value);
+    return pairs;
+  }
+
+  [[nodiscard]] constexpr T& operator[](SurfacePair pair) noexcept {
+    return values_[static_cast<std::size_t>(pair)];
+  }
+  [[nodiscard]] constexpr const T& operator[](SurfacePair pair) const noexcept {
+    return values_[static_cast<std::size_t>(pair)];
+  }
+
+  friend bool operator==(const OfSurfacePairs&, const OfSurfacePairs&) = default;
+
+ private:
+  std::array<T, kNumSurfacePairs> values_{};
+};
+
 /// How bodies touch. Stiffness and friction are estimates: no source has measured them.
 struct ContactParameters {
   double tip_friction{1.0};              ///< Sliding friction of a tip against anything.
   double tip_torsional_friction{0.005};  ///< Friction against twisting at a tip [m].
-  double floor_friction{0.5};            ///< Sliding friction of table, boundary and objects.
+  double floor_friction{0.5};            ///< Sliding friction of links, table, boundary, objects.
+  /// Sliding friction between two kinds of surfaces, in place of the figures above. Those that
+  /// involve the boundary cost simulation speed: every pair of parts is listed.
+  OfSurfacePairs<std::optional<double>> friction{};
+  /// Stiffness: how long a contact takes to push apart what has met [s]. Twice the time step is the
+  /// least that stays stable.
+  double time_constant{0.002};
+  double tip_time_constant{0.006};  ///< Of tips of rubber [s].
+};
+
+/// Sliding friction between two kinds of surfaces: what is given, or what follows from the rest.
+[[nodiscard]] double sliding_friction(const ContactParameters& contact, SurfacePair pair) noexcept;
+
+/// Where the joints meet a mechanical stop; estimates. The stops lie beyond the hard limits so that
+/// crossing a hard limit can happen, and be tested.
+struct StopParameters {
+  double margin{0.2};          ///< From a hard limit to the stop [rad].
+  double time_constant{0.02};  ///< Stiffness: how long a stop takes to push the joint back [s].
 };
 
 enum class ObjectShape {
@@ -100,6 +179,9 @@ struct ObjectDescription {
   std::optional<Triple> position{};
   /// How it is turned at the start: a quaternion w, x, y, z of any length but zero.
   std::array<double, 4> orientation{1.0, 0.0, 0.0, 0.0};
+  /// How it moves at the start, in the world frame: of its centre [m/s], and about it [rad/s].
+  Triple velocity{};
+  Triple angular_velocity{};
 };
 
 /// The cube of 65 mm and 94 g with a colour on each face.
@@ -131,6 +213,7 @@ struct RobotDescription {
   bool cameras{true};
   /// The motors; default: the variant's own.
   std::optional<ActuatorParameters> actuator{};
+  StopParameters stops{};
   ContactParameters contact{};
   std::vector<ObjectDescription> objects{cube()};
 };
@@ -156,10 +239,6 @@ struct VariantFigures {
 /// Figures of the real robots. docs/decisions/ says what was chosen where sources disagree.
 [[nodiscard]] const VariantFigures& variant_figures(
     Variant variant, Arrangement arrangement = Arrangement::kTriFinger) noexcept;
-
-/// How far beyond its hard limits a joint can move before it meets a mechanical stop [rad];
-/// estimate. The stops lie outside so that crossing a hard limit can happen, and be tested.
-inline constexpr double kEndStopMargin = 0.2;
 
 /// Finds "edu", "pro" or "one". @throws InvalidArgument naming the three.
 [[nodiscard]] Variant variant_from_name(std::string_view name);

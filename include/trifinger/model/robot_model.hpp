@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -60,6 +61,11 @@ class RobotModel {
   /// Index of the geom that touches with the tip of each finger, to find its contacts.
   [[nodiscard]] const std::vector<int>& tip_geoms() const noexcept { return tip_geoms_; }
 
+  /// What each geom is, by its index; nothing for those that touch nothing.
+  [[nodiscard]] const std::vector<std::optional<Surface>>& surfaces() const noexcept {
+    return surfaces_;
+  }
+
   /// Index of the site at the tip of each finger.
   [[nodiscard]] const std::vector<int>& tip_sites() const noexcept { return tip_sites_; }
 
@@ -79,6 +85,7 @@ class RobotModel {
   std::vector<double> initial_position_;
   std::vector<int> tip_geoms_;
   std::vector<int> tip_sites_;
+  std::vector<std::optional<Surface>> surfaces_;
   std::vector<ObjectAddress> objects_;
 };
 

@@ -18,6 +18,12 @@ struct ObjectPose {
   }
 };
 
+/// How a loose object moves, in the world frame.
+struct ObjectVelocity {
+  std::array<double, 3> linear{};   ///< Of the centre [m/s].
+  std::array<double, 3> angular{};  ///< About the centre [rad/s].
+};
+
 /// An element of the companion "object" of a robot whose one object is called "cube", as the
 /// default scene's is.
 ///

@@ -39,9 +39,10 @@ using SimulationState = std::vector<std::byte>;
 ///
 /// `R` is TriFinger or Finger. The functions below the driver's own are for the owner of the
 /// simulation; they must not be called while another thread runs the back-end. Every session begins
-/// in the state that the last `reset`, `place_object` or `restore` has left. In a session that goes
-/// on they take effect at once, to be seen from the next observation on. The end of a session moves
-/// nothing unless `stop` says so: what `save` returns behind it goes on behind the last action.
+/// in the state that the last `reset`, `place_object`, `set_object_velocity` or `restore` has left.
+/// In a session that goes on they take effect at once, to be seen from the next observation on. The
+/// end of a session moves nothing unless `stop` says so: what `save` returns behind it goes on
+/// behind the last action.
 template <class R>
 class SimulatedRobot final : public Driver<R> {
  public:
@@ -81,7 +82,8 @@ class SimulatedRobot final : public Driver<R> {
 
   /// Where every session begins unless it is told otherwise [rad].
   [[nodiscard]] const Joints& initial_position() const noexcept;
-  /// Goes back to the beginning: initial pose, objects in their places, at rest; the seed, too.
+  /// Goes back to the beginning: initial pose, objects where and as fast as the description has
+  /// them at the start; the seed, too.
   void reset();
   /// The same with the joints at `position` [rad] and other random numbers.
   /// @throws InvalidArgument if a joint would be beyond its hard limit or is no number
@@ -96,9 +98,15 @@ class SimulatedRobot final : public Driver<R> {
   /// as a hand that pushes; until the next call, or `reset`.
   /// @throws InvalidArgument naming the objects there are, or if the force is not finite
   void push_object(const std::string& name, const std::array<double, 3>& force);
+  /// Lets an object move from where it is: thrown, dropped with a spin, rolling.
+  /// @throws InvalidArgument naming the objects there are, or if a number is not finite
+  void set_object_velocity(const std::string& name, const ObjectVelocity& velocity);
   /// Where an object is now, without delay and noise.
   /// @throws InvalidArgument naming the objects there are
   [[nodiscard]] ObjectPose object_pose(const std::string& name) const;
+  /// How an object moves now, without delay and noise.
+  /// @throws InvalidArgument naming the objects there are
+  [[nodiscard]] ObjectVelocity object_velocity(const std::string& name) const;
 
   /// The state as it is: physics, safety chain, delays, random numbers.
   [[nodiscard]] SimulationState save() const;

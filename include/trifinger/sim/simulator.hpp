@@ -92,18 +92,28 @@ class Simulator {
   /// A state with room for all that may be under way. `reset` it before use.
   [[nodiscard]] State make_state() const;
 
-  /// Makes `varied`, a copy of the model, differ from it as `variation` says. What `data` holds is
-  /// lost. The other two values of a variation take effect by way of `Memory::variation`.
+  /// Makes `varied`, from `make_varied_model`, differ from the model as `variation` says. What
+  /// `data` holds is lost. Gain and delay of the motors take effect by way of `Memory::variation`.
   void vary(const Variation& variation, mjModel_& varied, mjData_& data) const noexcept;
 
-  /// The joints at `position` [rad], objects in their places, all at rest, at step 0 of nothing; no
-  /// noise was drawn from `random` yet. The variation stays.
+  /// The joints at `position` [rad] and at rest, objects as the description has them at the start,
+  /// at step 0 of nothing; no noise was drawn from `random` yet. The variation stays.
   void reset(const Joints& position, const Random& random, const mjModel_& model, mjData_& data,
              State& state) const noexcept;
+
+  /// A copy of the model to be varied. It can tell apart the friction of all pairs of surfaces
+  /// whose factor in `variation` is not 1, which the model itself does only if the description says
+  /// so.
+  /// @throws Error if there is no memory for it
+  [[nodiscard]] RobotModel::Compiled make_varied_model(const Variation& variation) const;
 
   /// Puts an object somewhere, at rest. The orientation, which must not be zero, is normalised.
   void place(const ObjectAddress& object, const ObjectPose& pose, mjData_& data,
              State& state) const noexcept;
+
+  /// Lets an object move from where it is.
+  void set_velocity(const ObjectAddress& object, const ObjectVelocity& velocity,
+                    mjData_& data) const noexcept;
 
   /// A session begins: its steps count from 0.
   void begin(State& state) const noexcept;
@@ -130,8 +140,11 @@ class Simulator {
 
   [[nodiscard]] ObjectPose object_pose(const ObjectAddress& object,
                                        const mjData_& data) const noexcept;
+  [[nodiscard]] ObjectVelocity object_velocity(const ObjectAddress& object,
+                                               const mjData_& data) const noexcept;
 
  private:
+  void vary_pairs(const Variation& variation, mjModel_& varied) const noexcept;
   void capture(const mjData_& data, State& state, Capture& capture) const noexcept;
   void measure_tip_forces(const mjModel_& model, mjData_& data, State& state) const noexcept;
 
