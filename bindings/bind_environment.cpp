@@ -162,12 +162,12 @@ void bind_episodes(nb::module_& m) {
             };
             return nb::make_tuple(list(start.position, self.environment.num_joints()),
                                   list(start.object.position, 3), list(start.object.orientation, 4),
-                                  list(start.object_velocity.linear, 3), dict_of(start.variation),
+                                  list(start.object_velocity.linear, 3), start.variation,
                                   start.random.episode);
           },
           "seed"_a, "number"_a,
           nb::sig("def begin(self, seed: int, number: int) -> tuple[list[float], list[float], "
-                  "list[float], list[float], dict[str, typing.Any], int]"),
+                  "list[float], list[float], Variation, int]"),
           "Joints [rad], object's position [m], quaternion and velocity [m/s], variation, series "
           "of random numbers.")
       .def(

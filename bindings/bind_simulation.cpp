@@ -250,6 +250,26 @@ void bind_simulation(nb::module_& m) {
   nb::class_<Checks>(m, "_Checks", nb::type_slots(garbage_collected<Checks>()));
   bind_reasons(m);
   bind_recorder(m);
+  nb::class_<Variation>(m, "Variation",
+                        "How a simulation differs from its configuration for an episode; the "
+                        "numbers are those of `Simulation.vary`.")
+      .def_ro("object_mass", &Variation::object_mass)
+      .def_ro("friction", &Variation::friction)
+      .def_prop_ro("pair_friction",
+                   [](const Variation& variation) {
+                     std::map<std::string, double> factors;
+                     for (const SurfacePair pair : all_surface_pairs()) {
+                       factors.emplace(name_of(pair), variation.pair_friction[pair]);
+                     }
+                     return factors;
+                   })
+      .def_ro("contact_time", &Variation::contact_time)
+      .def_ro("motor_gain", &Variation::motor_gain)
+      .def_ro("torque_delay", &Variation::torque_delay)
+      .def_ro("rotor_inertia", &Variation::rotor_inertia)
+      .def_ro("joint_damping", &Variation::joint_damping)
+      .def_ro("joint_friction", &Variation::joint_friction)
+      .def_ro("stop_margin", &Variation::stop_margin);
   nb::class_<PythonSimulation>(
       m, "Simulation", nb::type_slots(garbage_collected<PythonSimulation>()),
       "A simulated robot in this process, with its back-end inside the waits of its front-end: no "
@@ -281,6 +301,8 @@ void bind_simulation(nb::module_& m) {
           "objects as they are "
           "at the start\nof the configuration, random numbers of `episode` of `seed` (default: the "
           "configuration's).")
+      .def("vary", &PythonSimulation::vary, "variation"_a,
+           "Differs as the start of an episode says.")
       .def(
           "vary",
           [](const PythonSimulation& simulation, double object_mass, double friction,
@@ -322,8 +344,8 @@ void bind_simulation(nb::module_& m) {
            "Lets an object move from where it is, in the world frame: its centre [m/s], and about "
            "it [rad/s].")
       .def("push_object", &PythonSimulation::push_object, "name"_a, "force"_a,
-           "Lets a force act on an object's centre of mass from the next step on [N], until the "
-           "next call or reset().")
+           "Lets a force act on an object's centre of mass from the next step of the session on "
+           "[N], until the next call,\nreset() or session.")
       .def(
           "object_velocity",
           [](const PythonSimulation& simulation, const std::string& name) {

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "simulation.hpp"
 
-#include <nanobind/stl/string_view.h>
-
 #include <algorithm>
 #include <array>
 #include <span>
@@ -43,26 +41,6 @@ RobotConfig load_config(const std::string& name, const nb::dict& overrides) {
 
 RobotDescription description_of(const RobotConfig& config) {
   return std::visit([](const auto& options) { return options.description; }, config.simulation);
-}
-
-nb::dict dict_of(const Variation& variation) {
-  nb::dict pairs;
-  for (const SurfacePair pair : all_surface_pairs()) {
-    if (variation.pair_friction[pair] == 1.0) continue;
-    pairs[nb::cast(name_of(pair))] = variation.pair_friction[pair];
-  }
-  nb::dict dict;
-  dict["object_mass"] = variation.object_mass;
-  dict["friction"] = variation.friction;
-  dict["pair_friction"] = pairs;
-  dict["contact_time"] = variation.contact_time;
-  dict["motor_gain"] = variation.motor_gain;
-  dict["torque_delay"] = variation.torque_delay;
-  dict["rotor_inertia"] = variation.rotor_inertia;
-  dict["joint_damping"] = variation.joint_damping;
-  dict["joint_friction"] = variation.joint_friction;
-  dict["stop_margin"] = variation.stop_margin;
-  return dict;
 }
 
 PythonSimulation::PythonSimulation(const RobotConfig& config)

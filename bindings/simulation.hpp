@@ -23,9 +23,6 @@ namespace trifinger::python {
 
 [[nodiscard]] RobotDescription description_of(const RobotConfig& config);
 
-/// What differs from none, as `Simulation.vary` takes it.
-[[nodiscard]] nanobind::dict dict_of(const Variation& variation);
-
 /// A simulated robot in this process, whatever its number of fingers.
 class PythonSimulation {
  public:

@@ -10,7 +10,7 @@ import enum
 import os
 import pathlib
 import types
-from typing import Annotated, Any
+from typing import Annotated, Any, overload
 
 import numpy
 import numpy.typing
@@ -507,6 +507,41 @@ class Recorder:
 
     def __exit__(self, *exception: object) -> None: ...
 
+class Variation:
+    """
+    How a simulation differs from its configuration for an episode; the numbers are those of `Simulation.vary`.
+    """
+
+    @property
+    def object_mass(self) -> float: ...
+
+    @property
+    def friction(self) -> float: ...
+
+    @property
+    def pair_friction(self) -> dict[str, float]: ...
+
+    @property
+    def contact_time(self) -> float: ...
+
+    @property
+    def motor_gain(self) -> float: ...
+
+    @property
+    def torque_delay(self) -> int: ...
+
+    @property
+    def rotor_inertia(self) -> float: ...
+
+    @property
+    def joint_damping(self) -> float: ...
+
+    @property
+    def joint_friction(self) -> float: ...
+
+    @property
+    def stop_margin(self) -> float: ...
+
 class Simulation:
     """
     A simulated robot in this process, with its back-end inside the waits of its front-end: no threads, deterministic,
@@ -535,6 +570,11 @@ class Simulation:
         of the configuration, random numbers of `episode` of `seed` (default: the configuration's).
         """
 
+    @overload
+    def vary(self, variation: Variation) -> None:
+        """Differs as the start of an episode says."""
+
+    @overload
     def vary(self, *, object_mass: float = 1.0, friction: float = 1.0, pair_friction: dict[str, float] = {}, contact_time: float = 1.0, motor_gain: float = 1.0, torque_delay: int = 0, rotor_inertia: float = 1.0, joint_damping: float = 1.0, joint_friction: float = 0.0, stop_margin: float = 1.0) -> None:
         """
         Differs from its configuration from now on, whatever is reset. Each number is a factor but for two: the steps until
@@ -554,7 +594,8 @@ class Simulation:
 
     def push_object(self, name: str, force: Sequence[float]) -> None:
         """
-        Lets a force act on an object's centre of mass from the next step on [N], until the next call or reset().
+        Lets a force act on an object's centre of mass from the next step of the session on [N], until the next call,
+        reset() or session.
         """
 
     def object_velocity(self, name: str) -> tuple[Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]]:
@@ -1552,7 +1593,7 @@ class Episodes:
 
     def __init__(self, task: str, options: str, config: str, overrides: dict[str, object]) -> None: ...
 
-    def begin(self, seed: int, number: int) -> tuple[list[float], list[float], list[float], list[float], dict[str, Any], int]:
+    def begin(self, seed: int, number: int) -> tuple[list[float], list[float], list[float], list[float], Variation, int]:
         """
         Joints [rad], object's position [m], quaternion and velocity [m/s], variation, series of random numbers.
         """

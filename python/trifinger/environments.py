@@ -359,8 +359,7 @@ class Environment(gymnasium.Env[Any, Array]):
         self._episode += 1
         simulation = self._simulation
         if simulation is not None:
-            delay = int(variation.pop("torque_delay"))
-            simulation.vary(**variation, torque_delay=delay)
+            simulation.vary(variation)
             simulation.reset(position, self._seed, stream)
             if self._object:
                 simulation.place_object(self._object, object_position, orientation)

@@ -95,7 +95,7 @@ class SimulatedRobot final : public Driver<R> {
   /// @throws InvalidArgument naming the objects there are, or if the pose is no pose
   void place_object(const std::string& name, const ObjectPose& pose);
   /// Lets a force act on an object's centre of mass from the next step on [N], in the world frame,
-  /// as a hand that pushes; until the next call, or `reset`.
+  /// as a hand that pushes; until the next call, `reset` or session.
   /// @throws InvalidArgument naming the objects there are, or if the force is not finite
   void push_object(const std::string& name, const std::array<double, 3>& force);
   /// Lets an object move from where it is: thrown, dropped with a spin, rolling.
