@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Checks that every path that the documentation names exists.
+"""Checks that every path in the documentation exists.
 
-Looked at are the targets of links, and what stands in backticks and begins like a path of this
-repository. Words in capitals (`src/LAYER`) stand for something else and are left out.
+Paths are the targets of links, and words in backticks that begin like a path of this repository.
+Paths with words in capitals (`src/LAYER`) are placeholders and are not checked.
 """
 
 import re
@@ -39,7 +39,7 @@ def named_paths(text: str, top_level: set[str]) -> Iterator[tuple[int, str]]:
 
 
 def missing_paths(document: Path, root: Path, top_level: set[str]) -> Iterator[str]:
-    """Yields one sentence for every path that `document` names and that does not exist."""
+    """Yields one sentence for every path in `document` that does not exist."""
     folder = (root / document).parent
     for number, path in named_paths((root / document).read_text(), top_level):
         if not (folder / path).exists() and not (root / path).exists():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Checks that includes between the layers point only down.
+"""Checks that layers include only layers below them.
 
 A layer is a directory: include/trifinger/LAYER, src/LAYER and tests/LAYER.
 """
@@ -11,7 +11,7 @@ from pathlib import Path
 
 from tracked_files import ROOT, tracked_files
 
-# Each layer and the layers right below it; those further down are allowed as well.
+# Each layer and the layers directly below it. A layer may also include all layers further down.
 DIRECTLY_BELOW = {
     "base": (),
     "ipc": ("base",),
@@ -39,7 +39,7 @@ def allowed_layers(layer: str) -> set[str]:
 
 
 def layer_of(path: Path) -> str | None:
-    """Returns the layer that the file belongs to; None where anything may be included."""
+    """Returns the layer that the file belongs to; None if the file may include anything."""
     match path.parts:
         case ("include", "trifinger", layer, _, *_) | ("src", layer, _, *_):
             return layer
@@ -51,7 +51,7 @@ def layer_of(path: Path) -> str | None:
 
 
 def violations(path: Path, lines: Iterable[str]) -> Iterator[str]:
-    """Yields one sentence for each include of the file at `path` that points up or sideways."""
+    """Yields one sentence for each include in the file at `path` that its layer forbids."""
     layer = layer_of(path)
     if layer is None:
         return

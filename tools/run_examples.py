@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Runs the examples, in both languages: `./run examples [NAME ...]`.
 
-A NAME is the beginning of an example's: 05, or 05_own_robot. The first example, which connects to
-a robot that runs elsewhere, gets a simulated one, which is stopped after some steps.
+A NAME is the start of the name of an example: 05, or 05_own_robot. The first example needs a robot
+that already runs: it gets a simulated one, which is stopped after some steps.
 """
 
 import os
@@ -20,18 +20,18 @@ from trifinger import program
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = ROOT / "examples"
 CONTROL_LOOP = "01_basic_control_loop"
-STEPS = 2000  # of the control loop, before its robot is stopped
+STEPS = 2000  # steps of the control loop before its robot is stopped
 
 
 def commands(name: str, programs: Path) -> Iterator[tuple[str, list[str]]]:
-    """An example's languages and commands."""
+    """Yields language and command of each version of an example."""
     yield "C++", [str(programs / name)]
     yield "Python", [sys.executable, str(EXAMPLES / f"{name}.py")]
 
 
 @contextmanager
 def simulated_robot() -> Iterator[None]:
-    """A robot 'sim' that waits for its actions, so that a busy machine does not matter."""
+    """Runs a robot 'sim' that waits for actions, so that a busy machine does no harm."""
     words = [program.path(), "run", "sim", "--non-real-time"]
     with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as process:
         try:
@@ -54,7 +54,7 @@ def run_control_loop(command: Sequence[str]) -> tuple[int, str]:
         try:
             with trifinger.observe("sim") as robot:
                 robot.wait_until_time_index(STEPS)
-        except trifinger.RobotStopped:  # the example has failed, and will say why
+        except trifinger.RobotStopped:  # the example has failed, and its output says why
             pass
         subprocess.run([program.path(), "stop", "sim"], check=True, stdout=subprocess.DEVNULL)
         output, _ = process.communicate()
@@ -62,7 +62,7 @@ def run_control_loop(command: Sequence[str]) -> tuple[int, str]:
 
 
 def run_alone(command: Sequence[str]) -> tuple[int, str]:
-    """Runs an example that needs nobody else."""
+    """Runs an example that needs no other program."""
     done = subprocess.run(
         command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False
     )
@@ -77,9 +77,9 @@ def main(words: Sequence[str]) -> int:
     if not chosen:
         print(f"./run examples: there are {', '.join(names)}", file=sys.stderr)
         return 2
-    os.environ["PATH"] = f"{programs}:{os.environ['PATH']}"  # 05 in Python starts its twin
+    os.environ["PATH"] = f"{programs}:{os.environ['PATH']}"  # 05 in Python starts the C++ program
     failed = []
-    # The robots of the examples are no business of those that run on this machine.
+    # Robots of the examples must not meet other robots on this machine.
     with tempfile.TemporaryDirectory() as folder:
         os.environ["TRIFINGER_SESSION_DIR"] = folder
         for name in chosen:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The files that the checks look at."""
+"""Lists the files that the checks read: those that git tracks."""
 
 import subprocess
 from pathlib import Path
@@ -8,7 +8,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 
 def tracked_files(*suffixes: str) -> list[Path]:
-    """Returns the tracked files, relative to the root, with one of `suffixes` if any is given."""
+    """Returns the tracked files, relative to the root; if given, only those with `suffixes`."""
     listing = subprocess.run(
         ["git", "ls-files", "-z"], cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True
     ).stdout

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Writes the type stub of the C++ module, which must be on Python's path."""
+"""Writes the type stub of the C++ module, which Python must find on its path."""
 
 import contextlib
 import io

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A robot behind time series: append desired actions, read back observations.
+"""A robot as time series: append desired actions, read back observations.
 
 The basic control loop, paced by the robot:
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the commands in Python have in common."""
+"""What all commands in Python share."""
 
 import sys
 from collections.abc import Callable
@@ -8,7 +8,7 @@ from trifinger.errors import Error, InvalidArgument
 
 
 def run(work: Callable[[], int | None]) -> int:
-    """Does the work of a command and returns its exit status: an error is a sentence."""
+    """Does the work of a command and returns its exit status; prints an error as one sentence."""
     try:
         return work() or 0
     except (Error, OSError) as error:

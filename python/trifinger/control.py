@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Parts of controllers: grasps, force optimisation, impedances, trajectories, filters.
 
-The names are those of C++. Units are SI, times are numbers of seconds, quaternions are w, x, y, z
-and whatever NumPy takes for an array is taken for a vector. Each part's equation is in
-docs/control.md.
+Names are the same as in C++. Units are SI, times are in seconds, and quaternions are w, x, y, z. A
+vector may be anything that NumPy can turn into an array. docs/control.md has the equation of each
+part.
 """
 
 from trifinger._trifinger import (

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """`trifinger demo`: a simulated TriFinger lifts a cube by 20 cm, holds it and puts it down.
 
-A back-end at 1 kHz that records itself, and `trifinger manipulate lift`, the controller, each in a
-process of its own. A folder keeps the log, a picture of the scene, plots, and the report.
+The back-end runs at 1 kHz and records itself. The controller is `trifinger manipulate lift`. Each
+runs in its own process. A folder keeps the log, a picture of the scene, plots, and the report.
 """
 
 from __future__ import annotations
@@ -31,12 +31,14 @@ VIEW = View("115,-20", 960, 720)  # two faces of the cube
 
 @contextlib.contextmanager
 def back_end(folder: Path, mode: str) -> Iterator[None]:
-    """A simulated robot in a process of its own, for as long as the block lasts.
+    """Runs a simulated robot in its own process, for as long as the block lasts.
 
-    It records itself into `folder`. Ctrl-C is not for it: who uses it lets go of it first.
+    The robot records itself into `folder`. Ctrl-C does not reach the robot, so that its controller
+    can put the cube down first.
     """
     words = [program.path(), "run", "sim", mode, "--name", NAME, "--record", str(folder)]
-    words += ["--set", "fingers.height=0.3"]  # as built they meet the cube at 19 cm
+    # With fingers at the default height, a cube lifted by 19 cm would hit them.
+    words += ["--set", "fingers.height=0.3"]
     with subprocess.Popen(
         words,
         stdout=subprocess.PIPE,
@@ -69,12 +71,12 @@ def lift(folder: Path) -> int:
 
 
 def table(session: trifinger.LoggedSession, folder: Path) -> str:
-    """What there is to say about the run in a few lines."""
+    """The figures of the run, one per line."""
     statuses = session.statuses
     report = json.loads((folder / "report.json").read_text())
     duration = (statuses["time"][-1] - statuses["time"][0]) * 1e-9
     repeats = int(np.count_nonzero(statuses["flags"] & trifinger.Status.ACTION_REPEATED))
-    timing = session.timing()  # none outside real-time mode
+    timing = session.timing()  # None outside real-time mode
     lateness = (
         [
             ("lateness, median", f"{1e3 * timing.lateness().quantile(0.5):.3f} ms"),
@@ -95,7 +97,7 @@ def table(session: trifinger.LoggedSession, folder: Path) -> str:
 
 
 def save_scene(session: trifinger.LoggedSession, trace: Trace, path: Path, view: View) -> None:
-    """A picture of the scene while the cube is held; if it never was, of the end."""
+    """Saves a picture of the scene while the cube is held, or of the end if it was never held."""
     import matplotlib.image
 
     steps = trace.columns["step"].astype(int)
@@ -106,12 +108,12 @@ def save_scene(session: trifinger.LoggedSession, trace: Trace, path: Path, view:
 
 
 def newest_log(folder: Path) -> Path:
-    """Names of logs have the date in them: the last is the newest. The folder, if there is none."""
+    """The newest log in `folder`: names contain the date. Returns `folder` if there is none."""
     return max(folder.glob(f"{NAME}_*.mcap"), default=folder)
 
 
 def draw(log: trifinger.Log, folder: Path, view: View) -> Iterator[Path]:
-    """Draws the run, and gives each picture when it is made. Raises Error if it cannot be drawn."""
+    """Draws the run and yields the path of each picture. Raises Error if it cannot be drawn."""
     extras.require("demo", "matplotlib")
     session, trace = log.session(NAME), Trace(folder)
     save_report(trace, folder / "report.png")
@@ -123,7 +125,7 @@ def draw(log: trifinger.Log, folder: Path, view: View) -> Iterator[Path]:
 
 
 def print_what_next(path: Path, folder: Path) -> None:
-    """Commands to go on with, as they work in the shell that has started the demo."""
+    """Prints commands to try next; they work in the shell that started the demo."""
     lines = []
     if sys.prefix != sys.base_prefix and os.environ.get("VIRTUAL_ENV") != sys.prefix:
         lines.append((f"source {sys.prefix}/bin/activate", "lets this terminal find `trifinger`"))
@@ -135,11 +137,11 @@ def print_what_next(path: Path, folder: Path) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Runs the demo and returns its exit status: that of the controller."""
+    """Runs the demo and returns the exit status of the controller."""
     view = view_of(arguments)
     folder: Path = arguments.output
     folder.mkdir(parents=True, exist_ok=True)
-    for left in ("report.json", "trace.csv"):  # by a demo before this one
+    for left in ("report.json", "trace.csv"):  # from an earlier demo
         (folder / left).unlink(missing_ok=True)
     try:
         with back_end(folder, arguments.mode):
@@ -150,11 +152,12 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"Log:      {newest_log(folder)}")
         raise
     path = newest_log(folder)
-    if not (folder / "report.json").exists():  # the controller has said why
+    if not (folder / "report.json").exists():  # the controller has printed why
         print(f"Log:      {path}")
         return status
     log = trifinger.Log(path)
-    print(f"\n{table(log.session(NAME), folder)}\n", flush=True)  # before another process's lines
+    # Flushed, because the next lines come from another process.
+    print(f"\n{table(log.session(NAME), folder)}\n", flush=True)
     subprocess.run([program.path(), "log", "info", path], check=True)
 
     print(f"\nLog:      {path}", flush=True)

@@ -3,7 +3,7 @@
 
     Observation(position=[0 0.9 -1.7] rad, velocity=[0 0 0] rad/s, stamp.capture_time=1000 ns)
 
-What is longer than a line has a line for each field.
+An element that does not fit into one line has a line for each field.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ import numpy as np
 if TYPE_CHECKING:
     from trifinger._trifinger import Element
 
-# By the layout of an element, the units of its fields. NumPy's types have no place for them that
-# would survive being saved. None where robots disagree.
+# Units of the fields, by the layout of an element. NumPy's types cannot hold units in a way that
+# survives saving. None if two robots with this layout have different units.
 UNITS: dict[np.dtype[Any], dict[str, str] | None] = {}
 
-LINE = 88  # characters
-MOST_NUMBERS = 16  # of a field
+LINE = 88  # longest line [characters]
+MOST_NUMBERS = 16  # most numbers of a field that are all printed
 DIGITS = 5
 
 
 def learn(dtype: np.dtype[Any], units: dict[str, str]) -> None:
-    """Notes the units of the fields of `dtype`, those of nested ones by names with dots."""
+    """Notes the units of the fields of `dtype`; nested fields have names with dots."""
     if UNITS.setdefault(dtype, units) != units:
         UNITS[dtype] = None
     for name in dtype.names or ():
@@ -44,7 +44,7 @@ def learn(dtype: np.dtype[Any], units: dict[str, str]) -> None:
 
 
 def text_of(element: Element) -> str:
-    """An element as `repr` shows it."""
+    """The text that `repr` shows for an element."""
     units = UNITS.get(element.dtype) or {}
     parts = [
         f"{name}={_values(value)}" + (f" {unit}" if (unit := units.get(name, "")) else "")

@@ -8,9 +8,9 @@
     environment = gymnasium.make("TriFinger/Reach-v0")
     observation, info = environment.reset(seed=1)
 
-One class drives simulations and real robots, by the mappings of `trifinger.mappings`. Many
-simulations at once are a `VectorEnvironment`, which is C++ inside and gives the same numbers, bit
-for bit. docs/environments.md has the tasks, spaces and options.
+`Environment` drives a simulation or a real robot, through the mappings of `trifinger.mappings`.
+`VectorEnvironment` drives many simulations at once; it is C++ inside and gives the same numbers,
+bit for bit. docs/environments.md has the tasks, spaces and options.
 """
 
 from __future__ import annotations
@@ -60,72 +60,73 @@ FloatRange = tuple[float, float]
 
 TASKS: tuple[str, ...] = tuple(_trifinger.task_names())
 
-OBJECT = "object"  # the companion that says where objects are
+OBJECT = "object"  # the companion with the poses of objects
 _MAPPINGS: dict[str, Callable[..., mappings.DecisionProcess[Any]]] = {
     "approximation": mappings.Approximation,
     "state_augmentation": mappings.StateAugmentation,
 }
-_FARTHEST = 10.0  # Beyond which nothing is: bounds of goals [m].
+_FARTHEST = 10.0  # bound of all coordinates of goals [m]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Options:
-    """What is free to choose of an environment; `Options.of(task)` has the task's own defaults.
+    """Settings of an environment; `Options.of(task)` has the defaults of a task.
 
-    Ranges are low and high: a simulation draws from them, uniformly, for each episode.
+    A range is (low, high): for each episode, a simulation draws a value from it, uniformly. A
+    factor multiplies the value of the configuration.
     """
 
     steps_per_action: int = 20
-    """For how many steps of the robot an action acts."""
+    """Number of steps of the robot for which an action acts."""
     mapping: Literal["approximation", "state_augmentation"] = "approximation"
-    """docs/learning.md"""
+    """How steps of the robot become states and actions; docs/learning.md compares both."""
     action: Literal["position", "position_change", "torque"] = "position"
-    """What the numbers from -1 to 1 stand for: positions in their range, changes of them, torques
-    of the largest there is."""
+    """What numbers from -1 to 1 mean: positions in their range, changes of the desired positions,
+    or shares of the largest torque."""
     position_change: float = 0.1
-    """The largest change of a desired position in an action [rad]."""
+    """Largest change of a desired position by one action [rad]."""
     observation: Literal["flat", "dictionary", "goal"] = "flat"
-    """One vector scaled to -1 to 1; its parts in SI units; or the vector with its goal apart."""
+    """One vector scaled to -1 to 1, its parts in SI units, or the vector with a separate goal."""
     duration: float = 2.0
-    """Of an episode [s]."""
+    """Duration of an episode [s]."""
     per_finger: bool = False
-    """Observations finger by finger with goals in the frame of the finger, for a policy that the
-    fingers share."""
+    """Whether observations are ordered finger by finger, with goals in the frame of each finger.
+    A policy that the fingers share needs this."""
     position_noise: float = 0.0
     """Standard deviation of measured joint positions [rad]."""
     velocity_noise: float = 0.0
     """Standard deviation of measured joint velocities [rad/s]."""
     object_period: float = 0.01
-    """Time between two poses of a simulated object [s]."""
+    """Time between two measured poses of a simulated object [s]."""
     object_delay: float = 0.0
-    """Time from a pose of a simulated object to its arrival [s]."""
+    """Delay from measuring a pose of a simulated object to its arrival [s]."""
     object_position_noise: float = 0.0
-    """Standard deviation of poses, per axis [m]."""
+    """Standard deviation of measured object positions, per axis [m]."""
     object_orientation_noise: float = 0.0
-    """Standard deviation of poses, per axis [rad]."""
+    """Standard deviation of measured object orientations, per axis [rad]."""
     object_mass: FloatRange = (1.0, 1.0)
-    """Of simulated objects, times their own."""
+    """Factor on the mass of simulated objects."""
     friction: FloatRange = (1.0, 1.0)
-    """Of all simulated surfaces, times their own."""
+    """Factor on the friction of all simulated surfaces."""
     motor_gain: FloatRange = (1.0, 1.0)
-    """What simulated motors deliver of a torque."""
+    """Share of the applied torque that simulated motors deliver."""
     torque_delay: tuple[int, int] = (0, 0)
-    """Steps until they deliver it, up to 10."""
+    """Delay until simulated motors deliver a torque, up to 10 [steps]."""
     pair_friction: Mapping[str, FloatRange] = dataclasses.field(default_factory=dict, hash=False)
-    """Of pairs of simulated surfaces, times their own, besides `friction` of all:
+    """Factors on the friction of pairs of simulated surfaces, in addition to `friction`:
     {"tip_object": (0.7, 1.2)}. docs/simulation.md names the pairs."""
     contact_time: FloatRange = (1.0, 1.0)
-    """Softness of simulated contacts: their time constants, times their own."""
+    """Factor on the time constants of simulated contacts: larger is softer."""
     rotor_inertia: FloatRange = (1.0, 1.0)
-    """Of simulated motors, times their own."""
+    """Factor on the rotor inertia of simulated motors."""
     joint_damping: FloatRange = (1.0, 1.0)
-    """Of simulated joints, times their own; not that of the safety checks."""
+    """Factor on the damping of simulated joints; the damping of the safety checks stays."""
     joint_friction: FloatRange = (0.0, 0.0)
-    """Dry friction of simulated joints, on top of their own [Nm]."""
+    """Dry friction that is added to that of simulated joints [Nm]."""
     stop_margin: FloatRange = (1.0, 1.0)
-    """From hard limits to mechanical stops, times their own."""
+    """Factor on the distance from hard limits to mechanical stops."""
     object_speed: FloatRange = (0.0, 0.0)
-    """How fast a simulated object slides at the begin of an episode, in any direction [m/s]."""
+    """Speed of a simulated object at the start of an episode, in a random direction [m/s]."""
 
     @classmethod
     def of(cls, task: str, **changes: Any) -> Self:
@@ -133,7 +134,7 @@ class Options:
         return cls.from_json(_trifinger.default_environment_options(task)).changed(**changes)
 
     def changed(self, **changes: Any) -> Self:
-        """The same with some changes. Raises InvalidArgument for names that no option has."""
+        """A copy with some changes. Raises InvalidArgument for unknown names."""
         names = {field.name for field in dataclasses.fields(self)}
         for name in changes:
             if name not in names:
@@ -141,12 +142,12 @@ class Options:
         return dataclasses.replace(self, **changes)
 
     def to_json(self) -> str:
-        """As policies carry them in their files."""
+        """The options as JSON, as files of policies hold them."""
         return json.dumps(dataclasses.asdict(self))
 
     @classmethod
     def from_json(cls, text: str) -> Self:
-        """Reads what to_json() has written."""
+        """Options from the text that to_json() returned."""
 
         def of(value: Any) -> Any:
             if isinstance(value, dict):
@@ -159,7 +160,7 @@ class Options:
 def _overrides(
     task: str, options: Options, config_overrides: dict[str, object] | None
 ) -> dict[str, object]:
-    # A session begins faster with a short memory.
+    # A session with a short history begins faster.
     needed = {"backend.history": 1024} | _trifinger.environment_overrides(task, options.to_json())
     return needed | (config_overrides or {})
 
@@ -187,7 +188,7 @@ def _slices(core: Any) -> dict[str, slice]:
 
 
 class _Views:
-    """Shows what C++ has written, in the form that the options ask for."""
+    """Views of the arrays that C++ writes, in the form that the options ask for."""
 
     def __init__(self, core: Any, options: Options) -> None:
         self._layout = options.observation
@@ -202,7 +203,7 @@ class _Views:
 
 
 class _Entries:
-    """Takes flat observations apart."""
+    """Splits flat observations into their entries."""
 
     def __init__(self, core: Any, options: Options) -> None:
         self._is_flat = options.observation != "dictionary"
@@ -234,11 +235,11 @@ def _compute_reward(core: Any, achieved: npt.ArrayLike, desired: npt.ArrayLike) 
 
 
 def _seed_of(environment: Any) -> int:
-    # Gymnasium's are longer than ours.
+    # Gymnasium draws longer seeds than ours can be; the last 32 bits are used.
     return int(environment.np_random_seed % 2**32)
 
 
-# Of the driver, or else -1.
+# The driver's own code of the fault, or -1 for any other fault.
 def _code_of(stopped: RobotStopped) -> int:
     fault = stopped.fault
     return fault.detail if fault is not None and fault.code == "driver" else -1
@@ -250,13 +251,13 @@ def _observed(state: Any) -> Observed:
 
 
 class Environment(gymnasium.Env[Any, Array]):
-    """A task on one robot: a simulation of its own, or the robot that `connect` controls.
+    """A task on one robot: on its own simulation, or on a robot that `connect` attaches to.
 
-    `connect` returns a front-end in a new session: `lambda: trifinger.connect("trifinger-edu")`. A
-    robot that cannot be put anywhere is moved to where an episode begins, at the begin of its
-    session; objects stay where they are. `config` and `config_overrides` must say what it is. Noise
-    of `options` is for simulations of its own: what is measured elsewhere has the noise it has.
-    `view` is the camera and the size of what `render` draws; a window begins there.
+    `connect` returns a front-end in a new session: `lambda: trifinger.connect("trifinger-edu")`.
+    `config` and `config_overrides` must describe that robot. reset() moves it by actions to where
+    the episode begins; objects stay where they are. Noise of joints in `options` is added only in
+    the environment's own simulation, never to what a connected robot measures. `view` is the camera
+    and the size of what `render` draws; a window starts with it.
     """
 
     metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 50}  # noqa: RUF012
@@ -278,8 +279,8 @@ class Environment(gymnasium.Env[Any, Array]):
         self.options = options or Options.of(task)
         if (self.options.observation == "goal") != isinstance(self, GoalEnvironment):
             raise InvalidArgument(
-                f'observation is "{self.options.observation}"; with "goal", and nothing else, the '
-                "class is GoalEnvironment"
+                f'observation is "{self.options.observation}"; GoalEnvironment needs "goal", '
+                "Environment any other"
             )
         self.render_mode = render_mode
         overrides = _overrides(task, self.options, config_overrides)
@@ -314,36 +315,36 @@ class Environment(gymnasium.Env[Any, Array]):
 
     @property
     def simulation(self) -> Simulation | None:
-        """The simulation that it drives; None for a connected robot."""
+        """The environment's own simulation; None for a connected robot."""
         return self._simulation
 
     @property
     def process(self) -> mappings.DecisionProcess[Any]:
-        """The mapping, with the front-end of the session: `process.robot`."""
+        """The mapping; `process.robot` is the front-end of the session."""
         return self._process
 
     @property
     def episode_actions(self) -> int:
-        """How many actions an episode has that is not terminated."""
+        """Number of actions in an episode that is not terminated early."""
         return self._core.episode_actions
 
     def entries(self, observations: Array) -> dict[str, Array]:
-        """What flat observations (..., numbers) say: each entry (..., its numbers), in its unit.
+        """Splits flat observations (..., numbers) into entries (..., its numbers), in SI units.
 
-        With per_finger=True goals are in the frames of their fingers; with observation="goal" it is
-        the vector without its goal that is taken apart.
+        With per_finger=True goals are in the frames of their fingers. With observation="goal", pass
+        the vector "observation" of the dictionary.
         """
         return self._entries(observations)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, Info]:
-        """Begins episode 0 of `seed`, or the next episode of the last one.
+        """Begins episode 0 of `seed`; without `seed`, the next episode of the last seed.
 
-        Without any seed one is drawn: `np_random_seed`. `options` may say {"episode": n} to begin
-        that one. Raises what `connect` raises: ControlHeld if somebody else controls the robot,
-        RobotStopped until a fault was recovered. A fault of a simulation of its own is recovered
-        here.
+        If no seed was ever given, one is drawn: `np_random_seed` modulo 2^32. `options` may be
+        {"episode": n} to begin episode n instead. Raises what `connect` raises: ControlHeld if
+        somebody else controls the robot, RobotStopped if a fault was not yet recovered. The
+        environment recovers faults of its own simulation by itself.
         """
         super().reset(seed=seed)
         if seed is not None:
@@ -370,7 +371,7 @@ class Environment(gymnasium.Env[Any, Array]):
                 state = self._move_there(state)
             *_, success = self._look(state)
         except BaseException:
-            # A robot that has begun to move must not be left to itself.
+            # A robot that has begun to move must not stay without control.
             self._process.close()
             raise
         self._is_running = True
@@ -388,11 +389,12 @@ class Environment(gymnasium.Env[Any, Array]):
             return self._process.reset()
 
     def step(self, action: Array) -> tuple[Observation, float, bool, bool, Info]:
-        """Lets `action` act; numbers beyond -1 and 1 are cut off.
+        """Applies `action`; numbers are clipped to -1 to 1.
 
-        A fault of the robot truncates the episode, with the reward of what was seen last:
-        info["fault"] is its number, info["fault_text"] says what it is. Raises
-        gymnasium.error.ResetNeeded behind the end, InvalidArgument for another shape or NaN.
+        A fault of the robot truncates the episode, with the reward of the last observation.
+        info["fault"] is the number of the fault, info["fault_text"] says what it is. Raises
+        gymnasium.error.ResetNeeded after the end of the episode, InvalidArgument for a wrong shape
+        or NaN.
         """
         if not self._is_running:
             raise gymnasium.error.ResetNeeded(
@@ -414,7 +416,7 @@ class Environment(gymnasium.Env[Any, Array]):
             return self._observation(), self._last_reward, False, True, info
         if terminated or truncated:
             self._is_running = False
-            # What is still to act may end in a fault; the episode was over before.
+            # Actions that have not acted yet may cause a fault; the episode has ended before it.
             with contextlib.suppress(RobotStopped):
                 self._process.finish()
         if self.render_mode == "human":
@@ -422,10 +424,10 @@ class Environment(gymnasium.Env[Any, Array]):
         return self._observation(), reward, terminated, truncated, self._info(is_success=success)
 
     def render(self) -> Any:
-        """The scene as an image, height x width x 3; with render_mode="human" in a window."""
+        """Draws the scene: as an image, height x width x 3, or in a window with mode "human"."""
         if self.render_mode is None:
             raise InvalidArgument(
-                'there is nothing to render to; make the environment with render_mode="rgb_array"'
+                'render_mode is None; make the environment with render_mode="rgb_array" or "human"'
             )
         if self._drawing is None:
             if self.render_mode == "human":
@@ -439,7 +441,7 @@ class Environment(gymnasium.Env[Any, Array]):
         return self._drawing.draw(self._configuration(), marks)
 
     def close(self) -> None:
-        """Lets go of the robot."""
+        """Gives the robot back and closes the drawing."""
         self._is_running = False
         self._process.close()
         if self._drawing is not None:
@@ -478,7 +480,7 @@ class Environment(gymnasium.Env[Any, Array]):
             info["finger_rewards"] = core.finger_rewards[:fingers].copy()
         return info | more
 
-    # A connected robot goes to where the episode begins.
+    # Moves a connected robot to where the episode begins.
     def _move_there(self, state: Any) -> Any:
         configuration = self._process.robot.documents().get("configuration.yml")
         if configuration is not None:
@@ -505,21 +507,21 @@ class Environment(gymnasium.Env[Any, Array]):
 
 
 class GoalEnvironment(Environment):
-    """The goal-conditioned variant: what is achieved and desired are apart in the observation."""
+    """The goal-conditioned variant: observations hold the achieved and the desired goal."""
 
     def __init__(self, task: str, *, options: Options | None = None, **arguments: Any) -> None:
-        """As for Environment, with options whose observation is "goal"."""
+        """Takes the arguments of Environment; the options need observation="goal"."""
         super().__init__(task, options=options or Options.of(task, observation="goal"), **arguments)
 
     def compute_reward(
         self, achieved_goal: npt.ArrayLike, desired_goal: npt.ArrayLike, _info: object = None
     ) -> Any:
-        """The reward for what was achieved; one for each row of a batch."""
+        """The reward for an achieved goal, or one reward for each row of a batch."""
         return _compute_reward(self._core, achieved_goal, desired_goal)
 
 
 class _Window:
-    """A window of MuJoCo's viewer, which shows what it is given as fast as it happened."""
+    """A window of MuJoCo's viewer, which shows an episode at real speed."""
 
     def __init__(self, mjcf: str, view: View, frame_time: float) -> None:
         if sys.platform.startswith("linux") and not (
@@ -562,7 +564,7 @@ class _Window:
 
     def close(self) -> None:
         self._viewer.close()
-        # The viewer does not wait for its thread, which must not outlive what it draws.
+        # The viewer does not wait for its thread, which must end before its model is deleted.
         for thread in self._threads:
             thread.join(timeout=5.0)
 
@@ -570,8 +572,8 @@ class _Window:
 class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Array, Any]):
     """A task on many simulations at once, in C++ on several threads.
 
-    Simulation i with seed s is, bit for bit, `Environment` with seed s. With `copy=False` the
-    observations are where C++ writes them: the next call overwrites them.
+    A simulation with seed s gives the same numbers, bit for bit, as `Environment` with seed s. With
+    `copy=False` the next call overwrites the observations: they are the memory that C++ writes.
     """
 
     def __init__(
@@ -612,19 +614,19 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Array, Any]):
 
     @property
     def episode_actions(self) -> int:
-        """How many actions an episode has that is not terminated."""
+        """Number of actions in an episode that is not terminated early."""
         return self._core.episode_actions
 
     @property
     def num_threads(self) -> int:
-        """How many threads step, the caller's among them."""
+        """Number of threads that step, including the calling thread."""
         return self._core.num_threads
 
     def entries(self, observations: Array) -> dict[str, Array]:
-        """What flat observations (..., numbers) say: each entry (..., its numbers), in its unit.
+        """Splits flat observations (..., numbers) into entries (..., its numbers), in SI units.
 
-        With per_finger=True goals are in the frames of their fingers; with observation="goal" it is
-        the vector without its goal that is taken apart.
+        With per_finger=True goals are in the frames of their fingers. With observation="goal", pass
+        the vector "observation" of the dictionary.
         """
         return self._entries(observations)
 
@@ -634,10 +636,11 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Array, Any]):
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
     ) -> tuple[Observation, Info]:
-        """Begins an episode in all, or in those of options["reset_mask"].
+        """Begins an episode in all simulations, or in those of options["reset_mask"].
 
-        Simulation i has the seed `seed` + i, or that of a list; without any, seeds are drawn:
-        `np_random_seed`. With a seed, options["episode"] may say which episode of it, or a list.
+        Simulation i gets the seed `seed` + i, or entry i of a list. If the first call gives no
+        seed, it is drawn: `np_random_seed` modulo 2^32. Later calls without a seed begin the next
+        episodes. With a seed, options["episode"] may be the number of the episode, or a list.
         """
         options = options or {}
         if seed is None and not self._has_begun:
@@ -655,10 +658,10 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Array, Any]):
                 if one is not None:
                     self._core.seed(index, one, int(episodes[index]))
         elif "episode" in options:
-            raise InvalidArgument("an episode is one of a seed, which is missing")
+            raise InvalidArgument('options["episode"] needs a seed, which is missing')
         mask = options.get("reset_mask")
         if mask is not None and not self._has_begun:
-            raise InvalidArgument("the first reset must be one of all simulations")
+            raise InvalidArgument("the first reset must be of all simulations, without reset_mask")
         self._core.reset(mask)
         self._has_begun = True
         self._has_ended[... if mask is None else mask] = False
@@ -667,11 +670,12 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Array, Any]):
         )
 
     def step(self, actions: Array) -> tuple[Observation, Array, Array, Array, Info]:
-        """Lets an action act in each simulation: num_envs rows of numbers from -1 to 1.
+        """Applies an action in each simulation: num_envs rows of numbers from -1 to 1.
 
-        With AutoresetMode.SAME_STEP the episodes that have ended leave their last observation in
-        info["final_obs"] and their info in info["final_info"]; `info` tells of the next ones. With
-        AutoresetMode.DISABLED they must be reset before the next step.
+        With AutoresetMode.SAME_STEP, info["final_obs"] and info["final_info"] hold the last
+        observations and the infos of episodes that have ended; the rest of `info` belongs to the
+        episodes that begin. With AutoresetMode.DISABLED, ended episodes must be reset before the
+        next step.
         """
         if not self._has_begun:
             raise gymnasium.error.ResetNeeded("no episode has begun: call reset() first")
@@ -708,7 +712,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Array, Any]):
     def compute_reward(
         self, achieved_goal: npt.ArrayLike, desired_goal: npt.ArrayLike, _info: object = None
     ) -> Any:
-        """The reward for what was achieved; one for each row of a batch."""
+        """The reward for an achieved goal, or one reward for each row of a batch."""
         return _compute_reward(self._core, achieved_goal, desired_goal)
 
     def _observation(self) -> Observation:
@@ -739,9 +743,9 @@ def policy_metadata(
     config: str = "trifinger_edu",
     config_overrides: dict[str, object] | None = None,
 ) -> dict[str, str]:
-    """What the file of a policy says of its environment, for `trifinger run-policy`.
+    """The metadata that `trifinger run-policy` needs in the file of a policy.
 
-    The arguments are those of the `Environment` that it was trained in.
+    The arguments are those of the `Environment` in which the policy was trained.
     """
     overrides = _overrides(task, options, config_overrides)
     return {
@@ -756,7 +760,7 @@ def _gymnasium_id(task: str) -> str:
     return f"TriFinger/{''.join(word.capitalize() for word in task.split('_'))}-v0"
 
 
-# What is no argument of a class is an option: gymnasium.make(id, steps_per_action=10).
+# An argument that the class does not have is an option: gymnasium.make(id, steps_per_action=10).
 def _with_options(task: str, arguments: dict[str, Any], own: set[str]) -> dict[str, Any]:
     chosen = {name: arguments.pop(name) for name in own & arguments.keys()}
     options = chosen.get("options") or Options.of(task)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What this package raises, with the text of the C++ core.
+"""Errors that this package raises, with the texts of the C++ core.
 
-What the operating system refuses is an OSError, as everywhere in Python.
+If the operating system refuses something, that is an OSError, as everywhere in Python.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from trifinger.session_info import Fault
 class Error(RuntimeError):
     """Base of everything that this package raises.
 
-    The text is a sentence that names the thing, the value found and the value allowed, or the
+    The text is a sentence. It names the thing, the value found, and the value allowed or the
     remedy.
     """
 
@@ -24,8 +24,8 @@ class InvalidArgument(Error, ValueError):
 
     @classmethod
     def of_name(cls, kind: str, name: str, names: Iterable[str]) -> InvalidArgument:
-        """The error of a `name` that is none of the `names` of a `kind`; suggests the nearest."""
-        import difflib  # not for programs without mistakes
+        """The error for a `name` that is not in the `names` of a `kind`; suggests the nearest."""
+        import difflib  # imported only when there is a mistake: it takes time
 
         known = sorted(names)
         meant = difflib.get_close_matches(name, known, 1, cutoff=0.75)
@@ -34,13 +34,13 @@ class InvalidArgument(Error, ValueError):
 
 
 class TimedOut(Error, TimeoutError):
-    """A wait took longer than its timeout. What was waited for may still come."""
+    """A wait took longer than its timeout. The element or action may still come."""
 
 
 class RobotStopped(Error):
     """The session has ended: no further action is taken and no further element will come.
 
-    Elements that are still in the history can be read on. `fault` says why it ended.
+    Elements that are still in the history can still be read. `fault` says why the session ended.
     """
 
     def __init__(self, text: str, fault: Fault | None = None) -> None:
@@ -60,18 +60,18 @@ class HistoryLost(Error):
 
 
 class AcausalAction(Error):
-    """An action was appended for a step whose observation had been read.
+    """An action was appended for a step whose observation had already been read.
 
-    On a real robot it would have come too late.
+    On a real robot such an action would come too late.
     """
 
 
 class ActionMissing(Error):
-    """A wait that only a further action could satisfy, and nobody else can append it."""
+    """The wait could end only with another action, and nobody else can append one."""
 
 
 class SessionNotFound(Error):
-    """Nobody offers a session of this name."""
+    """There is no session of this name."""
 
 
 class ControlHeld(Error):
@@ -83,19 +83,19 @@ class RobotOwned(Error):
 
 
 class IncompatibleSession(Error):
-    """The session was made for another robot, with other fields, or by another version."""
+    """The session belongs to another robot, has other fields, or is of another version."""
 
 
 class AlreadyRecorded(Error):
-    """Another recorder writes a robot of this name into this folder."""
+    """Another recorder already records a robot of this name into this folder."""
 
 
 class NotInLog(Error):
-    """Elements that were asked for are not in the log. read() gives those that are."""
+    """Some requested elements are not in the log. read() returns only those that are."""
 
 
 class PolicyFileError(Error, ValueError):
-    """The file is not what docs/policies.md says of it."""
+    """The file does not have the format that docs/policies.md describes."""
 
 
 class InheritedHandle(Error):

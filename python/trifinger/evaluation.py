@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""How well a policy does in episodes that it was not trained on: numbers, figures and film."""
+"""Evaluates a policy in episodes that it was not trained on: numbers, figures and a film."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-# First, because it says what to install.
+# This import comes first because its error says what to install.
 from trifinger.environments import Environment, Options, VectorEnvironment
 
 # isort: split
@@ -23,29 +23,29 @@ from trifinger.errors import InvalidArgument
 from trifinger.picture import FILM_RATE, View, save_film
 
 Array = npt.NDArray[Any]
-# Rows of observations to rows of actions.
+# Takes rows of observations and returns rows of actions.
 Act = Callable[[Array], Array]
-# Is told which share of the work is done, from 0 to 1.
+# Called with the share of the work that is done, from 0 to 1.
 Watch = Callable[[float], None]
 
-SEED = 1_000_000  # of the first evaluated episode, far from those of trainings
+SEED = 1_000_000  # seed of the first evaluated episode, far from seeds of trainings
 FILM_EPISODES = 5
-SHOWN_EPISODES = 20  # in the figure of the ways to the goals
+SHOWN_EPISODES = 20  # in the figure of the paths to the goals
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What came of some episodes."""
+    """Results of some episodes."""
 
     distances: Array
-    """At the end of each episode, of each tip or of the object: a row for each episode [m]."""
+    """Final distances of each tip or of the object to the goal; a row for each episode [m]."""
     successes: Array
     """Whether each episode ended with success."""
     ways: Array
-    """What was achieved less its goal: episode, action, number; NaN behind the end."""
+    """Achieved minus desired goal: episode, action, number; NaN after the end of an episode."""
 
     def summary(self) -> Summary:
-        """Its numbers."""
+        """The figures of these results."""
         quartiles = np.percentile(self.distances, (25, 50, 75))
         return Summary(
             episodes=len(self.successes),
@@ -80,12 +80,12 @@ class Summary:
         return "\n".join(f"{name:<27}{value}" for name, value in rows)
 
     def to_json(self) -> str:
-        """An object with the names of the fields."""
+        """A JSON object with the names of the fields."""
         return json.dumps(asdict(self))
 
 
 class Evaluator:
-    """Fixed episodes: episode 0 of as many seeds, the same for every policy."""
+    """Evaluates policies in the same fixed episodes: episode 0 of `episodes` successive seeds."""
 
     def __init__(
         self,
@@ -106,9 +106,10 @@ class Evaluator:
         self._seed = seed
 
     def __call__(self, act: Act, rows: int = 1, watch: Watch | None = None) -> Evaluation:
-        """Lets a policy act in all of them; one that fingers share is asked for `rows` of each.
+        """Lets a policy act in all episodes and returns the results.
 
-        `watch` is told after each action which share of the longest episode is over.
+        A policy that the fingers share gets `rows` rows for each episode. After each action,
+        `watch` is called with the share of the longest episode that is done.
         """
         environment = self._environment
         count = environment.num_envs
@@ -136,27 +137,27 @@ class Evaluator:
 
     @property
     def episode_actions(self) -> int:
-        """How many actions an episode has that is not terminated."""
+        """Number of actions in an episode that is not terminated early."""
         return self._environment.episode_actions
 
     def rows_of(self, policy: Policy) -> int:
-        """How often a policy is asked for an action: 1, or of each finger if they share it.
+        """Number of actions that a policy computes per step: 1, or one per finger if they share it.
 
-        Raises InvalidArgument if it is no policy for the task.
+        Raises InvalidArgument if the policy does not fit the task.
         """
         (seen,) = self._environment.single_observation_space.shape or (0,)
         (acted,) = self._environment.single_action_space.shape or (0,)
         rows = acted // policy.num_outputs
         if (rows * policy.num_inputs, rows * policy.num_outputs) != (seen, acted):
             raise InvalidArgument(
-                f"the policy makes {policy.num_outputs} numbers of {policy.num_inputs}, the task "
-                f"'{self._environment.task}' needs {acted} of {seen}"
+                f"the policy turns {policy.num_inputs} numbers into {policy.num_outputs}, the task "
+                f"'{self._environment.task}' needs {seen} into {acted}"
             )
         return rows
 
 
 def act_of(policy: Policy) -> Act:
-    """A policy from a file, for rows."""
+    """Makes a function of a policy that takes rows of observations."""
     return lambda observations: np.stack([policy(row) for row in observations])
 
 
@@ -167,9 +168,10 @@ def evaluate(
     seed: int = SEED,
     watch: Watch | None = None,
 ) -> Evaluation:
-    """Lets a policy act with options and robot of its file; by default, those of the task.
+    """Evaluates a policy with the options and the robot that its file names.
 
-    Raises InvalidArgument if it is no policy for that task.
+    If the file names none, they are the task's options and the robot trifinger_edu. Raises
+    InvalidArgument if the policy does not fit the task.
     """
     text = policy.metadata.get("options")
     options = Options.from_json(text) if text else Options.of(task)
@@ -181,7 +183,7 @@ def evaluate(
 def save_policy_film(
     act: Act, task: str, options: Options, path: Path, rows: int = 1, view: View | None = None
 ) -> None:
-    """A film of some episodes at the speed of life."""
+    """Writes a film of some episodes at real speed."""
     environment = Environment(task, options=options, render_mode="rgb_array", view=view)
     rate = environment.metadata["render_fps"]
     every = -(-rate // FILM_RATE)
@@ -206,7 +208,7 @@ def save_policy_film(
 
 
 def save_curve(curves: Mapping[str, Sequence[tuple[int, Summary]]], path: Path) -> None:
-    """Learning curves over episodes: medians of final distances with their quartiles, successes."""
+    """Draws learning curves: final distances, as medians with quartiles, and shares of success."""
     from matplotlib.figure import Figure
     from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
@@ -237,10 +239,10 @@ def save_curve(curves: Mapping[str, Sequence[tuple[int, Summary]]], path: Path) 
 
 
 def save_ways(evaluations: Mapping[str, Array], path: Path) -> None:
-    """Ways of tips or objects relative to their goals in the xy plane, as in the paper's figure.
+    """Draws paths of tips or objects to their goals in the xy plane, like the paper's figure.
 
-    A panel for each of some `Evaluation.ways`, of places: starts are crosses, ends are dots, and
-    the ellipse is 2 cm from the goal.
+    Each entry of `evaluations` is an `Evaluation.ways` of positions and gets a panel. Starts are
+    crosses, ends are dots, and the circle has a radius of 2 cm around the goal.
     """
     from matplotlib.figure import Figure
     from matplotlib.patches import Ellipse

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Sessions of logs as tables for other programs, and `trifinger log export`.
 
-A table has a row per step and a column per number: "observation.position[0]". Numbers are written
-in full, so that they read back the same. CSV needs nothing but NumPy, Parquet needs PyArrow.
+A table has a row per step and a column per number, such as "observation.position[0]". Numbers are
+written in full, so that reading them gives the same numbers. CSV needs only NumPy, Parquet needs
+PyArrow.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 SeriesChoice = Mapping[str, Sequence[str] | None] | Sequence[str] | None
-ROWS = 20_000  # that are in memory at once
+ROWS = 20_000  # rows that are in memory at once
 
 SERIES = {
     "observation": "observations",
@@ -47,7 +48,7 @@ def _needed(module: str) -> Any:
 
 
 def numbers_of(elements: NDArray[Any], prefix: str) -> Iterator[tuple[str, str, NDArray[Any]]]:
-    """The numbers of structured elements: field, name and values, as in "a.b", "a.b[0]"."""
+    """Yields field, name and values of each number of elements, such as "a.b" and "a.b[0]"."""
     dtype = elements.dtype
     if dtype.names is None:
         for index in np.ndindex(elements.shape[1:]):
@@ -59,7 +60,7 @@ def numbers_of(elements: NDArray[Any], prefix: str) -> Iterator[tuple[str, str, 
 
 
 def columns_of(session: LoggedSession, steps: Steps) -> Iterator[tuple[str, str, NDArray[Any]]]:
-    """The columns of the table: name, unit and values."""
+    """Yields name, unit and values of each column of the table."""
     yield "element" if session.is_companion else "time_index", "", steps.time_index
     yield "time", "", steps.times
     units = session.units
@@ -67,7 +68,7 @@ def columns_of(session: LoggedSession, steps: Steps) -> Iterator[tuple[str, str,
         elements = getattr(steps, attribute)
         if elements is None:
             continue
-        # The elements of a companion are its observations and nothing else.
+        # The elements of a companion are its observations; it has no other series.
         prefix = "" if session.is_companion else series
         for field, name, values in numbers_of(elements, prefix):
             unit = units[series].get(field.removeprefix(f"{series}."), "")
@@ -80,7 +81,7 @@ def to_pandas(
     last: int | None = None,
     series: SeriesChoice = None,
 ) -> pandas.DataFrame:
-    """The session as a table of pandas."""
+    """The session as a pandas DataFrame."""
     steps = session.read(first, last, series)
     return _needed("pandas").DataFrame(
         {name: values for name, _, values in columns_of(session, steps)}
@@ -90,7 +91,7 @@ def to_pandas(
 def parts_of(
     session: LoggedSession, first: int | None, last: int | None, series: SeriesChoice
 ) -> Iterator[Steps]:
-    """What there is, in parts; one without rows if there is nothing, which has the columns."""
+    """Yields the steps in parts; if there are none, one part that has the columns but no rows."""
     is_empty = True
     for steps in session.chunks(ROWS, first, last, series):
         is_empty = False
@@ -100,10 +101,10 @@ def parts_of(
 
 
 def _texts(values: NDArray[Any]) -> list[Any]:
-    """Numbers for a file of text: as few digits as read back the same."""
+    """Values for a text file, with as few digits as needed to read back the same numbers."""
     if values.dtype.kind == "M":
         return np.datetime_as_string(values, unit="ns").tolist()  # type: ignore[no-any-return]
-    # Those of single precision need fewer digits than the doubles that `tolist` makes of them.
+    # `tolist` would make doubles of single-precision numbers, which need more digits.
     if values.dtype == np.float32:
         return values.astype("U").tolist()  # type: ignore[no-any-return]
     return values.tolist()  # type: ignore[no-any-return]
@@ -116,12 +117,12 @@ def to_csv(
     last: int | None = None,
     series: SeriesChoice = None,
 ) -> None:
-    """Writes the session as comma-separated values; a number that is missing is "nan"."""
+    """Writes the session as comma-separated values; a missing number is "nan"."""
     write_csv(session, path, parts_of(session, first, last, series))
 
 
 def write_csv(session: LoggedSession, path: str | os.PathLike[str], parts: Iterable[Steps]) -> None:
-    """Writes parts of a session."""
+    """Writes parts of a session into a file of comma-separated values."""
     with open(path, "w", newline="", encoding="utf-8") as file:  # noqa: PTH123
         writer = csv.writer(file, lineterminator="\n")
         for i, steps in enumerate(parts):
@@ -138,14 +139,14 @@ def to_parquet(
     last: int | None = None,
     series: SeriesChoice = None,
 ) -> None:
-    """Writes the session as a Parquet file. The units are in the metadata of its fields."""
+    """Writes the session as a Parquet file; units are in the metadata of the fields."""
     write_parquet(session, path, parts_of(session, first, last, series))
 
 
 def write_parquet(
     session: LoggedSession, path: str | os.PathLike[str], parts: Iterable[Steps]
 ) -> None:
-    """Writes parts of a session."""
+    """Writes parts of a session into a Parquet file."""
     make_writer = _needed("pyarrow.parquet").ParquetWriter
     arrow = _needed("pyarrow")
     with contextlib.ExitStack() as stack:
@@ -178,7 +179,7 @@ def sessions_of(log: Log, name: str | None) -> list[LoggedSession]:
 
 
 def names_of(sessions: Sequence[LoggedSession]) -> list[str]:
-    """A name for the file of each: "sim", and "sim.2" for the second session of that name."""
+    """Names for the files of sessions: "sim", and "sim.2" for the second session of that name."""
     names: list[str] = []
     for i, session in enumerate(sessions):
         number = 1 + sum(before.name == session.name for before in sessions[:i])
@@ -189,14 +190,14 @@ def names_of(sessions: Sequence[LoggedSession]) -> list[str]:
 def step_range(
     session: LoggedSession, begin: float | None, end: float | None
 ) -> tuple[int | None, int | None]:
-    """The steps between two times, in seconds since the first one in the log."""
+    """The steps between two times [s], which count from the first step in the log."""
     if begin is None and end is None:
         return None, None
     return session.between(begin or 0.0, float("1e9") if end is None else end)
 
 
 def export(arguments: argparse.Namespace) -> int:
-    """Writes a file per session and companion."""
+    """Writes a file for each session and companion; returns the exit status."""
     if arguments.format == "mcap":
         words = [program.path(), "log", "cut", arguments.log]
         words += ["-o", str(arguments.output or f"{Path(arguments.log).stem}.copy.mcap")]
@@ -227,7 +228,7 @@ def _export_session(
 ) -> None:
     series = None if session.is_companion else arguments.series
     first, last = step_range(session, arguments.from_, arguments.to)
-    # A table that is not whole is worse than none.
+    # A file that is not complete never gets the final name.
     part = path.with_name(f".{path.name}.part")
     begin, end = session.range("observation")
     begin, end = (begin if first is None else first), (end if last is None else last)
@@ -241,7 +242,7 @@ def _export_session(
 
 
 def parse(words: Sequence[str] | None) -> argparse.Namespace:
-    """What was typed."""
+    """The arguments of the command line."""
     parser = argparse.ArgumentParser(
         prog="trifinger log export",
         description="Write the sessions and companions of a log as tables: a row per step.",
@@ -253,7 +254,7 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--format",
         choices=[*WRITERS, "mcap"],
-        help="default: csv, or that of the output; parquet needs pyarrow; mcap is a copy",
+        help="default: the ending of the output, or csv; parquet needs pyarrow; mcap is a copy",
     )
     parser.add_argument(
         "-o",
@@ -266,9 +267,9 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         "--series", nargs="+", choices=list(SERIES), help="only these series; default: all"
     )
     parser.add_argument(
-        "--from", dest="from_", type=float, metavar="SECONDS", help="since the first step"
+        "--from", dest="from_", type=float, metavar="SECONDS", help="begin, since the first step"
     )
-    parser.add_argument("--to", type=float, metavar="SECONDS", help="since the first step")
+    parser.add_argument("--to", type=float, metavar="SECONDS", help="end, since the first step")
     return parser.parse_args(words)
 
 

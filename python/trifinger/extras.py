@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Packages that only some commands need: which of them are missing, and how to get them.
+"""Finds missing packages that only some commands need, and says how to install them.
 
-An extra is a list of such packages in pyproject.toml: `pip install ".[learning]"`.
+An extra is a list of such packages in pyproject.toml, as in `pip install ".[learning]"`.
 """
 
 import re
@@ -17,7 +17,7 @@ MODULES = {
     "learning": ("gymnasium", "stable_baselines3", "torch", "tensorboard", "tqdm", "moviepy"),
     "window": ("glfw",),
 }
-"""What the packages of an extra are imported as."""
+"""Modules to import for each extra."""
 
 
 def missing(extra: str) -> list[str]:
@@ -26,20 +26,20 @@ def missing(extra: str) -> list[str]:
 
 
 def require(extra: str, *modules: str) -> None:
-    """Raises Error with what to install, unless these modules of an extra, or all, are there."""
+    """Raises Error with what to install if some of these modules (default: all) are missing."""
     lacking = [module for module in missing(extra) if module in modules or not modules]
     if lacking:
         raise Error(sentence(extra, *lacking))
 
 
 def sentence(extra: str, *modules: str) -> str:
-    """Says that modules of an extra are missing, and how to install it."""
+    """A sentence that names missing modules of an extra and says how to install it."""
     names = " and ".join(filter(None, (", ".join(modules[:-1]), modules[-1])))
     return f"{names} {'is' if len(modules) == 1 else 'are'} missing: {how_to_install(extra)}"
 
 
 def how_to_install(extra: str) -> str:
-    """The command that installs the packages of an extra, by their own names."""
+    """The command that installs the packages of an extra."""
     try:
         requirements = metadata.requires("trifinger") or []
     except metadata.PackageNotFoundError:  # a build folder, used from the sources

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """`trifinger film`: a session as a film, a strip of its pictures, and a plot of its manipulation.
 
-The scene is drawn from the log alone: joints as measured, objects as they were seen, averaged over
-a twentieth of a second because that is noisy.
+The scene is drawn only from the log: joints as measured, objects as seen. Measured poses of objects
+are noisy, so each is the mean of several.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     Array = NDArray[Any]
 
 STRIP_IMAGES = 8
-SMOOTHING = 5  # poses
+SMOOTHING = 5  # poses of an object in a mean
 PHASES = {
     "grasp": "#F3EBD3",
     "lead": "#E3EEF6",
@@ -43,12 +43,12 @@ PHASES = {
 
 
 class Scene:
-    """What a log shows at any step, as pictures."""
+    """Draws the scene of a log at any step."""
 
     def __init__(
         self, session: LoggedSession, is_plain: bool = False, view: View | None = None
     ) -> None:
-        """Plain pictures have neither shadows nor smooth edges, and take a tenth of the time."""
+        """Plain pictures lack shadows and smooth edges; drawing them takes a tenth of the time."""
         if "model.xml" not in session.documents:
             raise InvalidArgument(f"'{session.name}' has no model in its log to draw")
         self._painter = Painter(session.documents["model.xml"], is_plain, view)
@@ -64,12 +64,12 @@ class Scene:
         return self._painter.draw([*self._joints[row], *objects])
 
     def close(self) -> None:
-        """Gives the memory of the pictures back."""
+        """Releases the memory for drawing."""
         self._painter.close()
 
 
 def object_poses(session: LoggedSession) -> tuple[Array, Array]:
-    """Steps at which objects were seen, and a row of positions and quaternions for each."""
+    """The steps at which objects were seen, and a row of positions and quaternions per step."""
     elements = session.companion("object").observations
     names = [name for name in elements.dtype.names or () if name != "stamp"]
     columns = [
@@ -88,7 +88,7 @@ def object_poses(session: LoggedSession) -> tuple[Array, Array]:
 
 
 def save_film(scene: Scene, session: LoggedSession, path: Path) -> None:
-    """A film at the speed of life."""
+    """Writes a film at real speed."""
     every = max(round(1.0 / (picture.FILM_RATE * session.period)), 1)
     steps = range(int(session.time_index[0]), int(session.time_index[-1]) + 1, every)
     images = (scene.image(step) for step in shown(steps, path.name, len(steps)))
@@ -96,7 +96,7 @@ def save_film(scene: Scene, session: LoggedSession, path: Path) -> None:
 
 
 def save_strip(scene: Scene, session: LoggedSession, steps: Sequence[int], path: Path) -> None:
-    """Pictures side by side, in two rows, with the time of each."""
+    """Saves pictures of some steps in two rows, each with its time."""
     from matplotlib.figure import Figure
 
     columns = (len(steps) + 1) // 2
@@ -122,10 +122,10 @@ def save_strip(scene: Scene, session: LoggedSession, steps: Sequence[int], path:
 
 
 class Trace:
-    """The table that `trifinger manipulate` leaves."""
+    """The table and the report that `trifinger manipulate` writes."""
 
     def __init__(self, folder: Path) -> None:
-        """Raises Error if there is none in `folder`."""
+        """Reads them from `folder`; raises Error if they are not there."""
         self.folder = folder
         try:
             with (folder / "trace.csv").open(newline="") as file:
@@ -142,11 +142,11 @@ class Trace:
             raise Error(f"{folder} has no report of `trifinger manipulate`: {error!r}") from error
 
     def group(self, name: str, parts: str) -> Array:
-        """Columns such as normal_0 to normal_2, side by side."""
+        """Columns such as normal_0 to normal_2, as the columns of one array."""
         return np.stack([self.columns[f"{name}_{part}"] for part in parts], axis=1)
 
     def spans(self) -> Iterator[tuple[str, float, float]]:
-        """Each phase with its begin and its end [s]."""
+        """Yields each phase with the times at which it begins and ends [s]."""
         begin = 0
         for i in range(1, len(self.phases) + 1):
             if i == len(self.phases) or self.phases[i] != self.phases[begin]:
@@ -154,7 +154,7 @@ class Trace:
                 begin = i
 
     def steps(self, count: int) -> list[int]:
-        """Steps to be shown: from the begin of the grasp to the end, most where much happens."""
+        """Steps to show; most of them are from phases in which the fingers move."""
         moving = np.array([phase not in ("look", "plan", "hold") for phase in self.phases])
         weights = np.cumsum(np.where(moving, 1.0, 0.15))
         wanted = np.linspace(weights[0], weights[-1], count + 1)[1:]
@@ -162,14 +162,14 @@ class Trace:
 
 
 def rotation_errors(desired: Array, found: Array) -> Array:
-    """Angles between the rotations of quaternions in rows [degrees]."""
+    """Angles between the rotations of two arrays of quaternions in rows [degrees]."""
     cosines = np.abs(np.einsum("ij,ij->i", desired, found))
     angles: Array = np.degrees(2.0 * np.arccos(np.clip(cosines, 0.0, 1.0)))
     return angles
 
 
 def save_report(trace: Trace, path: Path) -> None:
-    """A plot of the manipulation: where the object was, how wrong, and what held it."""
+    """Saves a plot of the manipulation: pose of the object, its error, and forces of the tips."""
     from matplotlib.figure import Figure
 
     desired, estimated = trace.group("desired", "xyz"), trace.group("estimated", "xyz")
@@ -226,7 +226,7 @@ def save_report(trace: Trace, path: Path) -> None:
         axes.set_axisbelow(True)
         if axes.get_legend_handles_labels()[0]:
             low, high = axes.get_ylim()
-            axes.set_ylim(top=high + 0.22 * (high - low))  # for what is written there
+            axes.set_ylim(top=high + 0.22 * (high - low))  # room for phases and legend
             where: Any = "center left" if axes is parts[0] else "upper right"
             axes.legend(loc=where, ncols=3, fontsize=8, edgecolor="none")
     low, high = parts[0].get_ylim()
@@ -253,19 +253,19 @@ def save_report(trace: Trace, path: Path) -> None:
 
 
 def recordings(path: Path) -> Iterator[Log]:
-    """The recording in a file, or all those in a folder: the newest first."""
+    """Yields the recording in a file, or all recordings in a folder, the newest first."""
     newest = Log(path)
     yield newest
     others: dict[str, list[Path]] = {}
     for file in sorted(path.glob("*.mcap")) if path.is_dir() else ():
         try:
             recording = Log(file).origin.get("recording", str(file))
-        except Error:  # it is no log
+        except Error:  # not a log
             continue
         if file not in newest.files:
             others.setdefault(recording, []).append(file)
     logs = [Log(parts) for parts in others.values()]
-    # As where the newest one is chosen: names tell recordings of the same second apart.
+    # Log(folder) chooses the newest recording by the same order: by time, then by name.
     yield from sorted(
         logs, key=lambda log: (log.origin.get("created", ""), log.files[0]), reverse=True
     )
@@ -274,17 +274,18 @@ def recordings(path: Path) -> Iterator[Log]:
 def find_session(
     path: Path, robot: str = "", wanted: int | None = None, trace: Trace | None = None
 ) -> LoggedSession:
-    """The session to be drawn, of those in a log or a folder of logs.
+    """Finds the session to draw in a log or a folder of logs.
 
-    It is the one that was `wanted`, by its number in the newest recording or by its id; else the
-    one that a report is of; else the newest one of `robot`. Raises InvalidArgument, which says what
-    there is, if there is none or the report is of another one.
+    `wanted` is the session's number in the newest recording, or its id. Without it, the session is
+    that of the report in `trace`; without a report, the newest session of `robot`. Raises
+    InvalidArgument with a list of the sessions if there is no such session, or if the report
+    belongs to another one.
     """
     reported: int | None = trace.report.get("session_id") if trace else None
     if trace and reported is None and wanted is None:
         raise InvalidArgument(
-            f"the report in {trace.folder} does not say which session it is of, as it was made by "
-            "an earlier version; choose one by --session"
+            f"the report in {trace.folder} was made by an earlier version and does not name its "
+            "session; choose one by --session"
         )
     if wanted is None and reported is None:
         return Log(path).session(robot)
@@ -306,7 +307,7 @@ def find_session(
 
 
 def describe(number: int, session: LoggedSession) -> str:
-    """As in "session 2 of 'sim' (12.34 s, id 1234)"."""
+    """A description such as "session 2 of 'sim' (12.34 s, id 1234)"."""
     steps = len(session.time_index)
     duration = f"{steps * session.period:.2f} s"
     return f"session {number} of '{session.name}' ({duration}, id {session.session_id})"
@@ -321,10 +322,10 @@ def film(
     trace: Trace | None = None,
     view: View | None = None,
 ) -> Iterator[Path]:
-    """Draws a session, and gives each file in `output` when it is made.
+    """Draws a session into the folder `output` and yields the path of each file.
 
-    They are film.mp4 and strip.png; report.png as well, if there is the `trace` of a manipulation
-    in this session.
+    The files are film.mp4 and strip.png. With the `trace` of a manipulation in this session there
+    is report.png as well.
     """
     if not len(session.time_index):
         raise InvalidArgument(f"there are no steps of '{session.name}' to draw")
@@ -355,13 +356,13 @@ def main(words: Sequence[str] | None = None) -> int:
         description="Draw a session: a film and a strip of pictures; with a report, a plot of it.",
         epilog="Examples:\n"
         "  trifinger film logs                               the newest session\n"
-        "  trifinger film logs --report manipulate_output    the one that the report is of",
+        "  trifinger film logs --report manipulate_output    the session of the report",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("log", type=Path, help="a file, or a folder of recordings")
     parser.add_argument("-o", "--output", type=Path, help="folder; default: the report's, or film")
-    parser.add_argument("--report", type=Path, help="folder that `trifinger manipulate` has made")
-    parser.add_argument("--robot", metavar="NAME", default="", help="needed if there are several")
+    parser.add_argument("--report", type=Path, help="folder that `trifinger manipulate` wrote")
+    parser.add_argument("--robot", metavar="NAME", default="", help="needed if a log has several")
     parser.add_argument(
         "--session",
         type=int,

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """`trifinger train` and `trifinger evaluate`.
 
-What they need is imported when it is needed: a missing package is a line, not a traceback.
+Optional packages are imported only when a command runs, so a missing one is a one-line error.
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ def train(words: Sequence[str] | None = None) -> int:
     """`trifinger train`."""
     parser = argparse.ArgumentParser(
         prog="trifinger train",
-        description="Train a policy in simulation. Ctrl-C, or a kill, and --resume goes on.",
+        description="Train a policy in simulation. --resume goes on after Ctrl-C or a kill.",
         epilog="Examples:\n  trifinger train reach --shared\n  trifinger train --resume reach",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("task", nargs="?", help=", ".join(task_names()))
     parser.add_argument("--algorithm", choices=ALGORITHMS, help="default: ddpg")
     parser.add_argument("--shared", action="store_true", help="one policy shared by the fingers")
-    parser.add_argument("--episodes", type=int, help="default: 700; push by PPO: 30000")
+    parser.add_argument("--episodes", type=int, help="default: 700; for push by PPO 30000")
     parser.add_argument("--seed", type=int, help="default: 1")
     parser.add_argument("--out", type=Path, metavar="FOLDER", help="default: the task's name")
-    parser.add_argument("--resume", type=Path, metavar="FOLDER", help="go on with its training")
+    parser.add_argument("--resume", type=Path, metavar="FOLDER", help="continue its training")
     parser.add_argument(
         "--set",
         action="append",
@@ -84,7 +84,7 @@ def train(words: Sequence[str] | None = None) -> int:
                 raise InvalidArgument(
                     f"{folder} is not empty; --resume {folder} goes on with a training in it"
                 )
-        # A bar on a terminal; lines stay above it.
+        # On a terminal, a bar shows the progress below all other lines.
         bar = tqdm(total=plan.episodes, unit=" episodes", disable=None, dynamic_ncols=True)
         say = partial(tqdm.write, file=sys.stderr)
         begun = Training(plan, folder, say, partial(show, bar), Training.save_curve)
@@ -111,11 +111,15 @@ def evaluate(words: Sequence[str] | None = None) -> int:
         prog="trifinger evaluate",
         description="Let a policy act in simulations, and say how near it comes to its goals.",
     )
-    parser.add_argument("policy", type=Path, help="a file that `trifinger train` has written")
-    parser.add_argument("--task", help="default: what its file says")
+    parser.add_argument("policy", type=Path, help="a file that `trifinger train` wrote")
+    parser.add_argument("--task", help="default: the task that the file names")
     parser.add_argument("--episodes", type=int, default=50)
-    parser.add_argument("--seed", type=int, default=1_000_000, help="of the first; +1 for each")
-    parser.add_argument("--json", action="store_true", help="distances in m, success as a share")
+    parser.add_argument(
+        "--seed", type=int, default=1_000_000, help="of the first episode; each later one adds 1"
+    )
+    parser.add_argument(
+        "--json", action="store_true", help="print JSON: distances in m, success from 0 to 1"
+    )
     arguments = parser.parse_args(words)
 
     def run() -> None:
@@ -139,7 +143,7 @@ def evaluate(words: Sequence[str] | None = None) -> int:
 
 
 def show(bar: tqdm[Any], episodes: int) -> None:
-    """How many episodes have ended. Those before a training went on count for no rate."""
+    """Shows how many episodes have ended. The rate is only of episodes of this process."""
     if bar.n == 0:
         bar.initial = episodes
     bar.update(episodes - bar.n)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What is found in a log besides sessions."""
+"""Types of what a log holds besides sessions: gaps, events, damage and rows of steps."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Gap:
-    """Steps that are not in the log, both ends included."""
+    """Steps that are missing in a log, from `first` to `last`, both included."""
 
     first: int
     last: int
@@ -25,7 +25,7 @@ class Gap:
 
 @dataclass(frozen=True)
 class Event:
-    """Something that was told to people."""
+    """A message for people that was recorded."""
 
     time: float
     """Seconds since 1970."""
@@ -50,13 +50,13 @@ class Damage:
 class Steps:
     """Rows of several series: row i of each belongs to step `time_index[i]`.
 
-    Series that were not asked for are None. Of a companion, the rows are elements, which
-    `time_index` counts.
+    Series that were not asked for are None. For a companion, row i is its element number
+    `time_index[i]`.
     """
 
     time_index: NDArray[np.int64]
     times: NDArray[np.datetime64]
-    """When they were measured, by the clock on the wall (UTC)."""
+    """When each row was measured, by the wall clock (UTC)."""
     desired_actions: NDArray[Action] | None = None
     applied_actions: NDArray[AppliedAction] | None = None
     observations: NDArray[Observation] | None = None

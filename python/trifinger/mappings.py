@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Robots as Markov decision processes: the mappings of the paper, for learning.
+"""Robots as Markov decision processes: the paper's mappings for learning.
 
-A learner wants step(a) to return a state that says all there is to know about the next one. A robot
-in real time does not wait for it: y_t is measured at the instant t * period, when a_t begins to
-act, so no action depends on the observation of its own step. `StateAugmentation` and
-`Approximation` are two ways to close this gap; docs/learning.md says which one to take.
+A learner wants step(a) to return a Markovian state: the next state depends only on it and on the
+next action. A robot in real time does not wait for the learner. It measures y_t at the instant
+t * period, when a_t begins to act, so no action can depend on the observation of its own step.
+`StateAugmentation` and `Approximation` are two ways to close this gap; docs/learning.md says which
+one to take.
 
     simulation = trifinger.Simulation()
     with mappings.StateAugmentation(simulation.connect, steps_per_action=10) as robot:
@@ -36,7 +37,7 @@ __all__ = [
 
 
 class AugmentedState(NamedTuple):
-    """What `StateAugmentation` takes for the state: what is seen, and what is already decided."""
+    """State of `StateAugmentation`: an observation, and the action that was already chosen."""
 
     observation: Observation
     action: Action
@@ -47,7 +48,7 @@ State_co = TypeVar("State_co", covariant=True)
 
 
 def hold_position(robot: Frontend) -> Action:
-    """The action that keeps the pose which the robot has now, as `hold_position` of C++.
+    """The action that keeps the robot in its present pose, like `hold_position` in C++.
 
     Raises InvalidArgument for a robot without joint positions.
     """
@@ -61,19 +62,19 @@ def hold_position(robot: Frontend) -> Action:
 
 
 class DecisionProcess(ABC, Generic[State_co]):
-    """A robot as a Markov decision process: what both mappings have in common.
+    """A robot as a Markov decision process: the common base of both mappings.
 
-    `connect` is called by every reset() and returns a front-end in a new session: that of a
-    `Simulation`, `lambda: trifinger.connect("sim")`, `lambda: trifinger.replay(log)`. Each action
-    acts for `steps_per_action` steps of the robot, the k of the paper. `hold` makes the action a_0
-    of a session.
+    Every reset() calls `connect`, which returns a front-end in a new session: the `connect` of a
+    `Simulation`, `lambda: trifinger.connect("sim")` or `lambda: trifinger.replay(log)`. Each action
+    acts for `steps_per_action` steps of the robot, the k of the paper. `hold` returns the action
+    a_0 of a session.
 
     No step is lost: all k actions are appended, and all observations can be read from `robot`. The
-    same program runs with and without real time. In real time an action that comes too late acts
-    later, if the robot allows that at all; see `time_index`.
+    same program runs with and without real time. In real time, an action that comes too late acts
+    later if the robot allows late actions; see `time_index`.
 
-    As a context manager it calls finish() after a clean end of the block and lets go after an
-    exception, Ctrl-C included. One thread at a time.
+    A `with` block calls close() at its end. Before that it calls finish(), unless an exception or
+    Ctrl-C has ended the block. Use an object from one thread at a time.
     """
 
     def __init__(
@@ -102,31 +103,31 @@ class DecisionProcess(ABC, Generic[State_co]):
     def reset(self) -> State_co:
         """Begins a new session, in which the robot holds, and returns the first state.
 
-        The session before ends behind its last action; where a simulation begins the next one, its
-        reset(), place_object() and restore() have said.
+        The old session ends after its last action. A simulation begins the new one where its
+        reset(), place_object() or restore() has put it.
 
-        Raises what `connect` raises. After a fault that is RobotStopped until somebody has called
+        Raises what `connect` raises. After a fault, this is RobotStopped until somebody has called
         recover() of `robot`, or trifinger.recover(name).
         """
 
     @abstractmethod
     def step(self, action: Action) -> State_co:
-        """Lets `action` act for its steps, and returns the next state.
+        """Applies `action` for its steps and returns the next state.
 
-        Raises RobotStopped once the session has ended, InvalidArgument for anything but an action
-        of this robot, or before reset().
+        Raises RobotStopped once the session has ended. Raises InvalidArgument before reset(), or if
+        `action` is not an action of this robot.
         """
 
     @property
     def steps_per_action(self) -> int:
-        """For how many steps of the robot each action acts."""
+        """Number of steps of the robot for which each action acts."""
         return self._steps_per_action
 
     @property
     def robot(self) -> Frontend:
-        """The front-end of the session: for new actions, statuses, companions, the time between.
+        """The front-end of the session: for new actions, statuses, companions and other steps.
 
-        To read observations newer than `time_index` makes the next action acausal.
+        Reading an observation newer than `time_index` makes the next action acausal.
         """
         if self._robot is None:
             raise InvalidArgument("there is no session yet; call reset() first")
@@ -136,22 +137,22 @@ class DecisionProcess(ABC, Generic[State_co]):
     def time_index(self) -> int:
         """The step at which the newest state was measured; -1 before the first reset().
 
-        It grows by `steps_per_action`, and by more if an action came too late and the robot
-        repeated the one before.
+        It grows by `steps_per_action`. It grows by more if an action came too late and the robot
+        repeated the previous one.
         """
         return self._time_index
 
     def finish(self) -> None:
-        """Ends the session behind the last action; its series can still be read.
+        """Ends the session after the last action; its series can still be read.
 
-        To be called before a program thinks for longer than its mapping allows: after an episode,
-        say. reset() does so, too.
+        Call it before a computation that takes longer than the mapping allows, such as a learning
+        step after an episode. reset() calls it as well.
         """
         if self._robot is not None:
             self._robot.finish()
 
     def close(self) -> None:
-        """Lets go of the robot. If the session still runs, it ends ("detached")."""
+        """Gives the robot back. A session that still runs ends as "detached"."""
         robot, self._robot = self._robot, None
         if robot is not None:
             robot.close()
@@ -175,10 +176,10 @@ class DecisionProcess(ABC, Generic[State_co]):
         # Ends the session, begins the next one and returns the action that holds the robot.
         before = self._robot
         if before is not None:
-            # However it ended, connect() knows whether there may be another one.
+            # If it ended with a fault, connect() decides whether there may be another session.
             with contextlib.suppress(RobotStopped):
                 before.finish()
-        # With the old handle in place: if a fault is in the way, recover() needs it.
+        # The old handle is still kept: if connect() fails because of a fault, recover() needs it.
         robot = self._connect()
         if robot is before:
             raise InvalidArgument(
@@ -195,8 +196,8 @@ class DecisionProcess(ABC, Generic[State_co]):
         robot = self.robot
         first = last = robot.append_desired_action(action)
         if len(self._burst) > 0:
-            # Behind the first one: a burst tells its last step only, which says nothing about its
-            # first one where the robot did not wait for this program.
+            # The first action is appended alone, to know its step. A burst returns only its last
+            # step, and in real time its steps need not be successive.
             self._burst[:] = action
             last = robot.append_desired_actions(self._burst)
         return first, last
@@ -226,12 +227,12 @@ class StateAugmentation(DecisionProcess[AugmentedState]):
     def step(self, action: Action) -> AugmentedState:
         """Returns (y_t, action), where t is the first of the k steps in which `action` acts.
 
-        y_t does not depend on `action` yet. y_(t + k), of the next state, depends on nothing but
-        y_t and `action`, if the observations are Markovian. The next action begins to act at t + k:
+        y_t does not depend on `action` yet. The next state has y_(t + k), which depends only on y_t
+        and `action` if the observations are Markovian. The next action begins to act at t + k, so
         there are k periods to compute it.
         """
         first, _ = self._append(action)
-        # A copy: the caller may go on changing its action.
+        # A copy, because the caller may change its action afterwards.
         return AugmentedState(self._observe(first), action.copy())
 
 
@@ -246,9 +247,10 @@ class Approximation(DecisionProcess[Observation]):
     def step(self, action: Action) -> Observation:
         """Returns y_t, where t is the last of the k steps in which `action` acts.
 
-        Of the k steps since the last state, `action` has acted in k - 1 and the action before in
-        one, which is ignored. So with k = 1 a state would not depend on the action that leads to
-        it. The next action begins to act at t + 1: there is one period to compute it, whatever k.
+        In the k steps since the last state, `action` acted in k - 1 steps and the previous action
+        in one; the mapping ignores this one step. With k = 1 a state would not depend on the action
+        that leads to it. The next action begins to act at t + 1, so there is one period to compute
+        it, for every k.
         """
         _, last = self._append(action)
         return self._observe(last)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Pictures of a scene and films of pictures, without a screen."""
+"""Draws pictures of a scene and writes films of pictures, without a screen."""
 
 from __future__ import annotations
 
@@ -24,29 +24,29 @@ if TYPE_CHECKING:
     Array = NDArray[Any]
 
 
-DRAWING_PACKAGES = ("libegl1", "libgl1-mesa-dri", "libopengl0")  # of Debian, without a screen
-FILM_RATE = 30  # of films that leave out images [images/s]
+DRAWING_PACKAGES = ("libegl1", "libgl1-mesa-dri", "libopengl0")  # on Debian, without a screen
+FILM_RATE = 30  # rate of films that skip steps [images/s]
 MARK_RADIUS = 0.01  # [m]
 MARK_COLOUR = (0.95, 0.75, 0.1, 1.0)
 
 
-# Azimuth and elevation of views that every model has [degrees]: between two fingers, from above.
+# Azimuth and elevation of views for every model [degrees]: between two fingers, or from above.
 CAMERAS = {"front": (90.0, -20.0), "side": (210.0, -20.0), "top": (90.0, -89.9)}
-LARGEST = 4096  # [pixels]
-MARGIN = 1.06  # of the picture around robot and objects
+LARGEST = 4096  # largest width and height [pixels]
+MARGIN = 1.06  # size of the picture, relative to that of robot and objects in it
 TABLE = ((0.1, 0.1, 0.0), (0.1, -0.1, 0.0), (-0.1, 0.1, 0.0), (-0.1, -0.1, 0.0))  # always seen [m]
-STEEP = 60.0  # [degrees]
-BEHIND = 0.05  # how much farther than the middle what is drawn of frame and wall is [m]
-SURROUND_GROUP = 1  # of MuJoCo's shapes: frame and wall
+STEEP = 60.0  # elevation from which a view is steep [degrees]
+BEHIND = 0.05  # parts of frame and wall are drawn if they are this far behind the middle [m]
+SURROUND_GROUP = 1  # MuJoCo's group of the shapes of frame and wall
 
 
 @dataclass(frozen=True)
 class View:
-    """From where a scene is seen, and how large the picture is.
+    """The camera of a picture, and the size of the picture.
 
-    `camera` is "front", "side" or "top", or azimuth and elevation in degrees, as in "120,-15": then
-    robot and objects fill the picture, and parts of frame and wall that would hide them are not
-    drawn. Or it is a camera of the model, such as "camera60", which sees what it sees.
+    `camera` is "front", "side" or "top", or azimuth and elevation in degrees, as in "120,-15". With
+    these, robot and objects fill the picture, and parts of frame and wall that would hide them are
+    not drawn. `camera` can also be a camera of the model, such as "camera60", which draws all.
     """
 
     camera: str = "front"
@@ -63,7 +63,7 @@ class View:
 
 
 def add_view_options(parser: argparse.ArgumentParser, default: View | None = None) -> None:
-    """Gives a command --camera, --width and --height; `view_of` reads them."""
+    """Adds --camera, --width and --height to a command; `view_of` reads them."""
     view = default or View()
     parser.add_argument(
         "--camera",
@@ -78,20 +78,20 @@ def add_view_options(parser: argparse.ArgumentParser, default: View | None = Non
             type=int,
             default=getattr(view, name),
             metavar="PIXELS",
-            help=f"of pictures; default: {getattr(view, name)}",
+            help=f"{name} of pictures; default: {getattr(view, name)}",
         )
 
 
 def view_of(arguments: argparse.Namespace) -> View:
-    """What `add_view_options` asked for; raises InvalidArgument."""
+    """The view that the options of `add_view_options` chose; raises InvalidArgument."""
     return View(arguments.camera, arguments.width, arguments.height)
 
 
 class Sight:
-    """What a camera sees of a model, a MuJoCo model for pictures."""
+    """A camera that looks at a MuJoCo model."""
 
     def __init__(self, model: Any, view: View) -> None:
-        """Places the camera; raises InvalidArgument if the model does not have it."""
+        """Places the camera of `view`; raises InvalidArgument if there is no such camera."""
         import mujoco
 
         self._mujoco, self._model = mujoco, model
@@ -114,10 +114,11 @@ class Sight:
             )
 
     def clear(self, data: Any, camera: Any = None) -> None:
-        """Lets the model show of frame and wall only what does not stand before the scene.
+        """Hides the parts of frame and wall that stand in front of the scene.
 
-        That is what is farther than the middle of the scene: over the ground, or along the view
-        if that is steep.
+        Only parts that are farther away than the middle of the scene stay visible. The distance is
+        measured over the ground, or along the view if the view is steep. Cameras of the model show
+        all parts.
         """
         camera = camera or self.camera
         opacity = self._opacity
@@ -130,11 +131,11 @@ class Sight:
         self._model.geom_rgba[self._surround, 3] = opacity
 
     def _fill(self, aspect: float) -> None:
-        """Moves the camera to where robot, objects and the table's middle just fit in."""
+        """Moves the camera so that robot, objects and the table's middle just fill the picture."""
         axes = _axes(self.camera)
         points = np.concatenate([self._corners(), TABLE]) @ axes.T
         slope = np.tan(np.radians(self._model.vis.global_.fovy) / 2) / MARGIN
-        # In the frame of the camera a point is in sight if |x - place| <= slope * (z - camera z).
+        # In the frame of the camera, a point is in sight if |x - place| <= slope * (z - camera z).
         places, depths = [], []
         for column, half in ((points[:, 0], slope * aspect), (points[:, 1], slope)):
             high = np.max(column - half * points[:, 2])
@@ -146,7 +147,7 @@ class Sight:
         self.camera.distance = middle - min(depths)
 
     def _corners(self) -> Array:
-        """Of boxes around all shapes of robot and objects where an episode begins."""
+        """Corners of boxes around all shapes of robot and objects, in the start pose."""
         model, data = self._model, self._mujoco.MjData(self._model)
         if model.nkey:
             data.qpos[:] = model.key_qpos[0]
@@ -171,7 +172,7 @@ def _angles(text: str) -> tuple[float, float] | None:
 
 
 def _axes(camera: Any) -> Array:
-    """Rows: to the right, up and forward, in the world."""
+    """The camera's axes in the world frame, as rows: right, up and forward."""
     azimuth, elevation = np.radians([camera.azimuth, camera.elevation])
     level = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
     forward = np.cos(elevation) * level + [0.0, 0.0, np.sin(elevation)]
@@ -183,10 +184,10 @@ class Painter:
     """Draws a model in any configuration."""
 
     def __init__(self, mjcf: str, is_plain: bool = False, view: View | None = None) -> None:
-        """Plain pictures have neither shadows nor smooth edges, and take a tenth of the time.
+        """Plain pictures lack shadows and smooth edges; drawing them takes a tenth of the time.
 
-        Raises InvalidArgument if the model does not have the camera of `view`, Error with what to
-        install if this machine cannot draw.
+        Raises InvalidArgument if the model does not have the camera of `view`. Raises Error, which
+        says what to install, if this machine cannot draw.
         """
         with explained():
             import mujoco
@@ -208,9 +209,10 @@ class Painter:
                 self._renderer.scene.flags[flag] = False
 
     def draw(self, configuration: ArrayLike, marks: ArrayLike = ()) -> Array:
-        """The scene at joints and objects as MuJoCo's qpos begins: height x width x 3.
+        """The scene as an image, height x width x 3.
 
-        `marks` are centres of balls to draw on top, as goals are: a row x, y, z for each [m].
+        `configuration` begins with MuJoCo's qpos: joints, then objects. `marks` are the centres of
+        balls that show goals: a row x, y, z for each [m].
         """
         mujoco = self._mujoco
         self._data.qpos[:] = np.asarray(configuration)[: self._model.nq]
@@ -223,21 +225,22 @@ class Painter:
         return pixels
 
     def close(self) -> None:
-        """Gives the memory of the pictures back."""
+        """Releases the memory for drawing."""
         self._renderer.close()
 
 
 @contextlib.contextmanager
 def explained() -> Iterator[None]:
-    """Says what to install if MuJoCo cannot be made to draw, without a screen if not told else.
+    """Turns errors of MuJoCo's drawing into an Error that says what to install.
 
-    Importing MuJoCo belongs to it: that loads the libraries that MUJOCO_GL names.
+    MuJoCo draws without a screen unless MUJOCO_GL says otherwise. It must be imported in this
+    block, because the import loads the libraries that MUJOCO_GL names.
     """
     platform = os.environ.setdefault("MUJOCO_GL", "egl")
     extras.require("film", "OpenGL")
     try:
         yield
-    # Whatever PyOpenGL and drivers raise where a library is missing: even an AttributeError.
+    # PyOpenGL and drivers raise anything if a library is missing, even an AttributeError.
     except Exception as error:
         remedy = f"apt-get install {' '.join(DRAWING_PACKAGES)}" if platform == "egl" else ""
         remedy = remedy or "unset it, and nothing needs a screen"
@@ -245,7 +248,7 @@ def explained() -> Iterator[None]:
 
 
 def draw_marks(scene: Any, marks: ArrayLike, keep: int = 0) -> None:
-    """Adds a ball for each mark, a row x, y, z [m], behind the first `keep` shapes of a scene."""
+    """Adds a ball for each mark, a row x, y, z [m], after the first `keep` shapes of a scene."""
     import mujoco
 
     scene.ngeom = keep
@@ -262,7 +265,7 @@ def draw_marks(scene: Any, marks: ArrayLike, keep: int = 0) -> None:
 
 
 def save_film(images: Iterable[Array], path: Path, rate: int | Fraction) -> None:
-    """A film of images, height x width x 3, at some rate [images/s]."""
+    """Writes a film of images, height x width x 3, at a rate [images/s]."""
     extras.require("film", "av")
     import av
 
@@ -271,7 +274,7 @@ def save_film(images: Iterable[Array], path: Path, rate: int | Fraction) -> None
         stream.pix_fmt = "yuv420p"
         stream.options = {"crf": "23", "preset": "veryfast"}
         for number, picture in enumerate(images):
-            # The format has no odd sizes: those lose a row or a column.
+            # The format allows only even sizes: images of odd sizes lose a row or a column.
             even = picture[: picture.shape[0] // 2 * 2, : picture.shape[1] // 2 * 2]
             image = np.ascontiguousarray(even)
             if number == 0:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""`trifinger log plot`: what happened in a session, in one picture, for every robot.
+"""`trifinger log plot`: draws a session of any robot in one picture.
 
-Fields, shapes and units come from the log. Where there are more steps than a picture can show, the
-smallest and the largest number of each stretch are drawn, so that no peak is lost; the log may be
-larger than memory. `plot_page` makes a page of the same, in which one can zoom.
+Fields, shapes and units come from the log. If there are more steps than a picture can show, the
+smallest and the largest number of each stretch of steps are drawn, so that no peak is lost. The log
+may be larger than memory. `plot_page` draws the same on a page in which one can zoom.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[Any]
 
-# Okabe and Ito's colours, which everybody can tell apart.
+# Okabe and Ito's colours, which people with any colour vision can tell apart.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#777777", "#000000")
 MARKS = {
     "repeated": "#E69F00",
@@ -50,13 +50,13 @@ MARKS = {
     "event": "#0072B2",
 }
 BAD = "#C0202A"
-# What the parts of long fields are called.
+# Names of the parts of long fields, by the type of the robot.
 GROUPS = {"trifinger": ("finger 0", "finger 120", "finger 240")}
-BINS = 1600  # stretches of time that a panel can show
+BINS = 1600  # bins of time in a panel
 
 
 class Envelope:
-    """The smallest and the largest numbers of an array in each of the bins of time."""
+    """The smallest and the largest numbers of a field in each bin of time."""
 
     def __init__(self, bins: int) -> None:
         self.bins = bins
@@ -64,7 +64,7 @@ class Envelope:
         self.high: Array | None = None
 
     def add(self, bins: Array, starts: Array, values: Array) -> None:
-        """Takes the rows of `values`; those of the bin `bins[i]` begin at `starts[i]`."""
+        """Adds the rows of `values`; the rows of the bin `bins[i]` begin at row `starts[i]`."""
         rows = np.asarray(values, dtype=np.float64).reshape(len(values), -1)
         if self.low is None or self.high is None:
             self.low = np.full((self.bins, rows.shape[1]), np.nan)
@@ -74,15 +74,15 @@ class Envelope:
 
     @property
     def columns(self) -> int:
-        """How many numbers there are in a row."""
+        """How many numbers are in a row."""
         return 0 if self.low is None else self.low.shape[1]
 
     def has_numbers(self, columns: slice = slice(None)) -> bool:
-        """Whether there is any number that is not NaN."""
+        """Whether any number is finite."""
         return self.low is not None and bool(np.any(np.isfinite(self.low[:, columns])))
 
     def line(self, times: Array, column: int) -> tuple[Array, Array]:
-        """What to draw: from the smallest to the largest in each bin; NaN breaks it at gaps."""
+        """The line to draw, from smallest to largest in each bin; NaN interrupts it at gaps."""
         assert self.low is not None  # noqa: S101
         assert self.high is not None  # noqa: S101
         low, high = self.low[:, column], self.high[:, column]
@@ -93,46 +93,46 @@ class Envelope:
 
 @dataclass
 class Picture:
-    """All that is drawn of a session."""
+    """The data of a session that are drawn."""
 
     session: LoggedSession
     bins: int
     first: int
     last: int
     steps: int = 0
-    times: Array = field(default_factory=lambda: np.empty(0))  # of the bins [s]
-    begin: int = 0  # of the first step, since 1970 [ns]
-    end: int = 0
-    # By series and field, as in ("observation", "position").
+    times: Array = field(default_factory=lambda: np.empty(0))  # times of the bins [s]
+    begin: int = 0  # time of the first step, since 1970 [ns]
+    end: int = 0  # time of the last step, since 1970 [ns]
+    # The keys are series and field, as in ("observation", "position").
     fields: dict[tuple[str, str], Envelope] = field(default_factory=dict)
     lateness: Envelope = field(default_factory=lambda: Envelope(0))
-    timing: TimingRecord | None = None  # of real-time mode
+    timing: TimingRecord | None = None  # None outside real-time mode
     marks: dict[str, list[float]] = field(default_factory=dict)  # times [s]
     counts: dict[str, int] = field(default_factory=dict)
     gaps: list[tuple[float, float]] = field(default_factory=list)
 
     @property
     def duration(self) -> float:
-        """From the first to the last step [s]."""
+        """Time from the first to the last step [s]."""
         return (self.end - self.begin) * 1e-9
 
     def seconds(self, nanoseconds: int) -> float:
-        """A time since 1970 as one since the first step."""
+        """Converts a time since 1970 [ns] to a time since the first step [s]."""
         return (nanoseconds - self.begin) * 1e-9
 
     @property
     def has_lateness(self) -> bool:
-        """Whether it is known how late the steps were."""
+        """Whether the log says how late the steps were."""
         return self.timing is not None and self.timing.lateness().max() > 0
 
 
 def is_number(series: str, dtype: np.dtype[Any]) -> bool:
-    """Whether a field is worth a panel: measured numbers, not counters, stamps and bits."""
+    """Whether a field gets a panel: real numbers do; counters, stamps and bits do not."""
     return series != "status" and dtype.kind == "f"
 
 
 def fields_of(dtype: np.dtype[Any], prefix: str = "") -> Iterator[tuple[str, np.dtype[Any]]]:
-    """The fields of an element and what they are made of, nested ones as in "left.angle"."""
+    """Yields name and type of each field of an element; nested names are like "left.angle"."""
     for name in dtype.names or ():
         inner = dtype[name]
         if inner.names is None:
@@ -142,7 +142,7 @@ def fields_of(dtype: np.dtype[Any], prefix: str = "") -> Iterator[tuple[str, np.
 
 
 def mark_steps(picture: Picture, statuses: Array, seconds: Array) -> None:
-    """Notes the steps in which something went wrong, but no more than can be seen."""
+    """Notes steps in which something went wrong: counts all, marks no more than can be seen."""
     flags = statuses["flags"]
     kinds = {
         "repeated": flags & Status.ACTION_REPEATED.value != 0,
@@ -165,7 +165,7 @@ def mark_steps(picture: Picture, statuses: Array, seconds: Array) -> None:
 def read(
     session: LoggedSession, first: int | None = None, last: int | None = None, bins: int = BINS
 ) -> Picture:
-    """Goes through the steps once, and once more through their statuses."""
+    """Reads what is drawn: goes through all steps once, and through their statuses twice."""
     begin, end = session.range("observation" if session.is_companion else "applied_action")
     begin = begin if first is None else max(begin, first)
     timing = session.timing(begin, last)
@@ -187,7 +187,7 @@ def read(
             (steps.time_index - begin) * picture.bins // (end - begin), return_index=True
         )
         picture.times[rows] = np.fmin(picture.times[rows], seconds[starts])
-        # Where indices jump something is missing; that it is drawn as a gap needs no second look.
+        # Where indices jump, steps are missing: each jump is drawn as a gap.
         jumps = np.flatnonzero(np.diff(steps.time_index, prepend=before - 1) > 1)
         for jump in jumps:
             start = seconds[jump - 1] if jump else before_seconds
@@ -220,7 +220,7 @@ def read(
 
 @dataclass(frozen=True)
 class Panel:
-    """One row of the picture: a field of the observation, and what was asked for and applied."""
+    """One row of the picture: a field as it was measured, desired and applied."""
 
     name: str
     unit: str
@@ -229,8 +229,8 @@ class Panel:
     applied: Envelope | None = None
 
     def drawn(self) -> list[tuple[str, Envelope]]:
-        """What is drawn, in this order: "desired", and "measured" or "applied"."""
-        # A measured torque is what was applied, one step before: one of them is enough.
+        """The lines to draw, in this order: "desired", then "measured" or "applied"."""
+        # A measured torque is the one applied a step before, so only one of them is drawn.
         is_applied = self.measured is None or (self.applied is not None and self.unit == "Nm")
         kinds = (
             ("desired", self.desired),
@@ -240,12 +240,12 @@ class Panel:
 
     @property
     def columns(self) -> int:
-        """How many numbers it shows."""
+        """How many numbers the panel shows."""
         return max(one.columns for one in (self.measured, self.desired, self.applied) if one)
 
 
 def panels_of(picture: Picture) -> list[Panel]:
-    """A panel per field; actions are drawn where the observation has a field of that name."""
+    """A panel per field; fields of observations and actions with one name share a panel."""
     units = picture.session.units
     panels = []
     names = list(dict.fromkeys(name for _, name in picture.fields))
@@ -259,13 +259,13 @@ def panels_of(picture: Picture) -> list[Panel]:
         unit = next((units[series][name] for series, one in shown.items() if one is not None), "")
         measured, desired, applied = shown.values()
         if measured is None and name.endswith(("_kp", "_kd")):
-            continue  # gains: they are constant, or the robot's own
+            continue  # gains, which are constant or set by the robot
         panels.append(Panel(name, unit, measured, desired, applied))
     return panels
 
 
 def names_of_groups(picture: Picture, panel: Panel) -> list[str]:
-    """What the parts of a panel are called, behind its own name: ", finger 0"; one has no name."""
+    """Names of a panel's parts, to append to its own, as in ", finger 0"; "" for a single part."""
     groups = groups_of(panel.columns)
     if len(groups) == 1:
         return [""]
@@ -276,7 +276,7 @@ def names_of_groups(picture: Picture, panel: Panel) -> list[str]:
 
 
 def groups_of(columns: int) -> list[range]:
-    """Which numbers of a field share a panel: fingers of three joints, legs, or all."""
+    """Groups of numbers that are drawn together: fingers of three joints, legs, or all."""
     for size in (3, 4, 2):
         if columns > 4 and columns % size == 0 and columns // size <= 4:
             return [range(i, i + size) for i in range(0, columns, size)]
@@ -284,7 +284,7 @@ def groups_of(columns: int) -> list[range]:
 
 
 def title_of(picture: Picture) -> tuple[str, str]:
-    """The headline, and what else there is to say in one line."""
+    """The headline, and a line with facts about the session."""
     session = picture.session
     begun = datetime.fromtimestamp(picture.begin * 1e-9, UTC)
     facts = [f"{begun:%Y-%m-%d %H:%M:%S} UTC", f"{picture.steps} steps"]
@@ -304,7 +304,7 @@ def title_of(picture: Picture) -> tuple[str, str]:
 
 
 def decorate(axes: Axes, picture: Picture) -> None:
-    """What all panels over time have: grid, gaps, the fault."""
+    """Draws what all panels over time share: grid, gaps and the fault."""
     axes.grid(color="#E6E6E6", linewidth=0.6)
     axes.set_axisbelow(True)
     axes.margins(x=0.01)
@@ -316,7 +316,7 @@ def decorate(axes: Axes, picture: Picture) -> None:
 
 
 def draw_panel(axes: Axes, picture: Picture, panel: Panel, numbers: range) -> None:
-    """What was asked for as a broad, pale line; on it what was applied or measured."""
+    """Draws desired numbers as broad, pale lines, and applied or measured ones on top."""
     styles: dict[str, dict[str, Any]] = {
         "desired": {"linewidth": 3.6, "alpha": 0.3, "solid_capstyle": "butt"}
     }
@@ -331,14 +331,14 @@ def draw_panel(axes: Axes, picture: Picture, panel: Panel, numbers: range) -> No
 
 
 def entitle(axes: Axes, title: str, unit: str = "") -> None:
-    """Above the panel, and what its numbers are in."""
+    """Sets the title above a panel and the unit of its numbers."""
     axes.set_title(title, loc="left", fontsize=9, fontweight="bold", color="#333333")
     if unit:
         axes.set_ylabel(f"[{unit}]")
 
 
 def draw_row(parts: Sequence[Axes], picture: Picture, panel: Panel) -> None:
-    """All numbers of a field, side by side if there are many."""
+    """Draws all numbers of a field; many numbers are in several panels side by side."""
     groups = groups_of(panel.columns)
     names = names_of_groups(picture, panel)
     for i, (axes, numbers, name) in enumerate(zip(parts, groups, names, strict=True)):
@@ -349,7 +349,7 @@ def draw_row(parts: Sequence[Axes], picture: Picture, panel: Panel) -> None:
 
 
 def time_unit(seconds: float) -> tuple[float, str]:
-    """A factor and a unit in which such a time has few digits."""
+    """A factor and a unit in which a time of this size [s] has few digits."""
     for factor, unit in ((1e9, "ns"), (1e6, "µs"), (1e3, "ms")):
         if seconds * factor < 1000:
             return factor, unit
@@ -357,7 +357,7 @@ def time_unit(seconds: float) -> tuple[float, str]:
 
 
 def histogram_of(lateness: LatenessHistogram) -> tuple[Array, Array]:
-    """How many steps are in each bin, from the first to the last that is not empty; its edges."""
+    """Steps per bin, from the first to the last bin that is not empty, and the bins' edges."""
     counts = np.array(lateness.counts())
     edges = np.array([*lateness.edges(), np.inf])
     shown = np.flatnonzero(counts)
@@ -368,7 +368,7 @@ def histogram_of(lateness: LatenessHistogram) -> tuple[Array, Array]:
 
 
 def draw_lateness(trace: Axes, histogram: Axes, picture: Picture) -> None:
-    """How late the steps were, over time and how often."""
+    """Draws the lateness of the steps over time and as a histogram."""
     assert picture.timing is not None  # noqa: S101
     lateness = picture.timing.lateness()
     x, y = picture.lateness.line(picture.times, 0)
@@ -399,7 +399,7 @@ def draw_lateness(trace: Axes, histogram: Axes, picture: Picture) -> None:
 
 
 def draw_marks(axes: Axes, picture: Picture, marks: dict[str, list[float]]) -> None:
-    """A line per kind of trouble, with a stroke where it happened."""
+    """Draws a line for each kind of trouble, with a stroke where it happened."""
     kinds = [*marks, *(["gap"] if picture.gaps else [])]
     for row, kind in enumerate(reversed(kinds)):
         if kind == "gap":
@@ -416,7 +416,7 @@ def draw_marks(axes: Axes, picture: Picture, marks: dict[str, list[float]]) -> N
 
 
 def draw_head(axes: Axes, picture: Picture, panels: Sequence[Panel]) -> None:
-    """Name and facts on the left, on the right what lines and colours mean."""
+    """Draws name and facts on the left, and the legend on the right."""
     from matplotlib.lines import Line2D
 
     axes.axis("off")
@@ -456,7 +456,7 @@ def draw_head(axes: Axes, picture: Picture, panels: Sequence[Panel]) -> None:
 def companions_of(
     session: LoggedSession, picture: Picture, bins: int = BINS
 ) -> Iterator[tuple[str, Picture]]:
-    """The companions with something to draw, in the time of the picture."""
+    """Yields name and data of each companion that has numbers, in the time of `picture`."""
     for companion in session.companions:
         if companion.range("observation")[1] == 0:
             continue
@@ -469,7 +469,7 @@ def companions_of(
 
 
 def troubles_of(log: Log, picture: Picture) -> dict[str, list[float]]:
-    """When something went wrong, by its kind; warnings of the recorder included."""
+    """Times of troubles, by their kind; warnings and errors in the log are included."""
     marks = dict(picture.marks)
     begin, end = picture.begin * 1e-9, picture.end * 1e-9
     events = [
@@ -483,7 +483,7 @@ def troubles_of(log: Log, picture: Picture) -> dict[str, list[float]]:
 
 
 def draw(log: Log, session: LoggedSession, first: int | None, last: int | None) -> Figure:
-    """The whole picture."""
+    """Draws the whole picture."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
@@ -553,7 +553,7 @@ def plot(
     begin: float | None = None,
     end: float | None = None,
 ) -> None:
-    """Draws the newest session of `robot` into a file: .png, .svg, .pdf, or .html to zoom in."""
+    """Draws the newest session of `robot` into a file: .png, .svg, .pdf, or a page as .html."""
     if path.suffix not in (".png", ".svg", ".pdf", ".html"):
         raise InvalidArgument(f"{path} must end in .png, .svg, .pdf or .html")
     session = log.session(robot)
@@ -568,7 +568,7 @@ def plot(
 
 
 def parse(words: Sequence[str] | None) -> argparse.Namespace:
-    """What was typed."""
+    """The arguments of the command line."""
     parser = argparse.ArgumentParser(
         prog="trifinger log plot",
         description="Draw what happened in the newest session of a robot.",
@@ -580,12 +580,15 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         "-o", "--output", type=Path, help=".png, .svg, .pdf or .html; default: LOG with .png"
     )
     parser.add_argument(
-        "--robot", metavar="NAME", default="", help="needed if there are several; or a companion"
+        "--robot",
+        metavar="NAME",
+        default="",
+        help="robot or companion; needed if a log has several robots",
     )
     parser.add_argument(
-        "--from", dest="from_", type=float, metavar="SECONDS", help="since the first step"
+        "--from", dest="from_", type=float, metavar="SECONDS", help="begin, since the first step"
     )
-    parser.add_argument("--to", type=float, metavar="SECONDS", help="since the first step")
+    parser.add_argument("--to", type=float, metavar="SECONDS", help="end, since the first step")
     return parser.parse_args(words)
 
 

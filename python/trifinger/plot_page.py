@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The page of `trifinger log plot -o run.html`: one file, in which one can zoom.
 
-It needs no server and no network: Plotly is in it, and so are the numbers. Of each line it holds
-the smallest and the largest number of up to tens of thousands of stretches. Whatever part of the
-time is looked at is drawn anew from these, again as the smallest and the largest of as many
-stretches as a screen shows. So no peak is ever lost, and a log of hours makes no larger page.
+The page needs no server and no network: it contains Plotly and the numbers. For each line it holds
+the smallest and the largest number of up to 100 000 stretches of time. Zooming draws the visible
+part again from these numbers, as the smallest and the largest number of as many stretches as a
+screen shows. So no peak is ever lost, and a log of hours does not make a larger page.
 """
 
 from __future__ import annotations
@@ -45,12 +45,12 @@ if TYPE_CHECKING:
 
     Array = NDArray[Any]
 
-MOST_NUMBERS = 8_000_000  # in a page, of all lines
-MOST_STRETCHES = 100_000  # of a line
-ROW = 190  # [pixel]
+MOST_NUMBERS = 8_000_000  # limit for all lines of a page
+MOST_STRETCHES = 100_000  # limit for a line
+ROW = 190  # height of a row [pixel]
 GAP = 62  # between rows [pixel]
 
-# Fills the lines with as much as can be seen, at the beginning and whenever one zooms.
+# Fills the lines with as many numbers as a screen shows, at the start and after each zoom.
 SCRIPT = """
 const page = document.getElementById("{plot_id}");
 const STRETCHES = 900;  // of a line on the screen
@@ -155,14 +155,14 @@ pre { background: #f6f6f6; padding: 0.8em; overflow: auto; max-height: 40em; fon
 
 @dataclass
 class Numbers:
-    """The numbers of all lines, one behind the other, and where each line has its own."""
+    """The numbers of all lines, one after the other, and the place of each line in them."""
 
     parts: list[bytes] = field(default_factory=list)
     size: int = 0
     lines: list[tuple[int, int, int, int, int]] = field(default_factory=list)
-    places: dict[int, int] = field(default_factory=dict)  # of times, by the picture
-    axes: list[str] = field(default_factory=list)  # of the lines, as in "yaxis3"
-    shared: list[list[str]] = field(default_factory=list)  # axes with one range
+    places: dict[int, int] = field(default_factory=dict)  # places of the times of each picture
+    axes: list[str] = field(default_factory=list)  # axis of each line, as in "yaxis3"
+    shared: list[list[str]] = field(default_factory=list)  # groups of axes that share a range
 
     def _add(self, values: Array, kind: str) -> int:
         place = self.size
@@ -173,7 +173,7 @@ class Numbers:
         return place
 
     def add(self, trace: int, axis: str, picture: Picture, envelope: Envelope, column: int) -> None:
-        """The numbers of a line: those of a column of an envelope."""
+        """Adds the numbers of a line, which are a column of an envelope."""
         if envelope.low is None or envelope.high is None:
             return
         if id(picture) not in self.places:
@@ -187,7 +187,7 @@ class Numbers:
         self.axes.append(axis)
 
     def to_html(self) -> str:
-        """As two elements that the script reads."""
+        """Two HTML elements with the numbers and their index, which the script reads."""
         packed = base64.b64encode(gzip.compress(b"".join(self.parts), 6)).decode()
         index = {"lines": self.lines, "axes": self.axes, "shared": self.shared}
         return (
@@ -197,13 +197,13 @@ class Numbers:
 
 
 def _ascending(times: Array) -> Array:
-    """The times, with those of stretches without steps between those of their neighbours."""
+    """The times; a stretch without steps gets a time between those of its neighbours."""
     known = np.flatnonzero(np.isfinite(times))
     return np.interp(np.arange(len(times)), known, times[known])
 
 
 def stretches_of(session: LoggedSession) -> int:
-    """How many stretches of each line a page can hold."""
+    """How many stretches of each line a page holds at most."""
     numbers = 0
     for dtype in (session.observation_dtype, session.action_dtype, session.applied_action_dtype):
         numbers += dtype.itemsize // 8
@@ -219,7 +219,7 @@ def _needed() -> tuple[Any, Any]:
 
 
 class _Figure:
-    """Plotly's figure and the numbers of its lines."""
+    """A figure of Plotly and the numbers of its lines."""
 
     def __init__(self, rows: Sequence[tuple[Picture, Panel]], picture: Picture, kinds: int) -> None:
         self.go, make_subplots = _needed()
@@ -380,7 +380,7 @@ def _add_marks(figure: _Figure, row: int, picture: Picture, marks: dict[str, lis
 
 
 def _decorate(figure: _Figure, picture: Picture, places: Sequence[tuple[int, int]]) -> None:
-    """One time for all; gaps and the fault."""
+    """Gives all panels one axis of time, the gaps and the fault."""
     margin = 0.01 * max(picture.duration, 1e-6)
     for row, column in places:
         figure.figure.update_xaxes(
@@ -417,12 +417,12 @@ def _decorate(figure: _Figure, picture: Picture, places: Sequence[tuple[int, int
 
 
 def facts_of(session: LoggedSession, picture: Picture) -> str:
-    """What is above the figure."""
+    """The headline and the texts above the figure, as HTML."""
     headline, facts = title_of(picture)
     per_stretch = -(-(picture.last - picture.first) // picture.bins)
     if picture.bins < picture.last - picture.first:
         held = (
-            f"Of each line the page holds the smallest and the largest number of {picture.bins} "
+            f"For each line the page holds the smallest and the largest number of {picture.bins} "
             f"stretches of up to {per_stretch} steps, and draws those of as many as a screen shows."
         )
     else:
@@ -442,7 +442,7 @@ def facts_of(session: LoggedSession, picture: Picture) -> str:
 
 
 def tables_of(log: Log, session: LoggedSession) -> str:
-    """What the log says besides numbers."""
+    """Tables of what the log holds besides numbers: origin, gaps, damage, events, documents."""
     rows = [
         ("files", ", ".join(path.name for path in log.files)),
         ("recorded by", f"trifinger {log.origin.get('trifinger_version', 'unknown')}"),
@@ -464,7 +464,7 @@ def tables_of(log: Log, session: LoggedSession) -> str:
 
 
 def page(log: Log, session: LoggedSession, first: int | None, last: int | None) -> str:
-    """The whole page."""
+    """The whole page, as HTML."""
     _needed()
     bins = stretches_of(session)
     picture = read(session, first, last, bins)

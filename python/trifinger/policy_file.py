@@ -3,7 +3,7 @@
 
     policy_file.export(model, "reach.policy", metadata={"robot": "trifinger_pro"})
 
-Neither PyTorch nor Stable-Baselines3 is imported: what they have made is taken by its attributes.
+Neither PyTorch nor Stable-Baselines3 is imported: their objects are read by their attributes.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from trifinger.errors import InvalidArgument
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-# Weights with a row for each output, bias, and "identity", "relu" or "tanh".
+# Weights with a row for each output, biases, and the activation: "identity", "relu" or "tanh".
 Layer = tuple["ArrayLike", "ArrayLike", str]
 
 ACTIVATIONS = {"ReLU": "relu", "Tanh": "tanh"}
-# What changes nothing where a policy is only evaluated.
+# Modules that change nothing when a policy is only evaluated.
 WITHOUT_EFFECT = {"Dropout", "Flatten", "Identity"}
 ALGORITHMS = {"a2c": "A2C", "ddpg": "DDPG", "ppo": "PPO", "sac": "SAC", "td3": "TD3"}
 
@@ -46,8 +46,8 @@ def write(
 ) -> Policy:
     """Writes the file of a policy and returns the policy.
 
-    The arguments are those of `trifinger.Policy.from_layers`; arrays may be whatever NumPy takes
-    for one. Weights and biases are rounded to single precision.
+    The arguments are those of `trifinger.Policy.from_layers`. An array may be anything that NumPy
+    can turn into one. Weights and biases are rounded to single precision.
     """
     if not layers:
         raise InvalidArgument("a policy needs at least one layer")
@@ -95,15 +95,15 @@ def export(
 ) -> Policy:
     """Writes the deterministic policy of a Stable-Baselines3 model, and returns it.
 
-    `model` is a DDPG, TD3, SAC, PPO or A2C, or its policy or actor. `normalizer` is the
-    `VecNormalize` that it was trained with; a model that has an environment knows its own.
-    Dictionaries of observations are joined in the order of their space's keys.
+    `model` is a DDPG, TD3, SAC, PPO or A2C, or the policy or actor of one. `normalizer` is the
+    `VecNormalize` that it was trained with; a model that still has its environment finds it there.
+    Dictionaries of observations are joined in the order of the keys of their space.
     """
     if normalizer is None and hasattr(model, "get_vec_normalize_env"):
         normalizer = model.get_vec_normalize_env()
     policy = getattr(model, "policy", model)
     actor = getattr(policy, "actor", policy)
-    if hasattr(actor, "latent_pi"):  # SAC squashes what it has drawn
+    if hasattr(actor, "latent_pi"):  # SAC: a tanh bounds its actions
         layers = _with_tanh(layers_of(actor.latent_pi) + layers_of(actor.mu))
     elif hasattr(actor, "mu"):  # DDPG, TD3
         layers = layers_of(actor.mu)
@@ -136,7 +136,7 @@ def export(
 
 
 def load_model(path: str | os.PathLike[str], algorithm: str) -> Any:
-    """A model from a file that Stable-Baselines3 has saved: "ddpg", "td3", "sac", "ppo", "a2c"."""
+    """Loads a model that Stable-Baselines3 saved; `algorithm` is "ddpg", "td3", "sac" and so on."""
     if algorithm not in ALGORITHMS:
         raise InvalidArgument(
             f"there is no algorithm '{algorithm}', only {', '.join(sorted(ALGORITHMS))}"
@@ -161,12 +161,12 @@ def _single(numbers: ArrayLike, i: int, name: str, dimensions: int) -> NDArray[n
         raise InvalidArgument(
             f"{name} of layer {i} has the shape {array.shape}, must have {dimensions} dimensions"
         )
-    with np.errstate(over="ignore"):  # infinite is refused, in words
+    with np.errstate(over="ignore"):  # from_layers() refuses infinity with a sentence
         return np.ascontiguousarray(array, np.float32)
 
 
 def _array(numbers: Any) -> NDArray[np.float64]:
-    # Tensors with a gradient and those on a GPU do not become arrays by themselves.
+    # NumPy cannot convert tensors that have a gradient or are on a GPU.
     if hasattr(numbers, "detach"):
         numbers = numbers.detach().cpu()
     try:
@@ -192,12 +192,14 @@ def _modules(module: Any) -> Iterator[Any]:
 def _with_tanh(layers: list[Layer]) -> list[Layer]:
     weights, bias, activation = layers[-1]
     if activation != "identity":
-        raise InvalidArgument(f"the mean of the actions ends with {activation}, then with tanh")
+        raise InvalidArgument(
+            f"the last layer has the activation {activation}, must have none before tanh"
+        )
     return [*layers[:-1], (weights, bias, "tanh")]
 
 
 def _check_observations(actor: Any) -> None:
-    # Whatever else looks at the observation before the layers do would be lost.
+    # The file holds only the layers, so nothing else may process observations before them.
     extractor = getattr(actor, "pi_features_extractor", actor.features_extractor)
     parts = [extractor]
     if type(extractor).__name__ == "CombinedExtractor":

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The program `trifinger`, which is written in C++ and lies in this package."""
+"""Finds the program `trifinger`, which is written in C++ and is part of this package."""
 
 from pathlib import Path
 
 
 def path() -> str:
-    """Where the program is."""
+    """The path of the program."""
     return str(Path(__file__).with_name("trifinger"))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""How far a command is, for those who watch it: a line on a terminal that is drawn over."""
+"""Shows the progress of a command in one line on a terminal, which is drawn again and again."""
 
 import sys
 import time
@@ -7,14 +7,14 @@ from collections.abc import Iterable, Iterator
 from typing import Self, TypeVar
 
 T = TypeVar("T")
-EVERY = 0.1  # from one drawing to the next [s]
+EVERY = 0.1  # shortest time between two drawings [s]
 
 
 class Progress:
-    """A line on standard error, if that is a terminal, which is gone when the block ends."""
+    """A line on standard error if that is a terminal; the end of the block removes it."""
 
     def __init__(self, what: str) -> None:
-        """`what` is being done, as in "film.mp4   45 %  12 s"."""
+        """`what` names the work: with "film.mp4" the line is "film.mp4   45 %  12 s"."""
         self._what = what
         self._is_shown = sys.stderr.isatty()
         self._began = time.monotonic()
@@ -29,7 +29,7 @@ class Progress:
             print("\r\033[K", end="", file=sys.stderr, flush=True)
 
     def update(self, share: float) -> None:
-        """Says which share of it is done, from 0 to 1."""
+        """Shows the share of the work that is done, from 0 to 1."""
         now = time.monotonic()
         if not self._is_shown or now < self._drawn + EVERY:
             return
@@ -39,7 +39,7 @@ class Progress:
 
 
 def shown(items: Iterable[T], what: str, total: int) -> Iterator[T]:
-    """Gives the items, and shows how many of `total` have been taken."""
+    """Yields the items and shows which share of `total` has been taken."""
     with Progress(what) as progress:
         for number, item in enumerate(items):
             progress.update(number / max(total, 1))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What can be known about a session, and why it ended."""
+"""Facts about a session, and why it ended."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ class Fault:
     """Why a session ended."""
 
     code: str
-    """As in "finished", "detached", "action_late", "driver"."""
+    """The kind of end, such as "finished", "detached", "action_late" or "driver"."""
     detail: int = 0
     """The driver's own code, or a count that belongs to `code`."""
     time_index: int = -1
@@ -20,31 +20,31 @@ class Fault:
 
 @dataclass(frozen=True, kw_only=True)
 class SessionInfo:
-    """What anybody may know about a session without taking part in it."""
+    """Facts about a session that can be read without attaching to it."""
 
     name: str
     type: str
-    """Of the robot, as in "trifinger"; of a companion, its own."""
+    """Type of the robot, such as "trifinger", or type of the companion."""
     is_companion: bool
     session_id: int
     is_real_time: bool
     realtime_lacks: tuple[str, ...]
-    """In real-time mode what the loop lacks to be a real-time thread, with the remedy."""
+    """What the loop lacks to be a real-time thread, with remedies; empty without real time."""
     period: float
-    """[s]"""
+    """Time from one step to the next [s]."""
     created: float
-    """Seconds since 1970, as time.time()."""
+    """When the session was made, in seconds since 1970, like time.time()."""
     host: str
     backend_pid: int
     controller_pid: int | None
-    """None: nobody controls."""
+    """None if nobody controls the robot."""
     backend_is_alive: bool
     since_heartbeat: float
-    """How long ago the loop gave its last sign of life [s]."""
+    """Time since the last sign of life of the loop [s]."""
     phase: str
     """"preparing", "holding", "running" or "ended"."""
     steps: int
-    """Whole steps so far."""
+    """Number of complete steps so far."""
     fault: Fault | None
     """None before the end."""
     fault_text: str

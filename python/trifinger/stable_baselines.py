@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What Stable-Baselines3 needs to train on our environments."""
+"""Adapters that let Stable-Baselines3 train on the environments of this package."""
 
 from __future__ import annotations
 
 from typing import Any, ClassVar, NamedTuple, cast
 
-# First, because it says what to install.
+# This import comes first because its error says what to install.
 from trifinger.environments import Environment, VectorEnvironment
 
 # isort: split
@@ -33,19 +33,17 @@ except ModuleNotFoundError as error:
 Array = npt.NDArray[Any]
 Vector = gymnasium.vector.VectorEnv[Any, Any, Any]
 
-JOINTS = 3  # of a finger
-FINGER = 9  # numbers of a finger in what is observed of a reach: positions, velocities, goal
-GOAL = slice(6, 9)  # where its goal is in them
-PUSHED_FROM = (
-    0.045  # so far from a tip that pushes it is the middle of a cube, nearly of a ball [m]
-)
+JOINTS = 3  # joints of a finger
+FINGER = 9  # numbers of a finger in observations of a reach: positions, velocities, goal
+GOAL = slice(6, 9)  # place of the goal in the numbers of a finger
+PUSHED_FROM = 0.045  # from a pushing tip to the middle of a cube, nearly that of a ball [m]
 
 
 class Rows(VecEnv):
-    """Environments as Stable-Baselines3 sees them, with one row for each.
+    """Environments in the form that Stable-Baselines3 needs, with one row for each.
 
-    Shared, each finger has a row of its own, as if it were a robot of its own: then one policy
-    learns from all of them. That needs options with per_finger=True.
+    With `is_shared`, each finger has its own row, as if it were a robot: so one policy learns from
+    all fingers. This needs options with per_finger=True.
     """
 
     def __init__(
@@ -60,21 +58,22 @@ class Rows(VecEnv):
     ) -> None:
         """`environment` must reset itself by AutoresetMode.SAME_STEP.
 
-        `is_per_finger` is what its options say. `approach` [1/m] rewards a tip that comes nearer to
-        where it could push the object to its goal and, twice as much, an object that comes nearer
-        to it, by a potential (Ng, Harada and Russell 1999), so what is best stays the best.
+        `is_per_finger` is the value of its options. `approach` [1/m] adds a reward for a tip that
+        comes nearer to where it could push the object to its goal. An object that comes nearer to
+        its goal gets twice as much. The reward is the change of a potential (Ng, Harada and Russell
+        1999), so the best policy stays the same.
         """
         if environment.metadata["autoreset_mode"] != AutoresetMode.SAME_STEP:
             raise InvalidArgument("the environment must have AutoresetMode.SAME_STEP")
         if not environment.single_observation_space.shape:
-            raise InvalidArgument('Stable-Baselines3 is given vectors: observation="flat"')
+            raise InvalidArgument('Stable-Baselines3 needs vectors: set observation="flat"')
         (seen,) = environment.single_observation_space.shape
         (acted,) = environment.single_action_space.shape or (0,)
         self.environment = environment
         self.rows = acted // JOINTS if is_shared else 1
-        """How many rows an environment has."""
+        """Number of rows of an environment."""
         self.episodes = np.zeros(environment.num_envs, np.int64)
-        """How many episodes of each environment have ended."""
+        """Number of episodes that have ended, for each environment."""
         self._reward_scale, self._approach, self._gamma = reward_scale, approach, gamma
         if approach > 0:
             self._entries = _one_of(environment).entries
@@ -88,13 +87,13 @@ class Rows(VecEnv):
         )
 
     def begin(self, seed: int, episodes: npt.ArrayLike) -> Array:
-        """Begins that episode of `seed` in each environment."""
+        """Begins episode `episodes[i]` of environment i and returns the observations."""
         self.episodes = np.array(episodes, np.int64)
         self._lengths[:] = 0
         self._returns[:] = 0
         environment = self.environment
         observations: Any
-        # One robot knows a single episode.
+        # A single robot takes one number, not an array.
         of_all = isinstance(environment, VectorEnvironment)
         episode: Any = self.episodes if of_all else int(self.episodes[0])
         observations, _ = environment.reset(seed=seed, options={"episode": episode})
@@ -102,7 +101,7 @@ class Rows(VecEnv):
         return self._split(observations)
 
     def reset(self) -> Any:
-        """Begins the next episodes, or the first of what seed() has said."""
+        """Begins the next episodes, or episode 0 of the seed that seed() was given."""
         if self._seeds[0] is not None:
             seed = self._seeds[0]
             self._reset_seeds()
@@ -118,7 +117,7 @@ class Rows(VecEnv):
         self._actions = actions
 
     def step_wait(self) -> Any:
-        """Lets them act."""
+        """Applies the actions of step_async()."""
         environment = self.environment
         actions = self._actions.reshape(environment.num_envs, -1)
         observations, rewards, terminated, truncated, info = environment.step(actions)
@@ -130,7 +129,7 @@ class Rows(VecEnv):
             reached = potentials.copy()
             if ended.any():
                 reached[ended] = self._potential(np.stack(list(info["final_obs"][ended])))
-                # Nothing follows the end of a task, so there is nothing to be near to.
+                # After the end of a task nothing follows, so the potential there is 0.
                 reached[terminated] = 0.0
             rewards = rewards + (self._gamma * reached - self._potentials) / self._reward_scale
             self._potentials = potentials
@@ -162,28 +161,29 @@ class Rows(VecEnv):
         )
 
     def close(self) -> None:
-        """Lets go of the environments."""
+        """Closes the environments."""
         self.environment.close()
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """The same attribute of the environments as often as there are indices."""
+        """The attribute of the environments, repeated for each index."""
         value = getattr(self.environment, attr_name)
         return [value for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, *_: Any, **__: Any) -> None:
-        """Refused: rows are not environments of their own."""
+        """Raises AttributeError: rows are not separate environments."""
         raise AttributeError(f"{attr_name} of single rows cannot be set")
 
     def env_method(self, method_name: str, *_: Any, **__: Any) -> list[Any]:
-        """Refused: rows are not environments of their own."""
+        """Raises AttributeError: rows are not separate environments."""
         raise AttributeError(f"{method_name} of single rows cannot be called")
 
     def env_is_wrapped(self, _: Any, indices: Any = None) -> list[bool]:
-        """Nothing is wrapped."""
+        """False for each row: nothing is wrapped."""
         return [False for _ in self._get_indices(indices)]
 
-    # The nearer a tip is to where it would push the object to its goal, and the object to its goal,
-    # which counts twice, the higher. The former is behind the object, and at its goal its middle.
+    # The potential of `approach`. It rises as the nearest tip comes nearer to the place from which
+    # it would push the object, and twice as much as the object comes nearer to its goal. The place
+    # is on the side of the object away from the goal; at the goal, it is the object's middle.
     def _potential(self, observations: Array) -> Array:
         if self._approach == 0:
             return np.zeros(len(observations))
@@ -197,7 +197,7 @@ class Rows(VecEnv):
         away = np.linalg.norm(tips - behind[:, None], axis=2).min(axis=1)
         return np.asarray(-self._approach * (away + 2 * np.linalg.norm(way, axis=1)))
 
-    # Positions as goals are observed, finger by finger.
+    # Achieved positions in the frames in which goals are observed, finger by finger.
     def _shown(self, achieved: Array) -> Array:
         if not self._is_per_finger:
             return achieved
@@ -215,7 +215,7 @@ def _one_of(environment: Any) -> VectorEnvironment | Environment:
 
 
 def _of_step(name: str, info: dict[str, Any], ended: Array) -> Array:
-    # Where an episode has ended, info is that of the next one.
+    # If an episode has ended, `info` already belongs to the next one.
     values = np.array(info[name])
     if "final_info" in info:
         values[ended] = info["final_info"][name][ended]
@@ -223,7 +223,7 @@ def _of_step(name: str, info: dict[str, Any], ended: Array) -> Array:
 
 
 class FallingNoise(ActionNoise):
-    """Normal noise whose deviation falls linearly during `calls` calls, then stays."""
+    """Normal noise; its standard deviation falls linearly during `calls` calls, then stays."""
 
     def __init__(self, begin: float, end: float, calls: int, size: int) -> None:
         super().__init__()
@@ -231,21 +231,22 @@ class FallingNoise(ActionNoise):
         self._count = 0
 
     def __call__(self) -> Array:
-        """Noise for an action."""
+        """Draws the noise for an action."""
         share = min(self._count / self._calls, 1.0)
         self._count += 1
         deviation = self._begin + share * (self._end - self._begin)
-        # The global generator, as all that Stable-Baselines3 draws: it is in the checkpoints.
+        # Stable-Baselines3 uses the global generator, too; its state is in the checkpoints.
         return np.random.normal(0.0, deviation, self._size).astype(np.float32)  # noqa: NPY002
 
 
 class FingerReplayBuffer(ReplayBuffer):
-    """Transitions of a reach, from which batches are put together finger by finger.
+    """Stores transitions of a reach; sample() puts rows together finger by finger.
 
-    A row of a batch has for each finger what some finger has seen at some time, with its own goal
-    or, for a share of them, a position that it came to later in the episode. Fingers that do not
-    touch know nothing of each other and are turned copies of one, and the reward is the mean of
-    theirs, so such a row might have happened. Needs options with per_finger=True.
+    Each finger of a row gets the transition of any finger at any time. Its goal is the original
+    one or, for the share `relabelled`, a position that the finger came to later in the episode.
+    Such a row could have happened: fingers that do not touch do not influence each other, all
+    fingers are rotated copies of one, and the reward is the mean over the fingers. Options need
+    per_finger=True.
     """
 
     def __init__(
@@ -264,8 +265,9 @@ class FingerReplayBuffer(ReplayBuffer):
         self._relabelled, self._reward_scale = relabelled, reward_scale
         self._middle = (np.asarray(goal_low) + goal_high) / 2
         self._half = (np.asarray(goal_high) - goal_low) / 2
-        # Where tips came to, as goals are observed; the last place of the episode of each place.
+        # Positions that the tips reached, scaled like goals.
         self._achieved = np.zeros((*shape[:2], self._fingers, 3), np.float32)
+        # For each place in the buffer, the last place of its episode.
         self._last = np.zeros(shape[0], np.int64)
         self._first = 0
 
@@ -278,7 +280,7 @@ class FingerReplayBuffer(ReplayBuffer):
         done: Array,
         infos: list[dict[str, Any]],
     ) -> None:
-        """Adds a transition of each environment; their episodes begin and end together."""
+        """Adds a transition of each environment; all episodes must begin and end together."""
         place = self.pos
         achieved = np.stack([info["achieved_goal"] for info in infos])
         achieved = achieved.reshape(len(infos), self._fingers, 3)
@@ -290,7 +292,7 @@ class FingerReplayBuffer(ReplayBuffer):
             self._first = self.pos
 
     def sample(self, batch_size: int, env: VecNormalize | None = None) -> ReplayBufferSamples:
-        """A batch. Refuses to normalise it."""
+        """Draws a batch. Raises InvalidArgument if `env` asks to normalise it."""
         if env is not None:
             raise InvalidArgument("batches of fingers are not normalised")
         size = (batch_size, self._fingers)
@@ -308,7 +310,7 @@ class FingerReplayBuffer(ReplayBuffer):
         seen[..., GOAL] = next_seen[..., GOAL] = goal
         way = (goal - self._achieved[place, row, finger]) * self._half
         rewards = -self._reward_scale * np.linalg.norm(way, axis=-1).mean(axis=1, keepdims=True)
-        # Reaches are cut off, by time or by a fault, which ends no row.
+        # Time or a fault truncates a reach, which never terminates: so no transition is the last.
         arrays = (seen, actions, next_seen, np.zeros_like(rewards), rewards)
         return ReplayBufferSamples(
             *(
@@ -319,17 +321,17 @@ class FingerReplayBuffer(ReplayBuffer):
 
 
 class _SteadyPolicy(TD3Policy):
-    # Linear layers do the same whether they learn or act, so there is no need to tell them.
+    # Linear layers work the same in training and evaluation, so there is no mode to set.
     def set_training_mode(self, mode: bool) -> None:
         pass
 
 
 class QuickDDPG(DDPG):
-    """DDPG whose gradient steps compute what the library's do, in two thirds of the time.
+    """DDPG that computes the same gradient steps as the library in two thirds of the time.
 
-    Networks as small as ours are over in less time than the library needs for what DDPG does not
-    use, noise of the target's actions and gradients of the critic for the actor's loss, and for its
-    calls from module to module. So these go straight from one layer to the next.
+    The library spends more time on overhead than our small networks take. The overhead is noise on
+    the target's actions and gradients of the critic for the actor's loss, which DDPG does not use,
+    and calls from module to module. This class calls one layer directly after the other.
     """
 
     policy_aliases: ClassVar[dict[str, type[BasePolicy]]] = {"MlpPolicy": _SteadyPolicy}
@@ -344,7 +346,7 @@ class QuickDDPG(DDPG):
         return [*super()._excluded_save_params(), "_networks"]
 
     def train(self, gradient_steps: int, batch_size: int = 100) -> None:
-        """The gradient steps between two actions."""
+        """Does the gradient steps between two actions."""
         self._update_learning_rate([self.actor.optimizer, self.critic.optimizer])
         actor, actor_target, critic, critic_target = self._networks
         buffer = cast(ReplayBuffer, self.replay_buffer)
@@ -372,7 +374,7 @@ class QuickDDPG(DDPG):
 
 
 class _Network:
-    # Linear layers with ReLU between them: what a module of the library holds.
+    # The linear layers of a module of the library, with ReLU between them.
     def __init__(self, module: torch.nn.Module) -> None:
         self.parameters: list[torch.Tensor] = list(module.parameters())
         self._layers = list(zip(self.parameters[::2], self.parameters[1::2], strict=True))
@@ -400,9 +402,9 @@ def _descend(
 
 
 def turned_to_first(points: Array) -> Array:
-    """Points of each finger (..., fingers, 3), turned about z to where finger 0 is."""
+    """Points (..., fingers, 3), each rotated about z from its finger to finger 0."""
     fingers = points.shape[-2]
-    angles = 2 * np.pi * np.arange(fingers) / fingers  # they stand clockwise
+    angles = 2 * np.pi * np.arange(fingers) / fingers  # the fingers stand clockwise
     cosine, sine = np.cos(angles), np.sin(angles)
     x, y, z = np.moveaxis(points, -1, 0)
     return np.stack([cosine * x - sine * y, sine * x + cosine * y, z], axis=-1)

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Trainings with Stable-Baselines3, which go on where they were killed.
+"""Trainings with Stable-Baselines3, which can go on after a kill.
 
     plan = training.Plan.of("reach", "ddpg", is_shared=True)
     summary = training.Training(plan, Path("run")).run()
 
-docs/training.md has the command, and what lies in the folder of a run.
+docs/training.md describes the command and the files in the folder of a run.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, Self
 
-# First, because it says what to install.
+# This import comes first because its error says what to install.
 from trifinger.stable_baselines import (
     FallingNoise,
     FingerReplayBuffer,
@@ -64,54 +64,55 @@ MODELS: dict[str, type[BaseAlgorithm]] = {"ddpg": QuickDDPG, "td3": TD3, "sac": 
 CHECKPOINT = "checkpoint"
 PLAN = "plan.json"
 CURVE = "curve.csv"
-# The figure of what comes near to its goals, as seen from above.
+# Name of the figure of paths to the goals as seen from above, by task.
 WAYS = {"reach": "tips.png", "finger_reach": "tips.png", "push": "object.png"}
-FIGURE_AFTER = 200  # The episode that the paper shows between begin and end.
+FIGURE_AFTER = 200  # the paper's figure shows this episode between the first and the last
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Recipe:
-    """How a policy learns."""
+    """Settings of how a policy learns."""
 
     algorithm: Algorithm = "ddpg"
     is_shared: bool = False
     """Whether the fingers share one policy."""
     num_envs: int = 1
-    """How many robots learn at once; a single one goes through the interface of real ones."""
+    """Number of robots that learn at once; a single one uses the interface of real robots."""
     gamma: float = 0.9
     learning_rate: float = 1e-3
     final_learning_rate: float = 1e-4
-    """It falls linearly, to this at the end."""
+    """Learning rate at the end; it falls linearly from `learning_rate`."""
     batch_size: int = 128
     gradient_steps: int = 1
-    """After each action of all robots; not of PPO."""
+    """Gradient steps after each action of all robots; PPO does not use this."""
     layers: tuple[int, ...] = (256, 256)
     noise: float = 0.2
     final_noise: float = 0.02
-    """Of actions of DDPG and TD3, as standard deviations; it falls linearly."""
+    """Standard deviation of noise on actions of DDPG and TD3 at the end; it falls linearly from
+    `noise`."""
     reward_scale: float = 10.0
-    """Times the reward of the task. PPO divides the sum with that of `approach` by the deviation of
-    its returns."""
+    """Factor on the reward of the task. The reward of `approach` is added to the product; PPO
+    divides the sum by the standard deviation of its returns."""
     relabelled: float = 0.0
-    """Above zero: batches are put together finger by finger, with this share of the goals replaced
-    by positions that were reached. Only for reaches."""
+    """Share of the goals that are replaced by positions that were reached. If it is above zero,
+    batches are put together finger by finger. Only for reaches."""
     approach: float = 0.0
-    """Reward of a tip that comes nearer to where it could push the object to its goal; an object
-    that comes nearer to its goal has twice as much [1/m]."""
+    """Reward for a tip that comes nearer to where it could push the object to its goal [1/m]. An
+    object that comes nearer to its goal gets twice as much."""
     random_actions: int = 100
-    """Of each robot, before it learns; not of PPO."""
+    """Random actions of each robot before it learns; PPO does not use this."""
     buffer_size: int = 1_000_000
-    """The most transitions that are remembered."""
+    """Largest number of transitions that are stored."""
     rollout: int = 100
-    """Actions of each robot between updates of PPO."""
+    """Actions of each robot between two updates of PPO."""
     epochs: int = 10
-    """How often PPO goes through them."""
+    """How often an update of PPO goes through the actions of a rollout."""
     initial_noise: float = 1.0
-    """Of actions of PPO at the beginning, as a standard deviation; it learns the rest."""
+    """Standard deviation of actions of PPO at the start; PPO learns the later ones."""
 
     @classmethod
     def of(cls, task: str, algorithm: Algorithm, *, is_shared: bool = False) -> Self:
-        """What is known to learn, or a beginning where nothing is."""
+        """A recipe that is known to learn the task, or else a starting point for experiments."""
         if algorithm not in MODELS:
             raise InvalidArgument(f"there is no algorithm '{algorithm}', only {', '.join(MODELS)}")
         common: dict[str, Any] = {"algorithm": algorithm, "is_shared": is_shared}
@@ -130,18 +131,18 @@ class Recipe:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Plan:
-    """A training from begin to end; the same plan gives the same policy."""
+    """All settings of a training; the same plan gives the same policy."""
 
     task: str
     recipe: Recipe
     options: Options
     episodes: int = 700
-    """Of full length, of all robots together."""
+    """Number of episodes of all robots together, if each has its full length."""
     seed: int = 1
     evaluation_interval: int = 50
-    """Episodes."""
+    """Episodes between two evaluations."""
     checkpoint_interval: int = 25
-    """Episodes."""
+    """Episodes between two checkpoints."""
 
     @classmethod
     def of(
@@ -153,7 +154,7 @@ class Plan:
         settings: Mapping[str, Any] | None = None,
         **more: Any,
     ) -> Self:
-        """The known recipe, with some fields of `Recipe` and `Options` set otherwise.
+        """The plan of Recipe.of(); `settings` are other values for fields of Recipe and Options.
 
         `more` are fields of the plan itself, as in `episodes=100`.
         """
@@ -175,7 +176,7 @@ class Plan:
         options = Options.of(task)
         for name, value in settings.items():
             _check_type(name, value, getattr(options, name, value))
-        # A hundred evaluations at most, so that they take little of the time.
+        # There are about a hundred evaluations at most, so that they take little of the time.
         episodes = more.get("episodes", 700)
         more.setdefault("evaluation_interval", max(50, episodes // 100))
         more.setdefault("checkpoint_interval", max(25, episodes // 100))
@@ -187,7 +188,7 @@ class Plan:
         return plan
 
     def to_json(self) -> str:
-        """As the folder of a run has it."""
+        """The plan as JSON, as the folder of a run holds it."""
         return json.dumps(dataclasses.asdict(self), indent=2)
 
     @classmethod
@@ -199,7 +200,7 @@ class Plan:
 
     @classmethod
     def from_json(cls, text: str) -> Self:
-        """Reads what to_json() has written."""
+        """The plan from the text that to_json() returned."""
         fields = json.loads(text)
         recipe = fields.pop("recipe")
         recipe["layers"] = tuple(recipe["layers"])
@@ -208,7 +209,7 @@ class Plan:
 
 
 def parse_setting(word: str) -> tuple[str, Any]:
-    """KEY=VALUE, with a value as Python writes it, or a word."""
+    """Key and value of KEY=VALUE; the value is a literal of Python or else a word."""
     name, equals, text = word.partition("=")
     if not equals:
         raise InvalidArgument(f"'{word}' is no KEY=VALUE")
@@ -225,7 +226,7 @@ def _check_type(name: str, value: Any, usual: Any) -> None:
 
 
 class Training:
-    """A training with its folder. In a folder that has its plan already, it goes on from there."""
+    """A training in a folder; if the folder has a checkpoint of its plan, it goes on from there."""
 
     def __init__(
         self,
@@ -235,9 +236,10 @@ class Training:
         show_progress: Callable[[int], None] = lambda _: None,
         after_evaluation: Callable[[Training], None] = lambda _: None,
     ) -> None:
-        """`say` is given lines for people; `show_progress` how many episodes have ended, often.
+        """`say` gets lines for people; `show_progress` often gets the number of ended episodes.
 
-        `after_evaluation` is called when `curve` has got another entry; `act` is the policy then.
+        `after_evaluation` is called when `curve` has a new entry; act() is then the policy that was
+        evaluated. Raises InvalidArgument if the folder has a training with another plan.
         """
         self.plan, self.folder, self._say, self._show_progress = plan, folder, say, show_progress
         self._after_evaluation = after_evaluation
@@ -247,7 +249,7 @@ class Training:
         self._ways: dict[str, Array] = {}
         self._next_checkpoint = 0
         recipe = plan.recipe
-        # Deterministic, and for the batches of a single robot as fast as more.
+        # A set number keeps sums the same. One thread is enough for the batches of a single robot.
         torch.set_num_threads(_threads(recipe))
         self._rows = Rows(
             _environments(plan),
@@ -263,7 +265,7 @@ class Training:
         self._evaluator = Evaluator(plan.task, plan.options)
         self._total = plan.episodes * self._evaluator.episode_actions * self._rows.rows
         self._model = _model(plan, self._normalizer or self._rows, self._total)
-        # The episodes of a seed, from the first on.
+        # Each robot begins with episode 0 of its seed.
         self._begin(np.zeros(recipe.num_envs, np.int64))
         folder.mkdir(parents=True, exist_ok=True)
         _replace(folder / PLAN, plan.to_json().encode())
@@ -273,13 +275,13 @@ class Training:
 
     @classmethod
     def resume(cls, folder: Path, *callbacks: Callable[[Any], None]) -> Self:
-        """The training of a folder, after its newest checkpoint."""
+        """The training in a folder, which goes on after its newest checkpoint."""
         return cls(Plan.of_folder(folder), folder, *callbacks)
 
     def run(self) -> Summary:
-        """Trains to the end, writes policy and curve, and returns how good the policy is.
+        """Trains to the end, writes policy and curve, and returns the last evaluation.
 
-        Raises KeyboardInterrupt for Ctrl-C; resume() goes on after the newest checkpoint.
+        Ctrl-C raises KeyboardInterrupt; resume() then goes on after the newest checkpoint.
         """
         self._say(self.plan.to_json())
         remaining = self._total - self._model.num_timesteps
@@ -303,7 +305,7 @@ class Training:
         save_curve({self.plan.task: self.curve}, self.folder / "curve.png")
 
     def save_figures(self, view: View | None = None) -> None:
-        """Draws learning curve, ways to the goals, and a film of the policy into the folder."""
+        """Draws the learning curve, paths to the goals and a film of the policy into the folder."""
         task = self.plan.task
         self.save_curve()
         if task in WAYS:
@@ -313,43 +315,43 @@ class Training:
 
     @property
     def policy_path(self) -> Path:
-        """The file of the policy, once it is trained."""
+        """The file of the policy; it exists after the training."""
         return self.folder / f"{self.plan.task}.policy"
 
     @property
     def episodes(self) -> int:
-        """How many have ended."""
+        """Number of episodes that have ended."""
         return int(self._rows.episodes.sum())
 
     @property
     def episode_actions(self) -> int:
-        """How many actions an episode has that is not terminated."""
+        """Number of actions in an episode that is not terminated early."""
         return self._evaluator.episode_actions
 
     def act(self, observations: Array, *, with_noise: bool = False) -> Array:
-        """What the policy does; `with_noise` as it is drawn in trainings by SAC and PPO."""
+        """Actions of the policy; with `with_noise`, SAC and PPO draw them as in training."""
         actions, _ = self._model.predict(
             self._normalized(observations), deterministic=not with_noise
         )
         return actions
 
     def close(self) -> None:
-        """Lets go of the environments."""
+        """Closes the environments."""
         self._rows.close()
 
     def _begin(self, episodes: Array) -> None:
         self._model._last_obs = self._normalized(self._rows.begin(self.plan.seed, episodes))
         self._model._last_episode_starts = np.ones(self._rows.num_envs, bool)
 
-    # As networks see them.
+    # Observations in the form that the networks get.
     def _normalized(self, observations: Array) -> Array:
         if self._normalizer is None:
             return observations
-        # It gives a dictionary for those of dictionaries alone, which its annotation does not say.
+        # It returns a dictionary only for a dictionary, but its annotation does not say so.
         normalized: Array = self._normalizer.normalize_obs(observations)  # type: ignore[assignment]
         return normalized
 
-    # Where nothing is under way: transitions are stored, gradient steps are done.
+    # Called between rollouts, when all transitions are stored and all gradient steps are done.
     def _look(self) -> None:
         episodes = self.episodes
         self._show_progress(episodes)
@@ -401,7 +403,7 @@ class Training:
             "random": (random.getstate(), np.random.get_state(), torch.get_rng_state()),  # noqa: NPY002
             "random_actions": model.action_space.np_random,
         }
-        # The state of all in one file, replaced in one step: a kill leaves the old or the new one.
+        # The whole state is one file, replaced in one step: a kill leaves the old or the new file.
         _replace(self.folder / CHECKPOINT, pickle.dumps(state))
         _replace(self.folder / CURVE, _curve_file(self.curve))
 
@@ -409,7 +411,7 @@ class Training:
         path = self.folder / CHECKPOINT
         if not path.exists():
             return
-        # A pickle, which is code to whoever loads it; it is as trusted as the rest of the folder.
+        # Loading a pickle can run code; the file is as trusted as the rest of the folder.
         state = pickle.loads(path.read_bytes())  # noqa: S301
         if self._normalizer is not None:
             self._normalizer = state["normalizer"]
@@ -419,7 +421,7 @@ class Training:
             io.BytesIO(state["model"]), env=environment, device="cpu", force_reset=False
         )
         if state["buffer"] is not None:
-            setattr(model, "replay_buffer", state["buffer"])  # noqa: B010  (not of all algorithms)
+            setattr(model, "replay_buffer", state["buffer"])  # noqa: B010  (not all algorithms have one)
         self._model = model
         self._begin(state["episodes"])
         self.curve, self._ways = state["curve"], state["ways"]
@@ -444,7 +446,7 @@ class _BetweenRollouts(BaseCallback):
 
 
 class _Board(TensorBoardOutputFormat):
-    # What a killed run has logged behind its checkpoint is forgotten.
+    # Drops what a killed run logged after its last checkpoint.
     def __init__(self, folder: Path, first_step: int) -> None:
         self.writer = SummaryWriter(str(folder), purge_step=first_step)
         self._is_closed = False
@@ -480,7 +482,7 @@ def _model(plan: Plan, rows: VecEnv, total: int) -> BaseAlgorithm:
     }
     network: dict[str, Any] = {
         "net_arch": list(recipe.layers),
-        "optimizer_kwargs": {"fused": True},  # a tenth of the time of a gradient step less
+        "optimizer_kwargs": {"fused": True},  # saves a tenth of the time of a gradient step
     }
     if recipe.algorithm == "ppo":
         network |= {"log_std_init": math.log(recipe.initial_noise)}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Every test has folders of its own. Hangs are ended by pytest's faulthandler_timeout."""
+"""Gives every test its own folders. pytest's faulthandler_timeout ends tests that hang."""
 
 import os
 import signal
@@ -17,11 +17,11 @@ from trifinger import _trifinger
 settings.register_profile("trifinger", deadline=None)  # machines may be busy
 settings.load_profile("trifinger")
 
-# A shell without job control starts what runs in the background with SIGINT ignored, and so would
-# be everything that the tests start.
+# A shell without job control ignores SIGINT in background processes, and everything that the tests
+# start would inherit that.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
-# The folder of the build that the module under test comes from.
+# The build folder that contains the module under test.
 BUILD = Path(_trifinger.__file__).parents[2]
 PROGRAM = os.environ.get("TRIFINGER_PROGRAM", str(BUILD / "apps/trifinger"))
 
@@ -34,7 +34,7 @@ with trifinger.run_fake(sys.argv[1], **eval(sys.argv[2])):
 
 
 class Child:
-    """A process that has printed "ready"; it ends when its input does."""
+    """A process that has printed "ready"; it ends when its input ends."""
 
     def __init__(self, *command: str) -> None:
         self.process = subprocess.Popen(
@@ -63,7 +63,7 @@ class Child:
         self.process.stdin.flush()
 
     def kill(self) -> None:
-        """Ends it as `kill -9` does, and waits for that."""
+        """Kills the process as `kill -9` does, and waits for its end."""
         self.process.kill()
         self.process.communicate()
 
@@ -74,7 +74,7 @@ class Child:
 
 
 class Running:
-    """The program `trifinger` at work, as another user on request. Its output is read by lines."""
+    """A running program `trifinger`, on request as another user. Its output is read by lines."""
 
     def __init__(self, *arguments: str, user: int | None = None) -> None:
         self.process = subprocess.Popen(
@@ -193,7 +193,7 @@ def diverging_state(simulation: trifinger.Simulation | None = None) -> bytes:
     position = np.array([0.05, 0.04, 0.0625])
     simulation.place_object("cube", position.tolist())
     state = bytearray(simulation.save())
-    # The pose is found by its bytes; behind it are the speeds of nine joints, then the cube's.
+    # The bytes of the pose give its place; after it come the speeds of nine joints and of the cube.
     place = state.index(position.tobytes())
     speed = np.ndarray((), np.float64, state, place + (7 + 9) * 8)
     speed[()] = 1e300

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// foreign_backend odd|aiming|probe NAME [clocked]: a back-end with robots that Python has never
-// heard of. Runs until its input ends. A clocked one runs in real time by a clock that goes on by
-// an eighth of a period for each line of input; it answers when all that was due is done.
+// foreign_backend odd|aiming|probe NAME [clocked]: runs a back-end whose robot type Python does not
+// know, until its input ends. With `clocked` it runs in real time by its own clock. Each line of
+// input moves that clock by an eighth of a period; the answer comes when all due work is done.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -26,7 +26,7 @@ using namespace trifinger;
 
 constexpr double kNotGiven = std::numeric_limits<double>::quiet_NaN();
 
-// NaN means "not given" in its target, and nothing anywhere else.
+// In `target`, NaN means "not given"; in other fields it has no meaning.
 struct AimingAction {
   std::array<double, 3> target{kNotGiven, kNotGiven, 0.0};
   std::array<float, 2> force{};
@@ -74,7 +74,7 @@ struct ProbeRobot {
   using Observation = ProbeObservation;
 };
 
-// Measures its causes: which actions an observation depends on, in which order.
+// A driver whose observations list the actions that they depend on, in their order.
 class ProbeDriver final : public Driver<ProbeRobot> {
  public:
   using Driver::apply_action;
@@ -146,7 +146,7 @@ int main(int argc, char** argv) {
         std::this_thread::yield();
       }
     }
-    // From here on nothing happens but what the input says.
+    // From here on, only the input moves the clock.
     if (is_clocked) clock.wait_for_sleeper();
     std::puts("ready");
     std::fflush(stdout);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// mcap_tool write FILE COMPRESSION CHUNK_SIZE: writes what the lines of the input say.
-// mcap_tool resume FILE COMPRESSION CHUNK_SIZE: goes on with a file that was not finished.
-// mcap_tool read FILE [verify]: prints what is in the file, in such lines.
+// mcap_tool write FILE COMPRESSION CHUNK_SIZE: writes the items that the lines of input describe.
+// mcap_tool resume FILE COMPRESSION CHUNK_SIZE: adds such items to a file that is not finished.
+// mcap_tool read FILE [verify]: prints the items in the file, as such lines.
 //
 // Words are separated by tabs; texts and data are hexadecimal.
 //   message TOPIC SCHEMA_NAME SCHEMA_DATA SEQUENCE LOG_TIME PUBLISH_TIME DATA

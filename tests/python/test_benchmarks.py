@@ -24,7 +24,7 @@ PROGRAM = [sys.executable, str(ROOT / "benchmarks" / "run_benchmarks.py")]
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Where everything that is left would be."""
+    """The folder in which a run would leave sessions and files."""
     folder = tmp_path / "all"
     for name, variable in (("memory", "TRIFINGER_SESSION_DIR"), ("files", "TMPDIR")):
         (folder / name).mkdir(parents=True)
@@ -55,13 +55,13 @@ def processes_in(folder: Path) -> list[str]:
 
 
 def wait_until_none_is_in(folder: Path) -> None:
-    """Until the processes there have ended."""
+    """Waits until the processes with sessions in that folder have ended."""
     while processes_in(folder):
         time.sleep(0.01)
 
 
 def wait_for_row(process: subprocess.Popen[str], table: Path) -> None:
-    """Until the first row is in its file, and the next measure is at work."""
+    """Waits until the first row is in its file and the next measure is running."""
     lines = iter(process.stdout or ())
     assert any(line.startswith("[ 2/") for line in lines)
     assert json.loads(table.read_text())
@@ -69,7 +69,7 @@ def wait_for_row(process: subprocess.Popen[str], table: Path) -> None:
 
 @pytest.fixture
 def long_run(folder: Path, tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
-    """A row at once, and then a measure of minutes; writes table.json."""
+    """A run with one quick row and then a measure that takes minutes; it writes table.json."""
     assert remains(folder) == []
     with subprocess.Popen(
         [*PROGRAM, "inline_loop", "kills", "--json", str(tmp_path / "table.json")],
@@ -99,13 +99,13 @@ def quick_rows(folder: Path, *measures: str) -> list[dict[str, Any]]:
 
 
 def number_of(processors: str) -> int:
-    """Of a list as in "0-2,5"."""
+    """Number of processors in a list such as "0-2,5"."""
     ends = [part.partition("-") for part in processors.split(",")]
     return sum(int(last or first) - int(first) + 1 for first, _, last in ends)
 
 
 def assert_started_fresh(row: dict[str, Any]) -> None:
-    """Its process had what this one has: nothing is left of what another one did."""
+    """The process of a row started with the settings of this process, not of another measure."""
     process = row["process"]
     assert number_of(process["processors"]) == len(os.sched_getaffinity(0))
     assert process["scheduler"] == os.sched_getscheduler(0)
@@ -121,8 +121,8 @@ def test_every_measure_gives_its_rows(measure: str, folder: Path) -> None:
     assert rows
     for row in rows:
         assert_started_fresh(row)
-        # Here only that there are figures. But no machine is so busy that a process may hang for
-        # ever, or a step be lost.
+        # This test only checks that there are figures. Hangs and lost steps must be 0 even if the
+        # machine is busy.
         assert row["value"] >= 0.0
         assert isinstance(row["holds"], bool)
         assert row["value"] == 0.0 or not row["measure"].startswith("random kills")
@@ -198,7 +198,7 @@ def test_a_measure_that_fails_is_named_and_the_others_are_measured(
 
 
 def row(**changes: Any) -> Row:
-    """Any."""
+    """A row with arbitrary values, some of which can be changed."""
     return Row(
         **{
             "measure": "a loop",

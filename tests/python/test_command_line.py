@@ -18,7 +18,7 @@ import pytest
 import trifinger
 from conftest import PROGRAM, StartChild, StartProgram, diverging_state
 
-pytestmark = pytest.mark.release  # of the program
+pytestmark = pytest.mark.release  # these tests need the program
 
 ROOT = Path(__file__).parents[2]
 COMMANDS = ("run", "list", "status", "read", "record", "stop", "recover", "model", "doctor")
@@ -226,7 +226,7 @@ def test_a_reader_that_goes_away_does_not_end_the_robot(start_program: StartProg
     program.wait_for("holds its pose")
     assert program.process.stdout is not None
     program.process.stdout.close()
-    with trifinger.connect("fake") as robot:  # what happens now is printed for nobody
+    with trifinger.connect("fake") as robot:  # nobody reads what is printed now
         robot.append_desired_action(robot.new_action())
     assert "stopped" in run("stop", "fake")
     assert program.process.wait() == 0
@@ -268,7 +268,7 @@ def test_processors_are_kept_awake_while_a_robot_needs_it(
 
 
 def may_be_run_by_all(program: Path) -> bool:
-    """Whether nobody finds the program and may start it."""
+    """Whether the user `nobody` can find and start the program."""
     return all(folder.stat().st_mode & 0o001 for folder in (program, *program.parents))
 
 
@@ -361,9 +361,9 @@ def test_fault_61_a_divergence_leaves_the_state_before_in_a_file_to_begin_in(
 ) -> None:
     state = tmp_path / "start.state"
     state.write_bytes(diverging_state())
-    for _ in range(2):  # the second time in what the first has left
+    for _ in range(2):  # the second run starts with the files that the first left
         program = start_program("run", "sim", mode, "--state", str(state))
-        if mode == "--non-real-time":  # in real time it happens while the robot holds its pose
+        if mode == "--non-real-time":  # in real time it diverges while the robot holds its pose
             program.wait_for("holds its pose")
             robot = trifinger.connect("sim")
             robot.append_desired_action(robot.new_action())

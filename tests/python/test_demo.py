@@ -24,7 +24,7 @@ def test_the_demo_lifts_the_cube_and_leaves_a_log_and_pictures(
         timeout=100,
         check=False,
     )
-    # A machine that is busy with other tests may lose the cube in real time, or the robot.
+    # In real time, a machine that is busy with other tests may drop the cube or end the session.
     if not mode and not (tmp_path / "report.json").exists():
         assert result.returncode == 1, result.stdout + result.stderr
         return
@@ -40,7 +40,7 @@ def test_the_demo_lifts_the_cube_and_leaves_a_log_and_pictures(
     (log,) = tmp_path.glob("*.mcap")
     assert str(log) in result.stdout
     assert trifinger.Log(log).session("demo").steps == int(table["steps"])
-    # Both say the same.
+    # The demo and `trifinger log info` say the same.
     info = subprocess.run(
         [program.path(), "log", "info", log, "--json"], capture_output=True, text=True, check=True
     )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Elements as NumPy has them, and what is no action."""
+"""Elements as NumPy shows them, and values that are refused as actions."""
 
 import pickle
 import re

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Environments: what Gymnasium asks of them, and that one simulation or many make no difference."""
+"""Environments satisfy Gymnasium, and one simulation gives the same numbers as many."""
 
 import dataclasses
 import subprocess
@@ -152,7 +152,7 @@ def test_a_simulation_among_many_is_the_single_one_bit_for_bit(task, options):
             ends += has_ended[index]
 
 
-# Full torque to and fro is too fast for a robot that believes no more than this [rad/s].
+# A low bound of plausible velocities [rad/s], so that full torque to and fro causes a fault.
 def believing(rate):
     return {"safety.plausibility.max_position_rate": rate}
 
@@ -185,7 +185,7 @@ def test_a_fault_of_the_robot_ends_the_same_episodes_of_both(mapping, rate):
         assert (reward, *end) == (rewards[0], terminated[0], truncated[0])
         has_ended = any(end)
         assert ("fault_text" in one_info) == (one_info["fault"] != 0)
-        # Nothing is won by it: what would have followed is still to be estimated.
+        # A fault truncates and does not terminate, so learners still estimate what would follow.
         assert one_info["fault"] == 0 or end == [False, True]
         faults += one_info["fault"] != 0
         if faults == 3:
@@ -374,14 +374,14 @@ def test_fingers_cannot_be_told_apart_in_observations_finger_by_finger():
     named, _ = world.reset(seed=3)
     blocks = flat.reshape(3, 9)
     goals = named["goal"].reshape(3, 3)
-    # A goal, seen from its finger, is as high and as far from the centre as ever.
+    # In the frame of its finger, a goal has the same height and distance from the centre.
     low, high = np.array([-0.3, -0.3, 0.0]), np.array([0.3, 0.3, 0.5])
     seen = low + (blocks[:, 6:] + 1) / 2 * (high - low)
     np.testing.assert_allclose(seen[:, 2], goals[:, 2], atol=1e-6)
     np.testing.assert_allclose(
         np.linalg.norm(seen[:, :2], axis=1), np.linalg.norm(goals[:, :2], axis=1), atol=1e-6
     )
-    # All lie before finger 0, at 90 degrees from x.
+    # All goals lie in front of finger 0, which is at 90 degrees from x.
     assert (np.abs(np.arctan2(seen[:, 1], seen[:, 0]) - np.pi / 2) < np.pi / 3 + 1e-6).all()
     np.testing.assert_allclose(seen[0], goals[0], atol=1e-6)
 
@@ -442,7 +442,7 @@ def test_a_robot_without_the_object_is_not_moved():
         environment.reset(seed=0)
     assert environment.process.time_index <= 1
     with pytest.raises(trifinger.Error):
-        sessions[0].session_info()  # It was let go.
+        sessions[0].session_info()  # its handle was closed
 
 
 def test_time_truncates_and_a_lost_object_terminates():
@@ -484,7 +484,7 @@ def test_goals_on_a_trajectory_change_when_the_challenge_says():
     def changes(goals):
         return [t for t in range(1, 61) if not np.array_equal(goals[t], goals[t - 1])]
 
-    # An action is judged by the goal that it knew.
+    # The reward of an action is for the goal that the policy saw before it.
     assert changes(shown) == [30, 40, 50]
     assert changes(judged) == [31, 41, 51]
 
@@ -682,7 +682,7 @@ def test_a_robot_in_real_time_runs_the_same_task(start_program: StartProgram):
     environment.close()
 
 
-@pytest.mark.release  # It is Stable-Baselines3 that takes the time.
+@pytest.mark.release  # Stable-Baselines3 takes too long under sanitizers
 def test_hindsight_experience_replay_takes_the_variant_with_goals(tmp_path, monkeypatch):
     monkeypatch.setenv("SB3_LOGDIR", str(tmp_path))
     environment = gymnasium.make("TriFinger/Reach-v0", observation="goal", duration=0.4)

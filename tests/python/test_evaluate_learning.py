@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Evaluations of trainings: that their tables tell what came of them, and that they may fail."""
+"""Evaluations of trainings: their tables show the results, also of trainings that failed."""
 
 import dataclasses
 import resource
@@ -13,7 +13,7 @@ from trifinger.evaluation import Evaluation, Summary
 
 import learning
 
-pytestmark = pytest.mark.release  # beside the trainings themselves
+pytestmark = pytest.mark.release  # these tests belong to the trainings, which need that build
 
 
 def summary(median):
@@ -78,7 +78,7 @@ def test_the_median_of_the_seeds_counts():
 
 
 def test_the_times_of_a_training_are_its_own(tmp_path, monkeypatch):
-    """The processor time of others that ended meanwhile, and of this process, is not in it."""
+    """They leave out the processor time of this process and of others that ended earlier."""
     monkeypatch.setattr(learning, "RUNS", tmp_path)
     monkeypatch.setattr(learning, "read_curve", lambda _: [(learning.EPISODES, summary(0.01))])
     burn = "import time\nwhile time.process_time() < 0.5: pass\n"

@@ -12,12 +12,12 @@ import pytest
 import trifinger
 from conftest import BUILD, PROGRAM, StartProgram
 
-pytestmark = pytest.mark.release  # of the program
+pytestmark = pytest.mark.release  # these tests need the program
 
 PROGRAMS = BUILD / "examples"
 EXAMPLES = Path(__file__).parents[2] / "examples"
 CONTROL_LOOP = "01_basic_control_loop"  # connects to a robot that runs elsewhere
-# This machine may be busy with other tests: nobody is to blame for being late.
+# This machine may be busy with other tests, so late actions must not cause a fault.
 PATIENT = (
     "--set",
     "backend.late_action.max_repeats=1000000",
@@ -61,7 +61,7 @@ def running(command: list[str]) -> Iterator[subprocess.Popen[str]]:
         try:
             yield program
         finally:
-            program.kill()  # nothing, where it has ended
+            program.kill()  # does nothing if the program has ended
 
 
 @in_both_languages

@@ -13,7 +13,7 @@ from conftest import StartProgram
 from trifinger import film
 from trifinger.film import Trace, find_session
 
-pytestmark = pytest.mark.release  # of the program
+pytestmark = pytest.mark.release  # these tests need the program
 
 
 def record_session(steps: int) -> None:
@@ -53,7 +53,7 @@ def logs(start_program: StartProgram, tmp_path: Path) -> tuple[Path, list[int]]:
 
 
 def trace_of(folder: Path, **report: object) -> Trace:
-    """The trace of a manipulation that never was, with what its report says."""
+    """Writes an invented trace of a manipulation, with this report."""
     folder.mkdir()
     (folder / "trace.csv").write_text("step,phase\n0,look\n10,plan\n")
     (folder / "report.json").write_text(json.dumps({"period": 1e-3, **report}))

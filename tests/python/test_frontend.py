@@ -151,7 +151,7 @@ def test_a_fault_reaches_the_user_with_its_code_and_step() -> None:
 def test_a_clean_with_block_finishes() -> None:
     with trifinger.fake() as robot:
         append(robot, 2)
-        observer = robot  # the handle is closed behind the block
+        observer = robot  # the end of the block closes the handle
     with pytest.raises(trifinger.InvalidArgument, match="closed"):
         observer.latest_observation()
 

@@ -12,9 +12,9 @@ from trifinger import control
 from trifinger.control import GraspPhase
 
 Array = NDArray[np.float64]
-HALF = 0.0325  # of the cube [m]
+HALF = 0.0325  # half the edge of the cube [m]
 MASS = 0.094  # [kg]
-RADIUS = 0.0095  # of a tip [m]
+RADIUS = 0.0095  # radius of a tip [m]
 PERIOD = 1e-3  # [s]
 TORQUE = 0.36  # [Nm]
 SAFETY_KD = np.tile([0.09, 0.09, 0.05], 3)
@@ -55,7 +55,7 @@ def test_a_grasp_carries_the_cube_with_the_share_of_torque_that_it_says() -> Non
         assert grasp is not None
         contacts = []
         for touch in grasp.touches:
-            # On a side face, whose normal points inwards.
+            # The contact is on a side face, whose normal points inwards.
             assert touch.normal[2] == 0
             assert touch.point @ -touch.normal == pytest.approx(HALF)
             normal = turned(way[0].pose, touch.normal)
@@ -151,7 +151,7 @@ def test_torques_at_rest_are_those_of_the_equation() -> None:
         state = controller.state
         assert state.phase is GraspPhase.IDLE
         assert state.torque_share == pytest.approx(np.abs(expected).max() / TORQUE)
-        # What the tips press with, before any face is known: along x.
+        # Before any face is known, the normal force of a tip is the force along x.
         pressed = np.linalg.solve(jacobians.T, torque - bias).reshape(3, 3)
         np.testing.assert_allclose(state.normal_forces, pressed[:, 0], atol=1e-9)
         across = np.linalg.norm(pressed[:, 1:], axis=1)
@@ -218,7 +218,7 @@ def test_a_cube_is_taken_held_and_let_go() -> None:
         assert scene.step() is GraspPhase.HOLD
     state = scene.controller.state
     assert scene.cube().pose.position[2] == pytest.approx(HALF + 0.02, abs=1e-3)
-    # What is felt in the joints is what the tips measure, and what was wanted of them.
+    # The forces computed from the joints match those that the tips measure and those asked for.
     np.testing.assert_allclose(state.normal_forces, scene.observation.tip_force, atol=0.1)
     assert state.wanted.status is control.ForceStatus.EXACT
     assert state.wanted.wrench.force[2] == pytest.approx(MASS * 9.81, abs=0.3)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What somebody else has put where our files would be, and what is no file: no command hangs."""
+"""Foreign files, links and FIFOs in the places of our files: no command hangs."""
 
 import os
 import re
@@ -12,7 +12,7 @@ import pytest
 import trifinger
 from conftest import PROGRAM, StartChild, StartProgram
 
-pytestmark = pytest.mark.release  # of the program
+pytestmark = pytest.mark.release  # these tests need the program
 
 
 def run(*arguments: str, expect: int) -> str:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What `cmake --install` leaves behind, moved elsewhere and used without the build folder."""
+"""The files of `cmake --install`, moved elsewhere and used without the build folder."""
 
 import re
 import shutil
@@ -42,13 +42,13 @@ def run(
 
 @pytest.fixture(scope="module")
 def first_prefix(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where it was installed, and is no longer."""
+    """The folder of the installation before it was moved."""
     return tmp_path_factory.mktemp("install") / "first"
 
 
 @pytest.fixture(scope="module")
 def prefix(first_prefix: Path) -> Path:
-    """Where it was moved to."""
+    """The folder to which the installation was moved."""
     run("cmake", "--install", BUILD, "--prefix", first_prefix)
     return first_prefix.rename(first_prefix.with_name("moved here"))
 
@@ -103,7 +103,7 @@ def test_program_is_not_mistaken_for_what_has_its_name_in_the_working_directory(
 def test_service_is_one_that_systemd_accepts(prefix: Path, tmp_path: Path) -> None:
     units = tmp_path / "units"
     shutil.copytree(prefix / "lib" / "systemd" / "system", units)
-    # As an administrator says it who has installed the program elsewhere.
+    # An administrator who installed the program elsewhere changes its path like this.
     changes = units / "trifinger@sim.service.d"
     changes.mkdir()
     program = prefix / "bin" / "trifinger"
@@ -111,7 +111,7 @@ def test_service_is_one_that_systemd_accepts(prefix: Path, tmp_path: Path) -> No
     verdict = run(
         "env", f"SYSTEMD_UNIT_PATH={units}:", "systemd-analyze", "verify", "trifinger@sim.service"
     )
-    assert "trifinger" not in verdict  # there may be words about others' units
+    assert "trifinger" not in verdict  # systemd may complain about other units
 
 
 def test_service_never_starts_a_robot_again_by_itself(prefix: Path) -> None:

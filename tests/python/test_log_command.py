@@ -20,7 +20,7 @@ from conftest import PROGRAM, StartProgram
 from test_log import Written, write_log
 from trifinger import plot
 
-pytestmark = pytest.mark.release  # of the program
+pytestmark = pytest.mark.release  # these tests need the program
 
 COMMANDS = ("info", "check", "recover", "cut", "plot", "export")
 STEPS = 600

@@ -12,7 +12,7 @@ import trifinger
 from conftest import PROGRAM, StartChild, StartProgram
 from trifinger import Status
 
-pytestmark = pytest.mark.release  # of the program
+pytestmark = pytest.mark.release  # these tests need the program
 
 STEPS = 400
 PERIOD = 0.001
@@ -26,7 +26,7 @@ def run(*arguments: str, expect: int = 0) -> str:
 
 
 def policy(robot: trifinger.Frontend, t: int, y: trifinger.Element, cube: float) -> object:
-    """Depends on everything that was measured: one wrong bit changes all that follows."""
+    """An action that depends on all measurements: one wrong bit changes all later actions."""
     return robot.new_action(
         torque=0.1 * np.sin(1e3 * (y.position + y.velocity) + 1e6 * cube),
         position=y.position + 0.001 if t % 3 == 0 else np.nan,
@@ -186,7 +186,7 @@ def test_fault_67_a_motion_does_not_begin_in_another_pose(
     assert "--blend SECONDS" in message
     assert len(re.findall(r"^ +\d( +-?\d+\.\d{4}){3}  too far$", message, re.MULTILINE)) == 9
     assert sim.current_time_index() == -1, "something was done"
-    # Who may be that far away may begin there.
+    # With this tolerance, the motion may begin there.
     run("log", "replay", str(log), "--on", "sim", "--first", "200", "--tolerance", "0.5")
 
 
@@ -202,14 +202,14 @@ def test_fault_67_a_blend_never_jumps(first: int, record: Record, sim: trifinger
     recorded = trifinger.Log(log).session().desired_actions["position"][first:]
     end = sim.range("applied_action")[1]
     targets = sim.get_desired_actions(0, end)["position"]
-    # From where the robot was, by no more than the limit in every step of the way there,
+    # No step of the way from the robot's pose to the start is longer than the limit.
     assert np.all(np.abs(targets[0] - sim.get_observation(0).position) <= limit * PERIOD)
     way = end - len(recorded)
     assert np.max(np.abs(np.diff(targets[:way], axis=0))) <= limit * PERIOD * (1 + 1e-9)
-    # and into the motion by no more than that and what the motion itself does.
+    # The step into the motion is no longer than the limit plus the largest step of the motion.
     own = np.max(np.abs(np.diff(recorded, axis=0)))
     assert np.max(np.abs(np.diff(targets[way - 1 :], axis=0))) <= limit * PERIOD + own
-    # At its beginning the robot is there, and in the end the motion is the recorded one.
+    # The robot is there when the motion begins, and the motion ends with the recorded actions.
     assert np.allclose(sim.get_observation(way).position, targets[way - 1], atol=0.05)
     assert np.array_equal(targets[-100:], recorded[-100:])
 
@@ -225,7 +225,7 @@ def test_fault_67_a_robot_that_cannot_be_brought_there_does_not_begin(
     )
     assert "it could not be brought nearer" in message
     recorded = trifinger.Log(log).session().get_observation(200).position
-    # It rests where it has been brought.
+    # The robot rests at the pose to which it was brought.
     rest = sim.get_desired_actions(*sim.range("applied_action"))["position"][-1]
     assert np.array_equal(rest, recorded)
     assert sim.fault() is not None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Session files that somebody removes, cuts off or overwrites: a command leads out of it."""
+"""If somebody removes, cuts off or overwrites session files, a command restores order."""
 
 import subprocess
 from collections.abc import Callable
@@ -9,7 +9,7 @@ import pytest
 import trifinger
 from conftest import PROGRAM, StartProgram
 
-pytestmark = pytest.mark.release  # of the program
+pytestmark = pytest.mark.release  # these tests need the program
 
 
 def run(*arguments: str, expect: int | None = None) -> str:
@@ -88,7 +88,7 @@ def test_fault_18_a_second_robot_is_refused_without_the_lock_of_the_first(
     (session_folder / "trifinger.x.lock").unlink()
     for _ in range(2):
         assert "is run by trifinger" in run("run", "fake", "--name", "x", expect=1)
-    # The first one is as it was.
+    # The first back-end still works.
     assert "dead" not in run("list", expect=0)
     with trifinger.connect("x") as user:
         user.append_desired_action(user.new_action(setpoint=1.0))

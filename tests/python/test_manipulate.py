@@ -9,7 +9,7 @@ import pytest
 from conftest import BUILD, StartProgram
 from trifinger import film
 
-pytestmark = pytest.mark.release  # of the program
+pytestmark = pytest.mark.release  # these tests need the program
 
 PROGRAM = BUILD / "apps/trifinger-manipulate"
 # A short lift with a plan that is made at once, by a robot that waits.

@@ -47,7 +47,7 @@ def setpoint(robot: DecisionProcess[State], value: float) -> trifinger.Element:
 
 
 def flags_of(robot: DecisionProcess[State]) -> np.ndarray:
-    """Of all steps that are there."""
+    """The flags of all steps that can still be read."""
     return robot.robot.get_statuses(*robot.robot.range("status"))["flags"]
 
 
@@ -82,7 +82,7 @@ def test_an_augmented_state_depends_on_the_state_before_and_its_action(
         for c, state in enumerate(states):
             assert state.action.label == c
             assert state.observation.applied_actions == c * k
-        # All that comes between two observations is the action that was in the state: k times.
+        # Between two observations, only the action in the state acts, k times.
         for c in range(1, 6):
             assert causes(states[c])[-k:] == [c - 1] * k
             assert causes(states[c])[:-k][-20:] == causes(states[c - 1])[-20:]
@@ -98,7 +98,7 @@ def test_an_approximate_state_depends_on_the_action_before_through_one_step(
         states = run_probe(robot, 6)
         for c, state in enumerate(states):
             assert observation_of(state).applied_actions == c * k
-        # The first of the k steps between two states is what the mapping ignores.
+        # The mapping ignores the first of the k steps, in which the old action acts.
         for c in range(1, 6):
             assert causes(states[c])[-k:] == [c - 1] + [c] * (k - 1)
             assert causes(states[c])[:-k][-20:] == causes(states[c - 1])[-20:]
@@ -132,8 +132,8 @@ def test_an_action_changes_the_states_behind_it_and_no_others(
         after = run(changed)
         pairs = zip(observations(before), observations(after), strict=True)
         differs = [c for c, (a, b) in enumerate(pairs) if a != b]
-        # y_(c k) is measured when a_c begins to act (augmentation), or when it has acted for k - 1
-        # steps (approximation; the hold action does so before that).
+        # Augmentation measures y_(c k) when a_c begins to act. Approximation measures it when a_c
+        # has acted for k - 1 steps; for c = 0 that is at once.
         is_seen = mapping is Approximation and k > 1 and changed > 0
         first = changed if is_seen else changed + 1
         assert differs == list(range(first, cycles))
@@ -158,7 +158,7 @@ def test_a_robot_goes_on_for_as_long_as_its_policy_may_compute(
     robot.reset()
     for c in range(1, cycles):
         robot.step(setpoint(robot, c))
-    # An inline robot takes steps for whom it is waited for, until it needs the next action.
+    # A wait lets an inline robot take steps, until it needs the next action.
     deadline = robot.time_index + periods_to_compute(mapping, k)
     robot.robot.wait_until_time_index(deadline)
     with pytest.raises(trifinger.ActionMissing):
@@ -166,9 +166,9 @@ def test_a_robot_goes_on_for_as_long_as_its_policy_may_compute(
 
 
 class Clocked:
-    """The front-end of a robot in real time, by a clock that this test moves.
+    """The front-end of a robot in real time, with a clock that this test moves.
 
-    Time goes on while it waits for an observation, to the instant of that observation.
+    A wait for an observation moves the clock to the instant of that observation.
     """
 
     def __init__(self, backend: Child) -> None:
@@ -244,7 +244,7 @@ def test_a_policy_that_is_late_is_told_by_the_time_index(
     repeated = range(missed, missed + periods_late)
     assert np.flatnonzero(statuses["flags"] & Status.ACTION_REPEATED).tolist() == list(repeated)
     assert not np.any(statuses["flags"] & Status.ACAUSAL)
-    # What was late is applied in full behind that.
+    # After the repeated steps, the late action is applied for all its steps.
     labels = robot.robot.get_desired_actions(0, robot.time_index)["label"].tolist()
     begin = missed + periods_late
     assert labels[begin : begin + k] == [2] * min(k, len(labels) - begin)
@@ -265,7 +265,7 @@ def test_a_program_that_is_held_up_while_it_appends_gets_the_states_that_belong_
         assert labels == [0] * k + [1], "the first step with this action, and none of it seen yet"
         assert 1 not in causes(state)
     else:
-        # Once more for each of the two steps that were missed.
+        # The action is repeated once for each of the two missed steps.
         assert labels == [0] + [1] * (k + 2)
         assert causes(state) == labels[:-1]
 
@@ -290,7 +290,7 @@ def test_the_same_program_runs_with_and_without_real_time(
     if not real_time:
         assert seen == [c * k for c in range(cycles)]
     assert not np.any(flags & Status.ACAUSAL)
-    # Each step has either an action of its own or says that it has none.
+    # Each step has its own action, or its flags say that it has none.
     own = np.flatnonzero(flags & (Status.ACTION_REPEATED | Status.END) == 0)
     appended = cycles * k if mapping is StateAugmentation else (cycles - 1) * k + 1
     assert len(own) == appended
@@ -446,7 +446,7 @@ def test_a_block_finishes_or_lets_go(
     with pytest.raises(trifinger.RobotStopped, match=r"let go at step \d without finish\(\)"):
         observers[0].get_observation(9)
 
-    # Nothing to finish, nothing to let go of.
+    # Without reset() there is no session to finish or to give back.
     with mapping(connect, 2, hold=hold_fake):
         pass
     robot.close()

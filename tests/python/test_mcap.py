@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""MCAP files of ours, read by the official package, and the other way round."""
+"""The official package reads our MCAP files, and our reader reads those of the package."""
 
 import io
 import itertools

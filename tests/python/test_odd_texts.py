@@ -50,7 +50,7 @@ def test_fault_75_what_is_wrong_with_a_log_names_its_path(odd_folder: Path) -> N
     missing = odd_folder / "missing.mcap"
     with pytest.raises(FileNotFoundError) as not_found:
         trifinger.Log(missing)
-    # As it is printed: no lone surrogates, which no terminal takes.
+    # The text can be printed: it has no lone surrogates, which no terminal accepts.
     assert r"a\xff\xfe b" in str(not_found.value).encode().decode()
     empty = odd_folder / "empty.mcap"
     empty.touch()
@@ -128,7 +128,7 @@ def test_fault_75_a_name_that_looks_like_an_option_is_refused() -> None:
         trifinger.run_fake("-x")
 
 
-@pytest.mark.release  # of the program
+@pytest.mark.release  # this test needs the program
 def test_fault_75_programs_take_any_path_and_no_name_that_looks_like_an_option(
     odd_folder: Path, tmp_path: Path
 ) -> None:

@@ -18,9 +18,9 @@ import trifinger
 from conftest import PROGRAM, StartChild, StartProgram
 from test_processes import step
 
-pytestmark = pytest.mark.release  # of the program
+pytestmark = pytest.mark.release  # these tests need the program
 
-# A machine that stalls is no fault here.
+# In these tests, a machine that stalls must not cause a fault.
 PATIENT = ("--set", "max_repeats=1000000", "--set", "max_skipped=1000000")
 
 
@@ -48,7 +48,7 @@ def test_fault_69_a_signal_ends_everything_in_order(
     assert status == 0
     assert output.endswith("fake: stopped\n")
 
-    # The user is told, with the reason as the last status.
+    # The user gets an error, and the last status has the reason.
     with pytest.raises(trifinger.RobotStopped, match="was asked to stop") as raised:
         robot.get_observation(1_000_000_000)
     fault = raised.value.fault
@@ -57,7 +57,7 @@ def test_fault_69_a_signal_ends_everything_in_order(
     assert fault.time_index >= last
     end = robot.get_status(fault.time_index)
     assert end.flags & trifinger.Status.END
-    # And whatever the robot did is in the log, to the last step.
+    # The log holds everything that the robot did, to the last step.
     log = log_of(folder)
     assert log.fault == fault
     assert np.array_equal(
@@ -77,7 +77,7 @@ def test_fault_69_a_robot_that_waits_for_recovery_ends_as_well(
 
 
 def test_fault_69_a_terminal_that_is_closed_ends_the_robot_in_order(tmp_path: Path) -> None:
-    # As a shell has it: the program leads the session of its terminal, which hangs up.
+    # Like a shell, the program leads the session of a terminal, which then hangs up.
     shown, terminal = os.openpty()
     script = "import os, sys; os.setsid(); import fcntl, termios; "
     script += "fcntl.ioctl(0, termios.TIOCSCTTY, 0); os.execv(sys.argv[1], sys.argv[1:])"
@@ -155,7 +155,7 @@ def test_fault_63_however_a_control_loop_ends_the_robot_is_there_for_the_next(
     fault = raised.value.fault
     assert fault is not None
     assert (fault.code, fault.needs_recovery) == (reason, False)
-    # Nothing is lost before the end, but for an action that nobody had waited for; and the robot
+    # Before the end, only an action that nobody had waited for can be lost. After it, the robot
     # holds until somebody acts.
     assert fault.time_index in ([51] if reason == "finished" else [50, 51])
     with trifinger.connect("robot") as robot:
@@ -172,7 +172,7 @@ def test_fault_63_ctrl_c_at_any_line_lets_go_of_the_robot(
     for _ in range(10):
         loop = start_python(LOOP.format(end="pass"))
         observer = trifinger.observe("robot")
-        # No instant is like another: what counts is that none is special.
+        # The signal comes at a random instant, because it may come at any line.
         time.sleep(dice.uniform(0.0, 0.02))
         os.kill(loop.pid, signal.SIGINT)
         assert loop.finish()[0] == -signal.SIGINT
@@ -255,11 +255,11 @@ def sockets_of(pid: int) -> list[int]:
             listed[line.split()[place]] = family
     families = []
     for descriptor in Path(f"/proc/{pid}/fd").iterdir():
-        # That of the listing itself is gone by now.
+        # The descriptor of this listing itself is closed by now.
         with contextlib.suppress(FileNotFoundError):
             status = descriptor.stat()
             if stat.S_ISSOCK(status.st_mode):
-                # One that stands in no table is of a family that nothing here should have.
+                # A socket in no table is of a family that no process here should use: -1.
                 families.append(listed.get(str(status.st_ino), -1))
     return families
 
@@ -275,7 +275,7 @@ def test_fault_68_nothing_listens_on_the_network(
     program = start_program("run", "sim", "--real-time", "--record", str(tmp_path / "recording"))
     program.wait_for("holds its pose")
     robot = trifinger.connect("sim")
-    # Whatever becomes of the session: a slow machine may end it.
+    # A slow machine may end this session, which does not matter here.
     robot.append_desired_action(robot.new_action(position=robot.latest_observation().position))
     pid = program.process.pid
     children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()

@@ -10,8 +10,8 @@ from conftest import PROGRAM
 from trifinger import InvalidArgument
 from trifinger.picture import CAMERAS, SURROUND_GROUP, TABLE, Painter, Sight, View
 
-os.environ.setdefault("MUJOCO_GL", "egl")  # as Painter does
-pytestmark = pytest.mark.release  # of the program
+os.environ.setdefault("MUJOCO_GL", "egl")  # the default of Painter
+pytestmark = pytest.mark.release  # these tests need the program
 
 SCENES = {
     "edu": (),
@@ -61,7 +61,7 @@ def test_robot_and_objects_fill_the_picture(scene, camera):
     mujoco.mjv_updateScene(
         model, data, options, None, sight.camera, mujoco.mjtCatBit.mjCAT_ALL, place
     )
-    eye, other = place.camera[:2]  # of two eyes
+    eye, other = place.camera[:2]  # the scene has two eyes
     middle = (np.array(eye.pos) + other.pos) / 2
     shown = (model.geom_bodyid > 0) & (model.geom_group == 0)
     points = np.concatenate([data.geom_xpos[shown], TABLE]) - middle

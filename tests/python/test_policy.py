@@ -36,7 +36,7 @@ def random_layers(random: np.random.Generator, widths: list[int]) -> list[policy
 
 
 def recomputed(layers: list[policy_file.Layer], observation: Array) -> Array:
-    """What the layers make of an observation, in double precision."""
+    """The output of the layers for an observation, in double precision."""
     values = observation.astype(np.float32).astype(np.float64)
     for weights, bias, activation in layers:
         affine = np.asarray(weights, np.float64) @ values + np.asarray(bias, np.float64)
@@ -215,7 +215,7 @@ def test_says_what_is_wrong_with_layers(tmp_path: Path) -> None:
 
 
 class Tensor:
-    """What has a gradient becomes an array only when it is asked to leave that behind."""
+    """A tensor with a gradient: NumPy can convert it only after detach()."""
 
     def __init__(self, numbers: Any) -> None:
         self.numbers = np.asarray(numbers, np.float32)

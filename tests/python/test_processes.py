@@ -221,7 +221,7 @@ def test_a_missing_action_stops_a_robot_in_real_time(start_fake: StartChild) -> 
     assert robot.get_statuses(1, fault.time_index)["action_repeats"].tolist() == [1, 2, 3]
     timing = robot.timing()
     assert timing is not None
-    # Those that the machine began late are blamed on nobody else.
+    # Steps that the machine began late do not count as late because of the user.
     assert timing.late_steps("user") <= 4 <= timing.late_steps()
     assert timing.steps() == fault.time_index + 1 == timing.lateness().count()
     assert timing.success_rate() == pytest.approx(1 - timing.late_steps() / timing.steps())
@@ -284,7 +284,7 @@ if child == 0:
     try:
         trifinger.connect("robot")
     except trifinger.ControlHeld:
-        sys.exit(0)  # as every program ends, with all its handles
+        sys.exit(0)  # closes all handles, like the end of every program
     sys.exit("two controllers")
 _, status = os.waitpid(child, 0)
 assert os.waitstatus_to_exitcode(status) == 0

@@ -18,7 +18,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from test_command_line import Screen
 
-pytestmark = pytest.mark.release  # of the program
+pytestmark = pytest.mark.release  # these tests need the program
 
 STEPS = 300
 Messages = dict[str, list[Any]]
@@ -89,7 +89,7 @@ def assert_log_has(robot: trifinger.Frontend, folder: Path, single: bool = False
     messages = read_messages(folder)
     name = robot.session_info().name
     steps = messages[f"/{name}/step"]
-    # In real time a busy machine lets the robot make more before it is told to finish.
+    # In real time, on a busy machine, the robot may take more steps before it has to finish.
     count = robot.session_info().steps
     assert count >= STEPS
     assert [step.time_index for step in steps] == list(range(count))
@@ -141,7 +141,7 @@ def test_the_official_readers_decode_a_robot_that_nobody_has_heard_of(
         assert recorder.end(signal.SIGINT)[0] == 0
         messages = assert_log_has(robot, tmp_path / "out")
         session_id = robot.session_info().session_id
-    # Of the companion a front-end shows only the newest.
+    # A front-end shows only the newest element of a companion.
     shown = {reading.stamp.arrival_index: reading for reading in readings if reading is not None}
     decoded = {message.stamp.arrival_index: message for message in messages["/odd/lamp"]}
     assert len(shown) > STEPS // 4
@@ -191,7 +191,7 @@ def test_run_records_its_robot_from_the_first_step_to_the_last(
         robot.finish()
         status, output = program.end(signal.SIGINT)
         assert (status, output.splitlines()[-1]) == (0, "fake: stopped")
-        # The file is finished when the program has ended, whoever has written it.
+        # The file is complete when the program has ended, whichever process wrote it.
         assert_log_has(robot, tmp_path / "out")
         steps = robot.session_info().steps
     ends = read_metadata(tmp_path / "out", "trifinger.end")
@@ -260,7 +260,7 @@ def test_a_folder_where_the_robot_is_recorded_already_is_refused(
     assert re.search(
         rf"'fake' is recorded into .* by trifinger \(process {first.process.pid}\)", message
     )
-    # Before the robot moves.
+    # The program refuses before the robot moves.
     for mode in ("--real-time", "--non-real-time"):
         message = run("run", "fake", mode, "--record", str(tmp_path / "out"), expect=1)
         assert "is recorded into" in message

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""`trifinger run-policy`: what a policy does on a robot is what it does in its environment."""
+"""`trifinger run-policy`: a policy acts on a robot exactly as in its environment."""
 
 import json
 import subprocess
@@ -12,7 +12,7 @@ from conftest import BUILD, StartProgram
 from trifinger import policy_file
 from trifinger.environments import Environment, Options, policy_metadata
 
-pytestmark = pytest.mark.release  # of the program
+pytestmark = pytest.mark.release  # these tests need the program
 
 PROGRAM = BUILD / "apps/trifinger-run-policy"
 
@@ -140,7 +140,7 @@ def test_warns_of_another_scene_than_that_of_the_training(
         f"object 'cube': {cube} 0.2 kg here, {before} in the training",
     ]
 
-    # As earlier versions wrote them.
+    # Earlier versions wrote files without the configuration.
     policy = trifinger.Policy(path)
     old = {name: text for name, text in policy.metadata.items() if name != "configuration"}
     assert set(policy.metadata) - set(old) == {"configuration"}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Whatever becomes of the recorder of `trifinger run --record`, nothing is lost without a word."""
+"""Whatever happens to the recorder of `trifinger run --record`, every lost step is reported."""
 
 import os
 import resource
@@ -13,7 +13,7 @@ from conftest import PROGRAM, Running, StartProgram
 from test_orderly_end import PATIENT, log_of
 from test_recording import child_of, wait_for_end_of
 
-pytestmark = pytest.mark.release  # of the program
+pytestmark = pytest.mark.release  # these tests need the program
 
 INCOMPLETE = 3
 
@@ -32,7 +32,7 @@ def start(start_program: StartProgram, folder: Path, mode: str = "--real-time") 
 
 
 def limit_files_of(pid: int, size: int) -> None:
-    """Writes of a process fail where a file would get larger: EFBIG, and SIGXFSZ."""
+    """Lets all writes of a process fail that would make a file larger: EFBIG and SIGXFSZ."""
     _, most = resource.prlimit(pid, resource.RLIMIT_FSIZE)
     resource.prlimit(pid, resource.RLIMIT_FSIZE, (size, most))
 
@@ -90,7 +90,7 @@ def test_fault_74_a_recorder_that_is_killed_again_and_again_is_replaced_each_tim
         os.kill(child_of(program.process.pid), signal.SIGKILL)
         program.wait_for("recorder: was killed by signal 9; another one goes on")
         program.wait_for("recorder: is well again after")
-    # This one is found at the end only.
+    # This kill is noticed only at the end.
     os.kill(child_of(program.process.pid), signal.SIGKILL)
     assert program.end(signal.SIGINT)[0] == 0
     assert_complete(tmp_path / "out", robot)
@@ -114,7 +114,7 @@ def test_fault_74_an_end_that_cannot_be_written_stays_in_memory(
     assert f"trifinger {' '.join(remedy)}" in output
     subprocess.run([PROGRAM, *remedy], check=True, capture_output=True)
     assert_complete(tmp_path / "out", robot)
-    # The memory that is left over holds nobody's name.
+    # The memory that is left over does not keep the name of the robot.
     again = start(start_program, tmp_path / "out", mode)
     assert again.end()[0] == 0
 
@@ -127,7 +127,7 @@ def test_fault_74_run_can_be_started_again_as_soon_as_it_was_killed(
         robot = connected()
         robot.wait_until_time_index(5)
         program.process.kill()
-        # Its recorder has not yet found out, or writes the end.
+        # The old recorder has not yet noticed the kill, or is writing the end.
         program = start(start_program, tmp_path / "out")
     assert program.end()[0] == 0
     assert len(trifinger.Log(tmp_path / "out").files) == 1  # the newest recording
@@ -141,7 +141,7 @@ def test_fault_74_a_recorder_that_stands_still_when_run_is_killed_finishes_never
     robot = connected()
     robot.wait_until_time_index(50)
     os.kill(child_of(program.process.pid), signal.SIGSTOP)
-    # The kernel lets a stopped process go on whose last relative outside of its group dies.
+    # The kernel continues a stopped process when its last relative outside its group dies.
     program.process.kill()
     again = start(start_program, tmp_path / "out")
     with pytest.raises(trifinger.RobotStopped):

@@ -92,7 +92,7 @@ def robot_of(folder: Path) -> trifinger.LoggedSession:
 
 
 class Asked(BaseException):
-    """What a program of its own may raise in a handler of signals."""
+    """An exception that a user's handler of signals may raise."""
 
 
 @pytest.mark.parametrize("interrupt", [KeyboardInterrupt, SystemExit, Asked, "signal"])
@@ -117,10 +117,10 @@ def test_fault_63_ctrl_c_in_a_check_is_an_interrupt_and_no_fault(
     robot.get_applied_action(robot.append_desired_action(robot.new_action()))
     is_pressed = True
     t = robot.append_desired_action(robot.new_action())
-    # What is waited for is there in the end, but what interrupted its step is told at once.
+    # The observation would come at the end, but the interrupt of its step is raised at once.
     with pytest.raises(expected) as raised:
         robot.get_observation(t)
-    # Where it was pressed is in the traceback.
+    # The traceback shows where Ctrl-C was pressed.
     assert raised.traceback[-1].name == "check"
     assert robot.fault() == trifinger.Fault("detached", 0, 1, needs_recovery=False)
     assert "xception" not in "".join(capfd.readouterr())
@@ -139,7 +139,7 @@ def test_fault_63_ctrl_c_in_a_check_reaches_who_finishes_or_closes() -> None:
     robot.append_desired_action(robot.new_action())
     with pytest.raises(KeyboardInterrupt):
         robot.finish()
-    # It is told once; then there is the end of the session.
+    # The interrupt is raised once; later calls get the end of the session.
     with pytest.raises(trifinger.RobotStopped, match=r"let go at step 0 without finish\(\)"):
         robot.finish()
     with pytest.raises(trifinger.RobotStopped, match=r"let go at step 0 without finish\(\)"):
@@ -208,7 +208,7 @@ def test_fault_61_a_divergence_leaves_the_state_before() -> None:
     assert raised.value.fault is not None
     assert raised.value.fault.code == "driver"
 
-    # From that state it happens again, in any simulation of this model.
+    # Any simulation of this model diverges again from that state.
     other = trifinger.Simulation()
     other.restore(simulation.state_before_divergence())
     with pytest.raises(trifinger.RobotStopped, match="the simulation diverged"):
@@ -229,7 +229,7 @@ def test_fault_06_a_rejected_action_says_what_was_not_fit_and_what_is_allowed() 
         "apply; the last: position_kd of joint 1 (finger_upper_to_middle_joint_0) is 1 Nms/rad, "
         "allowed are 0 to 0.5 (safety.max_kd); of the same action 1 more value was not fit"
     )
-    # The first of them was marked already.
+    # The first of these actions was already marked.
     reasons = trifinger.Reason(int(robot.get_applied_action(0).reasons[1]))
     assert reasons == trifinger.Reason.KD_OUT_OF_BOUNDS
 

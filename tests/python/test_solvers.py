@@ -13,7 +13,7 @@ from trifinger import control
 from trifinger.control import Pose
 from trifinger.environments import Environment
 
-# Hundreds of plans, by parts whose own tests run under sanitizers.
+# These are hundreds of plans. The tests of their parts run under sanitizers.
 pytestmark = pytest.mark.release
 
 HALF = solvers.SIZE / 2
@@ -100,7 +100,7 @@ def test_a_cube_that_gets_lost_is_grasped_again(planner: RoutePlanner) -> None:
     has_ended = was_moved = False
     while not has_ended:
         if solver.is_leading and not was_moved:
-            # Out of the fingers, to where it began.
+            # Takes the cube out of the fingers, back to its start.
             simulation.place_object("cube", (0.0, 0.0, HALF))
             was_moved = True
         observation, _, terminated, truncated, info = environment.step(solver.act(observation))

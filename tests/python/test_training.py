@@ -24,11 +24,11 @@ from trifinger.errors import InvalidArgument
 from trifinger.stable_baselines import FingerReplayBuffer, QuickDDPG, Rows
 from trifinger.training import CHECKPOINT, CURVE, MODELS, PLAN, Plan, Training
 
-pytestmark = pytest.mark.release  # of its time
+pytestmark = pytest.mark.release  # these tests take too long under sanitizers
 
 ROOT = Path(__file__).parents[2]
 
-# As short as a training can be that has all parts of a long one.
+# The shortest training that has all parts of a long one.
 SHORT = {"duration": 0.2, "batch_size": 20, "layers": (16, 16), "random_actions": 15}
 
 
@@ -47,7 +47,7 @@ def trained(plan, folder):
 
 @pytest.fixture(scope="module", autouse=True)
 def _one_processor():
-    """Trainings with a thread for each processor wait for each other beside other tests."""
+    """One processor for each worker: threads on all of them would wait for other tests."""
     before = os.sched_getaffinity(0)
     worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
     os.sched_setaffinity(0, {sorted(before)[worker % len(before)]})
@@ -93,7 +93,7 @@ def test_every_algorithm_ends_in_a_file_of_its_policy(algorithm, is_shared, tmp_
 
 # ---- kills ----
 
-# Each begins as a copy of a process that has imported these.
+# Each process begins as a copy of one that has imported these modules.
 PROCESSES = multiprocessing.get_context("forkserver")
 PROCESSES.set_forkserver_preload(["torch._dynamo", "tensorboard", "trifinger.training"])
 
@@ -131,7 +131,7 @@ def test_fault_65_a_training_may_be_killed_again_and_again(undisturbed, tmp_path
 
 
 def test_fault_65_a_killed_training_of_many_robots_goes_on_with_what_it_knows(tmp_path):
-    # Updates come where episodes end, so none of them is lost.
+    # Updates come at the ends of episodes, so the kill loses no episode.
     settings = {"num_envs": 2, "rollout": 10}
     plan = short_plan("ppo", is_shared=False, episodes=12, settings=settings)
     undisturbed = trained(plan, tmp_path / "undisturbed").folder
@@ -141,7 +141,8 @@ def test_fault_65_a_killed_training_of_many_robots_goes_on_with_what_it_knows(tm
     assert_same_training(killed, undisturbed)
 
 
-# Of a checkpoint: its bytes are there, but not safe; it is whole, but has not its name.
+# Kills while a checkpoint is written: before its bytes are safe on disk, and before it gets its
+# name.
 @pytest.mark.parametrize("place", [("os", "fsync"), ("pathlib", "Path.replace")])
 @pytest.mark.parametrize("count", [2, 7])
 def test_fault_66_a_training_killed_while_it_writes_keeps_what_it_had(
@@ -191,7 +192,7 @@ def test_a_shared_policy_sees_a_row_for_each_finger():
         seen, _, _, truncated, info = whole.step(actions.reshape(2, 9))
         np.testing.assert_array_equal(mine, seen.reshape(6, 9))
         np.testing.assert_array_equal(dones, np.repeat(truncated, 3))
-        # In a reach all episodes end together, and the reward of a finger is how far it is.
+        # In a reach, all episodes end together, and fingers get their negative distances.
         ended = truncated.all()
         distances = (info["final_info"] if ended else info)["distance"]
         np.testing.assert_allclose(rewards, -distances.ravel(), rtol=1e-6)
@@ -242,7 +243,7 @@ def test_a_batch_put_together_finger_by_finger_has_the_rewards_of_its_parts(is_s
     for row, reward in zip(batch.observations.numpy(), batch.rewards.numpy(), strict=True):
         expected = np.mean([parts[finger.tobytes()] for finger in row.reshape(-1, 9)])
         assert reward == pytest.approx(expected, rel=1e-4)
-    assert not batch.dones.any()  # time was over, again and again
+    assert not batch.dones.any()  # episodes ended only because their time was over
     buffer._relabelled = 1.0
     batch = buffer.sample(64)
     fingers = batch.observations.numpy().reshape(-1, 9)
@@ -360,7 +361,7 @@ def test_a_film_lasts_as_long_as_its_episodes(steps_per_action, tmp_path):
         assert stream.frames / stream.average_rate == pytest.approx(5 * 0.2)
 
 
-# As a page has it, but shorter.
+# Examples of the pages of docs, made shorter.
 @pytest.mark.parametrize(
     ("page", "word", "changes"),
     [

@@ -15,7 +15,7 @@ from conftest import PROGRAM
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-pytestmark = pytest.mark.release  # of the program
+pytestmark = pytest.mark.release  # these tests need the program
 
 TOPICS = ("robot_description", "tf_static", "tf", "joint_states")
 STEPS = 450
@@ -61,12 +61,12 @@ def recorded(request, tmp_path_factory):
 
 
 def robot_of(path):
-    """What the log calls its robot."""
+    """The name of the robot in a log."""
     return trifinger.Log(path).session().name
 
 
 def matrix_of(transform):
-    """4 x 4, of a transform in a message."""
+    """The 4 x 4 matrix of a transform in a message."""
     place, turn = transform.translation, transform.rotation
     matrix, rotation = np.eye(4), np.empty(9)
     mujoco.mju_quat2Mat(rotation, np.array([turn.w, turn.x, turn.y, turn.z]))
@@ -76,7 +76,7 @@ def matrix_of(transform):
 
 
 def poses_of(transforms):
-    """Where all frames are in the world."""
+    """The poses of all frames in the world."""
     parents = {one.child_frame_id: one for one in transforms}
     poses = {"world": np.eye(4)}
 

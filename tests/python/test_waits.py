@@ -209,7 +209,7 @@ print(robot.get_observation(0).applied_actions)
 
 
 class Waiting:
-    """A thread that makes a call; `result` is what it returned or raised."""
+    """Makes a call in a thread; `result` is the value that it returned or the error it raised."""
 
     def __init__(self, call: Callable[[], object]) -> None:
         self.result: object = None
@@ -245,7 +245,7 @@ def test_closing_a_handle_ends_the_waits_with_it(remote: trifinger.Frontend) -> 
     error = waiting.join()
     assert isinstance(error, trifinger.InvalidArgument)
     assert "was closed while a thread waited with it" in str(error)
-    assert trifinger.connect("robot"), "the session has ended behind the last wait"
+    assert trifinger.connect("robot"), "the session ends after the last wait"
 
 
 def test_one_thread_appends(start_fake: StartChild) -> None:

@@ -42,7 +42,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
         re.MULTILINE,
     )
     with (tmp_path_factory.getbasetemp().parent / "wheel.lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)  # as another worker may build there
+        fcntl.flock(lock, fcntl.LOCK_EX)  # another worker may be building there
         return make_wheel(tmp_path_factory.mktemp("wheel"), dict(same))
 
 
@@ -122,7 +122,7 @@ def test_brings_all_libraries_but_mujoco(installation: Installation, file: str) 
     others = {
         name for name, path in found.items() if path not in mujoco and "/trifinger" not in path
     }
-    # What every Linux has for C++, as the standard of such wheels says.
+    # The standard of such wheels says that every Linux has these libraries.
     assert {name.partition(".")[0] for name in others} <= {
         *("libc", "libdl", "libgcc_s", "libm", "libpthread", "librt", "libstdc++"),
     }
@@ -159,7 +159,7 @@ def test_program_knows_the_configurations_of_the_package(installation: Installat
 
 
 def test_program_starts_without_importing_the_package(installation: Installation) -> None:
-    """Which takes most of the time of a short command."""
+    """Importing it would take most of the time of a short command."""
     script = installation.scripts / "trifinger"
     imported = installation.run("python", "-X", "importtime", script, "--version")
     assert "importlib.util" in imported

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Writes a log of random numbers, and beside it the bytes of each series as they were:
+// Writes a log of random numbers, and beside it the original bytes of each series:
 //
 //     write_log FOLDER trifinger|odd STEPS [GAP_FIRST GAP_LAST]
 #include <algorithm>
@@ -25,7 +25,7 @@ namespace {
 
 using Bytes = std::vector<std::byte>;
 
-// One element with numbers of all sizes; some of them NaN.
+// Appends one element with numbers of all sizes, some of them NaN.
 void append_element(Bytes& bytes, const ElementDescription& element, std::mt19937& random) {
   const auto append = [&bytes](const auto& number) {
     const auto* begin = reinterpret_cast<const std::byte*>(&number);
