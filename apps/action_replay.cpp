@@ -22,12 +22,12 @@ constexpr std::string_view kPosition = "position";
 constexpr std::string_view kTorque = "torque";
 constexpr std::string_view kVelocity = "velocity";
 
-// How long the robot rests in the start pose before the motion begins, and when it is looked at.
-// Its actions are sent ahead, so nobody is late while that is thought about.
+// How long the robot rests in the start pose before the motion begins, and when in this rest its
+// pose is checked. Actions for the whole rest are sent ahead, so none is late during the check.
 constexpr Nanoseconds kRest = std::chrono::milliseconds(500);
 constexpr Nanoseconds kLook = std::chrono::milliseconds(300);
 
-// Of the joint that is farthest away; a NaN is infinitely far from everything.
+// Returns the largest distance of any joint; a NaN is infinitely far from everything.
 double distance(const Position& one, const Position& other) {
   double largest = 0.0;
   for (std::size_t i = 0; i < one.size(); ++i) {
@@ -38,10 +38,10 @@ double distance(const Position& one, const Position& other) {
   return largest;
 }
 
-// The joints of a robot whatever its type.
+// Gives access to the joints of a robot of any type.
 class Joints {
  public:
-  // Nothing if it has none.
+  // Returns nothing if the robot type has no joints.
   [[nodiscard]] static std::optional<Joints> of(const RobotTypes& types) {
     const FieldDescription* const measured = types.observation.find(kPosition);
     const FieldDescription* const desired = types.action.find(kPosition);
@@ -57,7 +57,7 @@ class Joints {
                   has_velocity ? std::optional(velocity->offset) : std::nullopt);
   }
 
-  // How fast the fastest joint is, as far as that was measured [rad/s].
+  // Returns the speed of the fastest joint [rad/s]; 0 if velocities are not measured.
   [[nodiscard]] double speed_in(const std::byte* observation) const {
     if (!velocity_) return 0.0;
     const Position velocity = read(observation + *velocity_);
@@ -66,14 +66,14 @@ class Joints {
   [[nodiscard]] Position position_in(const std::byte* observation) const {
     return read(observation + measured_);
   }
-  // NaN where a joint is given none.
+  // Returns the desired positions; NaN for joints without one.
   [[nodiscard]] Position desired_in(const std::byte* action) const {
     return read(action + desired_);
   }
   void set_desired(std::byte* action, const Position& position) const {
     std::memcpy(action + desired_, position.data(), count_ * sizeof(double));
   }
-  // Asks for `position` with the robot's own gains.
+  // Makes an action that asks for `position` with the robot's own gains.
   [[nodiscard]] std::vector<std::byte> action_of(const Position& position) const {
     std::vector<std::byte> action = default_action_;
     set_desired(action.data(), position);
@@ -112,7 +112,8 @@ std::string table(const Position& recorded, const Position& found, double tolera
   return text;
 }
 
-// What `applied` did as an action. Of joints, the torque is all that there was.
+// Converts applied actions to actions that do the same. For joints, only the torques are taken
+// over.
 std::vector<std::byte> to_actions(const RobotTypes& types, const std::vector<std::byte>& applied) {
   if (types.applied_action == types.action) return applied;
   const FieldDescription* const from = types.applied_action.find(kTorque);
@@ -133,7 +134,7 @@ std::vector<std::byte> to_actions(const RobotTypes& types, const std::vector<std
   return actions;
 }
 
-// Sends actions ahead, and knows which step comes next.
+// Sends actions ahead and keeps count of the steps.
 class Player {
  public:
   explicit Player(UntypedFrontend& robot) : robot_(robot) {}
@@ -161,7 +162,7 @@ class Player {
   TimeIndex next_{0};
 };
 
-// Minimum jerk: from 0 to 1, at rest on both ends; never faster than kPeak times the mean.
+// Minimum jerk: goes from 0 to 1, at rest on both ends. Its speed is at most kPeak times its mean.
 double smooth(double x) { return x * x * x * (10.0 + x * (6.0 * x - 15.0)); }
 constexpr double kPeak = 1.875;
 
@@ -169,7 +170,7 @@ TimeIndex steps_in(Nanoseconds time, Nanoseconds period) {
   return std::max<TimeIndex>(1, (time + period - Nanoseconds(1)) / period);
 }
 
-// Moves from `here` to `there`, rests, and returns where it has got to.
+// Moves from `here` to `there` and rests. Returns the position that was reached.
 Position blend(Player& player, const Joints& joints, const Position& here, const Position& there,
                Nanoseconds period, const ActionReplayOptions& options,
                const std::function<void(const std::string&)>& tell) {
@@ -192,8 +193,8 @@ Position blend(Player& player, const Joints& joints, const Position& here, const
   return joints.position_in(player.observation(steps + kLook / period).data());
 }
 
-// Lets the first targets begin where the joints were asked to be before: what they differ by fades
-// away, on a smooth curve.
+// Makes the first targets begin at the position that was asked for before. The difference fades
+// away on a smooth curve.
 void fade_in(Motion& motion, const Joints& joints, const Position& from, Nanoseconds period,
              double max_velocity) {
   const std::size_t size = motion.types.action.size();
@@ -267,7 +268,7 @@ void replay_actions(Motion motion, Nanoseconds period, UntypedFrontend& robot,
       hint = "it could not be brought nearer: is something in the way?";
     }
     if (!(distance(found, recorded) <= options.tolerance)) {
-      // Where it has been brought, it rests until the session has ended.
+      // The robot rests where it was brought to, until the session has ended.
       if (player.next() > 0) robot.finish(kForever);
       throw WrongStartPose(fmt::format(
           "the robot is not where step {} of the motion began, to {} rad; {}\n{}", motion.first,

@@ -14,11 +14,12 @@
 
 namespace trifinger::apps {
 
-// The words that may be typed, and what they mean.
+// The words that may be typed, with their meanings.
 template <class T>
 using Choices = std::vector<std::pair<std::string, T>>;
 
-// What `word` means. Throws UsageError that names the `option` and the words there are.
+// Returns the meaning of `word`. Throws UsageError, which names the `option` and the possible
+// words.
 template <class T>
 [[nodiscard]] const T& choose(const Choices<T>& choices, const std::string& option,
                               const std::string& word) {
@@ -36,7 +37,7 @@ template <class T>
 template <class T>
 class Choice {
  public:
-  // `word` is what holds if the option is not given.
+  // `word` applies if the option is not given.
   Choice(std::string option, std::string word, Choices<T> choices)
       : option_(std::move(option)), word_(std::move(word)), choices_(std::move(choices)) {}
 

@@ -6,8 +6,8 @@
 
 #include "exit_code.hpp"
 
-// The commands of the program. Each function adds one to the command line; if that is what the user
-// asked for, it sets the action, which runs once everything has been understood.
+// The commands of the program. Each function adds one command to the command line. If the user asks
+// for that command, it sets the action, which runs after the whole command line was parsed.
 namespace trifinger::apps {
 
 // Does the work of a command and returns the exit code. May throw.

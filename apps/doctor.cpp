@@ -45,7 +45,7 @@ class Machine {
  public:
   explicit Machine(std::filesystem::path root) : root_(std::move(root)) {}
 
-  // The file without the newline at its end. Nothing if it cannot be read.
+  // Returns the file without the newline at its end; nothing if it cannot be read.
   [[nodiscard]] std::optional<std::string> read(const std::string& path) const {
     std::ifstream file(root_ / path);
     if (!file) return std::nullopt;
@@ -54,7 +54,7 @@ class Machine {
     return text;
   }
 
-  // The rest of the first line of the file that begins with `start`.
+  // Returns the rest of the first line that begins with `start`.
   [[nodiscard]] std::optional<std::string> read_line(const std::string& path,
                                                      const std::string& start) const {
     std::istringstream lines(read(path).value_or(""));
@@ -70,7 +70,7 @@ class Machine {
   std::filesystem::path root_;
 };
 
-// The numbers in a list of the kernel, as in "0-2,5".
+// Parses a list of numbers as the kernel writes it: "0-2,5".
 std::set<int> parse_list(const std::string& list) {
   std::set<int> numbers;
   std::istringstream ranges(list);
@@ -87,7 +87,7 @@ std::set<int> parse_list(const std::string& list) {
 
 constexpr const char* kIsolated = "sys/devices/system/cpu/isolated";
 
-// Capabilities stand above limits. The bits are those of linux/capability.h.
+// Capabilities override limits. The bits are defined in linux/capability.h.
 constexpr unsigned kIpcLock = 14;
 constexpr unsigned kSysNice = 23;
 
@@ -96,7 +96,7 @@ bool has_capability(const Machine& machine, unsigned bit) {
   return (std::strtoull(text.c_str(), nullptr, 16) >> bit & 1U) != 0;
 }
 
-// The soft limit of this process: a number or "unlimited".
+// Returns the soft limit of this process: a number or "unlimited".
 std::string soft_limit(const Machine& machine, const std::string& name) {
   std::istringstream values(machine.read_line("proc/self/limits", name).value_or("0"));
   std::string soft;
@@ -124,7 +124,7 @@ Finding check_priority(const Machine& machine) {
     return {"real-time priority", Verdict::kGood, "allowed: CAP_SYS_NICE", ""};
   }
   const std::string limit = soft_limit(machine, "Max realtime priority");
-  // The loop has 80, and its watchdog one more.
+  // The loop has priority 80, and its watchdog one more.
   constexpr int kWanted = 81;
   const bool is_enough = limit == "unlimited" || std::strtol(limit.c_str(), nullptr, 10) >= kWanted;
   return {"real-time priority", is_enough ? Verdict::kGood : Verdict::kLacks,
@@ -197,7 +197,7 @@ Finding check_interrupts(const Machine& machine) {
   std::error_code ignored;
   for (const auto& entry : std::filesystem::directory_iterator(machine.path("proc/irq"), ignored)) {
     const std::string interrupt = "proc/irq/" + entry.path().filename().string();
-    // Of what was asked for the kernel may have left something out.
+    // The kernel may have left out some of the processors that were asked for.
     auto allowed = machine.read(interrupt + "/effective_affinity_list");
     if (!allowed || allowed->empty()) allowed = machine.read(interrupt + "/smp_affinity_list");
     if (!allowed) continue;
@@ -228,7 +228,7 @@ Finding check_throttling(const Machine& machine) {
   const double period =
       std::strtod(machine.read("proc/sys/kernel/sched_rt_period_us").value_or("").c_str(), nullptr);
   const double share = period > 0.0 ? 100.0 * std::strtod(runtime.c_str(), nullptr) / period : 0.0;
-  // The kernel's own default. Whether it ever strikes depends on the other real-time programs.
+  // The kernel's default. Other real-time programs decide whether the limit is ever reached.
   constexpr double kUsual = 95.0;
   return {"real-time throttling", share >= kUsual ? Verdict::kNote : Verdict::kLacks,
           fmt::format("at {:.0f} % of a processor all real-time threads on it are stopped", share),
@@ -255,7 +255,7 @@ Finding check_clock(const Machine& machine) {
   const std::string clock =
       machine.read("sys/devices/system/clocksource/clocksource0/current_clocksource")
           .value_or("unknown");
-  // Those that are read without leaving the program.
+  // These clocks are read without a system call.
   const std::set<std::string> fast{"tsc", "kvm-clock", "hyperv_clocksource_tsc_page",
                                    "arch_sys_counter"};
   if (fast.contains(clock)) return {"clock source", Verdict::kGood, clock, ""};

@@ -14,8 +14,8 @@
 namespace trifinger::apps {
 
 int run_and_report(std::string_view program, const std::function<int()>& work) {
-  // A file that reaches the limit of sizes (ulimit -f) is to be an error of its write, like a full
-  // disk, and not the end of a robot.
+  // A file that reaches the size limit (ulimit -f) should make its write fail, like a full disk.
+  // The signal would end the robot's program.
   std::signal(SIGXFSZ, SIG_IGN);
   std::string problem;
   int exit_code = kFailed;
@@ -29,7 +29,7 @@ int run_and_report(std::string_view program, const std::function<int()>& work) {
     exit_code = kWrongUsage;
   } catch (const config::ConfigError& error) {
     problem = error.what();
-    // Line 0: not in the file, but in what was typed behind --set.
+    // Line 0 means that the error is not in the file but in a value typed after --set.
     exit_code = error.location().line == 0 ? kWrongUsage : kFailed;
   } catch (const std::exception& error) {
     problem = error.what();

@@ -12,13 +12,14 @@ inline constexpr int kFailed = 1;
 inline constexpr int kWrongUsage = 2;
 inline constexpr int kIncomplete = 3;  // The work was done, but its log lacks something.
 
-// What the user typed has no meaning. The text says what would have one.
+// What the user typed is not allowed. The text says what would be.
 class UsageError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 
-// Does `work` and returns its exit code; what it throws is said on stderr in the name of `program`.
+// Does `work` and returns its exit code. Exceptions are reported on stderr in the name of
+// `program`.
 [[nodiscard]] int run_and_report(std::string_view program, const std::function<int()>& work);
 
 }  // namespace trifinger::apps

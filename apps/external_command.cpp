@@ -22,7 +22,7 @@ constexpr std::string_view kPrefix = "trifinger-";
 constexpr const char* kProgramsHeading = "Programs of their own";
 constexpr const char* kPythonHeading = "Programs of the Python package";
 
-// Where programs are looked for: the PATH, then the folder of this one.
+// Returns where programs are searched: the PATH, then the folder of this program.
 std::string search_path() {
   const char* const path = std::getenv("PATH");
   std::error_code ignored;
@@ -55,7 +55,7 @@ void run_external(const std::string& verb, const std::vector<std::string>& argum
   words.push_back(nullptr);
   ::setenv("PATH", search_path().c_str(), 1);
   ::execvp(program.c_str(), words.data());
-  // EACCES: a folder on the PATH that is not ours to search.
+  // EACCES: the PATH contains a folder that we may not search.
   if (errno != ENOENT && errno != EACCES) throw SystemError("start " + program, errno);
 }
 

@@ -30,7 +30,7 @@ std::string rate_of(const SessionInfo& info) {
     figures.update(session);
     return rate_text(figures.rate());
   } catch (const Error&) {
-    return "-";  // gone since it was listed
+    return "-";  // it disappeared since it was listed
   }
 }
 

@@ -3,7 +3,7 @@
 
 #include "commands.hpp"
 
-// The commands of `trifinger log`, one file each.
+// The commands of `trifinger log`, each defined in a file of its own.
 namespace trifinger::apps {
 
 void add_log_info(CLI::App& log, Action& action);

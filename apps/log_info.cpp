@@ -37,7 +37,7 @@ struct LogInfoOptions {
   bool events{false};
 };
 
-// What the statuses of a session say, summed up.
+// Sums of what the statuses of a session say.
 struct LoopSummary {
   TimingRecord timing;
   std::int64_t repeats{0};
@@ -46,14 +46,14 @@ struct LoopSummary {
   std::int64_t acausal{0};
 };
 
-// Of a robot or a companion.
+// Summary of a robot's steps or of a companion's elements.
 struct StreamSummary {
   std::string name;
   std::string type;
   std::int64_t count{0};
   TimeIndex first{0};
   TimeIndex last{0};
-  std::int64_t begin{0};  // when they were, since 1970 [ns]
+  std::int64_t begin{0};  // times of the first and the last one, since 1970 [ns]
   std::int64_t end{0};
   std::vector<Gap> gaps;
 
@@ -66,13 +66,13 @@ struct StreamSummary {
 struct SessionSummary {
   LoggedSession session;
   StreamSummary steps;
-  std::optional<LoopSummary> loop;  // if the statuses are those of this version
+  std::optional<LoopSummary> loop;  // only if this version knows the statuses
   std::vector<StreamSummary> companions;
 };
 
 constexpr std::size_t kBlock = 4096;
 
-// Goes through all elements once; `use(indices, pointers, rows)` gets those of the columns.
+// Reads all elements once. `use(indices, pointers, rows)` gets the elements of the columns.
 template <class Use>
 StreamSummary summary_of(const LoggedSession& session, const std::vector<Column>& columns,
                          const Use& use) {
@@ -139,7 +139,7 @@ std::string origin_of(const Log& log, const std::string& key) {
   return entry == log.origin().end() ? std::string() : entry->second;
 }
 
-// ---- for people ----
+// ---- text output ----
 
 class InfoSheet {
  public:
@@ -275,7 +275,7 @@ void print_for_people(const Log& log, const std::vector<SessionSummary>& session
   }
 }
 
-// ---- for programs ----
+// ---- JSON output ----
 
 Json json_of(const std::vector<Gap>& gaps) {
   Json values = Json::array();
@@ -383,7 +383,7 @@ Json json_of(const Log& log, const std::vector<SessionSummary>& sessions) {
                        {"events", events}});
 }
 
-// Paths and texts of others need not be UTF-8; JSON must be.
+// Paths and texts from others need not be UTF-8, but JSON must be.
 constexpr auto kReplace = Json::error_handler_t::replace;
 
 // ---- other MCAP files ----

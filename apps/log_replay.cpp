@@ -34,7 +34,7 @@ struct LogReplayOptions {
                       {{"desired", Series::kDesiredAction}, {"applied", Series::kAppliedAction}}};
 };
 
-// Breaks off a wait.
+// Ends a wait when a signal arrives.
 struct Interrupted : std::exception {
   explicit Interrupted(int number) noexcept : signal(number) {}
   int signal;
@@ -75,7 +75,7 @@ int replay(const LogReplayOptions& options) {
       std::fflush(stdout);
     });
   } catch (const Interrupted& interrupted) {
-    // The robot was let go of, and comes to rest.
+    // The robot was released and comes to rest.
     Signals::die_of(interrupted.signal);
   }
   return kDone;

@@ -37,7 +37,8 @@ void LoopFigures::update(const UntypedFrontend& session) {
       take(next_, status, info.period);
       ++next_;
     } catch (const HistoryLost& lost) {
-      // A fast back-end overwrites while we read: go on well ahead of it.
+      // A fast back-end overwrites steps while we read them, so continue well ahead of the oldest
+      // one.
       next_ = lost.oldest() + (end - lost.oldest()) / 4 + 1;
     }
   }
@@ -71,10 +72,10 @@ void LoopFigures::count(const Step& step, Counts& counts) noexcept {
 
 double LoopFigures::rate() const {
   if (recent_.size() < 2) return 0.0;
-  // By the indices: some steps of a fast back-end are gone before they can be read.
+  // Uses the indices: some steps of a fast back-end disappear before they can be read.
   const TimeIndex steps = recent_.back().time_index - recent_.front().time_index;
   const std::int64_t step = (recent_.back().time - recent_.front().time) / steps;
-  // Between two steps the last one is the end of the second; if the next is overdue, now is.
+  // The second ends with the last step. It ends now if the next step is overdue.
   const bool is_overdue = now_ - recent_.back().time > 2 * step + kSecond / 20;
   const std::int64_t end = is_overdue ? now_ : recent_.back().time;
   return static_cast<double>(steps) * 1e9 / static_cast<double>(end - recent_.front().time);
@@ -114,7 +115,7 @@ double arrival_rate(const UntypedFrontend& companion) {
     oldest_time = time;
     ++count;
   }
-  // All that is kept came in less than a second.
+  // All elements in the history arrived within less than a second.
   return count < 2 ? 0.0
                    : static_cast<double>(count) * 1e9 / static_cast<double>(now - oldest_time);
 }

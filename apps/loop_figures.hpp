@@ -10,7 +10,8 @@
 
 namespace trifinger::apps {
 
-// What the statuses of one session say about its loop. Waits for nothing and disturbs nobody.
+// Figures about a session's loop, computed from its statuses. Waits for nothing and disturbs
+// nobody.
 class LoopFigures {
  public:
   struct Counts {
@@ -18,23 +19,24 @@ class LoopFigures {
     std::int64_t repeats{0};
     std::int64_t rejected{0};
     std::int64_t acausal{0};
-    std::int64_t skipped{0};  // ticks
+    std::int64_t skipped{0};  // number of skipped ticks
   };
 
-  // Takes in the statuses that have come since the last call; at the first call, all that the
-  // history keeps. `session` may be another one than before: then the figures begin anew.
-  // @throws IncompatibleSession if its statuses are those of another version
+  // Reads the statuses that were added since the last call; at the first call, the whole history.
+  // If `session` is another one than before, the figures start over.
+  // @throws IncompatibleSession if another version has written the statuses
   void update(const UntypedFrontend& session);
 
-  // Steps per second, over the last second. At the end of a session, over its last second.
+  // Returns the steps per second, averaged over the last second, or over the last second of a
+  // session that has ended.
   [[nodiscard]] double rate() const;
-  // Over the last second.
+  // Returns the lateness during the last second.
   [[nodiscard]] LatenessHistogram lateness() const;
   [[nodiscard]] Counts last_second() const;
-  // Over all statuses taken in, from step `first_step` on.
+  // Returns the counts of all statuses read so far, from step `first_step` on.
   [[nodiscard]] const Counts& total() const noexcept { return total_; }
   [[nodiscard]] TimeIndex first_step() const noexcept { return first_; }
-  // The newest status.
+  // Returns the newest status.
   [[nodiscard]] const Status& newest() const noexcept { return newest_; }
 
  private:
@@ -53,12 +55,12 @@ class LoopFigures {
   TimeIndex first_{0};
   TimeIndex next_{0};
   std::int64_t now_{0};
-  std::deque<Step> recent_;  // of the last second
+  std::deque<Step> recent_;  // steps of the last second
   Counts total_;
   Status newest_{};
 };
 
-// Elements per second in a companion, over the last second.
+// Returns the elements per second in a companion, averaged over the last second.
 [[nodiscard]] double arrival_rate(const UntypedFrontend& companion);
 
 }  // namespace trifinger::apps

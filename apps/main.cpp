@@ -26,7 +26,7 @@ Commands commands_of(const CLI::App& program) {
   return names;
 }
 
-// What others have put on the PATH.
+// Returns the verbs of programs of others on the PATH.
 Commands foreign_verbs(const CLI::App& program) {
   const Commands own = commands_of(program);
   Commands verbs = external_verbs();
@@ -61,7 +61,7 @@ std::string footer(const CLI::App& program) {
                   verb, verb, near.empty() ? "." : fmt::format("; did you mean '{}'?", near)));
 }
 
-// The command called `verb`; nullptr if there is none.
+// Returns the command called `verb`; nullptr if there is none.
 const CLI::App* find_command(const CLI::App& program, const std::string& verb) {
   for (const CLI::App* command : program.get_subcommands({})) {
     if (command->get_name() == verb) return command;
@@ -69,7 +69,7 @@ const CLI::App* find_command(const CLI::App& program, const std::string& verb) {
   return nullptr;
 }
 
-// Refuses the unknown verb behind a command that has some of its own: "trifinger log inof".
+// Refuses an unknown verb after a command that has verbs of its own: "trifinger log inof".
 void require_known_verb(const CLI::App& command, const std::vector<std::string>& words) {
   std::vector<std::string> names;
   for (const CLI::App* verb : command.get_subcommands({})) names.push_back(verb->get_name());

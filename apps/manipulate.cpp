@@ -46,7 +46,7 @@ struct ManipulateOptions {
   Choice<Demand> scheduling{scheduling_choice()};
 };
 
-// The robot as its back-end was told it, and the limits of its safety checks.
+// The robot according to its back-end, and the limits of its safety checks.
 struct KnownRobot {
   RobotDescription description;
   control::SafetyLimits limits;
@@ -125,12 +125,12 @@ void print(const Report& report) {
 }
 
 void write_text(const std::filesystem::path& path, const std::string& text) {
-  // Made anew: in the place of an earlier result somebody may have put something else.
+  // The file is created anew, because somebody may have replaced an earlier result.
   ::unlink(path.c_str());
   write_new_file(path, std::as_bytes(std::span(text)));
 }
 
-// A table with a row for every tenth step and each change of the phase.
+// Returns a table with a row for every tenth step and for each change of the phase.
 std::string table_of(const Trace& trace) {
   std::string text =
       "step,phase,desired_x,desired_y,desired_z,desired_qw,desired_qx,desired_qy,desired_qz,"

@@ -35,7 +35,7 @@ struct ModelOptions {
   bool no_boundary{false};
   bool hard_tips{false};
   std::vector<std::string> objects;
-  // export
+  // The following options belong to `export`.
   Choice<Format> format{"--format", "mjcf", {{"mjcf", Format::kMjcf}, {"urdf", Format::kUrdf}}};
   std::string file{"-"};
   bool physics_only{false};

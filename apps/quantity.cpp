@@ -34,14 +34,15 @@ constexpr std::array<Unit, 11> kSizes{{{"", 1.0},
 constexpr std::array<Unit, 5> kDurations{
     {{"ms", 1e6}, {"s", 1e9}, {"min", 60e9}, {"h", 3600e9}, {"d", 86400e9}}};
 
-// The number in `text` times its unit, if it is one of `units` and below `limit`.
+// Returns the number in `text` times its unit, if the unit is one of `units` and the result is
+// below `limit`.
 double parse(const std::string& option, const std::string& text, std::span<const Unit> units,
              std::string_view examples) {
   char* end = nullptr;
   const double number = std::strtod(text.c_str(), &end);
   std::string_view unit(end);
   while (unit.starts_with(' ')) unit.remove_prefix(1);
-  // Far from overflow.
+  // Far below overflow.
   constexpr double kLimit = 9e18;
   for (const Unit& known : units) {
     const bool is_known = end != text.c_str() && unit == known.name;

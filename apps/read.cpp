@@ -49,8 +49,8 @@ std::string number_at(const std::byte* place, bool exact) {
   }
 }
 
-// The number of the type at `place`: `exact` in the shortest form that reads back the same,
-// otherwise for people.
+// Formats the number of this type at `place`. If `exact`, the text is the shortest that reads back
+// to equal bits; otherwise it is rounded for people.
 std::string number_text(ScalarType type, const std::byte* place, bool exact) {
   switch (type) {
     case ScalarType::kInt8:
@@ -77,7 +77,7 @@ std::string number_text(ScalarType type, const std::byte* place, bool exact) {
   return "?";
 }
 
-// "position[0][2]": the name of one number of a field.
+// Returns the name of one number of a field: "position[0][2]".
 std::string number_name(const FieldDescription& field, std::size_t index) {
   std::string name = field.name;
   std::size_t stride = field.count();
@@ -88,7 +88,7 @@ std::string number_name(const FieldDescription& field, std::size_t index) {
   return name;
 }
 
-// The element's numbers in the order of its fields.
+// Returns the element's numbers in the order of its fields.
 std::vector<std::string> numbers_of(const FieldDescription& field, const std::byte* element,
                                     bool exact) {
   std::vector<std::string> numbers;
@@ -131,7 +131,7 @@ void print_for_people(const std::string& title, const ElementDescription& descri
   }
 }
 
-// The steps [first, second) that the options ask for.
+// Returns the steps [first, second) that the options ask for.
 std::pair<TimeIndex, TimeIndex> wanted_range(const ReadOptions& options, Series series,
                                              const UntypedFrontend& session) {
   const auto [oldest, end] = session.range(series);
@@ -167,7 +167,8 @@ int read(const ReadOptions& options) {
     try {
       if (!session.try_get(series, t, element.data())) break;
     } catch (const HistoryLost& lost) {
-      // Overwritten while those before it were printed. Of a single step that is the answer.
+      // The step was overwritten while earlier ones were printed. For a single step, that is the
+      // answer.
       if (options.time_index) throw;
       t = std::min(end, lost.oldest()) - 1;
       continue;

@@ -52,7 +52,7 @@ struct RecordOptions {
   std::optional<std::string> keep_free;
   std::optional<std::string> sync;
   bool until_end{false};
-  std::string process;  // "PID:START"; of `trifinger run --record`
+  std::string process;  // "PID:START", set by `trifinger run --record`
 };
 
 std::optional<ipc::ProcessIdentity> parse_process(const std::string& text) {
@@ -80,7 +80,7 @@ log::RecorderOptions recorder_options(const RecordOptions& options) {
                            Nanoseconds& time) {
     if (text) time = parse_duration(name, *text);
   };
-  // Every file says anew what its sessions are: their fields, their documents.
+  // Every file describes its sessions again: their fields and their documents.
   constexpr std::uint64_t kSmallestFile = 1'000'000;
   const auto require_room = [](const char* name, std::uint64_t size, std::uint64_t smallest) {
     if (size >= smallest) return;
@@ -92,7 +92,7 @@ log::RecorderOptions recorder_options(const RecordOptions& options) {
   set_size("--rotate-size", options.rotate_size, recorder.rotate_size);
   require_room("--rotate-size", recorder.rotate_size, kSmallestFile);
   set_size("--max-total", options.max_total, recorder.max_total);
-  // A file is at most an eighth of it.
+  // A single file takes at most an eighth of the total.
   if (recorder.max_total > 0) require_room("--max-total", recorder.max_total, 8 * kSmallestFile);
   set_size("--keep-free", options.keep_free, recorder.keep_free);
   set_time("--rotate-time", options.rotate_time, recorder.rotate_time);
@@ -114,7 +114,7 @@ Style style_of(Level level) noexcept {
   return Style::kPlain;
 }
 
-// The recorder in a thread of its own. Whatever it has to say notifies `Signals`.
+// The recorder in a thread of its own. It notifies `Signals` of every event.
 class RunningRecorder {
  public:
   // Throws AlreadyRecorded, InvalidArgument, SystemError.
@@ -126,12 +126,12 @@ class RunningRecorder {
 
   [[nodiscard]] log::Recorder& recorder() noexcept { return recorder_; }
   [[nodiscard]] bool has_ended() const noexcept {
-    // acquire: the failure was noted before.
+    // acquire: the failure was stored before.
     return has_ended_.load(std::memory_order_acquire);
   }
-  // What has ended it before it was asked to; to be called at the end.
+  // Returns what ended the recorder before it was asked to. Call this at the end.
   [[nodiscard]] std::exception_ptr failure() const noexcept { return failure_; }
-  // What it has told since the last call.
+  // Returns the events since the last call.
   [[nodiscard]] std::vector<RecorderEvent> take_events() {
     const std::lock_guard lock(mutex_);
     return std::exchange(events_, {});
@@ -155,7 +155,7 @@ class RunningRecorder {
     } catch (...) {
       failure_ = std::current_exception();
     }
-    // release: the failure was noted before.
+    // release: the failure was stored before.
     has_ended_.store(true, std::memory_order_release);
     Signals::notify();
   }
@@ -165,10 +165,10 @@ class RunningRecorder {
   log::Recorder recorder_;
   std::exception_ptr failure_;
   std::atomic<bool> has_ended_{false};
-  std::jthread thread_;  // last: it uses the others
+  std::jthread thread_;  // last member, because the thread uses the others
 };
 
-// Tells what the recorder tells, and how it is doing.
+// Prints the recorder's events and its state.
 class RecordReporter {
  public:
   void print(const std::string& about, const std::string& text, Style style = Style::kPlain) {
@@ -235,7 +235,7 @@ class RecordReporter {
     return segments;
   }
 
-  // Over the last second or so.
+  // Averages over about the last second.
   void update_rates(const log::RecorderState& state) {
     constexpr double kWindow = 1.0;  // [s]
     const auto now = std::chrono::steady_clock::now();
@@ -256,21 +256,23 @@ class RecordReporter {
   double byte_rate_{0.0};
 };
 
-// For `trifinger run --record`: a byte on the standard input says that the robot has stopped. Its
-// end says nothing: then our parent was killed, and the recorder looks for what it has left.
+// For `trifinger run --record`: a byte on the standard input says that the robot has stopped. The
+// end of the input does not: it means that our parent was killed, and then the recorder looks for
+// what it left.
 std::shared_ptr<const std::atomic<bool>> watch_standard_input() {
   auto has_byte = std::make_shared<std::atomic<bool>>(false);
   std::thread([has_byte] {
     char byte = 0;
     if (::read(STDIN_FILENO, &byte, 1) != 1) return;
-    // relaxed: nothing belongs to it.
+    // relaxed: no other data depends on it.
     has_byte->store(true, std::memory_order_relaxed);
     Signals::notify();
-  }).detach();  // It may wait for ever; what it uses is its own.
+  }).detach();  // The thread may wait for ever; it owns what it uses.
   return has_byte;
 }
 
-// For `trifinger run --record`: says that the recorder gets on, if it has since the last time.
+// For `trifinger run --record`: prints a sign if the recorder has made progress since the last
+// call.
 void give_sign(const log::RecorderState& state, std::uint64_t& progress) {
   if (std::exchange(progress, state.progress) == state.progress) return;
   fmt::print("{}\n", kRecorderSign);
@@ -350,7 +352,7 @@ void add_record(CLI::App& program, Action& action) {
       ->option_text("TIME");
   command->add_flag("--until-end", options->until_end,
                     "End when the back-ends of all these robots have ended");
-  command->add_option("--with-process", options->process)->group("");  // of trifinger run
+  command->add_option("--with-process", options->process)->group("");  // set by trifinger run
   command->footer(
       "The robots may be started later, stopped and started again. Ctrl-C, SIGTERM and SIGHUP\n"
       "finish the log. A recorder that was killed loses nothing: start it again in time, and it\n"

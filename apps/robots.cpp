@@ -53,7 +53,7 @@ RunnableRobot make_fake_robot(const std::vector<std::string>& overrides) {
   return robot;
 }
 
-// A log that is played as if it were the robot.
+// Makes a robot that plays a log.
 RunnableRobot make_replay(const std::string& path, const std::vector<std::string>& overrides) {
   const config::File file = config::File::parse("", path, overrides);
   const config::Node root = file.root();

@@ -16,22 +16,22 @@
 
 namespace trifinger::apps {
 
-// All that a back-end is made of.
+// Everything that a back-end needs.
 struct RunnableRobot {
-  std::string name;  // of its session
+  std::string name;  // name of its session
   std::unique_ptr<UntypedDriver> driver;
   BackendOptions backend;
   SessionOptions session;
-  // The state before the simulation diverged, if that is what `fault` says; otherwise empty. To be
-  // called while nobody uses the driver.
+  // Returns the state before the simulation diverged, if that is the `fault`; otherwise an empty
+  // state. Call this only while nobody uses the driver.
   std::function<SimulationState(const Fault& fault)> state_before{
       [](const Fault&) { return SimulationState(); }};
 };
 
-// Makes the robot that is called `robot` on the command line: "fake", a configuration or the path
-// of one, or a log to be played. `overrides` are settings such as "fingers.height=0.3"; a
-// simulation begins in the state that was saved in the file `state`. Throws ConfigError,
-// InvalidArgument, SystemError.
+// Makes the robot that is called `robot` on the command line: "fake", the name or the path of a
+// configuration, or a log to be played. `overrides` are settings such as "fingers.height=0.3". A
+// simulation begins in the state saved in the file `state`. Throws ConfigError, InvalidArgument,
+// SystemError.
 [[nodiscard]] RunnableRobot make_robot(const std::string& robot,
                                        const std::vector<std::string>& overrides,
                                        const std::optional<std::filesystem::path>& state);

@@ -57,7 +57,8 @@ struct RunOptions {
   bool let_cpus_sleep{false};
 };
 
-// The back-end in a thread of its own. When it returns, for whatever reason, it notifies `Signals`.
+// The back-end in a thread of its own. When the back-end returns, for any reason, it notifies
+// `Signals`.
 class LoopThread {
  public:
   // Throws Error if the machine refuses what is required.
@@ -66,7 +67,7 @@ class LoopThread {
     std::future<Refused> refused = entered.get_future();
     thread_ = std::jthread([this, realtime, entered = std::move(entered)]() mutable {
       run(realtime, std::move(entered));
-      // release: the failure was noted before.
+      // release: the failure was stored before.
       has_ended_.store(true, std::memory_order_release);
       Signals::notify();
     });
@@ -74,15 +75,16 @@ class LoopThread {
   }
   LoopThread(const LoopThread&) = delete;
   LoopThread& operator=(const LoopThread&) = delete;
-  // Brings the robot to rest and waits for that.
+  // Brings the robot to rest and waits until the loop has ended.
   ~LoopThread() { backend_.request_stop(); }
 
-  // What the machine refused, a sentence each.
+  // Returns what the machine refused, one sentence each.
   [[nodiscard]] const std::vector<std::string>& refused() const noexcept { return refused_; }
   [[nodiscard]] bool has_ended() const noexcept {
     return has_ended_.load(std::memory_order_acquire);
   }
-  // What ended the loop before it was asked to; nothing if all went well. To be called at the end.
+  // Returns what ended the loop before it was asked to; nothing if all went well. Call this at the
+  // end.
   [[nodiscard]] std::exception_ptr failure() const noexcept { return failure_; }
 
  private:
@@ -106,10 +108,10 @@ class LoopThread {
   Refused refused_;
   std::exception_ptr failure_;
   std::atomic<bool> has_ended_{false};
-  std::jthread thread_;  // last: it uses the others
+  std::jthread thread_;  // last member, because the thread uses the others
 };
 
-// Tells the user how the robot is doing: a line for each event, and on a terminal one line that is
+// Reports on the robot to the user: a line for each event, and on a terminal one line that is
 // always up to date.
 class RunReporter {
  public:
@@ -118,16 +120,16 @@ class RunReporter {
   void print(const std::string& text, Style style = Style::kPlain) {
     console_.print(name_, text, style);
   }
-  // About something else than the robot.
+  // Prints a text about something else than the robot.
   void print(const std::string& about, const std::string& text, Style style) {
     console_.print(about, text, style);
   }
 
-  // Looks at the current session. `recorder_trouble` is what is wrong with its recorder.
+  // Reads the current session and reports. `recorder_trouble` says what is wrong with its recorder.
   void look(bool is_stopping, const std::string& recorder_trouble) {
     if (session_) observe(*session_);
-    // The next one is looked for only when there may be one: in the process of the loop a mapping
-    // is not free.
+    // A next session is searched only when there may be one, because mapping memory costs time in
+    // the process of the loop.
     if (!session_ || phase_ == SessionInfo::Phase::kEnded) find_next_session();
     if (session_ && console_.is_live()) {
       console_.draw(status_line(is_stopping, recorder_trouble));
@@ -144,11 +146,11 @@ class RunReporter {
       phase_.reset();
       observe(*session_);
     } catch (const Error&) {
-      return;  // Not begun yet, or just damaged by somebody; then there is another one soon.
+      return;  // No session yet, or somebody has damaged it; then another one follows soon.
     }
   }
 
-  // Says what has changed.
+  // Reports what has changed.
   void observe(const UntypedFrontend& session) {
     const SessionInfo info = session.session().info();
     figures_.update(session);
@@ -180,7 +182,7 @@ class RunReporter {
     if (is_fault) print(fmt::format("waits for 'trifinger recover {}'", name_), Style::kWarning);
   }
 
-  // What the session came to.
+  // Summarises the session that has ended.
   [[nodiscard]] std::string summary(const SessionInfo& info) const {
     const LoopFigures::Counts& total = figures_.total();
     std::string text =
@@ -227,10 +229,10 @@ class RunReporter {
   Console console_;
   LoopFigures figures_;
   std::optional<UntypedFrontend> session_;
-  std::optional<SessionInfo::Phase> phase_;  // that was reported
+  std::optional<SessionInfo::Phase> phase_;  // the phase that was reported last
 };
 
-// What the back-end was told, in a sentence.
+// Describes what the back-end was told, in a sentence.
 std::string timing_text(const BackendOptions& options) {
   if (options.mode == BackendOptions::Mode::kNonRealTime) {
     return fmt::format(
@@ -247,7 +249,7 @@ std::string timing_text(const BackendOptions& options) {
                      rate_text(1e9 / static_cast<double>(options.period.count())), late);
 }
 
-// Saves the state of the simulation `name` before it diverged, and says where, in a sentence.
+// Saves the state of the simulation `name` before it diverged. Returns a sentence that says where.
 std::string save(const SimulationState& state, const std::string& name) {
   try {
     const auto now = std::chrono::system_clock::now().time_since_epoch();
@@ -263,7 +265,7 @@ std::string save(const SimulationState& state, const std::string& name) {
   }
 }
 
-// Sentences of the loop's thread, for the one that prints.
+// Carries sentences from the loop's thread to the thread that prints.
 class Messages {
  public:
   void add(std::string sentence) {
@@ -281,13 +283,13 @@ class Messages {
   std::vector<std::string> sentences_;
 };
 
-// A robot cannot be paused, and must not fall because nobody reads its messages any more.
+// A robot cannot be paused, and it must not fail because nobody reads its messages any more.
 void ignore_signals_of_terminals() {
   for (const int signal : {SIGTSTP, SIGTTOU, SIGPIPE}) std::signal(signal, SIG_IGN);
 }
 
-// Ends the program as a kill would, so that the memory of the last session stays where it is: what
-// its log lacks is there. The robot is at rest.
+// Ends the program like a kill would, so that the memory of the last session remains: it holds what
+// the log lacks. The robot is at rest by now.
 [[noreturn]] void leave_memory_behind(int exit_code) {
   std::fflush(nullptr);
   std::_Exit(exit_code);
@@ -309,7 +311,7 @@ int run(const RunOptions& options) {
   SessionHost host = SessionHost::named(name, robot.session);
   log::FlightRecorder flight_recorder({.length = std::chrono::round<Nanoseconds>(
                                            std::chrono::duration<double>(options.fault_log))});
-  std::unique_ptr<RunRecorder> recorder;  // before the back-end, which it must outlive
+  std::unique_ptr<RunRecorder> recorder;  // declared before the back-end, which it must outlive
   Backend backend(*robot.driver, host, robot.backend);
   Messages messages;
   backend.set_after_session([&](const Fault& fault) {
@@ -327,7 +329,7 @@ int run(const RunOptions& options) {
   for (const std::string& sentence : loop.refused()) reporter.print(sentence, Style::kWarning);
 
   const auto report = [&](bool is_stopping) {
-    // Taken before the look: the end that a sentence belongs to is told first.
+    // Taken before `look`, so that the end of a session is reported before the sentences about it.
     const std::vector<std::string> sentences = messages.take();
     reporter.look(is_stopping, recorder != nullptr ? recorder->trouble() : "");
     for (const std::string& sentence : sentences) reporter.print(sentence);

@@ -47,7 +47,7 @@ struct RunPolicyOptions {
       {{"double", learning::Precision::kDouble}, {"single", learning::Precision::kSingle}}};
 };
 
-// What the policy's file says of how it was trained.
+// Returns what the policy's file says about its training.
 std::string metadata_of(const Policy& policy, const std::string& name, const std::string& file) {
   const auto& metadata = policy.network().metadata;
   const auto found = metadata.find(name);
@@ -71,7 +71,7 @@ void print(const EpisodeReport& report) {
   std::fflush(stdout);
 }
 
-// Prints reports on a thread of its own: a terminal that stands still must not stop the robot.
+// Prints reports in a thread of its own, because a terminal that blocks must not stop the robot.
 class Printer {
  public:
   Printer() : thread_([this](const std::stop_token& stop) { run(stop); }) {}
@@ -103,7 +103,7 @@ class Printer {
   std::mutex mutex_;
   std::condition_variable_any has_more_;
   std::deque<EpisodeReport> reports_;
-  std::jthread thread_;  // Last: it uses the others.
+  std::jthread thread_;  // Last member, because the thread uses the others.
 };
 
 Variant variant_of(const RobotConfig& config) {
@@ -111,8 +111,8 @@ Variant variant_of(const RobotConfig& config) {
                     config.simulation);
 }
 
-// The configuration that the policy was trained with, if its file has one; those of older versions
-// have only its name.
+// Returns the configuration that the policy was trained with, if its file has one. Files of older
+// versions only have its name.
 std::optional<config::File> trained_with(const Policy& policy, const std::string& file) {
   const auto& metadata = policy.network().metadata;
   const auto text = metadata.find("configuration");
@@ -120,7 +120,7 @@ std::optional<config::File> trained_with(const Policy& policy, const std::string
   return config::File::parse(text->second, "the configuration in " + file);
 }
 
-// A policy for other fingers would move these to where they must not be.
+// Refuses a policy for other fingers, which would move these to places where they must not be.
 void check_robot(const Policy& policy, const std::string& file, const config::File& robot) {
   const Variant variant = variant_of(read_robot_config(robot));
   const std::optional<config::File> trained = trained_with(policy, file);
@@ -136,7 +136,7 @@ void check_robot(const Policy& policy, const std::string& file, const config::Fi
   }
 }
 
-// Says what is other here than in the training.
+// Warns of differences between this robot and the training.
 void warn_of_differences(const Policy& policy, const RunPolicyOptions& options,
                          const config::File& robot) {
   const std::optional<config::File> trained = trained_with(policy, options.policy);
@@ -172,7 +172,7 @@ int run_on(Frontend<R>& robot, Policy& policy, const RunPolicyOptions& options) 
   const std::string task = metadata_of(policy, "task", options.policy);
   check_robot(policy, options.policy, described);
   auto trained = learning::read_options(metadata_of(policy, "options", options.policy));
-  // What is measured here has the noise that it has.
+  // Real measurements have their own noise, so none is added.
   trained.position_noise = trained.velocity_noise = 0.0;
   const learning::Environment environment(task, trained, simulation->description,
                                           robot.session().info().period);
@@ -183,9 +183,9 @@ int run_on(Frontend<R>& robot, Policy& policy, const RunPolicyOptions& options) 
   fmt::print("'{}' shall do '{}' with {}: {}\n", options.robot, task, options.policy,
              learning::write_options(trained));
   std::fflush(stdout);
-  std::optional<Printer> printer(std::in_place);  // With the usual priority.
+  std::optional<Printer> printer(std::in_place);  // Started here, with the usual priority.
   if (robot.session().info().is_real_time) {
-    // Below the back-end's priority: it must never wait for us.
+    // Below the back-end's priority, because the back-end must never wait for us.
     static_cast<void>(enter_realtime(
         {.demand = options.scheduling.value(), .priority = 70, .keep_cpus_awake = false}));
   }

@@ -31,19 +31,19 @@ using Line = RunRecorder::Line;
 
 // A recorder gives a sign several times a second.
 constexpr Nanoseconds kWorryingSilence = std::chrono::seconds(2);
-// At the end of the program.
+// Silence at the end of the program after which a recorder is killed.
 constexpr Nanoseconds kPatience = std::chrono::seconds(10);
-// Before the next recorder is started where one has died without having given a sign.
+// Pause before the next start, if a recorder died without having given a sign.
 constexpr Nanoseconds kPause = std::chrono::seconds(1);
-// Recorders that may try to write the end.
+// Number of recorders that may try to write the end.
 constexpr int kMaxEndings = 2;
 
 [[nodiscard]] Instant now() noexcept { return std::chrono::steady_clock::now(); }
 
-// Knows from its signs whether a recorder gets on, and says so once when that changes.
+// Watches the signs of a recorder, and reports once when it stops or continues to make progress.
 class Vigil {
  public:
-  // A recorder is started, or gets on.
+  // Call this when a recorder is started or makes progress.
   void begin() noexcept { last_sign_ = now(); }
   void see_sign() {
     begin();
@@ -52,13 +52,13 @@ class Vigil {
         {fmt::format("is well again after {}", duration_text(now() - trouble_since_))});
     trouble_.clear();
   }
-  // `trouble` in a few words, `text` in a sentence. Told if it is the first or a different one.
+  // `trouble` is a few words, `text` a sentence. Reported if it differs from the last trouble.
   void see_trouble(const std::string& trouble, const std::string& text) {
     if (trouble_.empty()) trouble_since_ = last_sign_;
     if (trouble_ != trouble) lines_.push_back({text, Style::kBad});
     trouble_ = trouble;
   }
-  // To be called after the signs so far were seen.
+  // Call this after the signs so far were seen.
   void look() {
     if (trouble_.empty() && silence() > kWorryingSilence) {
       see_trouble("stands still",
@@ -78,19 +78,20 @@ class Vigil {
  private:
   Instant last_sign_{now()};
   Instant trouble_since_;
-  std::string trouble_;  // that was told
+  std::string trouble_;  // trouble that was reported
   std::vector<Line> lines_;
 };
 
-// `trifinger record` as a child. It notices by itself when we are gone; a byte on its standard
-// input says that the robot has stopped. On its output it gives a sign as long as it gets on.
+// `trifinger record` as a child process. It notices by itself when this process has ended. A byte
+// on its standard input tells it that the robot has stopped. On its output it gives a sign while it
+// makes progress.
 class RecorderProcess final : public RunRecorder {
  public:
   RecorderProcess(std::string robot, std::filesystem::path folder)
       : robot_(std::move(robot)), folder_(std::move(folder)) {
     spawn();
   }
-  // The child goes on until we are gone.
+  // The child continues until this process has ended.
   ~RecorderProcess() override = default;
   RecorderProcess(const RecorderProcess&) = delete;
   RecorderProcess& operator=(const RecorderProcess&) = delete;
@@ -110,7 +111,7 @@ class RecorderProcess final : public RunRecorder {
     while (!is_over_ && !deadline.passed()) {
       tell_child();
       end_silence();
-      // Its output ends with it.
+      // The child's output ends when the child ends.
       pollfd output{.fd = output_.get(), .events = POLLIN, .revents = 0};
       const timespec time{.tv_sec = 0, .tv_nsec = deadline.remaining(timeout).count()};
       ::ppoll(&output, child_ == 0 ? 0 : 1, &time, nullptr);
@@ -153,8 +154,8 @@ class RecorderProcess final : public RunRecorder {
     posix_spawn_file_actions_adddup2(&actions, output.write.get(), STDERR_FILENO);
     posix_spawnattr_t attributes;
     posix_spawnattr_init(&attributes);
-    // A group of its own: a terminal's Ctrl-C is for the robot, whose last steps are to be
-    // recorded.
+    // The child gets its own process group: Ctrl-C on a terminal must only reach the robot, whose
+    // last steps are still to be recorded.
     posix_spawnattr_setpgroup(&attributes, 0);
     sigset_t none;
     sigemptyset(&none);
@@ -185,7 +186,7 @@ class RecorderProcess final : public RunRecorder {
       if (size <= 0) break;
       text_.append(buffer.data(), static_cast<std::size_t>(size));
     }
-    // Only whole lines, and of them what this program does not tell itself.
+    // Whole lines only. Lines that this program writes itself are skipped.
     for (std::size_t end = text_.find('\n'); end != std::string::npos; end = text_.find('\n')) {
       const std::string line = text_.substr(0, end);
       text_.erase(0, end + 1);
@@ -200,7 +201,7 @@ class RecorderProcess final : public RunRecorder {
     }
   }
 
-  // Starts another one for one that is gone: it goes on where that was cut off.
+  // Starts a new recorder if the last one has ended; it continues where the file was cut off.
   void look_after_child() {
     if (is_over_) return;
     read_output();
@@ -229,7 +230,7 @@ class RecorderProcess final : public RunRecorder {
       return;
     }
     vigil_.see_trouble("is gone", how + "; another one goes on");
-    // One that fails at once is not tried again and again without a pause.
+    // If a recorder fails at once, the next one is started only after a pause.
     next_start_ = has_given_sign_ ? Instant{} : now() + kPause;
     if (now() >= next_start_) start_again();
   }
@@ -244,16 +245,16 @@ class RecorderProcess final : public RunRecorder {
     }
   }
 
-  // Says that the robot has stopped.
+  // Tells the child that the robot has stopped.
   void tell_child() {
     if (child_ == 0 || is_told_) return;
-    // A child that is gone is found by `look_after_child`.
+    // If the child is gone, `look_after_child` will notice.
     static_cast<void>(::write(input_.get(), "", 1));
     is_told_ = true;
   }
 
-  // At the end nobody waits for ever: a recorder that stands still makes room for another one,
-  // unless the system does not let it die.
+  // Ends a silence at the end of the program: a recorder that hangs is killed, and another one
+  // takes over. If the system cannot kill it, recording is given up.
   void end_silence() {
     if (child_ == 0 || vigil_.silence() < kPatience) return;
     if (was_killed_) {
@@ -275,10 +276,10 @@ class RecorderProcess final : public RunRecorder {
 
   std::string robot_;
   std::filesystem::path folder_;
-  pid_t child_{0};  // 0: there is none at present
+  pid_t child_{0};  // 0: there is none now
   ipc::FileDescriptor input_;
   ipc::FileDescriptor output_;
-  std::string text_;  // of the output, that is not yet a whole line
+  std::string text_;  // output that is not a whole line yet
   std::string last_words_;
   bool has_given_sign_{false};
   bool is_told_{false};
@@ -287,12 +288,12 @@ class RecorderProcess final : public RunRecorder {
   Vigil vigil_;
   Instant next_start_;
   bool is_ending_{false};
-  int endings_{0};  // that have failed
+  int endings_{0};  // number of endings that have failed
   bool is_over_{false};
   std::string failure_;
 };
 
-// A recorder in a thread of this process, which the back-end waits for.
+// A recorder in a thread of this process. The back-end waits for it.
 class RecorderInThread final : public RunRecorder {
  public:
   RecorderInThread(const std::string& robot, const std::filesystem::path& folder, Backend& backend)
@@ -339,7 +340,7 @@ class RecorderInThread final : public RunRecorder {
     options.folder = folder;
     options.is_follower = true;
     options.on_event = [this](const log::RecorderOptions::Event& event) {
-      // The program tells by itself what the robot does.
+      // The program itself reports what the robot does.
       if (event.source == "recorder") add(event.text);
     };
     return options;
@@ -367,9 +368,9 @@ class RecorderInThread final : public RunRecorder {
   Vigil vigil_;
   std::uint64_t progress_{0};
   bool is_given_up_{false};
-  std::string failure_;  // of the thread, once it has returned
+  std::string failure_;  // failure of the thread, set when it has returned
   std::future<void> returned_;
-  std::jthread thread_;  // last: it uses the others
+  std::jthread thread_;  // last member, because the thread uses the others
 };
 
 }  // namespace
@@ -381,7 +382,7 @@ std::unique_ptr<RunRecorder> RunRecorder::start(const std::string& robot,
     return std::make_unique<RecorderInThread>(robot, folder, backend);
   }
   {
-    // Whatever speaks against recording is to be said before the robot moves.
+    // Any reason not to record is reported before the robot moves.
     const log::Recorder attempt({robot}, {.folder = folder});
   }
   return std::make_unique<RecorderProcess>(robot, folder);

@@ -13,16 +13,16 @@
 
 namespace trifinger::apps {
 
-// The line that a recorder of `trifinger run` prints as long as it gets on.
+// The line that a recorder of `trifinger run` prints as long as it makes progress.
 inline constexpr std::string_view kRecorderSign = "goes on";
 
-// Records the robot that this program runs. In real-time mode that is done by a process of its own,
-// which can neither slow the robot nor die with it; otherwise by a thread for which the back-end
-// waits, so that nothing is lost however fast time goes.
+// Records the robot that this program runs. In real-time mode, a separate process does that: it can
+// neither slow the robot nor die with it. Otherwise a thread does it, and the back-end waits for
+// that thread, so that nothing is lost however fast time passes.
 //
-// A recorder that died is replaced by another one, which goes on where the file ends. One that
-// stands still (a stopped process, a disk that hangs) is told of; only at the end it is killed and
-// replaced, so that the end does not take for ever.
+// If a recorder dies, another one replaces it and continues where the file ends. If a recorder
+// hangs (a stopped process, a disk that does not answer), that is reported. It is killed and
+// replaced only at the end, so that the end does not take for ever.
 class RunRecorder {
  public:
   struct Line {
@@ -30,7 +30,7 @@ class RunRecorder {
     Style style{Style::kPlain};
   };
 
-  // To be called before the back-end runs, by a thread without real-time priority. Throws
+  // Call this before the back-end runs, in a thread without real-time priority. Throws
   // AlreadyRecorded, SystemError.
   [[nodiscard]] static std::unique_ptr<RunRecorder> start(const std::string& robot,
                                                           const std::filesystem::path& folder,
@@ -41,14 +41,14 @@ class RunRecorder {
   RunRecorder& operator=(const RunRecorder&) = delete;
   virtual ~RunRecorder() = default;
 
-  // Looks after the recorder. Returns what there is to tell since the last call, a sentence each.
+  // Looks after the recorder. Returns the messages since the last call, one sentence each.
   [[nodiscard]] virtual std::vector<Line> look() = 0;
-  // What is wrong at present, in a few words; empty if nothing is.
+  // Returns what is wrong at present, in a few words; empty if nothing is.
   [[nodiscard]] virtual std::string trouble() const = 0;
-  // The robot has stopped: lets the recorder write what is there. False if it takes longer than
-  // `timeout`; call again. True when it has ended or was given up.
+  // Lets the recorder write what is left; the robot has stopped. Returns false if this takes longer
+  // than `timeout`: then call it again. Returns true when the recorder has ended or was given up.
   [[nodiscard]] virtual bool finish(Nanoseconds timeout) = 0;
-  // After `finish`: why the log is not complete; empty if it is.
+  // Returns, after `finish`, why the log is incomplete; empty if it is complete.
   [[nodiscard]] virtual std::string failure() const = 0;
 };
 

@@ -9,7 +9,7 @@
 namespace trifinger::apps {
 namespace {
 
-// A back-end that waits gives a sign of life every 50 ms.
+// A waiting back-end gives a sign of life every 50 ms.
 constexpr Nanoseconds kSilence = std::chrono::seconds(2);
 
 }  // namespace

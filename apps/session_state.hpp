@@ -8,25 +8,25 @@
 
 namespace trifinger::apps {
 
-// How a session is doing, with what its phase alone does not say.
+// The state of a session, including states that its phase alone does not show.
 enum class Health : unsigned char {
-  kGood,     // In one of its phases.
-  kFault,    // Ended with a fault that waits for `recover`.
+  kGood,     // The session is in one of its phases.
+  kFault,    // The session ended with a fault that waits for `recover`.
   kSilent,   // The back-end lives but has given no sign for a while: stopped, or in a debugger.
   kStopped,  // The back-end has come to an orderly end.
   kDead,     // The back-end was killed or has crashed.
 };
 [[nodiscard]] Health health_of(const SessionInfo& info) noexcept;
 [[nodiscard]] Style style_of(Health health) noexcept;
-// The phase, or the health if that is not good, in one word: "running", "dead".
+// Returns the phase, or the health if that is not good, in one word: "running", "dead".
 [[nodiscard]] std::string state_text(const SessionInfo& info);
-// Who controls: "python3 (process 4711)" or "nobody".
+// Returns who controls the robot: "python3 (process 4711)" or "nobody".
 [[nodiscard]] std::string controller_text(const SessionInfo& info);
 
-// The robot of a session: "sim" of "sim.object".
+// Returns the robot of a session: "sim" for "sim.object".
 [[nodiscard]] std::string robot_of(const std::string& session);
-// What is known about the robot `name`; refuses companions, which live and die with their robot.
-// Throws SessionNotFound, UsageError.
+// Returns what is known about the robot `name`. Refuses companions, because they start and end with
+// their robot. Throws SessionNotFound, UsageError.
 [[nodiscard]] SessionInfo robot_info(const std::string& name);
 
 }  // namespace trifinger::apps

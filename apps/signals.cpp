@@ -37,7 +37,7 @@ void Signals::die_of(int signal) {
   std::signal(signal, SIG_DFL);
   pthread_sigmask(SIG_UNBLOCK, &only, nullptr);
   ::raise(signal);
-  std::_Exit(kNotification);  // not reached: the default of all these signals is to end
+  std::_Exit(kNotification);  // never reached: by default, all these signals end the process
 }
 
 }  // namespace trifinger::apps

@@ -8,8 +8,8 @@
 
 namespace trifinger::apps {
 
-// Receives SIGINT, SIGTERM and SIGHUP where the program waits for them, and nowhere else. To be
-// made before any thread: they inherit that these signals are blocked.
+// Receives SIGINT, SIGTERM and SIGHUP where the program waits for them, and nowhere else. Make it
+// before any thread, because threads inherit that these signals are blocked.
 class Signals {
  public:
   Signals();
@@ -17,11 +17,11 @@ class Signals {
   Signals& operator=(const Signals&) = delete;
   ~Signals() = default;
 
-  // Waits for one of the signals, or for `notify`. Nothing if none came in time.
+  // Waits for one of the signals or for `notify`. Returns nothing if no signal came in time.
   [[nodiscard]] std::optional<int> wait(Nanoseconds timeout) const;
-  // Ends the wait of this process, from any of its threads.
+  // Ends the wait of this process. Any thread may call it.
   static void notify() noexcept;
-  // Lets `signal` do to this process what it does to others.
+  // Ends this process the way `signal` usually does.
   [[noreturn]] static void die_of(int signal);
 
  private:

@@ -30,12 +30,12 @@ struct StatusOptions {
   bool once{false};
 };
 
-// Lines of a label and a text, as wide as the window.
+// Lines with a label and a text, fitted to the width of the window.
 class StatusSheet {
  public:
   StatusSheet(const Terminal& terminal, std::size_t width) : terminal_(terminal), width_(width) {}
 
-  // The text is wrapped, since it may be a sentence.
+  // Wraps the text, because it may be a sentence.
   void add(const std::string& label, const std::string& text, Style style = Style::kPlain) {
     const std::size_t room = width_ > kLabelWidth + 1 ? width_ - kLabelWidth : 1;
     std::string shown_label = label;
@@ -55,7 +55,7 @@ class StatusSheet {
   std::vector<std::string> lines_;
 };
 
-// "3 in the last second, 12 since step 0"
+// Formats a count: "3 in the last second, 12 since step 0".
 std::string count_text(std::int64_t last_second, std::int64_t total, TimeIndex first) {
   if (total == 0) return "0";
   return fmt::format("{} in the last second, {} since step {}", last_second, total, first);
@@ -63,16 +63,16 @@ std::string count_text(std::int64_t last_second, std::int64_t total, TimeIndex f
 
 Style warn_if(bool condition) { return condition ? Style::kWarning : Style::kPlain; }
 
-// What the flight recorder has left of a session.
+// Returns the log that the flight recorder has written for a session.
 std::optional<std::filesystem::path> fault_log(const SessionInfo& info) {
   try {
     return log::find_fault_log(log_folder(), robot_of(info.name), info.created);
   } catch (const Error&) {
-    return std::nullopt;  // No folder for it here.
+    return std::nullopt;  // There is no folder for logs here.
   }
 }
 
-// What is to be seen of the session `name`, whichever is the current one at each look.
+// Shows the session `name`. Each look takes whichever session is the current one.
 class Observer {
  public:
   explicit Observer(std::string name) : name_(std::move(name)) {}
@@ -153,7 +153,7 @@ class Observer {
     }
   }
 
-  // What the back-end has noted since step 0, also of steps that the history has lost.
+  // Adds what the back-end has recorded since step 0, including steps that the history has lost.
   static void add_timing(StatusSheet& sheet, const TimingRecord& timing) {
     sheet.add("since 0", describe(timing.lateness()));
     sheet.add("in time",
@@ -186,7 +186,7 @@ int status(const StatusOptions& options) {
     try {
       lines = observer.look(terminal, width);
     } catch (const SessionNotFound&) {
-      // Seen before: its back-end is being started again.
+      // If it was seen before, its back-end is being restarted.
       if (!was_seen) throw;
       lines.push_back(clip(options.name + " is gone; waiting for its next session", width));
     }

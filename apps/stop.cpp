@@ -25,14 +25,14 @@ struct StopOptions {
   double timeout{15.0};  // [s]
 };
 
-// The process that runs the robot, also one whose files were damaged or removed; nothing if it is
-// gone.
+// Returns the process that runs the robot, even if its files were damaged or removed. Returns
+// nothing if the process has ended.
 std::optional<ipc::ProcessIdentity> backend_of(const std::string& name) {
   const bool is_robot = robot_of(name) == name;
   if (is_robot) {
     if (const auto backend = find_backend(name)) return backend;
   }
-  // Of another user, whose processes cannot be looked at.
+  // The process may belong to another user, whose processes cannot be examined.
   const SessionInfo info = robot_info(name);
   if (!info.backend_is_alive) return std::nullopt;
   return info.backend;
@@ -46,7 +46,7 @@ int stop(const StopOptions& options) {
   const std::optional<ipc::ProcessIdentity> backend = backend_of(options.name);
   if (!backend) return already_gone();
 
-  // The descriptor stays with this one process, however its number is used later.
+  // The descriptor refers to this one process, even if its number is used again later.
   const auto pid = static_cast<pid_t>(backend->pid);
   const std::string who = ipc::describe(*backend);
   const ipc::FileDescriptor process(
@@ -62,7 +62,7 @@ int stop(const StopOptions& options) {
   const Deadline deadline(
       std::chrono::round<Nanoseconds>(std::chrono::duration<double>(options.timeout)));
   pollfd wanted{.fd = process.get(), .events = POLLIN, .revents = 0};
-  while (::poll(&wanted, 1, 100) <= 0) {  // also if a signal has interrupted it
+  while (::poll(&wanted, 1, 100) <= 0) {  // a signal may have interrupted the wait, too
     if (deadline.passed()) {
       throw Error(fmt::format(
           "{} has not ended within {:g} s, it is still bringing the robot to rest or hangs; "

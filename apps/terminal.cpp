@@ -12,7 +12,7 @@
 namespace trifinger::apps {
 namespace {
 
-// A variable that is set to nothing counts as not set: https://no-color.org.
+// True if the variable has a value. An empty value counts as not set: https://no-color.org.
 bool is_set(const char* variable) {
   const char* const value = std::getenv(variable);
   return value != nullptr && *value != '\0';
@@ -48,7 +48,7 @@ std::string_view code_of(Style style) noexcept {
 }  // namespace
 
 Terminal::Terminal()
-    // A shell's background job has a terminal, but the user is at something else there.
+    // A background job of a shell has a terminal, but the user is doing something else there.
     : is_live_(::isatty(STDOUT_FILENO) == 1 && !is_dumb() &&
                ::tcgetpgrp(STDOUT_FILENO) == ::getpgrp()),
       has_colours_(::isatty(STDOUT_FILENO) == 1 && !is_dumb() && !is_set("NO_COLOR")) {}
@@ -134,7 +134,7 @@ LiveLines::~LiveLines() {
 }
 
 void LiveLines::draw(const std::vector<std::string>& lines) {
-  // In one write, so that nobody sees half of it.
+  // One single write, so that nobody sees half of it.
   std::string text = to_first_line();
   for (std::size_t i = 0; i < lines.size(); ++i) {
     text += (i > 0 ? "\n" : "") + lines[i] + "\x1b[K";
@@ -173,7 +173,7 @@ void Console::draw(const std::vector<Segment>& line) {
 }
 
 std::string LiveLines::to_first_line() const {
-  // In a window that has become narrower the lines have been broken.
+  // If the window has become narrower, it has broken the lines.
   const std::size_t width = std::max<std::size_t>(terminal_.width(), 1);
   std::size_t rows = 0;
   for (const std::string& line : drawn_) {

@@ -10,23 +10,23 @@
 
 namespace trifinger::apps {
 
-// From one drawing of what is always up to date to the next.
+// Time from one drawing of the live lines to the next.
 inline constexpr Nanoseconds kRefresh = std::chrono::milliseconds(200);
 
 enum class Style : unsigned char { kPlain, kBold, kDim, kGood, kWarning, kBad };
 
-// What standard output is and can show.
+// Knows what standard output is and what it can show.
 class Terminal {
  public:
-  // Looks at standard output and at NO_COLOR and TERM.
+  // Examines standard output and the variables NO_COLOR and TERM.
   Terminal();
 
-  // Somebody watches, and lines may be drawn over: not a file, and not a terminal that shows
-  // another program.
+  // True if somebody watches and lines may be drawn over. False for a file, and for a terminal that
+  // shows another program.
   [[nodiscard]] bool is_live() const noexcept { return is_live_; }
-  // Of the window, now; 80 where there is none.
+  // Returns the present width of the window; 80 if there is none.
   [[nodiscard]] std::size_t width() const noexcept;
-  // `text` in colour, where colours are wanted.
+  // Returns `text` in colour if colours are wanted.
   [[nodiscard]] std::string paint(std::string_view text, Style style) const;
 
  private:
@@ -34,27 +34,28 @@ class Terminal {
   bool has_colours_;
 };
 
-// Columns that `text` (UTF-8, painted or not) takes on a terminal.
+// Returns the number of columns that `text` (UTF-8, painted or not) takes on a terminal.
 [[nodiscard]] std::size_t columns_of(std::string_view text) noexcept;
-// The beginning of `text`, at most `width` columns; what was cut off ends in "…".
+// Returns the beginning of `text`, at most `width` columns. If something is cut off, it ends in
+// "…".
 [[nodiscard]] std::string clip(std::string_view text, std::size_t width);
-// `text` filled up with spaces.
+// Returns `text` filled up with spaces.
 [[nodiscard]] std::string pad(std::string_view text, std::size_t width);
-// `text` in lines of at most `width` columns, broken at spaces where there are some.
+// Breaks `text` into lines of at most `width` columns, at spaces if possible.
 [[nodiscard]] std::vector<std::string> wrap(std::string_view text, std::size_t width);
 
-// One thing in a line that should fit in a window.
+// One part of a line that should fit into a window.
 struct Segment {
   std::string text;
-  int importance{0};  // The least important ones are left out first.
+  int importance{0};  // The least important segments are left out first.
   Style style{Style::kPlain};
 };
 
-// The segments that fit into `width` columns, in their order and two spaces apart.
+// Joins the segments that fit into `width` columns, in their order and two spaces apart.
 [[nodiscard]] std::string fit(std::vector<Segment> segments, std::size_t width,
                               const Terminal& terminal);
 
-// A few lines at the end of the output that are drawn again and again in the same place.
+// A few lines at the end of the output that are redrawn in place.
 class LiveLines {
  public:
   explicit LiveLines(const Terminal& terminal) : terminal_(terminal) {}
@@ -63,26 +64,26 @@ class LiveLines {
   // Leaves the last lines where they are.
   ~LiveLines();
 
-  // Shows `lines`, none of them wider than the window.
+  // Shows `lines`. None of them may be wider than the window.
   void draw(const std::vector<std::string>& lines);
-  // Takes the lines away, so that others can be printed in their place.
+  // Removes the lines, so that others can be printed in their place.
   void clear();
 
  private:
-  // What takes the cursor to the beginning of the first line.
+  // Returns the codes that move the cursor to the beginning of the first line.
   [[nodiscard]] std::string to_first_line() const;
 
   const Terminal& terminal_;
   std::vector<std::string> drawn_;
 };
 
-// What a long-running command tells: a line for each event, and on a terminal a few lines below
-// them that are always up to date.
+// The output of a long-running command: a line for each event. On a terminal, a few live lines
+// follow below them.
 class Console {
  public:
-  // Prints `text`, broken to the width of the window, behind what it is about: "sim: text".
+  // Prints `text` after what it is about, as in "sim: text", broken to the width of the window.
   void print(const std::string& about, const std::string& text, Style style = Style::kPlain);
-  // Shows what is always up to date, if somebody watches.
+  // Shows the live line, if somebody watches.
   void draw(const std::vector<Segment>& line);
   [[nodiscard]] bool is_live() const noexcept { return terminal_.is_live(); }
 

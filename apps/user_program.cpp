@@ -16,7 +16,7 @@ std::atomic<bool> stop_requested{false};
 static_assert(std::atomic<bool>::is_always_lock_free);
 
 extern "C" void request_stop(int signal) {
-  stop_requested.store(true, std::memory_order_relaxed);  // Nothing else is told by it.
+  stop_requested.store(true, std::memory_order_relaxed);  // No other data depends on it.
   std::signal(signal, SIG_DFL);
 }
 
@@ -30,7 +30,7 @@ Choice<Demand> scheduling_choice() {
 
 RealtimeOptions realtime_beside(const SessionInfo& robot, Demand demand) {
   if (!robot.is_real_time) return {.demand = Demand::kOff};
-  // Below the back-end's priority: it must never wait for us.
+  // Below the back-end's priority, because the back-end must never wait for us.
   return {.demand = demand, .priority = 70, .keep_cpus_awake = false};
 }
 

@@ -11,22 +11,23 @@
 #include "trifinger/core/session.hpp"
 #include "trifinger/realtime/thread.hpp"
 
-// What programs have in common that drive a robot which runs elsewhere.
+// Shared parts of programs that drive a robot which runs in another process.
 namespace trifinger::apps {
 
 inline constexpr int kInterrupted = 130;
 
-// The option --scheduling.
+// Returns the option --scheduling.
 [[nodiscard]] Choice<Demand> scheduling_choice();
 
-// What the thread that drives `robot` asks of the machine: nothing unless it is in real-time mode.
+// Returns what the thread that drives `robot` asks of the machine: nothing unless the robot is in
+// real-time mode.
 [[nodiscard]] RealtimeOptions realtime_beside(const SessionInfo& robot, Demand demand);
 
-// From now on the first SIGINT or SIGTERM sets the flag that is returned; the second one is what it
-// is to others.
+// Returns a flag that the first SIGINT or SIGTERM sets from now on. The second one ends the
+// program as usual.
 [[nodiscard]] const std::atomic<bool>& stop_on_signals();
 
-// Understands `words`, then does `work`. Returns the exit code.
+// Parses `words`, then does `work`. Returns the exit code.
 int run_user_program(CLI::App& program, const std::vector<std::string>& words,
                      const std::function<int()>& work);
 

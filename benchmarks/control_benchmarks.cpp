@@ -30,14 +30,15 @@ constexpr Seconds kCyclePeriod{1e-3};
 
 RobotDescription description() { return {.finger_height = 0.3}; }
 
-// What a controller is given in one step.
+// What a controller gets in one step.
 struct Input {
   JointState joints;
-  std::optional<Pose> seen;  // Every 10 ms, of the cube.
+  std::optional<Pose> seen;  // Pose of the cube, every 10 ms.
   Motion desired;
 };
 
-// A controller with its estimator, as it goes to a cube, grasps it and lifts it by 10 cm.
+// A controller and its estimator. The controller approaches a cube, grasps it and lifts it by 10
+// cm.
 class Controller {
  public:
   explicit Controller(const Pose& rest)
@@ -47,7 +48,7 @@ class Controller {
     controller_.grasp(GraspPlanner(description()).plan(way).value().touches, rest);
   }
 
-  // Where the cube should be in the next cycle.
+  // Returns where the cube should be in the next cycle.
   [[nodiscard]] Motion desired() const { return lift_.at(held_ * kCyclePeriod); }
 
   const JointValues& cycle(const Input& input) {
@@ -59,9 +60,9 @@ class Controller {
     return torques;
   }
 
-  // How many cycles the cube has been held for.
+  // Returns for how many cycles the cube has been held.
   [[nodiscard]] int held() const noexcept { return held_; }
-  // Whether the wrench of the last cycle was the one wanted.
+  // True if the wrench of the last cycle was the wanted one.
   [[nodiscard]] bool is_exact() const noexcept {
     return static_cast<bool>(controller_.state().wanted);
   }
@@ -74,7 +75,8 @@ class Controller {
   int held_{0};
 };
 
-// A lift in simulation: what its controller was given in each step, so that others can do the same.
+// A lift in simulation. It contains what the controller got in each step, so that others can repeat
+// it.
 struct Recording {
   Pose rest;
   std::vector<Input> inputs;
@@ -105,7 +107,7 @@ Recording record_lift() {
   return recording;
 }
 
-// MuJoCo's part of it, as short as it can be written: kinematics and the Jacobians of the tips.
+// MuJoCo's part of a cycle, written as short as possible: kinematics and the Jacobians of the tips.
 class Bare {
  public:
   double cycle(const JointValues& position) {
@@ -125,7 +127,7 @@ class Bare {
   std::array<double, 3 * kMaxJoints> jacobian_{};
 };
 
-// What this thread has had of its processor: others that were given it in between do not count.
+// Returns the processor time of this thread. Time that other threads got in between does not count.
 double processor_microseconds() {
   timespec time{};
   clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
@@ -141,7 +143,7 @@ std::vector<Row> control_cycle(const Effort& effort) {
   std::size_t allocations = 0;
   int cycles = 0;
   int exact = 0;
-  double sum = 0;  // Looked at, so that no compiler leaves out what made it.
+  double sum = 0;  // Used below, so that the compiler cannot remove the work.
   const auto full = [&] {
     Samples times;
     Samples processor_times;

@@ -15,7 +15,7 @@
 namespace trifinger::benchmarks {
 namespace {
 
-// Nine joints and nothing behind them: elements of the size that a TriFinger has.
+// Elements with the size of a TriFinger's, and no robot that needs them.
 struct NineJoints {
   static constexpr std::string_view kType = "nine_joints";
   using Action = JointAction<9>;
@@ -28,7 +28,7 @@ struct NineJointsDriver {
   }
 };
 
-// Waits for a back-end that a child is about to start.
+// Waits for a back-end that a child process is about to start.
 template <class R>
 Frontend<R> connect_to_child(const std::string& name) {
   while (true) {
@@ -40,8 +40,8 @@ Frontend<R> connect_to_child(const std::string& name) {
   }
 }
 
-// Both sides do the same: a loop with absolute deadlines on one CPU notes the time and wakes a
-// process that sleeps on the other; that one says how long the way was.
+// Both sides work alike. A loop with absolute deadlines on one processor notes the time and wakes a
+// process that sleeps on the other processor. That process reports how long the wake-up took.
 struct WakeBoard {
   std::atomic<std::uint32_t> word;
   std::atomic<std::int64_t> time;
@@ -64,7 +64,7 @@ double futex_wake_latency(const WakeBoard& board) {
   return samples.median();
 }
 
-// A word that two processes hand to each other.
+// A word that two processes pass back and forth.
 struct PingPong {
   std::atomic<std::uint32_t> word;
 };
@@ -86,7 +86,7 @@ std::vector<Row> append(const Effort& effort) {
     pin(0);
     SimpleDriver<NineJoints, NineJointsDriver> driver;
     SessionHost host = SessionHost::named("benchmark-append", {.queue = 2 * bursts * kBurst});
-    // In real-time mode the back-end never sleeps until an action comes: nobody has to be woken.
+    // In real-time mode the back-end never sleeps until an action comes, so nobody has to be woken.
     Backend(driver, host,
             {.mode = BackendOptions::Mode::kRealTime,
              .max_action_repeats = 1000000,
@@ -111,7 +111,7 @@ std::vector<Row> append(const Effort& effort) {
     for (std::size_t i = 0; i < kBurst; ++i) {
       action.torque[0] = static_cast<double>(i);
       std::memcpy(&copies[i], &action, sizeof(action));
-      // The copy must be made.
+      // Keeps the compiler from removing the copy.
       asm volatile("" : : "r"(copies.data()) : "memory");
     }
     return 1e9 * seconds_since(begin) / static_cast<double>(kBurst);

@@ -22,15 +22,15 @@
 namespace trifinger::benchmarks {
 namespace {
 
-constexpr Nanoseconds kSearch = std::chrono::seconds(20);  // a wait of a process that starts
-// Whoever stands still for so long hangs.
+constexpr Nanoseconds kSearch = std::chrono::seconds(20);  // wait of a process that starts
+// A process that makes no progress for so long has hung.
 constexpr Nanoseconds kHang = std::chrono::seconds(20);
 
 Instant now() { return MonotonicClock::instance().now(); }
 
 double milliseconds(Nanoseconds time) { return 1e-6 * static_cast<double>(time.count()); }
 
-// The back-end of a process, until that is killed.
+// Runs the back-end of a process until the process is killed.
 void run_backend(const std::string& name, const BackendOptions& options) {
   FakeDriver driver;
   SessionHost host = SessionHost::named(name);
@@ -46,13 +46,13 @@ BackendOptions at_one_kilohertz(std::uint32_t max_action_repeats) {
           .max_skipped_ticks = 1'000'000};
 }
 
-// An observer of a session of this back-end that goes on. Looks for it as long as a start may take.
+// Returns an observer of a running session of this back-end. Waits as long as a start may take.
 Frontend<FakeRobot> find(const std::string& name, const Child& backend) {
   const Deadline deadline(kSearch);
   while (true) {
     try {
       auto robot = observe<FakeRobot>(name);
-      // Not the remains of a dead one, which can be read, too.
+      // Skip the remains of a dead back-end, which can be read, too.
       if (robot.session().info().backend.pid == backend.pid() && !robot.fault()) return robot;
     } catch (const SessionNotFound&) {
     } catch (const RobotStopped&) {
@@ -62,7 +62,8 @@ Frontend<FakeRobot> find(const std::string& name, const Child& backend) {
   }
 }
 
-// Controls robot `name` and whatever follows it, each action behind the observation before it.
+// Controls robot `name` in one session after the other. Each action follows the observation before
+// it.
 void run_controller(const std::string& name, std::atomic<std::int64_t>* appended = nullptr) {
   while (true) {
     try {
@@ -74,7 +75,7 @@ void run_controller(const std::string& name, std::atomic<std::int64_t>* appended
         t = robot.append_desired_action({.setpoint = static_cast<double>(t)});
       }
     } catch (const RobotStopped&) {
-      // The next session.
+      // Continue with the next session.
     } catch (const SessionNotFound&) {
       std::this_thread::yield();
     } catch (const HistoryLost&) {
@@ -87,7 +88,8 @@ class Dice {
   [[nodiscard]] int below(int end) {
     return std::uniform_int_distribution<int>(0, end - 1)(generator_);
   }
-  // A moment of up to `longest`, at any instant between the steps.
+  // Waits for a random time of up to `longest`, so that kills may hit any instant between the
+  // steps.
   void dawdle(Nanoseconds longest) {
     const Instant end = now() + Nanoseconds(std::uniform_int_distribution<std::int64_t>(
                                     0, longest.count())(generator_));
@@ -98,11 +100,11 @@ class Dice {
   std::mt19937 generator_{1};
 };
 
-// A session in which a controller at 1 kHz was killed.
+// A session whose controller at 1 kHz was killed.
 struct KilledController {
-  Instant time;  // of the kill
-  Fault fault;   // the end
-  Status last;   // of the last step with an action
+  Instant time;  // time of the kill
+  Fault fault;   // fault that ended the session
+  Status last;   // status of the last step with an action
   Status end;
 };
 
@@ -127,12 +129,12 @@ KilledController kill_controller(const std::string& name, const Child& backend, 
 Instant time_of(const Status& status) { return Instant(Nanoseconds(status.time)); }
 Instant deadline_of(const Status& status) { return time_of(status) - Nanoseconds(status.lateness); }
 
-// Of one kind: each takes a while.
+// Returns the number of deaths of one kind, since each takes a while.
 int deaths(const Effort& effort) { return std::max(4, effort.kills / 5); }
 
 // --- Kills of any process ---
 
-// What the four processes say of their work.
+// What the four processes report about their work.
 struct Work {
   std::atomic<std::int64_t> appended{0};
   std::atomic<std::int64_t> observed{0};
@@ -149,7 +151,7 @@ void run_observer(const std::string& name, std::atomic<std::int64_t>& observed) 
         ++observed;
       }
     } catch (const RobotStopped&) {
-      // The next session.
+      // Continue with the next session.
     } catch (const SessionNotFound&) {
       std::this_thread::yield();
     } catch (const HistoryLost&) {
@@ -170,7 +172,7 @@ void run_recorder(const std::string& name, const std::filesystem::path& folder, 
   recorder.run();
 }
 
-// Robot, controller, observer and recorder, each a process; one after the other is killed.
+// Robot, controller, observer and recorder, each in a process. They are killed one after the other.
 class FourProcesses {
  public:
   void start() {
@@ -185,8 +187,8 @@ class FourProcesses {
     processes_[victim].reset();
     if (victim == kBackend || victim == kController) wait_for_end(robot);
     start(victim);
-    // Whoever has just begun may be killed at once, too. But a robot whose recorder was not yet
-    // there is recorded by nobody.
+    // A process may be killed right after its start, too. But if a recorder has not found its robot
+    // yet, the robot must live, because nobody would record it.
     if (victim != kBackend && random_.below(4) == 0) {
       random_.dawdle(5 * kPeriod);
       processes_[victim].reset();
@@ -196,13 +198,13 @@ class FourProcesses {
     ++kills_;
   }
 
-  // Ends all of them; the last session is whole then.
+  // Ends all processes. The log of the last session is then complete.
   void end() {
     const Frontend<FakeRobot> robot = wait_until_all_work();
     processes_[kController].reset();
     wait_for_end(robot);
     const std::uint64_t session = robot.session().info().session_id;
-    // The recorder is behind it as soon as it is in the next one.
+    // When the recorder has found the next session, it has finished this one.
     wait_for("recorder", [&] { return work_->recorded_session != session; });
     for (auto& process : processes_) process.reset();
   }
@@ -214,7 +216,7 @@ class FourProcesses {
     for (const auto& [session, steps] : steps_) sum += steps;
     return sum;
   }
-  // Elements that were committed and can be read neither from memory nor from the log.
+  // Returns the number of committed elements that are in neither the memory nor the log.
   [[nodiscard]] std::int64_t lost() const {
     std::map<std::uint64_t, std::int64_t> logged;
     for (const log::LoggedSession& session : log::Log(logs_.path()).sessions()) {
@@ -251,7 +253,7 @@ class FourProcesses {
     }
   }
 
-  // The session in which all are at work.
+  // Waits for a session in which all processes work, and returns it.
   [[nodiscard]] Frontend<FakeRobot> wait_until_all_work() {
     const Deadline deadline(kHang);
     while (true) {
@@ -268,13 +270,13 @@ class FourProcesses {
         });
         if (!robot.fault()) return robot;
       } catch (const RobotStopped&) {
-        // That of a process that was killed before.
+        // This session belongs to a process that was killed before.
       }
       if (deadline.passed()) throw TimedOut("no session goes on");
     }
   }
 
-  // Waits for the end of the session and checks that all that was committed is there.
+  // Waits for the end of the session and checks that everything committed is there.
   void wait_for_end(const Frontend<FakeRobot>& robot) {
     try {
       static_cast<void>(robot.get_status(1LL << 40U, kHang));
@@ -304,15 +306,15 @@ class FourProcesses {
   Shared<Work> work_;
   Dice random_;
   std::array<std::unique_ptr<Child>, kProcesses> processes_;
-  std::map<std::uint64_t, std::int64_t> steps_;  // of sessions that have ended
+  std::map<std::uint64_t, std::int64_t> steps_;  // steps of finished sessions
   std::int64_t lost_in_memory_{0};
   int kills_{0};
 };
 
 }  // namespace
 
-// The robot goes on with what the controller had appended, so the first tick that can notice the
-// death is that of the first missing action.
+// The robot continues with the actions that the controller had appended. So the death can be
+// noticed at the tick of the first missing action, and no earlier.
 std::vector<Row> dead_user(const Effort& effort) {
   const int kills = deaths(effort);
   const std::string name = "benchmark-detection";
@@ -324,13 +326,13 @@ std::vector<Row> dead_user(const Effort& effort) {
   for (int counted = 0; counted < kills;) {
     report_progress(counted, kills);
     const KilledController killed = kill_controller(name, backend, random);
-    // On a busy machine a controller may be late by itself, which says nothing.
+    // On a busy machine a controller may be late by itself. Such a session does not count.
     if (killed.time != Instant{} && time_of(killed.end) >= killed.time) {
       const Nanoseconds time = time_of(killed.end) - std::max(killed.time, time_of(killed.last));
       ++counted;
       from_last_action.add(milliseconds(time) / milliseconds(kPeriod));
       from_kill.add(milliseconds(time_of(killed.end) - killed.time));
-      // A tick that is late by itself has a figure of its own.
+      // The lateness of ticks is measured separately, so it is subtracted here.
       const Instant since = std::max(killed.time, deadline_of(killed.last));
       holds = holds && deadline_of(killed.end) - since <= kPeriod * (1 + killed.end.skipped_ticks);
     }
@@ -344,7 +346,8 @@ std::vector<Row> dead_user(const Effort& effort) {
                            kills, from_kill.median(), from_kill.quantile(0.95)))};
 }
 
-// The same where missing actions may be repeated: a watchdog finds the lock of the controller free.
+// Measures the time until a dead user is noticed while missing actions may be repeated: a watchdog
+// finds the controller's lock free.
 std::vector<Row> dead_user_with_repeats(const Effort& effort) {
   const int kills = deaths(effort);
   const std::string name = "benchmark-detection";
@@ -354,7 +357,7 @@ std::vector<Row> dead_user_with_repeats(const Effort& effort) {
   for (int counted = 0; counted < kills;) {
     report_progress(counted, kills);
     const KilledController killed = kill_controller(name, backend, random);
-    if (killed.time == Instant{}) continue;  // ended before the kill
+    if (killed.time == Instant{}) continue;  // the session ended before the kill
     ++counted;
     samples.add(milliseconds(time_of(killed.end) - killed.time));
   }

@@ -31,7 +31,7 @@ std::string quoted(const std::string& text) {
   return result + "\"";
 }
 
-// A whole line at once: another process reads it.
+// Writes a whole line at once, because another process reads it.
 void report(const std::string& object) {
   fmt::print("{}\n", object);
   static_cast<void>(std::fflush(stdout));
@@ -41,7 +41,7 @@ std::string or_null(const std::optional<double>& value) {
   return value ? fmt::format("{:.6g}", *value) : "null";
 }
 
-// What /proc says of this process, as in "Cpus_allowed_list".
+// Returns what /proc says about this process under a name such as "Cpus_allowed_list".
 std::string status_of(const std::string& name) {
   std::ifstream file("/proc/self/status");
   std::string word;
@@ -66,7 +66,7 @@ double Samples::quantile(double p) const {
 Paired alternate(int rounds, const std::function<double()>& measure,
                  const std::function<double()>& reference) {
   Paired paired;
-  // One of each that does not count: pages and caches are there afterwards.
+  // The first measurement of each side does not count. It loads pages and caches.
   static_cast<void>(measure());
   static_cast<void>(reference());
   for (int i = 0; i < rounds; ++i) {

@@ -16,7 +16,7 @@ namespace trifinger::benchmarks {
 
 using Clock = std::chrono::steady_clock;
 
-/// Of the loops at 1 kHz.
+/// Period of the loops at 1 kHz.
 inline constexpr Nanoseconds kPeriod = std::chrono::milliseconds(1);
 
 [[nodiscard]] inline double microseconds(Clock::duration time) {
@@ -31,7 +31,7 @@ class Samples {
  public:
   void add(double value) { values_.push_back(value); }
   [[nodiscard]] bool empty() const noexcept { return values_.empty(); }
-  /// The value below which the fraction `p` of the samples lies.
+  /// Returns the value below which the fraction `p` of the samples lies.
   [[nodiscard]] double quantile(double p) const;
   [[nodiscard]] double median() const { return quantile(0.5); }
 
@@ -39,27 +39,27 @@ class Samples {
   std::vector<double> values_;
 };
 
-/// One line of the table.
+/// One row of the table.
 struct Row {
   std::string measure;
   double value{0.0};  ///< Median.
-  double low{0.0};    ///< Smallest and largest of the rounds.
+  double low{0.0};    ///< Smallest and largest value of the rounds.
   double high{0.0};
   std::string unit;
-  std::string reference;                  ///< What was measured beside it; empty for nothing.
-  std::optional<double> reference_value;  ///< In the same unit, median.
-  std::optional<double> ratio;  ///< Of the measure to its reference, median of the rounds.
+  std::string reference;                  ///< What was measured for comparison; empty for nothing.
+  std::optional<double> reference_value;  ///< Median, in the same unit.
+  std::optional<double> ratio;  ///< Measure divided by its reference, median of the rounds.
   std::string reach;            ///< In words, as in "<= 80 ns"; empty for none.
   bool holds{true};
   std::string remark;
 };
 
-/// Tells `./run bench` how far the measure is, twice a second at most: whoever shows it takes a
-/// processor for that.
+/// Tells `./run bench` the progress of the measure, at most twice a second because showing it takes
+/// a processor.
 void report_progress(std::int64_t done, std::int64_t total);
 
-/// Measures both sides in turn, so that both see the same machine. Returns samples of each and of
-/// their ratio.
+/// Measures both sides in turn, so that both see the same conditions. Returns the samples of each
+/// side and of their ratio.
 struct Paired {
   Samples measure;
   Samples reference;
@@ -68,22 +68,22 @@ struct Paired {
 [[nodiscard]] Paired alternate(int rounds, const std::function<double()>& measure,
                                const std::function<double()>& reference);
 
-/// A row with nothing measured beside it.
+/// Returns a row without a reference.
 [[nodiscard]] Row make_row(std::string measure, std::string unit, const Samples& samples,
                            std::string reach, bool holds, std::string remark = {});
 [[nodiscard]] Row make_row(std::string measure, std::string unit, const Paired& paired,
                            std::string reference, std::string reach, bool holds);
 
-/// Tells `./run bench` what was measured.
+/// Reports a result to `./run bench`.
 void report_row(const Row& row);
 
-/// Tells `./run bench` what this process may use of the machine.
+/// Reports to `./run bench` what this process may use of the machine.
 void report_process();
 
-/// Keeps the calling thread on one processor. False if there is no such processor.
+/// Keeps the calling thread on one processor. Returns false if there is no such processor.
 bool pin(int cpu);
 
-/// A folder that goes with its owner.
+/// A folder that is removed together with this object.
 class TemporaryFolder {
  public:
   TemporaryFolder();
@@ -97,8 +97,8 @@ class TemporaryFolder {
   std::filesystem::path path_;
 };
 
-/// A child process that runs `body` and exits; sent a signal and awaited at the end of its life
-/// here. Killed if this thread ends without that.
+/// A child process that runs `body` and exits. The destructor sends it a signal and waits for its
+/// end. If this thread ends without that, the child is killed.
 class Child {
  public:
   explicit Child(const std::function<void()>& body, int end_signal = SIGKILL);
@@ -113,7 +113,7 @@ class Child {
   int end_signal_;
 };
 
-/// Memory shared with children forked later.
+/// Memory that is shared with children forked later.
 template <class T>
 class Shared;
 void* make_shared_memory(std::size_t size);
@@ -125,19 +125,19 @@ class Shared {
   T* operator->() const noexcept { return value_; }
 
  private:
-  T* value_;  // the pages end with the process
+  T* value_;  // the memory is released when the process ends
 };
 
 struct Effort {
-  int rounds;          ///< Of each paired measure.
-  int windows;         ///< Pairs of windows of the lateness.
+  int rounds;          ///< Rounds of each paired measure.
+  int windows;         ///< Pairs of windows in which the lateness is measured.
   double window_time;  ///< [s]
-  int kills;           ///< Of processes at random instants.
-  double hold_time;    ///< Of the lifted cube [s].
+  int kills;           ///< Kills of processes at random instants.
+  double hold_time;    ///< Time for which the lifted cube is held [s].
 };
 
-/// What a process of its own measures. It may pin itself, become real-time and lock its memory: all
-/// that ends with it.
+/// A measure runs in a process of its own. It may pin itself, become real-time and lock its memory:
+/// all that ends with the process.
 using Measure = std::vector<Row>(const Effort& effort);
 
 Measure lateness, lateness_beside_hogs, lift;

@@ -26,8 +26,8 @@ namespace {
 
 using namespace learning;
 
-// Positions and velocities of nine joints, the goals of three tips and the last action; nine
-// torques. The widths between are Stable-Baselines3's for SAC.
+// Width of the layers. Inputs: positions and velocities of nine joints, goals of three tips and the
+// last action. Outputs: nine torques. The widths between are those of Stable-Baselines3 for SAC.
 constexpr std::array<Eigen::Index, 4> kWidths{36, 256, 256, 9};
 constexpr int kCalls = 2000;
 
@@ -60,7 +60,7 @@ Row policy_row(const Effort& effort, Precision precision) {
   std::vector<double> observation(policy.num_inputs());
   std::vector<double> action(policy.num_outputs());
   std::size_t allocations = 0;
-  double sum = 0;  // Looked at, so that no compiler leaves out what made it.
+  double sum = 0;  // Used below, so that the compiler cannot remove the work.
   bool is_done = true;
   const auto inference = [&] {
     Samples times;
@@ -76,7 +76,7 @@ Row policy_row(const Effort& effort, Precision precision) {
     }
     return times.median();
   };
-  // Neither double precision, nor activations, nor any other work on the numbers.
+  // Without double precision, activations, or any other work on the numbers.
   std::array<Eigen::VectorXf, kWidths.size()> values;
   for (std::size_t i = 0; i < kWidths.size(); ++i) values[i].setZero(kWidths[i]);
   const auto products = [&] {
@@ -107,7 +107,7 @@ Row policy_row(const Effort& effort, Precision precision) {
 // ---- environments ----
 
 constexpr int kSimulations = 64;
-constexpr int kActions = 100;  // An episode.
+constexpr int kActions = 100;  // One episode.
 
 SimulationOptions<TriFinger> without_objects() {
   SimulationOptions<TriFinger> options;
@@ -115,7 +115,7 @@ SimulationOptions<TriFinger> without_objects() {
   return options;
 }
 
-// Actions that wander, for each simulation.
+// Returns actions that vary slowly, for each simulation.
 std::vector<std::vector<float>> wandering(std::size_t count) {
   Random random{.seed = 4};
   std::vector<std::vector<float>> actions(kActions, std::vector<float>(count));
@@ -129,7 +129,7 @@ std::vector<std::vector<float>> wandering(std::size_t count) {
   return actions;
 }
 
-// The same steps without an environment: batches of MuJoCo's with the checks and the motors in
+// Does the same steps without an environment: batches of MuJoCo, with the checks and the motors in
 // each, and nothing else.
 class DirectSteps {
  public:
@@ -260,7 +260,7 @@ std::vector<Row> vector_environment_2_threads(const Effort& effort) {
   return {vector_row(effort, 2)};
 }
 
-// What `trifinger.environments.Environment` does, in C++.
+// Does what `trifinger.environments.Environment` does, in C++.
 std::vector<Row> environment(const Effort& effort) {
   const learning::Environment task("reach", learning::default_options("reach"),
                                    without_objects().description);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The paper's experiment as its users start it: `trifinger run sim` on one processor, `trifinger
-// manipulate lift` on another.
+// Runs the paper's experiment the way its users start it: `trifinger run sim` on one processor,
+// `trifinger manipulate lift` on another.
 #include <fmt/format.h>
 #include <unistd.h>
 
@@ -31,12 +31,12 @@ namespace {
 
 constexpr int kBackendCpu = 0;
 constexpr int kControllerCpu = 1;
-// What an action needs between two ticks: the controller's wake, its cycle, and what the loops
-// beside it do not see.
+// Time that an action needs between two ticks: the controller's wake-up, its cycle, and whatever
+// the reference loops do not see.
 constexpr Nanoseconds kEnough = std::chrono::microseconds(250);
 
-// A real-time loop that does nothing but wake, above the robot's program on the same processor. It
-// remembers when it was held up.
+// A real-time loop that only wakes up. It runs above the robot's program on the same processor, and
+// remembers when it was delayed.
 class BareLoop {
  public:
   static constexpr Nanoseconds kInterval = std::chrono::microseconds(100);
@@ -49,7 +49,7 @@ class BareLoop {
     thread_.join();
   }
 
-  // For how much of the time between two instants it was not woken when it should have been.
+  // Returns how long it was kept from running between two instants.
   [[nodiscard]] Nanoseconds held_up(std::int64_t from, std::int64_t to) const {
     std::int64_t sum = 0;
     for (const Delay& delay : delays_) {
@@ -66,7 +66,7 @@ class BareLoop {
   }
 
  private:
-  // From when it should have been woken to when it was [ns].
+  // The time from the planned to the actual wake-up [ns].
   struct Delay {
     std::int64_t begin;
     std::int64_t end;
@@ -92,7 +92,7 @@ class BareLoop {
   std::jthread thread_;
 };
 
-// A `trifinger` command on one processor; what it prints is not part of the table.
+// Starts a `trifinger` command on one processor. Its output is not part of the table.
 Child start(int cpu, const std::vector<std::string>& words) {
   const auto body = [&] {
     pin(cpu);
@@ -108,7 +108,7 @@ Child start(int cpu, const std::vector<std::string>& words) {
   return Child(body, SIGTERM);
 }
 
-// Shares of the times, in powers of two: "50 % < 4 us, 99 % < 8 us".
+// Lists shares of the times, in powers of two: "50 % < 4 us, 99 % < 8 us".
 std::string text_of(const LatenessHistogram& times) {
   std::string text;
   for (std::uint64_t below = 0, bin = 0; bin < LatenessHistogram::kNumBins; ++bin) {
@@ -124,11 +124,11 @@ std::string text_of(const LatenessHistogram& times) {
   return text;
 }
 
-// All statuses of a session, from its first step to its end.
+// Returns all statuses of a session, from its first step to its end.
 std::vector<Status> statuses_of(const Frontend<TriFinger>& robot, double hold_time) {
   std::vector<Status> statuses;
   for (bool has_ended = false; !has_ended;) {
-    constexpr TimeIndex kAtOnce = 100;  // so as to be woken rarely
+    constexpr TimeIndex kAtOnce = 100;  // so many steps at once, to be woken rarely
     constexpr double kWayTime = 10.0;   // there and back [s]
     report_progress(std::ssize(statuses) / 1000, std::llround(hold_time + kWayTime));
     const auto next = static_cast<TimeIndex>(statuses.size());
@@ -162,7 +162,7 @@ std::vector<Row> lift(const Effort& effort) {
   }
   BareLoop beside_backend(kBackendCpu, 81);
   BareLoop beside_controller(kControllerCpu, 71);
-  // With the way there and back a minute.
+  // Together with the way there and back, the lift takes a minute.
   const std::string hold_time = fmt::format("lift.hold_time={}", effort.hold_time);
   const Child controller =
       start(kControllerCpu, {"trifinger", "manipulate", "lift", "--robot", name, "--output",

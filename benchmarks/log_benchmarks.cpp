@@ -29,9 +29,9 @@ namespace trifinger::benchmarks {
 namespace {
 
 constexpr TimeIndex kLogSteps = 60'000;   // a minute at 1 kHz
-constexpr TimeIndex kStepsPerChunk = 80;  // what the recorder hands to the kernel at once
+constexpr TimeIndex kStepsPerChunk = 80;  // number of steps that the recorder writes at once
 
-// The series of a run, in memory.
+// The series of a session in memory.
 struct Run {
   explicit Run(std::size_t steps)
       : desired(steps), applied(steps), observations(steps), statuses(steps) {}
@@ -42,7 +42,7 @@ struct Run {
   std::vector<Status> statuses;
 };
 
-// A robot that keeps its pose, more or less, under a new random torque on each joint in every step.
+// Simulates a robot that roughly keeps its pose. In every step each joint gets a new random torque.
 Run run_with_random_torques() {
   Run run(kLogSteps);
   std::mt19937_64 random(1);  // NOLINT(cert-msc51-cpp): the same run every time
@@ -67,14 +67,14 @@ log::SessionHeader header() {
   header.session_id = 1;
   header.period = std::chrono::milliseconds(1);
   header.types = describe_robot<TriFinger>();
-  // What viewers are told is made from these.
+  // The messages for viewers are made from these documents.
   for (Document& document : model_documents({})) {
     if (document.name != "model.xml") header.documents.push_back(std::move(document));
   }
   return header;
 }
 
-// Writes `run` as the recorder does, without waiting for the disk.
+// Writes `run` like the recorder, but without waiting for the disk.
 void write(const Run& run, const std::filesystem::path& path, log::Precision precision) {
   std::filesystem::remove(path);
   mcap::FileSink sink = mcap::FileSink::create(path);
@@ -97,7 +97,7 @@ void write(const Run& run, const std::filesystem::path& path, log::Precision pre
 
 using Bytes = std::vector<std::byte>;
 
-// The bytes that are compressed in the file at `path`, a piece per chunk.
+// Returns the uncompressed bytes of each chunk in the file at `path`.
 std::vector<Bytes> raw_chunks(const std::filesystem::path& path) {
   mcap::Reader reader(path);
   std::vector<Bytes> chunks;
@@ -135,8 +135,8 @@ std::vector<Bytes> compress(const std::vector<Bytes>& chunks) {
   return frames;
 }
 
-// Decompresses into memory of its own, `size` bytes, and checks. The sum is there so that nothing
-// is left out.
+// Decompresses `frames` into new memory of `size` bytes, with a check. Returns a sum, so that the
+// compiler cannot remove the work.
 std::uint32_t decompress(const std::vector<Bytes>& frames, std::size_t size) {
   const std::unique_ptr<ZSTD_DCtx, decltype(&ZSTD_freeDCtx)> context(ZSTD_createDCtx(),
                                                                      &ZSTD_freeDCtx);
@@ -157,7 +157,7 @@ Row size_row(std::string measure, const Run& run, const std::filesystem::path& f
   write(run, file, precision);
   Row row;
   row.measure = std::move(measure);
-  // Documents are there once in a file, however long it is.
+  // Documents are stored once in a file, however long it is.
   double documents = 0;
   for (const Document& document : header().documents) {
     documents += static_cast<double>(document.text.size());
@@ -244,7 +244,7 @@ std::vector<Row> log_files(const Effort& effort) {
   return rows;
 }
 
-// A simulated robot with its cube that moves as fast as it can, with and without a recorder.
+// A simulated robot with its cube moves as fast as it can, with and without a recorder.
 std::vector<Row> recorded_simulation(const Effort& effort) {
   const Simulation<TriFinger> bare;
   const Simulation<TriFinger> recorded;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The measures of the C++ side. `./run bench` starts this once for each of them, and reads JSON, an
-// object on each line: what the process may use of the machine, how far it is, its rows.
+// The measures of the C++ side. `./run bench` starts this program once for each of them. It prints
+// JSON, one object per line: what the process may use of the machine, its progress, its rows.
 #include <fmt/format.h>
 #include <sys/prctl.h>
 
@@ -64,7 +64,7 @@ int main(int argc, char** argv) {
     fmt::print(stderr, "there is no measure '{}'\n", arguments[1]);
     return 2;
   }
-  // Ends with its `./run bench`.
+  // This process ends when its `./run bench` ends.
   ::prctl(PR_SET_PDEATHSIG, SIGTERM);
   try {
     benchmarks::report_process();

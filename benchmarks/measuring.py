@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Measures in processes of their own, in folders of their own, of which nothing is left."""
+"""Measures in separate processes and folders, and removes the folders afterwards."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ from typing import Any
 
 from rows import Row
 
-FOLDER = "trifinger-benchmarks-"  # and the number of the process
-END_TIME = 10.0  # for a measure to end by itself [s]
+FOLDER = "trifinger-benchmarks-"  # the number of the process follows
+END_TIME = 10.0  # time that a measure may take to end by itself [s]
 
 
 class MeasureError(Exception):
-    """A measure has ended with an error."""
+    """A measure ended with an error."""
 
 
 @dataclass(frozen=True)
 class Measure:
-    """What a process of its own measures."""
+    """A measure, which runs in a process of its own."""
 
     name: str
-    table: str  # of benchmarks/README.md
+    table: str  # table in benchmarks/README.md
     is_python: bool = False
-    reference: str = ""  # the measure whose row it is compared with; empty for none of them
+    reference: str = ""  # the measure whose row it is compared with; empty for none
 
     def command(self) -> list[str]:
-        """How it is started."""
+        """The command that starts it."""
         if self.is_python:
             program = [sys.executable, str(Path(__file__).with_name("python_measures.py"))]
         else:
@@ -46,7 +46,7 @@ class Measure:
 
 
 def cpp_program() -> Path:
-    """The program with the measures in C++, of the build that Python imports `trifinger` from."""
+    """The program with the measures in C++, from the build that Python imports `trifinger` from."""
     package = find_spec("trifinger")
     if package is None or package.origin is None:
         sys.exit("the package trifinger is not there: `./run bench` builds it")
@@ -61,12 +61,12 @@ def run(
     on_row: Callable[[Row], None],
     on_progress: Callable[[int, int], None],
 ) -> None:
-    """Runs a measure in a process of its own, and hands over each row when it is there.
+    """Runs a measure in a process of its own. Yields each row as soon as it is measured.
 
-    The process is as fresh as this one: it inherits this one's processors, priority and limits, and
-    what it changes of them ends with it, as does whatever it has started. `rows` are what was
-    measured before, for measures that compare themselves with another one.
-    Raises MeasureError if it ends with an error.
+    The process inherits this one's processors, priority and limits. Changes that it makes to them,
+    and everything that it starts, end with it. `rows` are the rows measured before: some measures
+    compare themselves with another one.
+    Raises MeasureError if the process ends with an error.
     """
     with tempfile.TemporaryFile("w+") as known:
         json.dump([row.json() for row in rows], known)
@@ -96,7 +96,7 @@ def run(
 
 
 def _end(process: subprocess.Popen[str]) -> None:
-    """Ends a measure and all that it has started, which is in its process group."""
+    """Ends a measure and everything that it has started: its process group."""
     with contextlib.suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGTERM)
     with contextlib.suppress(subprocess.TimeoutExpired):
@@ -108,10 +108,10 @@ def _end(process: subprocess.Popen[str]) -> None:
 
 @contextlib.contextmanager
 def folders() -> Iterator[None]:
-    """Sessions, logs and temporary files of all that is started here have folders of their own.
+    """Provides separate folders for sessions, logs and temporary files of everything started here.
 
-    They end with the block, also on Ctrl-C and SIGTERM; those of a run that was killed go when the
-    next one begins.
+    The folders are removed at the end of the block, also on Ctrl-C and SIGTERM. If a run was
+    killed, the next one removes its folders.
     """
     before = {
         number: signal.signal(number, signal.default_int_handler)

@@ -3,8 +3,8 @@
 
     python_measures.py MEASURE [--quick] < rows.json
 
-The rows are those that were measured before. Prints JSON, an object on each line: what the process
-may use of the machine, how far it is, its rows.
+The rows are the ones measured before. Prints JSON, one object per line: what the process may use of
+the machine, its progress, its rows.
 """
 
 from __future__ import annotations
@@ -33,32 +33,32 @@ from trifinger import program
 
 @dataclass(frozen=True)
 class Effort:
-    """How much is measured."""
+    """How much to measure."""
 
     rounds: int
     windows: int
     window_time: float  # [s]
-    rows: list[Row]  # that were measured before
+    rows: list[Row]  # rows measured before
 
     def reference(self, measure: str) -> Row:
-        """The row of that name."""
+        """Returns the row of that name."""
         return next(row for row in self.rows if row.measure == measure)
 
 
 def report(**message: Any) -> None:
-    """Tells `./run bench`."""
+    """Reports a result to `./run bench`."""
     print(json.dumps(message), flush=True)
 
 
 def in_rounds(rounds: int) -> Iterator[int]:
-    """As `range`, and says how far it is."""
+    """Works like `range`, and reports the progress."""
     for done in range(rounds):
         report(done=done, total=rounds)
         yield done
 
 
 def control_loop(robot: Any, steps: int) -> float:
-    """Steps per second of the basic control loop with a policy that does nothing."""
+    """Returns the steps per second of the basic control loop with a policy that does nothing."""
     action = robot.new_action()
     t = robot.append_desired_action(action)
     begin = time.perf_counter()
@@ -70,7 +70,7 @@ def control_loop(robot: Any, steps: int) -> float:
 
 @contextlib.contextmanager
 def back_end(robot: str, *options: str) -> Iterator[str]:
-    """A back-end in a process of its own; gives its name."""
+    """Runs a back-end in a process of its own. Yields its name."""
     name = f"benchmark-{os.getpid()}"
     with subprocess.Popen(
         [program.path(), "run", robot, "--name", name, *options],
@@ -90,7 +90,7 @@ def back_end(robot: str, *options: str) -> Iterator[str]:
 
 @contextlib.contextmanager
 def recorder(name: str, folder: str, *options: str) -> Iterator[int]:
-    """A recorder in a process of its own that has begun its file; gives its process id."""
+    """Runs a recorder in a process of its own. Yields its process id once its file has begun."""
     before = set(Path(folder).glob("*.mcap"))
     with subprocess.Popen(
         [program.path(), "record", name, "--to", folder, *options], stdout=subprocess.DEVNULL
@@ -108,7 +108,7 @@ def recorder(name: str, folder: str, *options: str) -> Iterator[int]:
 
 
 def loop_row(measure: str, samples: list[float], reach: float, reference: Row) -> Row:
-    """Steps per second, beside those of C++."""
+    """Measures the steps per second, compared with C++."""
     value = statistics.median(samples)
     return Row.of(
         measure,
@@ -123,7 +123,7 @@ def loop_row(measure: str, samples: list[float], reach: float, reference: Row) -
 
 
 def inline_loop(effort: Effort) -> list[Row]:
-    """Back-end and user in one thread."""
+    """Runs back-end and user in one thread."""
     with trifinger.fake() as robot:
         samples = [control_loop(robot, 200_000) for _ in in_rounds(effort.rounds)]
     reference = effort.reference("inline loop of the fake robot, C++")
@@ -131,7 +131,7 @@ def inline_loop(effort: Effort) -> list[Row]:
 
 
 def loop(effort: Effort) -> list[Row]:
-    """The back-end is a process of its own, on the same processor, which it inherits."""
+    """Runs the back-end in a process of its own, on the same processor, which it inherits."""
     os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
     with back_end("fake", "--non-real-time") as name, trifinger.connect(name) as robot:
         samples = [control_loop(robot, 30_000) for _ in in_rounds(effort.rounds)]
@@ -140,19 +140,19 @@ def loop(effort: Effort) -> list[Row]:
 
 
 def cpu_time(pid: int) -> float:
-    """The time that a process has spent on processors so far [s]."""
+    """Returns the processor time of a process so far [s]."""
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def recorder_rows(effort: Effort) -> list[Row]:
-    """A simulated robot with its object at 1 kHz, recorded by a process of its own."""
+    """Measures a simulated robot with its object at 1 kHz, recorded by a separate process."""
     load: list[float] = []
     recorded: list[float] = []
     alone: list[float] = []
     with (
         tempfile.TemporaryDirectory() as folder,
-        # Nobody acts while a recorder starts or ends.
+        # Nobody sends actions while a recorder starts or ends.
         back_end(
             "sim",
             *("--set", "backend.late_action.max_repeats=1000000"),
@@ -165,7 +165,7 @@ def recorder_rows(effort: Effort) -> list[Row]:
         t = robot.append_desired_action(action)
 
         def window() -> float:
-            """The 99th percentile of the lateness of a window [us]."""
+            """Returns the 99th percentile of the lateness in a window [us]."""
             nonlocal t
             first = t
             while t < first + 1000 * effort.window_time:
@@ -183,7 +183,7 @@ def recorder_rows(effort: Effort) -> list[Row]:
     ratio = statistics.median(a / b for a, b in zip(recorded, alone, strict=True))
     mean_load = statistics.mean(load)
     return [
-        # The mean: the system counts in hundredths of a second.
+        # The mean is used, because the system counts in hundredths of a second.
         Row(
             "recorder's CPU at 1 kHz, robot and object",
             mean_load,
@@ -207,7 +207,7 @@ def recorder_rows(effort: Effort) -> list[Row]:
 
 
 def log(effort: Effort) -> list[Row]:
-    """A minute of a recorded robot into NumPy."""
+    """Reads a minute of a recorded robot into NumPy."""
     steps = 60_000
     with tempfile.TemporaryDirectory() as folder:
         simulation = trifinger.Simulation()
@@ -243,7 +243,7 @@ def log(effort: Effort) -> list[Row]:
 
 
 def environment(effort: Effort) -> list[Row]:
-    """Actions of the single environment."""
+    """Measures the actions per second of the single environment."""
     from trifinger.environments import Environment
 
     robot = Environment("reach")
@@ -282,7 +282,7 @@ MEASURES: dict[str, Callable[[Effort], list[Row]]] = {
 
 
 def process_state() -> dict[str, Any]:
-    """What this process may use of the machine; the C++ side says the same (harness.cpp)."""
+    """Reports what this process may use of the machine; harness.cpp does the same in C++."""
     status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
     return {
         "processors": status["Cpus_allowed_list"].strip(),
@@ -300,7 +300,7 @@ def main() -> int:
     parser.add_argument("measure", choices=MEASURES)
     parser.add_argument("--quick", action="store_true")
     arguments = parser.parse_args()
-    # Ends with its `./run bench`, and then ends whatever it has started.
+    # The process ends when its `./run bench` ends, and then ends whatever it has started.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
     set_parent_death_signal = 1
     ctypes.CDLL(None).prctl(set_parent_death_signal, signal.SIGTERM)

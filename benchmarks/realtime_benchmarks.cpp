@@ -22,7 +22,7 @@ namespace {
 
 const RealtimeOptions kRealtime{.demand = Demand::kTry, .priority = 80, .cpu = 1};
 
-// What the machine's host has taken from all processors so far [s].
+// Returns the time that the machine's host has taken from all processors so far [s].
 double steal_time() {
   std::ifstream file("/proc/stat");
   std::string word;
@@ -33,7 +33,7 @@ double steal_time() {
   return value / kTicksPerSecond;
 }
 
-// Lateness [us] of a loop that does nothing but sleep until absolute deadlines.
+// Returns the lateness [us] of a loop that only sleeps until absolute deadlines.
 Samples bare_window(double window_time) {
   Samples samples;
   std::thread([&] {
@@ -47,15 +47,15 @@ Samples bare_window(double window_time) {
       clock.sleep_until(deadline);
       const Instant now = clock.now();
       samples.add(1e-3 * static_cast<double>((now - deadline).count()));
-      // Late by whole periods: as the back-end does.
+      // If it is late by whole periods, it skips them like the back-end does.
       while (deadline + kPeriod <= now) deadline += kPeriod;
     }
   }).join();
   return samples;
 }
 
-// The same [us] as cyclictest measures it, the program by which real-time kernels are judged. Empty
-// if it is missing or may not run in real time.
+// Returns the lateness [us] measured by cyclictest, the usual program to judge real-time kernels.
+// Empty if the program is missing or may not run in real time.
 Samples cyclictest_window(double window_time) {
   const std::string command = fmt::format(
       "cyclictest --mlockall --quiet --threads=1 --policy=fifo --priority={} --affinity={} "
@@ -66,7 +66,8 @@ Samples cyclictest_window(double window_time) {
       // NOLINTNEXTLINE(bugprone-command-processor): all words of the command are ours.
       ::popen(command.c_str(), "r"), ::pclose);
   Samples samples;
-  // One line for each microsecond, "000042 001234"; all others begin with '#' or are empty.
+  // A result has one line per microsecond, "000042 001234". All other lines begin with '#' or are
+  // empty.
   std::array<char, 256> line{};
   while (output != nullptr && std::fgets(line.data(), line.size(), output.get()) != nullptr) {
     std::istringstream fields(line.data());
@@ -83,7 +84,7 @@ struct Window {
   double drift{0.0};  // [ns]
 };
 
-// The same of the back-end, as its status series tells it.
+// Returns the back-end's lateness and drift, read from its status series.
 Window backend_window(double window_time) {
   FakeDriver driver;
   SessionHost host = SessionHost::anonymous();
@@ -100,7 +101,7 @@ Window backend_window(double window_time) {
   std::vector<Status> statuses;
   TimeIndex t = 0;
   std::vector<Status> part(100);
-  // In pieces: the window may be longer than the history.
+  // Reads in pieces, because the window may be longer than the history.
   while (t < steps) {
     robot.get_statuses(t, part);
     statuses.insert(statuses.end(), part.begin(), part.end());
@@ -118,8 +119,8 @@ Window backend_window(double window_time) {
   return window;
 }
 
-// Windows of the back-end and of a reference in turn, as 30 pairs say more than two long runs on a
-// machine that stalls at random.
+// Windows of the back-end and of a reference in turn. On a machine that stalls at random, 30 pairs
+// say more than two long runs.
 struct Pairs {
   Paired p99;              // [us]
   double ours_max{0.0};    // [us]
@@ -164,7 +165,7 @@ Row lateness_row(const Effort& effort, const Pairs& pairs, std::string measure,
   return row;
 }
 
-// Keeps a processor busy for as long as it lives.
+// Keeps a processor busy for as long as this object lives.
 class Hog {
  public:
   explicit Hog(int cpu)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What `./run bench` measures: rows of a table, as text and in Markdown."""
+"""Rows of the tables that `./run bench` makes, as text and in Markdown."""
 
 from __future__ import annotations
 
@@ -12,33 +12,33 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the table; the C++ side makes the same (harness.hpp)."""
+    """One row of the table; harness.hpp has the same in C++."""
 
     measure: str
     value: float  # median
-    low: float  # smallest and largest of the rounds
+    low: float  # smallest and largest value of the rounds
     high: float
     unit: str
     reach: str  # in words, as in "<= 80 ns"; empty for none
     holds: bool
-    reference: str | None = None  # what was measured beside it
+    reference: str | None = None  # what was measured for comparison
     reference_value: float | None = None  # in the same unit
-    ratio: float | None = None  # of the measure to its reference
+    ratio: float | None = None  # the measure divided by its reference
     remark: str = ""
-    # Its process at the beginning: what it may use of the machine.
+    # What the process may use of the machine, as reported at its beginning.
     process: dict[str, Any] = field(default_factory=dict)
 
     @staticmethod
     def of(measure: str, samples: Sequence[float], unit: str, **others: Any) -> Row:
-        """A row with the median and the range of the samples."""
+        """Makes a row with the median and the range of the samples."""
         return Row(measure, statistics.median(samples), min(samples), max(samples), unit, **others)
 
     def json(self) -> dict[str, Any]:
-        """For a file."""
+        """Returns the row as it is written to a file."""
         return asdict(self)
 
     def figure(self) -> str:
-        """The median with its range, as in "19.9 µs (16.3 to 40.3)"."""
+        """Returns the median with its range, as in "19.9 µs (16.3 to 40.3)"."""
         scale, unit = _scale(self.value, self.unit)
         text = _with_unit(_number(self.value / scale), unit)
         if self.low == self.high:
@@ -47,7 +47,7 @@ class Row:
         return f"{text} ({low} to {high})"
 
     def beside(self) -> str:
-        """The reference with its value."""
+        """Returns the reference with its value."""
         if self.reference is None:
             return ""
         if self.reference_value is None:
@@ -57,7 +57,7 @@ class Row:
         return f"{self.reference}: {value}"
 
     def text(self) -> str:
-        """For people at a terminal, in a few lines."""
+        """Returns a few lines of text for a terminal."""
         lines = [f"{self.measure}: {self.figure()}"]
         if self.reference is not None:
             ratio = f"{_number(self.ratio)}x of " if self.ratio is not None else "beside "
@@ -70,7 +70,7 @@ class Row:
 
 
 def markdown(rows: Iterable[Row]) -> str:
-    """A table of the rows, and a list of what there is to remark on them."""
+    """Returns a table of the rows, and a list of remarks on them."""
     rows = list(rows)
     lines = [
         "| measure | median (low to high) | reference beside it | ratio | reach | holds |",
@@ -86,7 +86,7 @@ def markdown(rows: Iterable[Row]) -> str:
 
 
 def _scale(value: float, unit: str) -> tuple[float, str]:
-    """What to divide by, and the unit that the figure has then."""
+    """Returns a divisor and the unit of a figure that is divided by it."""
     if unit.endswith("s/s"):  # steps, actions
         for scale, prefix in ((1e6, "M "), (1e3, "k ")):
             if abs(value) >= scale:
@@ -95,12 +95,12 @@ def _scale(value: float, unit: str) -> tuple[float, str]:
 
 
 def _with_unit(number: str, unit: str) -> str:
-    """A number and its unit."""
+    """Formats a number and its unit."""
     return f"{number} {unit}".rstrip()
 
 
 def _number(value: float) -> str:
-    """Three digits, or all of those before the point."""
+    """Formats a number with three digits, or with all digits before the point."""
     if not math.isfinite(value) or value == 0.0:
         return f"{value:g}"
     return f"{value:.{max(0, 2 - math.floor(math.log10(abs(value))))}f}"

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""`./run bench`: measures all figures, each beside its reference in the same run.
+"""`./run bench`: measures all figures, each together with its reference in the same run.
 
 Each measure has a process of its own. Its rows are printed, and written to the file of --json, as
-soon as they are there; after Ctrl-C, or where a measure fails, those of the others remain.
+soon as they are measured. After Ctrl-C, or if a measure fails, the rows of the others remain.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from rows import Row, markdown
 
 README = Path(__file__).with_name("README.md")
 
-# In the order in which they are run, and in which their rows are in the tables.
+# The order in which the measures are run, and in which the tables list their rows.
 MEASURES = (
     Measure("lateness", "figures"),
     Measure("lateness_beside_hogs", "figures"),
@@ -55,7 +55,7 @@ MEASURES = (
 
 
 class Display:
-    """Says which measure is at work and, on a terminal, how far it is."""
+    """Shows which measure is running and, on a terminal, its progress."""
 
     def __init__(self, count: int) -> None:
         self._count = count
@@ -65,7 +65,7 @@ class Display:
         self._is_terminal = sys.stdout.isatty()
 
     def begin(self, measure: Measure) -> None:
-        """The next one begins."""
+        """Call this when the next measure begins."""
         self._number += 1
         self._title = f"[{self._number:2}/{self._count}] {measure.name}"
         self._begin = time.monotonic()
@@ -75,20 +75,20 @@ class Display:
             print(self._title, flush=True)
 
     def progress(self, done: int, total: int) -> None:
-        """It has done so much of its work."""
+        """Call this with the share of its work that the measure has done."""
         if self._is_terminal:
             seconds = time.monotonic() - self._begin
             self._show(f"{self._title}: {done} of {total}, {seconds:.0f} s")
 
     def row(self, row: Row) -> None:
-        """It has measured this."""
+        """Call this with a row that the measure has finished."""
         self.clear()
         print(row.text(), flush=True)
         if self._is_terminal:
             self._show(self._title)
 
     def clear(self) -> None:
-        """Nothing is at work."""
+        """Call this when no measure is running."""
         if self._is_terminal:
             print("\r\x1b[K", end="", flush=True)
 
@@ -98,14 +98,14 @@ class Display:
 
 
 def write_json(rows: Sequence[Row], path: Path) -> None:
-    """Writes the rows, in one step: the file is whole whenever this ends."""
+    """Writes the rows in one step, so that the file is whole whenever this program ends."""
     draft = path.with_name(path.name + ".new")
     draft.write_text(json.dumps([row.json() for row in rows], indent=2) + "\n")
     draft.replace(path)
 
 
 def machine() -> str:
-    """When and where the figures were measured."""
+    """Returns when and where the figures were measured."""
     cpu = re.search(r"model name\s*: (.*)", Path("/proc/cpuinfo").read_text())
     compiler = subprocess.run(["g++", "-dumpfullversion"], stdout=subprocess.PIPE, check=True)
     return (
@@ -115,7 +115,7 @@ def machine() -> str:
 
 
 def with_figures(text: str, tables: dict[str, Sequence[Row]]) -> str:
-    """The README with these rows in its tables."""
+    """Returns the README with these rows in its tables."""
     parts = {name: markdown(rows) for name, rows in tables.items()}
     for name, part in ({"machine": machine()} | parts).items():
         begin, end = f"<!-- {name}: written by ./run bench --write -->\n", f"<!-- end of {name} -->"
@@ -128,7 +128,7 @@ def with_figures(text: str, tables: dict[str, Sequence[Row]]) -> str:
 
 
 def main() -> int:
-    """Measures, prints, and writes what was asked for."""
+    """Measures, prints and writes what the command line asks for."""
     parser = argparse.ArgumentParser(
         prog="./run bench",
         description=__doc__,

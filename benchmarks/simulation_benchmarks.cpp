@@ -15,7 +15,7 @@ namespace {
 
 constexpr TimeIndex kSimulationSteps = 8000;
 
-// A slow motion of all joints around the initial pose, tips clear of the table.
+// A slow motion of all joints around the initial pose. The tips stay clear of the table.
 TriFinger::Action motion(const TriFinger::Observation& begin, TimeIndex t) {
   TriFinger::Action action = hold_position(begin);
   const double phase = 2.0 * std::numbers::pi * static_cast<double>(t) / 2000.0;
@@ -25,7 +25,7 @@ TriFinger::Action motion(const TriFinger::Observation& begin, TimeIndex t) {
 
 }  // namespace
 
-// The chain alone, on a motion in which some checks act and none is a fault.
+// Measures the safety chain alone. In its motion some checks act, and none ends in a fault.
 std::vector<Row> safety_chain(const Effort& effort) {
   constexpr int kApplications = 200'000;
   const SafetyChain<TriFinger> chain(default_limits<TriFinger>({}));
@@ -38,7 +38,7 @@ std::vector<Row> safety_chain(const Effort& effort) {
     TriFinger::Action action;
     const auto begin = Clock::now();
     for (int i = 0; i < kApplications; ++i) {
-      // There and back once a second, at 1 rad/s.
+      // The joints move back and forth once a second, at 1 rad/s.
       observation.velocity.fill(i % 1000 < 500 ? 1.0 : -1.0);
       for (double& position : observation.position) position += 1e-3 * observation.velocity[0];
       action.torque.fill(i % 2 == 0 ? 0.4 : -0.1);
@@ -48,7 +48,7 @@ std::vector<Row> safety_chain(const Effort& effort) {
     samples.add(std::chrono::duration<double, std::nano>(Clock::now() - begin).count() /
                 kApplications);
   }
-  // Looks at the sum, so that no compiler leaves out what made it.
+  // The sum is used here, so that the compiler cannot remove the work.
   return {make_row("safety chain, nine joints", "ns", samples, "<= 300 ns",
                    samples.median() <= 300.0 && std::isfinite(sum))};
 }
@@ -59,7 +59,7 @@ std::vector<Row> simulation(const Effort& effort) {
 
   const auto frontend = [&] {
     auto robot = simulated.connect();
-    // Made before: what a policy takes is not ours.
+    // The action is made beforehand, because a policy's time does not count.
     const auto pose = robot.latest_observation();
     std::vector<TriFinger::Action> actions;
     for (TimeIndex t = 0; t <= kSimulationSteps; ++t) actions.push_back(motion(pose, t));
@@ -80,7 +80,7 @@ std::vector<Row> simulation(const Effort& effort) {
   const RobotModel model;
   const std::unique_ptr<mjData, decltype(&mj_deleteData)> data(mj_makeData(model.mujoco()),
                                                                &mj_deleteData);
-  // The same controls: the torques that the motors delivered above.
+  // Applies the same controls: the torques that the motors delivered above.
   const auto bare = [&] {
     mj_resetDataKeyframe(model.mujoco(), data.get(), 0);
     const auto begin = Clock::now();

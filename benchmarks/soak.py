@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The parts of `./run soak` that are no tests: kills of any process, and memory over time."""
+"""The parts of `./run soak` that are not tests: kills of any process, and memory over time."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from measuring import Measure, folders, run
 from python_measures import back_end, recorder
 from rows import Row
 
-# A process at 1 kHz until it is killed, whatever happens to its robot.
+# A controller at 1 kHz. It runs until it is killed, whatever happens to its robot.
 CONTROLLER = """
 import sys, trifinger
 with trifinger.connect(sys.argv[1]) as robot:
@@ -33,7 +33,7 @@ with trifinger.connect(sys.argv[1]) as robot:
 
 @dataclass
 class Usage:
-    """What is sampled of a thing that must not grow: the largest value of each window."""
+    """Samples of something that must not grow: the largest value of each window."""
 
     name: str
     unit: str
@@ -43,30 +43,30 @@ class Usage:
 
     @property
     def growth(self) -> float:
-        """How much more it was in the last window than in the first."""
+        """Returns how much larger it was in the last window than in the first."""
         return self.windows[-1] - self.windows[0]
 
 
 def resident(pid: int) -> float:
-    """The memory of a process that is its own and in use [MiB]."""
+    """Returns the memory that a process has to itself and uses [MiB]."""
     lines = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
     values = {words[0]: int(words[1]) for words in map(str.split, lines[1:])}
     return (values["Private_Clean:"] + values["Private_Dirty:"]) / 1024
 
 
 def descriptors(pid: int) -> float:
-    """How many files a process has open."""
+    """Returns the number of files that a process has open."""
     return len(list(Path(f"/proc/{pid}/fd").iterdir()))
 
 
 def shared_memory(name: str) -> float:
-    """What the files of a session take [MiB]."""
+    """Returns the size of the files of a session [MiB]."""
     files = Path("/dev/shm").glob(f"*trifinger.{name}.*")  # noqa: S108, where sessions are
     return sum(file.stat().st_blocks * 512 for file in files) / 2**20
 
 
 def memory(minutes: float) -> bool:
-    """A simulated robot at 1 kHz with recorder and controller: nothing grows."""
+    """Checks that nothing grows: a simulated robot at 1 kHz with recorder and controller."""
     window = minutes / 30 * 60
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory())
@@ -79,7 +79,7 @@ def memory(minutes: float) -> bool:
         )
         controller = stack.enter_context(subprocess.Popen([sys.executable, "-c", CONTROLLER, name]))
         stack.callback(controller.terminate)
-        # A file per window, so that each window sees the same.
+        # Each window has a file of its own, so that all windows see the same.
         files = f"--rotate-time={max(1, round(window))}s"
         recording = stack.enter_context(recorder(name, folder, files, "--max-total=200MB"))
         robot = trifinger.observe(name)
@@ -106,7 +106,7 @@ def memory(minutes: float) -> bool:
             print(f"[{number}/30]", file=sys.stderr)
             if number > 1:
                 for usage, values in zip(usages, zip(*samples, strict=True), strict=True):
-                    # A file that is just being changed for the next is no growth.
+                    # A file that is being replaced by the next one does not count as growth.
                     usage.windows.append(statistics.median(values))
         steps = robot.current_time_index() - first
         print(f"{minutes:g} minutes, {steps} steps at 1 kHz; windows of {window:g} s:")
@@ -123,7 +123,7 @@ def memory(minutes: float) -> bool:
 
 
 def kills() -> bool:
-    """Kills of any process at any instant, and how soon the others notice."""
+    """Kills processes at any instant, and measures how soon the others notice."""
     rows: list[Row] = []
     with folders():
         for name in ("dead_user", "dead_user_with_repeats", "dead_backend", "kills"):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-# Finds the headers of the Python package `eiquadprog`. Its templates are all that we use: nothing is linked. Set
+# Finds the headers of the Python package `eiquadprog`. Only its templates are used, so nothing is linked. Set
 # Python_EXECUTABLE, or Eiquadprog_ROOT to the folder that holds `include/`.
 #
 # Defines the imported target Eiquadprog::Eiquadprog and Eiquadprog_VERSION, Eiquadprog_LICENCES.

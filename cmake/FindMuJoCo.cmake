@@ -13,7 +13,7 @@ if(NOT MuJoCo_ROOT)
 endif()
 
 find_path(MuJoCo_INCLUDE_DIR mujoco/mujoco.h HINTS "${MuJoCo_ROOT}/include" NO_DEFAULT_PATH)
-# The wheel names the library by its version only: there is no unversioned link to find.
+# The wheel contains the library under its version only: there is no unversioned link to find.
 file(GLOB _mujoco_libraries "${MuJoCo_ROOT}/libmujoco.so.*")
 list(LENGTH _mujoco_libraries _mujoco_count)
 if(_mujoco_count EQUAL 1)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-# Run by ctest before it tests. A process runs the tests of a suite: under a sanitizer, most tests take less time than a process
-# that starts.
+# ctest runs this before the tests. One process runs all tests of a suite: with a sanitizer, most tests take less time
+# than starting a process.
 
-# add_test_suites(PROGRAM LABEL): a test NAME.SUITE for each suite of the test program NAME_test, with a watchdog of its own.
-# Where TRIFINGER_TEST_RESULTS names a folder in the environment, each leaves NAME.SUITE.xml there.
+# add_test_suites(PROGRAM LABEL): defines a test NAME.SUITE for each suite of the test program NAME_test, with its own
+# watchdog. If the environment variable TRIFINGER_TEST_RESULTS names a folder, each test leaves NAME.SUITE.xml there.
 function(add_test_suites program label)
   cmake_path(GET program FILENAME name)
   string(REGEX REPLACE "_test$" "" name "${name}")
@@ -13,7 +13,7 @@ function(add_test_suites program label)
   endif()
   execute_process(COMMAND "${program}" --gtest_list_tests OUTPUT_VARIABLE lines TIMEOUT 30
                   COMMAND_ERROR_IS_FATAL ANY)
-  # "Ring." or "Ring/0.  # TypeParam = ..."; the names of tests begin with blanks.
+  # Suites look like "Ring." or "Ring/0.  # TypeParam = ..."; the names of tests begin with blanks.
   string(REGEX MATCHALL "\n[^ \n]+\\.( [^\n]*)?" suites "\n${lines}")
   foreach(suite IN LISTS suites)
     string(REGEX REPLACE "^\n([^ ]+)\\..*" "\\1" suite "${suite}")

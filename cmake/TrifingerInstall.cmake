@@ -1,22 +1,22 @@
 # SPDX-License-Identifier: BSD-3-Clause
-# Installs what belongs to no single layer: the CMake package `trifinger` and MuJoCo. Nothing installed names a folder of
-# this machine, so the tree can be moved.
+# Installs what belongs to no single layer: the CMake package `trifinger` and MuJoCo. No installed file contains a
+# folder of this machine, so the tree can be moved.
 include(CMakePackageConfigHelpers)
 set(package_folder lib/cmake/trifinger)
 
 if(TRIFINGER_BUILD_ROBOT)
   install(IMPORTED_RUNTIME_ARTIFACTS MuJoCo::MuJoCo LIBRARY DESTINATION lib/trifinger)
   get_filename_component(TRIFINGER_MUJOCO_FILE ${MuJoCo_LIBRARY} NAME)
-  # MuJoCo's licence asks that it goes with every copy.
+  # MuJoCo's licence requires a copy of it with every copy of MuJoCo.
   file(GLOB licences ${MuJoCo_ROOT}/../mujoco_core-${MuJoCo_VERSION}.dist-info/licenses/*)
   install(FILES ${licences} DESTINATION share/trifinger/licences/mujoco)
-  # Eiquadprog's templates are compiled into the layer `control`; its licence (LGPL) asks for the same.
+  # The layer `control` contains eiquadprog's templates. Their licence (LGPL) requires a copy of it, too.
   install(FILES ${Eiquadprog_LICENCES} DESTINATION share/trifinger/licences/eiquadprog)
 endif()
 
 get_property(TRIFINGER_LAYERS GLOBAL PROPERTY TRIFINGER_LAYERS)
 configure_file(cmake/trifingerConfig.cmake.in ${PROJECT_BINARY_DIR}/trifingerConfig.cmake @ONLY)
-# Before version 1 a new minor version may break what was built for the one before.
+# Before version 1, a new minor version may be incompatible with the one before.
 write_basic_package_version_file(
   ${PROJECT_BINARY_DIR}/trifingerConfigVersion.cmake COMPATIBILITY SameMinorVersion)
 install(

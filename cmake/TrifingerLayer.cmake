@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-# One directory is one layer is one target. `tools/check_layers.py` holds the table of who may include whom.
+# A directory is a layer, and a layer is a target. The table in `tools/check_layers.py` says who may include whom.
 
 set(TRIFINGER_SANITIZE "" CACHE STRING "Sanitizers of our own targets: '', 'address,undefined' or 'thread'")
 option(TRIFINGER_WARNINGS_AS_ERRORS "Treat warnings in our own targets as errors" OFF)
@@ -7,15 +7,15 @@ option(TRIFINGER_JOIN_FILES "Compile the files of a target together: fast from n
 option(TRIFINGER_JOIN_PROGRAMS "Join those of all programs of a folder: for linters, there is nothing to link" OFF)
 set(CMAKE_UNITY_BUILD_BATCH_SIZE 0)  # all files of a target
 
-# Python is not instrumented, so the runtime of AddressSanitizer is a library that can be loaded before it. That is what g++
-# does by itself, and clang on request.
+# Python is not instrumented, so the runtime of AddressSanitizer must be a library that is loaded before Python. g++
+# uses such a library by default, clang on request.
 if(TRIFINGER_SANITIZE MATCHES "^address" AND CMAKE_CXX_COMPILER_ID STREQUAL "Clang")
   execute_process(COMMAND ${CMAKE_CXX_COMPILER} --print-runtime-dir OUTPUT_VARIABLE runtime_folder
                   OUTPUT_STRIP_TRAILING_WHITESPACE COMMAND_ERROR_IS_FATAL ANY)
   set(trifinger_sanitizer_runtime -shared-libasan -Wl,-rpath,${runtime_folder})
-  # Instructions are chosen as without optimisation, in a tenth less time.
+  # Selects instructions as without optimisation, which saves a tenth of the time.
   set(trifinger_sanitizer_code "SHELL:-mllvm -fast-isel")
-  # Tests are more code than what they test, and less of it runs again and again.
+  # Tests are larger than the code that they test, and less of their code runs repeatedly.
   set(trifinger_sanitizer_test_code -fno-inline-functions)
 endif()
 
@@ -23,7 +23,7 @@ if(TRIFINGER_SANITIZE MATCHES "undefined" AND CMAKE_CXX_COMPILER_ID STREQUAL "Cl
   set(trifinger_sanitizer_ignorelist -fsanitize-ignorelist=${PROJECT_SOURCE_DIR}/cmake/sanitizer_ignorelist.txt)
 endif()
 
-# Options of every target that we compile; private, so that users of the libraries keep theirs.
+# Sets the options of every target that we compile. They are private, so that users of the libraries keep theirs.
 function(trifinger_target_options target)
   target_compile_options(
     ${target}
@@ -37,9 +37,9 @@ function(trifinger_target_options target)
             -Wold-style-cast
             -Woverloaded-virtual
             -Wdouble-promotion
-            # g++ 12 sees overlaps in std::string's operator+ that are not there (GCC bug 105651).
+            # g++ 12 reports overlaps in std::string's operator+ that do not exist (GCC bug 105651).
             $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>
-            # It takes files that are joined for headers, which must have no types of their own.
+            # g++ takes the joined files for headers, which must not define types of their own.
             $<$<AND:$<CXX_COMPILER_ID:GNU>,$<BOOL:${TRIFINGER_JOIN_FILES}>>:-Wno-subobject-linkage>
             $<$<BOOL:${TRIFINGER_WARNINGS_AS_ERRORS}>:-Werror>)
   set_target_properties(${target} PROPERTIES UNITY_BUILD ${TRIFINGER_JOIN_FILES})
@@ -57,9 +57,9 @@ function(trifinger_target_options target)
   endif()
 endfunction()
 
-# Puts what the programs of a folder are compiled from into one target, so that their headers are read once. Each `main` becomes
-# a function of a name of its own, which nothing calls, and which may still end without a `return`: hence two warnings less, which
-# the builds have.
+# Joins all sources of the programs in a folder into one target, so that their headers are read once. Each `main`
+# becomes a function with a name of its own that nobody calls. It may still end without a `return`, so two warnings are
+# disabled; the usual builds have them.
 function(trifinger_join_programs)
   get_property(targets DIRECTORY PROPERTY BUILDSYSTEM_TARGETS)
   foreach(target IN LISTS targets)
@@ -93,7 +93,7 @@ endfunction()
 
 # trifinger_layer(NAME SOURCES a.cpp ... [PUBLIC lib ...] [PRIVATE lib ...])
 #
-# Defines the library trifinger_NAME with the alias trifinger::NAME and installs it with its headers, as the component NAME
+# Defines the library trifinger_NAME with the alias trifinger::NAME. Installs it with its headers as the component NAME
 # of the CMake package: cmake/TrifingerInstall.cmake.
 function(trifinger_layer name)
   cmake_parse_arguments(PARSE_ARGV 1 layer "" "" "SOURCES;PUBLIC;PRIVATE")
@@ -114,15 +114,16 @@ endfunction()
 
 # trifinger_test(NAME SOURCES a_test.cpp ... LIBRARIES lib ... [WITHOUT_SANITIZER])
 #
-# A test program, NAME_test. Every suite has a watchdog of its own: a hang fails, it does not stall the others. `./run test`
-# runs them under sanitizers, and those WITHOUT_SANITIZER, of whose tests a sanitizer leaves out some, in the release build too.
+# Defines the test program NAME_test. Every suite has its own watchdog, so a hang fails and does not stall the others.
+# `./run test` runs them under sanitizers. Programs marked WITHOUT_SANITIZER have tests that are skipped under a
+# sanitizer, so the release build runs them, too.
 function(trifinger_test name)
   cmake_parse_arguments(PARSE_ARGV 1 test "WITHOUT_SANITIZER" "" "SOURCES;LIBRARIES")
   set(target ${name}_test)
   add_executable(${target} ${test_SOURCES})
   trifinger_target_options(${target})
   target_compile_options(${target} PRIVATE ${trifinger_sanitizer_test_code})
-  # What stands in for functions of the C++ and C libraries must not be seen by those who call them.
+  # Replacements of functions of the C and C++ libraries must not be visible to their callers.
   set(support ${test_SOURCES})
   list(FILTER support INCLUDE REGEX "^\\.\\./support/")
   set_source_files_properties(${support} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// `./run evaluate control`: the paper's first experiment, with everything varied that is not known
-// in advance, and a table of what came out. The exit status says whether the table holds.
+// `./run evaluate control`: the paper's first experiment. Everything that is not known in advance
+// is varied. Prints a table of the results. The exit status says whether the table holds.
 #include <fmt/core.h>
 
 #include <CLI/CLI.hpp>
@@ -35,7 +35,7 @@ struct Options {
   std::filesystem::path output{"docs/results/control.md"};
 };
 
-// What a trial has to keep to.
+// Limits that a trial must stay within.
 struct Limits {
   double position_rms;     // [m]
   double orientation_rms;  // [rad]
@@ -75,7 +75,7 @@ struct Row {
   }
 };
 
-// The reports of `trial_of(seed)`, in as many threads as there are processors.
+// Returns the reports of `trial_of(seed)`. Uses as many threads as there are processors.
 std::vector<Report> run_all(const Options& options,
                             const std::function<Trial(std::uint64_t seed)>& trial_of) {
   std::vector<Report> reports(static_cast<std::size_t>(options.seeds));
@@ -119,7 +119,7 @@ Row run_row(const Options& options, Row row, const Trial& trial, bool is_pushed 
 const std::vector<std::string> kRaised{"fingers.height=0.3"};
 const std::vector<std::string> kCube{"objects=[{name: cube, type: cube}]"};
 
-// The heaviest cube that is lifted by 10 cm from some of the places, and held for 5 s.
+// The heaviest cube that can be lifted by 10 cm from some of the places and held for 5 s.
 struct Heaviest {
   double mass{0.0};  // [kg]
   static constexpr double kReach = 0.25;

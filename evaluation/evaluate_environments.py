@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Whether push and lift can be solved: `./run evaluate environments`.
+"""`./run evaluate environments`: tests whether push and lift can be solved.
 
-Goals are drawn as the environment draws them, and kept if they are in the reachable set, which is
+Goals are drawn like in the environment. A goal counts if it is in the reachable set, which is
 computed before anything moves. Writes docs/results/environments.md.
 """
 
@@ -19,10 +19,10 @@ import solvers
 from solvers import Trial
 from trifinger.environments import Environment
 
-TASKS = ("lift", "push")  # The longer one first.
+TASKS = ("lift", "push")  # The longer task comes first.
 PROCESSES = 2
-SEEDS = (1, 2, 3, 4)  # of which each plays its share of the goals
-NEEDED = 0.95  # of the goals
+SEEDS = (1, 2, 3, 4)  # Each seed contributes its share of the goals.
+NEEDED = 0.95  # share of the goals
 TEXT = f"""\
 <!-- SPDX-License-Identifier: BSD-3-Clause -->
 # Push and lift: a controller that solves them
@@ -47,16 +47,16 @@ RESULTS = Path(__file__).parent.parent / "docs/results/environments.md"
 
 
 class Trials(NamedTuple):
-    """What came of some goals."""
+    """The results for some goals."""
 
     task: str
     drawn: int
-    """How many goals had to be drawn."""
+    """Number of goals that had to be drawn."""
     trials: list[Trial]
 
 
 def run_trials(task: str, seed: int, goals: int) -> Trials:
-    """Tries that many reachable goals, from episode 0 of a seed on."""
+    """Tries that many reachable goals of a seed, beginning with episode 0."""
     environment = Environment(task, options=solvers.options(task))
     planner = solvers.RoutePlanner()
     trials: list[Trial] = []
@@ -71,19 +71,19 @@ def run_trials(task: str, seed: int, goals: int) -> Trials:
 
 
 def joined(task: str, parts: Sequence[Trials]) -> Trials:
-    """All trials of a task."""
+    """Runs all trials of a task."""
     own = [part for part in parts if part.task == task]
     trials = itertools.chain.from_iterable(part.trials for part in own)
     return Trials(task, sum(part.drawn for part in own), list(trials))
 
 
 def is_solved(result: Trials) -> bool:
-    """Whether enough goals were reached."""
+    """True if enough goals were reached."""
     return sum(trial.is_success for trial in result.trials) >= NEEDED * len(result.trials)
 
 
 def row(result: Trials) -> str:
-    """The line of a task in the table."""
+    """Returns the row of a task in the table."""
     trials = result.trials
     distances = 1e3 * np.array([trial.distance for trial in trials])
     return (
@@ -98,7 +98,7 @@ def row(result: Trials) -> str:
 
 
 def report(results: Sequence[Trials], goals: int) -> str:
-    """docs/results/environments.md."""
+    """Returns the text of docs/results/environments.md."""
     failures = [
         f"| `{result.task}` | {trial.seed} | {trial.episode} | {1e3 * trial.distance:.1f} mm |"
         f" {trial.grasps} |"

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """`./run evaluate learning`: the paper's reaching experiment, trained from scratch over seeds.
 
-Writes docs/results/learning.md with its figures. The last line says by how much the table of what
-must hold does; the exit status is 0 if it does. Of what else learning must hold,
-`./run evaluate environments` and `push` have the tasks with a cube, `./run bench` the times.
+Writes docs/results/learning.md with its figures. Its table lists what must hold. The last line says
+by what margin the table holds; the exit status is 0 if it does. `./run evaluate environments` and
+`push` judge the tasks with a cube, and `./run bench` measures times.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ RESULTS = Path("docs/results")
 RUNS = Path("build/learning")
 EPISODES = 700
 EARLY = 100  # episodes
-TIME = 300.0  # of a processor, for a training [s]
+TIME = 300.0  # processor time of a training [s]
 
 
 @dataclass(frozen=True)
 class Kind:
-    """A way to train, and what it must reach."""
+    """A way to train, and the results that it must reach."""
 
     name: str
     title: str
@@ -43,7 +43,7 @@ class Kind:
 
 @dataclass(frozen=True)
 class Run:
-    """A training that has ended."""
+    """A finished training."""
 
     kind: Kind
     seed: int
@@ -52,13 +52,13 @@ class Run:
     wall_time: float  # [s]
 
     def median(self, episode: int) -> float:
-        """Of the final distances, in the evaluation nearest to an episode [m]."""
+        """Median of the final distances, in the evaluation nearest to an episode [m]."""
         return min(self.curve, key=lambda entry: abs(entry[0] - episode))[1].median
 
 
 @dataclass(frozen=True)
 class Row:
-    """A line of the table."""
+    """A row of the table."""
 
     what: str
     reach: float
@@ -67,12 +67,12 @@ class Row:
 
     @property
     def figure(self) -> float:
-        """What is compared with the reach: the median of the seeds."""
+        """The median of the seeds, which is compared with the reach."""
         return float(np.median(self.values))
 
     @property
     def margin(self) -> float:
-        """How far below its reach it is, as a share of that; negative if it does not hold."""
+        """Distance below the reach, as a share of the reach; negative if the row does not hold."""
         return 1.0 - self.figure / self.reach
 
     def __str__(self) -> str:
@@ -114,7 +114,7 @@ def train(kind: Kind, seed: int) -> Run:
             stderr=log,
             env=os.environ | {"OMP_NUM_THREADS": "1"},
         )
-        # The times are those of this training alone, not of all that have ended.
+        # These times belong to this training alone, not to all that have ended.
         _, status, usage = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
     if process.returncode != 0:
@@ -130,14 +130,14 @@ def train(kind: Kind, seed: int) -> Run:
 
 
 def read_curve(folder: Path) -> list[tuple[int, Summary]]:
-    """What a training has left."""
+    """Returns the results of a training from its files."""
     with (folder / "curve.csv").open(newline="") as file:
         rows = [{name: float(text) for name, text in row.items()} for row in csv.DictReader(file)]
     return [(int(row.pop("episode")), Summary(episodes=0, **row)) for row in rows]
 
 
 def table(runs: Sequence[Run]) -> list[Row]:
-    """What must hold."""
+    """Returns the rows that must hold."""
     rows = []
     for kind in KINDS:
         own = [run for run in runs if run.kind is kind]
@@ -154,7 +154,7 @@ def table(runs: Sequence[Run]) -> list[Row]:
 
 
 def verdict(rows: Sequence[Row]) -> tuple[bool, str]:
-    """Whether the table holds, and a line that says by how much."""
+    """Returns whether the table holds, and a line that says by what margin."""
     worst = min(rows, key=lambda row: row.margin)
     holds = worst.margin >= 0
     return holds, (
@@ -165,13 +165,13 @@ def verdict(rows: Sequence[Row]) -> tuple[bool, str]:
 
 
 def processor() -> str:
-    """Its name."""
+    """Returns the name of the processor."""
     lines = Path("/proc/cpuinfo").read_text().splitlines()
     return next((line.partition(": ")[2] for line in lines if "model name" in line), "unknown")
 
 
 def page(runs: Sequence[Run], rows: Sequence[Row], seeds: int) -> str:
-    """docs/results/learning.md"""
+    """Returns the text of docs/results/learning.md."""
     figures = "\n\n".join(
         f"### {kind.title}\n\n![learning curves]({kind.name}_curve.png)\n\n"
         f"Tips relative to their goals in the xy plane, as in the paper's figure: starts are "
@@ -214,7 +214,7 @@ machine, and longer beside other programs.
 
 
 def main() -> int:
-    """The whole experiment."""
+    """Runs the whole experiment."""
     parser = argparse.ArgumentParser(prog="./run evaluate learning", description=__doc__)
     parser.add_argument("--seeds", type=int, default=5)
     seeds = parser.parse_args().seeds

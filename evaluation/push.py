@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """`./run evaluate push`: a policy that pushes a cube, trained from scratch in about an hour.
 
-Writes docs/results/push.md with its figures. A training that was killed goes on; one that has ended
-is judged again.
+Writes docs/results/push.md with its figures. A training that was killed is continued. A finished
+training is only judged again.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from learning import processor
 
 RESULTS = Path("docs/results")
 FOLDER = Path("build/learning/push")
-JUDGED = 500  # episodes, which neither the training nor its curve has seen
+JUDGED = 500  # episodes that neither the training nor its curve has seen
 LONG = Options.of("push").duration  # [s]
-WAYS = (0.0, 0.05, 0.1, 0.15, 0.2, np.inf)  # that the cube has to go [m]
+WAYS = (0.0, 0.05, 0.1, 0.15, 0.2, np.inf)  # how far the cube has to go [m]
 
 
 def minutes(folder: Path) -> float:
-    """How long it was trained. Where it went on after a break, a usual gap is counted."""
+    """Returns the time of the training. A break counts as a gap of the usual length."""
     board = EventAccumulator(str(folder / "tensorboard"))
     board.Reload()
     gaps = np.diff(sorted(event.wall_time for event in board.Scalars("evaluation/median")))
@@ -41,7 +41,7 @@ def minutes(folder: Path) -> float:
 
 
 def table(evaluation: Evaluation) -> str:
-    """What came of the episodes, by how far the cube had to go."""
+    """Returns a table of the episodes, by how far the cube had to go."""
     needed = np.linalg.norm(evaluation.ways[:, 0], axis=1)
 
     def row(name: str, chosen: Array) -> str:
@@ -65,14 +65,14 @@ def table(evaluation: Evaluation) -> str:
 
 
 def told(summary: Summary) -> str:
-    """Two cells."""
+    """Returns two cells of the table."""
     return f"{100 * summary.success:.0f} % | {100 * summary.median:.2f} cm"
 
 
 def page(
     training: Training, evaluation: Evaluation, noisy: Summary, longer: Summary, spent: float
 ) -> str:
-    """docs/results/push.md"""
+    """Returns the text of docs/results/push.md."""
     plan, options = training.plan, training.plan.options
     actions = plan.episodes * training.episode_actions / 1e6
     untouched = np.linalg.norm(evaluation.ways[:, 0], axis=1)
@@ -113,7 +113,7 @@ is 2 cm from the goal.
 
 
 def main() -> int:
-    """The whole experiment."""
+    """Runs the whole experiment."""
     parser = argparse.ArgumentParser(prog="./run evaluate push", description=__doc__)
     parser.add_argument("--folder", type=Path, default=FOLDER, help=f"default: {FOLDER}")
     folder: Path = parser.parse_args().folder

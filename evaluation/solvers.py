@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Solves the tasks push and lift with the parts of `trifinger.control`.
 
-A `Solver` sees what the environment shows to everybody and answers with torques, as a policy would.
-A `RoutePlanner` says beforehand whether the fingers can do it: what it finds a route for is the
-reachable set.
+A `Solver` sees what the environment shows to everybody and answers with torques, like a policy. A
+`RoutePlanner` says beforehand whether the fingers can do it. The reachable set is the set of goals
+for which it finds a route.
 """
 
 import itertools
@@ -23,32 +23,32 @@ Observation = dict[str, npt.NDArray[Any]]
 PERIOD = 1e-3  # [s]
 CONFIG = "trifinger_edu"
 OVERRIDES: dict[str, object] = {"objects": [{"name": "cube", "type": "cube"}]}
-SIZE = 0.065  # of the cube [m]
+SIZE = 0.065  # edge of the cube [m]
 CUBE = control.rigid_body("box", [SIZE] * 3, mass=0.094)
 MAX_TORQUE = 0.36  # [Nm]
 SAFETY_KD = np.tile([0.09, 0.09, 0.05], 3)  # [Nms/rad]
 
-POSE_PERIOD = 0.01  # of the simulated tracker [s]
-SPEED = 0.06  # at which the cube is led, on average [m/s]
+POSE_PERIOD = 0.01  # period of the simulated tracker [s]
+SPEED = 0.06  # mean speed at which the cube is moved [m/s]
 TURN_SPEED = 0.6  # [rad/s]
 SHORTEST_LEAD = 1.0  # [s]
-REST_TIME = 0.2  # in which a cube that was let go comes to rest [s]
-# Of its weight, what a cube leaves on the table on which it slides. The planner knows nothing of
-# the drag, and with much more than this motors have no torque left for it.
+REST_TIME = 0.2  # time in which a released cube comes to rest [s]
+# Share of its weight that a sliding cube leaves on the table. The planner does not know the drag.
+# With a much larger share, motors have no torque left for the drag.
 TABLE_SHARE = 0.2
 HARDLY_LIFTED = 1e-4  # Goals on the table are not exact to the last bit [m].
 
-HEIGHTS = [0.02, 0.01, 0.0, -0.01, -0.02]  # of tips above the cube's centre [m]
+HEIGHTS = [0.02, 0.01, 0.0, -0.01, -0.02]  # heights of the tips above the cube's centre [m]
 LARGEST_TORQUE = 0.9  # share of the motors' torque that carrying may take
 
-TURNS = (0.0, 0.2, -0.2, 0.4, -0.4, 0.6, -0.6, 0.8, -0.8)  # on the way to a goal [rad]
-TURN_COST = 0.1  # of 1 rad, in shares of the motors' torque
-VIA_TURNS = (0.0, 0.4, -0.4, 0.8, -0.8)  # on the way to where the cube is grasped again [rad]
-POINTS = np.linspace(0.0, 1.0, 8)  # of a way that a planner looks at
+TURNS = (0.0, 0.2, -0.2, 0.4, -0.4, 0.6, -0.6, 0.8, -0.8)  # turns on the way to a goal [rad]
+TURN_COST = 0.1  # cost of 1 rad, in shares of the motors' torque
+VIA_TURNS = (0.0, 0.4, -0.4, 0.8, -0.8)  # turns on the way to the place of the next grasp [rad]
+POINTS = np.linspace(0.0, 1.0, 8)  # points of a way that the planner checks
 
 
 def options(task: str) -> Options:
-    """Of the environments in which a solver works: torques at 1 kHz."""
+    """Returns options of the environments in which a solver works: torques at 1 kHz."""
     return Options.of(
         task,
         action="torque",
@@ -64,22 +64,22 @@ class Leg(NamedTuple):
     touches: Sequence[control.Touch]
     way: PoseTrajectory
     table_share: float
-    """Of the cube's weight that stays on the table."""
+    """Share of the cube's weight that stays on the table."""
     cost: float
-    """The largest share of a motor's torque, and something for turning the cube."""
+    """The largest share of a motor's torque, plus a cost for turning the cube."""
 
     def at(self, time: float) -> Motion:
-        """The desired motion of the cube, `time` after the begin of the leg [s]."""
+        """Returns the cube's desired motion, `time` [s] after the beginning of the leg."""
         return _relieved(self.way.at(time), self.table_share)
 
 
 def pose_of(observation: Observation) -> Pose:
-    """Where the cube is seen."""
+    """Returns the observed pose of the cube."""
     return Pose(observation["object_position"], observation["object_orientation"])
 
 
 def on_table(pose: Pose) -> Pose:
-    """The pose in which a cube comes to rest that is tilted a little."""
+    """Returns the pose in which a slightly tilted cube comes to rest."""
     rotation = _rotation(pose)
     axis = np.argmax(np.abs(rotation[2]))
     upward = np.sign(rotation[2, axis]) * rotation[:, axis]
@@ -90,7 +90,7 @@ def on_table(pose: Pose) -> Pose:
 
 
 class RoutePlanner:
-    """Finds ways for the cube to a goal, with a grasp for each of them."""
+    """Finds routes of the cube to a goal, with a grasp for each leg."""
 
     def __init__(self) -> None:
         settings = control.GraspPlannerConfig(
@@ -99,10 +99,10 @@ class RoutePlanner:
         self._planner = control.GraspPlanner(CONFIG, OVERRIDES, "cube", settings)
 
     def plan(self, start: Pose, goal: npt.ArrayLike) -> list[Leg] | None:
-        """How a cube that rests at `start` comes to the position `goal` [m], turned as it may be.
+        """Finds a route from rest at `start` to the position `goal` [m], with any orientation.
 
-        In one grasp if that is possible, otherwise it slides to another place, where it is grasped
-        again. None if this does not reach the goal either.
+        The route has one grasp if possible. Otherwise the cube slides to another place and is
+        grasped again there. Returns None if that does not reach the goal either.
         """
         goal = np.asarray(goal, np.float64)
         direct = self._best_leg(start, goal)
@@ -147,18 +147,17 @@ class RoutePlanner:
 class Solver:
     """Brings the cube to its goal and holds it there.
 
-    What it knows besides observations is what the robot's configuration says. It plans while time
-    stands still.
+    It knows the observations and the robot's configuration. Planning takes no time of the episode.
     """
 
     def __init__(self, planner: RoutePlanner, observation: Observation) -> None:
-        """For one episode, which begins with `observation`."""
+        """Makes a solver for one episode, which begins with `observation`."""
         self._planner = planner
         settings = control.GraspControllerConfig(friction_sides=8)
         self._controller = control.GraspController(CUBE, CONFIG, OVERRIDES, settings)
         self._estimator = control.PoseEstimator()
         self._now = 0.0
-        self._look_time = 0.0  # when the cube rests
+        self._look_time = 0.0  # time at which the cube rests
         self._seen_time = -np.inf
         self._seen: Array = np.empty(0)
         self._desired = Motion(on_table(pose_of(observation)))
@@ -166,20 +165,20 @@ class Solver:
         self._is_last = False
         self._lead_begin = np.inf  # not known yet
         self.grasps = 0
-        """How often the cube was grasped."""
+        """Number of times that the cube was grasped."""
 
     @property
     def is_leading(self) -> bool:
-        """Whether the cube is held, on its way or at its goal."""
+        """True while the cube is held, on its way or at its goal."""
         return self._controller.state.phase is GraspPhase.HOLD
 
     def act(self, observation: Observation) -> npt.NDArray[np.float32]:
-        """The action that follows from an observation: call it with each."""
+        """Returns the action for an observation. Call this with every observation."""
         self._follow_phases(observation)
         self._desired = self._desired_motion()
         self._see(observation)
         position, velocity = observation["joint_position"], observation["joint_velocity"]
-        # The motors' torques are not observed, but follow from the last action.
+        # The motors' torques are not observed. They follow from the last action.
         applied = MAX_TORQUE * observation["action"] - SAFETY_KD * velocity
         joints = control.JointState(position, velocity, np.clip(applied, -MAX_TORQUE, MAX_TORQUE))
         cube = self._estimator.predict(self._now, self._desired)
@@ -209,7 +208,7 @@ class Solver:
         self._lead_begin = np.inf
         self._desired = Motion(start)
         if not route:
-            # It may roll on.
+            # The cube may still be rolling.
             self._look_time = self._now + REST_TIME
             return
         self._leg, self._is_last = route[0], len(route) == 1
@@ -232,24 +231,24 @@ class Solver:
 
 
 class Trial(NamedTuple):
-    """What came of one goal."""
+    """The result for one goal."""
 
     seed: int
     episode: int
     legs: int
-    """Grasps that were planned."""
+    """Number of grasps that were planned."""
     grasps: int
-    """Grasps that it took."""
+    """Number of grasps that were needed."""
     is_success: bool
-    """At the last step, as the environment says."""
+    """Success at the last step, judged by the environment."""
     distance: float
-    """From the goal, likewise [m]."""
+    """Distance from the goal at the last step, judged by the environment [m]."""
 
 
 def try_goal(
     environment: gymnasium.Env[Any, Any], planner: RoutePlanner, seed: int, episode: int
 ) -> Trial | None:
-    """Plays an episode to its end; None and nothing if its goal is not in the reachable set."""
+    """Plays an episode to its end. Returns None if its goal is not in the reachable set."""
     observation, info = environment.reset(seed=seed, options={"episode": episode})
     route = planner.plan(on_table(pose_of(observation)), observation["goal"])
     if route is None:
@@ -279,7 +278,7 @@ def _turned(pose: Pose, angle: float) -> Pose:
 
 
 def _relieved(motion: Motion, table_share: float) -> Motion:
-    # Who carries only a part of the weight lets the rest fall, by the table's leave.
+    # The fingers carry only their share of the weight; the table carries the rest.
     acceleration = control.Acceleration(
         motion.acceleration.linear + table_share * control.gravity(), motion.acceleration.angular
     )

@@ -21,7 +21,7 @@ using manipulation::Phase;
 
 constexpr double kPi = std::numbers::pi;
 
-// Numbers that are the same with every standard library.
+// Random numbers that are equal with every standard library.
 class Random {
  public:
   explicit Random(std::uint64_t seed) : engine_(seed) {}
@@ -56,7 +56,7 @@ Trial varied(const Trial& trial, std::uint64_t seed) {
   SimulationOptions<TriFinger>& simulation = made.simulation;
   ObjectDescription& object = simulation.description.objects.front();
   constexpr double kDistance = 0.03;
-  // Within a circle, evenly.
+  // Draws a place within a circle, evenly distributed.
   const double distance = kDistance * std::sqrt(random.between(0, 1));
   const double azimuth = random.between(-kPi, kPi);
   object.position = {distance * std::cos(azimuth), distance * std::sin(azimuth),

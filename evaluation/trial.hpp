@@ -15,12 +15,12 @@ namespace trifinger::evaluation {
 // A force on the object's centre while it is held.
 struct Push {
   Eigen::Vector3d force;        // [N]
-  control::Seconds after{5.0};  // The begin of holding.
+  control::Seconds after{5.0};  // After the beginning of the hold.
   control::Seconds duration{0.05};
 };
 
-// One manipulation in a simulation of its own. The controller knows the robot and the object as
-// `believed`, the simulation may have another mass and friction.
+// One manipulation in a simulation of its own. The controller believes that robot and object are
+// like `believed`; the simulation may have another mass and friction.
 struct Trial {
   SimulationOptions<TriFinger> simulation;
   RobotDescription believed;
@@ -28,23 +28,23 @@ struct Trial {
   std::optional<Push> push;
 };
 
-// The robot of a configuration and a manipulation of it, without any variation. Both configurations
-// are by name; see `load_robot_config` and `manipulation::load_config`.
+// Makes a trial from the configurations of a robot and of a manipulation, without any variation.
+// Both are given by name; see `load_robot_config` and `manipulation::load_config`.
 [[nodiscard]] Trial make_trial(const std::string& robot, const std::vector<std::string>& settings,
                                const std::string& manipulation, const std::string& task,
                                const std::vector<std::string>& manipulation_settings = {});
 
-// The same with all that is not known in advance: where the cube lies (within 3 cm, any yaw), its
-// mass (within 20 %), the friction of the tips (0.6 to 1.0), the delay of its poses (10 to 30 ms)
-// and their noise (1 mm, 0.5 degrees).
+// Returns `trial` with everything varied that is not known in advance: where the cube lies (within
+// 3 cm, any yaw), its mass (within 20 %), the friction of the tips (0.6 to 1.0), the delay of its
+// poses (10 to 30 ms) and their noise (1 mm, 0.5 degrees).
 [[nodiscard]] Trial varied(const Trial& trial, std::uint64_t seed);
 
-// A push of 1 N from a side that depends on the seed.
+// Returns a push of 1 N from a side that depends on the seed.
 [[nodiscard]] Push push_from_any_side(std::uint64_t seed);
 
 struct TrialResult {
   manipulation::Trace trace;
-  // Where the object was in truth, for the report alone.
+  // True poses of the object, used only for the report.
   std::vector<manipulation::SeenPose> truth;
   manipulation::Report report;
 };

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The paper's basic control loop: moves the joints to a goal, and holds them there until somebody
-// stops the robot. First start one, `trifinger run sim`, and behind it `trifinger stop sim`.
+// stops the robot. Start a robot first: `trifinger run sim`. In the end, stop it:
+// `trifinger stop sim`.
 #include <algorithm>
 #include <cstdlib>
 #include <iostream>
@@ -12,7 +13,8 @@ namespace {
 
 constexpr trifinger::JointVector<9> kGoal{0.1, 0.8, -1.5, 0.1, 0.8, -1.5, 0.1, 0.8, -1.5};  // [rad]
 
-// a[t+1] as a function of y[t]: a target on the way to the goal, which the robot's own PD follows.
+// Computes a[t+1] from y[t]: a target on the way to the goal. The robot's own PD controller follows
+// it.
 trifinger::TriFinger::Action policy(const trifinger::TriFinger::Observation& y) {
   auto target = y.position;
   for (std::size_t i = 0; i < target.size(); ++i) {

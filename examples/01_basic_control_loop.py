@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The paper's basic control loop: moves the joints to a goal, and holds them there.
 
-It ends when somebody stops the robot. First start one, `trifinger run sim`, and behind it
-`trifinger stop sim`.
+It ends when somebody stops the robot. Start a robot first: `trifinger run sim`. In the end, stop
+it: `trifinger stop sim`.
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ GOAL = np.array([0.1, 0.8, -1.5] * 3)  # [rad]
 
 
 def policy(y: trifinger.Observation) -> trifinger.Action:
-    """a[t+1] as a function of y[t]: a target on the way to the goal; the robot's PD follows it."""
+    """Computes a[t+1] from y[t]: a target on the way to the goal. The robot's PD follows it."""
     return robot.new_action(position=y.position + np.clip(GOAL - y.position, -0.1, 0.1))
 
 

@@ -9,8 +9,8 @@ namespace {
 
 constexpr trifinger::TimeIndex kFactor = 10;
 
-// Swings joint 0 of each finger about zero. Targets are followed by the robot's PD at 1 kHz, so 100
-// Hz will do.
+// Swings joint 0 of each finger about zero. The robot's PD controller follows the targets at 1 kHz,
+// so 100 Hz is enough for the policy.
 trifinger::TriFinger::Action policy(trifinger::TriFinger::Action action,
                                     const trifinger::TriFinger::Observation& y) {
   for (std::size_t i = 0; i < y.position.size(); i += 3) {
@@ -24,9 +24,9 @@ trifinger::TriFinger::Action policy(trifinger::TriFinger::Action action,
 int main() {
   auto robot = trifinger::simulate<trifinger::TriFinger>();
 
-  // As in the paper, t counts the policy's cycles and kFactor * t the robot's steps. y[kFactor * t]
-  // belongs to the last step that has an action: in real time the policy has one period to answer,
-  // not kFactor.
+  // t counts the policy's cycles, and kFactor * t the robot's steps, like in the paper.
+  // y[kFactor * t] belongs to the last step that has an action. So in real time the policy has one
+  // period to answer, not kFactor periods.
   const auto hold = trifinger::hold_position(robot.latest_observation());
   robot.append_desired_action(hold);
   for (trifinger::TimeIndex t = 0; t < 100; ++t) {

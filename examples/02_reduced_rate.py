@@ -17,9 +17,9 @@ def policy(y: trifinger.Observation) -> trifinger.Action:
     return action
 
 
-# As in the paper, t counts the policy's cycles and FACTOR * t the robot's steps. y[FACTOR * t]
-# belongs to the last step that has an action: in real time the policy has one period to answer, not
-# FACTOR.
+# t counts the policy's cycles, and FACTOR * t the robot's steps, like in the paper. y[FACTOR * t]
+# belongs to the last step that has an action. So in real time the policy has one period to answer,
+# not FACTOR periods.
 robot.append_desired_action(hold)
 for t in range(100):
     action = policy(robot.get_observation(FACTOR * t))

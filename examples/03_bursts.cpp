@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A trajectory that is known in advance is appended in one call, and read back in another.
+// Appends a trajectory that is known in advance in one call, and reads it back in another.
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
@@ -10,7 +10,7 @@
 
 namespace {
 
-// One second between two poses, at rest at both ends.
+// One second from one pose to another, at rest at both ends.
 std::vector<trifinger::TriFinger::Action> plan(const trifinger::JointVector<9>& from,
                                                const trifinger::JointVector<9>& to) {
   std::vector<trifinger::TriFinger::Action> actions;
@@ -34,14 +34,15 @@ int main() {
   auto end = start;
   for (std::size_t i = 0; i < end.size(); i += 3) end[i] += 0.3;
 
-  // The queue takes 4096 actions before an append has to wait. From here on the robot needs nobody:
-  // this program may think for a second, in real time as well.
+  // The queue takes 4096 actions before an append has to wait. From here on the robot needs no new
+  // actions for a second, so this program may spend that time on something else, in real time as
+  // well.
   const auto there = plan(start, end);
   const auto back = plan(end, start);
   robot.append_desired_actions(there);
   const auto last = robot.append_desired_actions(back);
 
-  // Waits for the last step, then copies them all.
+  // Waits for the last step, then copies all observations.
   std::vector<trifinger::TriFinger::Observation> observations(static_cast<std::size_t>(last + 1));
   robot.get_observations(0, observations);
 

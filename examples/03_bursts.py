@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A trajectory that is known in advance is appended in one call, and read back in another."""
+"""Appends a trajectory that is known in advance in one call, and reads it back in another."""
 
 import numpy as np
 import trifinger
@@ -10,7 +10,7 @@ end = start + np.array([0.3, 0.0, 0.0] * 3)
 
 
 def plan(origin: np.ndarray, goal: np.ndarray) -> np.ndarray:
-    """One second between two poses, at rest at both ends."""
+    """Plans one second from one pose to another, at rest at both ends."""
     s = np.arange(1, 1001) / 1000
     progress = s**3 * (10 - 15 * s + 6 * s**2)
     actions = np.repeat(np.array([robot.new_action()]), len(s))
@@ -18,14 +18,14 @@ def plan(origin: np.ndarray, goal: np.ndarray) -> np.ndarray:
     return actions
 
 
-# The queue takes 4096 actions before an append has to wait. From here on the robot needs nobody:
-# this program may think for a second, in real time as well.
+# The queue takes 4096 actions before an append has to wait. From here on the robot needs no new
+# actions for a second, so this program may spend that time on something else, in real time as well.
 there = plan(start, end)
 back = plan(end, start)
 robot.append_desired_actions(there)
 last = robot.append_desired_actions(back)
 
-# Waits for the last step, then copies them all.
+# Waits for the last step, then copies all observations.
 observations = robot.get_observations(0, last + 1)
 
 targets = np.concatenate([there, back])["position"]

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What was asked for, what was applied and why it differs: the series keep all of it.
+// The series keep which action was desired, which was applied, and why they differ.
 #include <cstdlib>
 #include <iostream>
 #include <map>
@@ -10,13 +10,13 @@
 #include "trifinger/sim/simulation.hpp"
 
 int main() {
-  // A short history, to see its end below. The default is 16384 steps.
+  // The history is short here, to show what happens at its end. The default is 16384 steps.
   const trifinger::Simulation<trifinger::TriFinger> simulation({}, {.history = 256});
   auto robot = simulation.connect();
 
   auto good = trifinger::hold_position(robot.latest_observation());
   auto strong = good;
-  strong.torque[2] = 5.0;  // more than the motor can do
+  strong.torque[2] = 5.0;  // more than the motor can deliver
   auto wrong = good;
   wrong.position_kp[0] =
       1e6;  // no gain that the robot accepts: joint 0 keeps its last target instead
@@ -26,14 +26,14 @@ int main() {
   const auto last = robot.append_desired_action(good);
   robot.finish();
 
-  // A range of steps is one call that fills memory of ours.
+  // One call reads a range of steps into memory of ours.
   const auto first = last - 99;
   std::vector<trifinger::TriFinger::AppliedAction> applied(100);
   std::vector<trifinger::Status> statuses(100);
   robot.get_applied_actions(first, applied);
   robot.get_statuses(first, statuses);
 
-  // Every joint of an applied action says why it differs from the desired one.
+  // Every joint of an applied action has the reasons why it differs from the desired one.
   std::map<std::string, int> counts;
   for (const auto& action : applied) {
     for (const trifinger::Reason reason : trifinger::all_reasons()) {
@@ -52,7 +52,7 @@ int main() {
               << " was rejected: " << trifinger::names_of(applied[i].reasons[0]) << "\n";
   }
 
-  // Steps that were overwritten are not made up.
+  // Reading steps that were overwritten throws.
   trifinger::TimeIndex oldest = -1;
   try {
     static_cast<void>(robot.get_observation(0));

@@ -1,26 +1,26 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What was asked for, what was applied and why it differs: the series keep all of it."""
+"""The series keep which action was desired, which was applied, and why they differ."""
 
 import trifinger
 
-# A short history, to see its end below. The default is 16384 steps.
+# The history is short here, to show what happens at its end. The default is 16384 steps.
 robot = trifinger.simulate("sim", {"backend.history": 256})
 
 good = robot.new_action(position=robot.latest_observation().position)
 strong = good.copy()
-strong.torque[2] = 5.0  # more than the motor can do
+strong.torque[2] = 5.0  # more than the motor can deliver
 wrong = good.copy()
 wrong.position_kp[0] = 1e6  # no gain that the robot accepts: joint 0 keeps its last target instead
 for action in [good] * 300 + [strong] * 5 + [wrong, good]:
     last = robot.append_desired_action(action)
 robot.finish()
 
-# A range of steps is one call and one array.
+# One call reads a range of steps into one array.
 first = last - 99
 applied = robot.get_applied_actions(first, last + 1)
 statuses = robot.get_statuses(first, last + 1)
 
-# Every joint of an applied action says why it differs from the desired one.
+# Every joint of an applied action has the reasons why it differs from the desired one.
 counts = {reason: int((applied["reasons"] & reason.value > 0).sum()) for reason in trifinger.Reason}
 for reason, count in counts.items():
     if count > 0:
@@ -32,7 +32,7 @@ for i in rejected:
     names = ", ".join(reason.name for reason in reasons)
     print(f"the action of step {first + i} was rejected: {names}")
 
-# Steps that were overwritten are not made up.
+# Reading steps that were overwritten raises an exception.
 try:
     robot.get_observation(0)
     oldest = 0

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A robot of your own, here a cart on two wheels: this is all of it. While it runs, the command
-// line reads it and Python drives it as it is; in C++, trifinger::connect<Cart>("cart") does.
+// A robot of your own, here a cart on two wheels, needs no more than this. While it runs, the
+// command line can read it, and Python can drive it without changes. In C++, use
+// trifinger::connect<Cart>("cart").
 #include <algorithm>
 #include <cmath>
 #include <iostream>
@@ -13,7 +14,7 @@ namespace {
 struct Cart {
   static constexpr std::string_view kType = "cart";
   struct Action {
-    std::array<double, 2> speed{};  // of the left and the right wheel [rad/s]
+    std::array<double, 2> speed{};  // left and right wheel [rad/s]
     static constexpr auto fields() {
       return std::tuple{trifinger::field("speed", &Action::speed, "rad/s")};
     }
@@ -28,7 +29,8 @@ struct Cart {
   };
 };
 
-// Called once per step; it neither waits nor looks at a clock. An exception would be a fault.
+// The driver is called once per step. It neither waits nor looks at a clock. An exception is a
+// fault.
 class CartDriver {
  public:
   Cart::Observation get_latest_observation() { return state_; }

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Drives the cart of 05_own_robot.cpp, a robot that Python has never heard of.
+"""Drives the cart of 05_own_robot.cpp, a robot that Python does not know.
 
-Its session says which fields there are. Needs the built examples on the path.
+Its session says which fields its actions have. Needs the built examples on the path.
 """
 
 import subprocess
@@ -9,7 +9,7 @@ import subprocess
 import numpy as np
 import trifinger
 
-# Elsewhere the cart would just be there: this starts the C++ program and waits for its first line.
+# Usually the cart would run already. This starts the C++ program and waits for its first line.
 with subprocess.Popen(
     ["05_own_robot"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
 ) as cart:
@@ -19,7 +19,7 @@ with subprocess.Popen(
         print("an action has the fields", robot.action_dtype.names)
         print("an observation has the fields", robot.observation_dtype.names)
 
-        # Two seconds of a curve; the right wheel is asked for more than it can do.
+        # Two seconds of a curve: the right wheel is asked for more than it can do.
         action = robot.new_action(speed=[10.0, 25.0])
         for _ in range(2000):
             t = robot.append_desired_action(action)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A safety check for one task: a plain function; behind it the robot's own limits still hold.
+// A safety check for one task is a plain function. After it, the robot's own limits still hold.
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
@@ -10,11 +10,11 @@
 
 namespace {
 
-constexpr double kMaxSpeed = 1.0;  // of this task [rad/s]
+constexpr double kMaxSpeed = 1.0;  // limit of this task [rad/s]
 
-// Brakes joints that are too fast. It sees the newest observation and an action that is finite,
-// with all gains filled in, and changes what it likes. It runs in the loop: no waiting, no memory
-// from the heap.
+// Brakes joints that are too fast. It gets the newest observation and an action that is finite,
+// with all gains filled in, and may change the action. It runs in the loop, so it must not wait and
+// must not allocate.
 void slow_down(const trifinger::TriFinger::Observation& y, trifinger::TriFinger::Action& action) {
   for (std::size_t i = 0; i < y.velocity.size(); ++i) {
     if (std::abs(y.velocity[i]) <= kMaxSpeed) continue;
@@ -39,7 +39,7 @@ Result swing(const trifinger::Simulation<trifinger::TriFinger>& simulation) {
     const auto y = robot.get_observation(t);
     result.max_speed = std::max(result.max_speed, std::abs(y.velocity[0]));
     t = robot.append_desired_action(action);
-    // What the check did to the action before is in the series, as a reason.
+    // The applied action says, as a reason, what the check did to it.
     const auto applied = robot.get_applied_action(t - 1);
     if (has(applied.reasons[0], trifinger::Reason::kOwnCheck)) ++result.checked_steps;
   }
@@ -52,7 +52,7 @@ int main() {
   const trifinger::Simulation<trifinger::TriFinger> simulation;
   const Result without = swing(simulation);
 
-  simulation.robot().safety().add_check(slow_down);  // between sessions
+  simulation.robot().safety().add_check(slow_down);  // only between sessions
   const Result with = swing(simulation);
 
   std::cout << "fastest without the check: " << without.max_speed << " rad/s\n"

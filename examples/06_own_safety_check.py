@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A safety check for one task: a plain function; behind it the robot's own limits still hold."""
+"""A safety check for one task is a plain function. After it, the robot's own limits still hold."""
 
 import numpy as np
 import trifinger
 
-MAX_SPEED = 1.0  # of this task [rad/s]
+MAX_SPEED = 1.0  # limit of this task [rad/s]
 
 
 def slow_down(y: trifinger.Observation, action: trifinger.Action) -> None:
     """Brakes joints that are too fast.
 
-    It sees the newest observation and an action that is finite, with all gains filled in, and
-    changes what it likes. In Python a check is for simulation: it runs in the loop, and a robot in
-    real time cannot wait for an interpreter.
+    It gets the newest observation and an action that is finite, with all gains filled in, and may
+    change the action. In Python, checks are for simulations only: a check runs in the loop, and a
+    robot in real time cannot wait for an interpreter.
     """
     too_fast = np.abs(y.velocity) > MAX_SPEED
     action.torque[too_fast] = -0.1 * y.velocity[too_fast]
@@ -27,7 +27,7 @@ def swing(simulation: trifinger.Simulation) -> tuple[float, int]:
         for _ in range(300):
             t = robot.append_desired_action(action)
         speeds = np.abs(robot.get_observations(0, t + 1)["velocity"][:, 0])
-        # What the check did to an action is in the series, as a reason.
+        # The applied action says, as a reason, what the check did to it.
         reasons = robot.get_applied_actions(0, t + 1)["reasons"][:, 0]
         return speeds.max(), np.count_nonzero(reasons & trifinger.Reason.OWN_CHECK.value)
 
@@ -36,7 +36,7 @@ def main() -> None:
     simulation = trifinger.Simulation()
     speed_without, acted_without = swing(simulation)
 
-    simulation.add_check(slow_down)  # between sessions
+    simulation.add_check(slow_down)  # only between sessions
     speed_with, acted_with = swing(simulation)
 
     print(f"fastest without the check: {speed_without:.2f} rad/s")

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Object poses have a rate and a delay of their own. `get_latest_at(t)` gives what was known at
-// step t, so a program that uses it computes the same whenever its processes happen to run.
+// Object poses have their own rate and delay. `get_latest_at(t)` returns the pose that was known at
+// step t. A program that uses it computes the same results, whenever its processes happen to run.
 #include <cstdlib>
 #include <iostream>
 
 #include "trifinger/sim/simulation.hpp"
 
 int main() {
-  // As from a camera at 100 Hz that needs 25 ms to see the object.
+  // The poses are like those of a camera at 100 Hz that needs 25 ms to see the object.
   const trifinger::Simulation<trifinger::TriFinger> simulation(
       {.object_period = 10, .object_delay = 25});
   simulation.robot().place_object("cube", {.position = {0.0, 0.0, 0.1}});  // it will fall
@@ -19,12 +19,13 @@ int main() {
   auto t = robot.append_desired_action(hold);
   while (t < 400) {
     robot.wait_until_time_index(t);
-    const auto pose = object.get_latest_at(t);  // nothing if none had arrived
+    const auto pose = object.get_latest_at(t);  // nothing if no pose had arrived
     if (t >= 100 && t % 100 == 0) {
       std::cout << "step " << t << ": at step " << pose->stamp.capture_index << " the cube was "
                 << pose->cube.position[2] << " m high\n";
     }
-    // The pose from before step 0 is known from the beginning, all others 25 steps later.
+    // The pose from before step 0 is known from the beginning. All others arrive 25 steps after
+    // their capture.
     if (t >= 25) is_late_enough &= pose->stamp.capture_index <= t - 25;
     t = robot.append_desired_action(hold);
   }

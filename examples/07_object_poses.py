@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Object poses have a rate and a delay of their own.
+"""Object poses have their own rate and delay.
 
-`get_latest_at(t)` gives what was known at step t, so a program that uses it computes the same
-whenever its processes happen to run.
+`get_latest_at(t)` returns the pose that was known at step t. A program that uses it computes the
+same results, whenever its processes happen to run.
 """
 
 import trifinger
 
-# As from a camera at 100 Hz that needs 25 ms to see the object.
+# The poses are like those of a camera at 100 Hz that needs 25 ms to see the object.
 simulation = trifinger.Simulation(
     "sim", {"simulation.object_period": 0.01, "simulation.object_delay": 0.025}
 )
@@ -19,11 +19,12 @@ hold = robot.new_action(position=robot.latest_observation().position)
 t = robot.append_desired_action(hold)
 while t < 400:
     robot.wait_until_time_index(t)
-    pose = poses.get_latest_at(t)  # None if none had arrived
+    pose = poses.get_latest_at(t)  # None if no pose had arrived
     if t >= 100 and t % 100 == 0:
         height = pose.cube.position[2]
         print(f"step {t}: at step {pose.stamp.capture_index} the cube was {height:.4f} m high")
-    # The pose from before step 0 is known from the beginning, all others 25 steps later.
+    # The pose from before step 0 is known from the beginning. All others arrive 25 steps after
+    # their capture.
     assert t < 25 or pose.stamp.capture_index <= t - 25
     t = robot.append_desired_action(hold)
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A simulation goes on from a saved state exactly as it went on the first time, and begins anew
-// wherever you want.
+// A simulation continues from a saved state exactly like the first time. It can begin anew in any
+// state that you choose.
 #include <cstdlib>
 #include <iostream>
 #include <vector>
@@ -42,7 +42,7 @@ int main() {
     first = push(robot);
   }
 
-  // Every session begins in the state that was left for it.
+  // Every session begins in the state that was restored before it.
   simulation.robot().restore(saved);
   auto robot = simulation.connect();
   const Observations second = push(robot);

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A simulation goes on from a saved state exactly as it went on the first time.
+"""A simulation continues from a saved state exactly like the first time.
 
-And it begins anew wherever you want.
+It can begin anew in any state that you choose.
 """
 
 import numpy as np
@@ -21,7 +21,7 @@ with simulation.connect() as robot:
     saved = simulation.save()
     first = push(robot)
 
-# Every session begins in the state that was left for it.
+# Every session begins in the state that was restored before it.
 simulation.restore(saved)
 with simulation.connect() as robot:
     second = push(robot)

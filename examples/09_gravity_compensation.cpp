@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// With the torques that their weight asks for and nothing else, the fingers float: whoever pushes
-// them can lead them, and they stay where they are left. Afterwards they get no torque at all.
+// The fingers float when they get the torques that carry their weight and nothing else. People can
+// push them, and they stay where they are left. Afterwards they get no torque at all.
 #include <cstdlib>
 #include <iomanip>
 #include <iostream>
@@ -16,8 +16,8 @@ int main() {
   auto robot = trifinger::simulate<trifinger::TriFinger>();
   trifinger::Kinematics kinematics;
 
-  // Lets one joint be pushed for a fifth of a second. How far the joints move until then, and in
-  // the second after.
+  // Pushes one joint for a fifth of a second. Returns how far the joints move during that time, and
+  // in the second after it.
   const auto push = [&](bool compensates) {
     auto y = robot.latest_observation();
     const JointValues begin = joint_values(y.position);

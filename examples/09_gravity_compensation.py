@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Makes the fingers float.
 
-With the torques that their weight asks for and nothing else, whoever pushes the fingers can lead
-them, and they stay where they are left. Afterwards they get no torque at all.
+The fingers get the torques that carry their weight and nothing else. People can push them, and they
+stay where they are left. Afterwards the fingers get no torque at all.
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ kinematics = control.Kinematics()
 def push(*, compensates: bool) -> tuple[float, float]:
     """Pushes one joint for a fifth of a second.
 
-    Returns how far the joints move until then, and in the second after.
+    Returns how far the joints move during that time, and in the second after it.
     """
     y = robot.latest_observation()
     begin = left = y.position

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Each tip hangs on a spring and a damper, whose other end moves up by 3 cm: the force becomes
-// joint torques through the transposed Jacobian.
+// Each tip hangs on a spring and a damper. Their other end moves up by 3 cm. The transposed
+// Jacobian turns the force into joint torques.
 #include <cstdlib>
 #include <iomanip>
 #include <iostream>

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Hangs each tip on a spring and a damper, whose other end moves up by 3 cm.
+"""Hangs each tip on a spring and a damper. Their other end moves up by 3 cm.
 
-The force becomes joint torques through the transposed Jacobian.
+The transposed Jacobian turns the force into joint torques.
 """
 
 import numpy as np

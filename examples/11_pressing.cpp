@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The tips go down to the table and press on it with 1 N each. Upwards and downwards they have
-// a force instead of a spring; sideways the spring remains.
+// The tips go down to the table and press on it with 1 N each. In the vertical direction a force
+// replaces the spring; in the horizontal directions the spring remains.
 #include <algorithm>
 #include <cstdlib>
 #include <iostream>

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Lets the tips go down to the table and press on it with 1 N each.
 
-Upwards and downwards they have a force instead of a spring; sideways the spring remains.
+In the vertical direction a force replaces the spring; in the horizontal directions it remains.
 """
 
 import numpy as np

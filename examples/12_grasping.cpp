@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Three tips take the cube, lift it by 3 cm, put it down and let it go. Where the cube is comes
-// from the object session, every 10 ms and 20 ms late: an estimator says where it is by now.
+// Three tips grasp the cube, lift it by 3 cm, put it down and let it go. The object session
+// delivers the cube's pose every 10 ms, with a delay of 20 ms. An estimator computes where the cube
+// is now.
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
@@ -18,8 +19,8 @@ using namespace trifinger::control;
 namespace {
 
 constexpr Seconds kPeriod(1e-3);
-constexpr Seconds kMove(1.0);  // Up, and down again.
-constexpr Seconds kStay(1.0);  // In between.
+constexpr Seconds kMove(1.0);  // Time to move up, and to move down again.
+constexpr Seconds kStay(1.0);  // Time at the top.
 
 Pose pose_of(const trifinger::ObjectPose& object) {
   const auto& [w, x, y, z] = object.orientation;

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Lets three tips take the cube, lift it by 3 cm, put it down and let it go.
+"""Lets three tips grasp the cube, lift it by 3 cm, put it down and let it go.
 
-Where the cube is comes from the object session, every 10 ms and 20 ms late: an estimator says where
-it is by now.
+The object session delivers the cube's pose every 10 ms, with a delay of 20 ms. An estimator
+computes where the cube is now.
 """
 
 import numpy as np
@@ -10,13 +10,13 @@ import trifinger
 from trifinger import control
 
 PERIOD = 1e-3  # [s]
-MOVE = 1.0  # up, and down again [s]
-STAY = 1.0  # in between [s]
+MOVE = 1.0  # time to move up, and to move down again [s]
+STAY = 1.0  # time at the top [s]
 UP = np.array([0, 0, 0.03])  # [m]
 
 
 def pose_of(cube: trifinger.Element) -> control.Pose:
-    """Returns where the object session says the cube is."""
+    """Returns the cube's newest pose from the object session."""
     return control.Pose(cube.position, cube.orientation)
 
 

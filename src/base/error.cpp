@@ -9,7 +9,7 @@
 namespace trifinger {
 namespace {
 
-// How to raise the limit of this process that was reached.
+// How to raise the limit that this process has reached.
 std::string_view remedy_of(int error_number) {
   switch (error_number) {
     case EMFILE:

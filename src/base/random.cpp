@@ -7,8 +7,9 @@
 namespace trifinger {
 namespace {
 
-// The C libraries' own logarithms differ in their last bits; additions, multiplications, divisions
-// and roots do not. CMakeLists.txt keeps compilers from fusing them. `value` is above zero.
+// The C libraries' own logarithms differ in their last bits. Additions, multiplications, divisions
+// and roots do not differ. CMakeLists.txt keeps compilers from fusing them. `value` must be
+// positive.
 double logarithm(double value) noexcept {
   int exponent = 0;
   double fraction = std::frexp(value, &exponent);
@@ -16,7 +17,8 @@ double logarithm(double value) noexcept {
     fraction *= 2.0;
     --exponent;
   }
-  // log(fraction) = 2 artanh(ratio), whose series ends below the last bit: ratio^2 < 0.03.
+  // log(fraction) = 2 artanh(ratio). Since ratio^2 < 0.03, 12 terms of its series reach the last
+  // bit.
   const double ratio = (fraction - 1.0) / (fraction + 1.0);
   const double square = ratio * ratio;
   double sum = 0.0;
@@ -45,7 +47,7 @@ Block next(Random& random) noexcept {
   return {joined(numbers[0], numbers[1]), joined(numbers[2], numbers[3])};
 }
 
-// At least 0 and below 1, a multiple of 2^-53.
+// A multiple of 2^-53, at least 0 and below 1.
 double fraction_of(std::uint64_t bits) noexcept {
   return static_cast<double>(bits >> 11U) * 0x1p-53;
 }
@@ -67,13 +69,14 @@ std::array<std::uint32_t, 4> philox4x32_10(std::array<std::uint32_t, 4> counter,
 
 double Random::uniform(double low, double high) noexcept {
   const double value = low + (high - low) * fraction_of(next(*this).first);
-  // Each number gets what rounds to it. Only half as much as for the others is rounded to `low`;
-  // the other half of an equal share is what is rounded to `high`.
+  // Each number gets the values that round to it. Only half a share rounds to `low`. The other half
+  // is the values that round to `high`.
   return value < high ? value : low;
 }
 
 double Random::normal() noexcept {
-  // Marsaglia's polar method, of whose two numbers one is enough: nothing is kept for later.
+  // Marsaglia's polar method. It gives two numbers; this uses only one, so there is no state to
+  // keep.
   while (true) {
     const Block block = next(*this);
     const double x = 2.0 * fraction_of(block.first) - 1.0;
@@ -85,9 +88,9 @@ double Random::normal() noexcept {
 
 std::int64_t Random::integer(std::int64_t low, std::int64_t high) noexcept {
   if (high <= low) return low;
-  // Unsigned, since the distance may be too large for a sign.
+  // The difference is unsigned because it may be too large for a signed number.
   const std::uint64_t choices = static_cast<std::uint64_t>(high) - static_cast<std::uint64_t>(low);
-  // What is left of 2^64 when all choices have got the same share; nobody gets that.
+  // The remainder of 2^64 when all choices have got equal shares. These values are drawn again.
   const std::uint64_t remainder = (0 - choices) % choices;
   std::uint64_t bits = 0;
   do {

@@ -16,7 +16,7 @@
 namespace trifinger {
 namespace {
 
-// Nothing for a regular file.
+// Returns nullptr for a regular file.
 const char* kind_of(mode_t mode) noexcept {
   switch (mode & S_IFMT) {
     case S_IFREG:
@@ -42,7 +42,7 @@ int error_of(mode_t mode) noexcept {
   return S_ISLNK(mode) ? ELOOP : EINVAL;
 }
 
-// Trusted are ourselves, the administrator, and those who share the file with a group of ours.
+// True for files of this user or the administrator, and for files shared with one of our groups.
 bool is_trusted(const struct stat& status) {
   if (status.st_uid == ::geteuid() || status.st_uid == 0) return true;
   if ((status.st_mode & S_IRGRP) == 0) return false;
@@ -81,14 +81,16 @@ std::string user_name(uid_t user) {
 }
 
 int open_regular_file(const std::filesystem::path& path, int flags, NamedBy named_by, mode_t mode) {
-  // O_NONBLOCK: a FIFO would wait for its other end, and a file with a lease for its holder.
+  // O_NONBLOCK: opening a FIFO would wait for its other end, and opening a file with a lease would
+  // wait for the lease's holder.
   flags |= O_NONBLOCK | O_NOCTTY | O_CLOEXEC;
   if (named_by == NamedBy::kProgram) flags |= O_NOFOLLOW;
   const int file = ::open(path.c_str(), flags, mode);
   const int error = errno;
   struct stat status{};
   if (file < 0) {
-    // What cannot be opened as a file may be none. O_EXCL refuses whatever there is.
+    // If opening fails, the path may not be a regular file. With O_EXCL any existing file is
+    // refused.
     const bool is_new = (flags & O_EXCL) != 0;
     const int follow = named_by == NamedBy::kProgram ? AT_SYMLINK_NOFOLLOW : 0;
     if (!is_new && ::fstatat(AT_FDCWD, path.c_str(), &status, follow) == 0 &&
@@ -135,7 +137,7 @@ std::string read_file(const std::filesystem::path& path, std::size_t max_size) {
   FileReader file(path);
   constexpr std::size_t kPiece = 64 * 1024;
   std::string text;
-  // Not by its size: files of the kernel have none, and others may grow.
+  // The size of the file is not used: kernel files report none, and other files may grow.
   while (true) {
     const std::size_t before = text.size();
     text.resize(before + kPiece);

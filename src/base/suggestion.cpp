@@ -7,7 +7,7 @@
 namespace trifinger {
 namespace {
 
-// Insertions, deletions, replacements and swaps of neighbours that lead from `a` to `b`.
+// Number of insertions, deletions, replacements and swaps of neighbors that turn `a` into `b`.
 std::size_t edit_distance(std::string_view a, std::string_view b) {
   std::vector<std::size_t> before_last(b.size() + 1);
   std::vector<std::size_t> last(b.size() + 1);
@@ -32,10 +32,11 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
 
 std::string_view closest(std::string_view word, const std::vector<std::string_view>& candidates) {
   std::string_view best;
-  // One slip per three letters is a misspelling; more is another word.
+  // Up to one slip per three letters counts as a misspelling; with more it is another word.
   std::size_t best_distance = word.size() / 3 + 1;
   for (const std::string_view candidate : candidates) {
-    // Every letter too many is a slip; lengths that differ more need no look at the letters.
+    // Every extra letter is a slip. If the lengths differ too much, the letters need not be
+    // compared.
     const std::size_t longer = std::max(word.size(), candidate.size());
     if (longer - std::min(word.size(), candidate.size()) >= best_distance) continue;
     const std::size_t distance = edit_distance(word, candidate);

@@ -12,7 +12,7 @@ bool is_continuation(char byte) noexcept {
   return (static_cast<unsigned char>(byte) & 0xC0U) == 0x80U;
 }
 
-// A terminal might take one for a command.
+// True for control characters: a terminal might interpret them as commands.
 bool is_control(std::string_view character) noexcept {
   const auto first = static_cast<unsigned char>(character[0]);
   if (character.size() == 1) return first < 0x20U || first == 0x7FU;
@@ -21,7 +21,7 @@ bool is_control(std::string_view character) noexcept {
 
 }  // namespace
 
-// Unicode, Table 3-7: neither surrogates nor detours.
+// Unicode, Table 3-7: surrogates and overlong forms are invalid.
 std::size_t utf8_length(std::string_view text) noexcept {
   if (text.empty()) return 0;
   const auto at = [&](std::size_t k) {
@@ -106,7 +106,7 @@ FixedText& FixedText::append_exception() noexcept {
 void FixedText::cut() noexcept {
   constexpr std::string_view kMark = "...";
   size_ = std::min(size_, kCapacity - kMark.size());
-  // No half characters.
+  // Never cut a character in half.
   while (size_ > 0 && is_continuation(text_.at(size_))) --size_;
   size_ += kMark.copy(text_.data() + size_, kMark.size());
   is_cut_ = true;

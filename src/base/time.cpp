@@ -13,7 +13,7 @@ std::string duration_text(Nanoseconds duration) {
     std::snprintf(buffer.data(), buffer.size(), format, number);
     return std::string(buffer.data());
   };
-  // Each unit up to where the next one begins, rounded.
+  // Each unit is used up to the value, after rounding, at which the next unit begins.
   if (count < 999.5) return text("%.0f ns", count);
   if (count < 999.5e3) return text("%.0f µs", count / 1e3);
   if (count < 999.5e6) return text("%.3g ms", count / 1e6);

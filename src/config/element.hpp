@@ -17,10 +17,10 @@ namespace trifinger::config::detail {
 
 struct Entry;
 
-// Sections and lists in each other; deeper ones would only exhaust the stack.
+// Largest depth of nested sections and lists. Deeper ones would only exhaust the stack.
 inline constexpr std::size_t kMaxDepth = 32;
 
-// One value of a configuration, with the place where it was written.
+// One value of a configuration and the place where it was written.
 struct Element {
   enum class Kind : std::uint8_t { kNull, kScalar, kList, kSection };
 
@@ -31,12 +31,12 @@ struct Element {
   std::vector<Element> items;
   std::vector<Entry> entries;                           // changed by `add` and `remove` alone
   std::unordered_map<std::string, std::size_t> places;  // in `entries`, by key
-  // The keys that readers have asked for, there or not. Not a part of the value.
+  // The keys that readers have asked for, whether or not they exist. Not a part of the value.
   mutable std::set<std::string, std::less<>> asked;
 
   [[nodiscard]] const Entry* find(const std::string& key) const noexcept;
   [[nodiscard]] Entry* find(const std::string& key) noexcept;
-  // The key must be new.
+  // Adds an entry. Its key must be new.
   Entry& add(Entry entry);
   void remove(const std::string& key);
 };
@@ -54,19 +54,19 @@ struct Entry {
   return element;
 }
 
-// Reads one document; an empty one is an empty section. Throws ConfigError.
-// `source` alone is the location if `is_override`.
+// Reads one document. An empty document is an empty section. With `is_override` every location is
+// `source` alone, without line and column. Throws ConfigError.
 [[nodiscard]] Element parse(const std::string& text, const std::string& source, bool is_override);
 
-// The value in YAML, which `parse` reads as the same value.
+// The value as YAML text. `parse` reads it back as the same value.
 [[nodiscard]] std::string yaml_of(const Element& element);
 
-// A scalar or a list without sections in the one way in which equal values are written: numbers
-// without unit, as short as they can be; a list of equal values, which stands for as many as are
-// needed, is one of them.
+// A scalar, or a list without sections, in a form that is the same for equal values. Numbers have
+// no unit and are as short as possible. A list of equal values becomes one of them, because one
+// value can stand for as many as are needed.
 [[nodiscard]] std::string canonical_text(const Element& element);
 
-// "fingers" and "height" make "fingers.height".
+// Joins "fingers" and "height" to "fingers.height".
 [[nodiscard]] std::string join(const std::string& path, std::string_view key);
 
 }  // namespace trifinger::config::detail

@@ -19,15 +19,16 @@ using detail::Entry;
 
 const std::string kExtends = "extends";
 constexpr std::string_view kSuffix = ".yml";
-// A hundred times the largest one that makes sense [bytes].
+// A hundred times the size of the largest reasonable configuration [bytes].
 constexpr std::size_t kMaxSize = 4'000'000;
-// Unknown keys that an error names.
+// Largest number of unknown keys that an error names.
 constexpr int kMaxProblems = 20;
 
 using Folders = std::vector<std::filesystem::path>;
 
 std::string read_text(const std::filesystem::path& path) {
-  // A little too much is an error with a place in the file; what never ends is none.
+  // A file that is a little too large gives an error with a place in the file. This limit stops
+  // reading files that never end.
   return read_file(path, 4 * kMaxSize);
 }
 
@@ -48,7 +49,7 @@ Element parse_sections(std::string_view text, const std::filesystem::path& name)
   return root;
 }
 
-// What `folder` has under the name `name`, written with or without ".yml"; empty if nothing.
+// The file `name` in `folder`, written with or without ".yml". Empty if there is none.
 std::filesystem::path find_in(const std::filesystem::path& folder, const std::string& name) {
   std::error_code ignored;
   for (const std::string& file : {name, name + std::string(kSuffix)}) {
@@ -78,8 +79,8 @@ std::filesystem::path find_in(const std::filesystem::path& folder, const std::st
   throw ConfigError(location, text);
 }
 
-// Puts the sections into `root` that it lacks and the file that it extends has, and so on until a
-// file extends no other one.
+// Adds to `root` the sections that it lacks and the extended file has. Repeats this until a file
+// extends no other one.
 void resolve_extends(Element& root, const std::filesystem::path& name, const Folders& folders) {
   std::vector<std::filesystem::path> chain{name};
   while (const Entry* const extends = root.find(kExtends)) {
@@ -102,7 +103,7 @@ void resolve_extends(Element& root, const std::filesystem::path& name, const Fol
     }
     Element base = parse_sections(read_text(base_path), base_path);
     root.remove(kExtends);
-    // Its own `extends` comes along, for the next turn.
+    // The `extends` of the base file comes along and is handled in the next turn.
     for (Entry& entry : base.entries) {
       if (root.find(entry.key) == nullptr) root.add(std::move(entry));
     }
@@ -120,8 +121,8 @@ std::vector<std::string> split(std::string_view path) {
   }
 }
 
-// The place that `key` names in `parent`; a section gets a new entry if it has none, and a misspelt
-// one is found by `reject_unknown_keys`.
+// Returns the place that `key` names in `parent`. A section gets a new entry if it has none: if the
+// key is misspelled, `reject_unknown_keys` finds it.
 Element& descend(Element& parent, const std::string& key, const std::string& parent_path,
                  const Location& location) {
   if (parent.kind == Element::Kind::kList) {
@@ -135,7 +136,7 @@ Element& descend(Element& parent, const std::string& key, const std::string& par
     return parent.items[index];
   }
   if (parent.kind != Element::Kind::kSection) {
-    throw ConfigError(location, parent_path + " is no section, it has no '" + key + "'");
+    throw ConfigError(location, parent_path + " is not a section, so it has no '" + key + "'");
   }
   if (Entry* entry = parent.find(key)) return entry->value;
   return parent
@@ -166,8 +167,8 @@ void apply_override(Element& root, const std::string& text) {
   if (keys.size() > detail::kMaxDepth) {
     constexpr std::size_t kEnough = 40;
     throw ConfigError({.source = "--set " + path.substr(0, kEnough) + "..."},
-                      "names " + std::to_string(keys.size()) + " keys in each other, at most " +
-                          std::to_string(detail::kMaxDepth) + " can be");
+                      "nests " + std::to_string(keys.size()) + " keys, at most " +
+                          std::to_string(detail::kMaxDepth) + " are allowed");
   }
   Element* element = &root;
   std::string reached;
@@ -179,10 +180,10 @@ void apply_override(Element& root, const std::string& text) {
   *element = std::move(value);
 }
 
-// The entries of a configuration that nobody has asked for.
+// Collects the entries of a configuration that nobody has asked for.
 class UnknownKeys {
  public:
-  // Looks at `element` and all below it.
+  // Looks at `element` and everything below it.
   void find(const Element& element, const std::string& path) {
     for (std::size_t i = 0; i < element.items.size(); ++i) {
       find(element.items[i], detail::join(path, std::to_string(i)));
@@ -210,7 +211,7 @@ class UnknownKeys {
   void add(const Entry& entry, const std::string& name,
            const std::vector<std::string_view>& known) {
     if (++count_ > kMaxProblems) return;
-    // The first location is added by ConfigError.
+    // ConfigError adds the first location.
     if (count_ == 1) {
       first_ = entry.location;
     } else {
@@ -225,7 +226,7 @@ class UnknownKeys {
   }
 
   Location first_;
-  std::string problems_;  // a line for each
+  std::string problems_;  // one line for each
   int count_{0};
 };
 

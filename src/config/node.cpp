@@ -62,7 +62,7 @@ struct NumberText {
   std::string_view unit;
 };
 
-// "0.3 m" -> "0.3", "m"
+// Splits "0.3 m" into "0.3" and "m".
 NumberText split_unit(std::string_view text) {
   const std::size_t space = text.find(' ');
   if (space == std::string_view::npos) return {text, {}};
@@ -159,7 +159,7 @@ Node Node::at(std::string_view key, std::string_view unit) const {
   const std::string_view misspelt = closest(key, unasked);
   if (misspelt.empty()) throw ConfigError(location(), problem);
   throw ConfigError(element_->find(std::string(misspelt))->location,
-                    problem + "; is '" + std::string(misspelt) + "' meant to be it?");
+                    problem + "; is '" + std::string(misspelt) + "' a misspelling of it?");
 }
 
 Node Node::section(std::string_view key) const {

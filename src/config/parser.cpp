@@ -13,8 +13,8 @@
 namespace trifinger::config::detail {
 namespace {
 
-// Builds the tree from the parser's events. Events, not YAML::Node, because those show duplicate
-// keys, aliases and the place of every key.
+// Builds the tree from the parser's events. YAML::Node is not enough, because only events show
+// duplicate keys, aliases and the place of every key.
 class TreeBuilder final : public YAML::EventHandler {
  public:
   TreeBuilder(std::string source, bool is_override)
@@ -23,7 +23,7 @@ class TreeBuilder final : public YAML::EventHandler {
   [[nodiscard]] Element take_root() { return std::move(root_); }
 
   void OnDocumentStart(const YAML::Mark& mark) override {
-    if (has_document_) fail(mark, "a second document begins here, must be one");
+    if (has_document_) fail(mark, "a second document begins here, there must be only one");
     has_document_ = true;
     root_.location = location(mark);
   }
@@ -79,13 +79,13 @@ class TreeBuilder final : public YAML::EventHandler {
     if (anchor != 0) fail(mark, "anchors and aliases are not supported, write the value out");
   }
 
-  // The parser calls plain values "?" and quoted ones "!".
+  // The parser gives plain values the tag "?" and quoted ones the tag "!".
   void refuse_tag(const YAML::Mark& mark, const std::string& tag) const {
     if (!tag.empty() && tag != "?" && tag != "!")
       fail(mark, "tags are not supported: '" + tag + "'");
   }
 
-  // True where the innermost open section waits for its next key.
+  // True if the innermost open section expects its next key.
   [[nodiscard]] bool expects_key() const {
     return !open_.empty() && open_.back().kind == Element::Kind::kSection && !keys_.back();
   }
@@ -107,7 +107,7 @@ class TreeBuilder final : public YAML::EventHandler {
       fail(mark, "a key is a list or a section, must be a word; is a bracket not closed?");
     if (open_.size() == kMaxDepth) {
       fail(mark, "sections and lists are nested deeper than " + std::to_string(kMaxDepth) +
-                     " levels, no configuration is");
+                     " levels, which is not allowed");
     }
     open_.push_back(make_element(kind, location(mark)));
     keys_.emplace_back();
@@ -138,7 +138,7 @@ class TreeBuilder final : public YAML::EventHandler {
   Element root_;
   std::vector<Element> open_;  // from the root to the innermost list or section
   std::vector<std::optional<Entry>>
-      keys_;  // beside each of these: the entry whose value comes next
+      keys_;  // one for each element of open_: the entry whose value comes next
 };
 
 }  // namespace
@@ -165,8 +165,8 @@ void Element::remove(const std::string& key) {
 }
 
 Element parse(const std::string& text, const std::string& source, bool is_override) {
-  // Without the comment at the end the parser would take a quote that is never closed for closed by
-  // the last newline.
+  // Without the comment at the end, the parser would take the last newline for the end of a quote
+  // that is never closed.
   std::istringstream stream(text + (text.ends_with('\n') ? "#" : "\n#"));
   TreeBuilder builder(source, is_override);
   try {

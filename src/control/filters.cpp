@@ -18,7 +18,7 @@ const Signal& LowPassFilter::update(const Signal& sample, Seconds elapsed) noexc
   if (sample.size() != value_.size()) {
     value_ = sample;
   } else {
-    // What is left of the old value after `elapsed`, however long that is.
+    // Share of the old value that remains after `elapsed`, however long that is.
     const double kept = std::exp(-angular_frequency_ * std::max(0.0, elapsed.count()));
     value_ = sample + kept * (value_ - sample);
   }

@@ -22,16 +22,17 @@ using Hessian = Eigen::Matrix<double, kForces, kForces>;
 using Bounds = Eigen::Matrix<double, kRows, kForces>;
 using Offsets = Eigen::Matrix<double, kRows, 1>;
 
-// The largest violation of a constraint in a solution that counts as one [N].
+// A constraint that is violated by more than this makes a solution invalid [N].
 constexpr double kTolerance = 1e-6;
-// How much of the forces' own cost is added where the squared error of the wrench is minimised. It
-// is small, and the same cost, so that forces do not jump where a wrench goes out of reach.
+// When the squared error of the wrench is minimised, the cost of the forces is added with this
+// weight. The weight is small, and the cost is that of the exact problem, so that the forces do not
+// jump where a wrench goes out of reach.
 //
-// With weights from 1 to `kMaxWeightRatio` and constraints of unit length it keeps the inverse root
-// of the Hessian below 1e3. Then the solver never meets its branch for constraints that depend on
-// each other in spite of a step that is not zero: its step threshold is 1.5e-8, so what is left of
-// the constraint is above 1.5e-11, and it compares that with 2.2e-16 times at most 2e3. That branch
-// writes outside its arrays and may not end.
+// With weights from 1 to `kMaxWeightRatio` and constraints of unit length, this weight keeps the
+// inverse root of the Hessian below 1e3. The solver has a branch for constraints that depend on
+// each other although the step is not zero. That branch writes outside its arrays and may not end.
+// Here the solver never enters it: the step threshold is 1.5e-8, so the remaining part of the
+// constraint is above 1.5e-11, and the solver compares it with at most 2.2e-16 times 2e3.
 constexpr double kRegularisation = 1e-6;
 constexpr double kMaxWeightRatio = 100.0;
 constexpr int kMaxIterations = 200;
@@ -92,7 +93,7 @@ struct ForceOptimizer::State {
     double squared_distance = 0.0;
     for (const Contact& contact : grasp)
       squared_distance += (contact.position - centre).squaredNorm() / kContacts;
-    // Contacts that all lie in the centre make no moments, so any length does.
+    // If all contacts lie in the centre, they make no moments, and any length will do.
     const double per_length = squared_distance > 0.0 ? 1.0 / std::sqrt(squared_distance) : 1.0;
     problem.map = grasp_map(grasp, centre);
     problem.map.bottomRows<3>() *= per_length;
@@ -138,7 +139,7 @@ struct ForceOptimizer::State {
     for (int row = kTorqueRows; row < kRows; ++row) leave_out(problem, row);
   }
 
-  // The solver's word is checked: its thresholds depend on the numbers.
+  // The solver's answer is checked, because its thresholds depend on the numbers.
   [[nodiscard]] bool holds_bounds() const {
     return forces.allFinite() &&
            (problem.bounds * forces + problem.offsets).minCoeff() >= -kTolerance;
@@ -162,7 +163,7 @@ struct ForceOptimizer::State {
     return status == eiquadprog::solvers::RT_EIQUADPROG_OPTIMAL && holds_bounds();
   }
 
-  // The smallest normal forces and no others: whatever the grasp, they are allowed.
+  // Sets each normal force to its minimum and all others to zero. Every grasp allows these forces.
   void press_least(const Grasp& grasp) {
     forces.setZero();
     for (int i = 0; i < kContacts; ++i)
@@ -180,7 +181,7 @@ struct ForceOptimizer::State {
     return has_torque_limits ? ForceStatus::kTorqueLimitsExceeded : ForceStatus::kClosestWrench;
   }
 
-  // `torques` is null where the joints have no limits.
+  // `torques` is null if the joints have no limits.
   [[nodiscard]] ForceDistribution solve(const Grasp& grasp, const Eigen::Vector3d& centre,
                                         const Wrench& wrench, const TorqueLimits* torques) {
     const bool valid = centre.allFinite() && wrench.force.allFinite() &&
@@ -206,8 +207,8 @@ struct ForceOptimizer::State {
   FrictionPyramid pyramid;
   Hessian hessian;
   Problem problem;
-  std::array<Eigen::Matrix3d, kContacts> frames;  // Of the contacts.
-  ContactForces forces;                           // In these frames, until they are given out.
+  std::array<Eigen::Matrix3d, kContacts> frames;  // Contact frames.
+  ContactForces forces;                           // In the contact frames, until they are returned.
   eiquadprog::solvers::RtEiquadprog<kForces, 6, kRows> exact;
   eiquadprog::solvers::RtEiquadprog<kForces, 0, kRows> closest;
 };

@@ -21,7 +21,7 @@ Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& arm) {
 }  // namespace
 
 Eigen::Matrix3d contact_frame(const Eigen::Vector3d& normal) noexcept {
-  // Well away from vertical means: the cross product is far from zero.
+  // Below this cosine the cross product with the vertical is far from zero.
   constexpr double kVertical = 0.9;
   const Eigen::Vector3d n = normal.stableNormalized();
   const Eigen::Vector3d aside = std::abs(n.z()) < kVertical ? Eigen::Vector3d::UnitZ().cross(n)

@@ -17,8 +17,8 @@ namespace {
 
 using TipMotions = std::array<PointMotion, kContacts>;
 
-constexpr Seconds kFirmTouch{0.02};  // A touch that lasts is no knock.
-constexpr double kSlipCutoff = 5.0;  // Faster than a tip slips, slower than it trembles [Hz].
+constexpr Seconds kFirmTouch{0.02};  // A shorter touch counts as a knock.
+constexpr double kSlipCutoff = 5.0;  // Above the speed of slipping, below that of trembling [Hz].
 
 Eigen::Vector3d across(const Eigen::Vector3d& vector, const Eigen::Vector3d& normal) {
   return vector - vector.dot(normal) * normal;
@@ -73,7 +73,7 @@ struct GraspController::State {
     enter(GraspPhase::kLost);
   }
 
-  // Where the tips are and what they feel.
+  // Computes where the tips are and what they feel.
   void sense(const JointState& joints, const Pose& object) {
     kinematics.update(joints.position);
     jacobians = kinematics.tip_jacobians();
@@ -84,7 +84,7 @@ struct GraspController::State {
       const auto k = static_cast<std::size_t>(i);
       tips[k] = kinematics.tip_position(i);
       normals[k] = rotation * touches[k].normal;
-      // What neither weight nor movement explains.
+      // The contact force is what gravity and movement do not explain of the torques.
       inverses[k] = jacobians.block<3, 3>(3 * i, 3 * i).inverse();
       const Eigen::Vector3d force =
           inverses[k].transpose() * (joints.torque.segment<3>(3 * i) - bias.segment<3>(3 * i));
@@ -106,7 +106,7 @@ struct GraspController::State {
       motions[k] = {.position = approach_to(touches[k], rest, radius).beside + depth[k] * inward,
                     .velocity = (moves ? config.closing_speed : 0.0) * inward,
                     .acceleration = Eigen::Vector3d::Zero()};
-      // Before that it is something else that is felt.
+      // A force felt before this depth comes from something else.
       const bool feels = state.normal_forces[static_cast<Eigen::Index>(k)] > config.touch_force &&
                          depth[k] > kStandoff - config.penetration;
       touch_time[k] = feels ? touch_time[k] + elapsed : Seconds(0);
@@ -199,7 +199,7 @@ struct GraspController::State {
     return rotation.transpose() * (point - object.position);
   }
 
-  // Forces of the tips on their surroundings that go along with `motions`.
+  // Sets the forces of the tips on their surroundings that make the tips follow `motions`.
   void press(const TipMotions& motions, bool holds) {
     forces.setZero(3 * kContacts);
     if (holds) forces = state.wanted.forces;
@@ -208,7 +208,7 @@ struct GraspController::State {
       auto force = forces.segment<3>(3 * i);
       force += tip_impedance(motions[k], tips[k], tip_velocity.segment<3>(3 * i), config.tips);
       if (!holds) continue;
-      // What is needed and what stiffens together must not make a tip slip.
+      // The sum of the wanted forces and the impedance must not make a tip slip.
       const double normal = std::max(force.dot(normals[k]), config.touch_force);
       const Eigen::Vector3d tangential = across(force, normals[k]);
       const double most = config.slip_friction * normal;
@@ -222,29 +222,29 @@ struct GraspController::State {
   Kinematics kinematics;
   ForceOptimizer optimizer;
   TorqueLimits torque_limits;
-  double radius;  // Of the tips.
+  double radius;  // Radius of the tips.
   JointValues damping;
 
   GraspState state;
-  Seconds time{0};  // In this phase.
+  Seconds time{0};  // Time since this phase began.
   bool has_sensed{false};
 
   Touches touches;
-  Pose rest;  // Of the object until it is held.
+  Pose rest;  // Pose of the object until it is held.
   TipPath path;
   bool is_path_planned{true};
 
   JointMatrix jacobians;
-  std::array<Eigen::Matrix3d, kContacts> inverses;  // Of each finger's own Jacobian.
+  std::array<Eigen::Matrix3d, kContacts> inverses;  // Inverse of each finger's own Jacobian.
   JointValues bias;
   JointValues tip_velocity;
   Eigen::Matrix3d rotation;
   std::array<Eigen::Vector3d, kContacts> tips;
   std::array<Eigen::Vector3d, kContacts> normals;
 
-  std::array<double, kContacts> depth{};        // Of closing tips, from the standoff.
-  std::array<Seconds, kContacts> touch_time{};  // For how long each feels its face.
-  std::array<Seconds, kContacts> numb_time{};   // For how long each does not.
+  std::array<double, kContacts> depth{};        // How far each closing tip is past the standoff.
+  std::array<Seconds, kContacts> touch_time{};  // How long each tip has felt its face.
+  std::array<Seconds, kContacts> numb_time{};   // How long each tip has not felt its face.
   // Centres of the tips, in the object's frame.
   std::array<Eigen::Vector3d, kContacts> first_touch;
   std::array<Eigen::Vector3d, kContacts> targets;

@@ -39,7 +39,7 @@ struct Face {
   Eigen::Vector3d outward;
   Eigen::Vector3d along;
   Eigen::Vector3d up;
-  double distance;  // From the centre.
+  double distance;  // Distance from the centre.
 };
 
 std::array<Face, 4> side_faces(const Eigen::Quaterniond& orientation, const Triple& size) {
@@ -61,8 +61,8 @@ std::array<Face, 4> side_faces(const Eigen::Quaterniond& orientation, const Trip
 struct Candidate {
   std::size_t face;
   Touch touch;
-  // At each point of the way: the finger's pose, the Jacobian of its tip and the torques that it
-  // needs besides those for the forces.
+  // Per point of the way: the finger's pose, the Jacobian of its tip, and the torques that the
+  // finger needs in addition to those for the contact forces.
   std::vector<Eigen::Vector3d> poses;
   std::vector<Eigen::Matrix3d> jacobians;
   std::vector<Eigen::Vector3d> torques;
@@ -98,7 +98,7 @@ struct GraspPlanner::State {
         object(*std::ranges::find(description.objects, name, &ObjectDescription::name)),
         body(rigid_body(object)),
         optimizer({.friction_sides = config.friction_sides}),
-        // A copy, because it gets margins.
+        // The model is copied because the copy gets margins.
         model(mj_copyModel(nullptr, robot.mujoco())),
         data(mj_makeData(model.get())) {
     check(config);
@@ -108,12 +108,12 @@ struct GraspPlanner::State {
       throw InvalidArgument("'" + name + "' cannot be grasped: it is not a box");
     for (int geom = 0; geom < model->ngeom; ++geom) {
       finger_of_geom.push_back(finger_of_body(model->geom_bodyid[geom]));
-      // Whatever is nearer than this becomes a contact.
+      // Geoms that are nearer than the clearance count as contacts.
       if (finger_of_geom.back() >= 0) model->geom_margin[geom] = config.clearance;
     }
   }
 
-  // -1 for a body that is no part of a finger.
+  // Returns -1 for a body that does not belong to a finger.
   [[nodiscard]] int finger_of_body(int id) const {
     for (; id != 0; id = model->body_parentid[id]) {
       if (model->body_jntnum[id] == 0) continue;
@@ -142,8 +142,9 @@ struct GraspPlanner::State {
            model->geom_bodyid[other] == address.body;
   }
 
-  // Whether fingers are too near to what they should not touch. Of one finger: to itself and to
-  // what is no finger. Of `kAllFingers`: to anything.
+  // Returns true if fingers are too near to something that they should not touch. A single finger
+  // is tested against itself and against everything that is not a finger; `kAllFingers` are tested
+  // against everything.
   static constexpr int kAllFingers = -1;
   [[nodiscard]] bool collides(int finger) {
     mj_kinematics(model.get(), data.get());
@@ -162,7 +163,8 @@ struct GraspPlanner::State {
     return false;
   }
 
-  // The pose of a finger for a point, if it is well within the limits and free.
+  // Returns the pose in which the finger's tip is at a point. Returns nothing if the pose is too
+  // close to the limits or collides.
   [[nodiscard]] std::optional<Eigen::Vector3d> reach(int finger, const Eigen::Vector3d& tip,
                                                      const Eigen::Vector3d& near) {
     const FingerPose pose = kinematics.inverse_kinematics(finger, tip, near);
@@ -178,7 +180,7 @@ struct GraspPlanner::State {
     return pose.position;
   }
 
-  // The finger on its approach and on the whole way, if it can.
+  // Tests a finger on its approach and on the whole way. Returns nothing if it cannot do them.
   [[nodiscard]] std::optional<Candidate> try_out(int finger, std::size_t face, const Touch& touch,
                                                  std::span<const Motion> way) {
     const Eigen::Vector3d tip = touch.point - fingers.tip_radius * touch.normal;
@@ -213,7 +215,8 @@ struct GraspPlanner::State {
     return candidate;
   }
 
-  // The largest share of a motor's torque with these three; nothing if they cannot hold the weight.
+  // Returns the largest share of its maximum torque that any motor needs with these three. Returns
+  // nothing if they cannot hold the weight.
   [[nodiscard]] std::optional<double> torque_share(const Candidates& three,
                                                    std::span<const Motion> way) {
     Grasp grasp;
@@ -223,7 +226,8 @@ struct GraspPlanner::State {
                   .friction = config.friction,
                   .min_normal_force = config.min_normal_force};
     }
-    // In the object's frame, where up is up on all of the way: its weight where it weighs most.
+    // The weight is largest where the way accelerates up most. The object stays upright on the
+    // whole way.
     double heaviest = 0.0;
     for (const Motion& motion : way)
       heaviest = std::max(heaviest, (motion.acceleration.linear - gravity()).z());
@@ -247,7 +251,7 @@ struct GraspPlanner::State {
     return largest;
   }
 
-  // Whether the fingers are out of each other's way.
+  // Returns true if the fingers do not collide with each other.
   [[nodiscard]] bool is_free(const Candidates& three, std::span<const Motion> way) {
     for (std::size_t point = 0; point < way.size(); ++point) {
       place_object(way[point].pose);
@@ -289,7 +293,7 @@ std::optional<PlannedGrasp> GraspPlanner::plan(std::span<const Motion> way) {
     if (offset != 0.0) offsets.push_back(-offset);
   }
 
-  // All tips at one height: of different ones the object would tip over.
+  // All tips are at one height: at different heights the object would tip over.
   std::vector<std::array<std::vector<Candidate>, kContacts>> levels(s.config.heights.size());
   std::vector<Choice> choices;
   for (std::size_t level = 0; level < levels.size(); ++level) {

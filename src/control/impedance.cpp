@@ -6,13 +6,14 @@
 namespace trifinger::control {
 namespace {
 
-// A box of the given whole lengths: about each axis the other two count.
+// Moments of inertia of a box with edges of length `size`.
 Eigen::Vector3d box_inertia(double mass, const Eigen::Vector3d& size) {
   const Eigen::Vector3d squares = size.cwiseAbs2();
   return mass / 12 * (Eigen::Vector3d::Constant(squares.sum()) - squares);
 }
 
-// A cylinder along x with half a ball at both ends; `length` is that of the whole.
+// Moments of inertia of a cylinder along x with half a ball at each end. `length` includes both
+// ends.
 Eigen::Vector3d stick_inertia(double mass, double length, double diameter) {
   const double radius = diameter / 2;
   const double straight = length - diameter;

@@ -9,13 +9,13 @@ Eigen::Quaterniond rotation_from_vector(const Eigen::Vector3d& vector) noexcept 
   const double angle = vector.norm();
   Eigen::Quaterniond rotation;
   rotation.w() = std::cos(angle / 2);
-  // Where the angle is small, the series is exact to rounding, and the quotient is not.
+  // For small angles the series is exact to rounding; the quotient is not.
   rotation.vec() = (angle > 1e-4 ? std::sin(angle / 2) / angle : 0.5 - angle * angle / 48) * vector;
   return rotation;
 }
 
 Eigen::Vector3d rotation_vector(const Eigen::Quaterniond& rotation) noexcept {
-  // A quaternion and its negative are the same rotation; this one is at most half a turn.
+  // A quaternion and its negative are the same rotation. This sign gives at most half a turn.
   const double sign = rotation.w() < 0 ? -1.0 : 1.0;
   const Eigen::Vector3d axis = sign * rotation.vec();
   const double sine = axis.norm();

@@ -22,7 +22,7 @@ void validate(const SafetyLimits& limits) {
   for (std::size_t i = 0; i < kMaxJoints; ++i) {
     require_positive("max_torque", limits.max_torque[i]);
     require_not_negative("safety_kd", limits.safety_kd[i]);
-    // No number is not below another either.
+    // Written so that NaN fails.
     if (!(limits.soft_lower[i] < limits.soft_upper[i]))
       throw InvalidArgument("soft_lower is not below soft_upper");
   }

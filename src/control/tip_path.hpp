@@ -11,14 +11,14 @@
 
 namespace trifinger::control {
 
-// A way of all tips through points, straight and with a rest at each; all tips arrive together.
+// Moves all tips along straight legs, with a rest at the end of each leg. All tips arrive together.
 class TipPath {
  public:
   using Points = std::array<Eigen::Vector3d, kContacts>;
 
   static constexpr std::size_t kLegs = 2;
 
-  // `speed` is the mean one of the tip with the longest way [m/s].
+  // `speed` is the mean speed of the tip with the longest leg [m/s].
   explicit TipPath(double speed) : speed_(speed) {}
 
   // Stays at `points`.
@@ -28,7 +28,7 @@ class TipPath {
     time_ = duration_ = Seconds(0);
   }
 
-  // Goes through `points` from where it is wanted now.
+  // Goes through `points`, starting where the tips should be now.
   void begin(const std::array<Points, kLegs>& points) noexcept {
     points_ = points;
     next_ = 0;
@@ -37,7 +37,7 @@ class TipPath {
 
   [[nodiscard]] bool is_complete() const noexcept { return next_ == kLegs && time_ >= duration_; }
 
-  // Where the tips should be `elapsed` later.
+  // Advances the path by `elapsed`. Returns where the tips should be then.
   std::array<PointMotion, kContacts> advance(Seconds elapsed) noexcept {
     time_ += elapsed;
     if (time_ >= duration_ && next_ < kLegs) begin_leg();
@@ -67,7 +67,7 @@ class TipPath {
 
   double speed_;
   std::array<Points, kLegs> points_{at_origin(), at_origin()};
-  std::size_t next_{kLegs};  // Of `points_`, behind `to_`.
+  std::size_t next_{kLegs};  // Index of the leg after `to_`.
   Points from_{at_origin()};
   Points to_{at_origin()};
   Seconds time_{0};

@@ -11,7 +11,7 @@
 namespace trifinger::control {
 namespace {
 
-// How far a rate that rises by `minimum_jerk` has carried after the share `s` of its rise.
+// Integral from 0 to `s` of a rate that rises by `minimum_jerk`; `s` is the share of the rise.
 double rise(double s) { return s * s * s * s * (2.5 + s * (-3.0 + s)); }
 
 void require_pose(const char* name, const Pose& pose) {
@@ -81,12 +81,12 @@ Seconds CircleTrajectory::duration() const noexcept {
 }
 
 PointMotion CircleTrajectory::at(Seconds time) const noexcept {
-  // The way to rest is the way from rest, backwards in time.
+  // The way to rest is the way from rest, reversed in time.
   const bool is_second_half = time > duration() / 2;
   const Seconds since_rest = is_second_half ? duration() - time : time;
   const Progress ramp = minimum_jerk(since_rest, config_.ramp_time);
   const double ramp_time = config_.ramp_time.count();
-  // What full speed would have carried, in seconds of full speed.
+  // Distance covered so far, as the time that full speed would take for it [s].
   double carried = 0.0;
   if (since_rest >= config_.ramp_time) {
     carried = since_rest.count() - ramp_time / 2;

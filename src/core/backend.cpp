@@ -26,7 +26,7 @@ namespace {
 constexpr Nanoseconds kWatchPeriod = std::chrono::milliseconds(20);
 constexpr Nanoseconds kWaitSlice = std::chrono::milliseconds(50);
 
-// A session in work: its memory and its loop.
+// A running session: its memory and its loop.
 struct Run {
   Run(UntypedDriver& driver, detail::SessionPlace& place, const BackendOptions& options,
       const std::atomic<bool>& stop_requested, const Clock& clock)
@@ -38,8 +38,8 @@ struct Run {
   detail::Loop loop;
 };
 
-// Keeps signals from threads that are made during its life: handlers are the program's, and run in
-// its threads. What a thread does to itself still reaches it.
+// Blocks signals in threads that are made while it lives. Signal handlers belong to the program and
+// run in its own threads. Signals that a thread raises by its own fault still reach it.
 class BlockedSignals {
  public:
   BlockedSignals() {
@@ -58,8 +58,8 @@ class BlockedSignals {
   sigset_t before_{};
 };
 
-// Looks at what the loop cannot see: whether the controlling process lives, whether a call of the
-// driver returns.
+// Checks two things that the loop cannot see: whether the controlling process lives, and whether
+// each call of the driver returns.
 class Watchdog {
  public:
   Watchdog(Run& run, Timeout driver_timeout) : run_(run), driver_timeout_(driver_timeout) {
@@ -96,7 +96,8 @@ class Watchdog {
   [[nodiscard]] bool driver_hangs() noexcept {
     if (driver_timeout_ == kForever) return false;
     const Instant now = std::chrono::steady_clock::now();
-    // No absence of our own counts in full: a process that was stopped has stopped the driver, too.
+    // A long gap between two looks counts only in part: if this process was stopped, the driver was
+    // stopped, too.
     call_time_ += std::min<Nanoseconds>(now - last_look_, 3 * kWatchPeriod);
     last_look_ = now;
     const std::uint64_t calls = run_.loop.driver_calls();
@@ -114,7 +115,7 @@ class Watchdog {
   bool done_{false};
   bool was_cut_{false};
   std::uint64_t seen_calls_{0};
-  Nanoseconds call_time_{0};  // for which that call has been seen to last
+  Nanoseconds call_time_{0};  // how long that call has been seen to last
   Instant last_look_{std::chrono::steady_clock::now()};
   std::thread thread_;
 };
@@ -148,7 +149,7 @@ class Backend::Implementation {
   ~Implementation() {
     if (!run_ || fork_.is_inherited()) return;
     request_stop();
-    // The clock may be a test's that nobody moves any more: the stop does not wait for it.
+    // A manual clock may not move any more, so this stop does not wait for the clock.
     while (step() != Progress::kEnded) {
     }
   }
@@ -179,7 +180,7 @@ class Backend::Implementation {
     on_waiting_ = std::move(function);
   }
 
-  // relaxed: a flag without data behind it.
+  // relaxed: no other data depends on this flag.
   void request_stop() noexcept { stop_requested_.store(true, std::memory_order_relaxed); }
 
   void begin_session() {
@@ -192,7 +193,7 @@ class Backend::Implementation {
                                           "; clear this with recover() when it is safe");
     }
     begin();
-    // Brings the driver to where it holds, so that the session can be looked at.
+    // This brings the driver to where it holds, so that the session can be observed.
     while (advance() == Progress::kStepped) {
     }
   }
@@ -223,15 +224,15 @@ class Backend::Implementation {
     return stop_requested_.load(std::memory_order_relaxed);
   }
 
-  // Of a session that has ended, inline: the orderly stop, which its front-end may have left
-  // undone.
+  // Inline: completes the orderly stop of a session that has ended. Its front-end may not have
+  // completed it.
   void come_to_rest() noexcept {
     while (run_ && run_->loop.fault() && advance() != Progress::kEnded) {
     }
   }
 
   void begin() {
-    // The old session's memory goes last: readers find either of them at any time.
+    // The old session's memory is released last: readers find one of the two at any time.
     auto next = std::make_unique<Run>(driver_, host_.place(), options_, stop_requested_, clock_);
     run_ = std::move(next);
     has_ended_ = false;
@@ -239,8 +240,9 @@ class Backend::Implementation {
     followers_.begin_session(host_, run_->writers);
   }
 
-  // The memory of the last session but one serves the next. If others still look at it and no other
-  // is to be had, the robot stays at rest until it is. False if the back-end shall stop instead.
+  // The next session gets the memory of the last session but one. If others still use that memory
+  // and there is no other, the robot stays at rest until it is free. False if the back-end has to
+  // stop instead.
   bool begin_when_there_is_memory() {
     bool was_told = false;
     while (!stop_requested()) {
@@ -259,7 +261,7 @@ class Backend::Implementation {
     return false;
   }
 
-  // Does a tick without a deadline, or makes room for it.
+  // Does a tick without a deadline, or waits for room if there is none.
   Progress step() noexcept {
     const TimeIndex t = run_->loop.time_index();
     if (!is_real_time() && !followers_.have_room_for(t)) {
@@ -280,7 +282,7 @@ class Backend::Implementation {
     while (true) {
       clock_.sleep_until(deadline);
       const Instant now = clock_.now();
-      // Late by whole periods: those ticks are left out, the phase is kept.
+      // The tick is late by whole periods: these ticks are left out, and the phase is kept.
       const std::int64_t skipped = (now - deadline) / options_.period;
       deadline += skipped * options_.period;
       number += skipped;
@@ -293,13 +295,13 @@ class Backend::Implementation {
       if (run_->loop.tick(tick) == Progress::kEnded) return;
       deadline += options_.period;
       ++number;
-      // Most of a tick that was too long: without the driver it would not have been.
+      // The driver overran if it took more than half of a tick that was too long.
       const Instant end = clock_.now();
       driver_overran = end > deadline && 2 * run_->loop.driver_time() > end - now;
     }
   }
 
-  // A look that is interrupted shows too little, so the most of several is right.
+  // An interrupted look gives too small a value, so the largest of several is right.
   [[nodiscard]] Nanoseconds suspended_time() const noexcept {
     constexpr int kLooks = 8;
     Nanoseconds most = clock_.suspended_time();
@@ -318,8 +320,8 @@ class Backend::Implementation {
   void wait_for_work() noexcept {
     detail::SessionWriter& robot = *run_->writers.robot;
     const std::atomic<std::uint32_t>& event = robot.action_header().event;
-    // Observers have not been told of the last steps; for nobody who waits this is one cheap call
-    // before a long one.
+    // Observers have not yet been told of the last steps. If nobody waits, this is only one cheap
+    // call before a long wait.
     ipc::futex_wake_all(robot.header().event);
     for (const auto& companion : run_->writers.companions) {
       ipc::futex_wake_all(companion->header().event);
@@ -328,12 +330,12 @@ class Backend::Implementation {
       // acquire, before the look at the queue: an append in between changes the word, and the sleep
       // ends at once.
       const std::uint32_t seen = event.load(std::memory_order_acquire);
-      // seq_cst, with the look at the queue behind it: either we see the action, or append sees
-      // that we sleep.
+      // seq_cst, because the look at the queue comes after it: either we see the action, or append
+      // sees that we sleep.
       robot.header().backend_waits.store(1, std::memory_order_seq_cst);
       const bool has_work = run_->loop.has_work();
       if (!has_work) ipc::futex_wait(event, seen, kWaitSlice);
-      // relaxed: to be seen late costs the controller a call, nothing else.
+      // relaxed: if the controller sees this late, it only makes one unnecessary call.
       robot.header().backend_waits.store(0, std::memory_order_relaxed);
       if (has_work) return;
       run_->loop.beat(clock_.now());
@@ -351,12 +353,12 @@ class Backend::Implementation {
     while (!stop_requested()) {
       const std::uint32_t seen = event.load(std::memory_order_acquire);
       if (was_recovered()) return;
-      // Nobody can ask in files that were cut off; the next session has files of its own.
+      // If the files were cut off, nobody can send a request; the next session has new files.
       if (last_fault_.code == Fault::Code::kMemoryDamaged && run_->writers.robot->is_cut_off()) {
         return;
       }
-      // Whose action was late because the process was killed cannot recover; the next user shall
-      // not have to.
+      // A process that was killed made its action late and cannot recover. The next user should not
+      // have to.
       if (last_fault_.code == Fault::Code::kActionLate && run_->writers.robot->controller_died()) {
         return;
       }
@@ -420,7 +422,7 @@ BackendThread::BackendThread(Backend& backend, const RealtimeOptions& realtime)
     try {
       running.run();
     } catch (...) {
-      // A thread has nobody to throw to; front-ends see the session end.
+      // This thread cannot throw to anybody. Front-ends see that the session has ended.
       failure_ = std::current_exception();
     }
   });

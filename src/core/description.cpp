@@ -14,8 +14,7 @@ namespace {
 constexpr std::array<std::string_view, 10> kScalarNames{
     "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "float32", "float64"};
 
-// One line of ElementDescription::text(): "NAME TYPE[SHAPE] UNIT", shape and unit as far as there
-// are any.
+// One line of ElementDescription::text(): "NAME TYPE[SHAPE] UNIT". Shape and unit are optional.
 FieldDescription parse_field(std::string_view line) {
   const auto malformed = [line] {
     return InvalidArgument("not the description of a field: '" + std::string(line) + "'");

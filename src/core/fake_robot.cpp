@@ -53,7 +53,7 @@ bool FakeDriver::get_companion_element(std::size_t, TimeIndex time_index, void* 
   FakeSensorReading reading;
   reading.stamp.capture_index = next_capture_;
   reading.stamp.arrival_index = arrival;
-  // The robot counts its actions, so a reading of the past needs no memory.
+  // The robot counts its actions, so a past reading can be computed without memory.
   reading.applied_actions = state_.applied_actions - (time_index - next_capture_);
   std::memcpy(element, &reading, sizeof(reading));
   next_capture_ += options_.sensor_period;

@@ -13,7 +13,7 @@ namespace trifinger::detail {
 
 void Followers::begin_session(const SessionHost& host, const SessionPlace::Writers& writers) {
   if (followers_.empty()) return;
-  // The newest series of all: observations are published before their step is whole.
+  // Observations come first: they are published before their step is complete.
   capacity_ = writers.robot->capacity_of(Series::kObservation);
   next_look_ = capacity_;
   companions_.clear();
@@ -26,8 +26,8 @@ void Followers::begin_session(const SessionHost& host, const SessionPlace::Write
       companions.push_back(robot->companion(name));
     }
   } catch (const Error&) {
-    // Somebody has just removed it or cut it off: it is not followed, and the loop sees to the
-    // rest.
+    // Somebody has just removed or truncated the session. Nobody follows it, and the loop handles
+    // the rest.
     return;
   }
   for (const auto& writer : writers.companions) {
@@ -42,7 +42,7 @@ void Followers::begin_session(const SessionHost& host, const SessionPlace::Write
 
 // The elements are in the order of their arrival.
 TimeIndex Followers::FollowedCompanion::first_element_at(TimeIndex step) const noexcept {
-  // What came before step 0 belongs to step 0.
+  // Elements that arrived before step 0 belong to step 0.
   if (step <= 0) return 0;
   const TimeIndex end = writer->end_of(Series::kObservation);
   TimeIndex first = std::max<TimeIndex>(0, end - capacity);
@@ -93,7 +93,8 @@ void Followers::wait(TimeIndex t) noexcept {
   constexpr Nanoseconds kSlice = std::chrono::milliseconds(50);
   const Instant begin = std::chrono::steady_clock::now();
   Instant before = begin;
-  // Some room at once, or back-end and follower would wake each other for every step.
+  // Wait until there is room for several steps. Otherwise back-end and follower would wake each
+  // other in every step.
   while (!look(t, capacity_ / 4)) {
     const Instant now = std::chrono::steady_clock::now();
     for (Entry& entry : followers_) {

@@ -9,17 +9,18 @@
 
 namespace trifinger::detail {
 
-// Those whom a back-end waits for, so that they lose nothing. Used by its thread alone.
+// The followers for which a back-end waits, so that they lose nothing. Only the back-end's thread
+// uses this.
 class Followers {
  public:
   explicit Followers(Timeout max_wait) : max_wait_(max_wait) {}
 
-  // From the next session on.
+  // Adds a follower from the next session on.
   void add(Follower& follower) { followers_.push_back({.follower = &follower}); }
   void begin_session(const SessionHost& host, const SessionPlace::Writers& writers);
 
-  // True if step `t` overwrites nothing that a follower still has to read. Two comparisons while
-  // nobody is a whole history behind, one more for each companion.
+  // True if step `t` overwrites nothing that a follower still has to read. It costs two comparisons
+  // while nobody lags a whole history, and one more for each companion.
   [[nodiscard]] bool have_room_for(TimeIndex t) noexcept {
     if (t >= next_look_) return look(t);
     for (const FollowedCompanion& companion : companions_) {
@@ -27,7 +28,7 @@ class Followers {
     }
     return true;
   }
-  // Waits a moment for room for step `t`, and gives those up who have not moved for too long.
+  // Waits a moment for room for step `t`. Gives up followers that have not moved for too long.
   void wait(TimeIndex t) noexcept;
 
  private:
@@ -35,17 +36,16 @@ class Followers {
     Follower* follower;
     bool has_joined{false};
     bool is_given_up{false};
-    // While it is waited for:
+    // For a follower that the back-end waits for:
     TimeIndex seen_step{-1};
-    Nanoseconds waited{0};  // since it moved
+    Nanoseconds waited{0};  // time since the follower moved
   };
   struct FollowedCompanion {
     const SessionWriter* writer;
     TimeIndex capacity;
-    TimeIndex first_unread{0};  // by any follower, as far as we know
+    TimeIndex first_unread{0};  // first element not read by some follower, as far as we know
 
-    // How many elements a step adds is the driver's business; half of the history is kept free for
-    // them.
+    // The driver decides how many elements a step adds. Half of the history is kept free for them.
     [[nodiscard]] bool has_room() const noexcept { return has_room_behind(first_unread); }
     [[nodiscard]] bool has_room_behind(TimeIndex unread) const noexcept {
       return writer->end_of(Series::kObservation) - unread <= capacity / 2;
@@ -53,16 +53,16 @@ class Followers {
     [[nodiscard]] TimeIndex first_element_at(TimeIndex step) const noexcept;
   };
 
-  // Asks everybody. True if there is room for step `t` and `margin` steps behind it.
+  // Asks all followers. True if there is room for step `t` and `margin` steps after it.
   bool look(TimeIndex t, TimeIndex margin = 0) noexcept;
-  // True if a follower that is at `next_step` would lose something by step `t`.
+  // True if a follower that is at `next_step` would lose something in step `t`.
   [[nodiscard]] bool blocks(TimeIndex next_step, TimeIndex t) const noexcept;
 
   Timeout max_wait_;
   std::vector<Entry> followers_;
   TimeIndex capacity_{0};
   std::vector<FollowedCompanion> companions_;
-  TimeIndex next_look_{std::numeric_limits<TimeIndex>::max()};  // the first step to ask for
+  TimeIndex next_look_{std::numeric_limits<TimeIndex>::max()};  // first step to ask them again
 };
 
 }  // namespace trifinger::detail

@@ -21,26 +21,26 @@ namespace {
 using detail::SessionMapping;
 using detail::Wanted;
 
-// Waits look at the other side's health, and call the interrupt, at least this often.
+// Waits check the other side's health and call the interrupt at least this often.
 constexpr Nanoseconds kSlice = std::chrono::milliseconds(100);
-// Sessions begin in files of their own, so there is no event to wait for between them.
+// Each session has its own files, so there is no event to wait for between two sessions.
 constexpr auto kPollPeriod = std::chrono::milliseconds(1);
 
 void send_request(layout::ActionHeader& header, layout::Request what) noexcept {
-  // release: actions appended before are seen with it.
+  // release: whoever sees the request also sees the actions appended before.
   header.requests.fetch_or(what, std::memory_order_release);
   header.event.fetch_add(1, std::memory_order_seq_cst);
   ipc::futex_wake_all(header.event);
 }
 
-// Says in the action file what a thread of the controller waits for, as long as it waits.
+// Tells in the action file what a thread of the controller waits for, as long as it waits.
 class WaitSlot {
  public:
   WaitSlot(layout::ActionHeader* header, const Wanted& wanted) noexcept {
     if (header == nullptr) return;
     for (auto& slot : header->wait_slots) {
       std::uint64_t expected = 0;
-      // seq_cst, with a look at the event behind it: see SessionWriter::announce.
+      // seq_cst, because a look at the event comes after it: see SessionWriter::announce.
       if (slot.compare_exchange_strong(expected, wanted.word(), std::memory_order_seq_cst)) {
         slot_ = &slot;
         return;
@@ -50,7 +50,7 @@ class WaitSlot {
   WaitSlot(const WaitSlot&) = delete;
   WaitSlot& operator=(const WaitSlot&) = delete;
   ~WaitSlot() {
-    // relaxed: if it is seen late, one wake is for nobody.
+    // relaxed: if the other side sees this late, one wake-up is wasted.
     if (slot_ != nullptr) slot_->store(0, std::memory_order_relaxed);
   }
 
@@ -81,10 +81,10 @@ class UntypedFrontend::Implementation {
   ~Implementation() {
     if (!action_ || fork_.is_inherited()) return;
     if (last_appended_ < 0) {
-      // release: the lock is given back with the file, behind this.
+      // release: the lock is given back later, together with the file.
       action_header()->controller_pid.store(0, std::memory_order_release);
     } else {
-      // Also behind the end: who leaves without it has died.
+      // This is needed after the end, too: a controller that leaves without it counts as dead.
       request(layout::kDetach);
       run_inline_to_end();
     }
@@ -96,10 +96,10 @@ class UntypedFrontend::Implementation {
     require_own();
     require_control();
     while (true) {
-      // relaxed: a flag without data behind it.
+      // relaxed: no other data depends on this flag.
       const bool has_died = backend_died_.load(std::memory_order_relaxed);
       if (has_died || mapping_->has_ended()) throw_stopped();
-      // acquire: slots of indices taken before are free.
+      // acquire: the slots of indices taken before are free.
       const TimeIndex open = header().next_action.load(std::memory_order_acquire);
       const TimeIndex t = std::max(last_appended_ + 1, open);
       const auto capacity = static_cast<TimeIndex>(queue_.shape().capacity);
@@ -107,7 +107,7 @@ class UntypedFrontend::Implementation {
         wait_for_queue_space(t - capacity, timeout);
         continue;
       }
-      // relaxed: set by this thread, or by one whose read is not ordered with this append anyway.
+      // relaxed: this thread set it, or a thread whose read has no fixed order with this append.
       const bool is_acausal = t <= handed_out_.load(std::memory_order_relaxed);
       if (is_acausal && options_.strict) throw AcausalAction(t);
 
@@ -116,14 +116,14 @@ class UntypedFrontend::Implementation {
       queue_.write(t, queue_entry_.data(), std::memory_order_seq_cst);
       last_appended_ = t;
       auto& event = action_header()->event;
-      // release, behind the slot: a back-end that has seen the new word finds the action, so
-      // whoever did not find it sleeps on the old word, if at all.
+      // release, because the slot was written before: a back-end that has seen the new word finds
+      // the action. A back-end that has not found the action can only sleep on the old word.
       event.store(event.load(std::memory_order_relaxed) + 1, std::memory_order_release);
-      // seq_cst: either the back-end found the action above before it went to sleep, or we see that
-      // it sleeps.
+      // seq_cst: either the back-end found the action before it went to sleep, or we see that it
+      // sleeps.
       if (header().backend_waits.load(std::memory_order_seq_cst) != 0) ipc::futex_wake_all(event);
-      // seq_cst: a back-end that closes t says so before it looks for the action once more, so if
-      // this is not closed, the action will be found.
+      // seq_cst: a back-end that closes t says so before it looks for the action once more. If t is
+      // not closed here, the back-end will find the action.
       if (header().is_real_time == 0 || header().next_action.load(std::memory_order_seq_cst) <= t ||
           was_taken(t)) {
         return t;
@@ -163,7 +163,7 @@ class UntypedFrontend::Implementation {
   void get(Series series, TimeIndex t, void* element, Timeout timeout) const {
     if (try_get(series, t, element)) return;
     wait_for(series, t, timeout);
-    // It was there a moment ago: false means that the writer is a whole history further.
+    // The element was there a moment ago. If not found, the writer is now a whole history further.
     if (!try_get(series, t, element)) throw_lost(series, t);
   }
 
@@ -178,7 +178,7 @@ class UntypedFrontend::Implementation {
                             std::to_string(capacity) + ")");
     }
     auto* target = static_cast<std::byte*>(elements);
-    // The last first: once it is there, all are.
+    // The last element is read first: if it exists, all exist.
     get(series, first + static_cast<TimeIndex>(count) - 1, target + (count - 1) * size, timeout);
     for (std::size_t i = 0; i + 1 < count; ++i) {
       const TimeIndex t = first + static_cast<TimeIndex>(i);
@@ -199,7 +199,7 @@ class UntypedFrontend::Implementation {
     require_own();
     const auto is_there = [&] {
       // The writer may overtake us by a whole history between the two calls; then there is a newer
-      // one.
+      // observation.
       while (true) {
         const TimeIndex end = mapping_->end_of(Series::kObservation);
         const Series series = end > header().first_index || !mapping_->has(Series::kHolding)
@@ -238,7 +238,7 @@ class UntypedFrontend::Implementation {
     TimeIndex oldest = t + 1;
     for (TimeIndex i = end - 1; i >= 0; --i) {
       if (ring.read(i, element) != ipc::ReadResult::kDone) throw HistoryLost(t, oldest);
-      // The caller's buffer may lie anywhere.
+      // The caller's buffer may not be aligned.
       Stamp stamp;
       std::memcpy(&stamp, element, sizeof(stamp));
       if (stamp.arrival_index <= t) return true;
@@ -275,7 +275,7 @@ class UntypedFrontend::Implementation {
            [] { return std::string("the end of the session"); });
       run_inline_to_end();
     }
-    // Somebody else's end may have come first, with actions that were never taken.
+    // The session may have ended before the request, for a reason that left some actions unused.
     const Fault fault = mapping_->fault();
     const bool is_as_good =
         fault.code == Fault::Code::kExhausted && last_appended_ < fault.time_index;
@@ -355,20 +355,21 @@ class UntypedFrontend::Implementation {
     mapping_->throw_stopped();
   }
 
-  // A session that its own user has ended inline, within a step: that is told before the end.
+  // If the user's own code has ended an inline session within a step, the interrupt reports that
+  // first.
   void look_for_interrupted_step() const {
     if (inline_backend_ != nullptr && interrupt_) interrupt_();
   }
 
   [[noreturn]] void throw_lost(Series series, TimeIndex t) const {
-    // The writer may be at work in the slot of t and count it later.
+    // The writer may be overwriting the slot of t and count it only later.
     throw HistoryLost(t, std::max(t + 1, range(series).first));
   }
 
   void request(layout::Request what) const noexcept { send_request(*action_header(), what); }
 
-  // Brings the robot of an inline back-end to rest. It waits only if it is in a later session, by
-  // no business of ours.
+  // Brings the robot of an inline back-end to rest. If a later session has begun, the loop below
+  // stops as soon as that session waits for an action.
   void run_inline_to_end() const noexcept {
     if (inline_backend_ == nullptr) return;
     for (auto progress = Progress::kStepped;
@@ -379,20 +380,20 @@ class UntypedFrontend::Implementation {
 
   // Remembers that the user knows y_t.
   void hand_out(TimeIndex t) const noexcept {
-    // relaxed: see append. Several readers may race here; the newest counts, one step more or less
-    // does not.
+    // relaxed: see append. Several readers may race here. Only the newest step counts, and an error
+    // of one step does not matter.
     if (t > handed_out_.load(std::memory_order_relaxed)) {
       handed_out_.store(t, std::memory_order_relaxed);
     }
   }
 
-  // True if the action appended for `t`, which the back-end has passed, was applied; false if it
-  // came too late.
+  // True if the action appended for `t` was applied; false if it came too late. The back-end has
+  // already passed `t`.
   [[nodiscard]] bool was_taken(TimeIndex t) const {
     Status status;
     try {
-      // Not the user's timeout: the action is on its way, and the back-end is in the midst of the
-      // tick that decides.
+      // The user's timeout does not apply: the action is on its way, and the back-end is just now
+      // doing the tick that decides.
       get(Series::kStatus, t, &status, kForever);
     } catch (const HistoryLost&) {
       return false;
@@ -407,7 +408,7 @@ class UntypedFrontend::Implementation {
          [] { return std::string("a free place in the queue of actions"); });
   }
 
-  // Waits until `ready()`. `what` names the thing waited for, in case it does not come.
+  // Waits until `ready()`. `what` names the awaited thing, for the error if it does not come.
   template <class Ready, class What>
   void wait(const Ready& ready, const Wanted& wanted, Timeout timeout, const What& what) const {
     if (inline_backend_ != nullptr && std::this_thread::get_id() == thread_) {
@@ -417,13 +418,13 @@ class UntypedFrontend::Implementation {
     const Deadline deadline(timeout);
     Deadline slice(kSlice);
     while (true) {
-      // seq_cst: with the wait slot behind it, see SessionWriter::announce.
+      // seq_cst: the wait slot comes after it, see SessionWriter::announce.
       const std::uint32_t event = header().event.load(std::memory_order_seq_cst);
       const bool has_ended = mapping_->has_ended();
       if (ready()) return;
       if (has_ended) throw_stopped();
       if (deadline.passed()) {
-        // Who looks often and never waits for long must learn it, too.
+        // A caller that looks often and never waits long must learn of the death, too.
         throw_if_backend_died(ready);
         if (ready()) return;
         if (mapping_->has_ended()) continue;
@@ -444,9 +445,9 @@ class UntypedFrontend::Implementation {
 
   template <class Ready>
   void throw_if_backend_died(const Ready& ready) const {
-    // Its lock is given back after its last word: look for that once more.
+    // A back-end releases its lock after its last word, so check once more for that word.
     if (mapping_->backend_is_alive() || mapping_->has_ended() || ready()) return;
-    // relaxed: see append, which has no time to look.
+    // relaxed: see append, which has no time to look itself.
     backend_died_.store(true, std::memory_order_relaxed);
     throw_stopped();
   }
@@ -454,7 +455,7 @@ class UntypedFrontend::Implementation {
   // The wait itself runs the back-end.
   template <class Ready, class What>
   void run_inline(const Ready& ready, Timeout timeout, const What& what) const {
-    // A look at the clock costs as much as a step of a small robot.
+    // Reading the clock costs as much as a step of a small robot.
     constexpr int kStepsPerLook = 64;
     const Deadline deadline(timeout);
     Instant last_interrupt{};
@@ -479,7 +480,7 @@ class UntypedFrontend::Implementation {
     }
   }
 
-  std::shared_ptr<void> owner_;  // destroyed last: the inline back-end is in it
+  std::shared_ptr<void> owner_;  // destroyed last, because it contains the inline back-end
   std::shared_ptr<const SessionMapping> mapping_;
   Session session_;
   std::optional<ipc::SharedMemory> action_;
@@ -497,8 +498,8 @@ class UntypedFrontend::Implementation {
 
 namespace {
 
-// The queue of `mapping`, locked for this process. Nothing if the session is about to end or has
-// just ended: look for the next one. Throws ControlHeld.
+// Locks the queue of `mapping` for this process and returns it. Nothing if the session is about to
+// end or has just ended: then look for the next one. Throws ControlHeld.
 std::optional<ipc::SharedMemory> take_control(const SessionMapping& mapping) {
   std::optional<ipc::SharedMemory> action;
   try {
@@ -509,19 +510,19 @@ std::optional<ipc::SharedMemory> take_control(const SessionMapping& mapping) {
     throw;
   }
   const layout::RingPlace& place = mapping.header().queue;
-  // Cut off by somebody: the back-end notices that, too.
+  // Somebody has truncated the file. The back-end notices that, too.
   if (action->size() < place.offset + place.shape.size()) return std::nullopt;
   auto& header = *reinterpret_cast<layout::ActionHeader*>(action->data());
-  // One at a time: whoever has the claim sees a lock and the name of its holder that belong
-  // together.
+  // The claim lets one process at a time pass. Its holder sees a lock and the name of the process
+  // that holds this lock.
   if (!ipc::try_lock(action->file(), ipc::Lock::kClaim)) return std::nullopt;
   if (!ipc::try_lock(action->file())) {
-    // The handle that ended it still lives; the next session is about to begin.
+    // The handle that ended the session still lives. The next session is about to begin.
     if (mapping.has_ended()) return std::nullopt;
     const ipc::ProcessIdentity holder = detail::controller_of(header);
     if (holder.is_known_dead()) {
-      // A child that it made by a bare fork(2) keeps the lock: only the next session can be had.
-      // The back-end ends one that has begun by itself.
+      // A child that a bare fork(2) made keeps the lock of its dead parent. Only the next session
+      // can be controlled. If this session has begun, the back-end ends it by itself.
       if (mapping.header().phase.load(std::memory_order_acquire) <
           static_cast<std::uint32_t>(layout::Phase::kRunning)) {
         send_request(header, layout::kDetach);
@@ -533,9 +534,9 @@ std::optional<ipc::SharedMemory> take_control(const SessionMapping& mapping) {
                       (is_own ? "another handle in this process" : describe(holder)) +
                       "; use observe() to look at it");
   }
-  // A predecessor that died after its first action leaves a session that is about to end.
+  // If a predecessor died after its first action, this session is about to end.
   const ipc::Ring queue(action->data() + place.offset, place.shape);
-  // One that died in the midst of it leaves nothing: the next first action takes its place.
+  // If it died while writing that action, nothing is left: our first action replaces it.
   const TimeIndex first = mapping.header().first_index;
   if (mapping.has_ended() || queue.sequence_in_slot(first) >= ipc::Ring::sequence_of(first) ||
       (header.requests.load(std::memory_order_relaxed) & layout::kEndRequests) != 0) {
@@ -544,13 +545,14 @@ std::optional<ipc::SharedMemory> take_control(const SessionMapping& mapping) {
   const auto self = ipc::ProcessIdentity::of_this_process();
   header.controller_start_time.store(self.start_time, std::memory_order_relaxed);
   header.controller_number_space.store(self.number_space, std::memory_order_relaxed);
-  // release: the watchdog that sees the number finds the lock taken.
+  // release: a watchdog that sees the number also finds the lock taken.
   header.controller_pid.store(self.pid, std::memory_order_release);
   ipc::unlock(action->file(), ipc::Lock::kClaim);
   return action;
 }
 
-// Takes part in the session that `find` returns, or in the one that follows if that is at its end.
+// Takes part in the session that `find` returns. If that session is ending, it waits for the next
+// one.
 template <class Find, class Make>
 auto attach(const Find& find, const FrontendOptions& options, const Make& make) {
   const Deadline deadline(options.timeout);
@@ -564,7 +566,8 @@ auto attach(const Find& find, const FrontendOptions& options, const Make& make) 
                             std::to_string(mapping->header().backend_pid) +
                             ", is gone; start it again with 'trifinger run'");
     }
-    // A user who was killed leaves a late action behind; the back-end clears that by itself.
+    // A user who was killed leaves the fault of a late action. The back-end clears that fault by
+    // itself.
     const bool may_clear = mapping->fault().code == Fault::Code::kActionLate && !grace.passed();
     if (mapping->has_ended() && mapping->fault().needs_recovery() && !may_clear) {
       throw RobotStopped(mapping->fault(), "robot '" + mapping->name() +
@@ -623,7 +626,7 @@ UntypedFrontend::UntypedFrontend(Backend& backend, FrontendOptions options,
           [&] {
             if (backend.options().mode != BackendOptions::Mode::kNonRealTime) {
               throw InvalidArgument(
-                  "a back-end in real-time mode cannot run inline: its time goes on");
+                  "a back-end in real-time mode cannot run inline: it must do one step per period");
             }
             backend.begin_session();
             return backend.host().open();

@@ -23,7 +23,7 @@ std::filesystem::path chosen_folder() {
     const std::filesystem::path absolute = std::filesystem::absolute(folder, error);
     return error ? folder : absolute;
   }
-  // A relative path counts as none here: so the XDG base directory specification wants it.
+  // The XDG base directory specification says that a relative path must be ignored.
   if (const auto state = path_in("XDG_STATE_HOME"); state.is_absolute()) {
     return state / "trifinger";
   }

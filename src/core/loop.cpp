@@ -15,17 +15,18 @@ std::vector<std::uint64_t> element_buffer(std::size_t size) {
   return std::vector<std::uint64_t>((size + 7) / 8);
 }
 
-// For the detail of a fault; more than 24 days are told as that.
+// For the detail of a fault. A time that does not fit (more than 24 days) becomes the largest
+// value.
 std::int32_t in_milliseconds(Nanoseconds time) noexcept {
   constexpr std::int64_t kMost = std::numeric_limits<std::int32_t>::max();
   return static_cast<std::int32_t>(
       std::min(std::chrono::ceil<std::chrono::milliseconds>(time).count(), kMost));
 }
 
-// One byte ends the text.
+// One more byte is needed for the zero that ends the text.
 static_assert(FixedText::kCapacity < sizeof(layout::StateHeader::fault_text));
 
-// True if the driver lets the session end before it is over by itself.
+// True if the driver ends the session early: by a fault or an interruption.
 bool breaks_off(const DriverReport& report) noexcept {
   return report.state == DriverReport::State::kFault ||
          report.state == DriverReport::State::kInterrupted;
@@ -58,7 +59,7 @@ Progress Loop::tick(const Tick& now) noexcept {
   driver_time_ = Nanoseconds::zero();
   suspended_ = now.suspended;
   beat(now.time);
-  // acquire: the watchdog has spoken the last word, nothing may follow it.
+  // acquire: the watchdog has ended the session, and nothing may be added after that.
   if (was_cut_.load(std::memory_order_acquire)) stage_ = Stage::kDone;
   switch (stage_) {
     case Stage::kPreparing:
@@ -88,7 +89,7 @@ Progress Loop::prepare(const Tick& now) noexcept {
 }
 
 Progress Loop::hold(const Tick& now) noexcept {
-  // Without deadlines nothing moves before step 0, so one measurement serves.
+  // Without deadlines nothing moves before step 0, so one measurement is enough.
   if (!is_measured_) {
     if (!measure(now)) return Progress::kStepped;
     writer_.append(Series::kHolding, observation_.data());
@@ -98,7 +99,7 @@ Progress Loop::hold(const Tick& now) noexcept {
 
   const std::uint32_t requests_before = requests();
   const std::uint64_t sequence = writer_.queue().sequence_in_slot(time_index_);
-  // Behind the look at the slot, which notices what was cut off.
+  // This comes after the look at the slot, because that look notices memory that was cut off.
   if (writer_.is_damaged() || sequence > ipc::Ring::sequence_of(time_index_)) {
     return end(Fault::Code::kMemoryDamaged, 0);
   }
@@ -107,7 +108,7 @@ Progress Loop::hold(const Tick& now) noexcept {
     first_tick_ = now.number;
     set_phase(layout::Phase::kRunning);
     publish_companions(now, time_index_);
-    // What was late before step 0 is not the fault of step 0.
+    // Ticks skipped before step 0 do not count for step 0.
     Tick first = now;
     first.skipped = 0;
     return run(first);
@@ -121,7 +122,8 @@ Progress Loop::hold(const Tick& now) noexcept {
     return end(Fault::Code::kFirstActionLate, 0);
   }
   if (!has_hold_action_) {
-    // Once: the pose at the beginning is kept, not the pose into which the robot may creep.
+    // The holding action is computed only once. It keeps the pose of the beginning, even if the
+    // robot creeps away from it.
     const DriverReport held =
         call_driver([&] { return driver_.hold(observation_.data(), hold_action_.data()); });
     if (breaks_off(held)) return end(held);
@@ -135,7 +137,8 @@ Progress Loop::hold(const Tick& now) noexcept {
 }
 
 Progress Loop::run(const Tick& now) noexcept {
-  // First of all: the last status tells of its tick, too, if the driver can measure no more.
+  // The tick is noted first. The last status then describes its tick even if the driver can no
+  // longer measure.
   status_.tick = is_real_time() ? now.number - first_tick_ : time_index_ - writer_.first_index();
   status_.lateness = now.lateness.count();
   status_.skipped_ticks = now.skipped;
@@ -147,13 +150,13 @@ Progress Loop::run(const Tick& now) noexcept {
   if (late_in_a_row_ > options_.max_late_steps) {
     return end(Fault::Code::kBackendLate, -static_cast<std::int32_t>(late_in_a_row_));
   }
-  // Here, not behind the step: the last step has an observation.
+  // This check comes here and not after the step, so that the last step has an observation.
   if (status_.rejected_actions > options_.max_rejected_actions) {
     return end(Fault::Code::kActionsRejected, static_cast<std::int32_t>(status_.rejected_actions));
   }
   if (const Fault request = end_request()) return end(request.code, request.detail);
 
-  // Read before the queue: whatever was appended before finish() must be found.
+  // The request is read before the queue: every action appended before finish() must be found.
   const bool finish_requested = (requests() & layout::kFinish) != 0;
   Take take = take_action();
   if (take == Take::kMissing && finish_requested) return end(Fault::Code::kFinished, 0);
@@ -188,7 +191,7 @@ Progress Loop::run(const Tick& now) noexcept {
   writer_.append(Series::kAppliedAction, applied_.data());
   writer_.append(Series::kStatus, &status_);
   announce(is_real_time());
-  // Behind the wake: nobody waits for it.
+  // The timing is recorded after the wake-up because nobody waits for it.
   record_timing();
 
   ++time_index_;
@@ -199,7 +202,7 @@ Progress Loop::run(const Tick& now) noexcept {
 }
 
 Progress Loop::stop() noexcept {
-  // What the period before has done. A robot that stops at once is not asked again.
+  // Record what the period before has done. A driver that stops at once is not asked again.
   if (count_ > 0) {
     const DriverReport measured =
         call_driver([&] { return driver_.get_latest_observation(observation_.data()); });
@@ -256,21 +259,21 @@ Loop::Take Loop::take_action() noexcept {
   }
 
   const std::uint64_t sequence = queue.sequence_in_slot(time_index_);
-  // A later action cannot be here before this one was taken, unless the writer breaks the rules.
+  // A later action in this slot means damage: a correct writer waits until this action was taken.
   if (sequence > ipc::Ring::sequence_of(time_index_)) return Take::kDamaged;
   if (sequence != ipc::Ring::sequence_of(time_index_)) return Take::kMissing;
   if (queue.read(time_index_, queue_entry_.data()) != ipc::ReadResult::kDone) return Take::kDamaged;
-  // The driver gets this copy: what the writer does to the queue from now on changes nothing.
+  // The driver gets this copy. Later changes of the queue by its writer have no effect.
   std::memcpy(desired_.data(), queue_entry_.data() + 1, queue.shape().element_size - 8);
   if ((queue_entry_[0] & layout::QueueFlags::kAcausal) != 0) status_.flags |= Status::kAcausal;
-  // release: the slot is free for the writer.
+  // release: the slot is now free for the writer.
   writer_.header().next_action.store(time_index_ + 1, std::memory_order_release);
   return Take::kTaken;
 }
 
-// The action of this step is missing. Says so, and looks once more: an append that does not see
-// this word has made its action visible to this second look (seq_cst on both sides), so it can rely
-// on being taken.
+// The action of this step is missing. This function closes the step and looks once more. An append
+// that does not see this word has made its action visible to this second look (seq_cst on both
+// sides). It can therefore rely on its action being taken.
 Loop::Take Loop::close_index() noexcept {
   writer_.header().next_action.store(time_index_ + 1, std::memory_order_seq_cst);
   const Take take = take_action();
@@ -279,20 +282,20 @@ Loop::Take Loop::close_index() noexcept {
 }
 
 Fault Loop::end_request() const noexcept {
-  // relaxed: flags without data behind them.
+  // relaxed: no other data depends on these flags.
   if (stop_requested_.load(std::memory_order_relaxed)) return {.code = Fault::Code::kStopped};
   if ((requests() & layout::kDetach) != 0) return {.code = Fault::Code::kDetached};
   if (controller_died_.load(std::memory_order_relaxed)) {
     return {.code = Fault::Code::kControllerDied};
   }
-  // The robot was without control for longer than it ever is.
+  // The robot was without control for longer than is normal.
   if (suspended_ > options_.period) {
     return {.code = Fault::Code::kMachineSuspended, .detail = in_milliseconds(suspended_)};
   }
   return {};
 }
 
-// Says whether the step is late, and who is to blame if it was not the user.
+// Notes whether the step is late, and the cause if it is not the user.
 void Loop::note_lateness(const Tick& now) noexcept {
   const bool is_late = now.skipped > 0 || now.lateness > late_after_;
   late_in_a_row_ = is_late ? late_in_a_row_ + 1 : 0;
@@ -337,14 +340,14 @@ void Loop::publish_companions(const Tick& now, TimeIndex time_index) noexcept {
       }
       companion.append(Series::kObservation, element.data());
     }
-    // release: whoever sees the step finds its elements.
+    // release: whoever sees the step also finds its elements.
     companion.header().complete_through.store(time_index, std::memory_order_release);
   }
 }
 
 void Loop::announce(bool always) noexcept {
-  // Observers cannot say that they wait. Without deadlines they are woken once a millisecond: a
-  // system call for nobody would be the dearest part of a step.
+  // Observers cannot announce that they wait. Without deadlines they are woken once a millisecond.
+  // A system call in every step, often for nobody, would be its most expensive part.
   constexpr Nanoseconds kWakePeriod = std::chrono::milliseconds(1);
   if (last_time_ - last_wake_ >= kWakePeriod) always = true;
   if (always) last_wake_ = last_time_;
@@ -360,7 +363,7 @@ Progress Loop::end(const DriverReport& report) noexcept {
 }
 
 Progress Loop::end(Fault::Code code, std::int32_t detail) noexcept {
-  // acquire: the watchdog has ended the session while the driver was at work.
+  // acquire: the watchdog has ended the session during a call of the driver.
   if (was_cut_.load(std::memory_order_acquire)) {
     stage_ = Stage::kDone;
     return Progress::kEnded;
@@ -375,7 +378,7 @@ Progress Loop::end(Fault::Code code, std::int32_t detail) noexcept {
     writer_.append(Series::kStatus, &status_);
     record_timing();
   }
-  // Whatever a driver says, it is a sentence then, and marked where it is too long.
+  // FixedText makes one line of whatever the driver says, and marks it if it is cut off.
   FixedText text;
   if (code == Fault::Code::kDriver) text.append(driver_.fault_text(detail));
   if (code == Fault::Code::kActionsRejected) text.append(driver_.rejection_text());
@@ -387,8 +390,8 @@ Progress Loop::end(Fault::Code code, std::int32_t detail) noexcept {
 }
 
 void Loop::cut() noexcept {
-  // The step in work: as many are whole as there are statuses. The series are the loop's, which may
-  // come back from its call at any time, so this end has no status of its own.
+  // The current step: there are as many whole steps as statuses. The loop owns the series and may
+  // return from its call at any time, so this end has no status of its own.
   const layout::StateHeader& header = writer_.header();
   const bool has_begun = header.phase.load(std::memory_order_relaxed) ==
                          static_cast<std::uint32_t>(layout::Phase::kRunning);
@@ -396,12 +399,12 @@ void Loop::cut() noexcept {
   cut_fault_ = {.code = Fault::Code::kDriverHangs,
                 .detail = 0,
                 .time_index = has_begun ? steps.load(std::memory_order_relaxed) : -1};
-  // release: whoever sees the flag finds the fault. Before the power goes: a call that comes back
-  // because of that must not be followed by another one.
+  // release: whoever sees the flag finds the fault. The flag is set before the power is cut: if the
+  // hanging call returns because of the cut, no other call may follow.
   was_cut_.store(true, std::memory_order_release);
   driver_.cut();
   for (const auto& companion : companions_) companion->end(cut_fault_, {});
-  // A session that had ended before, whose orderly stop hangs, keeps its end.
+  // If the session had ended before and only its orderly stop hangs, it keeps its end.
   is_cut_the_end_.store(writer_.end(cut_fault_, {}), std::memory_order_release);
   rest();
 }
@@ -418,20 +421,20 @@ bool Loop::has_work() const noexcept {
 }
 
 void Loop::beat(Instant now) noexcept {
-  // relaxed: a sign of life without data behind it.
+  // relaxed: no other data depends on this sign of life.
   writer_.header().heartbeat.store(now.time_since_epoch().count(), std::memory_order_relaxed);
 }
 
 template <class Call>
 DriverReport Loop::call_driver(const Call& call) noexcept {
-  // relaxed: the watchdog compares the number with its last look, nothing more.
+  // relaxed: the watchdog only compares this number with the one of its last look.
   const std::uint64_t count = driver_calls_.load(std::memory_order_relaxed);
   driver_calls_.store(count + 1, std::memory_order_relaxed);
   const Instant begin = is_real_time() ? clock_.now() : Instant{};
   const DriverReport report = call();
   if (is_real_time()) driver_time_ += clock_.now() - begin;
   driver_calls_.store(count + 2, std::memory_order_relaxed);
-  // acquire: what the call said counts no more if the watchdog has cut the power meanwhile.
+  // acquire: if the watchdog has cut the power meanwhile, the report of the call no longer counts.
   return was_cut_.load(std::memory_order_acquire) ? DriverReport::fault(0) : report;
 }
 

@@ -12,18 +12,18 @@
 
 namespace trifinger::detail {
 
-// When a tick begins. Without deadlines, only `time` says something.
+// The beginning of a tick. Without deadlines, only `time` has a meaning.
 struct Tick {
   Instant time;
   std::int64_t number{0};
   Nanoseconds lateness{0};
   std::uint32_t skipped{0};
-  bool driver_overran{false};  // calls of the driver took up the tick before
-  Nanoseconds suspended{0};    // for how long the machine has slept since the session began
+  bool driver_overran{false};  // calls of the driver used up the tick before
+  Nanoseconds suspended{0};    // how long the machine was suspended since the session began
 };
 
-// One session's way through its stages, tick by tick. No function here allocates, locks, throws or
-// waits; the only system call is the wake of sleeping readers.
+// Takes one session through its stages, tick by tick. No function here allocates, locks, throws or
+// waits. The only system call wakes sleeping readers.
 class Loop {
  public:
   Loop(UntypedDriver& driver, SessionPlace::Writers& writers, const BackendOptions& options,
@@ -32,24 +32,24 @@ class Loop {
   // Does one tick.
   [[nodiscard]] Progress tick(const Tick& now) noexcept TRIFINGER_REALTIME;
 
-  // From the watchdog: the controlling process has died.
+  // The watchdog calls this when the controlling process has died.
   void note_controller_died() noexcept { controller_died_.store(true, std::memory_order_relaxed); }
-  // From the watchdog: counts up when a call of the driver begins and when it ends; odd while one
-  // lasts.
+  // The watchdog reads this count. It grows when a call of the driver begins and when it ends; it
+  // is odd during a call.
   [[nodiscard]] std::uint64_t driver_calls() const noexcept {
     return driver_calls_.load(std::memory_order_relaxed);
   }
-  // From the watchdog, when the driver hangs.
+  // The watchdog calls this when the driver hangs.
   void cut() noexcept;
 
-  // With deadlines: the time that the last tick has spent in calls of the driver.
+  // With deadlines: the time that the last tick spent in calls of the driver.
   [[nodiscard]] Nanoseconds driver_time() const noexcept { return driver_time_; }
-  // The step in work.
+  // The current step.
   [[nodiscard]] TimeIndex time_index() const noexcept { return time_index_; }
-  // True if the next tick could do more than wait: an action or a request is there.
+  // True if the next tick could do more than wait, because an action or a request is there.
   [[nodiscard]] bool has_work() const noexcept;
   void beat(Instant now) noexcept;
-  // Why the session ended, once it has.
+  // Why the session ended; kNone before the end.
   [[nodiscard]] Fault fault() const noexcept;
 
  private:
@@ -73,7 +73,7 @@ class Loop {
   void publish_companions(const Tick& now, TimeIndex time_index) noexcept;
   void announce(bool always) noexcept;
   Progress end(Fault::Code code, std::int32_t detail) noexcept;
-  // As a report says that `breaks_off`.
+  // Ends the session for the reason in `report`, for which `breaks_off` must be true.
   Progress end(const DriverReport& report) noexcept;
   template <class Call>
   DriverReport call_driver(const Call& call) noexcept;
@@ -97,9 +97,9 @@ class Loop {
   std::atomic<std::uint64_t> driver_calls_{0};
   std::atomic<bool> was_cut_{false};
   std::atomic<bool> is_cut_the_end_{false};
-  Fault cut_fault_;  // the watchdog's, behind these two
+  Fault cut_fault_;  // written by the watchdog before it sets the two flags above
 
-  // One element each, as words so that they are aligned for every type.
+  // One element each. They are arrays of words, so that they are aligned for every type.
   using Element = std::vector<std::uint64_t>;
   Element queue_entry_;  // flags, then the action
   Element desired_;
@@ -109,17 +109,17 @@ class Loop {
   std::vector<Element> companion_elements_;
 
   Stage stage_{Stage::kPreparing};
-  TimeIndex count_{0};    // of calls in the stages kPreparing and kStopping
-  TimeIndex time_index_;  // the step in work
+  TimeIndex count_{0};    // number of calls in the stages kPreparing and kStopping
+  TimeIndex time_index_;  // the current step
   Status status_;
   TimingRecord timing_;
   std::uint32_t late_in_a_row_{0};
   Nanoseconds driver_time_{0};
   Nanoseconds suspended_{0};
-  bool is_measured_{false};   // y of the step in work is in observation_
-  bool is_published_{false};  // and in its series
+  bool is_measured_{false};   // y of the current step is in observation_
+  bool is_published_{false};  // y of the current step is in its series
   bool has_hold_action_{false};
-  TimeIndex closed_index_{-1};  // the last step closed without an action, to count what came late
+  TimeIndex closed_index_{-1};  // last step closed without an action: its action may come late
   std::int64_t first_tick_{0};
   Instant holding_since_;
   Instant last_wake_;

@@ -19,7 +19,7 @@ std::shared_ptr<detail::Directory> session_directory() {
   return std::make_shared<detail::FolderDirectory>(session_folder());
 }
 
-// The names of the sessions in the folder, robots and companions.
+// Names of the sessions in the folder, for robots and companions.
 std::vector<std::string> session_names() {
   constexpr std::string_view kPrefix = "trifinger.";
   constexpr std::string_view kSuffix = ".state";
@@ -35,8 +35,8 @@ std::vector<std::string> session_names() {
   return names;
 }
 
-// How to end the back-end of a robot whose session cannot be opened; empty if it has none. All
-// processes are looked at only if there is no file of it that could be locked.
+// How to end the back-end of a robot whose session cannot be opened. Empty if it has no back-end.
+// Looking at all processes is slow, so it happens only if the robot has no lock file.
 std::string remedy_for(const std::string& robot) {
   const auto directory = session_directory();
   const auto is_locked = [&](const std::string& file) {
@@ -132,7 +132,7 @@ Session Session::open(const std::string& name) {
 std::optional<ipc::ProcessIdentity> find_backend(const std::string& name) {
   detail::require_valid_name(name);
   const auto owners = ipc::owners_of(session_folder() / detail::lock_file(name));
-  // The oldest: children that were made by a bare fork(2) own what their parent does.
+  // The oldest owner is the back-end. Children that a bare fork(2) made own the same locks.
   if (owners.empty()) return std::nullopt;
   return owners.front();
 }
@@ -163,7 +163,7 @@ SessionInfo Session::info() const {
     info.since_heartbeat =
         std::chrono::steady_clock::now().time_since_epoch() - Nanoseconds(heartbeat);
   }
-  // acquire: what was measured on the way is there.
+  // acquire: everything measured until then can be read.
   info.is_at_rest = header.is_at_rest.load(std::memory_order_acquire) != 0;
   if (mapping_->has_ended() || !info.backend_is_alive) {
     info.fault = mapping_->fault();
@@ -176,11 +176,11 @@ SessionInfo Session::info() const {
       if (action.size() >= sizeof(layout::ActionHeader) && ipc::is_locked_by_other(action.file())) {
         const auto controller =
             detail::controller_of(*reinterpret_cast<const layout::ActionHeader*>(action.data()));
-        // The lock of a dead one is kept by a child that it made by a bare fork(2).
+        // A child that a bare fork(2) made keeps the lock of its dead parent.
         if (!controller.is_known_dead()) info.controller = controller;
       }
     } catch (const Error&) {
-      // Ended, or not ours to look at: nobody is named.
+      // The session has ended, or this user may not look at the file: no controller is named.
     }
   }
   return info;
@@ -213,7 +213,8 @@ std::vector<SessionInfo> list_sessions() {
     try {
       sessions.push_back(Session::open(name).info());
     } catch (const Error&) {
-      // Gone since we looked, or of another version or user: not ours to list.
+      // The session is gone since we looked, or belongs to another version or user: it is not
+      // listed.
     }
   }
   return sessions;
@@ -235,12 +236,12 @@ void recover(const std::string& name, Timeout timeout) {
                   "' was cut off; stop its back-end and start it again");
     }
     auto& header = *reinterpret_cast<layout::ActionHeader*>(action.data());
-    // release: nothing belongs to it; the back-end acquires.
+    // release: the request carries no data; the back-end acquires.
     header.requests.fetch_or(layout::kRecover, std::memory_order_release);
     header.event.fetch_add(1, std::memory_order_seq_cst);
     ipc::futex_wake_all(header.event);
   } catch (const SystemError& error) {
-    // No queue any more: the next session is about to begin.
+    // The queue is gone: the next session is about to begin.
     if (error.error_number() != ENOENT) throw;
   }
   while (Session::open(name).info().session_id == stopped_id) {
@@ -251,7 +252,7 @@ void recover(const std::string& name, Timeout timeout) {
       text += name;
       throw TimedOut(text += "' ends its back-end");
     }
-    // The next session is another file: there is no event to wait for.
+    // The next session is another file, so there is no event to wait for.
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
 }

@@ -51,36 +51,36 @@ struct StateHeader {
   std::uint32_t is_real_time;
   std::uint64_t file_size;
   std::uint64_t session_id;
-  std::uint64_t robot_session_id;  // of a companion: its robot's session; of a robot: its own
+  std::uint64_t robot_session_id;  // for a companion: its robot's session; for a robot: its own
   std::uint64_t description_hash;
   std::int64_t period;        // [ns]
   std::int64_t created_time;  // since 1970 [ns]
   std::int64_t backend_pid;
   std::uint64_t backend_start_time;
   std::uint64_t backend_number_space;
-  std::int64_t first_index;                 // the step that a robot begins with, here called step 0
+  std::int64_t first_index;                 // index of a robot's first step, here called step 0
   std::array<RingPlace, kNumSeries> rings;  // by Series
   RingPlace queue;                          // in the action file
-  RingPlace timing;                         // of TimingRecords; robots in real-time mode only
+  RingPlace timing;                         // TimingRecords; only for robots in real-time mode
   TextPlace name;
   TextPlace type;
   TextPlace host;
   std::array<TextPlace, kNumSeries> descriptions;
   TextPlace default_action;  // bytes
-  TextPlace companions;      // names, each with a newline behind it
+  TextPlace companions;      // names, each followed by a newline
   TextPlace documents;       // DocumentPlaces
-  TextPlace realtime_lacks;  // sentences, each with a newline behind it
+  TextPlace realtime_lacks;  // sentences, each followed by a newline
 
-  // What readers sleep on, and how far the series have come.
+  // The word on which readers sleep, and the ends of the series.
   alignas(64) std::atomic<std::uint32_t> event;
   std::atomic<std::uint32_t> phase;
   std::array<std::atomic<std::int64_t>, kNumSeries> ends;  // first index not yet written
-  // Companions: everything that arrives at or before this step is in the series. -2 in the
-  // beginning.
+  // For companions: everything that arrives at or before this step is in the series. It is -2 at
+  // first.
   std::atomic<std::int64_t> complete_through;
 
-  // What append looks at: the first index that has been neither taken nor closed, and whether the
-  // back-end sleeps.
+  // The words that append reads: the first index that has been neither taken nor closed, and
+  // whether the back-end sleeps.
   alignas(64) std::atomic<std::int64_t> next_action;
   std::atomic<std::uint32_t> backend_waits;
 
@@ -91,7 +91,7 @@ struct StateHeader {
   std::atomic<std::int32_t> fault_detail;
   std::atomic<std::int64_t> fault_time_index;
   std::array<char, 256> fault_text;
-  std::atomic<std::uint32_t> is_at_rest;  // behind the end, when the orderly stop is over
+  std::atomic<std::uint32_t> is_at_rest;  // set after the end, when the orderly stop is complete
 };
 
 enum Request : std::uint32_t {
@@ -101,25 +101,25 @@ enum Request : std::uint32_t {
 };
 inline constexpr std::uint32_t kEndRequests = kFinish | kDetach;
 
-// Written by the controlling front-end. The back-end believes nothing in it. Who controls is who
-// has the owner's lock of the file; the process that it names is a claim, which can only be used
-// against whoever makes it: a lock whose holder says to be a process that is dead counts no more.
+// The controlling front-end writes this file. The back-end does not trust its content. The process
+// with the owner's lock of the file is in control. The process identity in the header is only a
+// claim, and can only harm whoever makes it: a lock no longer counts if its holder claims to be a
+// process that is dead.
 struct ActionHeader {
   std::uint64_t magic;
   std::uint64_t session_id;
-  std::atomic<std::int64_t>
-      controller_pid;  // 0: nobody has taken control since it was last given back
+  std::atomic<std::int64_t> controller_pid;  // 0: nobody has control
   std::atomic<std::uint64_t> controller_start_time;
   std::atomic<std::uint64_t> controller_number_space;
 
-  alignas(64) std::atomic<std::uint32_t> event;  // what the back-end sleeps on
+  alignas(64) std::atomic<std::uint32_t> event;  // the word on which the back-end sleeps
   std::atomic<std::uint32_t> requests;           // set of Request
 
-  // Steps that threads of the controller wait for; see WaitSlots.
+  // Steps for which threads of the controller wait; see WaitSlot.
   alignas(64) std::array<std::atomic<std::uint64_t>, kNumWaitSlots> wait_slots;
 };
 
-// An entry of the queue: a word of flags, then the action.
+// Flags of an entry of the queue. An entry is a word of flags, then the action.
 struct QueueFlags {
   static constexpr std::uint64_t kAcausal = 1;
 };

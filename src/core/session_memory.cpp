@@ -46,7 +46,7 @@ std::uint64_t random_id() {
   return id == 0 ? 1 : id;
 }
 
-// FNV-1a, 64 bits: of the types' names and fields, so that a mismatch is seen in one comparison.
+// FNV-1a, 64 bits. The hash of a session's type and fields shows a mismatch in one comparison.
 std::uint64_t hash_of(std::string_view text, std::uint64_t hash = 0xcbf29ce484222325) noexcept {
   for (const char character : text) {
     hash = (hash ^ static_cast<unsigned char>(character)) * 0x100000001b3;
@@ -68,7 +68,7 @@ std::string group_name(gid_t group) {
   return found != nullptr ? found->gr_name : std::to_string(group);
 }
 
-// Whose file it is, as the rest of a sentence; nothing if its folder cannot be searched.
+// Owner and mode of the file, as the rest of a sentence. Empty if its folder cannot be searched.
 std::string owner_text(const std::filesystem::path& path) {
   struct stat status{};
   if (::stat(path.c_str(), &status) != 0) return "";
@@ -78,10 +78,10 @@ std::string owner_text(const std::filesystem::path& path) {
          group_name(status.st_gid) + " with mode " + mode.data();
 }
 
-// Far beyond any header, far from overflow.
+// Larger than any header, and far from overflow.
 constexpr std::uint64_t kMaxQueueOffset = 1U << 20U;
 
-// Gives out places in a file, one behind the other.
+// Assigns places in a file, one after the other.
 class FilePlan {
  public:
   explicit FilePlan(std::uint64_t header_size) : size_(round_up(header_size, 64)) {}
@@ -108,7 +108,7 @@ ipc::SharedMemory FolderDirectory::create(const std::string& file, std::size_t s
     return memory;
   }
   ipc::SharedMemory memory = ipc::SharedMemory::create_file(folder_, file, size, mode);
-  // Others still look at them: their memory goes with its last user.
+  // The other spare files of this size are still in use elsewhere. Their last user releases them.
   std::erase_if(spares_, [size](const ipc::SharedMemory& one) { return one.size() == size; });
   return memory;
 }
@@ -265,7 +265,7 @@ SessionMapping::SessionMapping(std::shared_ptr<Directory> directory, const std::
   try {
     lock_.emplace(directory_->open(lock_file(name), ipc::Access::kReadOnly));
   } catch (const SystemError& error) {
-    // Somebody has removed it: the lock of the session itself has to do.
+    // Somebody has removed the lock file. The lock of the session itself must suffice.
     if (error.error_number() != ENOENT) throw;
   }
 }
@@ -299,7 +299,7 @@ void SessionMapping::check() {
     }
     rings_[i] = ipc::Ring(memory_.data() + place.offset, place.shape);
   }
-  // relaxed: healthy at any time, or damaged.
+  // relaxed: these values are valid at any time unless the file is damaged.
   constexpr std::int64_t kEndless = std::int64_t{1} << 62U;
   const auto is_sound = [](const std::atomic<std::int64_t>& value, std::int64_t smallest) {
     const std::int64_t found = value.load(std::memory_order_relaxed);
@@ -394,7 +394,7 @@ std::vector<Document> SessionMapping::documents() const {
       throw InvalidArgument("the list of its documents has a wrong size");
     }
     std::vector<Document> documents(places.size() / sizeof(layout::DocumentPlace));
-    // What all of them may have together: places that lie on top of each other ask for no more.
+    // The limit for all documents together. It also holds for places that overlap.
     std::uint64_t room = memory_.size();
     for (std::size_t i = 0; i < documents.size(); ++i) {
       layout::DocumentPlace place{};
@@ -424,7 +424,7 @@ std::shared_ptr<const SessionMapping> SessionMapping::companion(const std::strin
   try {
     companion = std::make_shared<SessionMapping>(directory_, name_ + "." + name);
   } catch (const SystemError& error) {
-    // Removed with its session.
+    // The companion was removed with its session.
     if (error.error_number() == ENOENT) throw_stopped();
     throw;
   }
@@ -459,12 +459,13 @@ void SessionMapping::require_own() const {
 }
 
 bool SessionMapping::backend_is_alive() const noexcept {
-  // What was cut off says nothing any more: for us it is gone.
+  // A truncated file says nothing any more: for us the back-end is gone.
   if (memory_.is_damaged()) return false;
-  // A back-end has the lock of its session until the next one begins, and always that of its name.
+  // A back-end holds the lock of its session until the next one begins, and the lock of its name
+  // always.
   const bool is_held = ipc::is_locked_by_other(memory_.file()) ||
                        (has_ended() && lock_ && ipc::is_locked_by_other(lock_->file()));
-  // A child that was made by a bare fork(2) keeps the locks of the dead.
+  // A child that a bare fork(2) made keeps the locks of its dead parent.
   return is_held && !backend_of(*header_).is_known_dead();
 }
 
@@ -475,7 +476,7 @@ Fault SessionMapping::fault() const noexcept {
             .detail = 0,
             .time_index = end > begin_of(Series::kStatus) ? end - 1 : -1};
   }
-  // relaxed: written before the phase, which has_ended() acquired.
+  // relaxed: these were written before the phase, which has_ended() acquired.
   return {
       .code = static_cast<Fault::Code>(header_->fault_code.load(std::memory_order_relaxed)),
       .detail = header_->fault_detail.load(std::memory_order_relaxed),
@@ -487,11 +488,11 @@ std::optional<TimingRecord> SessionMapping::timing() const noexcept {
   if (timing_.shape().capacity == 0) return std::nullopt;
   TimingRecord record;
   while (true) {
-    // acquire: the record was written before.
+    // acquire: the record was written before its count.
     const std::int64_t newest = header_->timing_end.load(std::memory_order_acquire) - 1;
     if (newest < 0) return std::nullopt;
     if (timing_.read(newest, &record) == ipc::ReadResult::kDone) return record;
-    // Overtaken by the writer, so there is a newer one; unless the file is damaged.
+    // The writer has overtaken us, so there is a newer record, unless the file is damaged.
     if (header_->timing_end.load(std::memory_order_acquire) - 1 == newest) return std::nullopt;
   }
 }
@@ -536,7 +537,7 @@ SessionWriter::SessionWriter(std::shared_ptr<Directory> directory, const Session
                                .element_size = plan.elements[i]->size()};
     if (!shape.is_valid()) {
       throw InvalidArgument("a history of " + std::to_string(plan.capacities[i]) +
-                            " elements cannot be had; allowed are 1 to " +
+                            " elements is not possible; allowed are 1 to " +
                             std::to_string(1U << 30U));
     }
     rings[i] = {.offset = file.add(shape.size()), .shape = shape};
@@ -544,7 +545,7 @@ SessionWriter::SessionWriter(std::shared_ptr<Directory> directory, const Session
   }
   layout::RingPlace timing{};
   if (plan.is_real_time && plan.queue > 0) {
-    // A reader that the back-end overtakes finds the next one.
+    // A reader that the back-end overtakes finds the next record.
     constexpr std::uint64_t kTimingHistory = 4;
     timing.shape = {.capacity = kTimingHistory, .element_size = sizeof(TimingRecord)};
     timing.offset = file.add(timing.shape.size());
@@ -557,7 +558,7 @@ SessionWriter::SessionWriter(std::shared_ptr<Directory> directory, const Session
                                         plan.default_action.size()};
   const layout::TextPlace companions_place{file.add(plan.companions.size()),
                                            plan.companions.size()};
-  // All sessions of a back-end have the same size, so that each can have the memory of another.
+  // All sessions of a back-end have the same size, so that one can reuse the memory of another.
   const std::size_t lacks_room = std::max(plan.realtime_lacks.size(), std::size_t{4096});
   const layout::TextPlace lacks_place{file.add(lacks_room), plan.realtime_lacks.size()};
   const auto add_text = [&file](const std::string& text) {
@@ -571,12 +572,12 @@ SessionWriter::SessionWriter(std::shared_ptr<Directory> directory, const Session
   const std::uint64_t documents_size = documents.size() * sizeof(layout::DocumentPlace);
   const layout::TextPlace documents_place{file.add(documents_size), documents_size};
 
-  // Nobody but the back-end ever writes to it.
+  // Only the back-end ever writes to the state file.
   const unsigned state_mode = plan.mode & ~static_cast<unsigned>(S_IWGRP | S_IWOTH);
   state_.emplace(directory_->create(state_file_, file.size(), state_mode));
   std::byte* const data = state_->data();
   const auto write_text = [data](const layout::TextPlace& place, const void* text) {
-    // A companion has no default action: nothing, at no address.
+    // A companion has no default action: no bytes, and no address.
     if (place.size > 0) std::memcpy(data + place.offset, text, place.size);
   };
   header_ = new (data) layout::StateHeader{};
@@ -623,7 +624,7 @@ SessionWriter::SessionWriter(std::shared_ptr<Directory> directory, const Session
     write_text(texts[i], descriptions[i].data());
     rings_[i] = ipc::Ring(data + rings[i].offset, rings[i].shape);
     ends_[i] = is_indexed_by_step(static_cast<Series>(i)) ? plan.first_index : 0;
-    // relaxed, as below: nobody sees the file before it is published.
+    // relaxed, here and below: nobody sees the file before it is published.
     header_->ends[i].store(ends_[i], std::memory_order_relaxed);
   }
   header_->next_action.store(plan.first_index, std::memory_order_relaxed);
@@ -632,11 +633,11 @@ SessionWriter::SessionWriter(std::shared_ptr<Directory> directory, const Session
   if (plan.queue > 0) {
     const ipc::RingShape shape{.capacity = std::bit_ceil(plan.queue),
                                .element_size = 8 + plan.elements[0]->size()};
-    if (!shape.is_valid()) throw InvalidArgument("a queue of this length cannot be had");
+    if (!shape.is_valid()) throw InvalidArgument("a queue of this length is not possible");
     FilePlan action_plan(sizeof(layout::ActionHeader));
     header_->queue = {.offset = action_plan.add(shape.size()), .shape = shape};
     action_file_ = action_file(plan.name, plan.session_id);
-    // Published first: whoever finds the state file finds the queue, too.
+    // The queue is published first: whoever finds the state file also finds the queue.
     make_queue(plan.mode);
   }
   if (!ipc::try_lock(state_->file())) throw Error("a new session is locked by somebody else");
@@ -668,27 +669,27 @@ SessionWriter::~SessionWriter() {
 }
 
 bool SessionWriter::controller_died() const noexcept {
-  // acquire, before the look at the lock: until the first action another controller may take the
-  // place of a dead one, and the session is not to end for that. Later, nobody can.
+  // acquire, before the look at the lock: until the first action another controller may replace a
+  // dead one, and the session should continue. Later nobody can replace it.
   if (header_->phase.load(std::memory_order_acquire) <
       static_cast<std::uint32_t>(layout::Phase::kRunning)) {
     return false;
   }
   const std::uint32_t requests = action_header_->requests.load(std::memory_order_acquire);
   if ((requests & layout::kDetach) != 0) return false;
-  // A child that was made by a bare fork(2) keeps the lock of the dead.
+  // A child that a bare fork(2) made keeps the lock of its dead parent.
   return !ipc::is_locked_by_other(action_->file()) ||
          controller_of(*action_header_).is_known_dead();
 }
 
 void SessionWriter::append(Series series, const void* element) noexcept {
-  // relaxed: a driver's call that comes back after its session was ended from outside adds nothing
-  // to it.
+  // relaxed: if the session was ended from outside during a call of the driver, the loop adds
+  // nothing more to it.
   if (!ended_.test(std::memory_order_relaxed)) write(series, element);
 }
 
 void SessionWriter::write_timing(const TimingRecord& timing) noexcept {
-  // relaxed: see append; the count is the writer's own.
+  // relaxed: see append; only this writer changes the count.
   if (ended_.test(std::memory_order_relaxed)) return;
   const std::int64_t index = header_->timing_end.load(std::memory_order_relaxed);
   timing_.write(index, &timing);
@@ -710,8 +711,8 @@ TimeIndex SessionWriter::arrival_index(std::int64_t index) const noexcept {
 }
 
 void SessionWriter::announce(Wake wake) noexcept {
-  // seq_cst, with the load of the wait slots behind it: either a sleeper sees this, or we see the
-  // sleeper. The loop is the one thread that counts up here until `end`.
+  // seq_cst, because the loads of the wait slots come after it: either a sleeper sees this store,
+  // or we see the sleeper. Until `end`, only the loop's thread changes this count.
   header_->event.store(header_->event.load(std::memory_order_relaxed) + 1,
                        std::memory_order_seq_cst);
   if (wake == Wake::kAlways || somebody_has_what_they_want()) ipc::futex_wake_all(header_->event);
@@ -732,7 +733,7 @@ bool SessionWriter::somebody_has_what_they_want() const noexcept {
         if (end_of(Series::kStatus) > wanted.time_index) return true;
         break;
       case Wanted::kQueueSpace:
-        // relaxed: our own store.
+        // relaxed: this process stored it.
         if (header_->next_action.load(std::memory_order_relaxed) > wanted.time_index) return true;
         break;
       case Wanted::kAnything:
@@ -743,7 +744,7 @@ bool SessionWriter::somebody_has_what_they_want() const noexcept {
 }
 
 void SessionWriter::set_phase(layout::Phase phase) noexcept {
-  // Once ended, by whomever, a session stays ended.
+  // A session that has ended stays ended, whoever ended it.
   std::uint32_t found = header_->phase.load(std::memory_order_relaxed);
   while (found != static_cast<std::uint32_t>(layout::Phase::kEnded) &&
          !header_->phase.compare_exchange_weak(found, static_cast<std::uint32_t>(phase),
@@ -753,7 +754,7 @@ void SessionWriter::set_phase(layout::Phase phase) noexcept {
 }
 
 bool SessionWriter::end(const Fault& fault, std::string_view text) noexcept {
-  // relaxed: only decides who of the loop and its watchdog speaks.
+  // relaxed: this only decides whether the loop or its watchdog ends the session.
   if (ended_.test_and_set(std::memory_order_relaxed)) return false;
   header_->fault_code.store(static_cast<std::int32_t>(fault.code), std::memory_order_relaxed);
   header_->fault_detail.store(fault.detail, std::memory_order_relaxed);
@@ -770,7 +771,7 @@ void SessionWriter::append_stopping(const void* observation) noexcept {
 }
 
 void SessionWriter::come_to_rest() noexcept {
-  // release: whoever sees this finds all that was measured before.
+  // release: whoever sees this also finds all earlier measurements.
   if (header_->is_at_rest.exchange(1, std::memory_order_release) != 0) return;
   header_->event.fetch_add(1, std::memory_order_seq_cst);
   ipc::futex_wake_all(header_->event);
@@ -790,7 +791,7 @@ SessionPlace::SessionPlace(std::shared_ptr<Directory> directory, std::string nam
 }
 
 void SessionPlace::take_name(bool is_ours) {
-  // One at a time, and nobody looks at files that are about to be removed.
+  // One process at a time may do this, so that nobody looks at files that are about to be removed.
   std::optional<ipc::SharedMemory> lock;
   const Deadline deadline(std::chrono::seconds(2));
   while (true) {
@@ -799,7 +800,7 @@ void SessionPlace::take_name(bool is_ours) {
     if (deadline.passed()) throw_owned("another process that is just starting");
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
-  // A back-end that was just killed gives its locks back a little later.
+  // A back-end that was just killed releases its locks a little later.
   const ipc::LockPatience patience;
   bool is_taken = ipc::try_lock(lock->file());
   while (!is_taken && !is_left_by_the_dead() && patience.wait(is_left_by_the_dying())) {
@@ -807,23 +808,23 @@ void SessionPlace::take_name(bool is_ours) {
   }
   if (!is_taken) {
     if (!is_left_by_the_dead()) throw_owned(find_owner().value_or("another process"));
-    // It cannot be had, so another one takes its place; whoever comes waits for our claim.
+    // That lock cannot be taken, so a new file replaces it. Others who arrive wait for our claim.
     ipc::SharedMemory fresh = directory_->create(lock_file(name_), 1, options_.mode);
     if (!ipc::try_lock(fresh.file(), ipc::Lock::kClaim) || !ipc::try_lock(fresh.file())) {
       throw_owned("another process");
     }
     lock = directory_->publish(lock_file(name_), std::move(fresh));
   }
-  // The file may be new, because somebody has removed that of a back-end that lives.
+  // The lock file may be new because somebody has removed the file of a living back-end.
   if (!is_ours) {
     std::optional<std::string> owner = find_owner();
     while (owner && patience.wait(is_left_by_the_dying())) owner = find_owner();
     if (owner) throw_owned(*owner);
   }
-  // The one that is there may be from the time before the group was let in.
+  // The existing file may be older than the permission for the group.
   if (!lock->path().empty()) ::fchmod(lock->file().get(), options_.mode);
   if (!is_ours) directory_->remove_all(std::string(kPrefix) + name_ + ".", lock_file(name_));
-  // The one that we had, if any, goes last: by it others see at any time that we live.
+  // Our old lock, if any, is released last: it shows others at any time that we live.
   lock_ = std::move(lock);
   ipc::unlock(lock_->file(), ipc::Lock::kClaim);
 }
@@ -838,10 +839,11 @@ std::optional<std::string> SessionPlace::find_owner() const {
     if (owner && backend.is_known_dead()) owner.reset();
     if (owner) owner = ipc::describe(backend) + " on " + session.host();
   } catch (const Error&) {
-    // Just begun, or the file is gone or damaged: its lock counts, if there is one.
+    // The session has just begun, or its file is gone or damaged. Only its lock counts, if there is
+    // one.
   }
   if (const auto owners = directory_->other_owners(lock_file(name_)); !owners.empty()) {
-    // A child that was made by a bare fork(2) keeps what the dead owned.
+    // A child that a bare fork(2) made keeps what its dead parent owned.
     if (owner || !is_left_by_the_dead()) owner = ipc::describe(owners.front());
   }
   return owner;
@@ -878,9 +880,9 @@ SessionPlace::Writers SessionPlace::begin(const UntypedDriver& driver, bool is_r
                                           const std::vector<std::string>& realtime_lacks) {
   if (fork_.is_inherited()) {
     throw InheritedHandle("the host of '" + name_ +
-                          "' was made before fork(), and the name is its parent's");
+                          "' was made before fork(), and the name belongs to the parent process");
   }
-  // Somebody tidied up: whoever comes from now on looks at another file.
+  // Somebody has removed the lock file: processes that arrive from now on look at another file.
   if (!lock_->has_name()) take_name(true);
   const RobotTypes& robot = driver.description();
   SessionPlan plan{
@@ -904,12 +906,12 @@ SessionPlace::Writers SessionPlace::begin(const UntypedDriver& driver, bool is_r
   }
   constexpr std::size_t kHoldingHistory = 16;
   plan.capacities[index_of(Series::kHolding)] = kHoldingHistory;
-  // A second at 1 kHz: longer than a damped stop takes.
+  // One second at 1 kHz, which is longer than a damped stop takes.
   constexpr std::size_t kStoppingHistory = 1024;
   plan.capacities[index_of(Series::kStopping)] = std::min(options_.history, kStoppingHistory);
 
   Writers writers;
-  // Companions first: whoever finds the robot's session finds its companions, too.
+  // Companions come first: whoever finds the robot's session also finds its companions.
   for (const CompanionDescription& companion : driver.companions()) {
     SessionPlan companion_plan{
         .name = name_ + "." + companion.name,

@@ -20,8 +20,8 @@
 
 namespace trifinger::detail {
 
-// Where the files of sessions are, under which names. The one difference between sessions inside a
-// process and sessions across processes.
+// The place where the files of sessions lie, by name. This is the only difference between sessions
+// inside a process and sessions across processes.
 class Directory {
  public:
   Directory() = default;
@@ -31,22 +31,22 @@ class Directory {
 
   [[nodiscard]] virtual ipc::SharedMemory create(const std::string& file, std::size_t size,
                                                  unsigned mode) = 0;
-  // From now on `open` finds the file; returns the mapping to keep.
+  // After this call `open` finds the file. Returns the mapping to keep.
   [[nodiscard]] virtual ipc::SharedMemory publish(const std::string& file,
                                                   ipc::SharedMemory memory) = 0;
-  // Keeps the memory of a file that was made here, for files of the same size to come.
+  // Keeps the memory of a file that was made here, for later files of the same size.
   virtual void give_back(ipc::SharedMemory memory) noexcept = 0;
-  // Takes memory for another file like this one.
+  // Reserves memory for another file like this one.
   virtual void reserve(const std::string& file, std::size_t size) = 0;
-  // The one there is, or a new one.
+  // Opens the existing file, or makes a new one.
   [[nodiscard]] virtual ipc::SharedMemory open_or_create(const std::string& file,
                                                          unsigned mode) = 0;
   // Throws SystemError with ENOENT if there is no such file.
   [[nodiscard]] virtual ipc::SharedMemory open(const std::string& file, ipc::Access access) = 0;
   virtual void remove(const std::string& file) noexcept = 0;
-  // Removes the files whose names begin with `prefix`, but for `kept`.
+  // Removes the files whose names begin with `prefix`, except `kept`.
   virtual void remove_all(const std::string& prefix, const std::string& kept) noexcept = 0;
-  // The other processes that own a file of this name, also one that was removed; oldest first.
+  // The other processes that own a file of this name, oldest first. The file may have been removed.
   [[nodiscard]] virtual std::vector<ipc::ProcessIdentity> other_owners(
       const std::string& file) const = 0;
 };
@@ -69,11 +69,11 @@ class FolderDirectory final : public Directory {
 
  private:
   std::filesystem::path folder_;
-  std::vector<ipc::SharedMemory> spares_;  // of the back-end's thread
+  std::vector<ipc::SharedMemory> spares_;  // used only by the back-end's thread
 };
 
-// Session "files" of this process. Their memory is given back to the system: nobody else can fill
-// it.
+// Session "files" of this process. Their memory is returned to the system, because no other process
+// can fill it.
 class ProcessDirectory final : public Directory {
  public:
   ipc::SharedMemory create(const std::string& file, std::size_t size, unsigned mode) override;
@@ -92,7 +92,7 @@ class ProcessDirectory final : public Directory {
   std::map<std::string, ipc::SharedMemory> files_;
 };
 
-// True for the series of a robot that have one element per step, under its index.
+// True for the series of a robot that have one element per step, at the step's index.
 [[nodiscard]] constexpr bool is_indexed_by_step(Series series) noexcept {
   return series != Series::kHolding && series != Series::kStopping;
 }
@@ -102,14 +102,14 @@ class ProcessDirectory final : public Directory {
 [[nodiscard]] std::string lock_file(const std::string& name);
 // The robot's name in the name of a session: "sim" of "sim.object".
 [[nodiscard]] std::string robot_of(const std::string& name);
-// The back-end that wrote this, and the controller that this says to be written by.
+// The back-end that wrote the header, and the controller that the header names.
 [[nodiscard]] ipc::ProcessIdentity backend_of(const layout::StateHeader& header) noexcept;
 [[nodiscard]] ipc::ProcessIdentity controller_of(const layout::ActionHeader& header) noexcept;
 // Throws InvalidArgument unless `name` can be the name of a robot.
 void require_valid_name(const std::string& name);
 
-// A session as everybody sees it: the state file, read-only, with its descriptions checked and
-// parsed.
+// A session as all processes see it: its state file, read-only. The descriptions have been checked
+// and parsed.
 class SessionMapping {
  public:
   // Throws SystemError (ENOENT), IncompatibleSession.
@@ -134,7 +134,7 @@ class SessionMapping {
   [[nodiscard]] std::vector<Document> documents() const;
   // The companion `name` of this session. Throws SessionNotFound, RobotStopped.
   [[nodiscard]] std::shared_ptr<const SessionMapping> companion(const std::string& name) const;
-  // Of a robot in real-time mode, from its first whole step on.
+  // For a robot in real-time mode, after its first whole step.
   [[nodiscard]] std::optional<TimingRecord> timing() const noexcept;
   [[nodiscard]] bool is_companion() const noexcept { return !has(Series::kStatus); }
   [[nodiscard]] const std::shared_ptr<Directory>& directory() const noexcept { return directory_; }
@@ -147,15 +147,15 @@ class SessionMapping {
   [[nodiscard]] std::int64_t end_of(Series series) const noexcept {
     return header_->ends[static_cast<std::size_t>(series)].load(std::memory_order_acquire);
   }
-  // The index of the first element there ever was.
+  // The index of the first element that was ever written.
   [[nodiscard]] std::int64_t begin_of(Series series) const noexcept {
     return is_indexed_by_step(series) ? header_->first_index : 0;
   }
-  // Some system calls.
+  // Needs some system calls.
   [[nodiscard]] bool backend_is_alive() const noexcept;
-  // Throws InheritedHandle in a forked child, where the lock cannot be asked for.
+  // Throws InheritedHandle in a forked child, which cannot ask for the lock.
   void require_own() const;
-  // Valid once the session has ended, or its back-end died.
+  // Valid after the session has ended or its back-end died.
   [[nodiscard]] Fault fault() const noexcept;
   [[nodiscard]] std::string fault_text() const;
   [[noreturn]] void throw_stopped() const;
@@ -179,7 +179,7 @@ class SessionMapping {
   ipc::ForkGuard fork_;
 };
 
-// What a session is made of.
+// The contents of a session.
 struct SessionPlan {
   std::string name;
   std::string type;
@@ -191,15 +191,15 @@ struct SessionPlan {
   std::array<const ElementDescription*, layout::kNumSeries> elements{};  // nullptr: no such series
   std::array<std::size_t, layout::kNumSeries> capacities{};
   std::vector<std::byte> default_action{};
-  std::string companions{};  // names, each with a newline behind it
+  std::string companions{};  // names, each followed by a newline
   std::span<const Document> documents{};
-  std::string realtime_lacks{};  // sentences, likewise
+  std::string realtime_lacks{};  // sentences, each followed by a newline
   std::size_t queue{0};          // capacity; 0: no action file
   unsigned mode{0600};
 };
 
-// A session as its back-end sees it. Made and destroyed outside the loop; the functions run in the
-// loop.
+// A session as its back-end sees it. It is made and destroyed outside the loop. Its functions run
+// in the loop.
 class SessionWriter {
  public:
   SessionWriter(std::shared_ptr<Directory> directory, const SessionPlan& plan);
@@ -213,20 +213,19 @@ class SessionWriter {
     return *action_header_;
   }
   [[nodiscard]] const ipc::Ring& queue() const noexcept { return queue_; }
-  // True if one of the files was cut off while it was in use.
+  // True if one of the files was truncated while it was in use.
   [[nodiscard]] bool is_cut_off() const noexcept {
     return state_->is_damaged() || action_->is_damaged();
   }
   [[nodiscard]] bool is_damaged() const noexcept {
     return is_cut_off() || action_header_->magic != layout::kActionMagic;
   }
-  // True if the process whose actions are applied ended without giving control back. Some system
-  // calls.
+  // True if the controlling process ended without giving control back. Needs some system calls.
   [[nodiscard]] bool controller_died() const noexcept;
   [[nodiscard]] std::uint64_t session_id() const noexcept { return header_->session_id; }
   [[nodiscard]] TimeIndex first_index() const noexcept { return first_index_; }
 
-  // Writes the next element; readers find it at once, sleepers after `announce`.
+  // Writes the next element. Readers find it at once; sleepers wake in `announce`.
   void append(Series series, const void* element) noexcept;
   void write_timing(const TimingRecord& timing) noexcept;
   [[nodiscard]] std::int64_t end_of(Series series) const noexcept {
@@ -236,28 +235,28 @@ class SessionWriter {
   [[nodiscard]] std::int64_t capacity_of(Series series) const noexcept {
     return static_cast<std::int64_t>(rings_[static_cast<std::size_t>(series)].shape().capacity);
   }
-  // Companions: when the element `index`, one of those in the ring, arrived.
+  // For companions: when element `index` arrived. The element must be in the ring.
   [[nodiscard]] TimeIndex arrival_index(std::int64_t index) const noexcept;
 
   enum class Wake : std::uint8_t {
-    kAlways,    // whoever sleeps
-    kIfWanted,  // if the controller sleeps until something that is there now
+    kAlways,    // wakes everybody who sleeps
+    kIfWanted,  // wakes sleepers if something that the controller waits for is there now
   };
   // Tells sleepers that there is something new.
   void announce(Wake wake) noexcept;
   void set_phase(layout::Phase phase) noexcept;
-  // The last word: the fault, then the phase kEnded, then everybody wakes. Once; false if it had
-  // been said before.
+  // Ends the session: writes the fault, then the phase kEnded, and wakes everybody. False if the
+  // session had ended before.
   bool end(const Fault& fault, std::string_view text) noexcept;
-  // Behind the end: what the orderly stop has measured, and that it is over.
+  // After the end: append what the orderly stop has measured, and tell that it is complete.
   void append_stopping(const void* observation) noexcept;
   void come_to_rest() noexcept;
 
-  // Takes the memory of another session like this one. Throws SystemError.
+  // Reserves the memory of another session like this one. Throws SystemError.
   void reserve_another() const;
 
  private:
-  // What the other constructor throws behind this one is cleaned up by the destructor.
+  // If the public constructor throws after this one, the destructor cleans up.
   SessionWriter(std::shared_ptr<Directory> directory, std::string state_file,
                 TimeIndex first_index);
   void write(Series series, const void* element) noexcept;
@@ -280,7 +279,7 @@ class SessionWriter {
   ipc::ForkGuard fork_;
 };
 
-// A step or event that a thread of the controller waits for, as a word in the action file.
+// A step or event for which a thread of the controller waits, as a word in the action file.
 struct Wanted {
   enum Kind : std::uint64_t { kObservation = 0, kStep = 1, kQueueSpace = 2, kAnything = 3 };
 
@@ -308,24 +307,25 @@ class SessionPlace {
     std::unique_ptr<SessionWriter> robot;
     std::vector<std::unique_ptr<SessionWriter>> companions;
   };
-  // The next session and its companions. `realtime_lacks`, see SessionInfo, counts in real-time
-  // mode only. The first one takes the memory of two sessions; those that follow have that of the
-  // last but one, unless others still look at it. Throws RobotOwned if the name was lost meanwhile,
-  // SystemError.
+  // Begins the next session and its companions. `realtime_lacks`, see SessionInfo, counts only in
+  // real-time mode. The first call takes the memory of two sessions. Each later session reuses the
+  // memory of the last but one, unless others still use it. Throws SystemError, or RobotOwned if
+  // the name was lost meanwhile.
   [[nodiscard]] Writers begin(const UntypedDriver& driver, bool is_real_time, Nanoseconds period,
                               const std::vector<std::string>& realtime_lacks = {});
-  // From now on sessions begin as if they had gone on for ages: their step 0 has this index.
+  // Later sessions begin as if they had run for ages: their step 0 has this index.
   void begin_at(TimeIndex first_index) noexcept { first_index_ = first_index; }
 
   [[nodiscard]] const std::shared_ptr<Directory>& directory() const noexcept { return directory_; }
   [[nodiscard]] const std::string& name() const noexcept { return name_; }
 
  private:
-  // Throws RobotOwned. `is_ours`: we had the name before, and our session is there.
+  // Throws RobotOwned. `is_ours`: we had the name before, and the state file is our session's.
   void take_name(bool is_ours);
-  // Who runs a robot of this name, whatever has become of its lock; nothing if nobody is found.
+  // The process that runs a robot of this name, even if its lock was removed. Nothing if none is
+  // found.
   [[nodiscard]] std::optional<std::string> find_owner() const;
-  // True if the lock is kept by a child of a back-end that is dead.
+  // True if a child of a dead back-end keeps the lock.
   [[nodiscard]] bool is_left_by_the_dead() const;
   // True if the back-end that has the name is being killed.
   [[nodiscard]] bool is_left_by_the_dying() const;

@@ -11,14 +11,14 @@
 namespace trifinger {
 namespace {
 
-// Eight bins for each power of two.
+// There are eight bins for each power of two.
 constexpr unsigned kBits = 3;
 constexpr std::size_t kLastBin = LatenessHistogram::kNumBins - 1;
 
-// How late the step was, as LateStep tells it.
+// How late the step was, for LateStep.
 Nanoseconds late_by(const Status& status, LateCause cause, Nanoseconds period) noexcept {
   if (cause != LateCause::kUser) return lateness_of(status, period);
-  // In a last step without its action there was nothing left to repeat.
+  // If the session ended because this action was missing, the action was not repeated, but counts.
   const bool is_repeated = (status.flags & Status::kActionRepeated) != 0;
   return (status.action_repeats + (is_repeated ? 0 : 1)) * period;
 }
@@ -84,7 +84,7 @@ Nanoseconds LatenessHistogram::quantile(double fraction) const noexcept {
   for (std::size_t bin = 0; bin < kNumBins; ++bin) {
     const auto count = static_cast<double>(counts_[bin]);
     if (count > 0.0 && below + count >= wanted) {
-      // As if the times of a bin lay evenly in it; none lies above the largest.
+      // The times of a bin are assumed to be spread evenly over it, but not above the largest time.
       const Nanoseconds begin = begin_of(bin);
       const Nanoseconds end = std::max(begin, std::min(end_of(bin), max_));
       return begin + std::chrono::round<Nanoseconds>((end - begin) * ((wanted - below) / count));

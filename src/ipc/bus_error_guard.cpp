@@ -19,7 +19,7 @@
 namespace trifinger::ipc {
 namespace {
 
-// Read by a signal handler, so no lock: an entry is in use while `end` is not zero.
+// A signal handler reads this, so there is no lock. An entry is in use while `end` is not zero.
 struct Entry {
   std::atomic<bool> taken{false};
   std::atomic<std::uintptr_t> begin{0};
@@ -27,8 +27,8 @@ struct Entry {
   std::atomic<bool> damaged{false};
 };
 
-// Blocks are made when they are needed, and stay. All together are more than the kernel allows a
-// process to map (vm.max_map_count) unless it was told otherwise.
+// Blocks are made on demand and never released. Together they hold more entries than the kernel's
+// default limit of mappings in a process (vm.max_map_count).
 constexpr std::size_t kBlockSize = 1024;
 constexpr std::size_t kMaxBlocks = 1024;
 using Block = std::array<Entry, kBlockSize>;
@@ -36,14 +36,14 @@ std::array<std::atomic<Block*>, kMaxBlocks> blocks;
 struct sigaction previous_action;
 std::uintptr_t page_size;
 
-// The entry in use whose range has this address, or nullptr.
+// Returns the entry in use whose range contains this address, or nullptr.
 Entry* find(std::uintptr_t address) noexcept {
   for (const std::atomic<Block*>& place : blocks) {
     // acquire: the block was made before.
     Block* const block = place.load(std::memory_order_acquire);
     if (block == nullptr) break;
     for (Entry& entry : *block) {
-      // acquire: pairs with the release in guard_range, begin is valid once end is.
+      // acquire: pairs with the release in guard_range, so `begin` is valid if `end` is not zero.
       const std::uintptr_t end = entry.end.load(std::memory_order_acquire);
       if (address < end && address >= entry.begin.load(std::memory_order_relaxed)) return &entry;
     }
@@ -57,13 +57,13 @@ Entry& entry_at(int index) noexcept {
   return (*blocks[i / kBlockSize].load(std::memory_order_acquire))[i % kBlockSize];
 }
 
-// The block at this place, which is made if it is not there.
+// Returns the block at this place and makes it if it does not exist.
 Block& block_at(std::atomic<Block*>& place) {
   // acquire: the block was made before.
   Block* block = place.load(std::memory_order_acquire);
   if (block != nullptr) return *block;
   auto made = std::make_unique<Block>();
-  // acq_rel: whoever sees the block sees it made, be it ours or that of another thread.
+  // acq_rel: whoever sees the block sees it complete, whether this or another thread made it.
   if (place.compare_exchange_strong(block, made.get(), std::memory_order_acq_rel)) {
     block = made.release();
   }
@@ -74,10 +74,11 @@ void on_bus_error(int signal, siginfo_t* info, void* context) {
   const auto address = reinterpret_cast<std::uintptr_t>(info->si_addr);
   if (Entry* const entry = find(address)) {
     void* const page = reinterpret_cast<void*>(address & ~(page_size - 1));
-    // Not by mmap(): to ThreadSanitizer that is a write of this thread to the whole page.
+    // A system call instead of mmap(): ThreadSanitizer takes mmap() for a write of this thread to
+    // the whole page.
     if (::syscall(SYS_mmap, page, page_size, PROT_READ | PROT_WRITE,
                   MAP_PRIVATE | MAP_ANONYMOUS | MAP_FIXED, -1, 0) != -1) {
-      // relaxed: a flag without data behind it.
+      // relaxed: no other data depends on this flag.
       entry->damaged.store(true, std::memory_order_relaxed);
       return;
     }
@@ -88,7 +89,7 @@ void on_bus_error(int signal, siginfo_t* info, void* context) {
   } else if (previous_action.sa_handler != SIG_DFL && previous_action.sa_handler != SIG_IGN) {
     previous_action.sa_handler(signal);
   } else {
-    // The instruction runs again after the return and ends the process the ordinary way.
+    // The instruction runs again after the return, and then ends the process in the usual way.
     ::signal(SIGBUS, SIG_DFL);
   }
 }
@@ -113,9 +114,9 @@ int guard_range(std::byte* data, std::size_t size) {
     Block& block = block_at(blocks[b]);
     for (std::size_t i = 0; i < block.size(); ++i) {
       Entry& entry = block[i];
-      // relaxed: only spares the write that a taken entry does not need.
+      // relaxed: this look only avoids an unnecessary write to a taken entry.
       if (entry.taken.load(std::memory_order_relaxed)) continue;
-      // acquire: the previous owner's stores are done.
+      // acquire: the stores of the previous owner are complete.
       if (entry.taken.exchange(true, std::memory_order_acquire)) continue;
       entry.damaged.store(false, std::memory_order_relaxed);
       entry.begin.store(reinterpret_cast<std::uintptr_t>(data), std::memory_order_relaxed);
@@ -131,7 +132,7 @@ int guard_range(std::byte* data, std::size_t size) {
 void release_range(int entry) noexcept {
   Entry& released = entry_at(entry);
   released.end.store(0, std::memory_order_relaxed);
-  // release: whoever takes the entry next sees it empty.
+  // release: the next owner of the entry sees it empty.
   released.taken.store(false, std::memory_order_release);
 }
 

@@ -5,12 +5,12 @@
 
 namespace trifinger::ipc {
 
-// Touching a page of a mapped file that another process has cut off raises SIGBUS. Inside a guarded
-// range the handler puts a page of zeros there and notes the damage; elsewhere the signal goes
-// where it went before.
+// Touching a page of a mapped file that another process has truncated raises SIGBUS. Inside a
+// guarded range the handler maps a page of zeros there and notes the damage. Outside, the signal
+// goes to the previous handler.
 
-// Returns the entry of the range, to be given to the functions below.
-// Throws Error if there are more mappings than the table holds.
+// Guards a range and returns its entry, for the functions below. Throws Error if there are more
+// mappings than the table can hold.
 [[nodiscard]] int guard_range(std::byte* data, std::size_t size);
 void release_range(int entry) noexcept;
 [[nodiscard]] bool is_range_damaged(int entry) noexcept;

@@ -13,7 +13,7 @@
 namespace trifinger::ipc {
 namespace {
 
-// Never destroyed: descriptors may be closed by destructors that run after ours would.
+// The registry is never destroyed: destructors that run at exit may still close descriptors.
 struct Registry {
   std::mutex mutex;
   std::set<int> descriptors;
@@ -55,7 +55,7 @@ FileDescriptor::FileDescriptor(const std::function<int()>& open) : fd_(open_regi
 FileDescriptor::~FileDescriptor() {
   if (fd_ < 0) return;
   const std::lock_guard lock(registry().mutex);
-  // In a forked child the number may belong to another file by now.
+  // In a forked child this number may now belong to another file.
   if (registry().descriptors.erase(fd_) > 0) ::close(fd_);
 }
 

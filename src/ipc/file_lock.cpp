@@ -33,8 +33,8 @@ bool try_to(const FileDescriptor& file, struct flock request) {
   throw SystemError("lock a session file", errno);
 }
 
-// Whether the open file holds the owner's lock, from what /proc says of it:
-// "lock:\t1: OFDLCK ADVISORY  WRITE -1 00:1a:4711 0 0".
+// True if the open file holds the owner's lock. /proc describes it as "lock:\t1: OFDLCK ADVISORY
+// WRITE -1 00:1a:4711 0 0".
 bool is_owner(const std::filesystem::path& info) {
   std::ifstream file(info);
   for (std::string line; std::getline(file, line);) {
@@ -44,7 +44,7 @@ bool is_owner(const std::filesystem::path& info) {
   return false;
 }
 
-// Whether the process owns a file of one of these names.
+// True if the process owns a file with one of these names.
 bool is_owner(const std::filesystem::path& process, const std::array<std::string, 2>& names) {
   std::error_code error;
   std::filesystem::directory_iterator files(process / "fd", error);
@@ -70,7 +70,7 @@ bool try_share(const FileDescriptor& file, Lock lock) {
 
 bool LockPatience::wait(bool holder_is_ending) const {
   constexpr Nanoseconds kLook = std::chrono::milliseconds(5);
-  // There is an instant in which a kill is no longer pending and not yet seen otherwise.
+  // For a moment a kill is no longer pending, but has no other visible effect yet.
   constexpr Nanoseconds kDoubt = std::chrono::milliseconds(100);
   constexpr Nanoseconds kLongest = std::chrono::seconds(10);
   const Nanoseconds waited = std::chrono::steady_clock::now() - begin_;
@@ -104,7 +104,8 @@ std::vector<ProcessIdentity> owners_of(const std::filesystem::path& path) {
     const std::string name = processes->path().filename().string();
     const auto [last, problem] = std::from_chars(name.data(), name.data() + name.size(), pid);
     if (problem != std::errc() || last != name.data() + name.size()) continue;
-    // Before the look: a process that takes the number meanwhile is not taken for this one.
+    // The identity is read before the look at the files. A process that reuses the number meanwhile
+    // is then not taken for this one.
     const ProcessIdentity process = ProcessIdentity::of(pid);
     if (is_owner(processes->path(), names) && process.is_alive()) owners.push_back(process);
   }

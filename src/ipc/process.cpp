@@ -27,13 +27,14 @@ struct Stat {
   std::uint64_t start_time{0};
 
   [[nodiscard]] bool has_ended() const noexcept {
-    // A process whose first thread has returned goes on in the others.
+    // A process whose first thread has returned continues in its other threads.
     return state == 'X' || (state == 'Z' && threads <= 1);
   }
 };
 
-// /proc/PID/stat: the second field is the program's name in parentheses and may hold anything, so
-// read on from the last parenthesis. State is field 3, flags 9, threads 20, start time 22.
+// Reads /proc/PID/stat. The second field is the program's name in parentheses and may contain any
+// characters, so parsing begins after the last parenthesis. State is field 3, flags 9, threads 20,
+// start time 22.
 Stat read_stat(std::int64_t pid) noexcept {
   std::array<char, 32> path{};
   std::snprintf(path.data(), path.size(), "/proc/%lld/stat", static_cast<long long>(pid));
@@ -58,12 +59,13 @@ Stat read_stat(std::int64_t pid) noexcept {
   return stat;
 }
 
-// A kill has reached the process, which has not yet taken notice.
+// True if a kill is pending for the process, which has not yet reacted to it.
 bool is_killed(std::int64_t pid) {
   constexpr std::uint64_t kKill = std::uint64_t{1} << static_cast<unsigned>(SIGKILL - 1);
   std::ifstream file("/proc/" + std::to_string(pid) + "/status");
   for (std::string line; std::getline(file, line);) {
-    // "SigPnd:\t0000000000000100", of the first thread and of the process.
+    // For example "SigPnd:\t0000000000000100": signals pending for the first thread (SigPnd) and
+    // for the process (ShdPnd).
     if (!line.starts_with("SigPnd:") && !line.starts_with("ShdPnd:")) continue;
     if ((std::strtoull(line.c_str() + 7, nullptr, 16) & kKill) != 0) return true;
   }
@@ -93,7 +95,7 @@ bool ProcessIdentity::is_alive() const noexcept {
 bool ProcessIdentity::is_known_dead() const noexcept {
   if (pid <= 0 || pid > std::numeric_limits<pid_t>::max()) return false;
   if (number_space == 0 || number_space != own_number_space()) return false;
-  // Answers also where the processes of others are hidden in /proc.
+  // This works even where /proc hides the processes of others.
   if (::kill(static_cast<pid_t>(pid), 0) != 0 && errno == ESRCH) return true;
   const Stat stat = read_stat(pid);
   return stat.is_readable && (stat.start_time != start_time || stat.has_ended());

@@ -25,8 +25,8 @@ namespace trifinger::ipc {
 namespace {
 
 void allocate(const FileDescriptor& file, std::size_t size, const std::string& what) {
-  // A signal makes the kernel give back what a call has taken so far, and begin again or fail. In
-  // small pieces this comes to an end however often one arrives.
+  // When a signal arrives, the kernel gives back what the call has allocated so far, and the call
+  // begins again or fails. Small pieces finish even if signals arrive often.
   constexpr std::size_t kPiece = 256 * 1024;
   for (std::size_t done = 0; done < size;) {
     const std::size_t piece = std::min(kPiece, size - done);
@@ -48,7 +48,7 @@ bool is_same_file(const std::filesystem::path& path, const struct stat& status) 
          named.st_dev == status.st_dev;
 }
 
-// Nobody can guess it, and so nobody has taken it before.
+// Nobody can guess this name, so nobody can have taken it before.
 std::string hidden_name(const std::string& name) {
   std::random_device device;
   const std::uint64_t number = (std::uint64_t{device()} << 32U) | device();
@@ -83,7 +83,7 @@ SharedMemory SharedMemory::create_file(const std::filesystem::path& folder, cons
 }
 
 SharedMemory SharedMemory::open(const std::filesystem::path& path, Access access) {
-  // A file that is being made anew has just lost its name, so the next look finds another one.
+  // A file that is being made anew has just lost its name, so the next attempt finds another file.
   constexpr int kLooks = 200;
   SharedMemory memory;
   memory.path_ = path;
@@ -102,7 +102,8 @@ SharedMemory SharedMemory::open(const std::filesystem::path& path, Access access
 SharedMemory SharedMemory::reopen(Access access) const {
   SharedMemory memory;
   memory.path_ = path_;
-  // The link in /proc is the only other name of anonymous memory; it opens a new file description.
+  // The link in /proc is the only name of anonymous memory. Opening it gives a new file
+  // description.
   const std::string link = "/proc/self/fd/" + std::to_string(file_.get());
   memory.file_ =
       FileDescriptor([&] { return ::open(link.c_str(), open_flags(access) | O_CLOEXEC); });
@@ -129,7 +130,7 @@ SharedMemory& SharedMemory::operator=(SharedMemory&& other) noexcept {
 
 SharedMemory::~SharedMemory() {
   unmap();
-  // In a forked child it is the parent's.
+  // In a forked child the hidden name belongs to the parent.
   if (!hidden_path_.empty() && !fork_.is_inherited()) ::unlink(hidden_path_.c_str());
 }
 
@@ -146,7 +147,8 @@ void SharedMemory::retire() noexcept {
 }
 
 bool SharedMemory::make_anew(const std::string& name, unsigned mode) {
-  // Kept until the file is published: who has opened the old one and not yet mapped it looks again.
+  // This lock is kept until the file is published. A process that has opened the old file and not
+  // yet mapped it then looks again.
   if (!try_lock(file_, Lock::kUse)) return false;
   path_ = hidden_path_.parent_path() / name;
   struct stat status{};
@@ -165,7 +167,7 @@ bool SharedMemory::make_anew(const std::string& name, unsigned mode) {
 }
 
 void SharedMemory::set_mode(unsigned mode) {
-  // fchmod, not open: the mode asked for must not depend on the umask.
+  // fchmod, not open: the mode must not depend on the umask.
   if (::fchmod(file_.get(), mode) != 0) {
     throw SystemError("set the mode of " + path_.string(), errno);
   }
@@ -173,7 +175,8 @@ void SharedMemory::set_mode(unsigned mode) {
 
 void SharedMemory::publish() {
   unlock(file_, Lock::kUse);
-  // It keeps a hidden name, so that it can be made anew when another file has taken this one's.
+  // The file keeps a hidden name, so that it can be made anew after another file has taken its
+  // public name.
   const std::filesystem::path first = hidden_path_;
   const std::filesystem::path second = path_.parent_path() / hidden_name(path_.filename().string());
   if (::link(first.c_str(), second.c_str()) != 0) {
@@ -184,14 +187,14 @@ void SharedMemory::publish() {
     const int error = errno;
     ::unlink(first.c_str());
     try {
-      // Says what is in the way if that is no file of ours.
+      // If the obstacle is a file of another kind or user, this says what it is.
       ::close(open_regular_file(path_, O_RDONLY, NamedBy::kProgram));
     } catch (const SystemError& found) {
       if (found.error_number() != ENOENT) throw;
     }
     throw SystemError("publish " + path_.string(), error);
   }
-  // It has stayed if the file had its new name already.
+  // If both names already meant the same file, rename() has left the first name in place.
   ::unlink(first.c_str());
 }
 
@@ -216,7 +219,7 @@ void SharedMemory::map(Access access) {
   struct stat status{};
   if (::fstat(file_.get(), &status) != 0) throw SystemError("inspect " + path_.string(), errno);
   size_ = static_cast<std::size_t>(status.st_size);
-  if (size_ == 0) return;  // there is nothing to map, and nothing to be cut off
+  if (size_ == 0) return;  // there is nothing to map, and nothing that could be truncated
 
   const int protection = access == Access::kReadOnly ? PROT_READ : PROT_READ | PROT_WRITE;
   // MAP_POPULATE: the loop must not meet page faults.

@@ -8,7 +8,7 @@
 namespace trifinger::detail {
 namespace {
 
-// Positions in `joint_limit_fields`.
+// Indices into `joint_limit_fields`.
 enum Index : std::size_t {
   kMaxTorque,
   kSafetyKd,
@@ -56,7 +56,7 @@ constexpr std::array<JointLimitField, kJointLimitFields> kFields{
 
 // With plausible measurements (at most 1e6) no product or sum in the checks can overflow.
 constexpr double kLargest = 1e6;
-// Nor, in a motor that carries no less than this for ever [Nm], a quotient.
+// With at least this continuous torque [Nm], no quotient can overflow either.
 constexpr double kLeastContinuousTorque = 1e-6;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
@@ -139,7 +139,7 @@ std::optional<JointLimitProblem> find_problem(const JointLimitValues& values) {
     if (value(kContinuousTorque) < kLeastContinuousTorque) {
       return problem(kContinuousTorque, "at least " + text_of(kLeastContinuousTorque, "Nm"));
     }
-    // The derating is to be faster than the warming, whatever the time between two steps.
+    // The derating must be faster than the warming, whatever the time between two steps.
     const double shortest = std::pow(value(kMaxTorque) / value(kContinuousTorque), 2);
     if (value(kThermalTime) < shortest) {
       return problem(kThermalTime, "at least (max_torque / continuous_torque)^2 s (" +

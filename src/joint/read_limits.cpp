@@ -8,7 +8,7 @@
 namespace trifinger::detail {
 namespace {
 
-// "1, 3 or 9": the lengths of lists that can be repeated to `size` entries.
+// Lists the lengths that can be repeated to `size` entries, as in "1, 3 or 9".
 std::string allowed_lengths(std::size_t size) {
   std::string text;
   for (std::size_t length = 1; length <= size; ++length) {
@@ -29,7 +29,7 @@ void read_repeated(const config::Node& node, const config::Range& range, std::sp
   for (std::size_t i = 0; i < values.size(); ++i) values[i] = given[i % given.size()];
 }
 
-// The value under a key that may name a member of a section, "plausibility.stuck_time".
+// Returns the value under a key. The key may name a member of a section: "plausibility.stuck_time".
 config::Node node_of(const config::Node& section, std::string_view key, std::string_view unit) {
   const std::size_t dot = key.find('.');
   if (dot == std::string_view::npos) return section.at(key, unit);
@@ -50,7 +50,8 @@ void announce(const config::Node& section, std::string_view key) {
 
 void read_joint_limits(const config::Node& section, const MutableJointLimitValues& values) {
   const auto fields = joint_limit_fields();
-  // Ask for all first: then a key that is missing is not taken for a misspelling of its neighbour.
+  // All keys are looked up first, so that a missing key is not reported as a misspelling of its
+  // neighbour.
   for (const JointLimitField& field : fields) announce(section, field.name);
   JointLimitValues read;
   for (std::size_t i = 0; i < kJointLimitFields; ++i) {

@@ -6,7 +6,7 @@
 namespace trifinger {
 namespace {
 
-// More joints than any robot here has; a joint beyond gets the text without a number.
+// More joints than any robot here has. Faults of joints beyond it get a text without a number.
 constexpr std::size_t kNamedJoints = 32;
 
 using JointTexts = std::array<std::string, kNamedJoints>;
@@ -18,7 +18,8 @@ JointTexts texts_for_joints(const std::string& what) {
   return texts;
 }
 
-// What is wrong with one joint, to stand behind "joint 4 "; empty for what is not about one joint.
+// Says what is wrong with a joint: the text after "joint 4 ". Empty for faults that are not about
+// one joint.
 std::string_view predicate_of(SafetyFault fault) noexcept {
   switch (fault) {
     case SafetyFault::kNone:
@@ -64,14 +65,14 @@ std::string_view describe(SafetyFault fault) noexcept {
     case SafetyFault::kOverheated:
       return "a motor is too warm: it has given more torque than it was told";
     case SafetyFault::kInterrupted:
-      return "the user broke off while a check that was added was at work";
+      return "the user interrupted a safety check that was added";
   }
   return "unknown fault";
 }
 
 FixedText describe(const RejectedCommand& rejected, std::string_view joint_name,
                    const JointLimit& limit) noexcept {
-  // The first that was not fit, in the order of the fields.
+  // Describes the first field that was rejected, in the order of the fields.
   const bool is_torque = has(rejected.reasons, Reason::kTorqueNotFinite);
   const bool is_position = !is_torque && has(rejected.reasons, Reason::kPositionNotFinite);
   const bool is_kp = !is_torque && !is_position && has(rejected.reasons, Reason::kKpOutOfBounds);
@@ -82,7 +83,7 @@ FixedText describe(const RejectedCommand& rejected, std::string_view joint_name,
     text.append(field).append(" of joint ").append(rejected.joint);
     if (!joint_name.empty()) text.append(" (").append(joint_name).append(")");
     if (rejected.is_own_check) {
-      text.append(" was made unfit by a safety check that was added");
+      text.append(" was made invalid by a safety check that was added");
     } else {
       text.append(" is ").append(value).append(" ").append(unit);
     }
@@ -121,7 +122,7 @@ std::string_view fault_text_of(std::int32_t fault_code) noexcept {
   const auto low_bits = static_cast<std::size_t>(fault_code & 0xFF);
   if (low_bits == 0 || low_bits > kLastFault) return {};
   const auto fault = static_cast<SafetyFault>(low_bits);
-  // A joint of -1, which is none, wraps around to more than there are.
+  // A code without a joint gives -1, which wraps around to a number that is out of range.
   const auto joint = static_cast<std::size_t>((fault_code >> 8) - 1);
   if (joint >= kNamedJoints || predicate_of(fault).empty()) return describe(fault);
   return texts[low_bits][joint];

@@ -14,14 +14,14 @@
 namespace trifinger::learning {
 namespace {
 
-// Bounds of what is observed. Faster joints are braked by the safety checks.
+// Bounds of the observed values. The safety checks brake joints that are faster.
 constexpr double kMaxVelocity = 10.0;   // [rad/s]
 constexpr double kMaxSideways = 0.5;    // [m]
 constexpr double kBeyondLimits = 0.2;   // [rad]
 constexpr double kMaxHeight = 0.6;      // [m]
-constexpr double kWayTime = 2.0;        // To where an episode begins [s].
-constexpr long long kWayActions = 20;   // At least.
-constexpr std::size_t kMaxValues = 64;  // In an observation.
+constexpr double kWayTime = 2.0;        // Time to reach the start of an episode [s].
+constexpr long long kWayActions = 20;   // Minimum number of actions for it.
+constexpr std::size_t kMaxValues = 64;  // Largest number of values in an observation.
 
 // Each episode has three series of random numbers.
 constexpr std::uint64_t kStreams = 4;
@@ -32,7 +32,8 @@ double draw(Random& random, const Range<double>& range) noexcept {
   return random.uniform(range.low, range.high);
 }
 
-// Draws only where there is a choice: episodes stay as they were before there was this option.
+// Draws a number only if the range has more than one value. Episodes without this option therefore
+// stay as they were before the option existed.
 double draw_if_free(Random& random, const Range<double>& range) noexcept {
   return range.low < range.high ? draw(random, range) : range.low;
 }
@@ -56,8 +57,8 @@ void draw_what_varies(const EnvironmentOptions& options, Random& random, Start& 
   }
 }
 
-// The range of desired positions of the authors' simulation of their reaching task, in the sign
-// convention of the variant, as far as the soft limits allow.
+// The range of desired positions in the authors' simulation of their reaching task, in the sign
+// convention of the variant and clipped to the soft limits.
 Workspace make_workspace(const Kinematics& kinematics) {
   const RobotDescription& description = kinematics.description();
   const bool is_one = description.variant == Variant::kOne;
@@ -133,7 +134,7 @@ struct Environment::Implementation {
     if (options.layout != Layout::kGoal) entries.push_back(goal);
   }
 
-  // Which number of which entry comes next in the observation.
+  // Lists which number of which entry comes next in the observation.
   void list_flat() {
     std::vector<std::size_t> begins;
     std::size_t begin = 0;
@@ -159,7 +160,7 @@ struct Environment::Implementation {
     return static_cast<double>(episode.actions) * action_time;
   }
 
-  // Goals in the frame of their finger, if that is asked for.
+  // Writes the goals, in the frame of their finger if that is asked for.
   void show_goal(const Episode& episode, double* shown) const noexcept {
     std::copy_n(episode.goal.begin(), goal.low.size(), shown);
     if (!options.per_finger) return;
@@ -173,7 +174,7 @@ struct Environment::Implementation {
     }
   }
 
-  // What was achieved, and how it compares with the goal.
+  // Computes what was achieved and compares it with the goal.
   Outcome judge(const View& view, Episode& episode, std::span<double> achieved,
                 std::span<double> desired) const noexcept {
     const std::size_t goal_size = goal.low.size();
@@ -201,16 +202,16 @@ struct Environment::Implementation {
   std::unique_ptr<const Task> task;
   Workspace workspace;
   Entry goal;
-  double action_time;  // [s]
+  double action_time;  // Duration of one action [s].
   double max_torque;   // [Nm]
   std::size_t num_joints;
   std::int64_t episode_actions;
   std::vector<Entry> entries;
   std::size_t goal_entry{0};
-  std::vector<std::size_t> flat;  // Where each number of an observation is among the entries'.
-  std::vector<double> low;        // Of all entries, one after the other.
+  std::vector<std::size_t> flat;  // Index in all entries of each number observed.
+  std::vector<double> low;        // Lower bounds of all entries, concatenated.
   std::vector<double> high;
-  std::vector<double> turns;  // That bring each finger to where finger 0 is [rad].
+  std::vector<double> turns;  // Angle that rotates each finger onto finger 0 [rad].
 };
 
 Environment::Environment(std::string_view task, const EnvironmentOptions& options,
@@ -282,7 +283,7 @@ Start Environment::begin(std::uint64_t seed, std::uint64_t number,
     const double low = self.workspace.low[i];
     const double high = self.workspace.high[i];
     episode.target[i] = std::clamp(start.position[i], low, high);
-    // The robot holds its position, which is a change by nothing, and no torque says it.
+    // The robot holds its position. Among changes of position, zero says that. No torque says it.
     if (options.action == ActionKind::kPosition) {
       episode.action[i] = (2.0 * episode.target[i] - low - high) / (high - low);
     }
@@ -360,7 +361,7 @@ Outcome Environment::observe(const Measurement& measurement, Episode& episode,
       .tips = self.kinematics.tip_positions(position), .object = {}, .time = self.time_of(episode)};
   if (measurement.object != nullptr) {
     view.object = *measurement.object;
-    // Of the two quaternions that mean the same, the one with w >= 0.
+    // A quaternion and its negative mean the same; the one with w >= 0 is shown.
     auto& orientation = view.object.orientation;
     if (orientation[0] < 0.0) {
       for (double& value : orientation) value = -value;
@@ -373,7 +374,7 @@ Outcome Environment::observe(const Measurement& measurement, Episode& episode,
     next = std::copy_n(episode.action.begin(), n, next);
   }
 
-  // By the goal that the action knew.
+  // The outcome is judged by the goal that was shown before this action.
   const Outcome outcome = self.judge(view, episode, achieved, desired);
   while (!outcome.truncated && episode.goals < self.task->num_goals(view.time)) {
     ++episode.goals;

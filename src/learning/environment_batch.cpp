@@ -29,7 +29,7 @@ std::size_t checked_size(int size) {
   return static_cast<std::size_t>(size);
 }
 
-// The part of `values` that belongs to one of `count` simulations.
+// Returns the part of `values` that belongs to one of `count` simulations.
 template <class T>
 std::span<T> row(std::vector<T>& values, std::size_t index, std::size_t count) noexcept {
   const std::size_t width = values.size() / count;
@@ -62,18 +62,18 @@ class EnvironmentBatch::Implementation {
   virtual ~Implementation() = default;
 
   [[nodiscard]] virtual int num_threads() const noexcept = 0;
-  // Does what `call` says in these simulations.
+  // Does what `call` says in the given simulations.
   virtual void run(std::span<const int> which) = 0;
 
-  // Where a simulation is.
+  // The progress of one simulation.
   struct Run {
     Episode episode{};
     std::uint64_t next_episode{0};
     bool must_reset{true};
-    double reward{0.0};  // Of what was seen last.
+    double reward{0.0};  // Reward of the newest observation.
   };
 
-  // kBegin begins episodes, and leaves the results of those that have ended.
+  // kBegin begins new episodes and keeps the results of those that have ended.
   enum class Call : std::uint8_t { kReset, kStep, kBegin };
 
   Environment environment;
@@ -82,7 +82,7 @@ class EnvironmentBatch::Implementation {
   std::vector<Run> runs;
   Results results;
   std::vector<int> selected;
-  // Of the call that goes on.
+  // The call in progress.
   Call call{Call::kReset};
   Autoreset autoreset{Autoreset::kNextStep};
   std::span<const float> actions;
@@ -116,7 +116,7 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
     if (batch_ == nullptr) throw Error("MuJoCo cannot make the simulations: " + std::string(error));
     if (environment.options().varies()) {
       std::vector<const mjModel*> models;
-      // With all pairs whose friction some episode may want.
+      // This model contains all pairs whose friction any episode may set.
       Variation variation;
       for (const SurfacePair pair : all_surface_pairs()) {
         const auto& range = environment.options().pair_friction[pair];
@@ -140,7 +140,7 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
     const int* const status = mjb_status(batch_.get());
     for (const int i : which) {
       if (status[i] == 0) continue;
-      // What MuJoCo cannot go on with is no less an end than what has diverged.
+      // A simulation in which MuJoCo has failed has ended, just like one that has diverged.
       const auto index = static_cast<std::size_t>(i);
       end_with_fault(index, Simulator<R>::kDiverged);
       keep_final(index);
@@ -162,11 +162,11 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
   struct Simulation {
     typename Simulator<R>::State state{};
     RobotModel::Compiled varied{};
-    ObjectPose object{};  // As seen last.
-    Action action{};      // That acts.
+    ObjectPose object{};  // Newest pose seen.
+    Action action{};      // The action in effect.
   };
 
-  // Nothing here has a destructor: MuJoCo leaves by longjmp.
+  // No object in here may have a destructor, because MuJoCo leaves by longjmp.
   static void run_one(const mjModel* model, mjData* data, int index, void* self) {
     static_cast<Typed*>(self)->run_one(*model, *data, static_cast<std::size_t>(index));
   }
@@ -192,7 +192,7 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
     reset(model, data, i);
   }
 
-  // How the episode has ended stays to be read.
+  // Keeps the last results of the episode, so that they can be read after the reset.
   void keep_final(std::size_t i) noexcept {
     const auto keep = [this, i](auto& final, auto& seen) {
       std::ranges::copy(row(seen, i, size), row(final, i, size).begin());
@@ -229,11 +229,11 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
   void step(const mjModel& model, mjData& data, std::size_t i) noexcept {
     Simulation& one = simulations_[i];
     const int steps = environment.options().steps_per_action;
-    // How long the action before goes on: docs/learning.md.
+    // Number of steps for which the previous action continues: docs/learning.md.
     const int lag = environment.options().mapping == Mapping::kApproximation ? 1 : steps;
     Action next;
     if (!environment.take_action(row_of_actions(i), runs[i].episode, next.torque, next.position)) {
-      return;  // Has been looked at before.
+      return;  // Never: the actions were checked before.
     }
     typename R::AppliedAction applied;
     for (int k = 0; k < steps; ++k) {
@@ -276,7 +276,7 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
     return outcome;
   }
 
-  // What was seen before is seen still.
+  // The observation stays the one before the fault.
   void end_with_fault(std::size_t i, std::int32_t fault) noexcept {
     results.fault[i] = fault;
     results.reward[i] = runs[i].reward;
@@ -292,7 +292,7 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
 
   Simulator<R> simulator_;
   std::vector<Simulation> simulations_;
-  std::vector<int> given_up_;  // By MuJoCo, in the call that goes on.
+  std::vector<int> given_up_;  // Simulations in which MuJoCo has failed during this call.
   std::size_t object_{0};
   bool has_object_{false};
   std::unique_ptr<mjBatch, DeleteBatch> batch_;

@@ -36,7 +36,8 @@ constexpr std::array<std::string_view, 2> kMappings{"state_augmentation", "appro
 constexpr std::array<std::string_view, 3> kActions{"position", "position_change", "torque"};
 constexpr std::array<std::string_view, 3> kLayouts{"flat", "dictionary", "goal"};
 
-// One visitor writes options, another one reads them: this is the one list of their names.
+// Visits all options by name. One visitor writes them, another one reads them, so this is the only
+// list of their names.
 template <class Options, class Visitor>
 void visit(Options& options, const Visitor& field) {
   field("steps_per_action", options.steps_per_action);
@@ -90,7 +91,7 @@ struct Writer {
   }
 };
 
-// Takes out of the object what it reads.
+// Takes each option that it reads out of the JSON object.
 struct Reader {
   Json* json;
 
@@ -149,7 +150,7 @@ void EnvironmentOptions::validate() const {
   require_within("duration", duration, 1e-3, 3600);
   require_within("position_noise", position_noise, 0, 1);
   require_within("velocity_noise", velocity_noise, 0, 10);
-  // Of the poses' options the robot's configuration says what is allowed.
+  // The allowed values of the options for poses depend on the robot's configuration.
   require_range("object_mass", object_mass, 0.01, 100.0);
   require_range("friction", friction, 0.0, 100.0);
   require_range("motor_gain", motor_gain, 0.01, 10.0);

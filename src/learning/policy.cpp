@@ -85,8 +85,8 @@ Network checked(Network network) {
   return network;
 }
 
-// output = weights * input + bias. Four columns at once: otherwise fetching and storing `output`
-// would take most of the time.
+// Computes output = weights * input + bias. Takes four columns at once, because otherwise loading
+// and storing `output` would take most of the time.
 void apply_affine(const Layer& layer, const double* input, double* output) noexcept {
   const Eigen::Index rows = layer.weights.rows();
   const Eigen::Index columns = layer.weights.cols();
@@ -114,7 +114,8 @@ void apply_affine(const Layer& layer, const double* input, double* output) noexc
   }
 }
 
-// The same where the numbers are single precision, too. Eigen sums four columns at once as well.
+// Computes output = weights * input + bias in single precision. Eigen, too, sums four columns at
+// once.
 void apply_affine(const Layer& layer, const float* input, float* output) noexcept {
   Eigen::Map<Eigen::VectorXf> sums(output, layer.weights.rows());
   sums = layer.bias;
@@ -132,7 +133,7 @@ void apply(Activation activation, Eigen::Map<Eigen::ArrayX<Number>> values) noex
       values = values.max(Number{0});
       break;
     case Activation::kTanh:
-      // Eigen computes several exponentials at once, std::tanh would take longer than the sums.
+      // Eigen computes several exponentials at once. std::tanh would take longer than the sums.
       values = kOne - kTwo / ((kTwo * values).exp() + kOne);
       break;
   }
@@ -197,7 +198,7 @@ bool Policy::evaluate_in(Activities<Number>& activities, std::span<const double>
   for (const Layer& layer : network_.layers) {
     apply_affine(layer, input, output);
     const Eigen::Map<Eigen::ArrayX<Number>> values(output, layer.weights.rows());
-    // Before the activation, which would make a number of what is none.
+    // Checked before the activation, which can turn NaN into a number.
     if (!values.allFinite()) return false;
     apply<Number>(layer.activation, values);
     std::swap(input, output);
@@ -218,7 +219,7 @@ bool Policy::take_input(std::span<const double> observation, Number* input) cons
                          normalization.clip);
     }
     if (std::abs(value) > static_cast<double>(std::numeric_limits<float>::max())) return false;
-    // PyTorch's networks are given single precision.
+    // PyTorch's networks get single precision.
     const auto single = static_cast<float>(value);
     input[i] = static_cast<Number>(single);
   }

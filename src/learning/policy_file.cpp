@@ -28,8 +28,8 @@ using RowMajor = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::Row
 constexpr std::string_view kFirstWords = "trifinger policy ";
 constexpr std::string_view kFirstLine = "trifinger policy 1\n";
 constexpr std::size_t kMaxHeader = std::size_t{1} << 20U;  // [bytes]
-constexpr std::uint64_t kMaxWidth = 65'536;                // of a layer
-constexpr std::uint64_t kMaxNumbers = 100'000'000;         // of all layers
+constexpr std::uint64_t kMaxWidth = 65'536;                // Largest width of a layer.
+constexpr std::uint64_t kMaxNumbers = 100'000'000;         // Largest number of weights and biases.
 
 const std::vector<std::string_view> kActivations{"identity", "relu", "tanh"};
 const std::vector<std::string_view> kBoundings{"scale", "clip"};
@@ -41,7 +41,8 @@ class Section {
  public:
   Section(const Json& json, std::string name) : json_(json), name_(std::move(name)) {}
 
-  // Whoever knows fewer keys would run another policy than the one that was written.
+  // Throws on unknown keys: a reader that ignores a key would run another policy than the one
+  // written.
   void expect(std::initializer_list<std::string_view> keys) const {
     if (!json_.is_object()) throw InvalidArgument(name_ + " is not a JSON object");
     for (const auto& item : json_.items()) {
@@ -70,7 +71,7 @@ class Section {
     return json_.get<std::string>();
   }
 
-  // Which of the words it is.
+  // Returns the index of the word among `words`.
   [[nodiscard]] std::size_t choice(const std::vector<std::string_view>& words) const {
     const std::string word = text();
     const auto found = std::ranges::find(words, word);
@@ -122,7 +123,7 @@ class Section {
 };
 
 Json parse(std::string_view header) {
-  // Nothing in a header is further down.
+  // Headers have no deeper nesting than this.
   constexpr int kDepth = 4;
   try {
     return Json::parse(header, [](int depth, Json::parse_event_t /*event*/, Json& /*parsed*/) {
@@ -142,7 +143,7 @@ struct Shape {
   [[nodiscard]] std::uint64_t count() const noexcept { return outputs * (inputs + 1); }
 };
 
-// Everything but the weights, for which there is no memory yet.
+// All of the policy except the weights, which have no memory yet.
 struct Header {
   std::vector<Shape> shapes{};
   Network network{};
@@ -221,18 +222,19 @@ void read(FileReader& file, std::span<char> bytes) {
   if (file.read(bytes) < bytes.size()) throw InvalidArgument("it ended while it was read");
 }
 
-// The two lines of text that a file begins with, or less of them if they are longer than allowed.
+// Reads the two lines of text at the beginning of a file. If they are longer than allowed, the
+// result is cut off.
 std::string beginning_of(FileReader& file) {
   const std::uint64_t size = file.size();
   std::string beginning(std::min<std::uint64_t>(size, kFirstLine.size()), '\0');
   read(file, beginning);
-  // Before more is read: this may be any large file.
+  // Checked before more is read, because this may be any large file.
   if (beginning != kFirstLine) {
     if (kFirstLine.starts_with(beginning)) throw InvalidArgument("it ends in its first line");
     if (!beginning.starts_with(kFirstWords)) {
       throw InvalidArgument("it does not begin with '" + std::string(kFirstWords) + "'");
     }
-    throw InvalidArgument("it is of another version than 1, the one that this program knows");
+    throw InvalidArgument("its version is not 1, the only one that this program knows");
   }
   std::string header(std::min<std::uint64_t>(size - beginning.size(), kMaxHeader), '\0');
   read(file, header);
@@ -254,7 +256,7 @@ void check_size(const std::vector<Shape>& shapes, std::uint64_t found) {
   }
   if (count * sizeof(float) == found) return;
   throw InvalidArgument("it has " + std::to_string(found) +
-                        " bytes behind its header, and its layers need " +
+                        " bytes after its header, and its layers need " +
                         std::to_string(count * sizeof(float)));
 }
 
@@ -305,7 +307,7 @@ void write_policy_file(const Network& network, const std::filesystem::path& path
     append(bytes, layer.weights);
     append(bytes, layer.bias.transpose());
   }
-  // Left by a killed process with our number.
+  // A killed process with the same id may have left this file.
   ::unlink(part.c_str());
   write_new_file(part, std::as_bytes(std::span(bytes)));
   if (::rename(part.c_str(), path.c_str()) == 0) return;

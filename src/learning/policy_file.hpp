@@ -5,12 +5,12 @@
 
 #include "trifinger/learning/policy.hpp"
 
-// The file of a policy, as docs/policies.md describes it.
+// The file format is described in docs/policies.md.
 namespace trifinger::learning::detail {
 
-// Does not look whether the numbers make sense together: `Policy` does. Never takes more memory
-// than the file at `path` has bytes, but for some that its header takes.
-// Throws InvalidArgument that says what is wrong, SystemError.
+// Reads the file of a policy. Does not check whether the numbers fit together: `Policy` does. Takes
+// no more memory than the size of the file plus some for its header. Throws InvalidArgument, which
+// says what is wrong, and SystemError.
 [[nodiscard]] Network read_policy_file(const std::filesystem::path& path);
 
 void write_policy_file(const Network& network, const std::filesystem::path& path);

@@ -17,7 +17,7 @@
 namespace trifinger::learning {
 namespace {
 
-// The element of a companion with a ball.
+// Layout of an element of a companion with a ball.
 struct BallObservation {
   Stamp stamp;
   ObjectPose ball;
@@ -38,7 +38,7 @@ ObjectAt look_at(UntypedFrontend poses, ObjectPose Element::* object) {
   };
 }
 
-// Where the object of a task is; nothing for a task without one.
+// Returns where the object of a task is; nothing for a task without an object.
 template <class R>
 ObjectAt object_of(const Frontend<R>& robot, std::string_view name) {
   if (name == "cube") return look_at(robot.companion("object"), &CubeObservation::cube);
@@ -46,7 +46,7 @@ ObjectAt object_of(const Frontend<R>& robot, std::string_view name) {
   return {};
 }
 
-// A robot as the decision process of its environment: docs/learning.md.
+// Presents a robot as the decision process of its environment: docs/learning.md.
 template <class R>
 class Process {
  public:
@@ -77,9 +77,9 @@ class Process {
     return robot_.get_observation(t_);
   }
 
-  // The step of the newest observation.
+  // Returns the step of the newest observation.
   [[nodiscard]] TimeIndex time_index() const noexcept { return t_; }
-  // Steps that have passed without an action of their own.
+  // Returns the number of steps that passed without an action of their own.
   [[nodiscard]] TimeIndex repeated_steps() const noexcept { return repeated_; }
 
  private:
@@ -99,7 +99,7 @@ void run_policy(Frontend<R>& robot, const Environment& environment, Policy& poli
   const std::size_t outputs = policy.num_outputs();
   const std::size_t sharing = environment.observation_size() / inputs;
   if (environment.options().layout != Layout::kFlat) {
-    throw InvalidArgument("policies are run on flat observations; this one has seen others");
+    throw InvalidArgument("policies run on flat observations; this one was trained on others");
   }
   if (sharing * inputs != environment.observation_size() || sharing * outputs != R::kJoints) {
     throw InvalidArgument(

@@ -17,12 +17,12 @@
 namespace trifinger::learning {
 namespace {
 
-constexpr int kDraws = 1000;  // Until something fits; the last one is taken if nothing has.
+constexpr int kDraws = 1000;  // Number of tries; if none fits, the last one is taken.
 
 // ---- goals for tips ----
 
-// Poses of a finger that are drawn, in its own third of the arena: those of the authors' simulation
-// of this experiment, with room for the tip above the table.
+// Bounds of the drawn tip positions: each finger stays in its own third of the arena. They are
+// those of the authors' simulation of this experiment, with room for the tip above the table.
 constexpr double kHalfSector = 60.0 * kDegree;
 constexpr double kInnerRadius = 0.02;  // [m]
 constexpr double kOuterRadius = 0.2;
@@ -64,7 +64,7 @@ class Reach final : public Task {
     std::ranges::copy(view.tips, achieved.begin());
   }
 
-  // The mean distance, below zero [m].
+  // The mean distance, negated [m].
   [[nodiscard]] double reward(std::span<const double> achieved,
                               std::span<const double> desired) const noexcept override {
     double sum = 0.0;
@@ -88,7 +88,8 @@ class Reach final : public Task {
                       a[begin + 2] - b[begin + 2]);
   }
 
-  // Fingers do not meet: each stays in its own sector. Returns where the tips are.
+  // Draws poses of all fingers. Fingers cannot meet, since each stays in its own sector. Returns
+  // the positions of the tips.
   TipPositions draw_poses(const Workspace& workspace, Random& random,
                           JointValues& position) const noexcept {
     TipPositions tips(3 * num_fingers_);
@@ -99,7 +100,7 @@ class Reach final : public Task {
           const auto k = static_cast<std::size_t>(i);
           position[i] = random.uniform(workspace.low[k], workspace.high[k]);
         }
-        // Joints that are not drawn yet belong to other fingers.
+        // The joints that are not drawn yet belong to other fingers and do not matter.
         JointValues all = position;
         all.tail((num_fingers_ - finger - 1) * kJointsPerFinger).setZero();
         tips.segment<3>(3 * finger) =
@@ -127,15 +128,15 @@ class Reach final : public Task {
 
 constexpr double kCubeSize = 0.065;  // [m]
 constexpr double kHalfCube = kCubeSize / 2;
-const double kCubeRadius = kHalfCube * std::numbers::sqrt3;  // Of the sphere around it.
-constexpr double kMostFar = 0.138708;                        // Of its centre from the arena's [m].
+const double kCubeRadius = kHalfCube * std::numbers::sqrt3;  // Sphere around the cube.
+constexpr double kMostFar = 0.138708;                        // From the arena's centre [m].
 constexpr double kHighest = 0.1;
-// What distances are divided by in the cost: the width of the arena, the height of goals.
+// The cost divides distances by the width of the arena and by the range of heights of goals.
 constexpr double kArenaWidth = 0.39;
 constexpr double kHeightRange = 0.1;
 constexpr double kCubeReached = 0.02;
 constexpr double kCubeTurned = 22.0 * kDegree;
-// Nothing comes back from here.
+// The cube does not come back from beyond this radius.
 constexpr double kOutside = 0.3;
 
 // Uniform in a disc about the centre.
@@ -147,7 +148,7 @@ void draw_in_disc(Random& random, double radius, double* xy) noexcept {
 }
 
 void write_quaternion(const Eigen::Quaterniond& rotation, double* wxyz) noexcept {
-  // Of the two that mean the same, the one with w >= 0.
+  // A quaternion and its negative mean the same; the one with w >= 0 is written.
   const double sign = rotation.w() < 0.0 ? -1.0 : 1.0;
   wxyz[0] = sign * rotation.w();
   wxyz[1] = sign * rotation.x();
@@ -191,7 +192,7 @@ class MoveCube : public Task {
     }
     Eigen::Quaterniond rotation(Eigen::AngleAxisd(
         random.uniform(-std::numbers::pi, std::numbers::pi), Eigen::Vector3d::UnitZ()));
-    // Only who has to turn it cares which face is up.
+    // Only tasks with a goal orientation vary the face that is up.
     if (goal_ == Goal::kPose) rotation = rotation * face_up(random.integer(0, 6));
     write_quaternion(rotation, start.object.orientation.data());
   }
@@ -219,7 +220,7 @@ class MoveCube : public Task {
     if (goal_ == Goal::kPose) std::ranges::copy(view.object.orientation, achieved.begin() + 3);
   }
 
-  // The cost of the challenge, below zero.
+  // The cost of the challenge, negated.
   [[nodiscard]] double reward(std::span<const double> achieved,
                               std::span<const double> desired) const noexcept override {
     const double aside = std::hypot(achieved[0] - desired[0], achieved[1] - desired[1]);
@@ -245,7 +246,7 @@ class MoveCube : public Task {
 
  private:
   static bool is_clear(const TipPositions& tips, const std::array<double, 3>& position) noexcept {
-    constexpr double kGap = 0.02;  // A tip's radius and a little.
+    constexpr double kGap = 0.02;  // A tip's radius and some margin.
     for (Eigen::Index i = 0; i < tips.size(); i += 3) {
       if (std::hypot(tips[i] - position[0], tips[i + 1] - position[1]) <
           kHalfCube * std::numbers::sqrt2 + kGap) {
@@ -319,13 +320,13 @@ class Throw final : public Task {
     goal[1] = distance * std::sin(angle);
   }
 
-  // Where it came down, or is above.
+  // The achieved goal is where the ball landed. While it has not landed, it is where the ball is.
   void achieve(const View& view, Episode& episode,
                std::span<double> achieved) const noexcept override {
     const auto& position = view.object.position;
     constexpr double kFlying = 0.03;  // Above its place on the table [m].
     constexpr double kDown = 0.005;
-    constexpr double kFree = 0.02;  // From all tips.
+    constexpr double kFree = 0.02;  // Distance from all tips.
     if (!episode.has_flown && position[2] > radius_ + kFlying) {
       double nearest = std::numeric_limits<double>::infinity();
       for (Eigen::Index i = 0; i < view.tips.size(); i += 3) {
@@ -343,7 +344,7 @@ class Throw final : public Task {
     achieved[1] = episode.has_landed ? episode.landing[1] : position[1];
   }
 
-  // The distance, below zero [m].
+  // The distance, negated [m].
   [[nodiscard]] double reward(std::span<const double> achieved,
                               std::span<const double> desired) const noexcept override {
     return -std::hypot(achieved[0] - desired[0], achieved[1] - desired[1]);

@@ -6,7 +6,7 @@
 
 namespace trifinger::learning {
 
-// All parts one behind the other; numbers as people write them.
+// Concatenates all parts; numbers are written as people write them.
 template <class... Parts>
 [[nodiscard]] std::string text(const Parts&... parts) {
   std::ostringstream stream;

@@ -12,8 +12,8 @@
 
 namespace trifinger::log::detail {
 
-/// Reads a CDR message (little endian) field by field. What is not there reads as zero, and the
-/// message is not whole.
+/// Reads a CDR message (little endian) field by field. Fields that are missing read as zero, and
+/// then the message does not count as whole.
 class CdrReader {
  public:
   explicit CdrReader(std::span<const std::byte> message)
@@ -23,7 +23,7 @@ class CdrReader {
 
   template <class T>
   [[nodiscard]] T number() {
-    // Alignment counts from behind the header.
+    // Alignment counts from the end of the header.
     while (position_ < bytes_.size() && (position_ - kCdrHeaderSize) % sizeof(T) != 0) ++position_;
     T value{};
     if (bytes_.size() - position_ < sizeof(T)) {
@@ -36,7 +36,7 @@ class CdrReader {
   }
 
   [[nodiscard]] std::string text() {
-    const auto size = number<std::uint32_t>();  // with the zero at the end
+    const auto size = number<std::uint32_t>();  // including the zero at the end
     if (size == 0 || size > bytes_.size() - position_) {
       is_whole_ = false;
       return {};

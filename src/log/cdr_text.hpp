@@ -19,7 +19,7 @@ class CdrText {
 
   template <class Number>
   void add(Number number) {
-    // Alignment counts from behind the header.
+    // Alignment counts from the end of the header.
     while ((bytes_.size() - kCdrHeaderSize) % sizeof(number) != 0) bytes_.push_back(std::byte{0});
     append(&number, sizeof(number));
   }
@@ -28,7 +28,7 @@ class CdrText {
     append(text.data(), text.size());
     bytes_.push_back(std::byte{0});
   }
-  // builtin_interfaces/Time, since 1970.
+  // Adds a builtin_interfaces/Time. `nanoseconds` count from 1970.
   void add_time(std::int64_t nanoseconds) {
     constexpr std::int64_t kSecond = 1'000'000'000;
     add(static_cast<std::int32_t>(nanoseconds / kSecond));

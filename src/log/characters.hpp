@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-// Of ASCII, whatever the locale.
+// Classes of ASCII characters, whatever the locale.
 namespace trifinger::log {
 
 [[nodiscard]] constexpr bool is_lower(char c) noexcept { return c >= 'a' && c <= 'z'; }

@@ -12,7 +12,7 @@
 
 namespace trifinger::log {
 
-// In the words of `strftime`.
+// Formats a time with a format string of `strftime`.
 [[nodiscard]] inline std::string utc_text(std::chrono::system_clock::time_point time,
                                           const char* format) {
   const std::time_t seconds = std::chrono::system_clock::to_time_t(time);
@@ -23,14 +23,14 @@ namespace trifinger::log {
   return text.data();
 }
 
-// "2026-11-20_09-05-12", UTC, as in the names of logs: in the order of time.
+// Formats a time as in the names of logs: "2026-11-20_09-05-12", UTC. Sorts in the order of time.
 [[nodiscard]] inline std::string date_text(std::chrono::system_clock::time_point time) {
   return utc_text(time, "%Y-%m-%d_%H-%M-%S");
 }
 
 inline constexpr std::string_view kDatePattern = "0000-00-00_00-00-00";
 
-// Whether it is written as `date_text` does.
+// True if the text has the format of `date_text`.
 [[nodiscard]] constexpr bool is_date(std::string_view text) noexcept {
   return std::ranges::equal(text, kDatePattern, [](char c, char wanted) {
     return wanted == '0' ? is_digit(c) : c == wanted;

@@ -9,11 +9,11 @@
 
 namespace trifinger::log {
 
-// What a session has measured outside of its steps. Logs of the flight recorder have it as
-// companions.
+// Series of observations measured outside of a session's steps. Logs of the flight recorder hold
+// them as companions.
 inline constexpr std::array kExtraSeries{Series::kHolding, Series::kStopping};
 
-// The type of such a companion.
+// Returns the type of such a companion.
 [[nodiscard]] inline std::string extra_type(const std::string& robot_type, Series series) {
   return robot_type + "_" + std::string(name_of(series));
 }

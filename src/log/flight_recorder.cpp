@@ -22,7 +22,7 @@
 namespace trifinger::log {
 namespace {
 
-// True if element `i` is there and whole.
+// Reads element `i`. False if it does not exist or is not whole.
 bool try_read(const UntypedFrontend& session, Series series, TimeIndex i, void* element) {
   try {
     return session.try_get(series, i, element);
@@ -31,7 +31,7 @@ bool try_read(const UntypedFrontend& session, Series series, TimeIndex i, void* 
   }
 }
 
-// A series of observations outside of the steps, as a companion of the log.
+// A series of observations outside of the steps, which becomes a companion of the log.
 struct ExtraSeries {
   Series series;
   std::size_t number;  // among the companions of the log
@@ -51,7 +51,7 @@ ElementDescription stamped(const ElementDescription& observation) {
   return ElementDescription(std::move(fields));
 }
 
-// Takes the newest part of a session from its memory to a log.
+// Copies the newest part of a session from its memory to a log.
 class Snapshot {
  public:
   Snapshot(const Session& robot, const std::vector<Session>& companions, LogWriter& log,
@@ -66,7 +66,7 @@ class Snapshot {
     for (std::size_t i = 0; i < companions_.size(); ++i) {
       header_.companions[i].first_index = first_element(i);
     }
-    // What was before step 0 is near only if step 0 is.
+    // The observations before step 0 belong to the log only if it begins at step 0.
     if (first_ == 0) add_series(Series::kHolding);
     add_series(Series::kStopping);
   }
@@ -117,12 +117,12 @@ class Snapshot {
     const TimeIndex count =
         info_.period > Nanoseconds::zero() ? length / info_.period : TimeIndex{0};
     first_ = std::min(std::max(oldest, end_ - std::min(count, end_)), end_);
-    // The oldest may have been half overwritten when the back-end died.
+    // The oldest step may have been half overwritten when the back-end died.
     Step step(header_.types);
     while (first_ < end_ && !read(first_, step)) ++first_;
   }
 
-  // The newest element that was known at the first step, or the oldest there is.
+  // Returns the newest element that was known at the first step, or the oldest that exists.
   [[nodiscard]] TimeIndex first_element(std::size_t companion) const {
     const auto [oldest, end] = companions_[companion].range(Series::kObservation);
     std::vector<std::byte> element(header_.companions[companion].element.size());
@@ -187,13 +187,13 @@ class Snapshot {
     log_.write_end(session_, end_, is_there ? observation.data() : nullptr, status);
   }
 
-  // The back-end gives these observations no times: they are a period apart, up to step 0 or from
-  // the end on.
+  // Writes an extra series. The back-end gives these observations no times, so the times are
+  // computed: one period apart, either up to step 0 or from the end on.
   void write_series(const ExtraSeries& extra) {
     const bool is_before = extra.series == Series::kHolding;
     const auto [first, end] = robot_.range(extra.series);
     const std::int64_t period = info_.period.count();
-    std::int64_t time = last_beat() - (end - 1) * period;  // of element 0
+    std::int64_t time = last_beat() - (end - 1) * period;  // time of element 0
     Status status;
     if (try_read(robot_, Series::kStatus, is_before ? 0 : end_, &status)) {
       time = status.time + (is_before ? -(end - 1) * period : period);
@@ -227,20 +227,20 @@ class Snapshot {
   TimeIndex end_{0};  // number of whole steps
 };
 
-// A log of a fault, found by its name.
+// The log of a fault, found by its name.
 struct FaultLog {
   std::filesystem::path path;
   std::string robot;
   std::string time;
 };
 
-// Several of one second have a number: "_2".
+// True for an empty text and for a number such as "_2". Logs of one second are numbered.
 bool is_number(std::string_view text) {
   return text.empty() ||
          (text.size() > 1 && text.front() == '_' && std::ranges::all_of(text.substr(1), is_digit));
 }
 
-// Their names are as in "sim_2026-11-20_09-05-12_fault.mcap".
+// Lists the logs of faults. Their names look like "sim_2026-11-20_09-05-12_fault.mcap".
 std::vector<FaultLog> fault_logs(const std::filesystem::path& folder) {
   constexpr std::string_view kMark = "_fault";
   std::vector<FaultLog> logs;
@@ -262,11 +262,11 @@ std::vector<FaultLog> fault_logs(const std::filesystem::path& folder) {
   return logs;
 }
 
-// A name in `folder` that is free.
+// Returns an unused path in `folder`.
 std::filesystem::path new_fault_log(const std::filesystem::path& folder, const std::string& robot) {
   const std::string name = robot + "_" + date_text(std::chrono::system_clock::now()) + "_fault";
   std::filesystem::path path = folder / (name + std::string(kLogSuffix));
-  // A link that leads nowhere is in the way, too.
+  // A dangling link occupies its name, too.
   for (int i = 2; std::filesystem::exists(std::filesystem::symlink_status(path)); ++i) {
     path = folder / (name + "_" + std::to_string(i) + std::string(kLogSuffix));
   }
@@ -307,7 +307,7 @@ std::filesystem::path rescue(const std::string& name, std::optional<std::filesys
     try {
       companions.push_back(robot.companion(companion));
     } catch (const Error&) {
-      // Lost with its file; the robot's own series are worth more than a complaint.
+      // The companion is lost with its file. The robot's own series are still worth saving.
     }
   }
   if (!file) file = new_fault_log(log_folder(), name);
@@ -330,8 +330,8 @@ FlightRecorder::FlightRecorder(FlightRecorderOptions options) : options_(std::mo
 
 void FlightRecorder::begin_session(const Session& robot,
                                    const std::vector<Session>& companions) noexcept {
-  // Histories are large: those of clean ends are let go of at once, and of faults that follow each
-  // other faster than they are written the newest are kept.
+  // Histories are large. Those of clean ends are released at once. When faults follow each other
+  // faster than they are written, the newest are kept.
   constexpr std::size_t kMaxWaiting = 4;
   const std::lock_guard lock(mutex_);
   std::erase_if(sessions_, [](const Followed& session) {

@@ -25,19 +25,19 @@ namespace {
 
 using Lock = std::scoped_lock<std::mutex>;
 
-// "'a' and 'b'", or what to say if there are none.
+// Joins names, as in "'a' and 'b'". Returns a text that says so if there are none.
 std::string list_of(const std::vector<std::string_view>& names) {
   return names.empty() ? "none" : quoted_list(names, "and");
 }
 
-// "step 3", "steps 3 to 5"; of a companion, elements.
+// Formats a span: "step 3" or "steps 3 to 5"; for a companion, elements instead of steps.
 std::string span_text(const Stream& stream, TimeIndex first, TimeIndex last) {
   const std::string what = stream.is_companion ? "element" : "step";
   if (first == last) return what + " " + std::to_string(first);
   return what + "s " + std::to_string(first) + " to " + std::to_string(last);
 }
 
-// Of "sim.object" and of "sim": "sim".
+// Returns the robot's part of a name: "sim" for both "sim.object" and "sim".
 std::string_view robot_of(std::string_view name) { return name.substr(0, name.find('.')); }
 
 const ElementDescription& element_of(const Stream& stream, Series series) {
@@ -60,7 +60,7 @@ const ElementDescription& element_of(const Stream& stream, Series series) {
   }
 }
 
-// Which part of a message is the element of `series`.
+// Returns which part of a message holds the element of `series`.
 std::size_t part_of(const StreamMessage& found, Series series) {
   if (found.stream.is_companion) return 1;
   switch (series) {
@@ -75,7 +75,7 @@ std::size_t part_of(const StreamMessage& found, Series series) {
   }
 }
 
-// Takes the elements of one column out of messages.
+// Reads the elements of one column from messages.
 class ColumnReader {
  public:
   ColumnReader(const Stream& stream, const Column& column) : series_(column.series) {
@@ -117,11 +117,11 @@ class ColumnReader {
   std::vector<Copy> copies_;
 };
 
-// Calls `use` with the message of the end of `stream`, if it is in the log.
+// Calls `use` with the message about the end of `stream`, if the log has one.
 template <class Use>
 void with_end(LogData& data, const Stream& stream, const Use& use) {
   if (stream.is_companion) return;
-  // It is in the chunk of the last step or soon behind that.
+  // The message is in the chunk of the last step or soon after it.
   const Run* const last = data.last_run(stream);
   std::size_t n = last == nullptr ? 0 : data.find_chunk(stream, [last](const Run& run) {
     return run.last >= last->last;
@@ -142,7 +142,7 @@ void with_end(LogData& data, const Stream& stream, const Use& use) {
   }
 }
 
-// The first index of `series` and the one behind the last.
+// Returns the first index of `series`, and the last one plus one.
 std::pair<TimeIndex, TimeIndex> range_of(LogData& data, const Stream& stream, Series series) {
   std::pair<TimeIndex, TimeIndex> range = data.range(stream);
   if (stream.is_companion || series == Series::kDesiredAction || series == Series::kAppliedAction) {
@@ -173,7 +173,7 @@ std::pair<TimeIndex, TimeIndex> range_of(LogData& data, const Stream& stream, Se
   throw NotInLog(log + " lacks some of the " + span_text(stream, first, last));
 }
 
-// The first element of `stream` in or behind the chunk `n` of which `is_wanted(StreamMessage)`
+// Returns the first element of `stream` in chunk `n` or later for which `is_wanted(StreamMessage)`
 // holds.
 template <class IsWanted>
 std::optional<TimeIndex> find_from(LogData& data, const Stream& stream, std::size_t n,
@@ -357,7 +357,7 @@ void LoggedSession::get(const Column& column, TimeIndex first, std::size_t count
   if (done == count) return;
 
   const Lock lock(log_->mutex);
-  // The last one may be that of the end.
+  // The last element may be in the message about the end.
   if (first >= 0 && done + 1 == count && range_of(*log_, *stream_, column.series).second == last &&
       log_->range(*stream_).second == last - 1) {
     with_end(*log_, *stream_, [&](const StreamMessage& found) {
@@ -548,7 +548,7 @@ LoggedSession Log::session(const std::string& name) const {
   const LoggedSession* found = nullptr;
   for (const LoggedSession& session : all) {
     if (session.name() != robot) continue;
-    // Behind its last session a robot waits for the next one.
+    // A robot that waits for its next session has a session without steps, which is skipped.
     const auto [first, end] = session.range(Series::kAppliedAction);
     if (found == nullptr || first < end) found = &session;
   }

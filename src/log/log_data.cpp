@@ -17,7 +17,7 @@
 namespace trifinger::log::detail {
 namespace {
 
-// Other programs know more levels than we do.
+// Other programs may write levels that we do not have.
 LogWriter::Level level_of(std::uint8_t number) {
   using Level = LogWriter::Level;
   if (number >= static_cast<std::uint8_t>(Level::kError)) return Level::kError;
@@ -43,7 +43,7 @@ std::string entry_of(const std::map<std::string, std::string>& entries, const st
   return entry == entries.end() ? std::string() : entry->second;
 }
 
-// The inverse of the writer's hexadecimal digits; whatever is none is 0.
+// Inverse of the writer's hexadecimal digits. Other characters read as 0.
 std::vector<std::byte> bytes_of(std::string_view digits) {
   std::vector<std::byte> bytes(digits.size() / 2);
   for (std::size_t i = 0; i < bytes.size(); ++i) {
@@ -54,8 +54,8 @@ std::vector<std::byte> bytes_of(std::string_view digits) {
   return bytes;
 }
 
-// How the messages of `channel` are read; those that are none of ours are not.
-// Throws InvalidArgument if the channel contradicts itself.
+// Returns how to read the messages of `channel`. If the channel is not one of ours, the result says
+// that they cannot be read. Throws InvalidArgument if the channel contradicts itself.
 ChannelReader reader_of(const mcap::Channel& channel) {
   using Role = ChannelReader::Role;
   ChannelReader reader;
@@ -95,13 +95,13 @@ ChannelReader reader_of(const mcap::Channel& channel) {
   reader.types.action = element("action");
   reader.types.applied_action = element("applied_action");
   reader.types.default_action = bytes_of(entry_of(channel.metadata, "default_action"));
-  // Of another writer, perhaps.
+  // Another writer may have given another size.
   reader.types.default_action.resize(reader.types.action.size());
   reader.layout = step_layout(reader.types, reader.status, precision);
   return reader;
 }
 
-// What both channels have has the same fields.
+// True if the parts that both channels have consist of the same fields.
 bool is_compatible(const ChannelReader& one, const ChannelReader& other) {
   using Role = ChannelReader::Role;
   const bool has_end = one.role == Role::kEnd || other.role == Role::kEnd;
@@ -113,8 +113,8 @@ bool is_compatible(const ChannelReader& one, const ChannelReader& other) {
 
 }  // namespace
 
-// The entries of a metadata record, as what they stand for. Throws InvalidArgument where they do
-// not.
+// The entries of a metadata record, converted to their types. Throws InvalidArgument if an entry
+// cannot be converted.
 class LogData::Entries {
  public:
   explicit Entries(const mcap::Metadata& record) : record_(record) {}
@@ -146,7 +146,7 @@ class LogData::Entries {
 };
 
 TimeIndex arrival_of(const mcap::Message& message) noexcept {
-  // Behind the head of CDR and ours.
+  // The arrival comes after CDR's header and our own.
   constexpr std::size_t kOffset = 4 + sizeof(MessageHead);
   TimeIndex arrival = 0;
   std::memcpy(&arrival, message.data.data() + kOffset, sizeof(arrival));
@@ -165,7 +165,7 @@ LogData::LogData(const std::vector<std::filesystem::path>& parts, Several severa
   }
   for (File& file : files_) find_documents(file);
   is_certain = guess_channels() && is_ordered_ && is_certain;
-  // What is said about the sessions is not all there is to know: their messages tell.
+  // The records about the sessions may be incomplete, so the messages are read as well.
   if (!is_certain) read_all();
 }
 
@@ -206,7 +206,7 @@ void LogData::open(const std::vector<std::filesystem::path>& parts, Several seve
       files_.emplace_back(path);
     } catch (const mcap::FormatError& error) {
       if (parts.size() == 1) throw;
-      // A recorder that was killed when it began a part leaves such a file.
+      // A recorder that was killed while it began a part leaves such a file.
       damage_.push_back({path, 0, FileReader(path).size(), error.what()});
     }
   }
@@ -244,11 +244,12 @@ void LogData::open(const std::vector<std::filesystem::path>& parts, Several seve
 }
 
 void LogData::leave_newest_recording() {
-  // Names tell recordings of the same second apart: the recorder's have a date.
+  // If two recordings began in the same second, their names decide: the recorder's names have a
+  // date.
   const auto age = [](const File& file) { return std::pair(file.created(), file.path); };
   const std::string newest = std::ranges::max_element(files_, {}, age)->recording();
   std::erase_if(files_, [&](const File& file) { return file.recording() != newest; });
-  // A file that is no log is one of its parts if it is called like one.
+  // A file that is not a log counts as a part of this recording if its name fits.
   const auto stem = [](const std::filesystem::path& path) {
     const std::string name = path.filename().string();
     return name.substr(0, name.rfind('_'));
@@ -320,7 +321,7 @@ void LogData::read_session(const Entries& entries) {
   const std::string name = entries.name();
   const TimeIndex first_index = entries.integer("first_index");
   if (SessionRecord* const known = find_session(name, entries.session_id())) {
-    // Said again at the beginning of each further part.
+    // The session is announced again at the beginning of each further part.
     known->header.first_index = std::min(known->header.first_index, first_index);
     return;
   }
@@ -362,7 +363,7 @@ void LogData::read_gap(const Entries& entries) {
   const std::string name = entries.name();
   const Gap gap{entries.integer("first"), entries.integer("last"), entries.text("reason")};
   if (gap.last < gap.first) return;
-  // Of a robot or of a companion.
+  // The name is that of a robot or of a companion.
   for (SessionRecord& session : sessions_) {
     if (session.header.session_id != entries.session_id()) continue;
     if (session.robot.name == name) session.robot.gaps.push_back(gap);
@@ -374,7 +375,7 @@ void LogData::read_gap(const Entries& entries) {
 
 void LogData::find_documents(const File& file) {
   const mcap::Contents& contents = file.reader.contents();
-  // Who finds a session finds its documents in front of it; only what has changed is written again.
+  // The documents of a session stand before its record; only changed ones are written again.
   std::map<std::string, std::size_t> newest;
   std::size_t next = 0;
   for (std::size_t i = 0; i < contents.metadata.size(); ++i) {
@@ -445,7 +446,7 @@ SessionRecord& LogData::add_session(SessionHeader header) {
 
 SessionRecord& LogData::session_of(const std::string& name, std::uint64_t session_id) {
   if (SessionRecord* const session = find_session(name, session_id)) return *session;
-  // The record that told of it is lost.
+  // The session's own record is lost.
   is_ordered_ = false;
   SessionHeader header;
   header.name = name;
@@ -483,7 +484,7 @@ bool LogData::accepts(const Stream& stream, const ChannelReader& channel) {
 }
 
 void LogData::bind(Stream& stream, const ChannelReader& channel) {
-  // The channel of the steps knows more than that of the end.
+  // The channel of the steps knows more than the channel of the end.
   if (stream.channel != nullptr && stream.channel->role != ChannelReader::Role::kEnd) return;
   stream.channel = &channel;
   SessionHeader& header = stream.session->header;
@@ -534,12 +535,12 @@ void LogData::look_into(std::size_t n, std::span<const mcap::Message> messages) 
     const std::optional<StreamMessage> found = identify(file, *channel, message);
     if (!found) continue;
 
-    // Several streams take turns in a chunk.
+    // Messages of several streams may alternate in a chunk.
     const auto newest = std::ranges::find_if(runs.rbegin(), runs.rend(), [&found](const Run& run) {
       return run.stream == &found->stream && run.is_end == found->is_end();
     });
     Run* run = newest == runs.rend() ? nullptr : &*newest;
-    if (run != nullptr && found->index <= run->last) continue;  // an index twice
+    if (run != nullptr && found->index <= run->last) continue;  // this index was already there
     if (run == nullptr || found->index != run->last + 1) {
       run = &runs.emplace_back();
       run->stream = &found->stream;
@@ -567,7 +568,7 @@ ChannelReader* LogData::channel_of(File& file, std::uint16_t id) {
   if (id < file.channels_by_id.size() && file.channels_by_id[id] != nullptr) {
     return file.channels_by_id[id];
   }
-  // A channel whose description was damaged elsewhere.
+  // The channel's description was damaged in the chunk where it first stood.
   const auto channel = file.reader.contents().channels.find(id);
   if (channel == file.reader.contents().channels.end()) return nullptr;
   add_channel(file, channel->second);

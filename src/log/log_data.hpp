@@ -27,13 +27,13 @@ struct ChannelReader {
 
   Role role{Role::kOther};
   std::string topic;
-  std::string session;  // of the robot or companion
-  RobotTypes types;     // of a companion, its type and observation
+  std::string session;  // name of the robot or companion
+  RobotTypes types;     // for a companion: its type and its observation
   ElementDescription status;
   std::optional<MessageLayout> layout;
   bool has_wrong_message{false};
 
-  // The stream of the message before: the next one is rarely of another.
+  // Stream of the previous message: the next message usually belongs to the same one.
   std::uint64_t session_id{0};
   Stream* stream{nullptr};
 
@@ -42,33 +42,33 @@ struct ChannelReader {
 
 /// The messages of one robot's session, or of one of its companions.
 struct Stream {
-  std::string name;  // as in "sim" or "sim.object"
+  std::string name;  // for instance "sim" or "sim.object"
   bool is_companion{false};
   SessionRecord* session{nullptr};
-  const ChannelReader* channel{nullptr};  // one of those that its messages are in, if there are any
-  std::vector<Gap> gaps;                  // those written down
+  const ChannelReader* channel{nullptr};  // one of the channels with its messages; nullptr if none
+  std::vector<Gap> gaps;                  // gaps that the log records
 };
 
-/// A session with its companions. Does not move.
+/// A session with its companions. Its address never changes.
 struct SessionRecord {
   SessionHeader header;
   std::optional<TimeIndex> steps;
-  TimeIndex observations{0};  // of a session that has ended
+  TimeIndex observations{0};  // known once the session has ended
   Fault fault;
   std::string fault_text;
   Stream robot;
   std::deque<Stream> companions;
-  std::size_t order{0};  // among all sessions
+  std::size_t order{0};  // position among all sessions
 };
 
 /// Messages of one stream in one chunk, with consecutive indices.
 struct Run {
   const Stream* stream{nullptr};
-  bool is_end{false};  // y_N and its status rather than steps
+  bool is_end{false};  // holds y_N and its status instead of steps
   TimeIndex first{0};
   TimeIndex last{0};
   std::int64_t last_time{0};  // log time
-  TimeIndex last_arrival{0};  // of a companion
+  TimeIndex last_arrival{0};  // for a companion: `arrival_of` the last message
 };
 
 /// A message of a stream.
@@ -84,21 +84,21 @@ struct StreamMessage {
   }
 };
 
-/// The robot's step at which the element in this message of a companion arrived.
+/// Returns the robot's step at which the element in this message of a companion arrived.
 [[nodiscard]] TimeIndex arrival_of(const mcap::Message& message) noexcept;
 
-/// What is wrong with a file of `size` bytes.
+/// Returns the damage of a file of `size` bytes.
 [[nodiscard]] std::vector<Damage> damage_of(const std::filesystem::path& file, std::uint64_t size,
                                             const mcap::Contents& contents);
-/// Bytes in `damage`, which is all of one file, each counted once.
+/// Returns the number of damaged bytes; each byte counts once. `damage` is all damage of one file.
 [[nodiscard]] std::uint64_t lost_bytes_of(const std::vector<Damage>& damage, std::uint64_t size);
 
-/// All files of a log as one: chunks are numbered through all parts. Reads chunks, remembers what
-/// was in them, and finds those that are wanted by bisection, since the indices of a stream only
-/// rise. Who calls a function holds `mutex`.
+/// All files of a log as one: chunks are numbered through all parts. Reads chunks and remembers
+/// what was in them. Finds chunks by bisection, which works because the indices of a stream only
+/// rise. Callers must hold `mutex`.
 class LogData {
  public:
-  // What is to be done with files of several recordings.
+  // What to do with files of several recordings.
   enum class Several : std::uint8_t { kRefuse, kTakeNewest };
 
   LogData(const std::vector<std::filesystem::path>& parts, Several several);
@@ -120,9 +120,9 @@ class LogData {
   [[nodiscard]] std::uint64_t lost_bytes();
 
   [[nodiscard]] std::size_t num_chunks() const noexcept { return chunks_.size(); }
-  /// What is in chunk `n`; reads it if nobody has yet.
+  /// Returns what is in chunk `n`. Reads the chunk if that was not done before.
   [[nodiscard]] std::span<const Run> runs(std::size_t n);
-  /// Reads all chunks that nobody has read yet.
+  /// Reads all chunks that were not read before.
   void read_all();
 
   /// Reads chunk `n` and calls `visit(StreamMessage)`, until it returns false.
@@ -137,15 +137,16 @@ class LogData {
     }
   }
 
-  /// The first chunk to look into for elements of `stream` of which `is_wanted(Run)` holds; it must
-  /// be false for the first runs of the stream and true for the rest. `num_chunks()` if there is
-  /// none.
+  /// Returns the first chunk that can hold elements of `stream` for which `is_wanted(Run)` holds,
+  /// or `num_chunks()` if there is none. `is_wanted` must be false for the first runs of the stream
+  /// and true for the rest.
   template <class IsWanted>
   [[nodiscard]] std::size_t find_chunk(const Stream& stream, const IsWanted& is_wanted) {
     std::size_t low = 0;
     std::size_t high = chunks_.size();
     while (low < high) {
-      // The first chunk from the middle on that tells before from behind.
+      // Find the first chunk, from the middle on, that can say on which side of it the wanted one
+      // is.
       std::size_t probe = low + (high - low) / 2;
       const std::size_t middle = probe;
       std::optional<bool> is_behind;
@@ -158,14 +159,14 @@ class LogData {
     }
     return low;
   }
-  /// The last run of whole elements of `stream`; nullptr if there is none.
+  /// Returns the last run of whole elements of `stream`; nullptr if there is none.
   [[nodiscard]] const Run* last_run(const Stream& stream);
-  /// True if no chunk from `n` on can have elements of `stream`, by what is in chunk `n`.
+  /// True if chunk `n` shows that neither it nor any later chunk can have elements of `stream`.
   [[nodiscard]] bool is_behind(const Stream& stream, std::size_t n);
-  /// No more messages of `stream` than these can be in the log, whatever it says of itself.
+  /// Returns an upper limit of the messages of `stream` in the log, whatever the log claims.
   [[nodiscard]] std::size_t max_messages(const Stream& stream) const noexcept;
 
-  /// The steps or elements [first, end) of `stream` that a log without gaps has.
+  /// Returns the steps or elements [first, end) of `stream` that a log without gaps has.
   [[nodiscard]] std::pair<TimeIndex, TimeIndex> range(const Stream& stream);
   [[nodiscard]] std::vector<Gap> gaps(const Stream& stream);
 
@@ -196,14 +197,14 @@ class LogData {
 
   void open(const std::vector<std::filesystem::path>& parts, Several several);
   void leave_newest_recording();
-  // False if its messages cannot be read although they are ours.
+  // Returns false if the messages are ours but cannot be read.
   bool add_channel(File& file, const mcap::Channel& channel);
   void read_record(const File& file, const mcap::Metadata& record);
   void read_session(const Entries& entries);
   void read_end(const Entries& entries);
   void read_gap(const Entries& entries);
   void find_documents(const File& file);
-  // Tells the streams their channels. False if only the messages know.
+  // Assigns channels to the streams. Returns false if that takes a look at the messages.
   [[nodiscard]] bool guess_channels();
   void ignore(const File& file, const std::string& reason);
 
@@ -223,7 +224,7 @@ class LogData {
   [[nodiscard]] std::optional<StreamMessage> identify(File& file, ChannelReader& channel,
                                                       const mcap::Message& message);
   [[nodiscard]] TimeIndex first_index(const Stream& stream);
-  // Appends the missing elements [first, last] to `gaps`, with the reasons that were written down.
+  // Appends the missing elements [first, last] to `gaps`, with the reasons that the log gives.
   static void explain(const Stream& stream, TimeIndex first, TimeIndex last,
                       std::vector<Gap>& gaps);
 
@@ -251,11 +252,11 @@ class LogData {
   std::uint64_t size_{0};
   std::map<std::string, std::string> origin_;
   std::deque<SessionRecord> sessions_;
-  // The sessions of a robot are known to be in the order of the file.
+  // True if the sessions of each robot are known to be in the order of the file.
   bool is_ordered_{true};
   std::map<std::size_t, std::vector<Event>> events_by_chunk_;
-  std::vector<Damage> damage_;  // besides what the readers of the files found
-  std::size_t num_known_{0};    // chunks
+  std::vector<Damage> damage_;  // in addition to the damage that the readers found
+  std::size_t num_known_{0};    // number of chunks that were read
 };
 
 }  // namespace trifinger::log::detail

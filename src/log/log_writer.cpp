@@ -78,7 +78,7 @@ std::uint64_t log_time(std::int64_t time) noexcept {
   return static_cast<std::uint64_t>(std::max<std::int64_t>(time, 0));
 }
 
-// An element that is not there: NaN where numbers may be that, otherwise 0.
+// Returns an element that stands for a missing one: NaN in floating-point fields, otherwise 0.
 std::vector<std::byte> nothing(const ElementDescription& element) {
   std::vector<std::byte> bytes(element.size());
   const auto fill = [&bytes](const FieldDescription& field, const auto& number) {
@@ -112,8 +112,8 @@ struct WrittenSession {
   std::array<std::uint16_t, detail::kNumViewerTopics> viewer_channels{};
   std::vector<std::byte> no_observation;
   bool is_announced{false};
-  bool is_shown{false};        // its description, to viewers
-  TimeIndex observations{-1};  // known with the end
+  bool is_shown{false};        // true: viewers have its description
+  TimeIndex observations{-1};  // known from the end on
 
   WrittenSession(SessionHeader its_header, Precision precision, double viewer_rate)
       : header(std::move(its_header)),
@@ -189,7 +189,8 @@ class LogWriter::Implementation {
     event_channel_ = add_channel("/events", kEventType, kEventDefinition, {});
   }
 
-  // Writes the first record of the file. Not in the constructor: it may have to be tried again.
+  // Writes the first record of the file. The constructor does not, because it may have to be
+  // repeated.
   void begin() {
     if (is_begun_) return;
     writer_.write(mcap::Metadata{"trifinger.log", origin_});
@@ -283,7 +284,7 @@ class LogWriter::Implementation {
                                   {"fault_detail", std::to_string(fault.detail)},
                                   {"fault_time_index", std::to_string(fault.time_index)},
                                   {"fault_text", std::string(fault_text)}}});
-    // Sessions come and go for days.
+    // Released now, because sessions may come and go for days.
     sessions_[number].reset();
   }
 
@@ -336,8 +337,8 @@ class LogWriter::Implementation {
   [[nodiscard]] mcap::Writer& writer() noexcept { return writer_; }
 
  private:
-  // Messages for viewers wait for each other and have chunks of their own, where they compress to a
-  // third: they are much alike, but unlike the steps between them.
+  // Messages for viewers are collected and get chunks of their own. They are much alike but unlike
+  // the steps, so in their own chunks they compress to a third.
   static constexpr std::size_t kViewerChunkSize = std::size_t{128} << 10U;
 
   struct WaitingMessage {
@@ -351,7 +352,7 @@ class LogWriter::Implementation {
     show(session, session.viewer.at(static_cast<std::int64_t>(time), observation));
   }
 
-  // What does not move: once in a file as long as the documents are the same.
+  // Writes the frames that do not move: once in a file, and again when the documents change.
   void show_still(WrittenSession& session, std::uint64_t time) {
     if (session.is_shown) return;
     session.is_shown = true;
@@ -376,7 +377,7 @@ class LogWriter::Implementation {
     }
   }
 
-  // To be called when the open chunk is empty: then the disk is not asked, and nothing throws.
+  // Call this only when the open chunk is empty: then the disk is not used, and nothing throws.
   void write_viewer_messages() {
     for (const WaitingMessage& message : viewer_messages_) {
       writer_.write(mcap::Message{.channel_id = message.channel,
@@ -435,7 +436,7 @@ class LogWriter::Implementation {
     add(session.step, "/step", metadata);
     for (std::size_t i = 0; i < session.companions.size(); ++i) {
       const SessionHeader::Companion& companion = header.companions[i];
-      // "sim.object" is "/sim/object".
+      // "sim.object" becomes "/sim/object".
       add(session.companions[i], "/" + companion.name.substr(companion.name.find('.') + 1),
           {{"session", companion.name},
            {"type", companion.type},
@@ -458,8 +459,8 @@ class LogWriter::Implementation {
     }
   }
 
-  // Says what the session is, unless the file does already. The documents first: whoever finds the
-  // session finds those that belong to it in front of it.
+  // Writes the record of the session, unless the file has it already. The documents come first, so
+  // that readers find the documents of a session before its record.
   void announce(WrittenSession& session) {
     if (session.is_announced) return;
     const SessionHeader& header = session.header;
@@ -531,12 +532,12 @@ class LogWriter::Implementation {
   bool is_begun_{false};
   Entries origin_;
   std::uint16_t event_channel_{0};
-  std::vector<std::unique_ptr<WrittenSession>> sessions_;    // nullptr: has ended
-  std::set<std::pair<std::string, std::string>> announced_;  // name and id, in the file before us
+  std::vector<std::unique_ptr<WrittenSession>> sessions_;    // nullptr: the session has ended
+  std::set<std::pair<std::string, std::string>> announced_;  // names and ids already in the file
   std::map<std::string, std::string> documents_;             // the newest of each name in the file
-  std::map<std::string, std::vector<Document>> shown_documents_;  // of each robot, to viewers
+  std::map<std::string, std::vector<Document>> shown_documents_;  // by robot, as viewers know them
   std::vector<WaitingMessage> viewer_messages_;
-  std::size_t viewer_size_{0};  // bytes of these
+  std::size_t viewer_size_{0};  // bytes in `viewer_messages_`
   bool is_viewer_due_{false};
 };
 

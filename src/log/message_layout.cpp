@@ -20,13 +20,13 @@ namespace {
 static_assert(std::endian::native == std::endian::little, "messages are copies of memory");
 
 constexpr std::string_view kPackage = "trifinger_msgs";
-// Fields of fields: far more than anybody needs, few enough for the stack.
+// More nested fields than anybody needs, and few enough for the stack.
 constexpr std::size_t kMaxDepth = 32;
-// Encapsulation of CDR: plain, little endian, no options.
+// CDR encapsulation header: plain, little endian, no options.
 constexpr std::array<std::byte, kCdrHeaderSize> kCdrHeader{std::byte{0}, std::byte{1}, std::byte{0},
                                                            std::byte{0}};
 
-// "object_observation" becomes "ObjectObservation".
+// Converts "object_observation" to "ObjectObservation".
 std::string camel_case(std::string_view words) {
   std::string name;
   bool is_first_of_word = true;
@@ -69,12 +69,12 @@ ScalarType stored(ScalarType type, Precision precision) noexcept {
                                                                          : type;
 }
 
-// Writes the definition of a message and of those inside it.
+// Writes the definition of a message and of the messages inside it.
 class DefinitionWriter {
  public:
   explicit DefinitionWriter(Precision precision) : precision_(precision) {}
 
-  // The whole text: the message itself, then what it uses.
+  // Returns the whole text: the message itself, then the messages that it uses.
   std::string write(std::string_view type, const std::vector<MessagePart>& parts) {
     names_.emplace(type);
     std::string text;
@@ -107,7 +107,7 @@ class DefinitionWriter {
     throw InvalidArgument("two fields of a message are called '" + std::string(name) + "'");
   }
 
-  // The lines of `fields`, whose names are looked at from `begin` on.
+  // Returns the lines of `fields`. The names are read from position `begin` on.
   std::string fields(std::string_view type, Fields fields, std::size_t begin, std::size_t depth,
                      std::set<std::string_view>& names) {
     if (depth > kMaxDepth) {
@@ -158,7 +158,7 @@ class DefinitionWriter {
     return text + "\n";
   }
 
-  // "left.wheel" and "left_wheel" may both ask for "LeftWheel".
+  // "left.wheel" and "left_wheel" both ask for "LeftWheel", so a name may be taken.
   [[nodiscard]] std::string unused_name(const std::string& wanted) const {
     std::string name = wanted;
     for (int i = 2; names_.contains(name); ++i) name = wanted + std::to_string(i);
@@ -199,7 +199,7 @@ MessageLayout::MessageLayout(std::string_view type, const std::vector<MessagePar
   require_message_name(type);
   definition_ = DefinitionWriter(precision).write(type, parts);
 
-  // In the order of the fields; alignment counts from behind the header.
+  // The layout follows the order of the fields. Alignment counts from the end of the header.
   std::size_t offset = 0;
   for (const MessagePart& part : parts) {
     std::vector<Run>& runs = parts_.emplace_back();
@@ -230,7 +230,7 @@ MessageLayout::MessageLayout(std::string_view type, const std::vector<MessagePar
 
 void MessageLayout::encode(std::span<const void* const> elements,
                            std::byte* message) const noexcept {
-  std::memset(message, 0, size_);  // padding compresses better, and tells nothing of our memory
+  std::memset(message, 0, size_);  // padding of zeros compresses better and leaks no memory
   std::memcpy(message, kCdrHeader.data(), kCdrHeader.size());
   for (std::size_t i = 0; i < parts_.size(); ++i) {
     const auto* const element = static_cast<const std::byte*>(elements[i]);

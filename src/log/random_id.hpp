@@ -6,7 +6,7 @@
 
 namespace trifinger::log {
 
-// 64 bits, hexadecimal: tells one recording from all others.
+// Returns 64 random bits in hexadecimal. They tell one recording from all others.
 [[nodiscard]] inline std::string random_id() {
   std::random_device random;
   std::string id;

@@ -29,17 +29,17 @@ namespace {
 using Level = LogWriter::Level;
 
 constexpr Nanoseconds kPollPeriod = std::chrono::milliseconds(20);
-// For histories that fill faster than that.
+// For histories that fill up within `kPollPeriod`.
 constexpr Nanoseconds kMinPollPeriod = std::chrono::microseconds(500);
 constexpr double kHurry = 0.125;
-// How often to try again what the disk has refused, and to look at what changes seldom.
+// How often refused writes are tried again, and how often rare changes are looked for.
 constexpr Nanoseconds kSlowPeriod = std::chrono::milliseconds(100);
 constexpr double kWorryingLag = 0.5;
 constexpr double kHarmlessLag = 0.25;
-// Ended sessions that wait for the disk stay in memory.
+// Sessions that have ended stay in memory while they wait for the disk, at most this many.
 constexpr std::size_t kMaxWaiting = 16;
 constexpr std::size_t kMaxEvents = 1000;
-// Clocks that are slewed come to this, too, in the end.
+// The total change of a slewed clock reaches this value eventually, too.
 constexpr Nanoseconds kWallClockChange = std::chrono::milliseconds(100);
 constexpr Nanoseconds kMaxWaitOfBackend = std::chrono::seconds(1);
 
@@ -55,24 +55,24 @@ struct Handed {
   std::shared_ptr<std::atomic<TimeIndex>> next_step;
 };
 
-// One robot, and its sessions that are not yet in the log, oldest first.
+// One robot and those of its sessions that are not in the log yet, oldest first.
 struct RecordedRobot {
   std::string name;
   std::deque<std::unique_ptr<SessionRecorder>> sessions;
   std::optional<Session> newest;
   std::uint64_t newest_id{0};
-  bool is_known{false};       // whether earlier recorders have left a session was looked up
-  std::int64_t last_time{0};  // of the session before
-  bool is_behind{false};      // and that was told
+  bool is_known{false};       // earlier recordings were looked up
+  std::int64_t last_time{0};  // time at which the previous session ends
+  bool is_behind{false};      // and a warning said so
 
-  // Sessions that have appeared, ours among them, and that were told to be missed.
+  // Number of sessions that have appeared, including ours. `missed`: reported as missed.
   int appeared{-1};
   int before_watch{0};
   int found{0};
   int missed{0};
 };
 
-// The names become names of files.
+// Throws if a robot's name cannot be part of a file's name.
 void require_names(const std::vector<std::string>& robots) {
   if (robots.empty()) throw InvalidArgument("a recorder needs the name of a robot");
   std::set<std::string> seen;
@@ -118,7 +118,7 @@ class Recorder::Implementation {
   void run() {
     try {
       while (!stop_requested_.load(std::memory_order_acquire) && !is_over()) {
-        // relaxed: a sign of life; nothing belongs to it.
+        // relaxed: only a sign of life; no data depends on it.
         rounds_.fetch_add(1, std::memory_order_relaxed);
         look_for_sessions();
         watch_wall_clock();
@@ -137,7 +137,7 @@ class Recorder::Implementation {
   }
 
   void request_stop() noexcept {
-    // release: sessions handed over before are found by the last look.
+    // release: the last look then finds the sessions that were handed over before.
     stop_requested_.store(true, std::memory_order_release);
     wake();
   }
@@ -145,7 +145,7 @@ class Recorder::Implementation {
   RecorderState state() const {
     const std::lock_guard lock(mutex_);
     RecorderState state = state_;
-    // relaxed: only the change counts. A long history is written in one round.
+    // relaxed: only the change counts. A long history is written in a single round.
     state.progress = rounds_.load(std::memory_order_relaxed);
     if (written_ != nullptr) {
       state.progress += static_cast<std::uint64_t>(written_->load(std::memory_order_relaxed));
@@ -153,14 +153,15 @@ class Recorder::Implementation {
     return state;
   }
 
-  // --- of the back-end's thread ---
+  // --- called by the back-end's thread ---
 
   void begin_session(const Session& robot, const std::vector<Session>& companions) {
     auto next_step = std::make_shared<std::atomic<TimeIndex>>(0);
     {
       std::unique_lock lock(mutex_);
       const auto has_room = [this] { return is_over_ || inbox_.size() < kMaxWaiting; };
-      // Nothing may be lost outside real-time mode; a robot has other things to do than to wait.
+      // Outside real-time mode the back-end waits, so that nothing is lost. In real time it must
+      // not.
       if (!has_room() && !robot.info().is_real_time) {
         inbox_has_room_.wait_for(lock, kMaxWaitOfBackend, has_room);
       }
@@ -176,7 +177,7 @@ class Recorder::Implementation {
   }
 
   [[nodiscard]] TimeIndex next_step() const noexcept {
-    // acquire: what was read may now be overwritten.
+    // acquire: after this, steps that were read may be overwritten.
     return followed_ == nullptr ? 0 : followed_->load(std::memory_order_acquire);
   }
 
@@ -196,7 +197,7 @@ class Recorder::Implementation {
       if (count == robot.appeared && (watch_.is_working() || !is_time)) continue;
       const bool is_first = robot.appeared < 0;
       if (find_session(robot)) robot.appeared = count;
-      // A session that was there before the watch has no event of its own.
+      // A session that existed before the watch causes no event.
       if (is_first && robot.found > 0 && watch_.look().at(robot.name) == 0) robot.before_watch = 1;
       const int missed = count + robot.before_watch - robot.found - robot.missed;
       if (missed > 0 && robot.appeared == count) {
@@ -204,12 +205,12 @@ class Recorder::Implementation {
         tell(Level::kError, kRecorder,
              (missed == 1 ? "a session of " + robot.name + " was"
                           : std::to_string(missed) + " sessions of " + robot.name + " were") +
-                 " over before it was seen");
+                 " over before the recorder looked");
       }
     }
   }
 
-  // Looks for a new session of the robot. False if that has to be tried again.
+  // Looks for a new session of the robot. Returns false if it has to be called again.
   bool find_session(RecordedRobot& robot) {
     try {
       Session session = Session::open(robot.name);
@@ -228,9 +229,9 @@ class Recorder::Implementation {
       return true;
     } catch (const SessionNotFound&) {
       if (robot.appeared < 0) tell(Level::kInfo, kRecorder, "waits for " + robot.name);
-      return true;  // not yet, or no more
+      return true;  // the session does not exist yet, or no longer
     } catch (const RobotStopped&) {
-      return false;  // while we looked the next one has begun
+      return false;  // the next session began during the look
     } catch (const IncompatibleSession& error) {
       ++robot.found;
       tell(Level::kError, kRecorder, error.what());
@@ -274,12 +275,13 @@ class Recorder::Implementation {
           tell(level, source, text);
         });
     robot.newest = session;
-    // Only what was there before us can be in files of others.
+    // Files of other recorders can only contain sessions that began before this recorder.
     if (!std::exchange(robot.is_known, true)) {
       robot.last_time = recording_.last_time();
       tell_of_lost_ends(robot, recorder->header().session_id);
       if (const auto position = recording_.find(robot.name, recorder->header().session_id)) {
-        // Behind a clean end the recording goes on if nothing is missing, else there is a new one.
+        // After a clean end, the recording continues only if no step is missing. Otherwise a new
+        // one begins.
         const bool is_same =
             recording_.is_unfinished(position->file) ||
             (!position->is_closed && recorder->has_all_since(position->next_step) &&
@@ -296,7 +298,7 @@ class Recorder::Implementation {
     robot.sessions.push_back(std::move(recorder));
   }
 
-  // While no recorder was there, sessions may have ended and made room for others.
+  // Reports sessions that ended and were replaced while no recorder was running.
   void tell_of_lost_ends(const RecordedRobot& robot, std::uint64_t session_id) {
     for (const std::uint64_t id : recording_.open_sessions(robot.name)) {
       if (id == session_id) continue;
@@ -305,16 +307,16 @@ class Recorder::Implementation {
       const std::string since =
           position->next_step == 0
               ? "no step"
-              : "nothing behind step " + std::to_string(position->next_step - 1);
+              : "nothing after step " + std::to_string(position->next_step - 1);
       tell(Level::kError, kRecorder,
-           since + " of the session before of " + robot.name +
-               " was recorded: it has ended without a recorder");
+           since + " of the previous session of " + robot.name +
+               " was recorded: that session ended without a recorder");
     }
   }
 
   // --- writing ---
 
-  // Moves what there is to the disk; what the disk refuses is tried again later.
+  // Writes everything that is available. What the disk refuses is tried again later.
   void work() {
     hurry_ = false;
     for (RecordedRobot& robot : robots_) watch_lag(robot);
@@ -393,10 +395,11 @@ class Recorder::Implementation {
     trouble_.clear();
   }
 
-  // Told to stop, or there is nothing more to come: writes what is there and closes the file.
+  // Writes everything that is left and closes the file: after a stop, or when nothing more can
+  // come.
   void write_end() {
     write();
-    // Sessions that were handed over wait for their turn.
+    // Sessions that were handed over may still be waiting.
     while (options_.is_follower && has_handed_over()) {
       look_for_sessions();
       write();
@@ -420,7 +423,7 @@ class Recorder::Implementation {
              ", and half of its history is used up");
   }
 
-  // --- the rest ---
+  // --- other functions ---
 
   void tell(Level level, std::string_view source, const std::string& text) {
     RecorderOptions::Event event{
@@ -430,13 +433,13 @@ class Recorder::Implementation {
     events_.push_back(std::move(event));
   }
 
-  // The steps of a session keep the offset with which it began; so a wall clock that was set is
-  // told, with the new one.
+  // Reports when the wall clock was set, with the new offset. Steps of a session keep the offset of
+  // its beginning, so the log would not show it otherwise.
   void watch_wall_clock() {
     const auto before = now();
     const std::int64_t wall = wall_time();
     const auto after = now();
-    // Interrupted between the looks, which shows too much.
+    // This thread was interrupted between the two readings, so the change would appear too large.
     if (after - before > kWallClockChange / 10) return;
     const Nanoseconds offset = Nanoseconds(wall) - before.time_since_epoch();
     const Nanoseconds change = offset - wall_clock_offset_.value_or(offset);
@@ -449,7 +452,7 @@ class Recorder::Implementation {
              " s; minus the monotonic clock it is now " + std::to_string(offset.count()) + " ns");
   }
 
-  // Nothing more will come.
+  // True if nothing more can come.
   bool is_over() {
     const bool can_end = options_.until_end || options_.until_process_ends.has_value();
     if (!can_end || now() < next_look_at_ends_) return false;
@@ -510,7 +513,7 @@ class Recorder::Implementation {
     state_ = std::move(state);
   }
 
-  // From now on nobody has to wait for us.
+  // From now on the back-end never waits for this recorder.
   void leave() noexcept {
     {
       const std::lock_guard lock(mutex_);
@@ -525,21 +528,21 @@ class Recorder::Implementation {
   }
 
   static void give_up(const Handed& session) noexcept {
-    // relaxed: nothing was read.
+    // relaxed: no step was read.
     session.next_step->store(std::numeric_limits<TimeIndex>::max(), std::memory_order_relaxed);
   }
 
   RecorderOptions options_;
   ipc::FileDescriptor wake_;
   SessionWatch watch_;
-  std::deque<RecorderOptions::Event> events_;  // not yet in the log
+  std::deque<RecorderOptions::Event> events_;  // events that are not in the log yet
   Recording recording_;
   std::deque<RecordedRobot> robots_;
   std::atomic<bool> stop_requested_{false};
   std::atomic<std::uint64_t> rounds_{0};
   Nanoseconds period_{kPollPeriod};
   bool hurry_{false};
-  std::optional<Nanoseconds> wall_clock_offset_;  // to the monotonic clock, as last told
+  std::optional<Nanoseconds> wall_clock_offset_;  // minus the monotonic clock, as reported
   Instant next_slow_look_;
   Instant next_look_at_ends_;
 
@@ -547,19 +550,19 @@ class Recorder::Implementation {
   std::string trouble_;
   Instant next_attempt_;
   std::int64_t lost_before_trouble_{0};
-  std::int64_t steps_{0};       // of sessions that are done
-  std::int64_t lost_steps_{0};  // likewise
+  std::int64_t steps_{0};       // sum over finished sessions
+  std::int64_t lost_steps_{0};  // sum over finished sessions
 
   mutable std::mutex mutex_;
-  // Guarded by the mutex.
+  // The mutex guards the following members.
   RecorderState state_;
-  std::shared_ptr<const std::atomic<TimeIndex>> written_;  // of the session that is being written
+  std::shared_ptr<const std::atomic<TimeIndex>> written_;  // session being written
   std::deque<Handed> inbox_;
   std::size_t dropped_{0};
   bool is_over_{false};
   std::condition_variable inbox_has_room_;
 
-  std::shared_ptr<std::atomic<TimeIndex>> followed_;  // of the back-end's thread
+  std::shared_ptr<std::atomic<TimeIndex>> followed_;  // used by the back-end's thread only
 };
 
 Recorder::Recorder(const std::vector<std::string>& robots, RecorderOptions options) {

@@ -26,7 +26,7 @@ RecorderThread::RecorderThread(const std::string& robot, RecorderOptions options
 
 RecorderThread::~RecorderThread() {
   if (fork_.is_inherited()) {
-    // The thread is one of the parent's.
+    // The thread belongs to the parent process.
     if (thread_.joinable()) thread_.detach();
     return;
   }

@@ -29,14 +29,14 @@ namespace {
 
 using Level = LogWriter::Level;
 
-// With a look every 20 ms a chunk is handed on at the fourth, when its first step is 80 ms old.
-// Larger chunks are smaller files: 80 steps take 318 bytes each, 40 take 322.
+// With a look every 20 ms, a chunk is written at the fourth look, when its first step is 80 ms old.
+// Larger chunks make smaller files: with 80 steps a step takes 318 bytes, with 40 steps 322 bytes.
 constexpr Nanoseconds kChunkTime = std::chrono::milliseconds(45);
 constexpr Nanoseconds kLookPeriod = std::chrono::seconds(1);
 constexpr std::size_t kMaxName = 160;
-// Far from overflow, whatever a damaged file says.
+// Far below overflow, whatever a damaged file claims.
 constexpr std::uint64_t kEndOfTime = std::uint64_t{1} << 62U;
-// Sessions that live now are in the newest files, if in any.
+// A session that is still running can only be in the newest files.
 constexpr std::size_t kMaxFilesToSearch = 8;
 
 std::string size_text(std::uint64_t bytes) {
@@ -73,7 +73,7 @@ std::string entry(const std::map<std::string, std::string>& entries, const std::
   return found == entries.end() ? std::string() : found->second;
 }
 
-// What the file says of itself.
+// Returns what the file says about itself under `key`.
 std::string log_entry(const mcap::Contents& contents, const std::string& key) {
   for (const mcap::Metadata& record : contents.metadata) {
     if (record.name == "trifinger.log") return entry(record.entries, key);
@@ -97,7 +97,7 @@ std::vector<std::string> words(std::string_view text) {
   return found;
 }
 
-// Looks in one file for where a session was left.
+// Finds, in one file, the position up to which a session was recorded.
 class PositionSearch {
  public:
   PositionSearch(mcap::Reader& reader, std::string robot, std::uint64_t session_id)
@@ -105,7 +105,8 @@ class PositionSearch {
 
   std::optional<Position> run() {
     if (!read_metadata()) return std::nullopt;
-    // The newest messages are enough. Chunks before the session's record have none of it.
+    // The newest messages are enough. Chunks before the session's record do not contain the
+    // session.
     for (std::size_t i = reader_.contents().chunks.size(); i-- > 0 && !is_complete();) {
       if (reader_.contents().chunks[i].offset < begin_) break;
       if (const auto messages = reader_.read_chunk(i)) {
@@ -141,7 +142,7 @@ class PositionSearch {
       if (record.name == "trifinger.gap") reach(name, index_of(entry(record.entries, "last")) + 1);
       if (record.name == "trifinger.end" && name == robot_) position_.is_closed = true;
     }
-    // What never came needs no search.
+    // Only channels that have messages need a search.
     for (const auto& [id, channel] : contents.channels) {
       const auto count = contents.channel_message_counts.find(id);
       if (count == contents.channel_message_counts.end() || count->second == 0) continue;
@@ -187,15 +188,15 @@ class PositionSearch {
   std::string robot_;
   std::uint64_t session_id_;
   std::uint64_t begin_{0};
-  std::vector<std::uint16_t> wanted_;  // channels of which no message was found yet
+  std::vector<std::uint16_t> wanted_;  // channels without any message found so far
   Position position_;
 };
 
-// Who holds a lock, as the lock's file has it. Everything works without: it is for messages, and
-// for whoever waits.
+// Says who holds a lock, as stored in the lock's file. Messages and waiting processes use it;
+// everything else works without it.
 struct LockOwner {
   ipc::ProcessIdentity recorder;
-  ipc::ProcessIdentity robot;  // the process with which the recorder ends, if there is one
+  ipc::ProcessIdentity robot;  // the recorder ends with this process, if there is one
 
   static LockOwner read(const ipc::FileDescriptor& file) noexcept {
     LockOwner owner;
@@ -252,7 +253,7 @@ RecordingLock::RecordingLock(const std::filesystem::path& folder, const std::str
       if (owner.is_finishing()) throw_unfinished(folder, robot, owner);
       throw_recorded(folder, robot, owner);
     }
-    // The one before may have removed the file between our two calls.
+    // The previous owner may have removed the file between our two calls.
     struct stat ours{};
     struct stat named{};
     if (::fstat(file_.get(), &ours) == 0 && ::lstat(path_.c_str(), &named) == 0 &&
@@ -265,7 +266,7 @@ RecordingLock::RecordingLock(const std::filesystem::path& folder, const std::str
 }
 
 RecordingLock::~RecordingLock() {
-  // While the lock is still held, so that it is ours that is removed.
+  // The lock is still held here, so the file that is removed is ours.
   if (file_) ::unlink(path_.c_str());
 }
 
@@ -295,7 +296,7 @@ std::vector<Recording::File> Recording::find_files() const {
       continue;
     }
     struct stat status{};
-    // What somebody else has put there is neither continued nor removed.
+    // Files of other users are neither continued nor removed.
     if (::lstat(found.path().c_str(), &status) != 0 || !S_ISREG(status.st_mode) ||
         status.st_uid != ::geteuid()) {
       continue;
@@ -315,10 +316,10 @@ std::vector<Recording::File> Recording::find_files() const {
   return files;
 }
 
-// Finds what an earlier recorder has left unfinished, if it is the newest of all.
+// Finds the recording that an earlier recorder left unfinished, if it is the newest one.
 void Recording::look_at(std::vector<File> files) {
   earlier_ = std::move(files);
-  // Their recorders were killed before the first byte.
+  // The recorders of empty files were killed before the first byte.
   std::erase_if(earlier_, [](const File& file) {
     std::error_code ignored;
     return file.size == 0 && std::filesystem::remove(file.path, ignored);
@@ -357,7 +358,7 @@ void Recording::take_over(Unfinished unfinished) {
   was_cut_off_ = true;
 }
 
-// From now on the files are of the same recording as `file`.
+// Makes the next files continue the recording of `file`.
 void Recording::take_name_of(const File& file, const mcap::Contents& contents) {
   stem_ = file.stem;
   part_ = file.part;
@@ -366,7 +367,7 @@ void Recording::take_name_of(const File& file, const mcap::Contents& contents) {
   for (const File& other : earlier_) {
     if (other.stem != stem_ || other.part >= part_) continue;
     finished_.push_front(other);
-    // Killed before the first record: the parts before have it, too.
+    // The file may have been cut off before its first record. Earlier parts have the id as well.
     if (id_.empty()) id_ = log_entry(mcap::Reader(other.path).contents(), "recording");
   }
   if (id_.empty()) id_ = random_id();
@@ -423,7 +424,7 @@ std::optional<Position> Recording::find(const std::string& robot, std::uint64_t 
       position->file = file.path;
       return position;
     } catch (const Error&) {
-      // Not readable, or removed meanwhile: what it knew is lost.
+      // The file cannot be read, or was removed meanwhile: the position in it is lost.
     }
   }
   return std::nullopt;
@@ -476,7 +477,7 @@ void Recording::open_new() {
                                                          .recording = id_,
                                                          .part = part_});
   } catch (...) {
-    // Not a byte was written: the next attempt makes the file anew.
+    // No byte was written, so the next attempt creates the file again.
     sink.reset();
     std::error_code ignored;
     std::filesystem::remove(path, ignored);
@@ -567,12 +568,12 @@ void Recording::sync() {
     sink_->sync();
     synced_size_ = sink_->size();
   } catch (const SystemError& error) {
-    // What was written is there as long as the machine runs; the next sync may do better.
+    // The data is safe as long as the machine runs. The next sync may succeed.
     tell_(Level::kError, kRecorder, error.what());
   }
 }
 
-// Throws SystemError if there is less room on the disk than is to be left free.
+// Throws SystemError if the disk has less room than should stay free.
 void Recording::require_room() {
   const Instant time = now();
   if (options_.keep_free == 0 || time - last_look_ < kLookPeriod) return;

@@ -23,12 +23,12 @@ namespace trifinger::log {
 
 [[nodiscard]] inline Instant now() noexcept { return std::chrono::steady_clock::now(); }
 
-// The right to record one robot into one folder, as long as the object lives.
+// The right to record one robot into one folder. It lasts as long as the object.
 class RecordingLock {
  public:
-  // `robot_process`: the process with which the recorder ends, if there is one. Waits for an owner
-  // whose own such process is gone, since that one is about to finish. Throws AlreadyRecorded,
-  // SystemError.
+  // `robot_process`: the process with which the recorder ends, if there is one. If the present
+  // owner's own such process is gone, that owner is about to finish, and the constructor waits for
+  // it. Throws AlreadyRecorded, SystemError.
   RecordingLock(const std::filesystem::path& folder, const std::string& robot,
                 const std::optional<ipc::ProcessIdentity>& robot_process);
   RecordingLock(RecordingLock&&) noexcept = default;
@@ -42,50 +42,51 @@ class RecordingLock {
   ipc::FileDescriptor file_;
 };
 
-// The files of a recording: their names, when one ends and the next begins, what is removed, and
-// where an earlier recorder has left off. Everything that can fail because of the disk throws
-// SystemError and is tried again by the next call.
+// The files of a recording. Chooses their names, decides when one ends and the next begins, removes
+// old ones, and finds where an earlier recorder stopped. Functions that the disk can make fail
+// throw SystemError; the next call tries again.
 class Recording {
  public:
   using Tell = SessionRecorder::Tell;
 
-  // Looks at what is in the folder. Throws AlreadyRecorded, InvalidArgument, SystemError.
+  // Reads the folder. Throws AlreadyRecorded, InvalidArgument, SystemError.
   Recording(const std::vector<std::string>& robots, const RecorderOptions& options, Tell tell);
 
-  // Where earlier recorders have left this session; nothing if they knew nothing of it.
+  // Returns how far earlier recorders have recorded this session; nothing if they do not know it.
   [[nodiscard]] std::optional<Position> find(const std::string& robot,
                                              std::uint64_t session_id) const;
-  // Sessions of the robot whose end is not in the recording that was cut off and goes on.
+  // Returns the sessions of the robot that have no end in the continued recording.
   [[nodiscard]] std::vector<std::uint64_t> open_sessions(const std::string& robot) const;
-  // True if the recording of `file` was cut off and goes on.
+  // True if the recording of `file` was cut off and is continued now.
   [[nodiscard]] bool is_unfinished(const std::filesystem::path& file) const;
-  // Makes what is written from now on the next part of the recording that ends with `path`. False
-  // if that cannot be.
+  // Makes the next file a part of the recording that ends with `path`. Returns false if that is not
+  // possible.
   [[nodiscard]] bool join(const std::filesystem::path& path);
-  // The newest time in the files of earlier recorders, since 1970 [ns]; 0 if there are none.
+  // Returns the newest time in the files of earlier recorders, since 1970 [ns]; 0 if there are
+  // none.
   [[nodiscard]] std::int64_t last_time() const noexcept { return last_time_; }
 
-  // The log to write to. Opens a file where none is.
+  // Returns the log to write to. Opens a file if none is open.
   [[nodiscard]] LogWriter& log();
   [[nodiscard]] bool is_open() const noexcept { return log_ != nullptr; }
-  // Of the open file; another number for each.
+  // Returns the number of the open file; each file has a different one.
   [[nodiscard]] int number() const noexcept { return part_; }
 
-  // Hands the open chunk to the kernel if it is time, or at once if that is wanted. Then looks
-  // after the files: sync, rotation, limits.
+  // Hands the open chunk to the kernel if it is time, or at once if `is_wanted`. Then does what the
+  // files need: sync, rotation, limits.
   void flush(bool is_wanted);
-  // Finishes the open file, or the one that an earlier recorder has left unfinished.
+  // Finishes the open file, or the file that an earlier recorder left unfinished.
   void finish();
 
   [[nodiscard]] std::filesystem::path path() const;
-  // Written by this object, all files together.
+  // Returns the number of bytes written by this object in all files.
   [[nodiscard]] std::uint64_t bytes() const noexcept;
 
  private:
-  // A file of these robots, of whatever recording.
+  // A file of these robots, from any recording.
   struct File {
     std::filesystem::path path;
-    std::string stem;  // up to the part: the same for all files of a recording
+    std::string stem;  // name without the part: the same for all files of a recording
     int part{0};
     std::uint64_t size{0};
   };
@@ -110,14 +111,14 @@ class Recording {
   const RecorderOptions& options_;
   Tell tell_;
   std::vector<RecordingLock> locks_;
-  std::string name_;  // of the robots, as in the names of files
+  std::string name_;  // names of the robots, as in the names of files
   std::string stem_;
   std::string id_;
   int part_{0};
   std::int64_t last_time_{0};
   std::vector<File> earlier_;  // newest first
   std::optional<Unfinished> unfinished_;
-  bool was_cut_off_{false};  // and goes on in this object
+  bool was_cut_off_{false};  // the recording was cut off and is continued by this object
   bool has_joined_{false};
   std::deque<File> finished_;  // parts of this recording, oldest first
 
@@ -130,7 +131,7 @@ class Recording {
   std::optional<Instant> chunk_begun_;
   Instant last_sync_;
   std::uint64_t synced_size_{0};
-  Instant last_look_;  // at the disk
+  Instant last_look_;  // last look at the disk
 };
 
 }  // namespace trifinger::log

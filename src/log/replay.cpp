@@ -17,8 +17,8 @@ namespace {
 
 constexpr std::uint64_t kMaxSize = std::uint64_t{4} << 30U;
 
-// Stands for "hold", since a back-end applies actions before step 0, too, and does not say when:
-// bytes that nobody else sends.
+// Stands for the action "hold". A back-end applies actions before step 0, too, and does not mark
+// them. No other action consists of these bytes.
 constexpr std::byte kHoldByte{0xf5};
 
 std::vector<std::byte> read(const LoggedSession& session, Series series, TimeIndex first,
@@ -55,10 +55,10 @@ ReplayDriver::ReplayDriver(const LoggedSession& session, const ReplayOptions& op
                           std::to_string(oldest) + " to " + std::to_string(end - 1));
   }
   steps_ = last - first;
-  // Where the last observation could not be had, the step before is the end.
+  // If the last observation is missing, the replay ends one step earlier.
   if (session.range(Series::kObservation).second <= last) --steps_;
   if (steps_ < 1)
-    throw InvalidArgument("the log has one step alone, without the observation behind");
+    throw InvalidArgument("the log has a single step, without the observation after it");
   const std::uint64_t step_size = types_.observation.size() + types_.action.size() +
                                   types_.applied_action.size() + sizeof(Status);
   if (static_cast<std::uint64_t>(steps_) > kMaxSize / step_size) {
@@ -85,7 +85,7 @@ void ReplayDriver::load_companion(const LoggedSession& companion, TimeIndex firs
   std::vector<std::byte> batch(kBatch * size);
   const std::array<void*, 1> column{batch.data()};
 
-  // From the newest element that is known at the first step on.
+  // Copies elements from the newest one that is known at the first step on.
   CompanionElements elements{.size = size, .bytes = {}};
   TimeIndex before = -1;
   for (std::size_t count = kBatch; count == kBatch;) {
@@ -105,7 +105,7 @@ void ReplayDriver::load_companion(const LoggedSession& companion, TimeIndex firs
       before = indices[i];
       stamp.arrival_index = std::max<TimeIndex>(stamp.arrival_index - first, -1);
       stamp.capture_index -= first;
-      stamp.capture_time = 0;  // The back-end's clock is another one now.
+      stamp.capture_time = 0;  // The clock of the new back-end is another one.
       std::memcpy(element, &stamp, sizeof(stamp));
       elements.bytes.insert(elements.bytes.end(), element, element + size);
     }

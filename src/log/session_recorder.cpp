@@ -13,9 +13,9 @@ namespace {
 
 // Chunks are closed above this size: large enough to compress well.
 constexpr std::size_t kChunkSize = LogWriter::kMaxChunkSize / 2;
-// What is read at once.
+// Number of bytes that are read at once.
 constexpr std::size_t kBatchSize = std::size_t{128} << 10U;
-// Far from overflow, whatever a damaged file claims.
+// Far below overflow, whatever a damaged file claims.
 constexpr TimeIndex kEndless = TimeIndex{1} << 62U;
 
 std::vector<UntypedFrontend> observe_all(const std::vector<Session>& sessions) {
@@ -31,10 +31,10 @@ std::string loss_text(const std::string& what, TimeIndex first, TimeIndex last,
                                 ? what + " " + std::to_string(first) + " of " + name + " is"
                                 : what + "s " + std::to_string(first) + " to " +
                                       std::to_string(last) + " of " + name + " are";
-  return which + " not in the log: overwritten before it came to that";
+  return which + " not in the log: overwritten before being recorded";
 }
 
-// Where `bytes` more have to fit: the log then adds them without asking the disk.
+// Flushes if `bytes` more do not fit: then adding them needs no write to the disk.
 void make_room(LogWriter& log, std::size_t bytes) {
   if (log.open_chunk_size() > 0 && log.open_chunk_size() + bytes > kChunkSize) log.flush();
 }
@@ -92,13 +92,13 @@ std::int64_t SessionRecorder::last_time() const noexcept {
   return header_.time_offset + next_step() * header_.period.count();
 }
 
-// relaxed: this thread's own stores.
+// relaxed: only this thread writes it.
 TimeIndex SessionRecorder::next_step() const noexcept {
   return next_step_->load(std::memory_order_relaxed);
 }
 
 void SessionRecorder::set_next(TimeIndex step) noexcept {
-  // release: the back-end may overwrite what was read before.
+  // release: after this, the back-end may overwrite what was read.
   next_step_->store(step, std::memory_order_release);
 }
 
@@ -108,13 +108,13 @@ void SessionRecorder::give_up() noexcept {
 }
 
 TimeIndex SessionRecorder::whole_steps() const {
-  // The status comes last, but the end has one of its own.
+  // The status is written last in each step, but the end has a status without a step.
   return std::min({robot_.range(Series::kAppliedAction).second,
                    robot_.range(Series::kStatus).second, kEndless});
 }
 
 TimeIndex SessionRecorder::oldest_step() const {
-  // Every series is a history of its own, and one may be a step ahead.
+  // Every series has its own history, and one may be a step ahead of another.
   TimeIndex oldest = 0;
   for (const Series series :
        {Series::kDesiredAction, Series::kAppliedAction, Series::kObservation, Series::kStatus}) {
@@ -126,7 +126,7 @@ TimeIndex SessionRecorder::oldest_step() const {
 TimeIndex SessionRecorder::margin(const UntypedFrontend& series) const {
   const auto [oldest, end] = series.range(Series::kObservation);
   const TimeIndex history = end - oldest;
-  // Without deadlines a history passes in no time.
+  // Without deadlines, a back-end can run through a whole history in no time.
   if (!header_.is_real_time || header_.period <= Nanoseconds::zero()) return history / 4;
   constexpr Nanoseconds kMargin = std::chrono::milliseconds(10);
   return std::clamp<TimeIndex>(kMargin / header_.period, 1, std::max<TimeIndex>(history / 4, 1));
@@ -134,7 +134,7 @@ TimeIndex SessionRecorder::margin(const UntypedFrontend& series) const {
 
 double SessionRecorder::lag() const {
   const auto [oldest, end] = robot_.range(Series::kStatus);
-  // Nothing can be lost yet.
+  // The history has not overwritten anything yet.
   if (oldest <= 0) return 0.0;
   return std::clamp(static_cast<double>(end - next_step()) / static_cast<double>(end - oldest), 0.0,
                     1.0);
@@ -143,7 +143,7 @@ double SessionRecorder::lag() const {
 void SessionRecorder::pump(LogWriter& log, int file) {
   if (is_done_) return;
   if (is_fresh_) {
-    // What was before our time is no gap.
+    // Steps from before the recorder began are not a gap.
     if (const TimeIndex oldest = oldest_step(); oldest > 0) set_next(oldest + margin(robot_));
     for (CompanionReader& companion : companions_) {
       const TimeIndex oldest = companion.series.range(Series::kObservation).first;
@@ -163,10 +163,11 @@ void SessionRecorder::pump(LogWriter& log, int file) {
     }
     file_ = file;
   }
-  // Asked first: whatever came before the end is then seen below.
+  // The fault is read first: then everything from before the end is seen below.
   const std::optional<Fault> fault = robot_.fault();
   const TimeIndex end = whole_steps();
-  // Companions first: the steps up to `end` say that their elements were read as well.
+  // Companions come first: recorded steps up to `end` promise that their elements were read as
+  // well.
   for (std::size_t i = 0; i < companions_.size(); ++i) pump_companion(log, i);
   pump_steps(log, end);
   if (fault) write_end(log, *fault);
@@ -198,7 +199,7 @@ void SessionRecorder::pump_steps(LogWriter& log, TimeIndex end) {
   }
 }
 
-// Returns how many steps were still there, whole.
+// Returns the number of steps that could still be read whole.
 std::size_t SessionRecorder::read_steps(TimeIndex first, std::size_t count) {
   const RobotTypes& types = header_.types;
   for (std::size_t i = 0; i < count; ++i) {
@@ -212,7 +213,7 @@ std::size_t SessionRecorder::read_steps(TimeIndex first, std::size_t count) {
           robot_.try_get(Series::kObservation, t,
                          observations_.data() + i * types.observation.size()) &&
           robot_.try_get(Series::kStatus, t, statuses_.data() + i * sizeof(Status));
-      // Not there although it was said to be: somebody has damaged the file of the session.
+      // A step that should be there is missing: somebody has damaged the file of the session.
       if (!is_whole) return i;
     } catch (const HistoryLost&) {
       return i;
@@ -248,7 +249,7 @@ void SessionRecorder::pump_companion(LogWriter& log, std::size_t index) {
         ++found;
       }
     } catch (const HistoryLost&) {
-      // Told below.
+      // The loss is reported below.
     }
     if (found > 0) {
       log.write_companion(*number_, index, companion.next, found, companion.elements.data());
@@ -280,7 +281,7 @@ void SessionRecorder::write_end(LogWriter& log, const Fault& fault) {
         log.write_end(*number_, steps, has_observation ? observations_.data() : nullptr, status);
       }
     } catch (const HistoryLost&) {
-      // Nobody writes behind the end: the file of the session is damaged.
+      // Nobody writes after the end, so the file of the session is damaged.
     }
     has_end_ = true;
   }

@@ -18,46 +18,46 @@
 
 namespace trifinger::log {
 
-// Where an earlier recorder has left a session.
+// The position up to which an earlier recorder has recorded a session.
 struct Position {
-  std::filesystem::path file;  // the newest that knows the session
+  std::filesystem::path file;  // the newest file that knows the session
   TimeIndex next_step{0};
   std::map<std::string, TimeIndex> next_elements;  // by companion
   std::int64_t time_offset{0};
   bool has_end{false};    // y_N and its status are in the log
-  bool is_closed{false};  // nothing is missing
+  bool is_closed{false};  // the log has everything, including the end
 };
 
-// What is told comes from a robot or from this.
+// Source of events that come from the recorder itself and not from a robot.
 inline constexpr std::string_view kRecorder = "recorder";
 
-// Takes a session, its robot's steps and its companions' elements, from the shared memory to a log.
-// Knows how far it has come.
+// Copies a session, its robot's steps and its companions' elements, from the shared memory to a
+// log. Keeps track of its position.
 class SessionRecorder {
  public:
   using Tell =
       std::function<void(LogWriter::Level level, std::string_view source, const std::string& text)>;
 
-  // `tell` is called during `pump`. `next_step` is kept at the first step still to read, and may be
-  // read by another thread. Throws Error if the session cannot be read.
+  // `tell` is called during `pump`. `next_step` always holds the first step that is still to be
+  // read; other threads may read it. Throws Error if the session cannot be read.
   SessionRecorder(const Session& robot, const std::vector<Session>& companions,
                   std::shared_ptr<std::atomic<TimeIndex>> next_step, Tell tell);
 
-  // Goes on where the session was left. What the history has lost since then is a gap, unless the
-  // recording is another one.
+  // Continues at `position`. Steps that the history has lost since then become a gap, but only if
+  // the recording is the same.
   void go_on_at(const Position& position, bool is_same_recording);
-  // Whether the history still holds everything from `step` on.
+  // True if the history still holds everything from `step` on.
   [[nodiscard]] bool has_all_since(TimeIndex step) const { return oldest_step() <= step; }
   [[nodiscard]] const SessionHeader& header() const noexcept { return header_; }
-  // Outside real-time mode: moves the simulated time behind `time`, where another session ends.
+  // Outside real-time mode: moves the simulated time after `time`, where another session ends.
   void begin_after(std::int64_t time) noexcept;
-  // Outside real-time mode: of the last step that is in the log. 0 in it.
+  // Outside real-time mode: returns the time of the last step in the log; 0 in real-time mode.
   [[nodiscard]] std::int64_t last_time() const noexcept;
 
-  // Moves what there is to `log`. If the log throws, what is left comes the next time. `file` is
-  // another number for each file: the session begins anew in each.
+  // Writes everything that is available to `log`. If the log throws, the next call writes the rest.
+  // `file` must differ for each file: the session is announced in each.
   void pump(LogWriter& log, int file);
-  // Has ended, and everything is in the log.
+  // True if the session has ended and everything is in the log.
   [[nodiscard]] bool is_done() const noexcept { return is_done_; }
 
   [[nodiscard]] const Session& session() const noexcept { return session_; }
@@ -66,15 +66,15 @@ class SessionRecorder {
   [[nodiscard]] std::shared_ptr<const std::atomic<TimeIndex>> shared_next_step() const noexcept {
     return next_step_;
   }
-  // Nothing more will be read.
+  // Stops reading, so that the back-end no longer waits for this recorder.
   void give_up() noexcept;
-  // How much of the history is still to be read, 0 to 1.
+  // Returns the share of the history that is still to be read, 0 to 1.
   [[nodiscard]] double lag() const;
   [[nodiscard]] std::int64_t steps() const noexcept { return steps_; }
   [[nodiscard]] std::int64_t lost_steps() const noexcept { return lost_steps_; }
 
  private:
-  // The series of a companion.
+  // Reads the series of a companion.
   struct CompanionReader {
     UntypedFrontend series;
     std::size_t element_size;
@@ -85,7 +85,7 @@ class SessionRecorder {
   void set_next(TimeIndex step) noexcept;
   [[nodiscard]] TimeIndex whole_steps() const;
   [[nodiscard]] TimeIndex oldest_step() const;
-  // By how much to stay away from the oldest element, which is about to be overwritten.
+  // Returns how many elements to keep away from the oldest one, which is about to be overwritten.
   [[nodiscard]] TimeIndex margin(const UntypedFrontend& series) const;
   void pump_steps(LogWriter& log, TimeIndex end);
   std::size_t read_steps(TimeIndex first, std::size_t count);
@@ -99,16 +99,16 @@ class SessionRecorder {
   std::vector<CompanionReader> companions_;
   SessionHeader header_;
   std::shared_ptr<std::atomic<TimeIndex>> next_step_;
-  bool is_fresh_{true};                // begins with what the history holds
-  bool has_time_{false};               // the time of step 0 is settled
-  std::optional<std::size_t> number_;  // in the log
+  bool is_fresh_{true};                // begins with the oldest part of the history
+  bool has_time_{false};               // the time of step 0 is known
+  std::optional<std::size_t> number_;  // number of the session in the log
   int file_{-1};
   bool has_end_{false};
   bool is_done_{false};
   std::int64_t steps_{0};
   std::int64_t lost_steps_{0};
 
-  std::size_t batch_;  // steps
+  std::size_t batch_;  // number of steps read at once
   std::vector<std::byte> desired_actions_;
   std::vector<std::byte> applied_actions_;
   std::vector<std::byte> observations_;

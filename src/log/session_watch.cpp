@@ -22,7 +22,7 @@ constexpr std::string_view kSuffix = ".state";
 SessionWatch::SessionWatch(const std::vector<std::string>& robots)
     : file_([] { return ::inotify_init1(IN_CLOEXEC | IN_NONBLOCK); }) {
   for (const std::string& robot : robots) counts_[robot] = 0;
-  // A session gets its name, and takes the place of the one before, by being moved there.
+  // A new session is moved to its name, which also replaces the session before.
   if (file_ && ::inotify_add_watch(file_.get(), session_folder().c_str(), IN_MOVED_TO) < 0) {
     file_ = ipc::FileDescriptor();
   }

@@ -9,17 +9,17 @@
 
 namespace trifinger::log {
 
-// Counts the sessions that appear in the session folder, also those that are gone before anybody
-// can look at them.
+// Counts the sessions that appear in the session folder, including those that disappear before
+// anybody can look at them.
 class SessionWatch {
  public:
   explicit SessionWatch(const std::vector<std::string>& robots);
 
-  // False where the kernel cannot watch: then sessions have to be looked for.
+  // False if the kernel cannot watch: then sessions have to be searched.
   [[nodiscard]] bool is_working() const noexcept { return static_cast<bool>(file_); }
-  // Is readable when there is something new; -1 if it does not work.
+  // Becomes readable when there is something new; -1 if watching does not work.
   [[nodiscard]] int descriptor() const noexcept { return file_ ? file_.get() : -1; }
-  // How many sessions of each robot have appeared since the watch was made.
+  // Returns how many sessions of each robot have appeared since the watch was made.
   [[nodiscard]] const std::map<std::string, int>& look();
 
  private:

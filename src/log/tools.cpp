@@ -19,7 +19,7 @@
 namespace trifinger::log {
 namespace {
 
-// A new file that is removed again unless it is finished.
+// A new file. The destructor removes it unless `finish` was called.
 class NewFile {
  public:
   explicit NewFile(std::filesystem::path path)
@@ -45,7 +45,7 @@ class NewFile {
 
 // ---- check and recover ----
 
-// To be made when all chunks have been read.
+// Reports on a file. Call this when all chunks have been read.
 FileReport report_of(const std::filesystem::path& file, const mcap::Contents& contents,
                      std::uint64_t messages) {
   FileReport report{.size = std::filesystem::file_size(file),
@@ -56,7 +56,7 @@ FileReport report_of(const std::filesystem::path& file, const mcap::Contents& co
   return report;
 }
 
-// Writes what a reader has found, in the order of the file.
+// Writes everything that a reader has found, in the order of the file.
 class Rescue {
  public:
   Rescue(mcap::Reader& reader, mcap::Sink& sink)
@@ -65,7 +65,7 @@ class Rescue {
                        .library = reader.contents().library,
                        .max_chunk_size = std::size_t{64} << 20U}) {}
 
-  // Returns the number of messages.
+  // Returns the number of messages written.
   std::uint64_t write_all() {
     const mcap::Contents& contents = reader_.contents();
     std::size_t metadata = 0;
@@ -107,7 +107,7 @@ class Rescue {
   [[nodiscard]] mcap::Writer& writer() noexcept { return writer_; }
 
  private:
-  // The channel of the new file for one of the old; nothing if that is unknown.
+  // Returns the channel of the new file for a channel of the old one; nothing if that is unknown.
   [[nodiscard]] std::optional<std::uint16_t> channel_of(std::uint16_t id) {
     if (const auto known = channels_.find(id); known != channels_.end()) return known->second;
     const mcap::Contents& contents = reader_.contents();
@@ -127,7 +127,7 @@ class Rescue {
   std::map<std::uint16_t, std::uint16_t> channels_;
 };
 
-// Writes down what is missing in the log `file` and is not said there.
+// Writes gaps for everything that is missing in the log `file` and has no gap there yet.
 void write_gaps(const std::filesystem::path& file, mcap::Writer& writer) {
   std::unique_ptr<detail::LogData> data;
   try {
@@ -161,7 +161,7 @@ void write_gaps(const std::filesystem::path& file, mcap::Writer& writer) {
 
 using Bytes = std::vector<std::byte>;
 
-// The elements of a companion that are to be copied, one after the other.
+// Copies elements of a companion, one after the other.
 class CompanionCopy {
  public:
   CompanionCopy(const LoggedSession& companion, TimeIndex first, TimeIndex last)
@@ -170,7 +170,7 @@ class CompanionCopy {
     advance();
   }
 
-  // Writes those up to `time`.
+  // Writes the elements up to `time`.
   void write(LogWriter& writer, std::size_t session, std::size_t companion, std::int64_t time) {
     for (; has_element_ && time_ <= time; advance()) {
       writer.write_companion(session, companion, index_, 1, element_.data());
@@ -191,7 +191,7 @@ class CompanionCopy {
   bool has_element_{false};
 };
 
-// Copies the steps [first, last) of a session with what belongs to them.
+// Copies the steps [first, last) of a session and everything that belongs to them.
 class SessionCopy {
  public:
   SessionCopy(const LoggedSession& session, TimeIndex first, TimeIndex last)
@@ -258,13 +258,14 @@ class SessionCopy {
       }
       writer.flush();
     }
-    // Those that are left arrived with the end.
+    // The remaining elements arrived together with the end.
     for (std::size_t i = 0; i < companions.size(); ++i) {
       companions[i].write(writer, number, i, std::numeric_limits<std::int64_t>::max());
     }
   }
 
-  // From the newest that were known at `time`, when the part begins, to its end.
+  // Returns readers that begin with the newest elements known at `time` and stop at the end of the
+  // part.
   [[nodiscard]] std::vector<CompanionCopy> companions_from(std::int64_t time) const {
     const TimeIndex end = session_.range(Series::kAppliedAction).second;
     std::vector<CompanionCopy> companions;
@@ -291,7 +292,7 @@ class SessionCopy {
   }
 
  public:
-  // When the first step from `t` on was.
+  // Returns the time of the first step from `t` on.
   static std::int64_t time_of(const LoggedSession& session, TimeIndex t) {
     std::int64_t time = std::numeric_limits<std::int64_t>::max();
     (void)session.read({}, t).read(1, {.times = &time});
@@ -304,7 +305,7 @@ class SessionCopy {
   TimeIndex last_;
 };
 
-// The part of each session that is wanted.
+// Returns the part of each session that should be copied.
 std::vector<SessionCopy> parts_of(const Log& log, const CopyOptions& options) {
   std::vector<SessionCopy> parts;
   if (!options.first && !options.last && options.session.empty()) {

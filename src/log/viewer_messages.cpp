@@ -23,7 +23,7 @@ constexpr std::string_view kFramesDocument = "frames.txt";
 constexpr std::string_view kWorld = "world";
 // Far more than any robot has.
 constexpr std::size_t kMaxFrames = 1000;
-// Elements of a companion that wait for their steps, which may never come.
+// Limit for elements of a companion whose steps may never come.
 constexpr std::size_t kMaxSeen = 1000;
 
 constexpr std::string_view kFramesDefinition =
@@ -72,7 +72,7 @@ constexpr std::string_view kJointStatesDefinition =
     "int32 sec\n"
     "uint32 nanosec\n";
 
-// Fine enough to be seen, 0.03 mm at the length of an arm, and few bits that do not compress.
+// Rounds to 0.03 mm at the length of an arm: too fine to be seen, and with few bits to compress.
 double rounded(double value) noexcept {
   constexpr double kSteps = 1 << 14;
   return std::round(value * kSteps) / kSteps;
@@ -83,8 +83,8 @@ std::string text_of(const std::vector<Document>& documents, std::string_view nam
   return found == documents.end() ? std::string() : found->text;
 }
 
-// The description of one robot among others: its name, and its links, begin with that of the
-// session.
+// Makes the description of one robot among others: its name and its links get the session's name as
+// a prefix.
 std::string description_of(std::string urdf, const std::string& robot) {
   const auto put = [&urdf](std::string_view before, const std::string& text) {
     for (std::size_t at = 0; (at = urdf.find(before, at)) != std::string::npos;) {
@@ -110,7 +110,7 @@ bool is_finite(const std::array<double, size>& numbers) noexcept {
   return std::ranges::all_of(numbers, [](double number) { return std::isfinite(number); });
 }
 
-// Where number `index` of a field of `count` float64 is in an element.
+// Returns the offset in an element of number `index` in a field of `count` float64.
 std::optional<std::size_t> offset_of(const ElementDescription& element, std::string_view name,
                                      std::size_t index, std::optional<std::size_t> count) {
   const FieldDescription* const field = element.find(name);
@@ -132,7 +132,7 @@ const std::array<ViewerTopic, kNumViewerTopics>& viewer_topics() noexcept {
   return kTopics;
 }
 
-// Transforms, one after the other; how many they are is known at the end.
+// A message with transforms, one after the other. Their number is set at the end.
 class ViewerMessages::Message {
  public:
   void add(const Frame& frame, std::int64_t stamp) {
@@ -161,7 +161,7 @@ class ViewerMessages::Message {
   std::uint32_t count_{0};
 };
 
-// Reads the lines of "frames.txt"; docs/log_format.md.
+// Reads the lines of "frames.txt". The format is described in docs/log_format.md.
 class ViewerMessages::Parser {
  public:
   Parser(ViewerMessages& messages, const SessionHeader& header)

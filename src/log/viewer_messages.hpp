@@ -14,7 +14,7 @@
 
 namespace trifinger::log::detail {
 
-// A kind of message that 3D viewers know, on the topic "/NAME/TOPIC" of a robot.
+// A kind of message for 3D viewers, on the topic "/NAME/TOPIC" of a robot.
 struct ViewerTopic {
   std::string_view name;
   std::string_view type;
@@ -35,31 +35,31 @@ struct ViewerMessage {
   std::vector<std::byte> data;
 };
 
-// Makes what 3D viewers show of a session from its documents "robot.urdf" and "frames.txt" and from
-// its elements: where all links are, some times per second. Without these documents there is
-// nothing to show, and what they have that is not understood is left out.
+// Makes the messages with which 3D viewers show a session: where all links are, some times per
+// second. They come from the documents "robot.urdf" and "frames.txt" and from the elements. Without
+// these documents there are no messages, and lines that cannot be understood are left out.
 class ViewerMessages {
  public:
-  // `rate`: how often, in seconds of the session [1/s]; 0: never.
+  // `rate`: messages per second of the session [1/s]; 0 for none.
   ViewerMessages(const SessionHeader& header, double rate);
 
   [[nodiscard]] bool has_frames() const noexcept { return !still_.empty() || moves(); }
   [[nodiscard]] bool has_description() const noexcept { return !description_.empty(); }
-  // Of "frames.txt", as sentences.
+  // Returns the mistakes found in "frames.txt", as sentences.
   [[nodiscard]] const std::vector<std::string>& mistakes() const noexcept { return mistakes_; }
-  // All that does not move; the same for sessions with the same documents.
+  // Returns all frames that do not move. They are the same for sessions with the same documents.
   [[nodiscard]] std::vector<ViewerMessage> still(std::int64_t time) const;
 
   // Remembers an element of a companion that arrived at `arrival` and was captured at `capture`,
   // both since 1970 [ns].
   void see(std::size_t companion, std::int64_t arrival, std::int64_t capture,
            const std::byte* element);
-  // True if step `t` is one that is shown.
+  // True if step `t` is one of those that viewers get.
   [[nodiscard]] bool shows(TimeIndex t) const noexcept {
     return every_ > 0 && t % every_ == 0 &&
            (has_frames() || has_description() || !mistakes_.empty());
   }
-  // What is to be shown of a step. Numbers that are not finite are left out.
+  // Returns the messages for a step. Numbers that are not finite are left out.
   [[nodiscard]] std::vector<ViewerMessage> at(std::int64_t time, const std::byte* observation);
 
  private:
@@ -72,14 +72,14 @@ class ViewerMessages {
     std::string child;
     Pose pose;
   };
-  // Turns about an axis by the angle in the observation of the robot.
+  // A frame that turns about an axis by an angle in the robot's observation.
   struct Turning {
     Frame frame;
     std::array<double, 3> axis{};
     std::string joint;
     std::size_t offset{0};  // bytes
   };
-  // Is where a companion sees it.
+  // A frame whose pose comes from a companion.
   struct Free {
     Frame frame;
     std::size_t companion{0};
@@ -89,7 +89,7 @@ class ViewerMessages {
   struct Seen {
     std::int64_t arrival;
     std::int64_t capture;
-    std::vector<Pose> poses;  // of the `Free` of this companion, in their order
+    std::vector<Pose> poses;  // poses of this companion's `Free` frames, in their order
   };
   class Message;
   class Parser;
@@ -102,7 +102,7 @@ class ViewerMessages {
   std::vector<Free> free_;
   std::vector<std::string> mistakes_;
   TimeIndex every_{0};
-  std::vector<std::deque<Seen>> seen_;  // by companion, what was not shown yet
+  std::vector<std::deque<Seen>> seen_;  // by companion: elements not shown yet
 };
 
 }  // namespace trifinger::log::detail

@@ -44,7 +44,7 @@ void read_grasp(const Node& section, control::GraspControllerConfig& grasp) {
   grasp.roll_time = read_time(section, "roll_time");
 }
 
-// What lifting and sliding have in common.
+// Reads the keys that lifting and sliding share.
 void read_places(const Node& section, ManipulationConfig& config) {
   config.planner.friction = section.required<double>("planned_friction", kFriction);
   config.planner.friction_sides = config.controller.friction_sides;
@@ -96,7 +96,7 @@ ManipulationConfig load_config(const std::string& name, const std::string& task,
   config.planner.largest_torque =
       root.required<double>("largest_torque", {.min = 0, .max = 1, .above_min = true});
   read_grasp(root.section("grasp"), config.controller);
-  // Both are read, so that a mistake in either is found.
+  // Both sections are read, so that a mistake in either is reported.
   ManipulationConfig other = config;
   const bool is_lift = task == "lift";
   if (!is_lift && task != "slide")

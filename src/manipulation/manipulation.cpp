@@ -99,7 +99,7 @@ void Manipulation::look_again() noexcept {
 }
 
 void Manipulation::see(TimeIndex captured, const Pose& pose) noexcept {
-  // What was desired at its step may not be known before `update`.
+  // The pose wanted at the step of the capture may not be known before `update`.
   if (captured > last_seen_) news_ = SeenPose{captured, pose};
 }
 
@@ -116,7 +116,7 @@ void Manipulation::take_news() noexcept {
     orientation_sum_ += orientation_sum_.dot(orientation) < 0.0 ? -orientation : orientation;
     return;
   }
-  // Before step 0 nothing was desired but rest.
+  // Before step 0, the desired object was at rest, as in step 0.
   const auto slot = static_cast<std::size_t>(std::max<TimeIndex>(captured, 0)) % kMemory;
   (void)estimator_.update(time_of(captured), pose, memory_[slot]);
 }
@@ -243,7 +243,7 @@ void Manipulation::set_desired() noexcept {
       desired_ = plan_->way.at(time_of(step_ - way_begin_));
       return;
     default:
-      // Nobody leads it.
+      // In these phases the object should stay at rest.
       desired_ = {.pose = desired_.pose};
       return;
   }
@@ -252,7 +252,7 @@ void Manipulation::set_desired() noexcept {
 const JointValues& Manipulation::update(TimeIndex step,
                                         const control::JointState& joints) noexcept {
   const TimeIndex elapsed = std::max<TimeIndex>(step - step_, 1);
-  // Steps that were left out have no entry of their own.
+  // Skipped steps get the previous entry.
   for (TimeIndex i = std::max<TimeIndex>(step_ + 1, 0);
        i < std::min(step, step_ + static_cast<TimeIndex>(kMemory)); ++i)
     memory_[static_cast<std::size_t>(i) % kMemory] = desired_;

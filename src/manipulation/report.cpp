@@ -7,9 +7,9 @@
 namespace trifinger::manipulation {
 namespace {
 
-constexpr Seconds kEndOfHold{1.0};  // What a drift is averaged over at both ends.
+constexpr Seconds kEndOfHold{1.0};  // Duration over which a drift is averaged at both ends.
 
-// Of the last grasp, as the others ended without a result.
+// Phases of a try that counts. Grasps before the last one ended without a result.
 bool counts(Phase phase) {
   return phase == Phase::kFollow || phase == Phase::kHold || phase == Phase::kLower;
 }
@@ -44,7 +44,7 @@ Report make_report(const Trace& trace, const std::vector<SeenPose>& poses) {
   report.failure = trace.failure;
   report.grasps = trace.grasps;
   const auto& steps = trace.steps;
-  // The last way that was followed.
+  // The last try begins with the last step of the phase kGrasp.
   auto last_try = steps.begin();
   for (auto step = steps.begin(); step != steps.end(); ++step) {
     if (step->phase == Phase::kGrasp) last_try = step;
@@ -113,7 +113,7 @@ Report make_report(const Trace& trace, const std::vector<SeenPose>& poses) {
     if (step->step < first_second) first_travel.add(step->travel);
     if (step->step >= last_second) last_travel.add(step->travel);
   }
-  // What was not held long enough has no drift.
+  // If the object was not held long enough, there is no drift.
   if (!first_mean.is_empty() && !last_mean.is_empty()) {
     report.hold_drift = (last_mean.value() - first_mean.value()).norm();
     report.hold_slip = (last_travel.value() - first_travel.value()).cwiseAbs().maxCoeff();

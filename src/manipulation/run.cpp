@@ -12,7 +12,7 @@
 namespace trifinger::manipulation {
 namespace {
 
-// Plans in a thread of its own, so that the loop goes on. It is there before the loop begins.
+// Plans in its own thread, so that the loop can continue. The thread starts before the loop begins.
 class BackgroundPlanner {
  public:
   BackgroundPlanner(const RobotDescription& description, const ManipulationConfig& config)
@@ -31,10 +31,10 @@ class BackgroundPlanner {
     is_busy_ = true;
     wanted_.release();
   }
-  // Whether the plan is there.
+  // True if the plan is ready.
   [[nodiscard]] bool is_ready() noexcept { return is_busy_ && made_.try_acquire(); }
   void wait() noexcept { made_.acquire(); }
-  // To be called once it is ready.
+  // Call this only once the plan is ready.
   [[nodiscard]] const std::optional<Plan>& take() noexcept {
     is_busy_ = false;
     return plan_;
@@ -51,14 +51,14 @@ class BackgroundPlanner {
   }
 
   TaskPlanner planner_;
-  // The semaphores order all access to these.
+  // The semaphores order all access to the following members.
   Pose pose_;
   std::optional<Plan> plan_;
   bool ends_{false};
-  bool is_busy_{false};  // Of the asking thread alone.
+  bool is_busy_{false};  // Used by the asking thread only.
   std::binary_semaphore wanted_{0};
   std::binary_semaphore made_{0};
-  std::thread thread_;  // last: it uses the others
+  std::thread thread_;  // Last member, because the thread uses the others.
 };
 
 control::JointState joints_of(const TriFinger::Observation& observation) {
@@ -105,7 +105,7 @@ Trace run(Frontend<TriFinger>& robot, const RobotDescription& description,
   trace.steps.reserve(most);
   trace.seen.reserve(most);
 
-  // Behind the planner, whose thread must not have this one's priority.
+  // Called after the planner has started, because its thread must not inherit this priority.
   static_cast<void>(enter_realtime(options.realtime));
 
   TriFinger::Observation y = robot.latest_observation();

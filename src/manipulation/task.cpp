@@ -16,10 +16,10 @@ using control::CircleTrajectory;
 using control::PoseTrajectory;
 
 constexpr double kPi = std::numbers::pi;
-// Of a way that is given up.
+// Speed and duration of abandoning a way.
 constexpr double kGivingUpSpeed = 0.1;  // [m/s]
-constexpr Seconds kGivingUpTime{0.5};   // At least.
-// Points of a way that a planner looks at.
+constexpr Seconds kGivingUpTime{0.5};   // Minimum.
+// Number of points at which a planner checks a way.
 constexpr int kPointsOfLead = 3;
 constexpr int kPointsOfLine = 8;  // Even: the middle is fastest.
 constexpr int kPointsOfTurn = 16;
@@ -52,7 +52,7 @@ std::variant<PoseTrajectory, CircleTrajectory> follow_of(const Task& task, const
                            .ramp_time = slide.ramp_time});
 }
 
-// What a planner has to look at: the ends of all legs, and points between them.
+// Returns the points that a planner has to check: the ends of all legs, and points between them.
 std::vector<Motion> points_of(const ObjectWay& way, const Task& task) {
   std::vector<Motion> points;
   const auto add = [&](Leg leg, Leg next, int count) {
@@ -62,7 +62,7 @@ std::vector<Motion> points_of(const ObjectWay& way, const Task& task) {
   };
   if (way.begin_of(Leg::kFollow) > Seconds(0)) add(Leg::kLead, Leg::kFollow, kPointsOfLead);
   if (const auto* slide = std::get_if<SlideTask>(&task)) {
-    // One turn at full speed shows all there is.
+    // One turn at full speed contains all points that matter.
     const Seconds begin = way.begin_of(Leg::kFollow) + slide->ramp_time;
     points.push_back(way.at(way.begin_of(Leg::kFollow)));
     const double turns = std::min(std::abs(slide->turns), 1.0);
@@ -112,7 +112,7 @@ Motion ObjectWay::at(Seconds time) const noexcept {
               .twist = {.linear = point.velocity},
               .acceleration = {.linear = point.acceleration}};
   }
-  // Whoever carries a part of the weight alone lets the rest fall, by the table's leave.
+  // The fingers carry only their share of the weight; the table carries the rest.
   motion.acceleration.linear += (1.0 - weight_share_) * control::gravity();
   return motion;
 }

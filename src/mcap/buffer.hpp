@@ -10,8 +10,8 @@
 
 namespace trifinger::mcap {
 
-// Bytes that grow and keep their memory when they are emptied. Unlike std::vector it does not fill
-// what is about to be overwritten.
+// Bytes that can grow. The memory is kept when the buffer is emptied. Unlike std::vector, `resize`
+// does not fill bytes that are about to be overwritten.
 class Buffer {
  public:
   [[nodiscard]] std::size_t size() const noexcept { return size_; }
@@ -26,13 +26,13 @@ class Buffer {
     bytes_ = std::move(bytes);
     capacity_ = capacity;
   }
-  // New bytes are not set.
+  // New bytes have no defined value.
   void resize(std::size_t size) {
     reserve(size);
     size_ = size;
   }
   void clear() noexcept { size_ = 0; }
-  // `bytes` may be nullptr if there are none of them.
+  // `bytes` may be nullptr if `size` is 0.
   void append(const void* bytes, std::size_t size) {
     reserve(size_ + size);
     if (size > 0) std::memcpy(bytes_.get() + size_, bytes, size);

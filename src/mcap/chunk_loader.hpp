@@ -14,18 +14,18 @@
 
 namespace trifinger::mcap {
 
-// Reads one chunk at a time, with all checks; keeps its memory from one to the next.
+// Reads one chunk at a time, with all checks. Keeps its memory for the next chunk.
 class ChunkLoader {
  public:
   ChunkLoader(const Source& source, std::uint64_t max_record_size) noexcept
       : source_(&source), max_record_size_(max_record_size) {}
 
-  // Returns why the chunk cannot be used, as a sentence; empty if it can, and then the functions
-  // below tell what is in it.
+  // Loads a chunk, whose content the functions below then return. Returns why the chunk cannot be
+  // used, as a sentence; empty if it can.
   [[nodiscard]] std::string load(const ChunkPlace& place);
 
   [[nodiscard]] std::span<const Message> messages() const noexcept { return messages_; }
-  // Where a message is in the uncompressed chunk.
+  // Returns the offset of a message in the uncompressed chunk.
   [[nodiscard]] std::uint64_t offset_of(const Message& message) const noexcept {
     return static_cast<std::uint64_t>(message.data.data() - records_.data()) - kMessageHeaderSize -
            kRecordHeaderSize;

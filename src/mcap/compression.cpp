@@ -117,7 +117,7 @@ struct Decompressor::Contexts {
   [[nodiscard]] bool decompress_lz4(std::span<const std::byte> bytes,
                                     std::span<std::byte> output) const {
     LZ4F_resetDecompressionContext(lz4.get());
-    std::size_t hint = bytes.empty() ? 0 : 1;  // bytes that it would like to see next; 0: done
+    std::size_t hint = bytes.empty() ? 0 : 1;  // bytes that LZ4 expects next; 0: done
     while (!bytes.empty()) {
       std::size_t taken = bytes.size();
       std::size_t given = output.size();

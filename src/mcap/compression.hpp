@@ -10,7 +10,7 @@
 
 namespace trifinger::mcap {
 
-// Compresses chunks; keeps its memory from one to the next.
+// Compresses chunks. Keeps its memory for the next chunk.
 class Compressor {
  public:
   Compressor(Compression compression, int level);
@@ -27,7 +27,7 @@ class Compressor {
   Compression compression_;
 };
 
-// Decompresses chunks; keeps its memory from one to the next.
+// Decompresses chunks. Keeps its memory for the next chunk.
 class Decompressor {
  public:
   Decompressor();
@@ -35,7 +35,8 @@ class Decompressor {
   Decompressor& operator=(Decompressor&&) noexcept;
   ~Decompressor();
 
-  // Fills `output`; false if `bytes` are damaged or become more or fewer than that.
+  // Fills `output`. Returns false if `bytes` are damaged, or do not decompress to exactly that
+  // size.
   [[nodiscard]] bool decompress(Compression compression, std::span<const std::byte> bytes,
                                 std::span<std::byte> output);
 

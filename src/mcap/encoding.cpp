@@ -39,7 +39,7 @@ bool is_checksum(std::string_view text) noexcept {
 }  // namespace
 
 std::uint32_t checksum(std::span<const std::byte> bytes, std::uint32_t before) {
-  if (bytes.empty()) return before;  // libdeflate takes nullptr for a question
+  if (bytes.empty()) return before;  // libdeflate would return its initial value for nullptr
   return libdeflate_crc32(before, bytes.data(), bytes.size());
 }
 
@@ -202,7 +202,7 @@ std::string_view Decoder::string() noexcept {
 }
 
 Entries Decoder::map() {
-  // An entry takes 8 bytes in a file and some 100 in memory.
+  // An entry takes at least 8 bytes in a file and about 100 in memory.
   constexpr std::size_t kMaxNumEntries = 100'000;
   Entries entries;
   Decoder decoder(array());
@@ -333,7 +333,7 @@ std::optional<Checked<Metadata>> decode_metadata(std::span<const std::byte> cont
   metadata.record.entries = decoder.map();
   if (!decoder.is_exact()) return std::nullopt;
   const auto entry = metadata.record.entries.find(kChecksumEntry);
-  // Others may mean something else by it.
+  // Other programs may use this entry for something else.
   if (entry != metadata.record.entries.end() && is_checksum(entry->second)) {
     metadata.has_checksum = true;
     metadata.is_right = checksum_of(metadata.record) == entry->second;

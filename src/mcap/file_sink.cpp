@@ -26,12 +26,12 @@ ipc::FileDescriptor open_locked(const std::filesystem::path& path, int flags) {
   return file;
 }
 
-// Without this a loss of power could take the name of a file whose bytes are safe.
+// Syncs the folder: otherwise a loss of power could remove the name of a file whose bytes are safe.
 void sync_folder_of(const std::filesystem::path& path) {
   const std::filesystem::path parent = path.has_parent_path() ? path.parent_path() : ".";
   const ipc::FileDescriptor folder(
       [&] { return ::open(parent.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC); });
-  // Some file systems cannot, and some folders may be written but not read.
+  // Some file systems cannot do that, and some folders may be written but not read.
   if (folder) static_cast<void>(::fsync(folder.get()));
 }
 
@@ -73,8 +73,8 @@ FileSink FileSink::resume(const std::filesystem::path& path, std::uint64_t size)
 }
 
 void FileSink::append(std::span<const std::byte> bytes) {
-  // Written at an explicit place: what a failed attempt has left behind is overwritten by the next
-  // one, even if it could not be cut off.
+  // Writes at an explicit offset, so that the next attempt overwrites what a failed one has
+  // written, even if that could not be cut off.
   std::uint64_t end = size_;
   while (!bytes.empty()) {
     const ssize_t written =

@@ -11,9 +11,9 @@
 namespace trifinger::mcap {
 namespace {
 
-// Messages outside of chunks are handed out in pieces of this size [bytes].
+// Messages outside of chunks are returned in runs of at most this size [bytes].
 constexpr std::uint64_t kMaxRunSize = std::uint64_t{1} << 20;
-// More pieces of damage are summed up: a hostile file could ask for any amount of memory.
+// Further damage is merged into one entry, because a hostile file could need any amount of memory.
 constexpr std::size_t kMaxNumDamages = 1000;
 
 constexpr std::string_view kNonsense = "A record makes no sense.";
@@ -25,7 +25,7 @@ std::uint64_t end_of(const ChunkPlace& place) noexcept {
   return place.offset + place.length + place.index_length;
 }
 
-// About the bytes that something takes in memory.
+// Approximate memory of one node of a map or list [bytes].
 constexpr std::uint64_t kNodeSize = 128;
 
 std::uint64_t memory_of(const Entries& entries) {
@@ -57,8 +57,8 @@ FileWalk::FileWalk(const Source& source, const ReaderOptions& options)
     : options_(options),
       window_(source, options.max_record_size),
       loader_(source, options.max_record_size) {
-  // More than any honest file needs, where the search costs each byte once and the chunks that are
-  // found some more.
+  // More than any honest file needs: the search costs each byte once, plus some for each chunk that
+  // is found.
   constexpr std::uint64_t kMaxSize = std::numeric_limits<std::uint64_t>::max() / 32;
   search_budget_ =
       16 * std::min(window_.size(), kMaxSize) + std::min(options.max_record_size, kMaxSize);
@@ -80,7 +80,7 @@ std::uint64_t FileWalk::walk(std::uint64_t begin, std::uint64_t end) {
       add_damage(offset, end - offset, "The file has an end, but its summary is not whole.");
       return offset;
     } else {
-      must_look_inside_ = true;  // perhaps it was a message index
+      must_look_inside_ = true;  // the record may have been a message index
       settle_chunk();
       const auto next = find_record(offset + 1, end);
       add_damage(offset, next.value_or(end) - offset, std::string(header ? kNonsense : kTooLong));
@@ -134,9 +134,9 @@ FileWalk::Step FileWalk::visit(std::uint64_t offset, const RecordHeader& header,
     case Opcode::kStatistics:
     case Opcode::kMetadataIndex:
     case Opcode::kSummaryOffset:
-      return Step::kLost;  // these are in the summary, if anywhere
+      return Step::kLost;  // these records belong to the summary
   }
-  // Is it new, or damaged? Then its length may be too.
+  // The type may be new or damaged. If it is damaged, the length may be wrong, too.
   if (!is_boundary(offset + header.record_length(), end)) return Step::kLost;
   return skip("A record of a type that this version does not know.");
 }
@@ -148,8 +148,8 @@ FileWalk::Step FileWalk::visit_message(std::uint64_t offset, const RecordHeader&
     return Step::kLost;
   }
   if (has_chunk_) {
-    // It has no checksum, and those who write chunks put all messages there: more likely it is a
-    // message index with a damaged first byte.
+    // The message has no checksum. Programs that write chunks put all messages into them, so this
+    // is more likely a message index whose first byte is damaged.
     add_damage(offset, length, "A message outside of the chunks.");
     return Step::kGoOn;
   }
@@ -173,7 +173,7 @@ FileWalk::Step FileWalk::visit_message(std::uint64_t offset, const RecordHeader&
 
 std::optional<ChunkPlace> FileWalk::describe_chunk(std::uint64_t offset,
                                                    const RecordHeader& header) {
-  constexpr std::uint64_t kMaxHeaderSize = 64;  // with a compression that we know
+  constexpr std::uint64_t kMaxHeaderSize = 64;  // large enough for all known compressions
   const auto chunk = decode_chunk_header(
       window_.at(offset + kRecordHeaderSize, std::min(kMaxHeaderSize, header.length)),
       header.length);
@@ -184,7 +184,7 @@ std::optional<ChunkPlace> FileWalk::describe_chunk(std::uint64_t offset,
                     .first_time = chunk->first_time,
                     .last_time = chunk->last_time,
                     .uncompressed_size = chunk->uncompressed_size,
-                    // If we do not know it, that is told when the chunk is read.
+                    // An unknown compression is reported when the chunk is read.
                     .compression = compression_of(chunk->compression).value_or(Compression::kNone)};
 }
 
@@ -211,7 +211,7 @@ FileWalk::Step FileWalk::visit_message_index(std::uint64_t offset, const RecordH
       size % sizeof(MessageIndexEntry) != 0) {
     return Step::kLost;
   }
-  // That of a damaged chunk is of no use.
+  // The index of a damaged chunk is useless.
   if (!is_chunk_open_) return Step::kGoOn;
   ChunkPlace& place = contents_.chunks.back();
   place.indexes.emplace_back(channel, offset);
@@ -369,10 +369,10 @@ bool FileWalk::spend(std::uint64_t cost) noexcept {
   return true;
 }
 
-// ---- behind the last record ----
+// ---- after the last record ----
 
 void FileWalk::leave_out_unproven() {
-  // Only we write those of metadata; others write those of attachments.
+  // Only our writer adds checksums to metadata. Other programs add them to attachments, too.
   const bool is_ours = std::ranges::find(is_proven_metadata_, true) != is_proven_metadata_.end();
   if (is_ours) {
     leave_out_unproven(contents_.metadata, contents_.metadata_places, is_proven_metadata_);
@@ -410,8 +410,8 @@ std::uint64_t FileWalk::cut_damaged_tail(std::uint64_t end) {
       continue;
     }
     if (chunks.empty() || !chunks.back().is_chunk || end_of(chunks.back()) != end) return end;
-    // A loss of power may leave the right size and the wrong bytes: what was written last is looked
-    // at.
+    // After a loss of power, a file may have the right size and wrong bytes. So the last chunk is
+    // checked.
     ChunkPlace& place = chunks.back();
     if (std::string reason = load(place); !reason.empty()) {
       add_damage(place.offset, place.length + place.index_length, std::move(reason));

@@ -38,9 +38,10 @@ class Reader::Implementation {
   [[nodiscard]] std::optional<std::span<const Message>> read_chunk(std::size_t index);
 
  private:
-  // False if the file ends before it has begun.
+  // Returns false if the file is too short for the magic bytes.
   [[nodiscard]] bool has_magic(const std::string& name);
-  // False, and nothing was done, if the summary does not tell of all that there is.
+  // Reads the file with its summary. Returns false, having done nothing, if the summary is
+  // incomplete.
   [[nodiscard]] bool open_by(Summary& summary);
   void walk_finished(Summary& summary);
   void walk_unfinished();
@@ -52,7 +53,7 @@ class Reader::Implementation {
   FileWalk walk_;
   Window& window_;
   Contents& contents_;
-  std::vector<bool> is_damaged_;  // for each chunk
+  std::vector<bool> is_damaged_;  // one entry per chunk
 };
 
 Reader::Implementation::Implementation(std::unique_ptr<Source> source, const ReaderOptions& options,
@@ -92,7 +93,7 @@ bool Reader::Implementation::has_magic(const std::string& name) {
                       std::to_integer<char>(magic[kVersionByte]) +
                       "', which a later version of this program may read; this one reads '0'");
   }
-  // A damaged byte should not cost the file.
+  // One damaged byte should not make the whole file unreadable.
   const auto header = window_.header_at(kMagic.size(), window_.size());
   const bool has_header = header && header->opcode == Opcode::kHeader &&
                           decode_header(window_.content_at(kMagic.size(), *header)).has_value();
@@ -113,7 +114,7 @@ bool Reader::Implementation::open_by(Summary& summary) {
   auto chunk = summary.chunks.begin();
   std::uint64_t end = kMagic.size();
   for (const auto& [place, is_chunk] : *records) {
-    // What lies between the records of the index, as the header of the file, is looked at.
+    // Records that the index does not list, such as the header of the file, are visited here.
     walk_.walk(end, place.offset);
     end = place.offset + place.length;
     if (is_chunk) {
@@ -144,7 +145,7 @@ void Reader::Implementation::walk_unfinished() {
   contents_.complete_size = walk_.cut_damaged_tail(whole_end);
   walk_.sum_up_counts();
   if (contents_.complete_size > kMagic.size()) return;
-  // Not even the header is there: a writer begins anew.
+  // Not even the header is whole, so a writer starts over.
   contents_.complete_size = 0;
   contents_.damage = {{.offset = 0, .size = window_.size(), .reason = std::string(kNotBegun)}};
 }
@@ -174,7 +175,7 @@ void Reader::Implementation::check_summary(Summary& summary) {
     say("The summary says that there are " + std::to_string(summary.statistics->message_count) +
         " messages, there are " + std::to_string(contents_.message_count) + ".");
   }
-  if (summary.chunks.empty()) return;  // not everybody lists them
+  if (summary.chunks.empty()) return;  // not every program lists them
   std::ranges::sort(summary.chunks, {}, &ChunkPlace::offset);
   for (ChunkPlace& place : summary.chunks) {
     std::ranges::sort(place.indexes, {}, [](const auto& index) { return index.second; });

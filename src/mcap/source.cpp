@@ -15,7 +15,7 @@
 namespace trifinger::mcap {
 namespace {
 
-// Never mapped: a file that gets shorter would end the process with SIGBUS.
+// Never maps the file: if a mapped file gets shorter, SIGBUS ends the process.
 class FileSource final : public Source {
  public:
   explicit FileSource(const std::filesystem::path& path)

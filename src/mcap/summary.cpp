@@ -21,7 +21,7 @@ std::optional<ChunkPlace> decode_chunk_index(std::span<const std::byte> content)
     place.indexes.emplace_back(channel, indexes.number<std::uint64_t>());
   }
   place.index_length = decoder.number<std::uint64_t>();
-  // If we do not know it, that is told when the chunk is read.
+  // An unknown compression is reported when the chunk is read.
   place.compression = compression_of(decoder.string()).value_or(Compression::kNone);
   static_cast<void>(decoder.number<std::uint64_t>());  // compressed size
   place.uncompressed_size = decoder.number<std::uint64_t>();
@@ -38,7 +38,7 @@ std::optional<RecordPlace> decode_place(std::span<const std::byte> content) {
   return place;
 }
 
-// False if the record makes no sense.
+// Returns false if the record makes no sense.
 bool add_to(Summary& summary, Opcode opcode, std::span<const std::byte> content) {
   const auto add = [](auto& list, auto record) {
     if (record) list.push_back(std::move(*record));
@@ -133,7 +133,7 @@ std::optional<std::vector<IndexedRecord>> index_of(const Summary& summary) {
   std::ranges::sort(records, {}, [](const IndexedRecord& record) { return record.place.offset; });
   std::uint64_t end = kMagic.size();
   for (const auto& [place, is_chunk] : records) {
-    // Nothing twice, nothing beyond the end.
+    // Records must not overlap, and must lie before the end of the data.
     if (place.offset < end || place.offset > summary.data_end || place.length < kRecordHeaderSize ||
         place.length > summary.data_end - place.offset) {
       return std::nullopt;

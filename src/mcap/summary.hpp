@@ -12,10 +12,10 @@
 
 namespace trifinger::mcap {
 
-// What stands behind the data of a finished file.
+// The records after the data of a finished file.
 struct Summary {
-  std::uint64_t data_end{0};  // where the record DataEnd is, or should be
-  std::uint64_t begin{0};     // of the summary; where the footer begins if there is none
+  std::uint64_t data_end{0};  // offset of the record DataEnd, or where it should be
+  std::uint64_t begin{0};     // offset of the summary, or of the footer if there is no summary
   std::map<std::uint16_t, Schema> schemas{};
   std::map<std::uint16_t, Channel> channels{};
   std::optional<Statistics> statistics{};
@@ -26,15 +26,16 @@ struct Summary {
 
 [[nodiscard]] bool ends_with_magic(Window& window);
 
-// Nothing if the file was not finished, or its end is damaged.
+// Reads the summary. Returns nothing if the file was not finished, or if its end is damaged.
 [[nodiscard]] std::optional<Summary> read_summary(Window& window);
 
-// All records that a summary names, in the order of the file; a chunk with its message indexes.
+// A record that the summary names; a chunk includes its message indexes.
 struct IndexedRecord {
   RecordPlace place;
   bool is_chunk{false};
 };
-// Nothing if the summary does not tell of all that there is, or tells nonsense.
+// Returns all records that the summary names, in the order of the file. Returns nothing if the
+// summary is incomplete or makes no sense.
 [[nodiscard]] std::optional<std::vector<IndexedRecord>> index_of(const Summary& summary);
 
 }  // namespace trifinger::mcap

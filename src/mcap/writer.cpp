@@ -20,10 +20,10 @@ namespace {
 // Schemas and channels are repeated in every chunk whose number is a multiple of this.
 constexpr std::size_t kRepeatDefinitions = 100;
 
-// A schema or channel as it is written.
+// A schema or channel in its encoded form.
 struct Definition {
   Buffer record{};
-  int num_copies{0};  // in chunks
+  int num_copies{0};  // number of chunks that contain it
 };
 
 struct SchemaEntry {
@@ -34,8 +34,8 @@ struct SchemaEntry {
 struct ChannelEntry {
   Channel channel;
   Definition definition{};
-  std::uint64_t message_count{0};            // in closed chunks
-  std::vector<MessageIndexEntry> entries{};  // of the open chunk
+  std::uint64_t message_count{0};            // messages in closed chunks
+  std::vector<MessageIndexEntry> entries{};  // entries of the open chunk
   bool is_sorted{true};
 };
 
@@ -62,7 +62,7 @@ AttachmentEntry entry_for(const Attachment& attachment, RecordPlace place) {
           .media_type = attachment.media_type};
 }
 
-// The smallest id that is above all others.
+// Returns the smallest id above all ids in use.
 template <class Map>
 std::uint16_t next_id(const Map& map, const char* what) {
   if (map.empty()) return 1;
@@ -140,7 +140,7 @@ class Writer::Implementation {
     const std::size_t size = kRecordHeaderSize + kMessageHeaderSize + message.data.size();
     if (has_messages_ && chunk_.size() + size > options_.max_chunk_size) flush();
 
-    // What may throw comes first.
+    // Operations that may throw come first.
     define(entry);
     chunk_.reserve(chunk_.size() + size);
     entry.entries.push_back({.log_time = message.log_time, .offset = chunk_.size()});
@@ -157,7 +157,7 @@ class Writer::Implementation {
     require_unfinished();
     if (!has_messages_) return;
     output_.clear();
-    // In the list before it is in the file: afterwards nothing may throw.
+    // The list is extended before the file is written, because nothing may throw afterwards.
     chunks_.push_back(encode_chunk());
     try {
       append_output();
@@ -267,12 +267,12 @@ class Writer::Implementation {
     ++definition.num_copies;
   }
 
-  // Sees to it that the open chunk or one before it has the channel and its schema.
+  // Ensures that the open chunk or an earlier one contains the channel and its schema.
   void define(ChannelEntry& entry) {
     if (chunk_.size() == 0) {
       const bool repeats = chunks_.size() % kRepeatDefinitions == 0;
       const auto repeat = [&](Definition& definition) {
-        // One copy is not enough: the chunk that has it may be damaged.
+        // One copy is not enough, because its chunk may become damaged.
         if (definition.num_copies == 1 || (repeats && definition.num_copies > 0)) {
           append_definition(definition);
         }
@@ -300,7 +300,7 @@ class Writer::Implementation {
     if (has_data_checksum_) data_checksum_ = checksum(output_.view(), data_checksum_);
   }
 
-  // Where the record will be that `output_` holds.
+  // Returns where the record in `output_` will be in the file.
   [[nodiscard]] RecordPlace place_of_output() const {
     return {.offset = sink_.size(), .length = output_.size()};
   }
@@ -316,7 +316,7 @@ class Writer::Implementation {
     }
   }
 
-  // Puts the open chunk and its message indexes into `output_`.
+  // Encodes the open chunk and its message indexes into `output_`.
   ChunkPlace encode_chunk() {
     ChunkPlace place{.offset = sink_.size(),
                      .first_time = first_time_,
@@ -352,7 +352,7 @@ class Writer::Implementation {
     return place;
   }
 
-  // Puts everything behind the last chunk into `output_`.
+  // Encodes everything after the last chunk into `output_`.
   void encode_end() {
     output_.clear();
     Encoder encoder(output_);
@@ -363,7 +363,7 @@ class Writer::Implementation {
     const std::uint64_t file_size = sink_.size();
     const std::size_t summary = output_.size();
     Buffer offsets;
-    // Adds one kind of record, if there is any, and where they are.
+    // Adds all records of one kind, if there are any, and the offset of their group.
     const auto group = [&](Opcode opcode, const auto& entries, const auto& encode) {
       const std::size_t begin = output_.size();
       for (const auto& entry : entries) encode(entry);
@@ -408,7 +408,7 @@ class Writer::Implementation {
     record = encoder.begin(Opcode::kFooter);
     encoder.number(file_size + summary);
     encoder.number(summary_offset_start);
-    // The checksum covers the footer before itself, and with it the length of the footer.
+    // The checksum covers the footer up to the checksum itself, including the footer's length.
     encoder.number(std::uint32_t{0});
     encoder.end(record);
     const std::size_t end = output_.size() - sizeof(std::uint32_t);
@@ -430,7 +430,7 @@ class Writer::Implementation {
     bool is_first = true;
     for (const ChunkPlace& place : chunks_) {
       if (place.is_chunk) ++chunk_count;
-      if (place.last_time == 0) continue;  // no messages
+      if (place.last_time == 0) continue;  // a chunk without messages
       first_time = is_first ? place.first_time : std::min(first_time, place.first_time);
       last_time = std::max(last_time, place.last_time);
       is_first = false;
@@ -481,12 +481,12 @@ class Writer::Implementation {
   std::map<std::uint16_t, ChannelEntry> channels_;
   ChannelEntry* newest_channel_{nullptr};
 
-  Buffer chunk_;  // the open one
+  Buffer chunk_;  // records of the open chunk
   bool has_messages_{false};
   std::uint64_t first_time_{0};
   std::uint64_t last_time_{0};
 
-  Buffer output_;  // what goes to the sink next
+  Buffer output_;  // bytes that go to the sink next
   std::vector<ChunkPlace> chunks_;
   std::vector<MetadataEntry> metadata_;
   std::vector<AttachmentEntry> attachments_;

@@ -34,9 +34,9 @@ constexpr int kX = 0;
 constexpr int kY = 1;
 constexpr int kZ = 2;
 
-// The rotor housings stand proud of the shells and carry the finger's colour, so that pictures tell
-// the fingers apart. What touches is one box per shell, from joint to joint; motors and bearings do
-// not.
+// The rotor housings stand out of the shells and carry the finger's colour, so that pictures show
+// which finger is which. For collisions, each shell is one box from joint to joint; motors and
+// bearings do not collide.
 
 // ----------------------------------------------------------------------------------------------
 // Edu
@@ -267,7 +267,7 @@ const Finger& finger_blueprint(const RobotDescription& description) noexcept {
 }
 
 double finger_azimuth(const RobotDescription& description, int index) noexcept {
-  // A single Edu finger extends along -x, unlike all others.
+  // A single Edu finger extends along -x; all other fingers do not.
   const bool single_edu =
       description.variant == Variant::kEdu && description.arrangement == Arrangement::kSingleFinger;
   return (single_edu ? 2 * kRightAngle : kRightAngle) - index * kThird;
@@ -280,7 +280,7 @@ Eigen::Isometry3d base_in_platform(const RobotDescription& description, int inde
     if (description.variant == Variant::kEdu) radius = 0.0455;
     if (description.variant == Variant::kOne) radius = 0.04;
   }
-  // Along the finger points -x of Edu's base frame and +y of the others'.
+  // The finger extends along -x of its base frame on the Edu, and along +y on the others.
   const double forward = description.variant == Variant::kEdu ? 2 * kRightAngle : kRightAngle;
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
   pose.translation() << radius * std::cos(azimuth), radius * std::sin(azimuth),
@@ -303,7 +303,7 @@ Inertia lower_with_tip(const Finger& finger) noexcept {
     const auto& [xx, yy, zz, xy, xz, yz] = part.moment;
     return (Eigen::Matrix3d() << xx, xy, xz, xy, yy, yz, xz, yz, zz).finished();
   };
-  // Of a point mass at `offset`, about the origin.
+  // Moment of inertia of a point mass at `offset` about the origin.
   const auto steiner = [](double mass, const Eigen::Vector3d& offset) -> Eigen::Matrix3d {
     return mass *
            (offset.squaredNorm() * Eigen::Matrix3d::Identity() - offset * offset.transpose());
@@ -345,7 +345,7 @@ std::vector<Profile> frame_profiles(const RobotDescription& description) {
         {on_post(i, 0.05, beam_height), on_post(i, kPostRadius - 0.02, beam_height)});
   if (description.arrangement == Arrangement::kTriFinger && description.cameras) {
     for (const CameraFigures& camera : camera_figures()) {
-      // Behind the camera, out of its sight, from whichever post is nearer.
+      // The profile ends behind the camera, out of its sight, and begins at the nearest post.
       const Eigen::Vector3d forward(camera.rotation[2], camera.rotation[5], camera.rotation[8]);
       const Eigen::Vector3d mount = vector(camera.position) - 0.085 * forward;
       Eigen::Vector3d nearest = on_post(0, kPostRadius, mount.z());

@@ -17,20 +17,20 @@ struct Colour {
   float red, green, blue, opacity;
 };
 
-// `finger` chooses the accent of `Paint::kFinger`.
+// Returns the colour of a paint. `finger` selects the accent of `Paint::kFinger`.
 [[nodiscard]] Colour colour(Paint paint, Variant variant, int finger) noexcept;
 
 enum class Form { kBox, kCylinder, kCapsule, kSphere };
 
-// Looks: what a picture shows. Touches: what collisions see; few and simple, since they set the
-// speed.
+// Purpose of a solid. Looks: it is drawn. Touches: it collides; such solids are few and simple,
+// because they determine the speed.
 enum class Role { kLooks, kTouches, kBoth };
 
 // A primitive in the frame of its link.
 struct Solid {
   Form form;
-  Triple from;    // Box and sphere: the centre. Others: one end of the axis.
-  Triple to;      // Box: half sizes. Sphere: unused. Others: the other end.
+  Triple from;    // Box and sphere: the centre. Other forms: one end of the axis.
+  Triple to;      // Box: half sizes. Sphere: unused. Other forms: the other end.
   double radius;  // Box: unused.
   Paint paint;
   Role role;
@@ -38,28 +38,28 @@ struct Solid {
 
 struct Inertia {
   double mass;
-  Triple centre;                 // Of mass, in the link frame.
-  std::array<double, 6> moment;  // About the centre: xx yy zz xy xz yz.
+  Triple centre;                 // Centre of mass, in the link frame.
+  std::array<double, 6> moment;  // Inertia about the centre: xx yy zz xy xz yz.
 };
 
 struct Link {
-  Triple origin;  // Of its joint, in the parent's frame.
-  Triple axis;    // Of its joint.
+  Triple origin;  // Origin of its joint, in the parent's frame.
+  Triple axis;    // Axis of its joint.
   Inertia inertia;
   std::span<const Solid> solids;
 };
 
 struct Finger {
   std::array<Link, kJointsPerFinger> links;
-  Triple tip_origin;  // In the lower link's frame.
+  Triple tip_origin;  // Origin of the tip, in the lower link's frame.
   Inertia tip;
-  std::span<const Solid> base;        // What carries the finger, in the finger base frame.
-  std::span<const Solid> tip_solids;  // Besides the sphere, in the tip frame.
+  std::span<const Solid> base;        // Solids that carry the finger, in the finger base frame.
+  std::span<const Solid> tip_solids;  // Solids of the tip besides the sphere, in the tip frame.
 };
 
 [[nodiscard]] const Finger& finger_blueprint(const RobotDescription& description) noexcept;
 
-// Pose of a finger's base in the platform frame. Finger `index` counts 0, 120, 240.
+// Pose of a finger's base in the platform frame. Fingers 0, 1 and 2 are those named 0, 120 and 240.
 [[nodiscard]] Eigen::Isometry3d base_in_platform(const RobotDescription& description, int index);
 
 // Direction from the centre along which a finger extends, about the platform's z axis [rad].
@@ -68,14 +68,14 @@ struct Finger {
 // Pose of the platform in the world: identity unless flipped.
 [[nodiscard]] Eigen::Isometry3d platform_in_world(const RobotDescription& description);
 
-// The lower link and the tip as one rigid body.
+// Inertia of the lower link and the tip, as one rigid body.
 [[nodiscard]] Inertia lower_with_tip(const Finger& finger) noexcept;
 
 [[nodiscard]] inline Eigen::Vector3d vector(const Triple& triple) noexcept {
   return {triple[0], triple[1], triple[2]};
 }
 
-// "", "_0", "_120" or "_240".
+// Suffix of a finger's names: "", "_0", "_120" or "_240".
 [[nodiscard]] const char* finger_suffix(const RobotDescription& description, int index) noexcept;
 
 // A straight aluminium profile of 40 x 40 mm.
@@ -83,12 +83,12 @@ struct Profile {
   Eigen::Vector3d from, to;
 };
 
-// The frame, in the platform frame: posts first, one per finger.
+// Profiles of the frame, in the platform frame. The posts come first, one per finger.
 [[nodiscard]] std::vector<Profile> frame_profiles(const RobotDescription& description);
 
 // A closed wall of flat panels around the z axis, in the platform frame.
 struct Ring {
-  double lower_radius, lower_height;  // Of the inner face.
+  double lower_radius, lower_height;  // Inner face.
   double upper_radius, upper_height;
 };
 [[nodiscard]] std::vector<Ring> boundary_rings(const RobotDescription& description);

@@ -21,7 +21,7 @@ using model::Form;
 using model::Role;
 using model::Solid;
 
-// Half a turn about x, exactly, gives -0 here and there; URDF files need not show it.
+// An exact half turn about x produces some -0. URDF files need not show them.
 double tidy(double value) { return value == 0 ? 0.0 : value; }
 
 std::string numbers(std::initializer_list<double> values) {
@@ -46,14 +46,14 @@ std::string pose_text(const Eigen::Isometry3d& pose) {
          numbers({rotation.w(), rotation.x(), rotation.y(), rotation.z()});
 }
 
-// Roll, pitch, yaw about fixed axes, as URDF has them.
+// Returns roll, pitch and yaw about fixed axes, as URDF defines them.
 Eigen::Vector3d roll_pitch_yaw(const Eigen::Matrix3d& rotation) {
   const double level = std::hypot(rotation(0, 0), rotation(1, 0));
   return {std::atan2(rotation(2, 1), rotation(2, 2)), std::atan2(-rotation(2, 0), level),
           std::atan2(rotation(1, 0), rotation(0, 0))};
 }
 
-// Writes the file, and beside it the lines that say where the links are.
+// Writes the URDF file, and separately the lines that say where the links are.
 class UrdfWriter {
  public:
   UrdfWriter(const RobotDescription& description, UrdfContent content, FrameSources sources = {})
@@ -67,7 +67,7 @@ class UrdfWriter {
   void write() {
     out_ << "<?xml version=\"1.0\"?>\n<robot name=\"trifinger-" << figures(description_).name
          << "\">\n"
-         // For readers that are MuJoCo: keep tip and camera frames as bodies of their own.
+         // This line is for MuJoCo: it keeps tip and camera frames as separate bodies.
          << "  <mujoco><compiler fusestatic=\"false\" discardvisual=\"false\"/></mujoco>\n"
          << "  <link name=\"base_link\"/>\n";
     empty_link("platform");
@@ -159,7 +159,7 @@ class UrdfWriter {
       shape(tag, pose, "<box size=\"" + triple(2 * to) + "\"/>", colour);
       return;
     }
-    // URDF knows no capsules: a cylinder with a ball at each end is one.
+    // URDF has no capsules: a cylinder with a ball at each end replaces one.
     pose.translation() = (from + to) / 2;
     pose.linear() =
         Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), to - from).toRotationMatrix();

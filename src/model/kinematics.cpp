@@ -19,19 +19,19 @@ struct DeleteData {
   void operator()(mjData* data) const noexcept { mj_deleteData(data); }
 };
 
-// The fingers alone: nothing else enters their kinematics.
+// Removes everything but the fingers, because nothing else enters the kinematics.
 RobotDescription fingers_only(RobotDescription description) {
   description.objects.clear();
   description.boundary = false;
   return description;
 }
 
-// What the closed form needs. In a frame with y along the finger and z up, the tip lies in a plane
-// that joint 0 turns about y, at the distance `aside` from that axis.
+// Parameters of the closed form. In a frame with y along the finger and z up, the tip lies in a
+// plane at the distance `aside` from the axis of joint 0. Joint 0 turns that plane about y.
 struct ClosedForm {
-  double aside;        // Of the tip's plane from the joint-0 axis [m].
-  double forward;      // Of joint 1 from the finger base [m].
-  double joint1_sign;  // -1 where joint 1 turns the other way.
+  double aside;        // Distance of the tip's plane from the joint-0 axis [m].
+  double forward;      // Distance of joint 1 from the finger base [m].
+  double joint1_sign;  // -1 if joint 1 turns the other way.
 };
 
 constexpr double kLinkLength = 0.16;
@@ -48,12 +48,12 @@ ClosedForm closed_form(Variant variant) {
   return {-0.05945, 0, 1};
 }
 
-// The way from the world to a tip: what lies before each joint, its axis, and what lies behind the
-// last one.
+// The chain from the world to a tip: the transform before each joint, the joint's axis, and the
+// tip's position after the last joint.
 struct Chain {
   std::array<Eigen::Isometry3d, kJointsPerFinger> before;
   std::array<Eigen::Vector3d, kJointsPerFinger> axis;
-  std::array<double, kJointsPerFinger> zero;  // Where a joint's angle counts from [rad].
+  std::array<double, kJointsPerFinger> zero;  // Angle of a joint in the zero pose [rad].
   Eigen::Vector3d tip;
 };
 
@@ -110,7 +110,7 @@ struct Kinematics::State {
     }
     for (int finger = 0; finger < model.num_fingers(); ++finger) {
       const auto i = static_cast<std::size_t>(finger);
-      // Turns the base frame so that y points along the finger, whatever the variant.
+      // This turn makes y point along the finger for every variant.
       Eigen::Isometry3d along = model::base_in_platform(description, finger);
       along.linear() =
           Eigen::AngleAxisd(model::finger_azimuth(description, finger) - std::numbers::pi / 2,
@@ -189,7 +189,7 @@ double Kinematics::finger_azimuth(int finger) const noexcept {
 
 TipJacobian Kinematics::tip_jacobian(int finger) const noexcept {
   const int site = state_->model.tip_sites()[static_cast<std::size_t>(finger)];
-  // MuJoCo writes row by row.
+  // MuJoCo writes row-major.
   Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor, 3, kMaxJoints> rows(3, num_joints());
   mj_jacSite(state_->model.mujoco(), state_->data.get(), rows.data(), nullptr, site);
   return rows;
@@ -256,7 +256,7 @@ FingerPose Kinematics::inverse_kinematics(int finger, const Eigen::Vector3d& tip
   Reach reach = Reach::kYes;
   const double squared_depth =
       local.x() * local.x() + local.z() * local.z() - form.aside * form.aside;
-  // A rounding error below zero still counts as touching.
+  // A value below zero by a rounding error still counts as touching.
   if (squared_depth < -1e-12) reach = Reach::kTooClose;
   const double depth = std::sqrt(std::max(0.0, squared_depth));
 
@@ -269,15 +269,15 @@ FingerPose Kinematics::inverse_kinematics(int finger, const Eigen::Vector3d& tip
   double best_excess = std::numeric_limits<double>::infinity();
   Eigen::Vector3d best = near;
   for (const double side :
-       {-1.0, 1.0}) {  // The finger hangs below its joint-0 axis, or rises above.
-    for (const double knee : {-1.0, 1.0}) {  // Which way the knee bends.
+       {-1.0, 1.0}) {  // The finger hangs below or rises above its joint-0 axis.
+    for (const double knee : {-1.0, 1.0}) {  // The knee bends one way or the other.
       const double height = side * depth;
       Eigen::Vector3d pose;
       pose[0] = std::atan2(local.x(), local.z()) - std::atan2(form.aside, height);
       pose[2] = knee * std::acos(cosine);
       pose[1] = form.joint1_sign * (std::atan2(forward, -height) - pose[2] / 2);
       for (int j = 0; j < 3; ++j) {
-        // Of the turns that mean the same, the one inside the limits, then the nearest one.
+        // Among equivalent angles, one inside the limits is preferred, then the nearest one.
         double angle = wrapped(pose[j]);
         double chosen = angle;
         double chosen_cost = std::numeric_limits<double>::infinity();

@@ -12,19 +12,19 @@
 namespace trifinger {
 namespace {
 
-// The posts of the frame are 600 mm profiles; flipped, the platform stands on them.
+// The posts of the frame are 600 mm profiles. If the robot is flipped, the platform stands on them.
 constexpr double kPostLength = 0.6;
-// Room between the joint-0 axes and the ground when flipped, so that the middle links never touch
-// it.
+// Distance between the joint-0 axes and the ground if the robot is flipped. The middle links then
+// never touch the ground.
 constexpr double kFlippedClearance = 0.2;
 constexpr double kLowestFingers = 0.2;
 constexpr double kHighestFingers = 0.6;
-// What is faster flies through a wall of 10 mm between two steps [m/s], [rad/s].
+// Faster objects pass through a wall of 10 mm between two steps [m/s], [rad/s].
 constexpr double kMaxObjectSpeed = 10;
 constexpr double kMaxObjectSpin = 100;
 
 constexpr ActuatorParameters kTwoAmpere{.torque_limit = 0.36};
-// Needs 0.37 Nm to hold its middle link level, so its torque is not reduced by any heat.
+// The motor needs 0.37 Nm to hold its middle link level, so heat does not reduce its torque.
 constexpr ActuatorParameters kTwoPointTwoAmpere{.torque_limit = 0.396, .continuous_torque = 0.396};
 
 constexpr FingerJoints kUsualSafetyDamping{0.09, 0.09, 0.05};
@@ -109,7 +109,7 @@ template <typename... Parts>
 }
 
 void require_in(std::string_view what, double value, double lowest, double highest) {
-  const bool allowed = value >= lowest && value <= highest;  // NaN is not.
+  const bool allowed = value >= lowest && value <= highest;  // false for NaN
   if (!allowed) reject(what, " is ", value, "; allowed is ", lowest, " to ", highest, ".");
 }
 
@@ -336,7 +336,7 @@ void validate(const RobotDescription& description) {
     if (object.name.empty()) reject("An object has no name; every object needs one of its own.");
     if (!names.insert(object.name).second)
       reject("Two objects are called '", object.name, "'; names must differ.");
-    // Bodies of the robot have such names.
+    // Bodies of the robot use these names.
     if (object.name == "world" || object.name == "platform" || object.name == "table" ||
         object.name.starts_with("finger_"))
       reject("An object cannot be called '", object.name,

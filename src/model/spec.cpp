@@ -13,9 +13,9 @@
 namespace trifinger::model {
 namespace {
 
-// Who can touch whom, as MuJoCo's bit masks. Pairs that cannot meet are not even looked at: links
-// and table when the link hangs too high, upper links among themselves, middle links and the
-// boundary unless the fingers hang low. A test holds the geometry that this relies on.
+// Bit masks of MuJoCo that say who can touch whom. Pairs that cannot meet are excluded: links and
+// table if the link hangs too high, upper links among themselves, and middle links with the
+// boundary unless the fingers hang low. A test checks this geometry.
 enum Bit : int {
   kTableBit = 1,
   kBoundaryBit = 2,
@@ -29,19 +29,19 @@ constexpr int kLowerMeets = kTableBit | kBoundaryBit | kObjectBit | kLowerBit;
 constexpr int kMiddleMeets = kObjectBit | kLowerBit | kMiddleBit;
 constexpr int kUpperMeets = kObjectBit | kLowerBit | kMiddleBit;
 
-// The rubber decides, whatever it touches.
+// The tip's rubber determines the contact, whatever it touches.
 constexpr int kTipPriority = 1;
 
-// Groups that viewers can switch.
+// Groups that viewers can show or hide.
 constexpr int kLooksGroup = 0;
-constexpr int kSurroundGroup = 1;  // Frame and wall, which stand around what moves.
+constexpr int kSurroundGroup = 1;  // Frame and wall, which surround everything that moves.
 constexpr int kTouchesGroup = 3;
 constexpr int kSiteGroup = 4;
 
-// Of contacts, the time constant [s]: two steps are the least that stays stable.
+// Smallest time constant of contacts [s]: less than two steps would be unstable.
 constexpr double kHardest = 0.002;
 
-// Whoever moves has a number: fingers their own, objects those that follow.
+// Everything that moves has a number: fingers their own, then the objects.
 constexpr int kScene = -1;
 
 constexpr double kTableHalf = 0.5;
@@ -75,7 +75,7 @@ void set_colour(float (&rgba)[4], const Colour& colour) {
   rgba[3] = colour.opacity;
 }
 
-// A frame whose z axis points along `direction` and whose y axis stays level.
+// Returns a frame whose z axis points along `direction` and whose y axis stays level.
 Eigen::Matrix3d along(const Eigen::Vector3d& direction) {
   const Eigen::Vector3d z = direction.normalized();
   const Eigen::Vector3d aside = std::abs(z.z()) > 0.999
@@ -110,20 +110,21 @@ class Builder {
 
  private:
   void set_options() {
-    // Why these: docs/decisions/contact_settings.md.
+    // The reasons for these options are in docs/decisions/contact_settings.md.
     mjOption& option = spec_->option;
     option.timestep = 0.001;
     option.integrator = mjINT_IMPLICITFAST;
     option.solver = mjSOL_NEWTON;
     option.cone = mjCONE_ELLIPTIC;
     option.impratio = 100;
-    // The simulation has to see numbers that are not finite, not a silent reset.
+    // The simulation must see numbers that are not finite; MuJoCo must not reset silently.
     option.disableflags |= mjDSBL_AUTORESET;
-    // Solving groups of contacts apart pays only where several objects lie about.
+    // Solving islands of contacts separately pays off only with several objects.
     if (description_.objects.size() < 2) option.disableflags |= mjDSBL_ISLAND;
-    // For contacts: twenty times what a cube between the fingers, or all objects in a heap, were
-    // seen to take. MuJoCo would take 14 MiB, all of which a back-end in real time keeps in RAM;
-    // those who go on with a file may need that.
+    // Memory for contacts: twenty times the most that was measured, with a cube between the fingers
+    // or with all objects in a heap. MuJoCo's default is 14 MiB, and a back-end in real time keeps
+    // all of it in RAM. A model for pictures and files keeps the default, because its users may
+    // need it.
     if (!pictures_) {
       spec_->memory = static_cast<mjtSize>((1 + description_.objects.size()) << 20U);
     }
@@ -133,14 +134,14 @@ class Builder {
     set_view();
   }
 
-  // Where viewers begin: between two fingers, with table and robot in the picture.
+  // Sets where viewers begin: between two fingers, with table and robot in the picture.
   void set_view() {
     constexpr double kFovy = 38;
-    constexpr double kReach = 0.25;  // Of the fingers, about the vertical axis.
+    constexpr double kReach = 0.25;  // Reach of the fingers from the vertical axis.
     const double axes = finger_height(description_);
     const double top = description_.flipped ? flip_height(description_) : axes + 0.08;
     spec_->stat.center[2] = top / 2;
-    // MuJoCo's viewers begin at one and a half times the extent.
+    // MuJoCo's viewers begin at a distance of 1.5 times the extent.
     spec_->stat.extent =
         std::hypot(kReach, top / 2) / (1.5 * std::sin(kFovy / 2 * std::numbers::pi / 180));
     spec_->stat.meansize = 0.03;
@@ -170,7 +171,7 @@ class Builder {
     geom->type = type;
     geom->contype = 0;
     geom->conaffinity = 0;
-    // Inertias are given, or come from an object's mass.
+    // Inertias are given explicitly, or result from an object's mass.
     geom->density = 0;
     geom->group = kLooksGroup;
     return geom;
@@ -216,7 +217,8 @@ class Builder {
                                                            : "plastic");
   }
 
-  // What stands around the scene can be left out of pictures, and its shadows would hide the rest.
+  // Marks what surrounds the scene: it can be left out of pictures, and casts no shadow on the
+  // rest.
   static void surround(mjsGeom* geom) {
     geom->group = kSurroundGroup;
     geom->castshadow = false;
@@ -232,9 +234,9 @@ class Builder {
     geom->friction[0] = description_.contact.floor_friction;
     geom->friction[1] = 0.005;
     geom->friction[2] = 1e-4;
-    // MuJoCo's own 20 ms let a cube that is dropped sink by 7 mm. More damping than a damping ratio
-    // of 1 has keeps it from jumping up again; what sinks by less than 0.3 mm is met softly, or an
-    // object that slides would rattle.
+    // MuJoCo's default of 20 ms lets a dropped cube sink in by 7 mm. A damping ratio above 1 keeps
+    // the cube from bouncing. Contacts less than 0.3 mm deep are softer, because sliding objects
+    // would rattle otherwise.
     geom->solref[0] = description_.contact.time_constant;
     geom->solref[1] = 1.5;
     constexpr double kYielding[] = {0.2, 0.95, 0.0003, 0.5, 2};
@@ -279,8 +281,9 @@ class Builder {
     add_light({0.5, 1.5, 1.2}, 0.12F, false);
   }
 
-  // A lamp of some width: lights on its rim share the brightness, so shadows have soft edges. With
-  // two more lights and the viewer's own there are eight, the most that OpenGL shows at once.
+  // Adds a lamp with some width: the lights on its rim share the brightness, which softens the
+  // edges of shadows. With two more lights and the viewer's own there are eight, the most that
+  // OpenGL shows at once.
   void add_lamp(const Eigen::Vector3d& position, float brightness) {
     constexpr int kLights = 5;
     constexpr double kRadius = 0.09;
@@ -308,8 +311,8 @@ class Builder {
   }
 
   void add_table() {
-    // For contacts a plane has no edge: what leaves the drawn table slides on. A plane is the
-    // cheapest.
+    // For contacts a plane has no edge, so objects that leave the drawn table slide on. Planes are
+    // the cheapest contacts.
     mjsGeom* plane = add_geom(world_, mjGEOM_PLANE);
     name(plane->element, "table");
     plane->size[0] = plane->size[1] = kTableHalf;
@@ -349,7 +352,7 @@ class Builder {
     const Eigen::Vector2d slope(ring.upper_radius - ring.lower_radius,
                                 ring.upper_height - ring.lower_height);
     const double lean = std::atan2(slope.x(), slope.y());
-    // Wide enough to meet its neighbours at the outer, upper edge.
+    // The panel is wide enough to meet its neighbours at the outer, upper edge.
     const double half_width =
         (std::max(ring.lower_radius, ring.upper_radius) + kPanelThickness) * std::tan(step / 2);
     for (int i = 0; i < kPanels; ++i) {
@@ -373,14 +376,14 @@ class Builder {
       Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
       pose.translation() = (profile.from + profile.to) / 2;
       pose.linear() = along(profile.to - profile.from);
-      // Posts turn one face to the centre.
+      // Posts turn one face towards the centre.
       if (std::abs(pose.linear()(2, 2)) > 0.999)
         pose.linear() = Eigen::AngleAxisd(std::atan2(profile.from.y(), profile.from.x()),
                                           Eigen::Vector3d::UnitZ())
                             .toRotationMatrix();
       const double half_length = (profile.to - profile.from).norm() / 2;
       add_part(pose, {0.02, 0.02, half_length}, Paint::kProfile);
-      // The grooves that make it look like a profile.
+      // Grooves make the box look like a profile.
       add_part(pose, {0.0202, 0.004, half_length - 0.0005}, Paint::kGroove);
       add_part(pose, {0.004, 0.0202, half_length - 0.0005}, Paint::kGroove);
     }
@@ -403,7 +406,7 @@ class Builder {
     }
   }
 
-  // A box of the frame.
+  // Adds a box of the frame.
   void add_part(const Eigen::Isometry3d& pose, const Eigen::Vector3d& half, Paint colour) {
     mjsGeom* part = add_box(platform_, pose, half);
     paint(part, colour);
@@ -425,7 +428,7 @@ class Builder {
     camera->resolution[0] = camera->resolution[1] = kCameraImageSize;
     if (description_.arrangement == Arrangement::kSingleFinger) return;
 
-    // Housing and lens, behind the optical centre where the camera does not see them.
+    // Housing and lens stand behind the optical centre, where the camera does not see them.
     Eigen::Isometry3d part = pose;
     part.translation() = pose * Eigen::Vector3d(0, 0, 0.055);
     add_part(part, {0.0145, 0.0145, 0.021}, Paint::kBracket);
@@ -463,7 +466,7 @@ class Builder {
       }
       add_tip(body, finger, i, tips[static_cast<std::size_t>(i)]);
 
-      // They overlap by construction, and the joint's stop keeps them apart elsewhere.
+      // These links overlap by construction, and elsewhere the joint's stop keeps them apart.
       mjsExclude* exclude = mjs_addExclude(spec_.get());
       mjs_setString(exclude->bodyname1, (kLinkNames[0] + suffix).c_str());
       mjs_setString(exclude->bodyname2, (kLinkNames[2] + suffix).c_str());
@@ -583,7 +586,7 @@ class Builder {
     return unit;
   }
 
-  // Clear of the initial pose of every variant's fingers.
+  // Returns a place that is clear of the initial pose of every variant's fingers.
   [[nodiscard]] Triple resting_place(const ObjectDescription& object, std::size_t place) const {
     constexpr double kTri[4][2] = {{0, 0}, {-0.115, -0.035}, {0.027, 0.117}, {0.088, -0.082}};
     constexpr double kSingle[4][2] = {{0, 0.12}, {0.12, -0.06}, {-0.12, 0.06}, {-0.02, -0.15}};
@@ -611,7 +614,7 @@ class Builder {
     set_colour(geom->rgba, {0.10F, 0.10F, 0.11F, 1});
     if (!pictures_) return;
 
-    // Axis and side of each face, with the colours of the competition cube.
+    // The axis and the side of each face. Colours are those of the competition's cube.
     struct Face {
       int axis;
       int side;
@@ -637,7 +640,7 @@ class Builder {
     return kMaxFingers + static_cast<int>(&object - description_.objects.data());
   }
 
-  // Round bodies would roll for ever on sliding friction alone.
+  // Adds rolling friction. With sliding friction alone, round bodies would roll for ever.
   void resist_rolling(mjsGeom* geom) {
     geom->condim = 6;
     geom->friction[2] = 5e-5;
@@ -667,7 +670,7 @@ class Builder {
     set_colour(ball->rgba, {0.93F, 0.46F, 0.10F, 1});
     resist_rolling(ball);
     if (!pictures_) return;
-    // A band, so that one sees it roll.
+    // A band makes it visible that the ball rolls.
     const Solid band{Form::kCylinder, {0, 0, -0.12 * radius}, {0, 0, 0.12 * radius},
                      1.003 * radius,  Paint::kShell,          Role::kLooks};
     add_solid(body, band, 0);
@@ -686,7 +689,7 @@ class Builder {
                                         (other.geom->contype & one.geom->conaffinity) != 0);
   }
 
-  // Friction that two geoms cannot agree on by themselves has to be said of both.
+  // Adds explicit pairs for friction that does not result from the friction of two single geoms.
   void add_pairs() {
     const auto& friction = description_.contact.friction;
     if (friction == OfSurfacePairs<std::optional<double>>{}) return;
@@ -704,7 +707,7 @@ class Builder {
     mjsPair* pair = mjs_addPair(spec_.get(), nullptr);
     mjs_setString(pair->geomname1, contact_name(first).c_str());
     mjs_setString(pair->geomname2, contact_name(second).c_str());
-    // The rest as MuJoCo mixes it. Geoms of one priority have the same stiffness here.
+    // All other values are mixed like in MuJoCo. Geoms of equal priority have equal stiffness here.
     const bool is_equal = one->priority == other->priority;
     const mjsGeom* const decides = one->priority >= other->priority ? one : other;
     pair->condim = is_equal ? std::max(one->condim, other->condim) : decides->condim;
@@ -718,7 +721,7 @@ class Builder {
     std::ranges::copy(all, pair->friction);
   }
 
-  // Pairs name their geoms, most of which have no name. No object has a space in its own.
+  // Pairs refer to geoms by name, and most geoms have none. Objects' names never contain a space.
   std::string contact_name(std::size_t index) {
     mjsElement* const element = touching_[index].geom->element;
     std::string given = mjs_getString(mjs_getName(element));
@@ -749,7 +752,7 @@ class Builder {
 
     std::vector<double> velocities(static_cast<std::size_t>(num_joints(description_)), 0.0);
     for (const ObjectDescription& object : description_.objects) {
-      // MuJoCo has the rotation of a free body in the frame of the body.
+      // MuJoCo expresses the rotation of a free body in the body's frame.
       const auto [w, x, y, z] = unit_quaternion(object);
       const Eigen::Vector3d turning =
           Eigen::Quaterniond(w, x, y, z).conjugate() * vector(object.angular_velocity);
@@ -762,7 +765,7 @@ class Builder {
   inline static const std::string kLinkNames[] = {"finger_upper_link", "finger_middle_link",
                                                   "finger_lower_link"};
 
-  // What lights are turned to.
+  // The point that the lights face.
   inline static const Eigen::Vector3d kLit{0, 0, 0.15};
 
   const RobotDescription& description_;

@@ -15,13 +15,14 @@ struct DeleteSpec {
 };
 using Spec = std::unique_ptr<mjSpec, DeleteSpec>;
 
-// Everything that `description` says, ready to compile. Throws InvalidArgument.
+// Returns a spec, ready to compile, for everything in `description`. Throws InvalidArgument.
 [[nodiscard]] Spec make_spec(const RobotDescription& description, Detail detail);
 
-// What a geom with these collision masks and this priority is; nothing if it touches nothing.
+// Returns which surface a geom with these collision masks and this priority has; nothing if it
+// never touches anything.
 [[nodiscard]] std::optional<Surface> surface_of(int contype, int priority) noexcept;
 
-// Throws Error with MuJoCo's own words: after `validate` a refusal is a defect of ours.
+// Throws Error with MuJoCo's own words. After `validate`, a refusal is a bug of ours.
 [[nodiscard]] RobotModel::Compiled compile(mjSpec* spec);
 
 }  // namespace trifinger::model

@@ -31,8 +31,8 @@ void MonotonicClock::sleep_until(Instant deadline) noexcept {
 }
 
 Nanoseconds MonotonicClock::suspended_time() const noexcept {
-  // The clock that runs on in a suspended machine first: a thread that is interrupted between the
-  // two sees too little, and the rest at its next look.
+  // CLOCK_BOOTTIME, which includes suspension, is read first. A thread that is interrupted between
+  // the two reads gets too small a value, and the rest at its next call.
   timespec with_suspension{};
   ::clock_gettime(CLOCK_BOOTTIME, &with_suspension);
   return std::chrono::seconds(with_suspension.tv_sec) + Nanoseconds(with_suspension.tv_nsec) -
@@ -49,7 +49,7 @@ struct ManualClock::State {
   pthread_cond_t changed;
   Instant now;
   Nanoseconds suspended{0};
-  Instant earliest_deadline{Instant::max()};  // of the sleeper; one back-end sleeps on a clock
+  Instant earliest_deadline{Instant::max()};  // that of the one sleeper
   bool free{false};
 
   class Lock {

@@ -25,7 +25,7 @@
 namespace trifinger {
 namespace {
 
-// Why a setting was refused, and the remedy; nothing if it was granted.
+// Why a setting was refused, and the remedy. Empty if the setting was granted.
 using Refusal = std::optional<std::string>;
 
 std::string message_of(int error) { return std::generic_category().message(error); }
@@ -38,16 +38,18 @@ Refusal set_priority(int priority) {
          "; allow it with 'rtprio 99' in /etc/security/limits.conf";
 }
 
-// The one above is tried, too: a watchdog that cannot have it may never see that the loop hangs.
+// Tries the next higher priority, too: a watchdog that cannot have it may never see that the loop
+// hangs.
 Refusal take_priority(int priority) {
   if (Refusal refusal = set_priority(priority)) return refusal;
   if (Refusal refusal = set_priority(priority + 1)) {
-    return "its watchdog cannot be above the loop: " + *refusal + ", or take a lower one";
+    return "its watchdog cannot have a higher priority than the loop: " + *refusal +
+           ", or choose a lower priority";
   }
   return set_priority(priority);
 }
 
-// As in "0 to 3, 6".
+// The processors that this process may use, for example "0 to 3, 6".
 std::string allowed_processors() {
   cpu_set_t allowed;
   CPU_ZERO(&allowed);
@@ -85,8 +87,8 @@ Refusal lock_memory() {
       "; allow it with 'memlock unlimited' in /etc/security/limits.conf";
   rlimit limit{};
   ::getrlimit(RLIMIT_MEMLOCK, &limit);
-  // What fits below a limit today may not fit tomorrow: then threads and sessions could no longer
-  // be made, in the middle of everything.
+  // A limit that suffices today may not suffice later. Then making threads and sessions would fail
+  // in the middle of the work.
   if (limit.rlim_cur != RLIM_INFINITY && !has_capability(CAP_IPC_LOCK)) {
     return "memory is not locked: the limit is " + std::to_string(limit.rlim_cur >> 10U) + " KiB" +
            kRemedy;
@@ -95,18 +97,18 @@ Refusal lock_memory() {
   return "memory is not locked: " + message_of(errno) + kRemedy;
 }
 
-// Touches the part of the stack that the loop may use, so that it is there before the first
-// deadline.
+// Touches the part of the stack that the loop may use, so that it exists before the first deadline.
 [[gnu::noinline]] void touch_stack() {
   constexpr std::size_t kStackUsed = 256 * 1024;
   unsigned char stack[kStackUsed];
   std::memset(stack, 1, sizeof(stack));
-  // Keeps the compiler from leaving out what nobody reads.
+  // Keeps the compiler from removing the write, whose result nobody reads.
   asm volatile("" : : "r"(stack) : "memory");
 }
 
-// The loop takes no memory, but between two sessions its thread does. It gets pages that were
-// touched before: large blocks come from the heap like small ones, and the heap never shrinks.
+// The loop allocates nothing, but between two sessions its thread does. These settings give it
+// pages that were touched before: large blocks come from the heap like small ones, and the heap
+// never shrinks.
 void fill_heap(std::size_t size) {
   ::mallopt(M_TRIM_THRESHOLD, -1);
   ::mallopt(M_MMAP_MAX, 0);
@@ -117,8 +119,8 @@ void fill_heap(std::size_t size) {
   std::free(block);
 }
 
-// The kernel keeps every processor as awake as the file's text asks while the file is open. It is
-// closed with its thread, and in forked children.
+// While this file is open, the kernel keeps every processor awake enough for the latency written to
+// it. It is closed when its thread ends, and in forked children.
 thread_local ipc::FileDescriptor awake_cpus;
 
 Refusal keep_cpus_awake() {
@@ -177,7 +179,7 @@ void outrank_realtime() noexcept {
   pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameters);
   cpu_set_t everywhere;
   CPU_ZERO(&everywhere);
-  // The kernel leaves out those that are not there or not allowed.
+  // The kernel ignores processors that do not exist or are not allowed.
   for (std::size_t cpu = 0; cpu < CPU_SETSIZE; ++cpu) CPU_SET(cpu, &everywhere);
   pthread_setaffinity_np(pthread_self(), sizeof(everywhere), &everywhere);
 }

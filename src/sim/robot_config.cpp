@@ -51,7 +51,7 @@ ObjectDescription read_object(const Node& node) {
                  std::to_string(expected));
     }
     for (std::size_t i = 0; i < object.size.size(); ++i) {
-      // A cube is given by its edge; a ball uses the first number alone.
+      // A cube has one edge length for all axes; a ball uses only the first number.
       object.size[i] = i < expected ? lengths[i] : type == cube ? lengths[0] : 0.0;
     }
   }
@@ -68,7 +68,7 @@ ObjectDescription read_object(const Node& node) {
   return object;
 }
 
-// Nothing of this was in the files of older versions: what is missing is as in a description.
+// Files of older versions have no such section; missing values are those of the description.
 void read_joints(const Node& root, RobotDescription& description) {
   const auto joints = root.optional_section("joints");
   if (!joints) return;
@@ -95,7 +95,7 @@ ContactParameters read_contact(const Node& section) {
   contact.tip_torsional_friction =
       section.required<double>("tip_torsional_friction", {.unit = "m", .min = 0, .max = 0.1});
   contact.floor_friction = section.required<double>("floor_friction", friction);
-  // Older files have none of these.
+  // Files of older versions have no such section.
   if (const auto pairs = section.optional_section("friction")) {
     for (const SurfacePair pair : all_surface_pairs()) {
       if (const auto given = pairs->find(name_of(pair))) {
@@ -130,7 +130,7 @@ RobotDescription read_description(const Node& root) {
   return description;
 }
 
-// A time as a whole number of steps.
+// Reads a time that must be a whole number of steps.
 TimeIndex read_steps(const Node& section, std::string_view key, Nanoseconds period,
                      const Range& range) {
   const Node node = section.at(key, range.unit);
@@ -162,7 +162,8 @@ BackendOptions read_backend(const Node& section, SessionOptions& session) {
   const bool repeats =
       late_action.required_choice<bool>("policy", {{"stop", false}, {"repeat", true}});
   const Range count{.min = 0, .max = kMaxCount};
-  // Read in either case: a policy that is set for once must not demand more changes.
+  // This key is read for both policies, so that changing the policy for a try needs no other
+  // change.
   const auto max_repeats =
       late_action.optional<std::uint32_t>("max_repeats", 0, {.min = 1, .max = kMaxCount});
   if (repeats) {
@@ -175,7 +176,7 @@ BackendOptions read_backend(const Node& section, SessionOptions& session) {
   const auto timeout = [&section](const char* name) {
     const auto time = section.required<double>(
         name, {.unit = "s", .min = 0, .above_min = true, .allow_infinite = true});
-    // In nanoseconds; more than 30 years is for ever.
+    // Longer times would overflow nanoseconds: more than 30 years counts as for ever.
     constexpr double kLongest = 1e9;
     return time > kLongest ? kForever
                            : std::chrono::ceil<Nanoseconds>(std::chrono::duration<double>(time));
@@ -187,7 +188,7 @@ BackendOptions read_backend(const Node& section, SessionOptions& session) {
   return options;
 }
 
-// Angles within the soft limits: three for every finger, or one for each joint.
+// Reads angles within the soft limits: three for every finger, or one for each joint.
 template <std::size_t N>
 JointVector<N> read_pose(const Node& section, std::string_view key, const JointLimits<N>& limits) {
   const Node position = section.at(key, "rad");
@@ -217,11 +218,12 @@ OrderlyStopOptions<N> read_stop(const Node& root, const JointLimits<N>& limits) 
   OrderlyStopOptions<N> options;
   const auto section = root.optional_section("stop");
   if (!section) return options;
-  // A way that is given up is followed by the damping once more: 2 + 5.5 + 2 s are below the
-  // back-end's limit for the whole stop.
+  // If a motion is abandoned, the damping follows once more. Altogether 2 + 5.5 + 2 s stay below
+  // the back-end's limit for the whole stop.
   options.damping_time =
       read_time(section->at("damping_time", "s"), {.unit = "s", .min = 0, .max = 2});
-  // Read in either case: a pose that is taken out again must not demand more changes.
+  // This key is read without a rest position, too, so that removing the position needs no other
+  // change.
   const auto move_time = section->find("move_time");
   const Range range{.unit = "s", .min = 0, .max = 5.5, .above_min = true};
   if (move_time) options.move_time = read_time(*move_time, range);
@@ -261,7 +263,7 @@ SimulationOptions<R> read_simulation(const Node& root, RobotDescription descript
   return options;
 }
 
-// "box of 0.065 x 0.065 x 0.065 m and 0.094 kg"
+// Describes an object, as in "box of 0.065 x 0.065 x 0.065 m and 0.094 kg".
 std::string object_text(const ObjectDescription& object) {
   std::string text = object.shape == ObjectShape::kBox     ? "box of "
                      : object.shape == ObjectShape::kStick ? "stick of "
@@ -275,7 +277,7 @@ std::string object_text(const ObjectDescription& object) {
   return text + " m and " + text_of(object.mass) + " kg";
 }
 
-// The values of a configuration that a controller notices, by their keys; objects by their names.
+// Returns the values of a configuration that matter to a controller, by key; objects by name.
 std::map<std::string, std::string> noticed_values(const config::File& file) {
   std::map<std::string, std::string> values = file.values();
   std::erase_if(values, [](const auto& entry) {
@@ -303,10 +305,10 @@ std::vector<std::filesystem::path> config_folders(const std::string& folder) {
   }
   Dl_info info{};
   std::error_code ignored;
-  // By something of this file alone: what other files see may be that of another library.
+  // `kSuffix` is local to this file. A symbol seen by other files might belong to another library.
   if (::dladdr(&kSuffix, &info) != 0) {
-    // A program is named as it was called: without a slash it was found on the PATH, and is not
-    // what has that name in the working directory.
+    // A program's name is what the user typed. A name without a slash was found on the PATH, so a
+    // file of that name in the working directory is a different one.
     const std::string_view name = info.dli_fname;
     std::filesystem::path self;
     if (name.find('/') != std::string_view::npos) self = std::filesystem::canonical(name, ignored);
@@ -354,8 +356,8 @@ RobotConfig read_robot_config(const config::File& file) {
   const Node root = file.root();
   RobotConfig config;
   config.name = root.required<std::string>("name");
-  // One driver so far; the key is there so that a file for hardware cannot be taken for one of
-  // these.
+  // There is one driver so far. The key exists so that a file for hardware is never used for a
+  // simulation.
   static_cast<void>(root.required_choice<bool>("driver", {{"simulation", true}}));
   RobotDescription description = read_description(root);
   config.backend = read_backend(root.section("backend"), config.session);
@@ -370,7 +372,8 @@ RobotConfig read_robot_config(const config::File& file) {
   try {
     std::visit([](const auto& options) { options.validate(); }, config.simulation);
   } catch (const InvalidArgument& error) {
-    // Single values were checked where they were read. What is left is how objects go together.
+    // Single values were checked when they were read, so this error is about how objects fit
+    // together.
     throw config::ConfigError(root.at("objects").location(), error.what());
   }
   config.session.documents = {{std::string(kDocument), "application/yaml", file.text()}};

@@ -22,7 +22,7 @@ namespace {
 
 using detail::require;
 
-// Begins every saved state: one of another version is told apart.
+// Every saved state begins with this number, so that states of other versions are recognised.
 constexpr std::uint64_t kStateMagic = 0x34534d4953465254;  // "TRFSIMS4"
 
 constexpr const char* kObjectCompanion = "object";
@@ -49,11 +49,12 @@ struct DeleteData {
   void operator()(mjData* data) const noexcept { mj_deleteData(data); }
 };
 
-// What a step changes of the state: the rest are inputs that nobody here gives.
+// Components of the state that a step changes. The other components are inputs that are never set
+// here.
 constexpr int kChangedByStep = mjSTATE_FULLPHYSICS | mjSTATE_WARMSTART | mjSTATE_CTRL;
 
-// The state from which MuJoCo goes on bit for bit: mjSTATE_FULLPHYSICS lacks the warm start of the
-// solver.
+// Components from which MuJoCo continues bit for bit. mjSTATE_FULLPHYSICS lacks the solver's warm
+// start.
 constexpr int kWholeState = mjSTATE_INTEGRATION;
 
 std::size_t state_size_of(const RobotModel& model, int components) {
@@ -123,22 +124,23 @@ class SimulatedRobot<R>::Implementation {
 
   DriverReport hold(const Observation& observation, Action& action) noexcept {
     action = hold_position(observation);
-    // Without these the fingers would sink until the position controller carries their weight.
+    // Without these torques the fingers would sink until the position controller carries their
+    // weight.
     simulator_.gravity_torques(mujoco(), *data_, action.torque);
     return DriverReport::ready();
   }
 
-  // The observation is that of the period before: the last one of the session, or what the loop has
-  // measured since.
+  // The observation belongs to the previous period: it is the session's last one, or the newest
+  // that the loop has measured since.
   DriverReport stop(TimeIndex step) noexcept {
     Action action;
     if (!stop_.next(step, state_.observation, action)) return DriverReport::ready();
     if (step == 0 && has_safety_fault_) {
-      // The fault of the session may not show again.
+      // The fault that ended the session may not be detected again.
       stop_.give_up(step);
       action = {};
     }
-    // What the position controller alone would sink under, as in `hold`.
+    // These torques carry the weight under which the fingers would sink, as in `hold`.
     if (!std::isnan(action.position[0])) {
       simulator_.gravity_torques(mujoco(), *data_, action.torque);
     }
@@ -146,7 +148,7 @@ class SimulatedRobot<R>::Implementation {
     const SafetyReport report = simulator_.safety().apply(
         action, state_.observation, options().period, state_.memory.safety, applied);
     if (report.fault != SafetyFault::kNone) stop_.give_up(step);
-    // What has diverged will not come to rest.
+    // A simulation that has diverged cannot come to rest.
     return simulator_.move(applied.torque, mujoco(), *data_, state_) ? DriverReport::busy()
                                                                      : DriverReport::ready();
   }
@@ -209,7 +211,7 @@ class SimulatedRobot<R>::Implementation {
     for (const double value : force) {
       require(std::isfinite(value), "the force on object '" + name + "' is not finite");
     }
-    constexpr std::ptrdiff_t kWrench = 6;  // Force, then moment.
+    constexpr std::ptrdiff_t kWrench = 6;  // The force, then the moment.
     std::ranges::copy(force, data_->xfrc_applied + kWrench * object.body);
   }
 
@@ -252,7 +254,7 @@ class SimulatedRobot<R>::Implementation {
     vary_model(memory.variation);
     const TimeIndex now = state_.memory.step;
     read_state(state);
-    // A damaged state must not lead out of the ring.
+    // A damaged state must not lead to an index outside the ring.
     state_.memory.pending_count =
         std::min<std::uint64_t>(state_.memory.pending_count, state_.captures.size());
     simulator_.move_to_step(now, state_);
@@ -275,20 +277,20 @@ class SimulatedRobot<R>::Implementation {
   using Memory = typename Simulator<R>::Memory;
   using Capture = typename Simulator<R>::Capture;
 
-  // Begins every saved state.
+  // Every saved state begins with this header.
   struct Header {
     std::uint64_t magic{0};
     std::uint64_t model{0};
   };
 
-  // The model that is simulated: the description's own, or a copy that differs.
+  // Returns the model that is simulated: the description's own model, or a varied copy.
   [[nodiscard]] const mjModel& mujoco() const noexcept {
     return varied_ != nullptr ? *varied_ : *model().mujoco();
   }
 
   [[nodiscard]] std::size_t num_objects() const noexcept { return model().objects().size(); }
 
-  // The state of the physics stays as it is.
+  // Varies the model. The state of the physics does not change.
   void vary_model(const Variation& variation) {
     if (variation == state_.memory.variation) return;
     RobotModel::Compiled varied = simulator_.make_varied_model(variation);
@@ -298,14 +300,15 @@ class SimulatedRobot<R>::Implementation {
     mj_setState(&mujoco(), data_.get(), scratch().data(), kWholeState);
   }
 
-  // The owner has put the robot somewhere: the next session begins here, and a session that goes on
-  // must not judge its next action by what it saw before.
+  // Call this after the owner has moved the robot: the next session begins here. In a session that
+  // continues, the next action must not be judged by an observation from before.
   void begin_here() noexcept {
     simulator_.observe(*data_, state_);
     write_state(begin_state_);
   }
 
-  // Of the model and of what else decides the layout of a saved state (FNV-1a).
+  // Returns a hash (FNV-1a) of the model and of the other options that set the layout of saved
+  // states.
   [[nodiscard]] std::uint64_t fingerprint() const {
     std::uint64_t hash = 0xcbf29ce484222325;
     const auto add = [&hash](const auto* bytes, std::size_t size) {
@@ -322,7 +325,7 @@ class SimulatedRobot<R>::Implementation {
     return hash;
   }
 
-  // A saved state: header, physics, memory, poses under way.
+  // Returns the size of a saved state: header, physics, memory, poses under way.
   [[nodiscard]] std::size_t state_size() const noexcept {
     return sizeof(Header) + scratch().size_bytes() + sizeof(Memory) +
            state_.captures.size() * (2 * sizeof(TimeIndex) + num_objects() * sizeof(ObjectPose));
@@ -337,7 +340,7 @@ class SimulatedRobot<R>::Implementation {
                    const Memory& memory) const noexcept {
     std::byte* target = state.data();
     const auto write = [&target](const void* source, std::size_t size) {
-      // Without objects there is nothing to copy, from no address.
+      // Without objects there is nothing to copy, and the address may be null.
       if (size > 0) std::memcpy(target, source, size);
       target += size;
     };
@@ -354,7 +357,7 @@ class SimulatedRobot<R>::Implementation {
   void read_state(std::span<const std::byte> state) noexcept {
     const std::byte* source = state.data() + sizeof(Header);
     const auto read = [&source](void* target, std::size_t size) {
-      // Without objects there is nothing to copy, from no address.
+      // Without objects there is nothing to copy, and the address may be null.
       if (size > 0) std::memcpy(target, source, size);
       source += size;
     };
@@ -369,8 +372,8 @@ class SimulatedRobot<R>::Implementation {
     }
   }
 
-  // What mj_getState does in twenty times the time: it looks for each of the many components that a
-  // state may have in every step.
+  // Does what mj_getState does, but 20 times faster: mj_getState checks every possible component in
+  // every step.
   void keep_state_before_step() noexcept {
     double* target = before_step_.data();
     for (const std::span<const double> part : changed_by_step_) {
@@ -378,7 +381,7 @@ class SimulatedRobot<R>::Implementation {
     }
   }
 
-  // Where the components of kChangedByStep are, in their order.
+  // Returns where the components of kChangedByStep are, in their order.
   [[nodiscard]] std::vector<std::span<const double>> parts_changed_by_step() const {
     const mjModel& model = mujoco();
     const auto part = [](const double* values, auto count) {
@@ -399,7 +402,7 @@ class SimulatedRobot<R>::Implementation {
   }
 
   void keep_state_before_divergence() noexcept {
-    // No memory is taken here: this runs in the loop.
+    // The loop calls this, so it must not allocate.
     if (state_before_divergence_.empty()) state_before_divergence_.swap(spare_state_);
     mj_getState(&mujoco(), data_.get(), after_step_.data(), kChangedByStep);
     mj_setState(&mujoco(), data_.get(), before_step_.data(), kChangedByStep);
@@ -415,7 +418,7 @@ class SimulatedRobot<R>::Implementation {
   RobotModel::Compiled varied_;
   typename Simulator<R>::State state_ = simulator_.make_state();
   OrderlyStop<R> stop_;
-  bool has_safety_fault_{false};  // the chain has ended the session
+  bool has_safety_fault_{false};  // a safety check has ended the session
   std::vector<std::string> joint_names_ = joint_names(options().description);
   FixedText rejection_text_;
   std::array<CompanionDescription, 1> companion_;
@@ -424,7 +427,7 @@ class SimulatedRobot<R>::Implementation {
   SimulationState begin_state_;
   Memory memory_before_step_;
   SimulationState state_before_divergence_;
-  SimulationState spare_state_;  // memory for the one above
+  SimulationState spare_state_;  // memory for `state_before_divergence_`
   std::vector<double> before_step_ = std::vector<double>(state_size_of(model(), kChangedByStep));
   std::vector<std::span<const double>> changed_by_step_ = parts_changed_by_step();
   std::vector<double> after_step_ = std::vector<double>(before_step_.size());

@@ -19,18 +19,18 @@ using detail::require;
 using sim::kPhysicsStep;
 using sim::text_of;
 
-// The user's bounds on gains are ours, no source has any: well inside what is stable at 1 kHz for
-// the lightest link.
+// Our own bounds for the gains that users may ask for; the sources have none. They are well inside
+// the stable range at 1 kHz for the lightest link.
 constexpr double kMaxKp = 50.0;
 constexpr double kMaxKd = 0.5;
 
-// Ours: a little more than the motors reach against the safety damping [rad/s].
+// Our own choice: a little more than the motors reach against the safety damping [rad/s].
 constexpr FingerJoints kMaxVelocity{5.0, 5.0, 8.0};
-// Of real joints: what a motor without load reaches, and half as much again where something hits
-// the arm [rad/s].
+// Limit for real joints: what a motor without load reaches, plus half of that for impacts on the
+// arm [rad/s].
 constexpr double kMaxPositionRate = 65.0;
-// Ours: a velocity that is wrong by 1 rad/s for a tenth of a second, a joint that does not move by
-// the last bit while its torque varies by half of its maximum.
+// Our own choice: a velocity that is wrong by 1 rad/s for a tenth of a second, or a joint whose
+// position stays exactly the same while its torque varies by half of its maximum.
 constexpr double kMaxVelocityError = 1.0;   // [rad/s]
 constexpr double kVelocityErrorTime = 0.1;  // [s]
 constexpr double kStuckTime = 0.1;          // [s]
@@ -77,7 +77,7 @@ template <class R>
 void SimulationOptions<R>::validate() const {
   trifinger::validate(description);
   for (const ObjectDescription& object : description.objects) {
-    // Names become names of fields in the session "object".
+    // The names become names of fields in the session "object".
     const bool is_name = std::all_of(object.name.begin(), object.name.end(), [](char letter) {
       return std::isalnum(static_cast<unsigned char>(letter)) != 0 || letter == '_';
     });

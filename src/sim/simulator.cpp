@@ -20,8 +20,8 @@ namespace {
 using sim::kPhysicsStep;
 using sim::text_of;
 
-// MuJoCo writes warnings to a file in the working directory. Ours are faults: the counters in
-// mjData tell.
+// MuJoCo writes warnings to a file in the working directory. Here the counters in mjData show them,
+// and they become faults.
 void silence_warnings() {
   static std::once_flag once;
   std::call_once(once, [] { mju_user_warning = [](const char*) {}; });
@@ -49,7 +49,7 @@ bool is_finite(const mjModel& model, const mjData& data) noexcept {
          data.warning[mjWARN_BADQACC].number == 0;
 }
 
-// The time constant of the contact of two geoms, as MuJoCo mixes it.
+// Returns the time constant of the contact of two geoms, mixed like in MuJoCo.
 double mixed_time(const mjModel& model, int first, int second) noexcept {
   const double one = model.geom_solref[mjNREF * first];
   const double other = model.geom_solref[mjNREF * second];
@@ -137,7 +137,7 @@ void Simulator<R>::vary(const Variation& variation, mjModel_& varied,
     }
   }
   for (int geom = 0; geom < static_cast<int>(original.ngeom); ++geom) {
-    // Sliding friction is the first of three numbers, the time constant the first of two.
+    // Sliding friction is the first of three numbers; the time constant is the first of two.
     varied.geom_friction[3 * geom] = variation.friction * original.geom_friction[3 * geom];
     varied.geom_solref[mjNREF * geom] =
         variation.contact_time * original.geom_solref[mjNREF * geom];
@@ -154,7 +154,7 @@ void Simulator<R>::vary(const Variation& variation, mjModel_& varied,
   mj_setConst(&varied, &data);
 }
 
-// The varied model may have pairs that the original has not: their geoms are the same.
+// The varied model may have pairs that the original lacks. The geoms are the same in both.
 template <class R>
 void Simulator<R>::vary_pairs(const Variation& variation, mjModel_& varied) const noexcept {
   const ContactParameters& contact = options_.description.contact;
@@ -166,7 +166,7 @@ void Simulator<R>::vary_pairs(const Variation& variation, mjModel_& varied) cons
     const int first = varied.pair_geom1[i];
     const int second = varied.pair_geom2[i];
     const SurfacePair pair = pair_of(surface_of(first), surface_of(second));
-    // Two directions of sliding are the first of five numbers.
+    // The first two of five numbers are the two directions of sliding.
     const double friction =
         variation.friction * variation.pair_friction[pair] * sliding_friction(contact, pair);
     std::fill_n(varied.pair_friction + 5 * i, 2, friction);
@@ -213,7 +213,7 @@ void Simulator<R>::place(const ObjectAddress& object, const ObjectPose& pose, mj
   std::ranges::transform(pose.orientation, values + pose.position.size(),
                          [norm](double value) { return value / norm; });
   set_velocity(object, {}, data);
-  // What is under way shows where it was.
+  // Poses under way show where the object was before, so they are dropped.
   state.memory.pending_count = 0;
   state.memory.has_delivered = 0;
   state.memory.next_capture = state.memory.step;
@@ -224,7 +224,7 @@ void Simulator<R>::set_velocity(const ObjectAddress& object, const ObjectVelocit
                                 mjData_& data) const noexcept {
   double* const values = data.qvel + object.velocity;
   std::ranges::copy(velocity.linear, values);
-  // MuJoCo has the rotation of a free body in the frame of the body.
+  // MuJoCo expresses the rotation of a free body in the body's frame.
   mjtNum inverse[4];
   mju_negQuat(inverse, data.qpos + object.position + 3);
   mju_rotVecQuat(values + 3, velocity.angular.data(), inverse);
@@ -246,8 +246,8 @@ void Simulator<R>::begin(State& state) const noexcept {
   state.has_initial_pose = false;
 }
 
-// Indices in the memory count from the beginning of the session: a state that was saved at step n
-// goes on at `step`.
+// Shifts the indices in the memory, which count from the beginning of the session. A state that was
+// saved at step n then continues at `step`.
 template <class R>
 void Simulator<R>::move_to_step(TimeIndex step, State& state) const noexcept {
   const TimeIndex offset = step - std::exchange(state.memory.step, step);
@@ -285,7 +285,7 @@ bool Simulator<R>::move(const Joints& torque, const mjModel_& model, mjData_& da
   ++memory.step;
   Joints delivered = torque;
   if (const auto delay = static_cast<std::uint64_t>(variation.torque_delay); delay > 0) {
-    // A robot that begins has been given the same all the time.
+    // At the beginning, the delayed torques are all equal to the first one.
     if (memory.num_sent == 0) memory.sent.fill(torque);
     delivered = std::exchange(memory.sent[memory.num_sent++ % delay], torque);
   }
@@ -310,7 +310,7 @@ void Simulator<R>::measure_tip_forces(const mjModel_& model, mjData_& data,
       if (contact.geom[0] != tips[finger] && contact.geom[1] != tips[finger]) continue;
       mjtNum force[6];
       mj_contactForce(&model, &data, i, force);
-      // In the contact's frame, whose first axis is the normal.
+      // The force is in the contact's frame, whose first axis is the normal.
       tip_force[finger] += force[0];
     }
   }
@@ -324,11 +324,11 @@ auto Simulator<R>::receive_poses(TimeIndex time_index, const mjData_& data,
   const auto slot = [&](std::uint64_t position) -> Capture& {
     return state.captures[(memory.pending_begin + position) % size];
   };
-  // Steps count from the beginning of the session: holding does not.
+  // Steps count from the beginning of the session. The time of holding before it counts as step 0.
   memory.step = std::max<TimeIndex>(time_index, 0);
   if (time_index < 0) {
-    // One pose before step 0, so that there is always one. In a session that goes on from a saved
-    // state it is the one that was known there.
+    // One pose arrives before step 0, so that there always is one. A session that continues from a
+    // saved state begins with the pose that was known there.
     if (std::exchange(state.has_initial_pose, true)) return nullptr;
     Capture& newest = slot(size - 1);
     if (memory.has_delivered == 0) {
@@ -378,12 +378,12 @@ void Simulator<R>::capture(const mjData_& data, State& state, Capture& capture) 
 template <class R>
 void Simulator<R>::gravity_torques(const mjModel_& model, mjData_& data,
                                    Joints& torque) const noexcept {
-  // Only what the inverse dynamics of a robot at rest needs; the warm start of the solver stays
-  // untouched.
+  // These calls compute only what the inverse dynamics of a robot at rest needs. They leave the
+  // solver's warm start unchanged.
   mj_kinematics(&model, &data);
   mj_comPos(&model, &data);
   mj_comVel(&model, &data);
-  // As good as any other array of this size: no step reads it.
+  // qfrc_inverse only serves as memory of the right size: no step reads it.
   mj_rne(&model, &data, 0, data.qfrc_inverse);
   std::copy_n(data.qfrc_inverse, R::kJoints, torque.begin());
 }

@@ -6,7 +6,7 @@
 
 namespace trifinger::sim {
 
-// A number as people write it: "0.001", not "0.001000".
+// Formats a number as people write it: "0.001", not "0.001000".
 inline std::string text_of(double number) {
   std::ostringstream text;
   text << number;

@@ -28,8 +28,8 @@ std::vector<double> drawn(std::size_t count, const std::function<double()>& draw
   return numbers;
 }
 
-// Kolmogorov and Smirnov's distance of the numbers from a distribution, times the root of their
-// count: below 1.95 in 999 of 1000 cases.
+// Kolmogorov-Smirnov distance of the numbers from a distribution, times the root of their count:
+// below 1.95 in 999 of 1000 cases.
 double distance(std::vector<double> numbers, double (*distribution)(double)) {
   std::ranges::sort(numbers);
   const auto count = static_cast<double>(numbers.size());
@@ -48,7 +48,7 @@ double correlation(const std::vector<double>& a, const std::vector<double>& b) {
   return products / static_cast<double>(a.size());
 }
 
-// As Random123 1.14 publishes them (kat_vectors).
+// Known answers published with Random123 1.14 (kat_vectors).
 TEST(Philox, GivesTheKnownAnswersOfItsAuthors) {
   using Numbers = std::array<std::uint32_t, 4>;
   constexpr std::uint32_t kOnes = 0xffffffff;
@@ -61,8 +61,8 @@ TEST(Philox, GivesTheKnownAnswersOfItsAuthors) {
       (Numbers{0xd16cfe09, 0x94fdcceb, 0x5001e420, 0x24126ea1}));
 }
 
-// The numbers are those of a program in Python that knows nothing of this one; its normal ones are
-// within 2 units of the last place of what 60 decimals give.
+// The expected numbers come from an independent program in Python. Its normal numbers are within 2
+// units of the last place of values computed with 60 decimals.
 TEST(Random, IsTheSameOnEveryMachineBitForBit) {
   Random random{.seed = (std::uint64_t{1} << 40U) + 7, .episode = (std::uint64_t{1} << 33U) + 5};
   for (const double expected : {0x1.7080f7d016898p-2, 0x1.30cbaa21fbe68p-1, 0x1.2073dad37cfd0p-3}) {
@@ -104,7 +104,7 @@ TEST(Random, SpreadsNormally) {
   const auto numbers = drawn(200'000, [&] { return random.normal(); });
   EXPECT_LT(distance(numbers, [](double x) { return std::erfc(-x / std::numbers::sqrt2) / 2; }),
             1.95);
-  // The distance says little of the tails: 540 of 200'000 are beyond 3.
+  // The distance says little about the tails: 540 of 200'000 numbers are expected beyond 3.
   const auto far = std::ranges::count_if(numbers, [](double x) { return std::abs(x) > 3; });
   EXPECT_NEAR(static_cast<double>(far), 540, 4 * std::sqrt(540));
 }
@@ -116,7 +116,7 @@ TEST(Random, NeverReachesTheUpperBoundHoweverNarrowTheRange) {
   for (int i = 0; i < 10'000; ++i) {
     EXPECT_EQ(random.uniform(1, 1 + kEpsilon), 1);
     EXPECT_EQ(random.uniform(7, 7), 7);
-    // Two numbers are in the range, and each has its half.
+    // The range contains two numbers, and each gets half of the draws.
     const double number = random.uniform(1, 1 + 2 * kEpsilon);
     EXPECT_TRUE(number == 1 || number == 1 + kEpsilon);
     if (number == 1) ++ones;
@@ -124,7 +124,7 @@ TEST(Random, NeverReachesTheUpperBoundHoweverNarrowTheRange) {
   EXPECT_NEAR(ones, 5000, 4 * 50);
 }
 
-// Chi-square over all faces.
+// Chi-square test over all faces.
 TEST(Random, GivesEachIntegerTheSameChance) {
   Random random{.seed = 4};
   for (const int faces : {2, 3, 6, 10, 100}) {
@@ -143,7 +143,8 @@ TEST(Random, GivesEachIntegerTheSameChance) {
   }
 }
 
-// Three quarters of 2^64: with a plain remainder the first third would come as often as the rest.
+// The range is three quarters of 2^64. With a plain remainder, numbers in the first third would
+// come twice as often as the rest.
 TEST(Random, HasNoBiasWhereTheRangeIsNearlyThatOfTheGenerator) {
   Random random{.seed = 5};
   constexpr std::int64_t kQuarter = std::int64_t{1} << 62U;
@@ -194,7 +195,7 @@ TEST(Random, HasStreamsThatKnowNothingOfEachOther) {
     EXPECT_LT(std::abs(correlation(one, stream(other, 0, 0))), limit) << "seed " << other;
     EXPECT_LT(std::abs(correlation(one, stream(0, other, 0))), limit) << "episode " << other;
   }
-  // Neither do the numbers of one stream.
+  // The numbers of one stream do not depend on each other either.
   const std::vector<double> same = stream(0, 0, 1);
   EXPECT_NEAR(correlation(one, one), 1, 0.05);
   std::vector<double> shifted(one.begin() + 1, one.end());

@@ -22,7 +22,7 @@
 #include "support/session_folder.hpp"
 #include "trifinger/base/error.hpp"
 
-// A hang is ended by the watchdog of the suite.
+// The watchdog of the suite ends a hang.
 
 namespace trifinger {
 namespace {
@@ -32,7 +32,7 @@ using ::testing::HasSubstr;
 
 class RegularFile : public ::testing::Test {
  protected:
-  // The error that opening `path` is answered with, as text; its number goes to `number_`.
+  // Returns the error from opening `path`, as text. Its number goes to `number_`.
   std::string refusal(const std::filesystem::path& path, int flags, NamedBy named_by) {
     number_ = 0;
     try {
@@ -97,7 +97,7 @@ TEST_F(RegularFile, fault_73_ALinkIsFollowedOnlyForAUserWhoNamedIt) {
     EXPECT_THAT(refusal(path, flags, NamedBy::kProgram), HasSubstr("a symbolic link of"));
     EXPECT_EQ(number_, ELOOP);
   }
-  // It is not followed to make a file either.
+  // The link is not followed to create a file either.
   std::filesystem::remove(folder_.path() / "file");
   EXPECT_NE(refusal(path, O_RDWR | O_CREAT, NamedBy::kProgram), "");
   EXPECT_NE(refusal(path, O_RDWR | O_CREAT | O_EXCL, NamedBy::kProgram), "");
@@ -110,7 +110,7 @@ TEST_F(RegularFile, fault_73_AFileOfAStrangerIsRefusedForTheProgramAndServesTheU
   std::filesystem::permissions(folder_.path(), std::filesystem::perms::all);
   std::filesystem::permissions(path, std::filesystem::perms::all);
   ASSERT_EQ(::chown(path.c_str(), 12345, 12345), 0);
-  // To the administrator everybody else is a stranger, and so they are to each other.
+  // For the administrator every other user is a stranger. Other users are strangers to each other.
   EXPECT_THAT(refusal(path, O_RDWR, NamedBy::kProgram),
               AllOf(HasSubstr(path), HasSubstr("of user 12345"), HasSubstr("none of your groups")));
   EXPECT_EQ(number_, EPERM);
@@ -139,7 +139,7 @@ TEST_F(RegularFile, IsReadAsAWhole) {
   EXPECT_EQ(read_file(file(""), 0), "");
   const std::string large(200'000, 'x');
   EXPECT_EQ(read_file(file(large), large.size()), large);
-  // Files of the kernel say that they have no bytes.
+  // Files in /proc have a size of 0 although they can be read.
   EXPECT_NE(read_file("/proc/self/stat", 10'000), "");
 }
 

@@ -45,7 +45,7 @@ TEST(FixedText, MarksWhatItCutsOff) {
   EXPECT_EQ(FixedText(fits).view(), fits);
   FixedText cut(fits + "y");
   EXPECT_EQ(cut.view(), fits.substr(3) + "...");
-  // And what comes later does not look as if it belonged there.
+  // Text that is appended after the cut must not look as if it belonged there.
   EXPECT_EQ(cut.append("z").view(), fits.substr(3) + "...");
 }
 

@@ -18,7 +18,7 @@ using testing::AllOf;
 using testing::EndsWith;
 using testing::HasSubstr;
 
-// A folder of its own for every test.
+// Every test has a folder of its own.
 class Extends : public testing::Test {
  protected:
   Extends() {
@@ -30,7 +30,7 @@ class Extends : public testing::Test {
     std::filesystem::remove_all(folder_, ignored);
   }
 
-  // The path of a new file with `text`.
+  // Returns the path of a new file with `text`.
   [[nodiscard]] std::filesystem::path write(const std::string& name,
                                             const std::string& text) const {
     std::ofstream(folder_ / name) << text;
@@ -107,7 +107,7 @@ TEST_F(Extends, LooksInOtherFoldersForWhatIsNotBesideIt) {
   EXPECT_EQ(name_in(write("mine.yml", "extends: pro\n")), "shared");
   (void)write("edu.yml", "name: beside\n");
   EXPECT_EQ(name_in(write("mine.yml", "extends: edu\n")), "beside");
-  // What a file of another folder extends is looked for beside that file first.
+  // The file that is extended is searched first in the folder of the file that extends it.
   EXPECT_EQ(name_in(write("mine.yml", "extends: pro\n")), "shared");
 }
 

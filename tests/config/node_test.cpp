@@ -22,7 +22,7 @@ using testing::ElementsAre;
 constexpr Range kHeight{.unit = "m", .min = 0.2, .max = 0.5};
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// The section "fingers" of robot.yml, with `line` as its only line.
+// Returns the section "fingers" of robot.yml, with `line` as its only line.
 Node fingers(const std::string& line) {
   return File::parse("fingers:\n  " + line + "\n", "robot.yml").root().section("fingers");
 }
@@ -152,7 +152,7 @@ TEST(Node, ReadsChoicesByName) {
 TEST(Node, TellsWhatIsMissing) {
   EXPECT_EQ(problem_with_height("count: 3"), "robot.yml:2:3: fingers.height [m] is missing");
   EXPECT_EQ(problem_with_height("heigth: 0.3"),
-            "robot.yml:2:3: fingers.height [m] is missing; is 'heigth' meant to be it?");
+            "robot.yml:2:3: fingers.height [m] is missing; is 'heigth' a misspelling of it?");
   EXPECT_EQ(message_of([] { (void)fingers("a: 1").section("b"); }),
             "robot.yml:2:3: fingers.b is missing");
 }
@@ -176,7 +176,7 @@ TEST(Node, OutlivesItsFile) {
   EXPECT_EQ(node.path(), "fingers");
 }
 
-// Reads what a tiny robot knows.
+// Reads the keys that a tiny robot knows.
 void read_robot(const File& file) {
   const Node root = file.root();
   (void)root.optional<std::string>("name", "sim");

@@ -38,10 +38,9 @@ TEST(Override, ReplacesAValueOfTheFile) {
 TEST(Override, fault_59_RefusesAPathThatIsDeeperThanAnyConfiguration) {
   std::string path = "a";
   for (int i = 1; i < 100'000; ++i) path += ".a";
-  EXPECT_EQ(
-      problem_with(path + "=1"),
-      "--set a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a....: names 100000 keys in each other, at "
-      "most 32 can be");
+  EXPECT_EQ(problem_with(path + "=1"),
+            "--set a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a.a....: nests 100000 keys, at most 32 "
+            "are allowed");
 }
 
 TEST(Override, IsInTheTextOfTheWholeConfiguration) {
@@ -98,7 +97,7 @@ TEST(Override, MustHaveAKeyAndAValue) {
 
 TEST(Override, MustFitTheShapeOfTheFile) {
   EXPECT_EQ(problem_with("name.first=a"),
-            "--set name.first: name is no section, it has no 'first'");
+            "--set name.first: name is not a section, so it has no 'first'");
   EXPECT_EQ(problem_with("objects.1.mass=1"),
             "--set objects.1.mass: objects has no entry '1', it has 1, counted from 0");
   EXPECT_EQ(problem_with("objects.first.mass=1"),

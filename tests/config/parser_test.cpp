@@ -17,7 +17,7 @@ using test::message_of;
 using testing::HasSubstr;
 using testing::StartsWith;
 
-// What reading `text` as the file robot.yml complains about.
+// Returns the error from reading `text` as the file robot.yml.
 std::string problem_in(const std::string& text) {
   return message_of([&] { (void)File::parse(text, "robot.yml"); });
 }
@@ -42,7 +42,7 @@ TEST(Parser, RefusesAKeyThatIsGivenTwice) {
             "robot.yml:4:3: 'height' is given twice, first in line 2");
 }
 
-// What follows is the parser's own text, which differs between its versions.
+// The rest of the message is the parser's own text, which differs between its versions.
 TEST(Parser, TellsLineAndColumnOfMalformedYaml) {
   EXPECT_THAT(problem_in("name: sim\nfingers: [1, 2\n"),
               StartsWith("robot.yml:3:1: malformed YAML: "));
@@ -66,7 +66,7 @@ TEST(Parser, RefusesAnchorsAliasesAndTags) {
 
 TEST(Parser, RefusesASecondDocument) {
   EXPECT_EQ(problem_in("a: 1\n---\nb: 2\n"),
-            "robot.yml:2:1: a second document begins here, must be one");
+            "robot.yml:2:1: a second document begins here, there must be only one");
 }
 
 TEST(Parser, RefusesAKeyThatIsNoWord) {
@@ -119,11 +119,11 @@ TEST(Parser, fault_59_RefusesWhatIsNestedDeeperThanAnyConfiguration) {
   const auto nested = [](std::size_t depth) {
     return "a: " + std::string(depth, '[') + std::string(depth, ']') + "\n";
   };
-  // The file itself is the first level.
+  // The file itself counts as the first level.
   EXPECT_NO_THROW((void)File::parse(nested(31), "robot.yml"));
   EXPECT_EQ(problem_in(nested(32)),
-            "robot.yml:1:35: sections and lists are nested deeper than 32 levels, no configuration "
-            "is");
+            "robot.yml:1:35: sections and lists are nested deeper than 32 levels, which is "
+            "not allowed");
   std::string sections;
   for (std::size_t i = 0; i < 1000; ++i) sections += std::string(i, ' ') + "a:\n";
   for (const std::string& text : {nested(1'000'000), sections, "a: " + std::string(100'000, '{')}) {

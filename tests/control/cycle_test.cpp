@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The parts together, as a controller calls them in each step.
+// Tests the parts together, the way a controller calls them in each step.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -21,7 +21,7 @@ struct Cycle {
       : kinematics(description), body(rigid_body(cube())) {
     const double limit = actuator(description).torque_limit;
     torques.limits.setConstant(limit);
-    // Tips at three side faces of a cube in the middle, 6 cm above the table.
+    // The tips are at three side faces of a cube in the middle, 6 cm above the table.
     centre = {0, 0, 0.06};
     position.resize(kinematics.num_joints());
     for (int finger = 0; finger < kContacts; ++finger) {
@@ -36,7 +36,7 @@ struct Cycle {
     }
   }
 
-  // Joint torques that hold the cube on its way at the given time.
+  // Returns the joint torques that hold the cube on its way at the given time.
   JointValues step(const CircleTrajectory& way, Seconds time, const JointValues& measured) {
     const JointValues& velocity = rate.update(measured, Seconds(1e-3));
     kinematics.update(measured);

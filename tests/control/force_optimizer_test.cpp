@@ -51,7 +51,7 @@ Instance random_instance(Random& random) {
   return instance;
 }
 
-// A condition `normal.dot(forces) + offset >= 0`.
+// The condition `normal.dot(forces) + offset >= 0`.
 struct Condition {
   Eigen::VectorXd normal;
   double offset;
@@ -99,7 +99,7 @@ double distance(const Wrench& a, const Wrench& b) {
   return std::hypot((a.force - b.force).norm(), (a.moment - b.moment).norm());
 }
 
-// The cost W of the exact problem, in the frame of the grasp.
+// The cost W of the exact problem, in the frames of the grasp.
 Eigen::MatrixXd weights(const Instance& instance) {
   Eigen::MatrixXd weights = Eigen::MatrixXd::Zero(9, 9);
   const ForceOptimizerConfig& config = instance.config;
@@ -112,7 +112,7 @@ Eigen::MatrixXd weights(const Instance& instance) {
   return weights;
 }
 
-// The grasp map and the wrench with moments divided by the mean distance of the contacts.
+// The grasp map and the wrench. Moments are divided by the mean distance of the contacts.
 struct Scaled {
   Eigen::MatrixXd map;
   Eigen::VectorXd wrench;
@@ -129,7 +129,7 @@ Scaled scaled(const Instance& instance) {
   return result;
 }
 
-// The smallest |target - columns x| with x >= 0, after Lawson and Hanson.
+// Returns the smallest |target - columns x| with x >= 0, by the method of Lawson and Hanson.
 double non_negative_residual(const Eigen::MatrixXd& columns, const Eigen::VectorXd& target) {
   const Eigen::Index count = columns.cols();
   Eigen::VectorXd x = Eigen::VectorXd::Zero(count);
@@ -173,8 +173,8 @@ double non_negative_residual(const Eigen::MatrixXd& columns, const Eigen::Vector
   return (target - columns * x).norm();
 }
 
-// How far `gradient` is from a sum of multiples of `equalities` (any) and of the normals of those
-// conditions that hold by equality (not negative): zero exactly at the optimum.
+// Returns how far `gradient` is from a sum of multiples of `equalities` (any sign) and of the
+// normals of active conditions (not negative): zero exactly at the optimum.
 double stationarity(const Eigen::VectorXd& gradient, const Eigen::MatrixXd& equalities,
                     const std::vector<Condition>& conditions, const ContactForces& forces) {
   std::vector<Eigen::VectorXd> active;
@@ -224,21 +224,21 @@ TEST(ForceOptimizer, SatisfiesTheConditionsOfKarushKuhnAndTucker) {
           << i;
     }
   }
-  // The instances are of every kind.
+  // All kinds of instances must occur.
   const int num_instances = exact + closest + without_torques;
   EXPECT_GT(exact, num_instances / 20);
   EXPECT_GT(closest, num_instances / 20);
   EXPECT_GT(without_torques, num_instances / 200);
 }
 
-// Forces in the middle of what each contact allows.
+// Returns forces in the middle of what each contact allows.
 ContactForces allowed_forces(const Instance& instance, Random& random) {
   const FrictionPyramid pyramid(instance.config.friction_sides);
   ContactForces forces;
   for (int i = 0; i < kContacts; ++i) {
     const Contact& contact = instance.grasp[static_cast<std::size_t>(i)];
     const double normal = random.between(contact.min_normal_force, contact.max_normal_force);
-    // Half of the friction is inside of every pyramid.
+    // Half of the friction is inside every pyramid.
     const Eigen::Vector2d direction = random.numbers<2>(1.0).normalized();
     const Eigen::Vector2d tangential =
         random.between(0, 0.49) * contact.friction * normal * direction;
@@ -286,14 +286,14 @@ TEST(ForceOptimizer, ComesAsCloseToTheWrenchAsAllowedForcesCan) {
     const double error = (problem.map * found.forces - problem.wrench).norm();
     for (int j = 0; j < 50; ++j) {
       const ContactForces other = allowed_forces(instance, random);
-      // What the little of the forces' own cost may take away.
+      // 1e-3 allows for the small weight of the forces' own cost.
       ASSERT_LE(error, (problem.map * other - problem.wrench).norm() + 1e-3);
     }
   }
   EXPECT_GT(closest, 500);
 }
 
-// Three tips around a cube's side faces.
+// Three tips at a cube's side faces.
 Grasp around_cube() {
   Grasp grasp;
   grasp[0] = {.position = {0.0325, 0, 0}, .normal = {-1, 0, 0}};
@@ -308,13 +308,12 @@ TEST(ForceOptimizer, HoldsACubeWithTheLeastForce) {
   ForceOptimizer optimizer;
   const ForceDistribution found = optimizer.solve(around_cube(), {0, 0, 0}, kWeight);
   ASSERT_EQ(found.status, ForceStatus::kExact);
-  // The third tip has no partner against which it could push, and what it lifted would tilt the
-  // cube.
+  // The third tip has no opposite tip to push against, and lifting with it would tilt the cube.
   EXPECT_LT(found.forces.segment<3>(6).norm(), 1e-9);
   const double half_weight = kWeight.force.z() / 2;
   EXPECT_NEAR(found.forces[2], half_weight, 1e-9);
   EXPECT_NEAR(found.forces[5], half_weight, 1e-9);
-  // At the edge of the pyramid: |tangential| = friction / sqrt(2) * normal.
+  // The force is at the edge of the pyramid: |tangential| = friction / sqrt(2) * normal.
   EXPECT_NEAR(-found.forces[0], half_weight / (0.5 / std::numbers::sqrt2), 1e-9);
 }
 
@@ -329,7 +328,7 @@ TEST(ForceOptimizer, DoesNotJumpWhereAWrenchGoesOutOfReach) {
   Random random(7);
   ForceOptimizer optimizer({.normal_weight = 10});
   for (int i = 0; i < 200; ++i) {
-    // From the weight of the cube to a wrench that nothing makes.
+    // The wrench goes from the weight of the cube to one that no forces can make.
     const Wrench far{.force = 100 * random.direction(), .moment = random.direction()};
     const auto at = [&](double share) {
       return optimizer.solve(around_cube(), {0, 0, 0},
@@ -368,7 +367,7 @@ TEST(ForceOptimizer, StaysWithinTheTorquesOfTheJoints) {
   EXPECT_EQ(weak.status, ForceStatus::kClosestWrench);
   const Eigen::VectorXd torque = torques.jacobians.transpose() * weak.forces + torques.bias;
   EXPECT_LT(torque.cwiseAbs().maxCoeff(), 0.2 + kTolerance);
-  EXPECT_GT(weak.wrench.force.z(), 0.1);  // It lifts what it can.
+  EXPECT_GT(weak.wrench.force.z(), 0.1);  // It lifts as much as it can.
 }
 
 TEST(ForceOptimizer, KeepsHoldingWhenTheJointsAreTooWeakForTheLeastForce) {
@@ -390,7 +389,7 @@ TEST(ForceOptimizer, AnswersDegenerateGraspsWithTheClosestWrench) {
   for (Contact& contact : one_point) contact = {.position = {0, 0, 0}, .normal = {0, 0, 1}};
   const ForceDistribution lifted = optimizer.solve(one_point, {0, 0, 0}, kWeight);
   EXPECT_FALSE(lifted);
-  EXPECT_NEAR(lifted.wrench.force.z(), kWeight.force.z(), 1e-4);  // All it takes is a push.
+  EXPECT_NEAR(lifted.wrench.force.z(), kWeight.force.z(), 1e-4);  // A push is enough for that.
 
   Grasp line = around_cube();
   line[2] = line[1];
@@ -399,7 +398,7 @@ TEST(ForceOptimizer, AnswersDegenerateGraspsWithTheClosestWrench) {
       optimizer.solve(line, {0, 0, 0}, {.force = kWeight.force, .moment = {0.01, 0, 0}});
   EXPECT_EQ(held.status, ForceStatus::kClosestWrench);
   EXPECT_NEAR(held.wrench.force.z(), kWeight.force.z(), 1e-4);
-  EXPECT_NEAR(held.wrench.moment.x(), 0, 1e-9);  // No force on a line turns about it.
+  EXPECT_NEAR(held.wrench.moment.x(), 0, 1e-9);  // A force on a line has no moment about it.
 }
 
 TEST(ForceOptimizer, AnswersNonsenseWithNoForces) {

@@ -21,7 +21,8 @@ namespace {
 
 constexpr Seconds kPeriod(1e-3);
 
-// The controller in a loop with the physics: torques of a step ago, and the safety layer's damping.
+// The controller in a loop with the physics. Its torques are one step old, and the safety layer
+// damps.
 class Bench {
  public:
   explicit Bench(const GraspControllerConfig& config = {})
@@ -81,7 +82,7 @@ class Bench {
     mj_step(robot_.mujoco(), data_.get());
   }
 
-  // Until the phase is reached; false if it is not within ten seconds.
+  // Runs until the phase is reached. Returns false if that takes more than ten seconds.
   [[nodiscard]] bool run_until(GraspPhase phase) {
     for (int i = 0; i < 10000 && this->phase() != phase; ++i) step();
     return this->phase() == phase;
@@ -99,8 +100,9 @@ class Bench {
     for (Seconds time{0}; time < duration; time += kPeriod) step();
   }
 
-  // What the torques of the last step amount to at the tips, in the frame of the cube: the
-  // controller's last equation, solved for the forces. For a desired motion without acceleration.
+  // Returns the tip forces that the torques of the last step make, in the frame of the cube: the
+  // controller's last equation, solved for the forces. Only for a desired motion without
+  // acceleration.
   [[nodiscard]] std::array<Eigen::Vector3d, kContacts> asked_forces() const {
     Kinematics kinematics(description());
     kinematics.update(joints_.position);
@@ -119,10 +121,10 @@ class Bench {
     return in_cube;
   }
 
-  // Wants the cube to rest at `pose` from now on, however far away that is.
+  // From now on the cube should rest at `pose`, however far away that is.
   void want(const Pose& pose) { desired_ = {.pose = pose}; }
 
-  // Normal force between each tip and the cube, from the physics.
+  // Returns the normal force between each tip and the cube, from the physics.
   [[nodiscard]] Eigen::Vector3d normal_forces() const {
     Eigen::Vector3d forces = Eigen::Vector3d::Zero();
     for (int i = 0; i < data_->ncon; ++i) {
@@ -159,7 +161,7 @@ class Bench {
   JointState joints_;
   Motion cube_;
   JointValues asked_;
-  JointValues torques_;  // What the safety checks leave of them.
+  JointValues torques_;  // Torques after the safety checks.
   Motion desired_;
 };
 
@@ -231,11 +233,11 @@ TEST(GraspController, FeelsWhatItsTipsPressWith) {
   EXPECT_GT(pressed.minCoeff(), 0.5);
   EXPECT_LT((bench.state().normal_forces - pressed).cwiseAbs().maxCoeff(), 0.05);
   EXPECT_EQ(bench.state().wanted.status, ForceStatus::kExact);
-  // Together the tips carry the cube: what they do not press they rub.
+  // Together the tips carry the cube by friction.
   EXPECT_GT(bench.state().tangential_forces.sum(), cube().mass * 9.81 * 0.9);
 }
 
-// Whatever is wanted of the cube, no tip is to slip along its face.
+// No tip may slip along its face, whatever motion of the cube is wanted.
 TEST(GraspController, NeverPressesAcrossMoreThanItsShareOfWhatItPressesAlong) {
   test::Random random(3);
   for (const double slip_friction : {0.5, 0.55, 0.7}) {
@@ -246,7 +248,8 @@ TEST(GraspController, NeverPressesAcrossMoreThanItsShareOfWhatItPressesAlong) {
     bench.lead_to({bench.start().position + Eigen::Vector3d(0, 0, 0.02)}, Seconds(0.5));
     int cut_off = 0;
     for (int i = 0; i < 60; ++i) {
-      // Somewhere else for a step, so that the tips are pulled across; then back.
+      // Want another pose for a step, so that the tips are pulled sideways. Then want the first one
+      // again.
       const Pose place{bench.start().position + Eigen::Vector3d(0, 0, 0.02)};
       bench.want({place.position + random.numbers<3>(0.012),
                   rotation_from_vector(random.numbers<3>(0.2))});
@@ -307,7 +310,7 @@ TEST(GraspController, NoticesThatTheObjectIsGone) {
   EXPECT_LE(bench.state().torque_share, 1.0);
 }
 
-// What slipped away is grasped again.
+// The tips grasp an object again after it slipped away.
 TEST(GraspController, GraspsAgain) {
   Bench bench;
   const Touches touches = bench.plan(0.05);

@@ -50,7 +50,7 @@ TEST(GraspPlanner, GraspsTheCubeInTheMiddleHoweverItIsTurned) {
     EXPECT_LT(grasp->torque_share, 0.9);
     for (std::size_t i = 0; i < grasp->touches.size(); ++i) {
       const Touch& touch = grasp->touches[i];
-      // On a side face, whose normal points at the inside.
+      // The point is on a side face, whose normal points inwards.
       EXPECT_NEAR(touch.point.dot(-touch.normal), test::kCubeHalfWidth, 1e-12);
       EXPECT_LT(touch.point.cwiseAbs().maxCoeff(), test::kCubeHalfWidth + 1e-12);
       EXPECT_EQ(touch.normal.z(), 0.0);
@@ -60,7 +60,7 @@ TEST(GraspPlanner, GraspsTheCubeInTheMiddleHoweverItIsTurned) {
   }
 }
 
-// The robot looks the same after a third of a turn, and its grasps do.
+// The robot looks equal after a third of a turn, and so do its grasps.
 TEST(GraspPlanner, TurnsItsGraspsWithTheRobot) {
   GraspPlanner planner(raised());
   for (const auto& [x, y, yaw] : {std::array{0.01, 0.005, 0.3}, std::array{-0.02, 0.01, 1.2},
@@ -89,7 +89,7 @@ TEST(GraspPlanner, TouchesTheCubeWithTipsAndNothingElse) {
   int grasps = 0;
   for (int degrees = 0; degrees < 360; degrees += 15) {
     const double angle = degrees * kPi / 180;
-    // Around the middle there is not always a grasp; where there is none, nothing is touched.
+    // Near the middle some places have no grasp. Those are skipped.
     const auto way =
         upwards(on_table(0.02 * std::cos(angle), 0.02 * std::sin(angle), 2.5 * angle), 0.19);
     const auto grasp = planner.plan(way);
@@ -106,7 +106,7 @@ TEST(GraspPlanner, TouchesTheCubeWithTipsAndNothingElse) {
       for (int finger = 0; finger < kContacts; ++finger) {
         const auto i = static_cast<std::size_t>(finger);
         const Touch& touch = grasp->touches[i];
-        // A little off the face, so that the tips do not touch either.
+        // The tip is slightly off the face, so that the tips do not touch it either.
         const Eigen::Vector3d tip = touch.point - (radius + 1e-4) * touch.normal;
         const FingerPose pose = kinematics.inverse_kinematics(
             finger, motion.pose.position + motion.pose.orientation * tip, near[i]);
@@ -117,7 +117,7 @@ TEST(GraspPlanner, TouchesTheCubeWithTipsAndNothingElse) {
       mj_forward(model, data.get());
       for (const mjContact& contact :
            std::span(data->contact, static_cast<std::size_t>(data->ncon))) {
-        // Only the cube may touch, and only the table.
+        // The cube may touch the table, and nothing else may touch anything.
         const int first = model->geom_bodyid[contact.geom[0]];
         const int second = model->geom_bodyid[contact.geom[1]];
         const int cube = robot.object("cube").body;
@@ -173,7 +173,7 @@ TEST(GraspPlanner, MeasuresTorquesByTheLimitsThatItIsGiven) {
   EXPECT_FALSE(GraspPlanner(raised(), "cube", {.limits = limits}).plan(way));
 }
 
-// The lowest angle of finger 1's last joint on a way.
+// Returns the lowest angle of finger 1's last joint on a way.
 double lowest_angle(const PlannedGrasp& grasp, std::span<const Motion> way) {
   const Kinematics kinematics(raised());
   const Touch& touch = grasp.touches[1];

@@ -22,7 +22,7 @@ TEST(GraspMap, DoesTheWorkOfTheForces) {
     const Grasp grasp = random.grasp(centre);
     const ContactForces forces = random.numbers<9>(5.0);
     const Twist twist{random.numbers<3>(1.0), random.numbers<3>(5.0)};
-    // The power at the contacts, each moving with the body.
+    // The power at the contacts, which move with the body.
     double power = 0;
     for (int c = 0; c < kContacts; ++c) {
       const Motion body{.pose = {.position = centre}, .twist = twist};
@@ -86,7 +86,7 @@ TEST(FrictionPyramid, LiesInsideTheConeAndTouchesItAtItsEdges) {
       const bool is_inside =
           pyramid.margin({tangential.x(), tangential.y(), normal}, friction) >= 0;
       if (!is_inside) {
-        // The circle that fits into the polygon.
+        // The circle is the largest that fits into the polygon.
         EXPECT_GE(tangential.norm(),
                   friction * normal * std::cos(std::numbers::pi / sides) - 1e-12);
         continue;

@@ -21,7 +21,7 @@ TEST(RigidBody, IsTheOneOfTheSimulation) {
     const int id = model.object(object.name).body;
     const RigidBody body = rigid_body(object);
     EXPECT_DOUBLE_EQ(body.mass, simulated->body_mass[id]);
-    // MuJoCo's principal axes are sorted and turned.
+    // MuJoCo sorts the principal axes and rotates them.
     const Eigen::Map<const Eigen::Vector3d> principal(simulated->body_inertia + 3 * id);
     const double* q = simulated->body_iquat + 4 * id;
     const Eigen::Matrix3d axes = Eigen::Quaterniond(q[0], q[1], q[2], q[3]).toRotationMatrix();
@@ -44,7 +44,7 @@ TEST(ObjectImpedance, IsWeightAndInertiaOnTheDesiredMotion) {
     const Motion motion = random.motion();
     const Wrench wrench = object_impedance(motion, motion.pose, motion.twist, body);
     EXPECT_LT((wrench.force - 0.5 * (motion.acceleration.linear - gravity())).norm(), 1e-12);
-    // The moment is the rate of the angular momentum.
+    // The moment equals the rate of change of the angular momentum.
     const auto momentum = [&](double time) {
       const Eigen::Vector3d angular = motion.twist.angular + time * motion.acceleration.angular;
       const Eigen::Matrix3d turned =

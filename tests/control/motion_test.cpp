@@ -16,12 +16,12 @@ using test::Random;
 TEST(RotationVector, IsUndoneByItsRotation) {
   Random random(1);
   for (int i = 0; i < 1000; ++i) {
-    const double length = std::pow(10.0, random.between(-12, 0.497));  // Less than pi.
+    const double length = std::pow(10.0, random.between(-12, 0.497));  // Below pi.
     const Eigen::Vector3d vector = length * random.direction();
     const Eigen::Quaterniond rotation = rotation_from_vector(vector);
     EXPECT_NEAR(rotation.norm(), 1, 1e-15);
     EXPECT_LT((rotation_vector(rotation) - vector).norm(), 1e-14 * (1 + length));
-    // The same rotation.
+    // The negative quaternion is an equal rotation.
     const Eigen::Quaterniond negative(-rotation.coeffs());
     EXPECT_LT((rotation_vector(negative) - vector).norm(), 1e-14 * (1 + length));
   }
@@ -75,7 +75,7 @@ TEST(PointOfBody, HasTheDerivativesOfItsPosition) {
   for (int i = 0; i < 100; ++i) {
     const Motion body = random.motion();
     const Eigen::Vector3d point = random.numbers<3>(0.1);
-    // To second order in time.
+    // Exact to second order in time.
     const auto position = [&](double time) {
       const Twist mean{body.twist.linear + time / 2 * body.acceleration.linear,
                        body.twist.angular + time / 2 * body.acceleration.angular};

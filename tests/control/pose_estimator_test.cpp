@@ -44,7 +44,7 @@ TEST(PoseEstimator, FollowsAConstantTwistWithoutLag) {
   }
 }
 
-// A way round a circle while turning.
+// A way round a circle, with a turn.
 Motion led(const CircleTrajectory& circle, Seconds time) {
   const Eigen::Vector3d spin(0.5, -1, 2);
   const PointMotion point = circle.at(time);

@@ -9,10 +9,10 @@
 
 namespace trifinger::control::test {
 
-/// Of the cube of the default scene [m].
+/// Half the width of the default scene's cube [m].
 inline constexpr double kCubeHalfWidth = 0.0325;
 
-/// Draws what control is tested with; the same sequence for the same seed.
+/// Draws random inputs for tests of control. Equal seeds give equal sequences.
 class Random {
  public:
   explicit Random(unsigned seed) : generator_(seed) {}
@@ -49,7 +49,7 @@ class Random {
             .acceleration = {numbers<3>(2.0), numbers<3>(10.0)}};
   }
 
-  /// Tips around an object of some centimetres; one in ten does not touch.
+  /// Returns tips around an object of some centimetres. One in ten does not touch.
   Grasp grasp(const Eigen::Vector3d& centre) {
     Grasp grasp;
     for (Contact& contact : grasp) {
@@ -66,7 +66,7 @@ class Random {
 
   Wrench wrench() { return {numbers<3>(2.0), numbers<3>(0.04)}; }
 
-  /// A lever of 25 cm and motors of a third of a newton metre.
+  /// Returns limits of a lever of 25 cm and motors of a third of a newton metre.
   TorqueLimits torques() {
     TorqueLimits torques;
     torques.jacobians.setZero();

@@ -18,8 +18,8 @@ using test::Random;
 
 constexpr double kStep = 1e-5;  // [s]
 
-// Velocity and acceleration are derivatives of the position all along the way, its ends and what
-// lies beyond them included: that also says that all three are continuous.
+// Checks that velocity and acceleration are derivatives of the position: on the whole way, at its
+// ends and beyond them. This also shows that all three are continuous.
 template <class Trajectory>
 void expect_derivatives(const Trajectory& trajectory) {
   const double duration = trajectory.duration().count();
@@ -66,7 +66,7 @@ TEST(LineTrajectory, GoesFromRestToRestOnAStraightLine) {
 
 TEST(MinimumJerk, HasTheLeastJerkOfAllMovementsBetweenTheSameEnds) {
   // A neighbour is x + e n, where n and its first two derivatives vanish at both ends. Its squared
-  // jerk is least at e = 0 exactly if the product of both jerks integrates to nothing.
+  // jerk has its minimum at e = 0 exactly if the integral of the product of both jerks is zero.
   constexpr int kCells = 1000;
   double product_with_cubic = 0;    // n = s^3 (1 - s)^3
   double product_with_quartic = 0;  // n = s^4 (1 - s)^3

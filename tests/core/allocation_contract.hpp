@@ -13,7 +13,7 @@
 #include "core/transports.hpp"
 #include "support/allocation_counter.hpp"
 
-// The loop of no driver takes memory from the heap. The test program is built with
+// Checks that the loop of no driver takes memory from the heap. The test program is built with
 // support/allocation_counter.cpp:
 //
 //     using Drivers = ::testing::Types<SimDriverTraits>;
@@ -21,13 +21,13 @@
 
 namespace trifinger::test {
 
-/// What the loop's thread had allocated since the first observation when it measured observation i.
+/// Number of allocations by the loop's thread since the first observation, at observation i.
 struct LoopAllocations {
   static constexpr std::size_t kSize = 1024;
 
   static void note() {
     thread_local const AllocationCounter allocations;
-    // relaxed: the clock of the test orders the loop's thread with the reader's.
+    // relaxed: the test's clock orders the loop's thread and the reader's.
     const std::size_t i = count().fetch_add(1, std::memory_order_relaxed);
     totals().at(i % kSize).store(allocations.count(), std::memory_order_relaxed);
   }
@@ -47,7 +47,7 @@ TYPED_TEST_SUITE_P(AllocationContract);
 
 TYPED_TEST_P(AllocationContract, TheCounterCounts) {
   const AllocationCounter allocations;
-  ::operator delete(::operator new(1));  // a call, which the compiler may not leave out
+  ::operator delete(::operator new(1));  // a direct call, which the compiler must not remove
   EXPECT_EQ(allocations.count(), 1U);
 }
 
@@ -63,7 +63,7 @@ TYPED_TEST_P(AllocationContract, NoTickWithoutDeadlinesAllocates) {
     }
     ASSERT_EQ(allocations.count(), 0U) << t;
   }
-  // Nor does the end, with the orderly stop.
+  // The end with the orderly stop does not allocate either.
   backend.request_stop();
   const AllocationCounter allocations;
   while (backend.advance() != Progress::kEnded) {
@@ -84,7 +84,7 @@ TYPED_TEST_P(AllocationContract, NoTickWithDeadlinesAllocates) {
   rig.tick(10);
   const std::size_t count = LoopAllocations::count();
   ASSERT_GE(count, 50U);
-  // From the second on: the first belongs to the beginning of the session.
+  // Starts at the second step: the first one belongs to the beginning of the session.
   for (std::size_t i = 2; i < count; ++i) {
     ASSERT_EQ(LoopAllocations::totals().at(i), LoopAllocations::totals().at(1)) << i;
   }

@@ -16,7 +16,7 @@
 namespace trifinger::test {
 namespace {
 
-// What the function behind every session has seen.
+// What the function that is called after every session has seen.
 struct Seen {
   Fault fault;
   std::uint64_t session_id;

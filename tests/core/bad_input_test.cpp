@@ -28,8 +28,8 @@
 #include "trifinger/ipc/file_lock.hpp"
 #include "trifinger/ipc/shared_memory.hpp"
 
-// Whatever a user or another process does wrong: an error of its own type, with a sentence that
-// helps.
+// Every mistake of a user or of another process gives an error of its own type, with a helpful
+// sentence.
 
 namespace trifinger {
 namespace {
@@ -51,7 +51,7 @@ Bytes read_file(const std::filesystem::path& path) {
 }
 
 void write_file(const std::filesystem::path& path, const Bytes& bytes) {
-  // Another file each time: those who have the old one mapped keep it.
+  // A new file each time, because processes that have mapped the old one keep it.
   std::filesystem::remove(path);
   std::ofstream(path, std::ios::binary)
       .write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
@@ -79,7 +79,7 @@ TEST_F(BadInput, fault_30_AnotherRobotsTypeIsNamed) {
   const test::NamedRobot robot;
   EXPECT_THAT(message_of<IncompatibleSession>([] { return connect<test::OddRobot>("robot"); }),
               AllOf(HasSubstr("'robot'"), HasSubstr("'fake'"), HasSubstr("'odd'")));
-  // The mistake has not taken control away from those who have the right type.
+  // Users with the right type can still get control after the mistake.
   auto user = connect<FakeRobot>("robot");
   EXPECT_EQ(user.append_desired_action({}), 0);
 }
@@ -136,7 +136,7 @@ TEST_F(BadInput, fault_19_ASecondControllerLearnsWhoIsTheFirst) {
   const auto first = connect<FakeRobot>("robot");
   EXPECT_THAT(message_of<ControlHeld>([] { return connect<FakeRobot>("robot"); }),
               AllOf(HasSubstr("another handle in this process"), HasSubstr("observe()")));
-  // Looking is always possible.
+  // Observing is always possible.
   static_cast<void>(observe<FakeRobot>("robot").latest_observation());
 }
 
@@ -166,7 +166,7 @@ TEST(BadInputAcrossProcesses, ADeadBackendIsNoticedByThoseWhoWait) {
     const auto fault = test::fault_of([&] { return handle->get_observation(11); });
     EXPECT_EQ(fault.value_or(Fault{}).code, Fault::Code::kBackendDied);
     EXPECT_EQ(handle->fault(), fault);
-    // What is there can be read on.
+    // Existing elements can still be read.
     static_cast<void>(handle->get_observation(10));
     static_cast<void>(handle->get_status(9));
   }
@@ -256,7 +256,7 @@ TEST(BadInputAcrossProcesses, fault_64_AHandleThatWentThroughAForkIsRefusedAndHa
         return static_cast<int>(10 + i);
       }
     }
-    // To let go of it does not let go of the robot.
+    // Destroying the inherited handle must not release the robot.
     {
       const auto inherited = std::move(robot);
     }
@@ -303,7 +303,7 @@ TEST(BadInputAcrossProcesses, fault_18_TheNameOfADeadBackendIsFreeAtOnce) {
   const test::NamedRobot next;
   auto robot = connect<FakeRobot>("robot");
   test::run_steps<test::FakeDriverTraits>(robot, 0, 5);
-  // The old handle knows that its session is over, though another back-end has the name.
+  // The old handle knows that its session is over, although another back-end has the name.
   EXPECT_EQ(test::code_of([&] { return old->get_status(1000); }), Fault::Code::kBackendDied);
   old.reset();
   test::run_steps<test::FakeDriverTraits>(robot, 6, 9);
@@ -354,14 +354,14 @@ TEST_F(BadInput, AnImpossibleHistoryIsRefused) {
 // --- Damaged state files
 // ----------------------------------------------------------------------------------
 
-// A copy of a living session, to be tampered with.
+// A copy of a living session, to be damaged.
 class TamperedSession : public BadInput {
  protected:
   TamperedSession() {
     auto user = connect<FakeRobot>("robot");
     for (TimeIndex t = 0; t < 10; ++t) user.append_desired_action({.setpoint = 1.0});
     user.finish();
-    // Another session, so that one is open to control.
+    // A further session, so that control is available.
     auto next = connect<FakeRobot>("robot");
     static_cast<void>(next.latest_observation());
     state_ = read_file(path("robot.state"));
@@ -371,7 +371,8 @@ class TamperedSession : public BadInput {
   [[nodiscard]] std::filesystem::path path(const std::string& file) const {
     return folder_.path() / ("trifinger." + file);
   }
-  // The message of IncompatibleSession when the copy is opened; "nothing" if it can be.
+  // Returns the message of IncompatibleSession from opening the copy; "nothing" if it can be
+  // opened.
   [[nodiscard]] std::string message_of_copy() const {
     write_file(path("copy.state"), copy_);
     return message_of<IncompatibleSession>([] { return Session::open("copy"); });
@@ -393,7 +394,7 @@ TEST_F(TamperedSession, ReadsAnUntouchedCopy) {
   }
 }
 
-// Every way in, by whomever, to a session of every other version.
+// Tries every way in, of every kind of user, to a session of every other version.
 TEST_F(TamperedSession, fault_30_EveryWayInSaysWhichVersionWasFoundAndWhichIsRead) {
   const std::vector<std::pair<std::string, std::function<void()>>> ways{
       {"open", [] { static_cast<void>(Session::open("copy")); }},
@@ -417,7 +418,7 @@ TEST_F(TamperedSession, fault_30_EveryWayInSaysWhichVersionWasFoundAndWhichIsRea
                           HasSubstr("install the same version")))
             << name;
       }
-      // It does not hide the others, nor hold its name.
+      // The incompatible session neither hides the others nor occupies its name.
       EXPECT_EQ(list_sessions().size(), 2U);
     }
   }
@@ -454,8 +455,8 @@ TEST_F(TamperedSession, RefusesAFileThatWasCutOff) {
   }
 }
 
-// Tries all that can be done with the session `name`. Errors are answers; a crash is not, nor is to
-// hang.
+// Tries everything that can be done with the session `name`. Errors are fine. Crashes and hangs are
+// not.
 void use(const std::string& name) {
   std::vector<std::uint64_t> element(4096);
   const auto attempt = [](const auto& call) {
@@ -510,12 +511,12 @@ TEST_F(TamperedSession, NeverCrashesWhoReadsADamagedHeader) {
     const std::uint64_t id = header().session_id;
     const std::size_t changes = 1 + random() % 4;
     for (std::size_t change = 0; change < changes; ++change) {
-      // Not the magic and the version, or the rest would not be looked at.
+      // Spare the magic and the version: otherwise the rest would not be examined.
       const std::size_t position = 12 + random() % (sizeof(layout::StateHeader) - 12);
       copy_[position] = static_cast<char>(random() % 2 == 0 ? random() : 0);
     }
     write_file(path("copy.state"), copy_);
-    // The copy looks alive: somebody holds its lock.
+    // The copy looks alive, because somebody holds its lock.
     const auto holder = ipc::SharedMemory::open(path("copy.state"), ipc::Access::kReadWrite);
     ASSERT_TRUE(ipc::try_lock(holder.file()));
     if (i % 3 != 0) write_file(path("copy." + std::to_string(id) + ".action"), action_bytes);

@@ -21,9 +21,9 @@
 #include "support/session_folder.hpp"
 #include "support/shared_value.hpp"
 
-// Children that are made by the system call itself: the C library does not know of them and tells
-// nobody, so they keep all open files of their parent, and with them its locks, also when it is
-// dead.
+// The children are made by the system call itself, so the C library does not know of them and tells
+// nobody. They keep all open files of their parent, including its locks, even after the parent's
+// death.
 
 namespace trifinger::test {
 namespace {
@@ -36,7 +36,7 @@ class BareFork : public ::testing::Test {
     if (*heir_ > 0) ::kill(*heir_, SIGKILL);
   }
 
-  // Runs `begin`, leaves a child that lives on, and says so.
+  // Runs `begin`, leaves a child that continues to live, and reports that.
   int run_and_fork(const std::function<void()>& begin) const {
     begin();
     const auto child = static_cast<pid_t>(::syscall(SYS_clone, SIGCHLD, nullptr, nullptr, 0, 0));
@@ -133,7 +133,7 @@ TEST_F(BareFork, fault_64_AChildDoesNotKeepTheNameOfADeadBackend) {
   auto user = find();
   run_steps<FakeDriverTraits>(user, 0, 4);
   EXPECT_TRUE(heir_lives());
-  // The lock that took the place of the old one counts.
+  // The new lock counts, which replaced the old one.
   EXPECT_THROW(static_cast<void>(SessionHost::named("robot")), RobotOwned);
 }
 

@@ -12,7 +12,7 @@
 #include "trifinger/core/fake_robot.hpp"
 #include "trifinger/core/frontend.hpp"
 
-// What somebody does to the machine's clocks while a robot runs.
+// Changes of the machine's clocks while a robot runs.
 
 namespace trifinger::test {
 namespace {
@@ -27,7 +27,7 @@ class ChangedClocksTest : public ::testing::Test {
   }
 
   ChangedClocks clocks_;
-  // In real time, by the machine's clock, however busy the machine is.
+  // The back-end runs in real time, by the machine's clock, however busy the machine is.
   FakeDriver driver_;
   SessionHost host_ = SessionHost::anonymous({.history = 4096, .queue = 64});
   Backend backend_{driver_,
@@ -42,12 +42,12 @@ class ChangedClocksTest : public ::testing::Test {
 
 TEST_F(ChangedClocksTest, fault_55_OnTheWallChangeNothing) {
   Frontend<FakeRobot> robot(host_);
-  clocks_.set_wall_ahead(kDay);  // far more than the first action may take
+  clocks_.set_wall_ahead(kDay);  // far longer than the first action may take
   robot.append_desired_action({});
   constexpr TimeIndex kSteps = 300;
   for (TimeIndex t = 0; t < kSteps; ++t) {
     robot.wait_until_time_index(t);
-    // An hour forth, two back: NTP, an operator, the end of summer time.
+    // The clock moves an hour forward and two back: NTP, an operator, the end of summer time.
     clocks_.set_wall_ahead((t % 3 - 1) * std::chrono::hours(1));
   }
   EXPECT_FALSE(robot.fault().has_value());

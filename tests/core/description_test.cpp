@@ -175,7 +175,7 @@ TEST(ElementDescription, SurvivesItsText) {
   }
 }
 
-// Whatever the text, it is refused or is exactly what the description would say.
+// Every text is either refused or exactly what the description itself would write.
 TEST(ElementDescription, IsParsedFromItsOwnTextOnly) {
   std::mt19937 random(2);
   const std::string letters = "a 1[],.\nfloat64";

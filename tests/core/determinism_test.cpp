@@ -17,10 +17,10 @@
 #include "core/transports.hpp"
 #include "support/interruptions.hpp"
 
-// A program that reads by index gives the same series, bit for bit, whatever the delays of any
-// process. The program here is a feedback loop: each action follows from the observation and from
-// what the companion knew at that step, so a single element that came too early or too late changes
-// everything behind it.
+// A program that reads by index gives bit for bit equal series, whatever the delays of any process.
+// The program here is a feedback loop: each action depends on the observation and on the
+// companion's newest element at that step. So a single element that comes too early or too late
+// changes everything after it.
 
 namespace trifinger::test {
 namespace {
@@ -46,7 +46,7 @@ std::uint64_t hash_of(const Bytes& bytes) {
   return hash;
 }
 
-// What the companion knew at step t, clocks apart, counted from step 0.
+// What the companion knew at step t, without clock times, counted from step 0.
 template <class R>
 class CompanionBytes {
  public:
@@ -73,7 +73,7 @@ class CompanionBytes {
   TimeIndex first_index_;
 };
 
-// All series, clocks apart.
+// All series, without clock times.
 template <class R>
 Bytes series_of(const Frontend<R>& robot, CompanionBytes<R>& companion, TimeIndex first_index = 0) {
   Bytes bytes;
@@ -89,7 +89,7 @@ Bytes series_of(const Frontend<R>& robot, CompanionBytes<R>& companion, TimeInde
   return bytes;
 }
 
-// The back-end's process where that is not this one.
+// The process of the back-end, if it is another one.
 std::vector<pid_t> other_process_of(const auto& rig) {
   if constexpr (requires { rig.process(); }) return {rig.process().pid()};
   return {};
@@ -121,13 +121,13 @@ Bytes run_program(const Circumstances& circumstances = {}) {
   typename Case::Rig rig(plan);
   if (has_interruptions) interruptions.begin(other_process_of(rig));
   auto robot = rig.connect();
-  if (has_deadlines) rig.tick();  // the first one is over before the first action
+  if (has_deadlines) rig.tick();  // the first period is over before the first action
   CompanionBytes<typename Case::Robot> companion(robot, description, first);
   std::minstd_rand random(delay_seed);
   std::uint64_t knowledge = 0;
   for (TimeIndex t = first; t < first + kRunSteps; ++t) {
     if (t > first) {
-      // In either order: reading takes nothing away.
+      // Either order is fine, because reading does not remove anything.
       if (random() % 2 == 0) static_cast<void>(companion.at(t - 1));
       Bytes known = bytes_of(robot.get_observation(t - 1));
       append(known, companion.at(t - 1));
@@ -166,7 +166,7 @@ TYPED_TEST(Determinism, HoldsWhateverTheDelaysOfAnyProcess) {
 TYPED_TEST(Determinism, fault_23_HoldsHoweverOftenSignalsInterruptAnyThread) {
   const Bytes expected = run_program<Case<TypeParam, Inline>>();
   for (const bool has_deadlines : {false, true}) {
-    // Held before step 0, the fake robot counts the actions.
+    // While it is held before step 0, the fake robot counts actions.
     if (has_deadlines && std::is_same_v<TypeParam, FakeDriverTraits>) continue;
     const Circumstances interrupted{.has_deadlines = has_deadlines, .has_interruptions = true};
     const std::int64_t enough = Interruptions::count() + 1000;
@@ -185,7 +185,7 @@ TYPED_TEST(Determinism, fault_71_HoldsHoweverLongTheRobotHasRun) {
     EXPECT_EQ((run_program<Case<TypeParam, InProcess>>(old)), expected) << bits;
     EXPECT_EQ((run_program<Case<TypeParam, AcrossProcesses>>(old)), expected) << bits;
   }
-  // The last steps of all, 146 million years later at 1 kHz.
+  // The last steps of all, reached after 146 million years at 1 kHz.
   const Circumstances oldest{.first_index = (TimeIndex{1} << 62U) - kRunSteps - 2};
   EXPECT_EQ((run_program<Case<TypeParam, AcrossProcesses>>(oldest)), expected);
 }
@@ -215,8 +215,8 @@ TYPED_TEST(Determinism, AnObserverInAThirdProcessSeesTheSame) {
   EXPECT_EQ(*seen, hash_of(series_of(robot, companion)));
 }
 
-// With deadlines the robot is held before step 0. The odd robot does not move meanwhile; the fake
-// one counts the actions.
+// With deadlines the robot is held before step 0. During that time the odd robot does not move, and
+// the fake one counts the actions.
 TEST(Deadlines, fault_62_DoNotChangeTheSeriesOfAProgram) {
   const Bytes expected = run_program<Case<OddDriverTraits, Inline>>();
   EXPECT_EQ((run_program<Case<OddDriverTraits, InProcess>>({.has_deadlines = true})), expected);

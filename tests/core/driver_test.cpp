@@ -25,7 +25,7 @@
 namespace trifinger {
 namespace {
 
-// The paper's two functions, no more.
+// A driver with the paper's two functions and no others.
 class TwoFunctions {
  public:
   explicit TwoFunctions(int fails_after = 1'000'000) : fails_after_(fails_after) {}
@@ -74,7 +74,7 @@ TEST(SimpleDriver, fault_16_TurnsAnExceptionIntoAFault) {
 
 void throw_no_exception() { std::rethrow_exception(std::make_exception_ptr(3)); }
 
-// A driver whose functions do what a test wants.
+// A driver whose functions are set by the test.
 struct Functions {
   static void return_normally() {}
 
@@ -107,7 +107,7 @@ class CallingDriver {
   std::vector<double> applied_;
 };
 
-// How a session at 1 kHz ends that does nothing but hold, and what its robot received.
+// How a session at 1 kHz ended that only held, and what its robot received.
 struct HeldEnd {
   SessionInfo info;
   std::vector<double> applied;
@@ -189,7 +189,7 @@ TEST(SimpleDriver, fault_63_ThatIsInterruptedEndsTheSessionWithoutAFault) {
   EXPECT_FALSE(next.fault());
 }
 
-// What a user sees of it from outside.
+// What a user sees of the fault from outside.
 TEST(Driver, fault_16_ShowsItsTextToObserversAndToWhoConnectsLater) {
   const test::SessionFolder folder;
   SimpleDriver<FakeRobot, TwoFunctions> driver(3);
@@ -228,13 +228,13 @@ TEST(Control, fault_19_ComesBackFromAFrontEndThatIsClosedWhateverElseIsKept) {
     auto robot = std::make_optional(connect());
     robot->append_desired_action({});
     static_cast<void>(robot->get_status(0));
-    // Handles of other kinds, all of this session.
+    // Handles of other kinds for this session.
     const UntypedFrontend companion = robot->companion("sensor");
     const Session session = robot->session();
     const Session companion_session = session.companion("sensor");
     const Frontend<FakeRobot> looker(session);
     robot.reset();
-    // The next session, which has its own steps.
+    // The next session counts its own steps.
     Frontend<FakeRobot> next = connect();
     EXPECT_EQ(next.append_desired_action({}), 0);
     EXPECT_NE(next.session().info().session_id, session.info().session_id);
@@ -258,7 +258,7 @@ TEST(Control, fault_19_ComesBackFromAFrontEndThatIsClosedWhateverElseIsKept) {
   expect_free([&] { return Frontend<FakeRobot>(host, {.timeout = test::kLong}); });
 }
 
-// The fake robot's own injections, for the tests of users.
+// The fake robot's own injections, which tests of users need.
 TEST(FakeDriver, FaultsAndRejectsWhereItIsTold) {
   const auto end_with = [](const FakeDriver::Options& options) {
     FakeDriver driver(options);

@@ -15,8 +15,8 @@
 
 namespace trifinger::test {
 
-/// What shall go wrong in a driver. The counts begin anew with every session, the faults strike in
-/// the first one only.
+/// What should go wrong in a driver. The counts start over in every session. The faults only happen
+/// in the first one.
 struct Injection {
   TimeIndex prepare_periods{0};  ///< Periods until the driver is ready.
   bool prepare_faults{false};
@@ -24,11 +24,11 @@ struct Injection {
   TimeIndex observation_fault_at{-1};  ///< The call with this number faults; -1: none.
   TimeIndex action_fault_at{-1};       ///< The call with this number faults; -1: none.
   TimeIndex reject_from{-1};           ///< Calls from this number on reject their action; -1: none.
-  void (*on_observation)(){nullptr};   ///< Is called by the loop's thread at every observation.
-  std::uint32_t delay_seed{0};         ///< Calls take a random time; 0: they do not.
+  void (*on_observation)(){nullptr};   ///< The loop's thread calls it at every observation.
+  std::uint32_t delay_seed{0};         ///< Seed of random delays in the calls; 0: no delays.
 };
 
-/// What the back-end asked of a driver, readable from other threads and processes.
+/// What the back-end asked of a driver. Other threads and processes can read it.
 struct CallLog {
   static constexpr std::size_t kSize = 4096;
 
@@ -39,17 +39,17 @@ struct CallLog {
   std::atomic<std::int64_t> holds{0};
   std::atomic<std::int64_t> stops{0};
   std::atomic<std::int64_t> cuts{0};
-  /// How many actions had been applied when the observation with this number was measured.
+  /// Number of actions applied before the observation with this number was measured.
   std::array<std::atomic<std::int64_t>, kSize> actions_before_observation{};
 };
 
-/// Any driver, with faults, delays and a log of the calls around it: what the timing contract
-/// promises can be tried with every robot, without its help.
+/// Adds faults, delays and a log of the calls to any driver. So the timing contract can be tested
+/// with every robot, without its help.
 class DriverUnderTest final : public UntypedDriver {
  public:
   static constexpr std::int32_t kFaultCode = 4711;
 
-  /// `first_index` is that of step 0, which the driver itself knows as 0.
+  /// `first_index` is the index of step 0; the driver itself sees 0.
   DriverUnderTest(std::unique_ptr<UntypedDriver> driver, const Injection& injection, CallLog& log,
                   TimeIndex first_index = 0)
       : driver_(std::move(driver)),

@@ -32,7 +32,7 @@ struct OddDriverTraits {
   }
 };
 
-/// Measures nothing and does what it is told: for drivers that differ from it in one thing.
+/// Measures nothing and applies what it gets. Base of drivers that differ from it in one thing.
 class IdleDriver : public Driver<FakeRobot> {
  public:
   using Driver::apply_action;

@@ -8,7 +8,7 @@
 
 namespace trifinger::test {
 
-/// The fault with which `call` raises RobotStopped; nothing if it returns.
+/// Returns the fault with which `call` raises RobotStopped; nothing if it returns.
 template <class Call>
 [[nodiscard]] std::optional<Fault> fault_of(const Call& call) {
   try {
@@ -19,7 +19,7 @@ template <class Call>
   return std::nullopt;
 }
 
-/// Its code alone.
+/// Returns only the code of that fault.
 template <class Call>
 [[nodiscard]] Fault::Code code_of(const Call& call) {
   return fault_of(call).value_or(Fault{}).code;

@@ -25,15 +25,15 @@
 #include "trifinger/core/fake_robot.hpp"
 #include "trifinger/core/frontend.hpp"
 
-// Outside real-time mode nothing is overwritten that a follower still has to read, and no follower
-// can stop a robot for good.
+// Outside real-time mode, nothing is overwritten that a follower still has to read. No follower can
+// stop a robot for good.
 
 namespace trifinger {
 namespace {
 
 constexpr TimeIndex kHistory = 64;
 
-// Says where it is, and remembers what it was told.
+// Reports the position that the test sets, and remembers the calls.
 class PuppetFollower : public Follower {
  public:
   explicit PuppetFollower(TimeIndex first = 0) : first_(first) {}
@@ -74,12 +74,12 @@ struct Bench {
 
   Bench(const Bench&) = delete;
   Bench& operator=(const Bench&) = delete;
-  // Whoever is waited for has read everything: the end must not wait.
+  // The follower has read everything here: otherwise the end would wait for it.
   ~Bench() {
     for (PuppetFollower* const follower : followers) follower->next = kFarAhead;
   }
 
-  // Appends actions for the steps [first, last] and runs until the back-end cannot go on.
+  // Appends actions for the steps [first, last] and runs until the back-end cannot continue.
   Progress run_steps(TimeIndex first, TimeIndex last) {
     for (TimeIndex t = first; t <= last; ++t) robot->append_desired_action({});
     return run();
@@ -114,7 +114,7 @@ TEST(Followers, SeeEverySessionWithItsCompanionsBeforeItsFirstStep) {
   bench.robot.emplace(bench.backend);
   ASSERT_EQ(follower.sessions.size(), 2U);
   EXPECT_EQ(follower.sessions[1].info().session_id, bench.robot->session().info().session_id);
-  // The first one is readable as long as it is kept.
+  // The first session is readable as long as its handle is kept.
   EXPECT_EQ(Frontend<FakeRobot>(follower.sessions[0]).get_observation(10).applied_actions, 10);
 }
 
@@ -139,7 +139,7 @@ TEST(Followers, LoseNothingHoweverFarTheyAreBehind) {
   constexpr TimeIndex kLast = 10 * kHistory;
   for (auto progress = bench.run_steps(0, kLast); progress == Progress::kHeldUp;
        progress = bench.run()) {
-    // Everything that it has not read is there.
+    // Everything that the follower has not read is still there.
     const Frontend<FakeRobot> reader(follower.sessions.back());
     for (TimeIndex t = follower.next; t < bench.steps(); ++t) {
       ASSERT_EQ(reader.get_observation(t).applied_actions, t);
@@ -172,7 +172,7 @@ TEST(Followers, DoNotLoseTheEndEither) {
   PuppetFollower follower;
   Bench bench(kPatient, {}, {&follower});
   bench.run_steps(0, kHistory - 1);
-  // The last status, of step kHistory, would take the place of the first.
+  // The last status, of step kHistory, would overwrite the first one.
   EXPECT_THROW(bench.robot->finish(std::chrono::milliseconds(1)), TimedOut);
   follower.next = 1;
   bench.robot->finish();
@@ -181,7 +181,7 @@ TEST(Followers, DoNotLoseTheEndEither) {
   EXPECT_NE(reader.get_status(kHistory).flags & Status::kEnd, 0U);
 }
 
-// A sensor with a short history and, sometimes, many elements at once.
+// A sensor with a short history that sometimes delivers many elements at once.
 class BurstDriver final : public Driver<FakeRobot> {
  public:
   static constexpr TimeIndex kSensorHistory = 16;
@@ -248,7 +248,7 @@ TEST(Followers, LoseNoElementOfACompanionWithAShortHistory) {
     if (progress == Progress::kWaiting) break;
     if (progress == Progress::kStepped) continue;
     ++held_up;
-    // Reads the elements of one step, all of which must be there.
+    // Reads the elements of one step, which must all be there.
     const TimeIndex t = follower.next;
     FakeSensorReading reading;
     while (sensor.try_get(Series::kObservation, read, &reading)) {
@@ -258,7 +258,7 @@ TEST(Followers, LoseNoElementOfACompanionWithAShortHistory) {
     }
     follower.next = t + 1;
   }
-  follower.next = kFarAhead;  // the end must not wait
+  follower.next = kFarAhead;  // so that the end does not wait
   EXPECT_GT(held_up, 10);
   EXPECT_GT(read, 80);
 }
@@ -269,10 +269,10 @@ TEST(Followers, WhoDoNotMoveAreGivenUp) {
   EXPECT_EQ(bench.run_steps(0, kHistory), Progress::kHeldUp);
   while (bench.backend.advance() == Progress::kHeldUp) {
   }
-  // From now on nobody waits,
+  // From now on the back-end does not wait,
   EXPECT_EQ(bench.run_steps(kHistory + 1, 10 * kHistory), Progress::kWaiting);
   EXPECT_EQ(bench.steps(), 10 * kHistory + 1);
-  // until it is back.
+  // until the follower has caught up.
   follower.next = bench.steps() - kHistory / 2;
   EXPECT_EQ(bench.run_steps(10 * kHistory + 1, 11 * kHistory), Progress::kHeldUp);
   EXPECT_EQ(bench.steps(), follower.next + kHistory);
@@ -282,7 +282,7 @@ TEST(Followers, WhoMoveSlowlyAreNotGivenUp) {
   PuppetFollower follower;
   Bench bench({.max_follower_wait = std::chrono::milliseconds(500)}, {}, {&follower});
   bench.run_steps(0, 2 * kHistory);
-  // Together they wait for longer than half a second, but never so long without a move.
+  // The waits together take longer than half a second, but the follower moves in between.
   const Deadline deadline(std::chrono::milliseconds(700));
   while (!deadline.passed() && follower.next < kHistory / 2) {
     follower.next = follower.next + 1;
@@ -297,7 +297,7 @@ TEST(Followers, WhoAreGivenUpDoNotTakeTheOthersAlong) {
   alive.next = kHistory;
   bench.run_steps(0, 3 * kHistory);
   while (bench.steps() < kHistory + 1) static_cast<void>(bench.backend.advance());
-  // One is lost. The other one is still waited for: it moves whenever somebody waits.
+  // One follower is lost. The back-end still waits for the other one, which moves at every wait.
   while (bench.steps() < 3 * kHistory) {
     EXPECT_LE(bench.steps(), alive.next + kHistory);
     if (bench.backend.advance() == Progress::kHeldUp) alive.next = bench.steps() - 1;
@@ -322,7 +322,7 @@ TEST(Followers, AreNeverWaitedForInRealTimeMode) {
     clock.tick(test::kPeriod, 4 * kHistory);
     robot.wait_until_time_index(4 * kHistory - 1);
     clock.run_free();
-    // An end that no session follows: to let go sooner would make another one.
+    // No session follows this end. Releasing the robot earlier would start one.
     EXPECT_THROW(static_cast<void>(robot.get_status(4 * kHistory + 1)), RobotStopped);
   }
   EXPECT_EQ(follower.sessions.size(), 1U);
@@ -335,7 +335,7 @@ class ReadingFollower final : public Follower {
   ReadingFollower() : thread_([this] { read_all(); }) {}
   ~ReadingFollower() override { finish(); }
 
-  // Reads what is left; to be called when the back-end is gone.
+  // Reads what is left. Call this when the back-end has ended.
   void finish() {
     is_done_ = true;
     if (thread_.joinable()) thread_.join();
@@ -350,7 +350,7 @@ class ReadingFollower final : public Follower {
   }
   [[nodiscard]] TimeIndex next_step() const noexcept override { return next_.load(); }
 
-  // Steps and elements read, in all sessions.
+  // Number of steps and elements read, in all sessions.
   std::atomic<std::int64_t> steps{0};
   std::atomic<std::int64_t> elements{0};
 
@@ -399,7 +399,7 @@ class ReadingFollower final : public Follower {
         if (newest_ == robot.info().session_id) next_ = t + 1;
       }
     } catch (const RobotStopped& stopped) {
-      // The last session, which nobody has used.
+      // Nobody has used the last session.
       EXPECT_EQ(stopped.fault().code, Fault::Code::kStopped);
       EXPECT_EQ(element, 0);
     } catch (const Error& error) {

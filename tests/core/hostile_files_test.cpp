@@ -19,8 +19,8 @@
 #include "support/message_of.hpp"
 #include "support/session_folder.hpp"
 
-// A neighbour on the machine who may write to the folder of sessions, as everybody may to /dev/shm,
-// and puts things under our names. A hang is ended by the watchdog of the suite.
+// Another user of the machine may write to the folder of sessions, like everybody to /dev/shm, and
+// puts files there under our names. The watchdog of the suite ends a hang.
 
 namespace trifinger::test {
 namespace {
@@ -74,7 +74,7 @@ TEST_P(HostileFiles, fault_73_InThePlaceOfASessionHoldNobodyUp) {
               AllOf(HasSubstr("trifinger.x.state, which is "), HasSubstr(" of user ")));
   EXPECT_THROW(static_cast<void>(connect<FakeRobot>("x", {.timeout = kLong})), SystemError);
   EXPECT_THROW(recover("x"), SystemError);
-  // Others are as before.
+  // The other sessions are unchanged.
   EXPECT_EQ(list_sessions().size(), 2U);
   EXPECT_THAT(message_of<SessionNotFound>([] { return Session::open("missing"); }),
               HasSubstr("running: robot"));

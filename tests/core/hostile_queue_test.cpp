@@ -16,8 +16,8 @@
 #include "support/session_folder.hpp"
 #include "support/soak.hpp"
 
-// The queue of actions belongs to the user, who may write what they like into it: the back-end
-// believes nothing. The tests write where only the layout of the session knows.
+// The queue of actions belongs to the user, who may write anything into it. So the back-end must
+// not trust it. These tests write to places that only the layout of the session knows.
 
 namespace trifinger {
 namespace {
@@ -37,7 +37,7 @@ TEST(HostileQueue, fault_32_CutOffWhileTheRobotHoldsItIsAFault) {
     static_cast<void>(robot.get_observation(0));
   });
   EXPECT_EQ(code, Fault::Code::kMemoryDamaged);
-  // The robot can be had again.
+  // The robot can be used again.
   robot.recover();
   auto next = rig.connect();
   test::run_steps<FakeDriverTraits>(next, 0, 5);
@@ -78,7 +78,7 @@ TEST(HostileQueue, fault_29_AnActionFromTheFutureIsAFault) {
   rig.tick();
   test::append_ahead<FakeDriverTraits>(robot, 0, 4);
   const Intruder intruder;
-  // In the place of action 3, a whole queue ahead.
+  // An action a whole queue ahead takes the place of action 3.
   intruder.put(3 + static_cast<TimeIndex>(intruder.queue().shape().capacity), {});
   rig.tick(4);
   test::expect_end(robot, 3, {.code = Fault::Code::kMemoryDamaged});
@@ -99,7 +99,7 @@ TEST(HostileQueue, AnActionForAClosedStepIsDiscardedAndCounted) {
   rig.tick();
   test::append_ahead<FakeDriverTraits>(robot, 0, 0);
   rig.tick(3);
-  // On its way when its step was closed, as an append that is a moment too late.
+  // This action was under way when its step was closed, like an append that is a moment too late.
   Intruder().put(2, {.setpoint = 77.0});
   rig.tick(2);
   for (TimeIndex t = 0; t <= 4; ++t) {
@@ -133,7 +133,7 @@ TEST(HostileQueue, fault_29_RandomBytesEndNoBackendAndHangNobody) {
     } catch (const RobotStopped&) {
       ++ends;
     } catch (const HistoryLost&) {
-      // The bytes made more actions than we did.
+      // The random bytes have made more actions than this test has appended.
     } catch (const TimedOut& error) {
       FAIL() << "round " << round << ": " << error.what();
     }
@@ -142,14 +142,14 @@ TEST(HostileQueue, fault_29_RandomBytesEndNoBackendAndHangNobody) {
   EXPECT_GT(ends, 0) << "the bytes did no harm; is the intruder at the right place?";
   std::printf("%lld sessions with random bytes, %d ended by a fault, %d with an action destroyed\n",
               static_cast<long long>(rounds.index()), ends, waits);
-  // The back-end has survived it.
+  // The back-end has survived the damage.
   auto robot = rig.connect();
   test::run_steps<FakeDriverTraits>(robot, 0, 9);
   robot.finish();
   test::expect_end(robot, 10, {.code = Fault::Code::kFinished});
 }
 
-// What the watchdog asks.
+// Conditions that the watchdog checks.
 TEST(ControllerDied, IsTrueOnlyOnceActionsAreApplied) {
   const test::SessionFolder folder;
   FakeDriver driver;
@@ -160,7 +160,7 @@ TEST(ControllerDied, IsTrueOnlyOnceActionsAreApplied) {
   EXPECT_FALSE(robot.controller_died()) << "nobody came";
 
   const Intruder controller;
-  controller.header().controller_pid = 4711;  // the lock is free: it died
+  controller.header().controller_pid = 4711;  // its lock is free, so it has died
   EXPECT_FALSE(robot.controller_died()) << "the next one may take its place";
   robot.set_phase(layout::Phase::kRunning);
   EXPECT_TRUE(robot.controller_died());
@@ -218,7 +218,7 @@ TEST(HangingDriver, IsCutAndNobodyWaitsForIt) {
 
   driver.release();
   robot.recover();
-  // The call that came back added nothing to the session that had ended.
+  // The call that returned late added nothing to the session that had ended.
   EXPECT_EQ(robot.current_time_index(), last);
   EXPECT_EQ(test::fault_of([&] { return robot.get_status(last + 1); }), fault);
   Frontend<FakeRobot> next(host);

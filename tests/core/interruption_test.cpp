@@ -10,8 +10,7 @@
 #include "support/session_folder.hpp"
 #include "trifinger/core/errors.hpp"
 
-// A signal makes the kernel end what a thread waits for. Nobody may take that for what it waited
-// for.
+// A signal makes the kernel end a thread's wait. No wait may mistake that for what it waited for.
 
 namespace trifinger::test {
 namespace {

@@ -20,13 +20,14 @@
 
 namespace trifinger::test {
 
-/// The action file of the current session of "robot".
+/// Returns the action file of the current session of "robot".
 [[nodiscard]] inline std::filesystem::path action_path() {
   return session_folder() / detail::action_file("robot", Session::open("robot").info().session_id);
 }
 
-/// Another mapping of the queue of "robot", beside the controller's. It writes where only the
-/// layout of the session knows: a test program with it has src/core among its include folders.
+/// A second mapping of the queue of "robot", beside the controller's. It writes to places that only
+/// the layout of the session knows, so a test program that uses it has src/core among its include
+/// folders.
 template <class Action>
 class Intruder {
  public:
@@ -39,7 +40,7 @@ class Intruder {
     return *reinterpret_cast<layout::ActionHeader*>(memory_.data());
   }
   [[nodiscard]] const ipc::Ring& queue() const noexcept { return queue_; }
-  /// Makes `action` the one for step `t`.
+  /// Makes `action` the action for step `t`.
   void put(TimeIndex t, const Action& action) const {
     std::array<std::byte, 8 + sizeof(Action)> entry{};
     std::memcpy(entry.data() + 8, &action, sizeof(action));
@@ -58,8 +59,8 @@ class Intruder {
   ipc::Ring queue_;
 };
 
-/// Waits for y[t] of a user who may have destroyed an action of their own on its way. Nobody
-/// replaces it, and outside of real-time mode the robot waits for it for ever: then false.
+/// Waits for y[t] for a user whose action may have been destroyed under way. Nobody replaces that
+/// action. Outside real-time mode the robot then waits for ever, and this returns false.
 template <class R>
 [[nodiscard]] bool observes(const Frontend<R>& robot, const Intruder<typename R::Action>& intruder,
                             TimeIndex t) {
@@ -70,7 +71,7 @@ template <class R>
     const TimeIndex open = robot.session().info().steps;
     if (intruder.queue().sequence_in_slot(open) != ipc::Ring::sequence_of(open)) return false;
   }
-  // A busy machine.
+  // The machine may be busy, so wait longer.
   static_cast<void>(robot.get_observation(t, kLong));
   return true;
 }

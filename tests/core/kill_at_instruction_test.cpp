@@ -23,10 +23,10 @@
 namespace trifinger::test {
 namespace {
 
-// Actions of several words, so that a torn one would be seen.
+// The actions have several words, so that a torn action would be noticed.
 using OddRig = AcrossProcesses::Rig<OddDriverTraits>;
 
-// A controller that has appended `appended` actions and is led through the next append instruction
+// A controller that has appended `appended` actions. It is led through the next append instruction
 // by instruction.
 class TracedController {
  public:
@@ -45,7 +45,7 @@ class TracedController {
         is_traced_(next_stop() == SIGSTOP) {}
 
   [[nodiscard]] bool is_traced() const noexcept { return is_traced_; }
-  // False once the append is over.
+  // Returns false once the append is over.
   [[nodiscard]] bool step() {
     if (::ptrace(PTRACE_SINGLESTEP, child_.pid(), nullptr, nullptr) != 0) {
       throw SystemError("step through a process", errno);
@@ -57,7 +57,7 @@ class TracedController {
  private:
   static constexpr int kMayNotBeTraced = 77;
 
-  // The signal at which the child has stopped; 0 if it has ended.
+  // Returns the signal at which the child has stopped; 0 if it has ended.
   [[nodiscard]] int next_stop() const {
     int status = 0;
     while (::waitpid(child_.pid(), &status, WUNTRACED) < 0 && errno == EINTR) {
@@ -87,8 +87,8 @@ TEST_P(KillAtInstruction, fault_01_LeavesWholeActionsAndTheRobotToTheNext) {
     while (controller.step()) ++instructions;
   }
   if (instructions == 0) GTEST_SKIP() << "this machine does not step through programs";
-  // All of them, unless sanitizers make thousands of a few hundred: to step through them takes
-  // long.
+  // All instructions are tried, unless a sanitizer turns a few hundred into thousands: single steps
+  // are slow.
   const std::int64_t most_kills = std::clamp<std::int64_t>(600'000 / instructions, 40, 300);
   const std::int64_t stride = is_soak() ? 1 : 1 + instructions / most_kills;
   std::int64_t kills = 0;
@@ -97,34 +97,34 @@ TEST_P(KillAtInstruction, fault_01_LeavesWholeActionsAndTheRobotToTheNext) {
     TracedController controller(rig, appended);
     ASSERT_TRUE(controller.is_traced());
     const auto observer = rig.observe();
-    // Where the back-end is met asleep there are some instructions more, where not some less.
+    // The append has some more instructions if the back-end sleeps, and some fewer if not.
     for (std::int64_t i = 0; i < target && controller.step(); ++i) {
     }
     controller.kill();
 
-    // The next one attaches at once, and the robot does what it says.
+    // The next controller attaches at once, and the robot obeys it.
     auto next = rig.connect();
     run_steps<OddDriverTraits>(next, 0, 2);
     static_cast<void>(next.get_observation(3));
     for (TimeIndex t = 0; t < 3; ++t) expect_action(next, t);
 
-    // The session before: with the action or without, never with a part of it.
+    // The session of the dead controller has the whole action or nothing of it.
     if (next.session().info().session_id == observer.session().info().session_id) {
       ASSERT_EQ(appended, 0) << "a session that had begun went on after instruction " << target;
     } else {
       const auto fault = fault_of([&] { return observer.get_status(1LL << 40U); });
-      ASSERT_TRUE(fault.has_value()) << "behind instruction " << target;
+      ASSERT_TRUE(fault.has_value()) << "after instruction " << target;
       ASSERT_TRUE(fault->time_index == appended || fault->time_index == appended + 1);
       if (fault->time_index > appended) ++with_action;
       expect_end(observer, fault->time_index, {.code = Fault::Code::kControllerDied});
       for (TimeIndex t = 0; t < fault->time_index; ++t) expect_action(observer, t);
     }
     next.finish();
-    if (HasFatalFailure() || HasNonfatalFailure()) FAIL() << "behind instruction " << target;
+    if (HasFatalFailure() || HasNonfatalFailure()) FAIL() << "after instruction " << target;
   }
-  EXPECT_GT(with_action, 0) << "no kill came behind the commit";
+  EXPECT_GT(with_action, 0) << "no kill came after the commit";
   EXPECT_LT(with_action, kills) << "no kill came before the commit";
-  std::printf("%lld instructions, killed behind %lld of them; %lld times the action was there\n",
+  std::printf("%lld instructions, killed after %lld of them; %lld times the action was there\n",
               static_cast<long long>(instructions), static_cast<long long>(kills),
               static_cast<long long>(with_action));
 }

@@ -22,9 +22,9 @@
 #include "trifinger/core/fake_robot.hpp"
 
 // Killing any process at any time never hangs another one. A back-end, a controller and observers
-// run in processes of their own; at random instants one of them is killed. Of back-end and
-// controller, whoever is left has to notice, by itself, and go on with a new partner; of observers,
-// nobody notices. The time limits here are only to tell a hang from a slow machine.
+// run in separate processes; at random instants one of them is killed. If the back-end or the
+// controller dies, the other one must notice by itself and continue with a new partner. Nobody
+// notices the death of an observer. The time limits here only tell a hang from a slow machine.
 
 namespace trifinger::test {
 namespace {
@@ -41,8 +41,8 @@ int run_backend(bool has_deadlines, std::size_t history) {
   return 0;
 }
 
-// Controls the robot; where it stops, the next one of that name. Gives up only if it waits for
-// longer than any machine needs.
+// Controls the robot. When it stops, controls the next one of that name. Gives up only if it waits
+// for longer than any machine needs.
 int run_controller() {
   Deadline deadline(kLong);
   while (!deadline.passed()) {
@@ -56,23 +56,23 @@ int run_controller() {
       }
     } catch (const RobotStopped&) {
     } catch (const HistoryLost&) {
-      // Time was faster than we.
+      // Time passed faster than this controller could follow.
     } catch (const SessionNotFound&) {
-      // The next back-end is on its way.
+      // The next back-end will come.
     }
     std::this_thread::yield();
   }
   return 1;
 }
 
-// Looks at the robot in every way there is, and counts what it has seen.
+// Observes the robot in every possible way, and counts what it has seen.
 int run_observer(std::atomic<std::int64_t>& seen) {
   const auto robot = observe<FakeRobot>("robot");
   const Companion<FakeSensorReading> sensor(robot.companion("sensor"));
   std::array<FakeObservation, 16> observations;
   while (true) {
     try {
-      // Waits for what is to come, reads what is there.
+      // Waits for future steps and reads existing ones.
       const TimeIndex t = robot.current_time_index() + 1;
       static_cast<void>(robot.get_observation(t, kLong));
       static_cast<void>(robot.get_status(t, kLong));
@@ -80,7 +80,7 @@ int run_observer(std::atomic<std::int64_t>& seen) {
       static_cast<void>(sensor.get_latest_at(t, kLong));
       if (t >= 16) robot.get_observations(t - 15, observations, kLong);
     } catch (const HistoryLost&) {
-      // Time was faster than we.
+      // Time passed faster than this observer could follow.
     }
     ++seen;
   }
@@ -100,13 +100,13 @@ class KillTest : public ::testing::TestWithParam<bool> {
     return std::make_unique<ChildProcess>([&seen] { return run_observer(seen); });
   }
 
-  // Follows a session of `backend` up to its step t; tries the next one where that has ended.
+  // Follows a session of `backend` up to its step t. If the session has ended, tries the next one.
   [[nodiscard]] static Frontend<FakeRobot> follow(const ChildProcess& backend, TimeIndex t) {
     const Deadline deadline(kLong);
     while (true) {
       try {
         auto observer = observe<FakeRobot>("robot");
-        // Not the remains of a dead back-end, which can be read, too.
+        // Skip the remains of a dead back-end, which can be read, too.
         if (observer.session().info().backend.pid == backend.pid()) {
           observer.wait_until_time_index(t, kLong);
           return observer;
@@ -119,7 +119,7 @@ class KillTest : public ::testing::TestWithParam<bool> {
     }
   }
 
-  // A moment of random length, far below and far above a step.
+  // Waits for a random time, far below and far above a step.
   void dawdle() {
     const auto end = std::chrono::steady_clock::now() + std::chrono::microseconds(random_() % 2000);
     while (std::chrono::steady_clock::now() < end) std::this_thread::yield();
@@ -141,8 +141,8 @@ TEST_P(KillTest, fault_02_RandomKillsHangNobody) {
     progress.update(i);
     const bool is_backend = random_() % 2 == 0;
     std::optional<Frontend<FakeRobot>> observer;
-    // Half of the kills strike a robot that works, the others whatever comes first: the making of a
-    // session, an attach.
+    // Half of the kills hit a working robot. The others hit anything else: creating a session,
+    // attaching.
     if (random_() % 2 == 0) {
       observer.emplace(follow(*backend, static_cast<TimeIndex>(random_() % 50)));
     } else {
@@ -155,25 +155,26 @@ TEST_P(KillTest, fault_02_RandomKillsHangNobody) {
     if (observer) {
       EXPECT_THROW(static_cast<void>(observer->get_status(1LL << 40U, kLong)), RobotStopped);
       const Fault::Code code = observer->fault().value_or(Fault{}).code;
-      // A controller that was killed a moment before may have ended the session of a back-end that
-      // is killed now; and on a busy machine, where time is faster than it, it leaves by itself.
+      // The controller that was killed just before may have ended the session of this back-end. On
+      // a busy machine, where time runs faster than the controller, the controller also leaves by
+      // itself.
       EXPECT_TRUE(code == Fault::Code::kControllerDied ||
                   (is_backend && code == Fault::Code::kBackendDied) ||
                   (GetParam() && code == Fault::Code::kDetached))
           << name_of(code);
     }
-    // Whoever is left goes on with the new partner by itself.
+    // The survivor continues with the new partner by itself.
     victim = is_backend ? start_backend() : start_controller();
   }
-  // All is well in the end.
+  // Everything works in the end.
   static_cast<void>(follow(*backend, 20));
   std::printf(
       "%lld kills: %d back-ends, %d controllers; %d of them before the robot was seen to work\n",
       static_cast<long long>(kills), backends, controllers, early);
 }
 
-// Waits until the controller has appended another action, and checks the steps meanwhile: all are
-// there, and say what that controller does.
+// Waits until the controller has appended another action. Checks that all steps until then are
+// there and contain what that controller sends.
 void expect_whole_and_going_on(const Frontend<FakeRobot>& robot) {
   constexpr TimeIndex kCount = 32;
   const Deadline deadline(kLong);
@@ -188,7 +189,7 @@ void expect_whole_and_going_on(const Frontend<FakeRobot>& robot) {
       robot.get_desired_actions(first, desired);
       robot.get_applied_actions(first, applied);
       robot.get_observations(first, observations);
-      // An action is the step of the one before it: see run_controller.
+      // Each action contains the step of the action before: see run_controller.
       std::optional<TimeIndex> appended;
       for (std::size_t i = 0; i < kCount; ++i) {
         const TimeIndex t = first + static_cast<TimeIndex>(i);
@@ -209,7 +210,7 @@ void expect_whole_and_going_on(const Frontend<FakeRobot>& robot) {
       }
       if (appended) return;
     } catch (const HistoryLost&) {
-      // This process stood still for a whole history.
+      // This process did not run for the time of a whole history.
     }
     if (deadline.passed()) throw TimedOut("the controller appends no more");
   }
@@ -232,7 +233,7 @@ TEST_P(KillTest, KilledObserversDisturbNobody) {
     const std::size_t place = random_() % kObservers;
     Process& victim = observers[place];
     std::atomic<std::int64_t>& count = (*seen)[place];
-    // Half of the kills strike an observer at work, the others whatever comes first: an attach.
+    // Half of the kills hit a working observer. The others hit anything else: an attach.
     if (random_() % 2 == 0) {
       const std::int64_t before = count;
       while (count == before) std::this_thread::yield();
@@ -245,7 +246,7 @@ TEST_P(KillTest, KilledObserversDisturbNobody) {
     expect_whole_and_going_on(robot);
     victim = start_observer(count);
   }
-  // The same session, from beginning to end.
+  // It is one single session, from beginning to end.
   EXPECT_FALSE(robot.fault().has_value());
   std::printf(
       "%lld kills of observers, %d of them perhaps before it had seen anything; %lld steps\n",

@@ -16,7 +16,7 @@
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/timing.hpp"
 
-// Who is to blame for a late step, what is remembered of it, and when it ends a session.
+// Who is to blame for a late step, what is recorded of it, and when it ends a session.
 
 namespace trifinger::test {
 namespace {
@@ -40,14 +40,14 @@ struct TransportName {
 };
 TYPED_TEST_SUITE(LateSteps, Transports, TransportName);
 
-// Lets the tick that is due begin `lateness` behind its deadline.
+// Lets the tick that is due begin `lateness` after its deadline.
 template <class Rig>
 void tick_late(Rig& rig, Nanoseconds lateness) {
   rig.clock().wait_for_sleeper();
   rig.clock().advance(kPeriod + lateness);
   rig.clock().wait_for_sleeper();
 }
-// The next deadline is this much nearer for it.
+// Makes up for the lateness: the next period is shorter by it.
 template <class Rig>
 void catch_up(Rig& rig, Nanoseconds lateness) {
   rig.clock().wait_for_sleeper();
@@ -63,9 +63,9 @@ TYPED_TEST(LateSteps, OfABackendThatWokeLateAreTheSchedulers) {
   rig.tick(3);
   tick_late(rig, kPeriod * 6 / 10);  // step 3
   catch_up(rig, kPeriod * 6 / 10);
-  tick_late(rig, kPeriod * 4 / 10);  // step 5: not half a period
+  tick_late(rig, kPeriod * 4 / 10);  // step 5: less than half a period
   catch_up(rig, kPeriod * 4 / 10);
-  tick_late(rig, kPeriod * 21 / 10);  // step 7, behind two that were left out
+  tick_late(rig, kPeriod * 21 / 10);  // step 7, after two skipped steps
   for (TimeIndex t = 0; t <= 7; ++t) {
     EXPECT_EQ(has_flag(robot, t, Status::kSchedulerLate), t == 3 || t == 7) << t;
     EXPECT_FALSE(has_flag(robot, t, Status::kDriverLate)) << t;
@@ -98,7 +98,7 @@ TYPED_TEST(LateSteps, BeginWhereTheOptionsSay) {
   }
 }
 
-// A robot in its first steps, and a driver that takes its time for one of them.
+// A robot in its first steps. Its driver needs a long time for one of them.
 class SlowDriver : public ::testing::Test {
  protected:
   SlowDriver() {
@@ -107,7 +107,7 @@ class SlowDriver : public ::testing::Test {
   }
   ~SlowDriver() override { slow_clock = nullptr; }
 
-  // Four ticks, in the last of which the measurement takes this long.
+  // Runs four ticks. In the last one the measurement takes `time`.
   void tick_with_slow_measurement(Nanoseconds time) {
     measurements = 0;
     slow_time = time;
@@ -250,7 +250,7 @@ TEST(LateStep, IsCountedInARecordThatIsWholeWhileTheBackendWrites) {
     steps = timing->steps();
     ASSERT_EQ(timing->lateness().count(), steps);
     ASSERT_EQ(timing->late_steps() + timing->late_steps(LateCause::kNone), steps);
-    // All steps but the first are repeats, each later than the one before.
+    // All steps except the first are repeats, each later than the one before.
     ASSERT_EQ(timing->late_steps(LateCause::kUser), steps - 1);
     if (steps > 1) {
       ASSERT_EQ(timing->worst().front().time_index, static_cast<TimeIndex>(steps) - 1);
@@ -260,7 +260,7 @@ TEST(LateStep, IsCountedInARecordThatIsWholeWhileTheBackendWrites) {
 
 // --- What else ends a session because of time ---
 
-// Measures what is older at every step.
+// The measurements become older with every step.
 class AgeingDriver final : public IdleDriver {
  public:
   using IdleDriver::apply_action;
@@ -317,12 +317,12 @@ TYPED_TEST(LateSteps, fault_55_AMachineThatSleptEndsTheSession) {
   rig.tick(3);
   rig.clock().suspend(std::chrono::seconds(7));
   rig.tick();
-  rig.last_tick();  // of the orderly stop
+  rig.last_tick();  // for the orderly stop
   expect_end(robot, 3, {.code = Fault::Code::kMachineSuspended, .detail = 7000});
   EXPECT_THAT(message_of<RobotStopped>([&] { return robot.get_status(4); }),
               HasSubstr("suspended for 7000 ms"));
 
-  // What is over is over: the next session begins awake.
+  // The fault does not affect the next session, which begins awake.
   robot.recover();
   auto next = rig.connect();
   rig.tick();

@@ -32,8 +32,8 @@
 #include "support/soak.hpp"
 #include "trifinger/ipc/shared_memory.hpp"
 
-// What a back-end leaves that did not end as it should: its files, and the number of its process,
-// which the system gives to another one some day.
+// What remains of a back-end that did not end properly: its files, and the number of its process,
+// which the system may give to another process later.
 
 namespace trifinger::test {
 namespace {
@@ -51,7 +51,7 @@ int run_fake(const std::string& name) {
   return run_backend(name, driver);
 }
 
-// The robot `name` as soon as it is there.
+// Returns the robot `name` as soon as it exists.
 Frontend<FakeRobot> find(const std::string& name) {
   const Deadline deadline(kLong);
   while (true) {
@@ -72,7 +72,7 @@ void leave_a_dead_robot(const std::string& name) {
   backend.kill();
 }
 
-// The files in the folder, and which file each name stands for.
+// Returns the files in the folder, and which file each name refers to.
 std::map<std::string, ino_t> files_in(const std::filesystem::path& folder) {
   std::map<std::string, ino_t> files;
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {
@@ -106,12 +106,12 @@ TEST_F(LeftBehind, fault_18_TheNumberOfADeadBackendMayBelongToALivingProcess) {
 
 TEST_F(LeftBehind, fault_28_IsRemovedByTheNextBackendAndNothingElseIs) {
   leave_a_dead_robot("robot");
-  // Made by a back-end that was killed before it could publish it.
+  // A back-end made this file and was killed before it could publish it.
   const std::string unpublished = ".trifinger.robot.state.4711";
   ipc::SharedMemory::create_file(folder_.path(), unpublished, 1, 0600).publish();
   const auto dead = files_in(folder_.path());
   ASSERT_TRUE(dead.contains(unpublished));
-  // Held open, so that no other file gets the number of one of them.
+  // The files are held open, so that no other file gets the number of one of them.
   std::vector<std::ifstream> held;
   held.reserve(dead.size());
   for (const auto& [file, inode] : dead) held.emplace_back(folder_.path() / file);
@@ -129,7 +129,7 @@ TEST_F(LeftBehind, fault_28_IsRemovedByTheNextBackendAndNothingElseIs) {
     EXPECT_EQ(after.at(file), inode) << file;
   }
   for (const auto& [file, inode] : dead) {
-    // The lock is for ever: to replace it would be a race.
+    // The lock stays for ever, because replacing it would be a race.
     const bool is_kept = after.contains(file) && after.at(file) == inode;
     EXPECT_EQ(is_kept, file == "trifinger.robot.lock") << file;
   }
@@ -162,7 +162,7 @@ TEST_F(LeftBehind, fault_28_IsNothingHoweverEarlyABackendIsKilled) {
     EXPECT_EQ(names("trifinger"),
               (std::set<std::string>{action, "trifinger.robot.lock", "trifinger.robot.sensor.state",
                                      "trifinger.robot.state"}));
-    // Another name of each of these three, and their reserve.
+    // These three files each have another name, and there is their reserve.
     EXPECT_EQ(names(".").size(), 6U);
   }
   EXPECT_EQ(names(""), std::set<std::string>{"trifinger.robot.lock"});
@@ -184,7 +184,7 @@ void die(Death death) {
   }
 }
 
-// Takes its process along in the sixth action.
+// Kills its own process in the sixth action.
 class DeadlyDriver final : public IdleDriver {
  public:
   using IdleDriver::apply_action;
@@ -227,7 +227,7 @@ TEST_P(BackendThatDies, fault_16_IsNoticedAndLeavesEveryStepBefore) {
     EXPECT_EQ(robot.get_observation(t).applied_actions, t);
     EXPECT_EQ(robot.get_status(t).flags & Status::kEnd, 0U);
   }
-  // The robot can be had again.
+  // The robot can be used again.
   const NamedRobot next("robot");
   auto user = find("robot");
   run_steps<FakeDriverTraits>(user, 0, 9);

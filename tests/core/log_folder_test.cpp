@@ -23,7 +23,7 @@ using std::filesystem::perms;
 using testing::HasSubstr;
 using testing::ThrowsMessage;
 
-// An environment that names no folder, and a place for some.
+// An environment without a log folder, and some places for one.
 class LogFolder : public testing::Test {
  protected:
   LogFolder() {

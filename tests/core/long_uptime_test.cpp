@@ -10,7 +10,7 @@
 #include "core/transports.hpp"
 #include "support/message_of.hpp"
 
-// A robot that has run for ages: what a user asks for and is told has indices of any size.
+// A robot that has run for ages: indices in requests and answers have any size.
 
 namespace trifinger::test {
 namespace {
@@ -18,7 +18,7 @@ namespace {
 using Traits = FakeDriverTraits;
 using ::testing::HasSubstr;
 
-// The number of bits that the indices pass in the midst of the test.
+// Number of bits that the indices exceed during the test.
 class LongUptime : public ::testing::TestWithParam<int> {
  protected:
   static constexpr TimeIndex kSteps = 200;

@@ -15,13 +15,13 @@
 #include "trifinger/ipc/futex.hpp"
 #include "trifinger/ipc/shared_memory.hpp"
 
-// Waits do not depend on wakes: a wake that is lost, or comes without cause, changes nothing but
-// when.
+// Waits do not depend on wake-ups. A wake-up that is lost, or comes without a cause, only changes
+// the time of the result.
 
 namespace trifinger::test {
 namespace {
 
-// A session whose back-end is the test itself, and a controller.
+// A session whose back-end is the test itself, with a controller.
 class LostWake : public ::testing::Test {
  protected:
   LostWake()
@@ -43,7 +43,7 @@ class LostWake : public ::testing::Test {
       std::this_thread::yield();
     }
   }
-  // As the back-end does, but tells nobody.
+  // Writes like the back-end, but wakes nobody.
   void write_silently(const FakeObservation& observation) const {
     writers_.robot->append(Series::kObservation, &observation);
   }
@@ -83,7 +83,7 @@ TEST_F(LostWake, fault_36_WakesWithoutCauseShowNothingThatIsNotThere) {
   disturber.join();
 }
 
-// What a sleeper says that it waits for.
+// The word in which a sleeper says what it waits for.
 TEST(Wanted, fault_71_HasRoomForAnyStep) {
   for (const TimeIndex t : {TimeIndex{0}, TimeIndex{1} << 31U, TimeIndex{1} << 32U,
                             TimeIndex{1} << 53U, TimeIndex{1} << 60U}) {

@@ -30,7 +30,7 @@
 #include "core/transports.hpp"
 #include "support/message_of.hpp"
 
-// Shared memory that goes away, or never was enough.
+// Shared memory that disappears, or that was never large enough.
 
 namespace trifinger::test {
 namespace {
@@ -45,20 +45,20 @@ TEST(MemoryLoss, fault_32_FilesThatAreUnlinkedServeThoseWhoHaveThem) {
   auto robot = rig.connect();
   const auto observer = rig.observe();
   run_steps<FakeDriverTraits>(robot, 0, 4);
-  // As systemd-logind does when a user logs out.
+  // systemd-logind does this when a user logs out.
   std::filesystem::remove(action_path());
   std::filesystem::remove(state_path());
   std::filesystem::remove(state_path().parent_path() / "trifinger.robot.lock");
   run_steps<FakeDriverTraits>(robot, 5, 9);
   EXPECT_EQ(bytes_of(observer.get_desired_action(9)), bytes_of(FakeDriverTraits::action(9)));
-  // Nor does a long wait take it for dead.
+  // A long wait does not take the robot for dead either.
   EXPECT_THROW(static_cast<void>(observer.get_observation(1000, std::chrono::milliseconds(250))),
                TimedOut);
-  // Somebody new does not find it, and is told so.
+  // A new user does not find the robot, and gets an error that says so.
   EXPECT_THROW(static_cast<void>(Session::open("robot")), SessionNotFound);
   robot.finish();
   expect_end(robot, 10, {.code = Fault::Code::kFinished});
-  // The next session has files of its own, and holds the name again.
+  // The next session has its own files and the name again.
   auto next = rig.connect();
   run_steps<FakeDriverTraits>(next, 0, 4);
   EXPECT_THROW(static_cast<void>(SessionHost::named("robot")), RobotOwned);
@@ -78,7 +78,7 @@ TEST(MemoryLoss, fault_32_AStateFileThatIsCutOffHangsNobody) {
         static_cast<void>(robot.get_observation(1000, kLong));
       },
       Error);
-  // It was the end of that session alone.
+  // Only that session has ended.
   auto next = rig.connect();
   run_steps<FakeDriverTraits>(next, 0, 4);
 }
@@ -109,7 +109,7 @@ class LostFiles : public ::testing::TestWithParam<std::tuple<Loss, bool>> {
  protected:
   [[nodiscard]] static Loss loss() { return std::get<0>(GetParam()); }
 
-  // All files of the robot: a user's, the back-end's and the lock.
+  // Returns all files of the robot: a user's, the back-end's and the lock.
   static std::vector<std::filesystem::path> paths() {
     const std::filesystem::path folder = session_folder();
     std::vector<std::filesystem::path> paths{folder / "trifinger.robot.lock"};
@@ -131,7 +131,7 @@ TEST_P(LostFiles, fault_18_LetNoSecondBackendIn) {
     EXPECT_THAT(message, HasSubstr("(process " + std::to_string(rig.process().pid()) + ")"));
     EXPECT_THAT(message, HasSubstr("'trifinger stop robot'"));
   }
-  // Nor does another attempt, with what the first one has left.
+  // The next attempt finds what the first one has left, and fails as well.
   EXPECT_THROW(static_cast<void>(SessionHost::named("robot")), RobotOwned);
 }
 
@@ -174,11 +174,11 @@ TEST(MemoryLoss, fault_18_ALockThatIsRemovedChangesNothingForUsers) {
   EXPECT_TRUE(std::filesystem::exists(session_folder() / "trifinger.robot.lock"));
 }
 
-// Removes the file of its session as soon as it is there.
+// Removes the file of its session as soon as it exists.
 class RemovingDriver final : public IdleDriver {
  public:
   [[nodiscard]] std::span<const CompanionDescription> companions() const noexcept override {
-    // Asked before the file is made, and when it has its name.
+    // Called before the file is created, and when it has its name.
     std::error_code ignored;
     std::filesystem::remove(state_path(), ignored);
     return {};
@@ -209,7 +209,7 @@ TEST(MemoryLoss, fault_32_ASessionThatIsLostBeforeItIsFollowedEndsNoBackend) {
 
 // ---- memory that is full ----
 
-// Becomes alone with a file system of 2 MiB for sessions. False where that is not allowed.
+// Moves to a private file system of 2 MiB for sessions. Returns false if that is not allowed.
 bool has_little_memory(const std::filesystem::path& folder) {
   return ::unshare(CLONE_NEWNS) == 0 &&
          ::mount("none", "/", nullptr, MS_REC | MS_PRIVATE, nullptr) == 0 &&
@@ -245,7 +245,7 @@ TEST(MemoryLoss, fault_33_WithoutRoomASessionIsRefusedAndTheOthersGoOn) {
       std::fprintf(stderr, "'%s' does not say what was to be had\n", message.c_str());
       return 2;
     }
-    // Nothing of it stays but its lock, which may.
+    // Nothing of the session remains, except perhaps its lock.
     std::set<std::string> after = names_in(folder.path());
     after.erase("trifinger.big.lock");
     if (after != before) return 3;
@@ -279,7 +279,7 @@ TEST(MemoryLoss, fault_33_ARobotThatHasBegunOnceBeginsAgainHoweverFullTheMemoryI
       Frontend<FakeRobot> robot("robot", {.timeout = kLong});
       if (robot.session().info().session_id == last) return 2;
       last = robot.session().info().session_id;
-      if (robot.current_time_index() >= 0) return 3;  // what was there before
+      if (robot.current_time_index() >= 0) return 3;  // the files from before
       run_steps<FakeDriverTraits>(robot, 0, 9);
       if (robot.get_observation(9).applied_actions != 9) return 4;
       robot.finish();
@@ -318,7 +318,7 @@ TEST(MemoryLoss, fault_33_ARobotWaitsForMemoryThatObserversHoldAndSaysSo) {
       second.finish();
     }
     while (!is_waiting) std::this_thread::yield();
-    // What the observer holds is as it was.
+    // The elements that the observer maps are unchanged.
     if (observers.front().get_observation(9).applied_actions != 9) return 2;
     observers.clear();
     Frontend<FakeRobot> third(host, {.timeout = kLong});

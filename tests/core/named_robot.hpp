@@ -9,13 +9,13 @@
 
 namespace trifinger::test {
 
-/// A fake robot with a name, whose back-end runs in a thread of this process.
+/// A fake robot with a name. Its back-end runs in a thread of this process.
 class NamedRobot {
  public:
   explicit NamedRobot(const std::string& name = "robot",
                       const SessionOptions& session = {.history = 64, .queue = 64})
       : host_(SessionHost::named(name, session)), backend_(driver_, host_), thread_(backend_) {
-    // The session is there when this returns.
+    // The session exists when this returns.
     const Frontend<FakeRobot> looker(host_, {.control = false});
     static_cast<void>(looker.latest_observation());
   }

@@ -13,8 +13,8 @@
 namespace trifinger::test {
 
 // A robot that has nothing in common with the others: two wheels with gears and a lamp. If it
-// works, the core knows no robot. No element is a whole number of 64-bit words, so the rests of the
-// words are tried, too.
+// works, the core depends on no particular robot. No element is a whole number of 64-bit words, so
+// the incomplete last words are tested, too.
 
 struct OddAction {
   std::array<float, 2> speed{};
@@ -65,7 +65,7 @@ struct OddRobot {
   using AppliedAction = OddAppliedAction;
 };
 
-/// What the lamp of the odd robot shows, every third step, known two steps later.
+/// What the lamp of the odd robot shows. It is read every third step and known two steps later.
 struct OddLampReading {
   Stamp stamp;
   std::array<std::uint16_t, 3> colour{};

@@ -16,27 +16,27 @@
 #include "support/nobody.hpp"
 #include "trifinger/core/errors.hpp"
 
-// Who may do what with a session: files of 0600 are their owner's, others are shared by choice.
+// Who may do what with a session: files of 0600 belong to their owner alone, others are shared on
+// purpose.
 
 namespace trifinger::test {
 namespace {
 
 using std::filesystem::perms;
 
-// The robot "robot" of the administrator with files of `mode`, and another user who does something
-// with it.
+// The robot "robot" of the administrator, with files of `mode`, and another user who uses it.
 class Permission : public ::testing::Test {
  protected:
   void SetUp() override {
     if (!may_become_nobody()) GTEST_SKIP() << "only the administrator can become nobody";
-    // Open to everybody, as /dev/shm.
+    // The folder is open to everybody, like /dev/shm.
     std::filesystem::permissions(folder_.path(), perms::all | perms::sticky_bit);
   }
 
-  // What `visit` returns when nobody calls it, a member of `group`. A sentence of an error that is
-  // wanted goes through a file.
+  // Returns what `visit` returns when the user nobody calls it, as a member of `group`. The
+  // sentence of an expected error goes through a file.
   [[nodiscard]] int as_nobody(unsigned mode, gid_t group, const std::function<int()>& visit) {
-    // Before the robot's threads: a sanitizer wants that.
+    // The child is made before the robot's threads, because a sanitizer needs that.
     ChildProcess child([&] {
       become_nobody(group);
       const Deadline deadline(kLong);
@@ -44,7 +44,7 @@ class Permission : public ::testing::Test {
         try {
           return visit();
         } catch (const SessionNotFound&) {
-          std::this_thread::yield();  // not there yet
+          std::this_thread::yield();  // the robot does not exist yet
         }
       }
       return 99;
@@ -53,7 +53,7 @@ class Permission : public ::testing::Test {
     return child.wait();
   }
 
-  // Whether the text of `error` names the file that ends with `file`, its owner, its mode and the
+  // True if the text of `error` names the file that ends with `file`, its owner, its mode and the
   // remedy.
   static bool says_all(const SystemError& error, const std::string& file, const std::string& mode) {
     const std::string text = error.what();
@@ -155,7 +155,7 @@ TEST_F(Permission, fault_31_WithGroupAccessAMemberControlsTheRobot) {
 
 TEST_F(Permission, fault_31_AnObserverWithoutWritePermissionReadsAllAndAppendsNothing) {
   if (!may_become_nobody()) GTEST_SKIP() << "only the administrator can become nobody";
-  // Whoever looks on belongs to the group, which may only read.
+  // The observer belongs to the group, which may only read.
   SharedValue<std::atomic<bool>> is_looking;
   ChildProcess observer([&] {
     become_nobody(0);
@@ -164,7 +164,7 @@ TEST_F(Permission, fault_31_AnObserverWithoutWritePermissionReadsAllAndAppendsNo
       try {
         const Frontend<FakeRobot> robot("robot", {.control = false, .timeout = kLong});
         is_looking->store(true);
-        // A wait, without a file to say so in.
+        // A wait without a file in which to announce it.
         if (robot.get_observation(5).applied_actions != 5) return 1;
         if (robot.get_desired_action(4).setpoint != 4.0) return 1;
         if (robot.get_applied_action(4).setpoint != 4.0) return 1;
@@ -186,7 +186,7 @@ TEST_F(Permission, fault_31_AnObserverWithoutWritePermissionReadsAllAndAppendsNo
   Frontend<FakeRobot> user("robot");
   const Deadline deadline(kLong);
   while (!is_looking->load() && !deadline.passed()) std::this_thread::yield();
-  // Steps 0 to 5, and no end before the observer has gone.
+  // Runs steps 0 to 5, and no end before the observer has finished.
   for (TimeIndex t = 0; t < 6; ++t) {
     static_cast<void>(user.append_desired_action({.setpoint = static_cast<double>(t)}));
   }

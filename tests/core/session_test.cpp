@@ -27,7 +27,7 @@
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/frontend.hpp"
 
-// What a session says of itself, and of its end.
+// What a session says about itself and about its end.
 
 namespace trifinger {
 namespace {
@@ -38,7 +38,8 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
-// Bytes of every kind, a zero among them; one without text; one larger than a page.
+// One document has bytes of every kind, including zero. One is empty, and one is larger than a
+// page.
 const std::vector<Document> kDocuments{
     {"configuration.yml", "application/yaml", std::string("name: robot\n\0\xff", 14)},
     {"nothing", "text/plain", ""},
@@ -124,7 +125,7 @@ TEST_F(DamagedDocuments, InAListOfAnotherSizeAreNotRead) {
 }
 
 TEST_F(DamagedDocuments, OnTopOfEachOtherAskForNoMoreMemoryThanTheFileHas) {
-  // A list where the actions were: documents that are the whole file each.
+  // A list in the place of the actions, in which each document is the whole file.
   constexpr std::size_t kCount = 20;
   header().documents = {.offset = header().rings[0].offset,
                         .size = kCount * sizeof(layout::DocumentPlace)};
@@ -293,7 +294,7 @@ TYPED_TEST(ExhaustedDriver, EndsItsSessionWithoutAFault) {
   {
     auto robot = rig.connect();
     for (int i = 0; i < 10; ++i) robot.append_desired_action({});
-    // Too late if a back-end of its own has come to the end meanwhile.
+    // The step is too late if a separate back-end has ended before.
     const bool is_left_out =
         test::code_of([&] { robot.append_desired_action({}); }) == Fault::Code::kNone;
     EXPECT_EQ(robot.get_observation(10).applied_actions, 10);

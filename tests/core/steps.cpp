@@ -33,7 +33,7 @@ void expect_end(const AnyObserver& robot, TimeIndex steps, const Fault& expected
 
   EXPECT_EQ(robot.current_time_index(), has_last_observation ? steps : steps - 1);
   const TimeIndex observations = steps + (has_last_observation ? 1 : 0);
-  // For ever, not once.
+  // The answer stays the same for ever.
   for (int i = 0; i < 2; ++i) {
     EXPECT_EQ(fault_of([&] { return robot.get_observation(observations); }), fault);
     EXPECT_EQ(fault_of([&] { return robot.get_desired_action(steps); }), fault);

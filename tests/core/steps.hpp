@@ -14,8 +14,8 @@
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/core/status.hpp"
 
-// How tests go through the steps of a session, and what holds at its end. What is long here has no
-// types and is compiled once, in steps.cpp.
+// How tests go through the steps of a session, and what holds at its end. Long functions without
+// types are compiled once, in steps.cpp.
 
 namespace trifinger::test {
 
@@ -33,8 +33,8 @@ template <class Robot>
   return (robot.get_status(t).flags & flag) != 0;
 }
 
-/// Appends the actions `first` to `last` of the driver's traits, each behind the observation before
-/// it.
+/// Appends the actions `first` to `last` of the driver's traits. Each follows the observation
+/// before it.
 template <class Traits, class Robot>
 void run_steps(Robot& robot, TimeIndex first, TimeIndex last) {
   for (TimeIndex t = first; t <= last; ++t) {
@@ -43,8 +43,7 @@ void run_steps(Robot& robot, TimeIndex first, TimeIndex last) {
   }
 }
 
-/// Appends actions of the driver's traits without waiting for anything, as far as the queue takes
-/// them.
+/// Appends actions of the driver's traits without waiting, as many as the queue takes.
 template <class Traits, class Robot>
 void append_ahead(Robot& robot, TimeIndex first, TimeIndex last) {
   for (TimeIndex t = first; t <= last; ++t) {
@@ -52,7 +51,7 @@ void append_ahead(Robot& robot, TimeIndex first, TimeIndex last) {
   }
 }
 
-/// What a Frontend shows of any robot: elements are bytes.
+/// What a Frontend shows of any robot. Elements are bytes.
 class AnyObserver {
  public:
   virtual ~AnyObserver() = default;
@@ -66,8 +65,8 @@ class AnyObserver {
   [[nodiscard]] virtual std::optional<Fault> fault() const = 0;
 };
 
-/// A Frontend as an AnyObserver, or as an `Interface` made of it. `Handle` is the Frontend, or a
-/// reference to it.
+/// A Frontend as an AnyObserver, or as an `Interface` derived from it. `Handle` is the Frontend, or
+/// a reference to one.
 template <class Interface, class Handle>
 class ErasedObserver : public Interface {
  public:
@@ -95,8 +94,8 @@ class ErasedObserver : public Interface {
   Handle robot_;
 };
 
-/// The law of every end: with N actions applied, the steps 0 to N - 1 are whole; step N has the
-/// last observation and the status with the reason, and nothing follows.
+/// The law of every end: with N applied actions, steps 0 to N - 1 are whole. Step N has the last
+/// observation and the status with the reason. Nothing follows.
 void expect_end(const AnyObserver& robot, TimeIndex steps, const Fault& expected,
                 bool has_last_observation = true);
 

@@ -23,9 +23,9 @@
 #include "support/session_folder.hpp"
 #include "support/shared_value.hpp"
 
-// In real-time mode the loop of no driver makes a system call but to sleep until its deadline, to
-// wake those who wait for it, and to read its clock where that takes one; nor does it take memory
-// from the heap. The test program is built with support/allocation_counter.cpp:
+// Checks the loop of every driver in real-time mode. It may only make system calls to sleep until
+// its deadline, to wake those who wait for it, and to read its clock if that takes a call. It takes
+// no memory from the heap. The test program is built with support/allocation_counter.cpp:
 //
 //     using Drivers = ::testing::Types<SimDriverTraits>;
 //     INSTANTIATE_TYPED_TEST_SUITE_P(Sim, SystemCallContract, Drivers);
@@ -33,7 +33,7 @@
 namespace trifinger::test {
 
 /// From now on the kernel ends this process with SIGSYS if the calling thread makes any other
-/// system call. Answers false if the kernel refuses to watch.
+/// system call. Returns false if the kernel refuses to watch.
 [[nodiscard]] inline bool allow_only_what_the_loop_needs() noexcept {
   constexpr auto kLoad = static_cast<std::uint16_t>(BPF_LD | BPF_W | BPF_ABS);
   constexpr auto kJumpIfEqual = static_cast<std::uint16_t>(BPF_JMP | BPF_JEQ | BPF_K);
@@ -54,15 +54,15 @@ namespace trifinger::test {
 /// What the loop's thread does at every observation.
 class LoopGuard {
  public:
-  /// What it has taken from the heap since the first one, for the test's process to read. Set
+  /// Number of heap allocations since the first observation, for the test's process to read. Set
   /// before the fork.
   static inline std::atomic<std::size_t>* allocations{nullptr};
-  /// A file that a driver of tests writes to, which it must not.
+  /// A file that a driver of the tests writes to, which is not allowed.
   static inline int file{-1};
 
   static void watch() {
     if (is_watching) {
-      // relaxed: read when the process is gone.
+      // relaxed: it is read after the process has ended.
       allocations->store(allocation_counter->count(), std::memory_order_relaxed);
       return;
     }
@@ -81,7 +81,7 @@ class LoopGuard {
   static inline thread_local int num_observations{0};
 };
 
-/// The back-end in a process of its own, in real time, with all that the machine grants.
+/// The back-end in a process of its own, in real time, with everything that the machine grants.
 template <class Traits>
 class GuardedBackend {
  public:
@@ -123,7 +123,7 @@ template <class T>
 class SystemCallContract : public ::testing::Test {
  protected:
   void SetUp() override {
-    // The end of a process is a call, too.
+    // The end of a process is a system call, too.
     ChildProcess watched([] { return allow_only_what_the_loop_needs() ? 0 : 1; });
     if (watched.wait() != -SIGSYS) GTEST_SKIP() << "this kernel does not watch system calls";
     LoopGuard::allocations = &*allocations_;
@@ -140,7 +140,7 @@ TYPED_TEST_P(SystemCallContract, InRealTimeTheLoopOnlySleepsAndWakes) {
     constexpr TimeIndex kSteps = 2000;
     TimeIndex t = robot.append_desired_action(TypeParam::action(0));
     while (t < kSteps) {
-      // Waits: the loop has somebody to wake.
+      // Waits, so that the loop has somebody to wake.
       static_cast<void>(robot.get_observation(t, kLong));
       t = robot.append_desired_action(TypeParam::action(t + 1));
     }

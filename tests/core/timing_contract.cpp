@@ -17,20 +17,20 @@
 namespace trifinger::test {
 namespace {
 
-// The traits of a driver as an AnyUser has them: an action is its number.
+// The traits of a driver in the form that AnyUser has: an action is its number.
 struct Numbers {
   static TimeIndex action(TimeIndex k) { return k; }
 };
 
-// The law of the end where no step had begun: there is no step 0, and there never will be. What was
-// seen while holding remains.
+// The law of the end if no step had begun: there is no step 0, and there never will be.
+// Observations from the time of holding remain.
 void expect_end_before_step_zero(const AnyUser& robot, const Fault& expected,
                                  bool has_observation = true) {
   // Waits for the end.
   EXPECT_EQ(fault_of([&] { return robot.get_status(0); }), expected);
   EXPECT_EQ(robot.fault(), expected);
   EXPECT_EQ(robot.current_time_index(), -1);
-  // For ever, not once.
+  // The answer stays the same for ever.
   for (int i = 0; i < 2; ++i) {
     EXPECT_EQ(fault_of([&] { return robot.get_observation(0); }), expected);
     EXPECT_EQ(fault_of([&] { return robot.get_desired_action(0); }), expected);
@@ -46,14 +46,14 @@ void expect_end_before_step_zero(const AnyUser& robot, const Fault& expected,
   }
 }
 
-// What the user sent is there, in order.
+// The actions that the user sent are there, in order.
 void expect_actions(const AnyUser& robot, TimeIndex steps) {
   for (TimeIndex t = 0; t < steps; ++t) {
     ASSERT_EQ(robot.get_desired_action(t), robot.action(t)) << t;
   }
 }
 
-// The observation is measured before the action of its step acts, in every step.
+// In every step, the observation is measured before the action of that step acts.
 void expect_measured_before_acting(const CallLog& log) {
   const std::int64_t count = std::min<std::int64_t>(log.observations, CallLog::kSize);
   for (std::int64_t i = 0; i < count; ++i) {
@@ -77,7 +77,7 @@ TEST_P(TimingContract, ShowsTheRobotBeforeStepZero) {
   const auto holding = robot->latest_observation();
   EXPECT_EQ(robot->current_time_index(), -1);
   robot->append_desired_action(0);
-  // Nothing moved in between.
+  // Nothing has moved in between.
   EXPECT_EQ(robot->get_observation(0), holding);
 }
 
@@ -119,7 +119,7 @@ TEST_P(TimingContract, fault_62_WaitsForAnActionAsLongAsItTakes) {
   const auto robot = rig->connect();
   run_steps<Numbers>(*robot, 0, 3);
   robot->wait_until_time_index(4);
-  // Days, to the back-end's clock.
+  // Days pass on the back-end's clock.
   rig->clock().advance(std::chrono::hours(100));
   EXPECT_EQ(robot->current_time_index(), 4);
   EXPECT_FALSE(robot->fault().has_value());
@@ -147,7 +147,7 @@ TEST_P(TimingContract, RefusesAnActionThatCameAfterItsObservationIfStrict) {
   robot->append_desired_action(0);
   static_cast<void>(robot->get_observation(1));
   EXPECT_THROW(robot->append_desired_action(1), AcausalAction);
-  // Also if many were read at once, or the latest.
+  // The rule also holds if many were read at once, or the latest.
   EXPECT_THROW(robot->append_desired_action(1), AcausalAction);
 }
 
@@ -207,7 +207,7 @@ TEST_P(TimingContract, fault_34_NamesTheOldestStepWhenHistoryIsLost) {
   const auto rig = make_rig({.session = {.history = 16, .queue = 16}});
   const auto robot = rig->connect();
   run_steps<Numbers>(*robot, 0, 40);
-  // y_41 is there, so 26 to 41 are kept.
+  // y_41 exists, so 26 to 41 are kept.
   robot->wait_until_time_index(41);
   try {
     static_cast<void>(robot->get_observation(3));
@@ -224,7 +224,7 @@ TEST_P(TimingContract, fault_34_NamesTheOldestStepWhenHistoryIsLost) {
 TEST_P(TimingContract, fault_05_AppendWaitsWhileTheQueueIsFull) {
   const auto rig = make_rig({.session = {.history = 256, .queue = 4}});
   const auto robot = rig->connect();
-  // Nothing is lost and all is in order, though the queue is much too short.
+  // Nothing is lost and everything is in order, although the queue is much too short.
   for (TimeIndex t = 0; t < 100; ++t) {
     EXPECT_EQ(robot->append_desired_action(t), t);
   }
@@ -241,7 +241,7 @@ TEST_P(TimingContract, EndsBehindTheLastActionWhenFinished) {
   expect_end(*robot, 10, {.code = Fault::Code::kFinished});
   expect_actions(*robot, 10);
   EXPECT_TRUE(fault_of([&] { return robot->append_desired_action(0); }));
-  // No fault, however often it is said.
+  // Calling it again is no fault.
   robot->finish();
 }
 
@@ -292,7 +292,7 @@ TEST_P(TimingContract, fault_06_EndsWhenTooManyActionsInARowAreRejected) {
   const auto rig =
       make_rig({.backend = {.max_rejected_actions = 3}, .injection = {.reject_from = 5}});
   const auto robot = rig->connect();
-  // The session may end while the last actions are on their way.
+  // The session may end while the last actions are under way.
   static_cast<void>(fault_of([&] {
     for (TimeIndex t = 0; t < 12; ++t) robot->append_desired_action(t);
     return 0;
@@ -323,7 +323,7 @@ TEST_P(TimingContract, EndsWhenTheBackendIsAskedToStopBeforeAnyAction) {
 
 TEST_P(TimingContract, EndsWhenTheDriverFaultsBeforeAnyAction) {
   const auto rig = make_rig({.injection = {.observation_fault_at = 0}});
-  // Who wants control is refused if the fault comes first.
+  // A user who wants control is refused if the fault comes first.
   const auto observer = rig->observe();
   expect_end_before_step_zero(
       *observer, {.code = Fault::Code::kDriver, .detail = DriverUnderTest::kFaultCode}, false);
@@ -351,7 +351,7 @@ TEST_P(TimingContract, BeginsTheNextSessionAtOnceAfterACleanEnd) {
   EXPECT_NE(second->session().info().session_id, first->session().info().session_id);
   run_steps<Numbers>(*second, 0, 2);
   static_cast<void>(second->get_observation(3));
-  // The old handle still tells its own story.
+  // The old handle still shows its own session.
   expect_end(*first, 5, {.code = Fault::Code::kFinished});
 }
 
@@ -375,7 +375,7 @@ TEST_P(TimingContract, NeedsRecoveryWhenTheDriverCannotBePrepared) {
   const auto rig = make_rig({.injection = {.prepare_faults = true}});
   const auto stopped = [&] {
     const auto fault = fault_of([&] {
-      // Whoever is quick attaches before the fault and meets it here.
+      // A fast user attaches before the fault and gets it here.
       const auto robot = rig->connect();
       return robot->latest_observation();
     });
@@ -392,9 +392,9 @@ TEST_P(TimingContract, PreparesAndStopsInSmallSteps) {
   run_steps<Numbers>(*robot, 0, 2);
   EXPECT_EQ(rig->log().prepares, 4);
   robot->finish();
-  // What the stop does is not part of the series.
+  // The actions of the stop are not part of the series.
   expect_end(*robot, 3, {.code = Fault::Code::kFinished});
-  // The next session is there only when the robot is at rest.
+  // The next session exists only when the robot is at rest.
   static_cast<void>(rig->connect());
   EXPECT_EQ(rig->log().stops, 5);
 }
@@ -404,7 +404,7 @@ TEST_P(TimingContract, LetsNobodyWaitLongerThanTheyWant) {
   const auto robot = rig->connect();
   robot->append_desired_action(0);
   robot->wait_until_time_index(1);
-  // Inline, a wait that nobody can satisfy is a mistake that is named at once.
+  // Inline, a wait that can never end is a mistake, and gets its error at once.
   const auto expect_gives_up = [](const std::function<void()>& call) {
     if (GetParam().is_inline) {
       EXPECT_THROW(call(), ActionMissing);
@@ -442,7 +442,7 @@ TEST_P(TimingContract, HasEverythingOfACompanionThatArrivedByThatStep) {
   for (TimeIndex t = 0; t < 40; ++t) {
     robot->append_desired_action(t);
     static_cast<void>(robot->get_observation(t));
-    // y_t is there, so this needs no wait.
+    // y_t exists, so this needs no wait.
     const auto stamp = arrival_at(t, Timeout::zero());
     known.push_back(stamp ? stamp->arrival_index : -1);
     if (!stamp) continue;
@@ -453,7 +453,7 @@ TEST_P(TimingContract, HasEverythingOfACompanionThatArrivedByThatStep) {
   }
   EXPECT_TRUE(std::ranges::is_sorted(known));
   EXPECT_GT(known.back(), 0);
-  // Later, the answer is the same.
+  // A later call gives an equal answer.
   for (TimeIndex t = 0; t < 40; ++t) {
     const auto stamp = arrival_at(t, kForever);
     ASSERT_EQ(stamp ? stamp->arrival_index : -1, known[static_cast<std::size_t>(t)]) << t;
@@ -487,7 +487,7 @@ TEST_P(RealTimeContract, HoldsUntilTheFirstAction) {
   static_cast<void>(robot->latest_observation(Timeout::zero()));
   EXPECT_EQ(robot->current_time_index(), -1);
   EXPECT_FALSE(robot->fault().has_value());
-  // The pose at the beginning is held, in every period.
+  // The initial pose is held in every period.
   EXPECT_EQ(rig->log().holds, 1);
   EXPECT_GE(rig->log().actions, 10);
   EXPECT_EQ(rig->log().actions, rig->log().observations);
@@ -554,7 +554,7 @@ TEST_P(RealTimeContract, CountsRepetitionsInARow) {
   const auto rig = make_rig(with_deadlines(2));
   const auto robot = rig->connect();
   rig->tick();
-  // Twice late, in time again, twice late: never more than twice in a row.
+  // It is late twice, then in time once, and so on: never late more than twice in a row.
   for (int i = 0; i < 10; ++i) {
     ASSERT_EQ(robot->append_desired_action(i), 3 * i);
     rig->tick(3);
@@ -569,8 +569,8 @@ TEST_P(RealTimeContract, fault_04_AppendGoesOnAtTheFirstOpenStepAfterRepetitions
   rig->tick();
   append_ahead<Numbers>(*robot, 0, 0);
   rig->tick(4);
-  // Steps 1 to 3 are closed. A loop that fell behind is in step again at once, and blamed for
-  // nothing.
+  // Steps 1 to 3 are closed. A loop that was too slow continues at the current step, without any
+  // blame.
   static_cast<void>(robot->get_observation(0));
   EXPECT_EQ(robot->append_desired_action(4), 4);
   EXPECT_EQ(robot->append_desired_action(5), 5);
@@ -589,8 +589,8 @@ TEST_P(RealTimeContract, AnAppendThatReturnsAStepWasAppliedAtThatStep) {
   plan.session.history = 1 << 16;
   const auto rig = make_rig(plan);
   const auto robot = rig->connect();
-  // The back-end goes through its ticks as fast as it can, so steps are closed while an append is
-  // on its way to them.
+  // The back-end runs its ticks as fast as it can, so steps are closed while an append for them is
+  // under way.
   rig->clock().run_free();
   int compared = 0;
   TimeIndex last = -1;
@@ -604,7 +604,7 @@ TEST_P(RealTimeContract, AnAppendThatReturnsAStepWasAppliedAtThatStep) {
       ASSERT_EQ(robot->get_status(t).flags, 0U) << t;
       ++compared;
     } catch (const HistoryLost&) {
-      // This thread stood still for a whole history.
+      // This thread did not run for the time of a whole history.
     }
   }
   EXPECT_GT(compared, 0);
@@ -616,7 +616,7 @@ TEST_P(RealTimeContract, SkipsTheTicksThatALateBackendMissed) {
   rig->tick();
   append_ahead<Numbers>(*robot, 0, 19);
   rig->tick(3);
-  // The machine stalls: two ticks pass unseen, the third is seen in time.
+  // The machine stalls: two ticks are missed, and the third one is seen in time.
   rig->clock().advance(3 * kPeriod);
   rig->clock().wait_for_sleeper();
   rig->tick(2);
@@ -727,7 +727,7 @@ TEST_P(RealTimeContract, EndsWhenTheBackendIsAskedToStop) {
   append_ahead<Numbers>(*robot, 0, 4);
   rig->tick(5);
   rig->request_stop();
-  // The request takes its time from one process to another; the action is repeated meanwhile.
+  // The request takes time to reach the other process. Until then the action is repeated.
   while (!robot->fault()) rig->tick();
   const TimeIndex steps = robot->fault()->time_index;
   EXPECT_GE(steps, 5);
@@ -746,7 +746,7 @@ TEST_P(RealTimeContract, FinishesBehindTheActionsThatWait) {
   EXPECT_EQ(rig->log().stops, 0) << "the orderly stop takes periods of its own";
   rig->tick(5);
   EXPECT_EQ(rig->log().stops, 5);
-  // A whole new session, at once.
+  // A whole new session begins at once.
   const auto second = rig->connect();
   rig->tick(2);
   EXPECT_EQ(second->append_desired_action(0), 0);
@@ -760,7 +760,7 @@ TEST_P(RealTimeContract, NeedsRecoveryAfterALateAction) {
   rig->tick();
   append_ahead<Numbers>(*first, 0, 1);
   rig->tick(3);
-  rig->last_tick();  // of the orderly stop
+  rig->last_tick();  // for the orderly stop
   expect_end(*first, 2, {.code = Fault::Code::kActionLate});
   first->recover();
 
@@ -781,7 +781,7 @@ TEST_P(RealTimeContract, PreparesOncePerPeriod) {
   EXPECT_EQ(rig->log().prepares, 4);
   EXPECT_EQ(rig->log().observations, 0);
   EXPECT_THROW(static_cast<void>(robot->latest_observation(Timeout::zero())), TimedOut);
-  // Whoever is early waits for the robot.
+  // An early user waits for the robot.
   append_ahead<Numbers>(*robot, 0, 2);
   rig->tick();
   EXPECT_EQ(robot->current_time_index(), -1);
@@ -815,7 +815,7 @@ TEST_P(RealTimeContract, WakesEveryWaiterAtTheEnd) {
   std::vector<std::thread> waiters;
   waiters.reserve(faults.size());
   for (std::size_t i = 0; i < faults.size(); ++i) {
-    // More than there are wait slots; half of them can only look.
+    // There are more waiters than wait slots; half of them can only poll.
     waiters.emplace_back([&, i] {
       const AnyUser& user = i % 2 == 0 ? *robot : *observer;
       faults[i] = fault_of([&] { return user.get_status(100); });
@@ -846,7 +846,7 @@ TEST_P(RealTimeContract, LetsNobodyWaitLongerThanTheyWant) {
   EXPECT_THROW(static_cast<void>(robot->get_observation(0, Timeout::zero())), TimedOut);
   append_ahead<Numbers>(*robot, 0, 0);
   rig->tick();
-  // The manual clock stands still; the timeout counts the user's time.
+  // The manual clock does not move; the timeout counts the user's time.
   for (const Timeout timeout : {Timeout::zero(), Timeout(std::chrono::milliseconds(5))}) {
     EXPECT_THROW(static_cast<void>(robot->get_observation(1, timeout)), TimedOut);
     EXPECT_THROW(static_cast<void>(robot->get_desired_action(1, timeout)), TimedOut);
@@ -864,7 +864,7 @@ TEST_P(RealTimeContract, ClosesNoStepBeforeItsTick) {
   rig->tick();
   append_ahead<Numbers>(*robot, 0, 0);
   rig->tick();
-  // The user works within the period, as a program in step does.
+  // The user answers within the period, like a program that keeps up.
   for (TimeIndex t = 1; t < 30; ++t) {
     static_cast<void>(robot->get_observation(t - 1));
     EXPECT_EQ(robot->append_desired_action(t), t);

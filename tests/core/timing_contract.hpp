@@ -12,9 +12,9 @@
 #include "core/steps.hpp"
 #include "core/transports.hpp"
 
-// The timing contract, as tests that every driver passes on every transport. A layer with a driver
-// of its own writes the traits that transports.hpp asks for, lists them, and has its driver tested;
-// its test program is linked with `timing_contract`:
+// The timing contract as tests that every driver passes on every transport. A layer with a driver
+// of its own writes the traits that transports.hpp asks for, lists them, and has its driver tested.
+// Its test program is linked with `timing_contract`:
 //
 //     using namespace trifinger::test;
 //     INSTANTIATE_TEST_SUITE_P(Sim, TimingContract, on_all_transports<SimDriverTraits>(),
@@ -22,19 +22,19 @@
 //     INSTANTIATE_TEST_SUITE_P(Sim, RealTimeContract, on_threaded_transports<SimDriverTraits>(),
 //                              case_name);
 //
-// The tests know no types, so they are compiled once (timing_contract.cpp). What is compiled for
-// every driver is in this file: a Frontend<Robot>, whose functions the tests call through AnyUser.
+// The tests know no types, so they are compiled once (timing_contract.cpp). This file has what is
+// compiled for every driver: a Frontend<Robot>, whose functions the tests call through AnyUser.
 
 namespace trifinger::test {
 
-/// A front-end of a driver under test: its actions have numbers, elements are bytes.
+/// A front-end of a driver under test. Its actions have numbers, and elements are bytes.
 class AnyUser : public AnyObserver {
  public:
-  /// The bytes of the driver's action `k`.
+  /// Returns the bytes of the driver's action `k`.
   [[nodiscard]] virtual Bytes action(TimeIndex k) const = 0;
   /// Appends the driver's action `k`.
   virtual TimeIndex append_desired_action(TimeIndex k, Timeout timeout = kForever) = 0;
-  /// Appends its actions `first` to `last` in one call.
+  /// Appends the driver's actions `first` to `last` in one call.
   virtual TimeIndex append_desired_actions(TimeIndex first, TimeIndex last) = 0;
 
   [[nodiscard]] virtual std::vector<Bytes> get_observations(TimeIndex first, std::size_t count,
@@ -53,7 +53,7 @@ class AnyUser : public AnyObserver {
   [[nodiscard]] virtual const Session& session() const = 0;
 };
 
-/// A rig of transports.hpp, whatever the driver and the transport.
+/// A rig of transports.hpp, for any driver and transport.
 class AnyRig {
  public:
   virtual ~AnyRig() = default;
@@ -198,10 +198,11 @@ class ContractTest : public ::testing::TestWithParam<ContractCase> {
   }
 };
 
-/// What holds with and without deadlines is tried without: the back-end waits for every action.
+/// Rules that hold with and without deadlines are tested without: the back-end waits for every
+/// action.
 class TimingContract : public ContractTest {};
 
-/// What holds with deadlines: time is the manual clock's, one period after the other.
+/// Rules that hold with deadlines. Time is the manual clock's, one period after the other.
 class RealTimeContract : public ContractTest {};
 
 }  // namespace trifinger::test

@@ -20,7 +20,7 @@ namespace {
 constexpr Nanoseconds kPeriod = std::chrono::milliseconds(1);
 using Histogram = LatenessHistogram;
 
-// Times of all magnitudes, and those around each bound.
+// Returns times of all magnitudes, and those around each bound.
 std::vector<Nanoseconds> times_of_all_magnitudes() {
   std::vector<Nanoseconds> times;
   times.reserve(30'000);
@@ -153,7 +153,7 @@ TEST(TimingRecord, RatesTheNewestThousandSteps) {
   EXPECT_EQ(record.success_rate(), 1.0);
   std::deque<bool> newest;
   for (TimeIndex t = 0; t < 4000; ++t) {
-    // Worse and worse, then well again.
+    // The steps get later and later, then they are in time again.
     const bool is_late = t < 2500 && std::cmp_less(random() % 2500, t);
     record.add(t, is_late ? repeated(1) : in_time(), kPeriod);
     newest.push_back(is_late);
@@ -178,7 +178,7 @@ TEST(TimingRecord, KeepsTheWorstSteps) {
   TimingRecord record;
   std::vector<std::int64_t> all;
   EXPECT_TRUE(record.worst().empty());
-  for (TimeIndex t = 0; t < 1000; t += 2) {  // every other step: none goes on with another
+  for (TimeIndex t = 0; t < 1000; t += 2) {  // every other step, so that no two touch
     const Nanoseconds lateness(500'000 + static_cast<std::int64_t>(random() % 10'000'000));
     all.push_back(lateness.count());
     record.add(t, late(Status::kDriverLate, lateness), kPeriod);

@@ -27,17 +27,17 @@
 
 namespace trifinger::test {
 
-/// A back-end to be tested.
+/// Settings of a back-end to be tested.
 struct Plan {
   BackendOptions backend{};
   SessionOptions session{.history = 256, .queue = 64};
   Injection injection{};
-  TimeIndex first_index{0};  ///< Of step 0: a robot that has run for ages.
+  TimeIndex first_index{0};  ///< Index of step 0, as for a robot that has run for ages.
 };
 
 inline constexpr Nanoseconds kPeriod = std::chrono::milliseconds(1);
 
-/// A plan with deadlines.
+/// Returns a plan with deadlines.
 [[nodiscard]] inline Plan with_deadlines(std::uint32_t max_action_repeats = 0,
                                          const Injection& injection = {}) {
   return {.backend = {.mode = BackendOptions::Mode::kRealTime,
@@ -46,10 +46,11 @@ inline constexpr Nanoseconds kPeriod = std::chrono::milliseconds(1);
           .injection = injection};
 }
 
-/// A wait that only a fault of ours could use up.
+/// A timeout so long that only a fault of ours can use it up.
 inline constexpr Timeout kLong = std::chrono::seconds(120);
 
-// Three ways to have a back-end and a user. Each is a class template over the traits of a driver,
+// Three ways to connect a back-end and a user. Each is a class template over the traits of a
+// driver,
 //
 //     struct FakeDriverTraits {
 //       static constexpr std::string_view kName = "FakeDriver";
@@ -60,7 +61,7 @@ inline constexpr Timeout kLong = std::chrono::seconds(120);
 //
 // with the functions connect, observe, request_stop, clock and log. All run on a manual clock.
 
-/// What the three have in common.
+/// What the three ways have in common.
 template <class Traits>
 class Rig {
  public:
@@ -71,9 +72,9 @@ class Rig {
   [[nodiscard]] ManualClock& clock() noexcept { return clock_; }
   [[nodiscard]] const CallLog& log() const noexcept { return *log_; }
 
-  /// Real-time mode: lets `count` periods pass, with all that is due in them.
+  /// Real-time mode: lets `count` periods pass, with everything that is due in them.
   void tick(int count = 1) { clock_.tick(kPeriod, count); }
-  /// Real-time mode: lets one period pass behind which the back-end sleeps no more.
+  /// Real-time mode: lets one period pass, after which the back-end does not sleep any more.
   void last_tick() {
     clock_.wait_for_sleeper();
     clock_.advance(kPeriod);
@@ -129,7 +130,7 @@ struct Inline {
   };
 };
 
-/// The back-end is a thread of the user's process, the session is anonymous.
+/// The back-end is a thread of the user's process, and the session is anonymous.
 struct InProcess {
   static constexpr std::string_view kName = "InProcess";
   static constexpr bool kIsInline = false;
@@ -163,7 +164,7 @@ struct InProcess {
   };
 };
 
-/// The back-end is a process of its own, the session has a name.
+/// The back-end is a process of its own, and the session has a name.
 struct AcrossProcesses {
   static constexpr std::string_view kName = "AcrossProcesses";
   static constexpr bool kIsInline = false;
@@ -200,15 +201,15 @@ struct AcrossProcesses {
       static_cast<void>(::write(stop_.write_end(), &any, 1));
     }
     [[nodiscard]] const ChildProcess& process() const noexcept { return process_; }
-    /// SIGKILL.
+    /// Kills the process with SIGKILL.
     void kill() noexcept {
       was_killed_ = true;
       process_.kill();
     }
 
    private:
-    // A byte through it asks the child to stop. No signal: a sanitizer defers handlers, and may
-    // lose one; what the program does with signals is tested with the program.
+    // A byte through the pipe asks the child to stop. A signal would not do, because a sanitizer
+    // defers handlers and may lose one. Tests of the program cover signals.
     class Pipe {
      public:
       Pipe() {

@@ -8,41 +8,42 @@
 #include <set>
 #include <vector>
 
-// Who waits for whom in a session (docs/decisions/waiting.md), as a model: each of two threads does
-// one access of shared memory after the other, and every order of these accesses is tried. What
-// orders them on a machine, seq_cst, is what the stress tests are for.
+// A model of who waits for whom in a session (docs/decisions/waiting.md). Two threads access shared
+// memory, and every order of their accesses is tried. Stress tests check what orders the accesses
+// on a machine: seq_cst.
 
 namespace trifinger::test {
 namespace {
 
 constexpr std::int8_t kElements = 4;
 
-// All that two threads share, and where they are. A waiter sleeps if and only if it is asleep.
+// Everything that two threads share, and their positions. A waiter sleeps if and only if it is
+// asleep.
 struct State {
   std::int8_t end{0};     // elements written so far
   std::int8_t event{0};   // the word that the waiter sleeps on
-  std::int8_t slot{0};    // the waiter says that it waits
-  std::int8_t seen{0};    // the waiter's own: the word before it looked
-  std::int8_t read{0};    // likewise: elements that it has
-  std::int8_t waiter{0};  // its next access
-  std::int8_t writer{0};  // likewise
+  std::int8_t slot{0};    // the waiter has said that it waits
+  std::int8_t seen{0};    // the waiter's own: value of the word before it looked
+  std::int8_t read{0};    // the waiter's own: number of elements that it has
+  std::int8_t waiter{0};  // next access of the waiter
+  std::int8_t writer{0};  // next access of the writer
   bool is_asleep{false};
 
   friend auto operator<=>(const State&, const State&) = default;
 };
 
-// One access each; false if the thread is at its end.
+// Does one access; returns false if the thread is at its end.
 using Thread = std::function<bool(State&)>;
 
-// Waits for every element, as a reader does, who looks for it and then says that it waits, or as a
-// back-end does for actions, who looks once it has said so.
+// Waits for every element. Readers look for it first and then say that they wait. Back-ends say
+// that they wait for an action first, and look afterwards.
 Thread wait(bool says_it_first) {
   return [says_it_first](State& state) {
     const auto look = [&] {
       if (state.end == state.read) return;
       ++state.read;
       state.slot = 0;
-      state.waiter = -1;  // from the beginning
+      state.waiter = -1;  // start over
     };
     switch (state.waiter) {
       case 0:
@@ -57,7 +58,7 @@ Thread wait(bool says_it_first) {
           look();
         }
         break;
-      case 3:  // the futex compares and sleeps in one
+      case 3:  // the futex compares and sleeps in one operation
         state.is_asleep = state.event == state.seen;
         break;
       default:
@@ -71,7 +72,7 @@ Thread wait(bool says_it_first) {
 
 enum class Access : std::uint8_t { kWrite, kCountUp, kLookAndWake };
 
-// A writer that does these for every element, in this order.
+// A writer that does these accesses for every element, in this order.
 Thread write(const std::array<Access, 3>& order) {
   return [order](State& state) {
     constexpr auto kLast = static_cast<std::int8_t>(3 * kElements);
@@ -92,7 +93,7 @@ Thread write(const std::array<Access, 3>& order) {
   };
 }
 
-// How many states there are, and how many of them have no way on but leave the waiter asleep.
+// Number of states, and number of states from which the waiter can only stay asleep.
 struct Found {
   std::size_t states{0};
   std::size_t lost_wakes{0};

@@ -24,8 +24,8 @@
 #include "support/shared_value.hpp"
 #include "trifinger/core/errors.hpp"
 
-// Whoever stops, dies or hangs: the others know, nobody waits for ever, and the robot can be used
-// again.
+// If one party stops, dies or hangs, the others notice, nobody waits for ever, and the robot can be
+// used again.
 
 namespace trifinger::test {
 namespace {
@@ -41,7 +41,7 @@ void wait_until(const std::function<bool()>& holds) {
   }
 }
 
-// Stops a process as Ctrl-Z does, and returns when it has stopped.
+// Stops a process like Ctrl-Z does, and returns when it has stopped.
 void stop(const ChildProcess& process) {
   process.send(SIGSTOP);
   int status = 0;
@@ -53,8 +53,8 @@ void stop(const ChildProcess& process) {
 
 class StoppedUser : public ::testing::Test {
  protected:
-  // A user in a process of its own appends the actions of the steps 0 to 4 and is stopped. When it
-  // goes on, `then(robot)` says whether it finds what it should.
+  // A user in a separate process appends the actions of steps 0 to 4 and is stopped. When it
+  // continues, `then(robot)` returns whether it finds what it should.
   template <class Then>
   void stop_behind_step_4(std::uint32_t max_action_repeats, const Then& then) {
     rig_.emplace(with_deadlines(max_action_repeats));
@@ -91,7 +91,7 @@ TEST_F(StoppedUser, fault_03_FindsTheRobotStoppedAndLearnsWhichActionWasLate) {
     return fault_of([&] { return robot.append_desired_action({}); }) == late;
   });
   rig_->tick(8);
-  rig_->last_tick();  // of the orderly stop
+  rig_->last_tick();  // for the orderly stop
   expect_end(*observer_, 7, late);
   go_on();
 }
@@ -122,7 +122,7 @@ TEST(DeadBackend, fault_15_IsKnownToWhoWaitsByTheirNextLook) {
   const int before = looks;
   waiter.join();
   EXPECT_EQ(fault.value_or(Fault{}).code, Fault::Code::kBackendDied);
-  // They look every 100 ms.
+  // Waiting users look every 100 ms.
   EXPECT_LE(looks - before, 1);
   for (TimeIndex t = 0; t < 10; ++t) static_cast<void>(robot.get_status(t));
 }
@@ -142,7 +142,8 @@ TEST(DeadBackend, fault_17_LeavesHandlesThatNeverMixItWithTheNextOne) {
   constexpr double kOther = 1000.0;
   for (TimeIndex t = 0; t < 20; ++t) {
     ASSERT_EQ(robot.append_desired_action({.setpoint = kOther + static_cast<double>(t)}), t);
-    // Whatever the next one does, the old handles show the old session, which ends with step 5.
+    // The old handles show the old session, which ends with step 5, whatever the next back-end
+    // does.
     ASSERT_EQ(code_of([&] { return old_looker.get_observation(7); }), Fault::Code::kBackendDied);
     ASSERT_EQ(code_of([&] { return old.get_observation(7); }), Fault::Code::kBackendDied);
     ASSERT_EQ(code_of([&] { return old.append_desired_action({}); }), Fault::Code::kBackendDied);
@@ -159,7 +160,7 @@ TEST(DeadBackend, fault_17_LeavesHandlesThatNeverMixItWithTheNextOne) {
   }
 }
 
-// --- Those who wait for what never comes ---
+// --- Waits for what never comes ---
 
 enum class End : std::uint8_t { kStopped, kKilled };
 
@@ -194,7 +195,7 @@ TEST_P(Waiters, fault_35_WakeWhateverTheyWaitFor) {
   for (std::thread& thread : threads) thread.join();
   const Fault::Code expected = is_killed ? Fault::Code::kBackendDied : Fault::Code::kStopped;
   for (const Fault::Code code : codes) EXPECT_EQ(name_of(code), name_of(expected));
-  // Who only looks learns it, too.
+  // An observer learns it, too.
   EXPECT_THROW(static_cast<void>(observer.get_observation(kNever, Timeout::zero())), RobotStopped);
   EXPECT_THROW(robot.append_desired_action({}), RobotStopped);
 }
@@ -204,11 +205,11 @@ INSTANTIATE_TEST_SUITE_P(Ends, Waiters, ::testing::Values(End::kStopped, End::kK
                            return test.param == End::kKilled ? "Killed" : "Stopped";
                          });
 
-// --- The back-end stands still ---
+// --- The back-end hangs ---
 
 constexpr std::uint32_t kManySkipped = 1000;
 
-// In real time, by the machine's clock.
+// The back-end runs in real time, by the machine's clock.
 int run_backend(UntypedDriver& driver) {
   SessionHost host = SessionHost::named("robot", {.history = 64, .queue = 64});
   Backend backend(driver, host,
@@ -232,7 +233,7 @@ Frontend<FakeRobot> connect_to_new_robot() {
   return std::move(*robot);
 }
 
-// Long enough that it must be noticed.
+// Stops the back-end for so long that others must notice.
 void stop_for_many_periods(const ChildProcess& backend, const Frontend<FakeRobot>& robot) {
   stop(backend);
   wait_until(
@@ -249,7 +250,8 @@ TEST(StoppedBackend, fault_56_IsSilentForThoseWhoLookAndAFaultWhenItGoesOn) {
   robot.append_desired_action({});
   robot.wait_until_time_index(20);
   stop_for_many_periods(backend, robot);
-  // It is not dead, and nobody can know what it will do: waits end when they want to.
+  // The back-end is not dead, and nobody can know what it will do, so waits end only at their
+  // timeouts.
   EXPECT_FALSE(robot.fault().has_value());
   EXPECT_THROW(robot.wait_until_time_index(1'000'000, std::chrono::milliseconds(1)), TimedOut);
   EXPECT_TRUE(robot.session().info().backend_is_alive);
@@ -271,11 +273,11 @@ TEST(StoppedBackend, fault_56_IsSilentForThoseWhoLookAndAFaultWhenItGoesOn) {
   next.wait_until_time_index(5);
 }
 
-// Stays in the fifth action of its user until it may go on. The watchdog looks before and behind
-// that.
+// Stays in the fifth action of its user until it may continue. The watchdog looks before and after
+// that time.
 class LingeringDriver final : public IdleDriver {
  public:
-  // Tells an action of the user from one that holds the robot before step 0.
+  // Tells a user's action from one that holds the robot before step 0.
   static constexpr FakeAction kOfTheUser{.setpoint = 1.0};
 
   struct Shared {
@@ -329,7 +331,7 @@ TEST(StoppedBackend, fault_56_DoesNotTakeItsOwnStopForADriverThatHangs) {
 struct Break {
   Fault::Code code;
   Plan plan;
-  // Brings a robot that runs to its fault; the orderly stop is over then.
+  // Makes a running robot reach its fault. Afterwards the orderly stop is over.
   std::function<void(InProcess::Rig<Traits>&, Frontend<FakeRobot>&)> provoke;
 };
 
@@ -392,7 +394,7 @@ INSTANTIATE_TEST_SUITE_P(OfEveryKind, LatchedFault, ::testing::ValuesIn(breaks()
                                   std::string(name_of(test.param.code));
                          });
 
-// Has a condition, as an emergency stop that is pressed.
+// Has a condition like a pressed emergency stop.
 class PressedDriver final : public IdleDriver {
  public:
   static constexpr std::int32_t kPressed = 7;
@@ -440,7 +442,8 @@ TEST(Recover, LeadsToTheSameFaultAsLongAsTheDriverStillHasItsReason) {
   robot.append_desired_action({});
   EXPECT_EQ(code_of([&] { return robot.get_observation(3); }), Fault::Code::kDriver);
 
-  // Pressed still: the next session ends before its step 0, and the robot gets no action.
+  // The stop is still pressed. The next session ends before its step 0, and the robot gets no
+  // action.
   const int actions = driver.actions();
   for (int i = 0; i < 3; ++i) {
     recover("robot", kLong);

@@ -28,7 +28,7 @@ class FileLock : public ::testing::Test {
   std::filesystem::path path_{folder_.path() / "lock"};
 };
 
-// Two ends of a pipe: a child says that it has come to a point, the parent waits for that.
+// A pipe: the child signals that it has reached a point, and the parent waits for that.
 class Signal {
  public:
   Signal() { EXPECT_EQ(::pipe(ends_.data()), 0); }
@@ -141,13 +141,13 @@ TEST_F(FileLock, fault_32_ShowsItsOwnersAlsoWhenTheFileWasRemoved) {
     EXPECT_EQ(owners.front().pid, child.pid());
     EXPECT_TRUE(owners.front().is_alive());
   };
-  // We have it open as well, and do not own it.
+  // The parent has it open as well, and does not own it.
   const FileDescriptor reader = open();
   ASSERT_TRUE(try_share(reader, Lock::kUse));
   expect_found();
   std::filesystem::remove(path_);
   expect_found();
-  // Nor does another file of this name belong to the child.
+  // Another file with this name does not belong to the child either.
   const FileDescriptor other(
       [this] { return ::open(path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600); });
   expect_found();

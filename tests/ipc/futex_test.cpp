@@ -40,7 +40,7 @@ struct Words {
   std::atomic<std::uint32_t> pong{0};
 };
 
-// Waits, without any limit of time, until `word` is `value`.
+// Waits until `word` is `value`, without a timeout.
 void wait_for(const std::atomic<std::uint32_t>& word, std::uint32_t value) {
   while (true) {
     const std::uint32_t seen = word.load(std::memory_order_acquire);
@@ -49,11 +49,11 @@ void wait_for(const std::atomic<std::uint32_t>& word, std::uint32_t value) {
   }
 }
 
-// Two wakes in each: 10^7 in `./run soak`. One takes some microseconds, and tens of them where
-// processors fall asleep in between.
+// Number of rounds, with two wake-ups each: 10^7 wake-ups in `./run soak`. A wake-up takes some
+// microseconds, or tens of them if processors fall asleep in between.
 std::uint32_t rounds() { return static_cast<std::uint32_t>(test::repetitions(20'000, 5'000'000)); }
 
-// Every wake is needed: one that is lost leaves both asleep for days, and the watchdog of the tests
+// Every wake-up is needed. If one is lost, both sides sleep for days, and the watchdog of the tests
 // ends that.
 void play(Words& words, bool is_first) {
   const std::uint32_t last = rounds();

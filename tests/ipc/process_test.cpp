@@ -48,7 +48,7 @@ TEST(ProcessIdentity, IsNotAliveOnceTheProcessIsAZombie) {
     *identity = ProcessIdentity::of_this_process();
     ::_exit(0);
   }
-  // Waits for the end but leaves the zombie.
+  // Waits for the end, but does not remove the zombie.
   siginfo_t info{};
   ASSERT_EQ(::waitid(P_PID, static_cast<id_t>(pid), &info, WEXITED | WNOWAIT), 0);
   EXPECT_EQ(identity->pid, pid);
@@ -70,7 +70,7 @@ TEST(ProcessIdentity, fault_18_KnowsThatAProcessIsKilledBeforeItIsGone) {
   ASSERT_EQ(::waitid(P_PID, static_cast<id_t>(pid), &info, WSTOPPED), 0);
   EXPECT_FALSE(identity->is_ending()) << "a stopped process may go on";
   ASSERT_EQ(::kill(pid, SIGKILL), 0);
-  // As long as nobody waits for it, too; the watchdog bounds it.
+  // A zombie counts as ending, too, as long as nobody waits for it. The watchdog limits this loop.
   while (!identity->is_ending()) ::sched_yield();
   ::waitpid(pid, nullptr, 0);
   EXPECT_TRUE(identity->is_ending());
@@ -107,7 +107,7 @@ TEST(ProcessIdentity, OfAProcessWhoseFirstThreadHasReturnedIsAlive) {
   test::ChildProcess child([&] {
     *identity = ProcessIdentity::of_this_process();
     std::thread([&] {
-      // The first thread is a zombie as long as others go on.
+      // The first thread is a zombie as long as others run.
       std::string state;
       while (state.find(" Z ") == std::string::npos) {
         std::ifstream file("/proc/self/stat");
@@ -116,7 +116,7 @@ TEST(ProcessIdentity, OfAProcessWhoseFirstThreadHasReturnedIsAlive) {
       has_returned->store(true);
       while (true) ::pause();
     }).detach();
-    ::syscall(SYS_exit, 0);  // of this thread alone
+    ::syscall(SYS_exit, 0);  // ends this thread only
     return 1;
   });
   while (!has_returned->load()) std::this_thread::yield();
@@ -126,7 +126,7 @@ TEST(ProcessIdentity, OfAProcessWhoseFirstThreadHasReturnedIsAlive) {
 }
 
 TEST(ProcessIdentity, SurvivesANameThatLooksLikeTheEndOfIt) {
-  // The kernel shows the name in parentheses and does not escape it.
+  // The kernel shows the name in parentheses without escaping it.
   test::ChildProcess child([] {
     ::prctl(PR_SET_NAME, ") R 1 2 (");
     const auto self = ProcessIdentity::of_this_process();

@@ -20,7 +20,7 @@
 namespace trifinger::ipc {
 namespace {
 
-// A ring with memory of its own.
+// A ring with its own memory.
 class OwnedRing {
  public:
   explicit OwnedRing(const RingShape& shape)
@@ -34,8 +34,8 @@ class OwnedRing {
   Ring ring_;
 };
 
-// The bytes of element `index`: every byte follows from the index and its place, so any mixture is
-// seen.
+// Returns the bytes of element `index`. Every byte depends on the index and on its place, so any
+// mixture is noticed.
 std::vector<std::byte> element_of(std::int64_t index, std::size_t size) {
   std::vector<std::byte> element(size);
   std::minstd_rand random(static_cast<std::uint32_t>(index) + 1);
@@ -43,7 +43,7 @@ std::vector<std::byte> element_of(std::int64_t index, std::size_t size) {
   return element;
 }
 
-// Its sequence number is the largest even one.
+// The sequence number of this element is the largest even one.
 constexpr std::int64_t kLastIndex = std::numeric_limits<std::int64_t>::max() - 1;
 
 TEST(RingShape, CountsASequenceNumberAndWholeWordsPerSlot) {
@@ -81,7 +81,7 @@ TEST(Ring, KeepsTheNewestElementsWhateverItsShape) {
       ring->write(i, element_of(i, shape.element_size).data());
 
     for (std::int64_t i = 0; i < count + 3; ++i) {
-      // A byte more than the element: it must not be touched.
+      // The buffer has one byte more than the element. That byte must not be touched.
       std::vector<std::byte> element(shape.element_size + 1, std::byte{0xA5});
       const ReadResult result = ring->read(i, element.data());
       EXPECT_EQ(element.back(), std::byte{0xA5});
@@ -107,7 +107,7 @@ TEST(Ring, HidesAnElementWhileItIsWritten) {
 }
 
 // A robot that has run for ages: the law of a ring holds around every power of two at which a
-// number of fewer bits would break, up to the last index whose sequence number has 64 bits.
+// shorter number would break, up to the last index whose sequence number has 64 bits.
 class LargeIndex : public ::testing::TestWithParam<std::int64_t> {};
 
 TEST_P(LargeIndex, fault_71_IsAnIndexLikeAnyOther) {
@@ -137,9 +137,9 @@ INSTANTIATE_TEST_SUITE_P(PowersOfTwo, LargeIndex,
                                            std::int64_t{1} << 53U, std::int64_t{1} << 62U,
                                            kLastIndex));
 
-// One writer, several readers, random shapes: whatever a reader is told to have is whole and is the
-// element it asked for. Under the thread sanitizer this also shows that the words are ordered by
-// nothing but themselves.
+// One writer, several readers, random shapes: whenever a reader is told that it has an element,
+// that element is whole and is the one it asked for. Under the thread sanitizer this also shows
+// that the words are ordered by nothing but themselves.
 TEST(Ring, fault_34_NeverShowsATornElement) {
   constexpr int kRounds = 8;
   const std::int64_t reads_per_round = test::repetitions(100'000, 100'000'000) / kRounds;

@@ -60,7 +60,7 @@ TEST(AnonymousMemory, BeginsWithZeros) {
                           [](std::byte b) { return b == std::byte{0}; }));
 }
 
-// The kernel interrupts whoever takes memory from it, too, and that takes a while.
+// The kernel can interrupt allocating memory from it, too, because that takes a while.
 TEST(AnonymousMemory, fault_23_IsThereHoweverOftenASignalInterruptsWhoMakesIt) {
   constexpr std::size_t kLarge = std::size_t{64} << 20U;
   const std::int64_t enough = test::Interruptions::count() + (test::kHasSanitizer ? 200 : 1000);
@@ -117,7 +117,7 @@ TEST_F(SharedMemoryFile, TakesThePlaceOfAnOlderFileWhoseReadersKeepTheirs) {
 TEST_F(SharedMemoryFile, IsAlwaysThereWhileItIsReplaced) {
   SharedMemory first = create();
   first.publish();
-  // Somebody replaces the file all the time; whoever opens it finds a whole one.
+  // The file is replaced again and again. Whoever opens it finds a whole one.
   test::ChildProcess writer([&] {
     while (true) {
       SharedMemory memory = create();
@@ -225,7 +225,7 @@ TEST_F(SharedMemoryFile, RefusesAFileThatAStrangerHasLaid) {
   ASSERT_EQ(::chown(path_.c_str(), kStranger, kStranger), 0);
   EXPECT_THROW(static_cast<void>(SharedMemory::open(path_, Access::kReadOnly)), Error);
 
-  // Shared with our group, it is no stranger's.
+  // A file shared with our group is not a stranger's.
   ASSERT_EQ(::chown(path_.c_str(), kStranger, ::getegid()), 0);
   ASSERT_EQ(::chmod(path_.c_str(), 0660), 0);
   EXPECT_EQ(SharedMemory::open(path_, Access::kReadOnly).size(), kSize);
@@ -263,7 +263,7 @@ TEST_F(SharedMemoryFile, ReadsAsZerosWhereItWasCutOff) {
   EXPECT_EQ(memory.data()[2 * kPage], std::byte{0});
   EXPECT_TRUE(memory.is_damaged());
   EXPECT_FALSE(other.is_damaged());
-  // Writing goes nowhere, but it goes on.
+  // Writing has no effect but does not fail.
   memory.data()[kSize - 1] = std::byte{1};
   memory.data()[kPage] = std::byte{1};
 }
@@ -279,7 +279,7 @@ TEST_F(SharedMemoryFile, StaysGuardedWhenItMoves) {
 
 TEST_F(SharedMemoryFile, GivesGuardsBack) {
   create().publish();
-  // More than a block of guards holds.
+  // More than one block of guards can hold.
   for (int i = 0; i < 10'000; ++i) {
     static_cast<void>(SharedMemory::open(path_, Access::kReadOnly));
   }
@@ -309,10 +309,10 @@ TEST(BusError, StillEndsAProcessThatTouchesSomebodyElsesMemory) {
   const test::SessionFolder folder;
   test::ChildProcess child([&] {
     const SharedMemory guarded = SharedMemory::create_anonymous(kPage);
-    // A sanitizer would tell a long story of what is expected here.
+    // A sanitizer would print a long report about what is expected here.
     ::close(STDERR_FILENO);
     ::raise(SIGBUS);
-    // The handler lets the next one through.
+    // The handler lets the next signal through.
     ::raise(SIGBUS);
     return 0;
   });

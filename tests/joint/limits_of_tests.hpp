@@ -9,8 +9,8 @@ namespace trifinger::test {
 
 inline constexpr double kOff = std::numeric_limits<double>::infinity();
 
-/// Limits of N joints that differ from joint to joint, so that a mixed-up index shows. What can be
-/// switched off is off.
+/// Limits of N joints that differ from joint to joint, so that a mixed-up index is noticed.
+/// Everything that can be switched off is off.
 template <std::size_t N>
 JointLimits<N> some_limits() {
   JointLimits<N> limits{};

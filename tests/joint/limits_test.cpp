@@ -17,7 +17,7 @@ using Limits = JointLimits<3>;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// What is wrong with limits that `change` has spoilt.
+// Returns the problem of limits that `change` has spoilt.
 std::string problem_after(const std::function<void(Limits&)>& change) {
   Limits limits = test::some_limits<3>();
   change(limits);

@@ -44,7 +44,7 @@ class Joints {
     return options;
   }
 
-  // What the motors got.
+  // Applies an action to the motors.
   SafetyReport apply(const Action& action) {
     AppliedJointAction<9> applied;
     const SafetyReport report = chain.apply(action, observation, kPeriod, state, applied);
@@ -153,7 +153,7 @@ TEST(OrderlyStop, MovesNothingByItselfAfterAFault) {
       if (step <= fault) continue;
       EXPECT_THAT(action.position, ::testing::Each(::testing::IsNan()));
     }
-    // Damped for the whole time, and bounded.
+    // The stop damps for the whole time, and ends.
     EXPECT_EQ(step, fault < 200 ? 200 : fault + 1 + 200);
   }
 }

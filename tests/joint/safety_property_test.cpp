@@ -25,7 +25,7 @@ using Applied = TriFinger::AppliedAction;
 constexpr int kSteps = 1'000'000;
 constexpr Nanoseconds kPeriod = std::chrono::milliseconds(1);
 
-// Random numbers as a hostile user and a broken sensor would send them.
+// Random numbers like those of a hostile user and a broken sensor.
 class Chance {
  public:
   explicit Chance(std::uint32_t seed) : engine_(seed) {}
@@ -41,7 +41,7 @@ class Chance {
     return action;
   }
 
-  // Mostly within the hard limits, at times beyond, rarely not a number.
+  // Mostly within the hard limits, sometimes beyond, rarely NaN.
   [[nodiscard]] Observation observation() {
     Observation observation;
     const bool is_broken = one_in(8);
@@ -86,8 +86,8 @@ class Chance {
 
 bool is_same(double a, double b) { return a == b || (std::isnan(a) && std::isnan(b)); }
 
-// What joint `i` is asked to do, written once more and apart from the code under test: the torque
-// with the PD of the position, the gains given or the robot's own.
+// What joint `i` is asked to do, computed independently of the code under test: the torque plus the
+// PD of the position, with the given gains or the robot's own.
 struct Asked {
   double torque;
   double position;
@@ -134,14 +134,14 @@ TEST(SafetyProperty, fault_06_HoldsForAMillionRandomActions) {
 
     bool is_any_unfit = false;
     for (std::size_t i = 0; i < 9; ++i) {
-      // Not SCOPED_TRACE, which would write nine million messages.
+      // SCOPED_TRACE would write nine million messages.
       const auto where = [&] {
         return " at step " + std::to_string(step) + ", joint " + std::to_string(i);
       };
       const double max = limits.max_torque[i];
       seen |= applied.reasons[i];
 
-      // Never beyond the limit, never a number that is none.
+      // The torque never exceeds the limit and is always finite.
       ASSERT_TRUE(std::isfinite(applied.torque[i])) << where();
       ASSERT_LE(std::abs(applied.torque[i]), max) << where();
       if (!std::isnan(applied.position[i])) {
@@ -149,7 +149,7 @@ TEST(SafetyProperty, fault_06_HoldsForAMillionRandomActions) {
         ASSERT_LE(applied.position[i], limits.soft_upper[i]) << where();
       }
 
-      // Zero reasons exactly if what was applied is what was asked.
+      // There are no reasons exactly if the applied action is the one asked for.
       const Asked asked = asked_of(desired, observation, limits, i);
       const bool is_as_asked = std::isfinite(asked.torque) && asked.torque == applied.torque[i] &&
                                is_same(asked.position, applied.position[i]) &&
@@ -165,7 +165,8 @@ TEST(SafetyProperty, fault_06_HoldsForAMillionRandomActions) {
       is_any_unfit = is_any_unfit || is_unfit;
       ASSERT_EQ((applied.reasons[i] & kRejected) != 0, is_unfit) << where();
 
-      // Clip, damp, clip, computed once more for joints that nothing else has changed.
+      // Clips, damps and clips again: computed independently for joints that no other rule has
+      // changed.
       const double position = observation.position[i];
       const double velocity = observation.velocity[i];
       const bool is_inside = position >= limits.soft_lower[i] && position <= limits.soft_upper[i];
@@ -178,7 +179,8 @@ TEST(SafetyProperty, fault_06_HoldsForAMillionRandomActions) {
         ASSERT_EQ(applied.torque[i], damped > max ? max : damped < -max ? -max : damped) << where();
       }
 
-      // Beyond a soft limit nothing pushes further out but the brake of a joint that comes back.
+      // Beyond a soft limit, nothing pushes further out except the brake of a joint that is coming
+      // back.
       if (position > limits.soft_upper[i] && velocity >= 0) {
         ASSERT_LE(applied.torque[i], 0.0) << where();
       }
@@ -191,18 +193,18 @@ TEST(SafetyProperty, fault_06_HoldsForAMillionRandomActions) {
     }
   }
 
-  // The random numbers have reached every rule.
+  // The random numbers must have reached every rule.
   EXPECT_GT(faults, kSteps / 100);
   EXPECT_LT(faults, kSteps / 2);
   for (const Reason reason : all_reasons()) {
-    // Behind these stand the limits that are off here.
+    // The remaining reasons belong to limits that are switched off here.
     if (reason >= Reason::kTorqueRateLimited) continue;
     if (reason == Reason::kOwnCheck || reason == Reason::kOwnCheckFailed) continue;
     EXPECT_TRUE(has(seen, reason)) << name_of(reason);
   }
 }
 
-// Joints that are pushed about by nobody knows what, between faults of every kind.
+// Joints that unknown forces push about, between faults of every kind.
 class Wanderer {
  public:
   explicit Wanderer(std::uint32_t seed) : engine_(seed) {}
@@ -211,7 +213,7 @@ class Wanderer {
     for (std::size_t i = 0; i < 9; ++i) {
       observation_.velocity[i] =
           std::clamp(observation_.velocity[i] + 0.5 * uniform_(engine_), -6.0, 6.0);
-      // Turns round at what is no hard limit yet.
+      // Turns round before a hard limit.
       const double next = observation_.position[i] + 1e-3 * observation_.velocity[i];
       if (std::abs(next) > 1.9) observation_.velocity[i] *= -1.0;
       observation_.position[i] += 1e-3 * observation_.velocity[i];
@@ -250,7 +252,7 @@ TEST(SafetyProperty, HoldsWithEveryLimitOn) {
   Applied applied;
   std::uint64_t seen = 0;
   for (int step = 0; step < kSteps / 5; ++step) {
-    // At times a user who asks for all there is, or the motors would never be warm.
+    // Sometimes the user asks for everything, because otherwise the motors would never get warm.
     const Action desired =
         step % 40'000 < 20'000 ? Action::of_torque(detail::filled<9>(1e9)) : chance.action();
     const std::array<JointMemory, 9> before = state.joints;
@@ -270,8 +272,8 @@ TEST(SafetyProperty, HoldsWithEveryLimitOn) {
       ASSERT_LE(std::abs(torque), derated_torque(heat, limit));
       ASSERT_LE(applied.thermal_margin[i], 1.0 - heat);
 
-      // Whatever the rate limit delays, the damping acts in full: against what is asked, or against
-      // the torque before if that is more.
+      // The damping acts in full, whatever the rate limit delays: against the torque asked for, or
+      // against the torque before if that is larger.
       const double outward = velocity > 0.0 ? torque : -torque;
       const double slewed = std::abs(before[i].asked_torque) + limit.max_torque_rate * 1e-3;
       const bool is_inside = position > limit.soft_lower && position < limit.soft_upper;
@@ -387,7 +389,7 @@ TEST(SafetyProperty, AStateThatIsSavedAndRestoredContinuesIdentically) {
   const std::vector<Applied> second = run(state, 2, 1000);
   EXPECT_EQ(std::memcmp(first.data(), second.data(), first.size() * sizeof(Applied)), 0);
 
-  // The state matters: another one leads elsewhere.
+  // The state matters: a different state gives a different result.
   SafetyState<9> fresh;
   const std::vector<Applied> other = run(fresh, 2, 1000);
   EXPECT_NE(std::memcmp(first.data(), other.data(), first.size() * sizeof(Applied)), 0);

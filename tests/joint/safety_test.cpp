@@ -77,7 +77,7 @@ JointLimits<3> equal_limits(const JointLimit& limit = kLimit) {
                            .stuck_time = all(limit.stuck_time)}};
 }
 
-// What a fresh chain applies.
+// Returns what a fresh chain applies.
 Applied applied_for(const Action& desired, const Observation& observation = {}) {
   SafetyState<3> state;
   Applied applied;
@@ -228,7 +228,7 @@ TEST(LimitTorque, ClipsToLessThanTheMaximumWhenTheMotorIsWarm) {
 }
 
 TEST(LimitTorque, BrakesAWarmMotorAsItDoesAColdOne) {
-  // Clipped before it is damped: the request cannot drown the brake.
+  // It is clipped before it is damped, so the request cannot drown the brake.
   EXPECT_DOUBLE_EQ(limit_torque(1e9, 2.0, 0.2, kLimit).torque, 0.2 - 0.09 * 2.0);
 }
 
@@ -268,7 +268,7 @@ TEST(LimitTorqueRate, fault_08_DelaysNoTorqueThatBringsAJointBackFromBeyondASoft
   const JointLimit limit = with_torque_rate(10.0);
   EXPECT_EQ(limit_torque_rate(-0.3, 0.36, 1.6, kStep, limit).torque, -0.3);
   EXPECT_EQ(limit_torque_rate(0.3, -0.36, -1.1, kStep, limit).torque, 0.3);
-  // The other way it is as slow as ever.
+  // In the other direction it is as slow as before.
   EXPECT_NEAR(limit_torque_rate(0.3, -0.36, 1.6, kStep, limit).torque, -0.35, 1e-12);
 }
 
@@ -446,7 +446,7 @@ TEST(CheckJump, fault_45_AllowsWhatAJointCanMoveInTheTimeThatHasPassed) {
 }
 
 // Measures joint positions `position_of(t)` and velocities `velocity_of(t)` for `steps` steps of a
-// millisecond; returns the error in the end.
+// millisecond. Returns the error at the end.
 template <class Position, class Velocity>
 double velocity_error(const Position& position_of, const Velocity& velocity_of, int steps) {
   JointLimit limit = kLimit;
@@ -495,8 +495,8 @@ TEST(VelocityError, fault_45_IsAFaultAboveItsBound) {
   EXPECT_EQ(check_velocity(1e6, kLimit), 0U) << "off";
 }
 
-// For how many milliseconds, from the first on, a joint may measure what `measured_at(i)` says
-// under the torque `torque_at(i)` before it counts as stuck; `steps` if it never does.
+// Returns for how many milliseconds, from the first on, a joint may measure `measured_at(i)` under
+// the torque `torque_at(i)` before it counts as stuck. Returns `steps` if it never does.
 template <class Measured, class Torque>
 int steps_until_stuck(const Measured& measured_at, const Torque& torque_at, int steps) {
   JointLimit limit = kLimit;
@@ -655,7 +655,7 @@ TEST(SafetyChain, StopsOnAMeasurementThatIsNoNumber) {
   EXPECT_THAT(applied.torque, testing::ElementsAre(0.0, -0.09, 0.0));
 }
 
-// A chain of one finger that has measured `before` once, and what it then says of `after`.
+// A chain of one finger that has measured `before` once, and its verdict on `after`.
 struct Judged {
   SafetyReport report;
   Applied applied;
@@ -705,7 +705,7 @@ TEST(SafetyChain, fault_45_NamesTheJointThatIsStuck) {
   SafetyReport report;
   Observation observation;
   for (int i = 0; i < 1000 && report.fault == SafetyFault::kNone; ++i) {
-    // Joint 0 gets the same torque all the time, joint 2 moves.
+    // Joint 0 always gets an equal torque, and joint 2 moves.
     observation.position[2] = 1e-6 * i;
     const double torque = i % 2 == 0 ? 0.3 : -0.3;
     report =
@@ -767,7 +767,7 @@ TEST(SafetyReport, BecomesAFaultCodeWhoseTextNamesTheJoint) {
   for (const int other : {0, 9, 64, -1, 256}) EXPECT_EQ(fault_text_of(other), "") << other;
 }
 
-// What `describe` says of an action of which something was not fit.
+// Returns how `describe` explains an action that was rejected.
 std::string rejection_of(const Action& desired, Chain& chain) {
   SafetyState<3> state;
   Applied applied;
@@ -815,7 +815,7 @@ TEST(RejectedCommand, fault_06_DoesNotBlameTheUserForWhatACheckHasDone) {
   Chain chain(equal_limits());
   chain.add_check([](const Observation&, Action& action) { action.torque[2] = kInfinity; });
   EXPECT_EQ(rejection_of({}, chain),
-            "torque of joint 2 (middle) was made unfit by a safety check that was added, allowed "
+            "torque of joint 2 (middle) was made invalid by a safety check that was added, allowed "
             "are finite numbers");
 }
 
@@ -890,7 +890,7 @@ TEST(OwnCheck, RunsInTheOrderInWhichItWasAdded) {
   EXPECT_DOUBLE_EQ(applied.torque[0], 0.2);
 }
 
-// What comes of a check that does `thrown`, for a finger whose first joint moves.
+// The result of a check that does `thrown`, for a finger whose first joint moves.
 struct Thrown {
   SafetyFault fault;
   FixedText text;
@@ -948,7 +948,7 @@ TEST(SafetyChain, DoesNotAllocate) {
 
 TEST(AllocationCounter, CountsWhatIsTaken) {
   const test::AllocationCounter allocations;
-  // Called directly: a compiler may leave out what a new-expression would take.
+  // The operator is called directly, because a compiler may remove a new-expression.
   ::operator delete(::operator new(1));
   EXPECT_EQ(allocations.count(), 1U);
 }

@@ -102,7 +102,7 @@ TEST(EnvironmentBatch, MovesNothingBehindAnEndUntilItIsReset) {
   EXPECT_EQ(batch.results().seen.observation, last);
 }
 
-// MuJoCo calls it in every step; it leaves the step by a jump.
+// MuJoCo calls this in every step. It leaves the step by a jump.
 int steps_before_error = 0;
 void fail_after_some_steps(const mjModel* /*model*/, mjData* /*data*/) {
   if (--steps_before_error == 0) mju_error("the test wants it so");

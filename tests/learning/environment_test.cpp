@@ -22,7 +22,7 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::ThrowsMessage;
 
-// The robot that a task is for.
+// Returns the robot that a task is for.
 RobotDescription description_for(std::string_view task) {
   RobotDescription description;
   if (task == "finger_reach") description.arrangement = Arrangement::kSingleFinger;
@@ -76,7 +76,7 @@ TEST_P(EveryTask, BeginsAnEpisodeAsItsSeedAndNumberSay) {
   }
 }
 
-// What older options have not said, older episodes have not drawn.
+// Options that were added later must not change the numbers that older episodes draw.
 TEST_P(EveryTask, DrawsNothingForAnOptionThatLeavesNoChoice) {
   EnvironmentOptions fixed = default_options(GetParam());
   fixed.pair_friction = {{SurfacePair::kObjectTable, Range<double>{0.5, 0.5}}};

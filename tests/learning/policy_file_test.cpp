@@ -46,7 +46,7 @@ class PolicyFile : public testing::Test {
     return {std::istreambuf_iterator<char>(file), {}};
   }
 
-  // What is said of a file with these bytes; nothing if it is taken.
+  // Returns the error for a file with these bytes; nothing if it is accepted.
   [[nodiscard]] std::string refusal(std::string_view bytes) const {
     write(path(), bytes);
     try {
@@ -88,7 +88,7 @@ std::string golden() {
          bytes_of({2, -3, 0.5F, 1, -1, 0.25F, 8});
 }
 
-// The same with something else in its header.
+// Returns the golden file with a replacement in its header.
 std::string with(std::string_view there, std::string_view instead) {
   std::string bytes = golden();
   const std::size_t place = bytes.find(there);
@@ -131,7 +131,7 @@ TEST_F(PolicyFile, MeansWhatItsDescriptionSays) {
   // (2 - 1) / 2 = 0.5 and (2.5 - 2) / 0.5 = 1; 2 * 0.5 - 3 * 1 + 0.5 is below 0.
   ASSERT_TRUE(policy.evaluate(std::vector{2.0, 2.5}, action));
   EXPECT_THAT(action, testing::ElementsAre(0.25, 7.5));
-  // 3 by the clip, and 0.5; 2 * 3 - 3 * 0.5 + 0.5 = 5.
+  // The clip gives 3, and the second input 0.5; 2 * 3 - 3 * 0.5 + 0.5 = 5.
   ASSERT_TRUE(policy.evaluate(std::vector{100.0, 2.25}, action));
   EXPECT_THAT(action, testing::ElementsAre(1, 3));
 }
@@ -157,7 +157,7 @@ TEST_F(PolicyFile, IsRefusedWhereverItIsCutOff) {
 
 TEST_F(PolicyFile, IsRefusedWithAnythingBehindItsEnd) {
   EXPECT_THAT(refusal(golden() + '\n'),
-              HasSubstr("29 bytes behind its header, and its layers need 28"));
+              HasSubstr("29 bytes after its header, and its layers need 28"));
   EXPECT_NE(refusal(golden() + bytes_of({1})), "");
 }
 
@@ -165,8 +165,8 @@ TEST_F(PolicyFile, SaysWhatIsWrongWithIt) {
   const std::vector<std::array<std::string, 2>> cases{
       {std::string(1000, 'x'), "does not begin with 'trifinger policy '"},
       {"", "ends in its first line"},
-      {with("policy 1", "policy 2"), "of another version than 1"},
-      {with("policy 1", "policy 17"), "of another version than 1"},
+      {with("policy 1", "policy 2"), "its version is not 1"},
+      {with("policy 1", "policy 17"), "its version is not 1"},
       {std::string(kLine) + std::string(2'000'000, ' '), "does not end within 1048576 bytes"},
       {std::string(kLine) + "\n", "its header is not JSON"},
       {std::string(kLine) + "[]\n", "the header is not a JSON object"},
@@ -185,14 +185,14 @@ TEST_F(PolicyFile, SaysWhatIsWrongWithIt) {
       {with(R"("inputs": 2)", R"("inputs": -2)"), "'inputs' of layer 0 is -2"},
       {with(R"("inputs": 2)", R"("inputs": 2.0)"), "'inputs' of layer 0 is 2.0"},
       {with(R"("inputs": 2)", R"("inputs": 3)"),
-       "28 bytes behind its header, and its layers need 32"},
+       "28 bytes after its header, and its layers need 32"},
       {with(R"("inputs": 1)", R"("inputs": 70000)"),
        "is 70000, must be a whole number from 1 to 65536"},
       {with(R"("inputs": 1)", R"("inputs": 18446744073709551617)"), "must be a whole number"},
       {with(R"("inputs": 2, "outputs": 1)", R"("inputs": 65536, "outputs": 65536)"),
        "its layers have 4295032836 numbers, more than 100000000"},
       {with(R"("inputs": 2, "outputs": 1)", R"("inputs": 1, "outputs": 1)"),
-       "28 bytes behind its header, and its layers need 24"},
+       "28 bytes after its header, and its layers need 24"},
       {with(R"("inputs": 2, "outputs": 1)", R"("inputs": 1, "outputs": 2)").append(bytes_of({1})),
        "layer 1 has 1 inputs, but the layer before it has 2 outputs"},
       {with(R"("mean": [1, 2])", R"("mean": [1])"), "the mean of the inputs has 1 numbers"},
@@ -253,7 +253,7 @@ TEST_F(PolicyFile, ThatCannotBeReadIsAnErrorOfTheSystem) {
   };
   EXPECT_EQ(number(path()), ENOENT);
   EXPECT_EQ(number(folder()), EISDIR);
-  // Nobody will ever write into this one.
+  // Nobody will ever write into this pipe.
   ASSERT_EQ(::mkfifo((folder() / "pipe").c_str(), 0600), 0);
   EXPECT_NE(number(folder() / "pipe"), 0);
 }
@@ -264,7 +264,7 @@ TEST_F(PolicyFile, IsReplacedAsAWholeOrNotAtAll) {
   const Policy second(test::random_network(random));
   first.save(path());
   const std::string before = read(path());
-  // A folder in the way of the new file.
+  // A folder occupies the path of the new file.
   const fs::path part = path().string() + "." + std::to_string(::getpid()) + ".part";
   fs::create_directory(part);
   EXPECT_THROW(second.save(path()), SystemError);

@@ -22,7 +22,7 @@ using test::random_observation;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// What the header says, number by number, and nothing of how it is done.
+// Computes what the header describes, number by number, independently of the implementation.
 std::vector<double> recomputed(const Network& network, std::vector<double> values) {
   for (std::size_t i = 0; i < values.size(); ++i) {
     if (network.normalization) {
@@ -59,8 +59,8 @@ std::vector<double> recomputed(const Network& network, std::vector<double> value
   return values;
 }
 
-// How far an evaluation in single precision may be from that in double precision: the rounding of
-// each sum, in whatever order, and what layers make of the differences before them.
+// Returns how far an evaluation in single precision may be from one in double precision: the
+// rounding of each sum, in any order, and what the layers make of earlier differences.
 std::vector<double> bound_of_deviation(const Network& network,
                                        const std::vector<double>& observation) {
   constexpr double kUnit = 0x1p-24;  // of rounding to single precision
@@ -69,7 +69,7 @@ std::vector<double> bound_of_deviation(const Network& network,
   unbounded.layers.clear();
   std::vector<double> deviations(observation.size(), 0.0);
   for (const Layer& layer : network.layers) {
-    // What the layer is given, without those after it.
+    // The input of this layer: the result of the layers before it.
     const std::vector<double> inputs = recomputed(unbounded, observation);
     const auto terms = static_cast<double>(inputs.size() + 1);
     const double rounding = terms * kUnit / (1 - terms * kUnit);
@@ -84,7 +84,7 @@ std::vector<double> bound_of_deviation(const Network& network,
         deviation += weight * deviations[i];
       }
       deviation += rounding * size;
-      // No activation makes a difference larger; the exponential in tanh is rounded a few times.
+      // No activation increases a difference. The exponential in tanh is rounded a few times.
       if (layer.activation == Activation::kTanh) deviation += 4 * kUnit;
       outputs.push_back(deviation);
     }
@@ -127,7 +127,7 @@ TEST(Policy, ComputesNetworksOfEveryShape) {
 
 TEST(Policy, InSinglePrecisionDeviatesByItsRoundingAlone) {
   Random random{.seed = 5};
-  double largest = 0;  // as a share of what is allowed
+  double largest = 0;  // share of the allowed deviation
   bool differs = false;
   for (int i = 0; i < 300; ++i) {
     const Network network = random_network(random);
@@ -143,14 +143,14 @@ TEST(Policy, InSinglePrecisionDeviatesByItsRoundingAlone) {
       const std::vector<double> bound = bound_of_deviation(network, observation);
       for (std::size_t j = 0; j < action.size(); ++j) {
         const double deviation = std::abs(single_action[j] - action[j]);
-        constexpr double kDouble = 1e-12;  // the rounding of the other one
+        constexpr double kDouble = 1e-12;  // rounding of double precision
         EXPECT_LE(deviation, bound[j] + kDouble);
         largest = std::max(largest, deviation / (bound[j] + kDouble));
         differs = differs || deviation > 1e-10;
       }
     }
   }
-  EXPECT_TRUE(differs);  // so it was single precision
+  EXPECT_TRUE(differs);  // this proves that it was single precision
   RecordProperty("largest_share_of_the_bound", std::to_string(largest));
 }
 
@@ -214,7 +214,7 @@ TEST(Policy, GivesNoActionWithoutAWholeObservation) {
     }
     std::vector<double> action{7, 8};
     EXPECT_TRUE(policy.evaluate(whole, action));
-    // What single precision cannot hold is cut off by a normalisation.
+    // A normalisation cuts off numbers that single precision cannot hold.
     EXPECT_EQ(policy.evaluate(std::vector{1.0, 2.0, 1e300}, action), is_normalized);
   }
 }
@@ -240,7 +240,7 @@ TEST(Policy, GivesNoActionWhereItsSumsOverflow) {
                               .bias = Eigen::VectorXf::Zero(2),
                               .activation = Activation::kRelu});
   }
-  // Infinity - infinity, of which relu and tanh would make a number.
+  // Infinity - infinity: relu and tanh would turn the result into a number.
   network.layers.push_back({.weights = Eigen::MatrixXf{{1.0F, -1.0F}},
                             .bias = Eigen::VectorXf::Zero(1),
                             .activation = Activation::kTanh});

@@ -12,7 +12,7 @@
 
 namespace trifinger::learning::test {
 
-/// Numbers around zero.
+/// Returns numbers around zero.
 template <class Vector>
 Vector random_numbers(Random& random, Eigen::Index count, double deviation) {
   return Vector::NullaryExpr(count, [&](Eigen::Index) {
@@ -20,7 +20,7 @@ Vector random_numbers(Random& random, Eigen::Index count, double deviation) {
   });
 }
 
-/// A network of any shape, with or without what may go with it.
+/// Returns a network of any shape, with or without the optional parts.
 inline Network random_network(Random& random) {
   Network network;
   auto width = random.integer(1, 40);
@@ -53,7 +53,7 @@ inline Network random_network(Random& random) {
   return network;
 }
 
-/// What it is to be given: also numbers that are cut off.
+/// Returns a random input, including numbers that are cut off.
 inline std::vector<double> random_observation(Random& random, std::size_t size) {
   std::vector<double> observation(size);
   for (double& number : observation) number = 3 * random.normal();

@@ -43,7 +43,7 @@ TEST_F(RecorderOfChangedClocks, fault_55_TellsTheNewOffsetAndKeepsTheTimeOfTheSt
   clocks_.set_wall_ahead(std::chrono::hours(1));
   recorder.wait_for_event("the wall clock has moved by 3");
   recorder.wait_for_step(robot.current_time_index() + 20);
-  // Not after `finish`: then the next session may be in the log already, or not yet.
+  // `finish` comes later: after it, the next session may or may not be in the log.
   recorder.stop();
   EXPECT_EQ(recorder.count_events("the wall clock has moved"), 1U) << recorder.all_events();
 

@@ -16,7 +16,7 @@
 #include "trifinger/log/log.hpp"
 #include "trifinger/log/tools.hpp"
 
-// Whatever is done to a file: what is read is true, and what is lost is named.
+// Whatever is done to a file, everything that is read is true, and everything lost is reported.
 
 namespace trifinger::log {
 namespace {
@@ -32,16 +32,16 @@ constexpr TimeIndex kBlock = 10;
 constexpr std::size_t kInChunk = 14;
 
 constexpr int kNumFlips = test::kHasSanitizer ? 2'500 : 50'000;
-// By how many bytes a prefix is shorter than the one before.
+// Number of bytes by which each prefix is shorter than the one before.
 constexpr std::size_t kPrefixStep = test::kHasSanitizer ? 7 : 1;
 
-// All that a damaged log may be asked for; throws if something is not true. The sessions are those
-// that were written, in their order.
+// Asks a damaged log everything. Throws if something is not true. The sessions are those that were
+// written, in their order.
 class Examination {
  public:
   explicit Examination(const std::vector<OddSession>& written) : written_(written) {}
 
-  // Returns how many elements there were.
+  // Returns the number of elements found.
   std::size_t examine(const Log& log) {
     std::size_t found = 0;
     is_named_ = log.lost_bytes() > 0 || !log.damage().empty();
@@ -93,7 +93,8 @@ class Examination {
     return count;
   }
 
-  // Gaps and found steps do not overlap, and between the first and the last there is nothing else.
+  // Gaps and found steps do not overlap. Together they cover everything between the first and the
+  // last step.
   void require_gaps(const std::vector<Gap>& gaps, const std::vector<TimeIndex>& indices,
                     TimeIndex steps) {
     std::set<TimeIndex> all(indices.begin(), indices.end());
@@ -119,7 +120,7 @@ std::size_t num_elements(const std::vector<OddSession>& sessions) {
   return sum;
 }
 
-// A small log with all there is: two sessions, companions, events, documents.
+// A small log with everything: two sessions, companions, events, documents.
 class DamagedLog : public ::testing::Test {
  protected:
   DamagedLog() {
@@ -154,12 +155,12 @@ TEST_F(DamagedLog, fault_24_GivesAllCompleteStepsOfEveryPrefix) {
     } catch (const mcap::FormatError&) {
       ++num_unreadable;
     }
-    // A few bytes less cost a chunk if it was the last one of that.
+    // A few bytes fewer cost a chunk if one of them belonged to it.
     ASSERT_LE(found, longer) << size;
     ASSERT_GE(found + kInChunk, longer) << size;
     longer = found;
   }
-  EXPECT_LT(num_unreadable, 50U);  // the head of the file
+  EXPECT_LT(num_unreadable, 50U);  // the beginning of the file
 }
 
 TEST_F(DamagedLog, fault_25_NeverYieldsAWrongNumberWhicheverBitsFlip) {
@@ -188,7 +189,7 @@ TEST_F(DamagedLog, fault_25_NeverYieldsAWrongNumberWhicheverBitsFlip) {
       ASSERT_LE(found, all) << where();
       ASSERT_TRUE(found == all || examination.is_named()) << where() << ", found " << found;
     } catch (const mcap::FormatError& error) {
-      // The magic bytes of the beginning.
+      // The flip was in the magic bytes at the beginning.
       ASSERT_LT(flipped.begin()->first, 64U) << where() << ": " << error.what();
     } catch (const std::exception& error) {
       FAIL() << where() << ": " << error.what();

@@ -46,10 +46,10 @@ std::vector<std::filesystem::path> files_in(const std::filesystem::path& folder)
   return files;
 }
 
-// A fake robot whose user does not stop by himself.
+// A fake robot whose user never stops by itself.
 class FlightRecorderTest : public ::testing::Test {
  protected:
-  // Runs until the driver gives up at action `steps`, or finishes there if `has_fault` is false.
+  // Runs until the driver faults at action `steps`, or finishes there if `has_fault` is false.
   void run_session(TimeIndex steps, bool has_fault = true) {
     FakeDriver driver({.stop_periods = 5,
                        .sensor_period = 4,
@@ -70,7 +70,7 @@ class FlightRecorderTest : public ::testing::Test {
       }
       robot_->finish();
     } catch (const RobotStopped&) {
-      // As it was meant to be.
+      // The test expects this end.
     }
     robot_.reset();
   }
@@ -82,7 +82,7 @@ class FlightRecorderTest : public ::testing::Test {
   std::optional<UntypedFrontend> sensor_;
 };
 
-// The log has the steps [first, steps) of `session` bit for bit.
+// Checks that the log has the steps [first, steps) of `session` bit for bit.
 void expect_same_steps(const Log& log, const Session& session, TimeIndex first, TimeIndex steps) {
   const LoggedRobot<FakeRobot> logged(log);
   const Frontend<FakeRobot> robot(session);
@@ -255,7 +255,7 @@ class Rescue : public ::testing::Test {
  protected:
   Rescue() { ::setenv("TRIFINGER_LOG_DIR", logs_.path().c_str(), 1); }
 
-  // Runs a robot as fast as it can, in a process of its own, until it is killed.
+  // Runs a robot as fast as it can, in a separate process, until it is killed.
   static int run_for_ever() {
     FakeDriver driver({.sensor_period = 4, .sensor_delay = 2});
     SessionHost host =
@@ -275,7 +275,7 @@ class Rescue : public ::testing::Test {
       try {
         if (Session::open("robot").info().steps >= steps) break;
       } catch (const Error&) {
-        // Not there yet, or what the one before has left is being removed.
+        // The robot does not exist yet, or the remains of the previous one are being removed.
       }
       std::this_thread::yield();
     }
@@ -297,7 +297,7 @@ TEST_F(Rescue, fault_16_SavesWhatAKilledBackendHasLeft) {
     EXPECT_EQ(file.parent_path(), logs_.path());
     const LoggedRobot<FakeRobot> logged{Log(file)};
     EXPECT_EQ(logged.session().fault().code, Fault::Code::kBackendDied);
-    // All that the history holds, but for the step at work.
+    // Everything in the history, except the step in progress.
     const auto [first, end] = logged.session().range(Series::kAppliedAction);
     EXPECT_GE(end, steps - 1);
     EXPECT_GE(end - first, std::min<TimeIndex>(end, 254));
@@ -335,7 +335,7 @@ TEST_F(Rescue, RefusesARobotThatIsAlive) {
 
 TEST_F(Rescue, LeavesOutElementsThatAreHalfWritten) {
   leave_a_dead_robot(1000);
-  // As if the back-end had been at work in the slots of two steps.
+  // Damages the memory like a back-end that was writing the slots of two steps.
   const auto path = sessions_.path() / "trifinger.robot.state";
   test::Bytes bytes = test::read_file(path);
   const auto& header = *reinterpret_cast<const layout::StateHeader*>(bytes.data());

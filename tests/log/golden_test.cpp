@@ -24,8 +24,8 @@ constexpr TimeIndex kGapFirst = 20;
 constexpr TimeIndex kGapLast = 29;
 constexpr Fault kFault{.code = Fault::Code::kActionLate, .detail = 0, .time_index = kGoldenSteps};
 
-// What was measured, asked, applied and said at step t: formulas, so that nothing but this file
-// needs to stay as it is.
+// What was measured, asked, applied and reported at step t. These are formulas, so that only this
+// file must stay unchanged.
 
 OddObservation observation_at(TimeIndex t) {
   const auto x = static_cast<float>(t);
@@ -145,7 +145,7 @@ TEST_P(GoldenLog, fault_27_HasEveryStepThatWasWritten) {
 }
 
 TEST_P(GoldenLog, HasTheStatusByTheNamesOfItsFields) {
-  // Fields may come to the status; those of old logs keep their names.
+  // The status may get new fields. The old fields keep their names.
   const log::Column column{.series = Series::kStatus, .fields = {"time", "tick", "lateness"}};
   for (const TimeIndex t : {TimeIndex{0}, kGapFirst - 1, kGapLast + 1, kGoldenSteps}) {
     std::array<std::int64_t, 3> values{};
@@ -186,7 +186,8 @@ TEST_P(GoldenLog, HasTheCompanionTheDocumentAndTheEvent) {
 INSTANTIATE_TEST_SUITE_P(Files, GoldenLog, testing::Values("format_1.mcap"));
 
 TEST(GoldenLogOfToday, IsWrittenByThisVersion) {
-  // The values are those of the files above; that this test can write them keeps them honest.
+  // The expected values describe the files above. This test writes them again, which keeps the
+  // values honest.
   const Folder folder;
   write_golden(folder / "golden.mcap");
   const log::LoggedRobot<OddRobot> robot(log::Log(folder / "golden.mcap"));

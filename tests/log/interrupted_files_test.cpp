@@ -32,7 +32,7 @@ TEST(InterruptedFiles, fault_23_HoldEveryByte) {
     sink->sync();
     written.insert(written.end(), part.begin(), part.end());
     if (i % 10 != 9) continue;
-    // Goes on in the midst of what was written.
+    // Continues in the middle of what was written.
     written.resize(random() % written.size());
     sink.reset();
     sink = mcap::FileSink::resume(folder / "a", written.size());
@@ -62,7 +62,7 @@ TEST(InterruptedFiles, fault_23_CostARecorderNothing) {
   const FakeBackend backend("robot", {.history = 131072}, kRealTime);
   Frontend<FakeRobot> robot(backend.host());
   robot.append_desired_action({});
-  for (int round = 1; round <= 2; ++round) {  // the second goes on behind the first
+  for (int round = 1; round <= 2; ++round) {  // the second round continues after the first
     RecorderThread recorder({"robot"}, {.folder = logs.path(),
                                         .rotate_size = 100'000,
                                         .keep_free = 0,

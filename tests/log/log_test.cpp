@@ -20,7 +20,7 @@
 #include "trifinger/core/fake_robot.hpp"
 #include "trifinger/mcap/writer.hpp"
 
-// What was written is what is read, however it is asked for.
+// What is read equals what was written, however it is asked for.
 
 namespace trifinger::log {
 namespace {
@@ -46,7 +46,7 @@ void expect_same(const LoggedSession& found, const OddSession& written) {
 
   const LoggedRobot<OddRobot> robot(found);
   std::vector<OddObservation> observations(written.observations.size());
-  robot.get_observations(0, observations);  // with that of the end
+  robot.get_observations(0, observations);  // including the one at the end
   for (std::size_t t = 0; t < observations.size(); ++t) {
     ASSERT_TRUE(same_bytes(observations[t], written.observations[t])) << t;
   }
@@ -114,7 +114,7 @@ TEST(Log, TellsWhatTheSessionWas) {
 TEST(Log, GivesEachSessionTheDocumentsOfItsTime) {
   const Folder folder;
   OddSession later = random_session(2, 5);
-  later.header.documents.pop_back();  // of the model, that of before goes on
+  later.header.documents.pop_back();  // the model is missing, so the earlier one still applies
   test::write_log(folder / "a.mcap", {random_session(1, 5), later});
   const Log log(folder / "a.mcap");
   EXPECT_EQ(log.sessions()[0].header().documents[0].text, "seed: 1\n");
@@ -128,7 +128,7 @@ TEST(Log, ReadsAnyRangeWithoutReadingAllTheRest) {
   test::write_log(folder / "a.mcap", {other, written, random_session(5, 200)});
   std::mt19937 random(1);
   for (int i = 0; i < 200; ++i) {
-    // A new log each time: nothing is known of the file.
+    // A new log each time, so that nothing about the file is known.
     const Log log(folder / "a.mcap");
     const auto first = static_cast<TimeIndex>(random() % 500);
     const auto last = first + static_cast<TimeIndex>(random() % static_cast<unsigned>(501 - first));
@@ -201,7 +201,7 @@ TEST(Log, KnowsTheLatestReadingAtEveryStep) {
     ASSERT_EQ(found.has_value(), expected != nullptr) << t;
     ASSERT_TRUE(!found || same_bytes(*found, *expected)) << t;
   }
-  EXPECT_THROW((void)lamp.get_latest_at(101), NotInLog);  // not yet known when the session ended
+  EXPECT_THROW((void)lamp.get_latest_at(101), NotInLog);  // not known yet when the session ended
 }
 
 TEST(Log, NamesWhatIsMissing) {
@@ -255,7 +255,7 @@ TEST(Log, GivesNoIndexTwiceWhateverAFileSays) {
     const LoggedSession session =
         write(is_one_chunk ? "a.mcap" : "b.mcap", {0, 10, 5, 50}, is_one_chunk);
     const test::FoundSteps found = test::read_steps(session);
-    EXPECT_TRUE(test::is_true(found, written));  // that the indices rise, too
+    EXPECT_TRUE(test::is_true(found, written));  // this also checks that the indices rise
     EXPECT_EQ(found.indices.size(), 70U);
     ASSERT_THAT(session.gaps(), testing::SizeIs(1));
     EXPECT_EQ(session.gaps()[0].first, 40);
@@ -290,7 +290,7 @@ TEST(Log, PutsThePartsOfARecordingTogetherInAnyOrder) {
   const OddSession written = random_session(3, 100);
   const OddSession second = random_session(4, 20);
   for (int part = 0; part < 3; ++part) {
-    // Names that sort the other way round.
+    // The names sort in the reverse order.
     mcap::FileSink sink = mcap::FileSink::create(folder / (std::to_string(9 - part) + ".mcap"));
     LogOptions options;
     options.recording = "r";
@@ -315,7 +315,7 @@ TEST(Log, PutsThePartsOfARecordingTogetherInAnyOrder) {
   expect_same(log.sessions()[1], second);
   EXPECT_THAT(log.sessions()[0].gaps(), IsEmpty());
 
-  // A part alone is a log of its own.
+  // A single part is a log, too.
   const Log middle(folder / "8.mcap");
   EXPECT_EQ(middle.session().range(Series::kObservation), std::pair(TimeIndex{40}, TimeIndex{80}));
   EXPECT_THAT(middle.session().gaps(), IsEmpty());
@@ -344,7 +344,7 @@ TEST(Log, TakesTheNewestRecordingOfAFolder) {
   };
   write("sim_2026-11-20_09-05-12_000.mcap", 5);
   write("sim_2026-11-20_09-05-13_000.mcap", 7);
-  // Killed before the first record, one of each.
+  // One recorder of each kind was killed before the first record.
   std::ofstream(folder / "sim_2026-11-20_09-05-12_001.mcap") << '?';
   std::ofstream(folder / "sim_2026-11-20_09-05-13_001.mcap") << '?';
 
@@ -389,7 +389,7 @@ TEST(Log, fault_27_SaysWhichVersionIsNeededForALaterFormat) {
               AllOf(HasSubstr("a.mcap"), HasSubstr("needs trifinger >= 9.0.0")));
 }
 
-// memory_damaged was queue_damaged once.
+// memory_damaged was once called queue_damaged.
 TEST(Log, fault_27_KnowsAFaultByItsCodeWhateverItsNameWasThen) {
   const Folder folder;
   mcap::FileSink sink = mcap::FileSink::create(folder / "a.mcap");

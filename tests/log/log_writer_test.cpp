@@ -34,7 +34,7 @@ using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::Pair;
 
-// A file in memory that may refuse.
+// A file in memory that can refuse to be written.
 class MemorySink final : public mcap::Sink {
  public:
   void append(std::span<const std::byte> more) override {
@@ -48,7 +48,7 @@ class MemorySink final : public mcap::Sink {
   std::function<bool()> refuse;
 };
 
-// Tries again until the sink takes it.
+// Repeats the call until the sink accepts it.
 template <class Call>
 auto insist(const Call& call) {
   while (true) {
@@ -75,7 +75,7 @@ SessionHeader odd_header(std::uint64_t id = 7) {
   return header;
 }
 
-// What a session of a few steps holds.
+// The content of a session of a few steps.
 struct OddSteps {
   static constexpr std::size_t kCount = 40;
   std::array<OddAction, kCount> actions{};
@@ -105,7 +105,7 @@ struct OddSteps {
   }
 };
 
-// A whole session with all that may happen in it.
+// Writes a whole session in which everything happens that may happen.
 void write_session(LogWriter& writer, const SessionHeader& header) {
   const OddSteps odd;
   const std::size_t session = insist([&] { return writer.begin_session(header); });
@@ -123,7 +123,7 @@ void write_session(LogWriter& writer, const SessionHeader& header) {
 }
 
 struct Content {
-  std::vector<std::string> messages;  // topic, times and bytes
+  std::vector<std::string> messages;  // topics, times and bytes
   std::vector<mcap::Metadata> metadata;
   std::vector<mcap::Attachment> attachments;
   bool is_finished{false};
@@ -168,7 +168,7 @@ TEST(LogWriter, WritesTheSameHoweverOftenTheSinkRefuses) {
   for (unsigned seed = 0; seed < 50; ++seed) {
     std::mt19937 random(seed);
     MemorySink moody;
-    // The first bytes of a file are the caller's to try again.
+    // If the first bytes of a file fail, the caller has to try again.
     LogWriter writer(moody, {.recording = "r"});
     moody.refuse = [&random] { return random() % 2 == 0; };
     write_session(writer, odd_header());

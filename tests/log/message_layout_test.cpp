@@ -30,8 +30,8 @@ Bytes random_bytes(std::size_t size, std::mt19937& random) {
   return bytes;
 }
 
-// CDR as the standard says it, number by number: each at a multiple of its size, counted from
-// behind the header.
+// Encodes CDR as the standard describes it, number by number: each number is at a multiple of its
+// size, counted from the end of the header.
 Bytes plain_cdr(const std::vector<MessagePart>& parts, const std::vector<Bytes>& elements,
                 Precision precision) {
   Bytes data;
@@ -75,7 +75,7 @@ Bytes plain_cdr(const std::vector<MessagePart>& parts, const std::vector<Bytes>&
   return message;
 }
 
-// A few fields of every kind.
+// Returns an element with a few fields of every kind.
 ElementDescription random_element(std::mt19937& random) {
   std::vector<FieldDescription> fields;
   std::size_t offset = 0;

@@ -21,7 +21,8 @@
 #include "support/session_folder.hpp"
 #include "trifinger/log/recorder.hpp"
 
-// What a disk can do to a recorder (fault_21, fault_22, fault_23). In each test the robot goes on.
+// What a disk can do to a recorder (fault_21, fault_22, fault_23). In each test the robot
+// continues.
 
 namespace trifinger::test {
 namespace {
@@ -37,10 +38,10 @@ RecorderOptions options_for(const std::filesystem::path& folder) {
   return options;
 }
 
-// A robot in real time that a recorder writes to a disk of the tests.
+// A robot in real time, and a recorder that writes it to a disk of the tests.
 class RecorderDisk : public ::testing::Test {
  protected:
-  // The history is long enough for half a minute of a machine that does something else.
+  // The history is long enough for half a minute in which the machine does something else.
   void start(std::size_t history = 131072) {
     backend_.emplace("robot", SessionOptions{.history = history}, kRealTime);
     robot_.emplace(backend_->host());
@@ -51,11 +52,11 @@ class RecorderDisk : public ::testing::Test {
     recorder_.emplace(std::vector<std::string>{"robot"}, options);
     recorder_->wait_for_step(10);
   }
-  // The robot makes that many more steps.
+  // Lets the robot make that many more steps.
   void go_on(TimeIndex steps) {
     robot_->wait_until_time_index(robot_->current_time_index() + steps);
   }
-  // The recorder comes to where the robot is now.
+  // Waits until the recorder has reached the robot's current step.
   void catch_up() { recorder_->wait_for_step(robot_->current_time_index()); }
 
   SessionFolder sessions_;
@@ -86,7 +87,7 @@ TEST_P(RecorderDiskError, fault_23_CostsNothingThatTheHistoryHolds) {
   EXPECT_TRUE(log.first().is_ordered());
   EXPECT_THAT(log.first().gaps, IsEmpty());
   EXPECT_EQ(log.damages, 0);
-  // It is in the log, too.
+  // The error is in the log, too.
   EXPECT_EQ(log.count_events("cannot write: "), 1);
   EXPECT_EQ(log.count_events("writes again after "), 1);
 }
@@ -114,7 +115,7 @@ TEST_P(RecorderDiskError, fault_21_IsAGapWhereTheHistoryIsTooShort) {
   start(256);
   disk_.set_error(GetParam());
   recorder_->wait_for_event("recorder: cannot write: ");
-  // Until something is lost for certain.
+  // Wait until something is certainly lost.
   const UntypedFrontend observer(robot_->session());
   while (observer.range(Series::kStatus).first <= (*recorder_)->state().robots[0].next_step) {
     go_on(100);
@@ -124,7 +125,7 @@ TEST_P(RecorderDiskError, fault_21_IsAGapWhereTheHistoryIsTooShort) {
   catch_up();
   recorder_->stop();
   const Recorded log(logs_.path());
-  // What is missing is what was written down as missing, no more and no less.
+  // The steps that are missing are exactly those that the log reports as missing.
   EXPECT_EQ(log.first().holes(), log.first().told_holes());
   ASSERT_FALSE(log.first().gaps.empty());
   std::int64_t lost = 0;
@@ -149,7 +150,8 @@ TEST_F(RecorderDisk, fault_21_WarnsWhenHalfOfTheHistoryIsStillToBeWritten) {
   disk_.set_error(0);
   recorder_->wait_for_event("writes again after ");
   recorder_->stop();
-  // A busy machine may come back when the other half is used up as well; the warning was before.
+  // On a busy machine, the recorder may return when the other half is used up as well. The warning
+  // came before that.
   const Recorded log(logs_.path());
   EXPECT_EQ(log.first().holes(), log.first().told_holes());
   const std::string events = recorder_->all_events();
@@ -207,12 +209,12 @@ TEST_F(RecorderDisk, ThatRefusesTheEndLeavesAFileToGoOnWith) {
   EXPECT_TRUE(log.first().is_ordered());
 }
 
-// The kernel's own errors: in a process of its own, whose exit code tells.
+// The kernel's own errors are tested in a separate process, whose exit code is the result.
 constexpr int kPassed = 0;
 constexpr int kFailed = 1;
 constexpr int kNotPermitted = 77;
 
-// Records while `spoil` has made the disk full and `repair` has made room again.
+// Records while `spoil` makes the disk full and `repair` makes room again.
 template <class Spoil, class Repair>
 int record_on_full_disk(const std::filesystem::path& folder, const Spoil& spoil,
                         const Repair& repair) {
@@ -246,7 +248,7 @@ TEST(RecorderOnAFullDisk, fault_23_GoesOnWhereAShortWriteWasCutOff) {
       limit.rlim_cur = size;
       ::setrlimit(RLIMIT_FSIZE, &limit);
     };
-    // The kernel writes up to the limit, wherever in a chunk that is, and refuses the rest.
+    // The kernel writes up to the limit, anywhere in a chunk, and refuses the rest.
     return record_on_full_disk(logs.path(), [&] { allow(20'011); }, [&] { allow(limit.rlim_max); });
   });
   EXPECT_EQ(child.wait(), kPassed);
@@ -256,7 +258,7 @@ TEST(RecorderOnAFullDisk, fault_22_GoesOnWhenThereIsRoomAgain) {
   const SessionFolder sessions;
   const Folder logs;
   ChildProcess child([&] {
-    // A disk of one megabyte, seen by this process alone.
+    // A disk of one megabyte that only this process sees.
     if (::unshare(CLONE_NEWNS) != 0 ||
         ::mount("none", "/", nullptr, MS_REC | MS_PRIVATE, nullptr) != 0 ||
         ::mount("tmpfs", logs.path().c_str(), "tmpfs", 0, "size=1m") != 0) {
@@ -266,7 +268,7 @@ TEST(RecorderOnAFullDisk, fault_22_GoesOnWhenThereIsRoomAgain) {
     return record_on_full_disk(
         logs.path(),
         [&] {
-          // Until the disk takes no more.
+          // Write until the disk is full.
           std::FILE* const file = std::fopen(filler.c_str(), "wb");
           std::setvbuf(file, nullptr, _IONBF, 0);
           const Bytes page(4096);

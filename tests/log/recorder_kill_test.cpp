@@ -34,23 +34,23 @@ constexpr BackendOptions kAtOneKilohertz{.mode = BackendOptions::Mode::kRealTime
                                          .max_action_repeats = 1'000'000'000,
                                          .max_skipped_ticks = 1'000'000'000};
 
-// Both are ended by their parent.
+// Their parent ends both processes.
 int run_robot(std::size_t history) {
   const FakeBackend backend("robot", {.history = history}, kAtOneKilohertz);
   Frontend<FakeRobot> robot(backend.host());
   while (true) robot.wait_until_time_index(robot.append_desired_action({}) + 10);
 }
 
-// Says in `read` how far it has come.
+// Stores its progress in `read`.
 int run_recorder(const std::filesystem::path& folder, std::atomic<TimeIndex>& read) {
   log::RecorderOptions options;
   options.folder = folder;
   options.keep_free = 0;
-  options.rotate_size = 200'000;  // kills strike the change from one file to the next, too
+  options.rotate_size = 200'000;  // so that kills also hit the change from one file to the next
   log::Recorder recorder({"robot"}, options);
   std::thread([&recorder, &read] {
     while (true) {
-      // relaxed: a number for the statistics of the test.
+      // relaxed: only a number for the statistics of the test.
       read.store(recorder.state().robots[0].next_step, std::memory_order_relaxed);
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
@@ -59,7 +59,7 @@ int run_recorder(const std::filesystem::path& folder, std::atomic<TimeIndex>& re
   return 0;
 }
 
-// The robot, as soon as it runs.
+// Returns the robot as soon as it runs.
 Frontend<FakeRobot> find_robot() {
   while (true) {
     try {
@@ -92,7 +92,7 @@ TEST_F(RecorderKill, fault_20_AgainAndAgainCostsNothing) {
   ChildProcess backend([] { return run_robot(16384); });
   std::mt19937 random(1);
   const auto robot = find_robot();
-  // By how much what is in the files was behind the robot, if the recorder had caught up before.
+  // Number of steps that the files were late, for recorders that had caught up before.
   std::vector<TimeIndex> at_risk;
   ProgressLine progress(kills);
   for (std::int64_t i = 0; i < kills; ++i) {
@@ -106,17 +106,17 @@ TEST_F(RecorderKill, fault_20_AgainAndAgainCostsNothing) {
     recorder->kill();
 
     const Recorded log(logs_.path());
-    // A recorder that begins has taken nothing yet.
+    // A recorder that has just begun may have read nothing yet.
     if (log.order.empty()) continue;
     ASSERT_EQ(log.order.size(), 1);
-    ASSERT_TRUE(log.first().is_ordered()) << "an index is there twice, behind kill " << i;
-    ASSERT_THAT(log.first().holes(), IsEmpty()) << "behind kill " << i;
-    ASSERT_THAT(log.first().gaps, IsEmpty()) << "behind kill " << i;
+    ASSERT_TRUE(log.first().is_ordered()) << "an index is there twice, after kill " << i;
+    ASSERT_THAT(log.first().holes(), IsEmpty()) << "after kill " << i;
+    ASSERT_THAT(log.first().gaps, IsEmpty()) << "after kill " << i;
     if (!is_early && !log.first().steps.empty()) {
       at_risk.push_back(now - log.first().steps.back());
     }
   }
-  // All's well that ends well.
+  // The last recorder gets everything.
   RecorderThread last({"robot"}, {.folder = logs_.path(), .keep_free = 0});
   const TimeIndex end = robot.current_time_index();
   last.wait_for_step(end);
@@ -192,7 +192,7 @@ TEST_F(RecorderKill, fault_20_IsToldIfASessionEndsBeforeTheNextRecorderComes) {
   recorder.wait_for_step(20);
   recorder.stop();
   const Recorded log(logs_.path());
-  EXPECT_EQ(log.count_events("it has ended without a recorder"), has_ended ? 0 : 1);
+  EXPECT_EQ(log.count_events("that session ended without a recorder"), has_ended ? 0 : 1);
   EXPECT_GE(log.order.size(), 2);
 }
 

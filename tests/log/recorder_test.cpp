@@ -47,7 +47,7 @@ class RecorderTest : public ::testing::Test {
     options.keep_free = 0;
     return options;
   }
-  // For recorders without a name to look for.
+  // Options for recorders that do not search a name.
   [[nodiscard]] RecorderOptions follower_options() const {
     RecorderOptions following = options();
     following.is_follower = true;
@@ -196,7 +196,7 @@ TEST_F(RecorderTest, SaysHowManySessionsItHasMissed) {
     disk.wait_for_append();
     robot.finish();
   }
-  // While an append hangs nobody looks.
+  // The recorder does not look while an append hangs.
   for (int i = 0; i < 3; ++i) {
     auto robot = connect<FakeRobot>("robot");
     step(robot, 1);
@@ -261,7 +261,7 @@ TEST_F(RecorderTest, RotatesBySizeWithoutLosingAStep) {
     EXPECT_EQ(log.recordings[i], log.recordings[0]);
   }
   const auto& session = log.first();
-  // Each file tells what it holds; the last may belong to the next session alone.
+  // Each file describes what it holds. The last file may contain only the next session.
   EXPECT_GE(session.headers + 1, log.files.size());
   EXPECT_EQ(session.steps.size(), kSteps);
   EXPECT_THAT(session.holes(), IsEmpty());
@@ -285,7 +285,7 @@ TEST_F(RecorderTest, RemovesItsOldestFilesToStayBelowALimit) {
   RecorderOptions limited = follower_options();
   limited.max_total = 2'000'000;
   write_file(logs_ / "robot_2020-01-01_00-00-00_000.mcap", read_file("/dev/null"));
-  write_file(logs_ / "robot_2020-01-01_00-00-00_001.mcap", Bytes(5'000'000, 'x'));  // of others
+  write_file(logs_ / "robot_2020-01-01_00-00-00_001.mcap", Bytes(5'000'000, 'x'));  // not ours
   constexpr TimeIndex kSteps = 400'000;
   RecorderThread recorder({"robot"}, limited);
   const FakeBackend backend("robot", {}, {}, &*recorder);
@@ -331,14 +331,14 @@ TEST_F(RecorderTest, RefusesASecondRecorderOfTheSameRobotAndFolder) {
   const Recorder other({"other"}, options());
 }
 
-// A recorder in a process of its own that is to end with another process, which is gone.
+// A recorder in a separate process that should end together with another process, which has ended.
 class LeftBehind {
  public:
   explicit LeftBehind(RecorderOptions options)
       : process_([this, &options] {
           options.until_process_ends = ipc::ProcessIdentity{.pid = ::getpid(), .start_time = 0};
           const Recorder recorder({"robot"}, options);
-          // relaxed, as below: a flag without data behind it.
+          // relaxed, like below: a flag that guards no data.
           has_begun_->store(true, std::memory_order_relaxed);
           while (!may_end_->load(std::memory_order_relaxed)) std::this_thread::yield();
           return 0;
@@ -418,7 +418,7 @@ TEST_F(RecorderTest, BeginsAnotherRecordingIfTheHistoryHasLostWhatComesBehindACl
   ASSERT_EQ(log.files.size(), 2);
   EXPECT_NE(log.recordings[0], log.recordings[1]);
   EXPECT_TRUE(log.newest().is_ordered());
-  EXPECT_THAT(log.newest().gaps, IsEmpty());  // nobody was to record them
+  EXPECT_THAT(log.newest().gaps, IsEmpty());  // the recorder was not asked to record them
 }
 
 TEST_F(RecorderTest, DoesNotRecordAnEndedSessionTwice) {
@@ -426,7 +426,7 @@ TEST_F(RecorderTest, DoesNotRecordAnEndedSessionTwice) {
   {
     auto robot = connect<FakeRobot>("robot");
     step(robot, 10);
-  }  // ends the session, the next one begins
+  }  // ends the session; the next one begins
   for (int i = 0; i < 2; ++i) {
     RecorderThread recorder({"robot"}, options());
     recorder.wait_until([](const auto& state) { return state.robots[0].session_id != 0; });
@@ -485,7 +485,7 @@ TEST_F(RecorderTest, EndsWithAProcessIfThatIsWanted) {
   ChildProcess child([] { return ::pause(); });
   RecorderOptions until_exit = options();
   until_exit.until_process_ends = ipc::ProcessIdentity{.pid = child.pid(), .start_time = 0};
-  // Of another process with the same number, which is gone.
+  // The identity of an ended process with an equal number.
   RecorderThread recorder({"robot"}, until_exit);
   recorder.join();
 }
@@ -522,7 +522,7 @@ TEST_F(RecorderTest, fault_71_RecordsStepsOfAnyIndex) {
     const log::Log log(logs_.path());
     const log::LoggedRobot<FakeRobot> recorded(log);
     const auto [begin, end] = recorded.session().range(Series::kAppliedAction);
-    // A recorder of a robot that has run for ages cannot know that there was no step before.
+    // A recorder of a robot that has run for ages cannot know that there was no earlier step.
     EXPECT_LE(begin, first + 1);
     EXPECT_GE(end, first + 1000);
     EXPECT_THAT(recorded.session().gaps(), IsEmpty());

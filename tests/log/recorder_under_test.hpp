@@ -27,7 +27,7 @@
 
 namespace trifinger::test {
 
-/// A recorder that runs in a thread of its own, and what it has told.
+/// A recorder that runs in its own thread, and its events.
 class RecorderThread {
  public:
   RecorderThread(const std::vector<std::string>& robots, log::RecorderOptions options)
@@ -37,7 +37,7 @@ class RecorderThread {
           } catch (...) {
             failure_ = std::current_exception();
           }
-          // release: the failure was noted before.
+          // release: the failure was stored before.
           has_returned_.store(true, std::memory_order_release);
         }) {}
   RecorderThread(const RecorderThread&) = delete;
@@ -48,7 +48,7 @@ class RecorderThread {
     thread_.join();
   }
 
-  /// Stops it and waits; throws what `run` has thrown.
+  /// Stops it and waits. Throws what `run` has thrown.
   void stop() {
     recorder_.request_stop();
     join();
@@ -62,23 +62,23 @@ class RecorderThread {
   [[nodiscard]] log::Recorder& operator*() noexcept { return recorder_; }
   [[nodiscard]] log::Recorder* operator->() noexcept { return &recorder_; }
 
-  /// Waits until the state is as wanted. The suite's watchdog bounds it.
+  /// Waits until the state fulfils the condition. The suite's watchdog limits the wait.
   template <class Condition>
   void wait_until(const Condition& is_wanted) {
     while (!is_wanted(recorder_.state())) {
-      // acquire: so that the failure is seen.
+      // acquire: so that the failure is visible.
       if (has_returned_.load(std::memory_order_acquire)) {
         throw Error("the recorder has returned before what was waited for");
       }
       std::this_thread::yield();
     }
   }
-  /// Waits until the recorder has read all before `step` of the robot's newest session.
+  /// Waits until the recorder has read everything before `step` of the robot's newest session.
   void wait_for_step(TimeIndex step, std::size_t robot = 0) {
     wait_until(
         [=](const log::RecorderState& state) { return state.robots[robot].next_step >= step; });
   }
-  /// Waits until something with this text was told.
+  /// Waits until there is an event with this text.
   void wait_for_event(const std::string& text) {
     wait_until([&](const log::RecorderState&) { return count_events(text) > 0; });
   }
@@ -113,8 +113,8 @@ class RecorderThread {
   std::thread thread_;
 };
 
-/// What the files of a folder hold, message by message: read without the log reader, so that each
-/// checks the other.
+/// The content of the files of a folder, message by message. It is read without the log reader, so
+/// that each checks the other.
 class Recorded {
  public:
   struct Session {
@@ -126,7 +126,7 @@ class Recorded {
     std::size_t end_messages{0};
     std::size_t headers{0};
 
-    /// The missing steps before the last one, as ranges with both ends included.
+    /// Returns the missing steps before the last one, as ranges that include both ends.
     [[nodiscard]] std::vector<std::pair<TimeIndex, TimeIndex>> holes() const {
       std::vector<std::pair<TimeIndex, TimeIndex>> found;
       for (std::size_t i = 1; i < steps.size(); ++i) {
@@ -134,8 +134,8 @@ class Recorded {
       }
       return found;
     }
-    /// The missing steps that the log tells of. A recorder that is too late twice, on a busy
-    /// machine, tells of two gaps that touch: one hole.
+    /// Returns the missing steps that the log reports. A recorder that is too late twice, on a busy
+    /// machine, reports two gaps that touch: one hole.
     [[nodiscard]] std::vector<std::pair<TimeIndex, TimeIndex>> told_holes() const {
       std::vector<std::pair<TimeIndex, TimeIndex>> told;
       for (const auto& [first, last] : gaps) {
@@ -147,7 +147,7 @@ class Recorded {
       }
       return told;
     }
-    /// Every index is greater than the one before: none twice, all in order.
+    /// True if every index is greater than the one before: no index twice, all in order.
     [[nodiscard]] bool is_ordered() const {
       return std::ranges::adjacent_find(steps, std::greater_equal<>()) == steps.end();
     }
@@ -163,7 +163,7 @@ class Recorded {
     }
   }
 
-  /// The session that was recorded last; of the only robot if there is no name.
+  /// Returns the session that was recorded last. Without a name: of the only robot.
   [[nodiscard]] const Session& newest(const std::string& name = {}) const {
     const Session* newest = nullptr;
     for (const auto& id : order) {
@@ -173,23 +173,24 @@ class Recorded {
     if (newest == nullptr) throw Error("no session was recorded");
     return *newest;
   }
-  /// The session that was recorded first.
+  /// Returns the session that was recorded first.
   [[nodiscard]] const Session& first() const { return sessions.at(order.at(0)); }
   [[nodiscard]] std::size_t count_events(const std::string& text) const {
     return static_cast<std::size_t>(std::ranges::count_if(
         events, [&](const std::string& event) { return event.find(text) != std::string::npos; }));
   }
-  /// Events that tell of lost steps of a robot, or of lost elements of a companion.
+  /// Returns the number of events about lost steps of a robot, or about lost elements of a
+  /// companion.
   [[nodiscard]] std::size_t count_losses_of(const std::string& name) const {
     return count_events(" of " + name + " is not in the log: overwritten") +
            count_events(" of " + name + " are not in the log: overwritten");
   }
 
   std::vector<std::filesystem::path> files;
-  std::vector<bool> is_finished;        // of each file
+  std::vector<bool> is_finished;        // for each file
   std::vector<std::string> recordings;  // the id of each file
   std::map<std::uint64_t, Session> sessions;
-  std::vector<std::uint64_t> order;  // in which they appear
+  std::vector<std::uint64_t> order;  // in the order of their appearance
   std::vector<std::string> events;
   std::size_t damages{0};
 
@@ -250,10 +251,10 @@ class Recorded {
   }
 };
 
-/// What happens to the files of a recorder, for tests: appends that fail or wait.
+/// Controls the files of a recorder in tests: appends can fail or wait.
 class Disk {
  public:
-  /// From now on every append and every new file fails with this error; 0: no more.
+  /// From now on every append and every new file fails with this error; 0 ends that.
   void set_error(int error_number) { error_.store(error_number, std::memory_order_release); }
   /// From now on every append waits.
   void hold() {
@@ -267,7 +268,7 @@ class Disk {
     }
     changed_.notify_all();
   }
-  /// Waits until an append waits.
+  /// Waits until an append hangs.
   void wait_for_append() {
     std::unique_lock lock(mutex_);
     changed_.wait(lock, [this] { return is_waiting_; });
@@ -325,7 +326,7 @@ class Disk {
   bool is_waiting_{false};
 };
 
-/// A fake robot with a sensor, whose back-end runs in a thread of this process.
+/// A fake robot with a sensor. Its back-end runs in a thread of this process.
 class FakeBackend {
  public:
   explicit FakeBackend(const std::string& name, const SessionOptions& session = {},
@@ -333,7 +334,7 @@ class FakeBackend {
       : host_(SessionHost::named(name, session)), backend_(driver_, host_, options) {
     if (follower != nullptr) backend_.follow(*follower);
     thread_.emplace(backend_);
-    // The session is there when this returns.
+    // The session exists when this returns.
     const Frontend<FakeRobot> looker(host_, {.control = false});
     static_cast<void>(looker.latest_observation());
   }
@@ -347,7 +348,7 @@ class FakeBackend {
   std::optional<BackendThread> thread_;
 };
 
-/// One step per period, whatever the user does: time goes on by itself.
+/// One step per period, whatever the user does: time passes by itself.
 inline constexpr BackendOptions kRealTime{.mode = BackendOptions::Mode::kRealTime,
                                           .period = std::chrono::microseconds(200),
                                           .max_action_repeats = 1'000'000'000,

@@ -27,7 +27,7 @@
 
 namespace trifinger::test {
 
-/// A folder that is removed with all that is in it.
+/// A folder that is removed with everything in it.
 class Folder {
  public:
   Folder() {
@@ -67,7 +67,7 @@ inline char flipped(char byte, unsigned bit) {
   return static_cast<char>(static_cast<unsigned char>(byte) ^ (1U << bit));
 }
 
-/// Flips a bit behind the first bytes, which say that it is an MCAP file. Returns its place.
+/// Flips a bit after the first bytes, which say that it is an MCAP file. Returns its position.
 template <class Random>
 std::size_t flip(Bytes& bytes, Random& random) {
   constexpr std::size_t kHead = 64;
@@ -76,14 +76,14 @@ std::size_t flip(Bytes& bytes, Random& random) {
   return place;
 }
 
-/// A session of the odd robot with its lamp, all numbers random: what is read must be the same, bit
-/// by bit.
+/// A session of the odd robot with its lamp. All numbers are random, and what is read must be equal
+/// bit by bit.
 struct OddSession {
   log::SessionHeader header;
   std::vector<OddAction> desired_actions;
   std::vector<OddAppliedAction> applied_actions;
   std::vector<OddObservation> observations;  // one more than actions
-  std::vector<Status> statuses;              // likewise
+  std::vector<Status> statuses;              // one more than actions
   std::vector<OddLampReading> lamp;
 
   [[nodiscard]] TimeIndex steps() const { return static_cast<TimeIndex>(desired_actions.size()); }
@@ -98,8 +98,8 @@ T random_element(Random& random) {
   return element;
 }
 
-/// A millisecond per step, in real-time mode with some lateness; a reading of the lamp every third
-/// step.
+/// Returns a session with one millisecond per step; in real-time mode with some lateness. The lamp
+/// is read every third step.
 inline OddSession random_session(unsigned seed, TimeIndex steps, bool is_real_time = true,
                                  const std::string& name = "odd") {
   constexpr std::int64_t kMillisecond = 1'000'000;
@@ -170,7 +170,7 @@ inline void write_steps(log::LogWriter& writer, std::size_t number, const OddSes
 
 inline constexpr Fault kFinished{.code = Fault::Code::kFinished};
 
-/// y_N and the reason of the end.
+/// Writes y_N and the reason of the end.
 inline void write_end(log::LogWriter& writer, std::size_t number, const OddSession& session) {
   writer.write_end(number, session.steps(), &session.observations.back(), session.statuses.back());
   Fault fault = kFinished;
@@ -178,7 +178,7 @@ inline void write_end(log::LogWriter& writer, std::size_t number, const OddSessi
   writer.end_session(number, session.steps(), fault, "the controller has finished");
 }
 
-/// Writes a log with these sessions, one behind the other.
+/// Writes a log with these sessions, one after the other.
 inline void write_log(const std::filesystem::path& path, const std::vector<OddSession>& sessions,
                       const log::LogOptions& options = {}, TimeIndex block = 20) {
   mcap::FileSink sink = mcap::FileSink::create(path);
@@ -208,7 +208,7 @@ struct FoundSteps {
   std::vector<Status> statuses;
 };
 
-/// Reads the steps [first, last), `block` at once.
+/// Reads the steps [first, last), `block` steps at a time.
 inline FoundSteps read_steps(const log::LoggedSession& session, TimeIndex first = 0,
                              TimeIndex last = std::numeric_limits<TimeIndex>::max(),
                              std::size_t block = 1000) {
@@ -241,7 +241,7 @@ inline FoundSteps read_steps(const log::LoggedSession& session, TimeIndex first 
   return found;
 }
 
-/// Every element that was found is the one that was written.
+/// True if every element that was found equals the one that was written.
 inline bool is_true(const FoundSteps& found, const OddSession& written) {
   TimeIndex before = -1;
   for (std::size_t i = 0; i < found.indices.size(); ++i) {

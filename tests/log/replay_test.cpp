@@ -27,7 +27,7 @@
 #include "trifinger/log/flight_recorder.hpp"
 #include "trifinger/log/log.hpp"
 
-// A program that runs against a log sees what it saw when the log was recorded.
+// A program that runs on a log sees what it saw when the log was recorded.
 
 namespace trifinger::log {
 namespace {
@@ -39,7 +39,7 @@ using ::testing::HasSubstr;
 
 constexpr TimeIndex kSteps = 200;
 
-// All that can be read of a session, clocks apart.
+// Everything that can be read of a session, without clock times.
 template <class R>
 struct AllSeries {
   std::vector<typename R::Observation> observations;
@@ -95,8 +95,8 @@ std::uint64_t hash_of(const void* bytes, std::size_t size, std::uint64_t hash) {
   return hash;
 }
 
-// A feedback loop: each action follows from what was observed, so that one wrong bit changes
-// everything behind it.
+// A feedback loop: each action depends on the observations, so that one wrong bit changes
+// everything after it.
 template <class Traits>
 void run_program(Frontend<typename Traits::Robot>& robot, const UntypedFrontend& companion,
                  TimeIndex steps) {
@@ -115,7 +115,7 @@ void run_program(Frontend<typename Traits::Robot>& robot, const UntypedFrontend&
   }
 }
 
-// The fake robot, but for its type.
+// The fake robot under another type name.
 struct LaterRobot {
   static constexpr std::string_view kType = "later";
   using Action = FakeAction;
@@ -170,7 +170,7 @@ TYPED_TEST(ReplayTest, AnswersEveryUserWithWhatWasRecordedAndFlagsWhereHeDiffers
   auto robot = Replay(this->session()).connect<typename TypeParam::Robot>();
   for (TimeIndex t = 0; t < kSteps; ++t) {
     auto action = this->recorded_.desired_actions[static_cast<std::size_t>(t)];
-    // One bit of every third action.
+    // Change one bit of every third action.
     if (t % 3 == 0) reinterpret_cast<unsigned char*>(&action)[0] ^= 1U;
     robot.append_desired_action(action);
     static_cast<void>(robot.get_observation(t));
@@ -201,7 +201,7 @@ TYPED_TEST(ReplayTest, EndsBehindTheLastStepWithoutAFaultAndCanBeginAgain) {
     EXPECT_EQ(fault->code, Fault::Code::kExhausted);
     EXPECT_EQ(fault->time_index, kSteps);
     EXPECT_FALSE(fault->needs_recovery());
-    // N applied actions, N + 1 observations and statuses.
+    // There are N applied actions, and N + 1 observations and statuses.
     EXPECT_TRUE(same_bytes(robot.get_observation(kSteps), this->recorded_.observations.back()));
     EXPECT_NE(robot.get_status(kSteps).flags & Status::kEnd, 0U);
     EXPECT_EQ(robot.session().info().steps, kSteps);
@@ -222,7 +222,7 @@ TYPED_TEST(ReplayTest, OfAPartBeginsThere) {
     const auto i = static_cast<std::size_t>(kFirst + t);
     robot.append_desired_action(this->recorded_.desired_actions[i]);
     EXPECT_TRUE(same_bytes(robot.get_observation(t), this->recorded_.observations[i]));
-    // Also what became known before the part began.
+    // This includes elements that became known before the part began.
     ASSERT_TRUE(companion.get_latest_at(t, element.data(), kForever));
     EXPECT_EQ(std::memcmp(element.data() + sizeof(Stamp),
                           this->recorded_.companion[i].data() + sizeof(Stamp),
@@ -250,7 +250,7 @@ TYPED_TEST(ReplayTest, InRealTimeHoldsBeforeTheFirstStep) {
   Frontend<typename TypeParam::Robot> robot(host);
   clock.tick(options.period, 20);
   EXPECT_TRUE(same_bytes(robot.latest_observation(), this->recorded_.observations.front()));
-  // Whatever the user's first action is, even the one at the beginning of the log.
+  // The user may send any actions, even those from the beginning of the log.
   for (const auto& action : this->recorded_.desired_actions) robot.append_desired_action(action);
   clock.run_free();
   for (TimeIndex t = 0; t < kSteps; ++t) {
@@ -269,7 +269,7 @@ TYPED_TEST(ReplayTest, OffersTheSameSessionAsTheRobot) {
                IncompatibleSession);
 }
 
-// --- Logs that are not whole
+// --- Incomplete logs
 
 class ReplayOfOdd : public ::testing::Test {
  protected:
@@ -315,7 +315,7 @@ TEST_F(ReplayOfOdd, TellsOfRejectedActionsLostFramesAndAgesAsRecorded) {
 TEST_F(ReplayOfOdd, RefusesAGapButTakesAPartWithoutOne) {
   const LoggedSession session = write(60, true);
   EXPECT_THROW(Replay{session}, NotInLog);
-  // The lamp was seen at step 59, which is not there, and then at step 62.
+  // The lamp was read at step 59, which is missing, and then at step 62.
   EXPECT_THROW(Replay(session, {.first = 60}), NotInLog);
   EXPECT_EQ(Replay(session, {.first = 62}).steps(), 38);
   EXPECT_EQ(Replay(session, {.last = 49}).steps(), 49);

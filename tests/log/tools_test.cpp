@@ -88,7 +88,7 @@ TEST(Recover, fault_24_MakesAWholeFileOfEveryDamagedOneAndWritesDownWhatIsMissin
     EXPECT_FALSE(report.is_whole());
     EXPECT_TRUE(check(folder / "b.mcap").is_whole());
 
-    // Written down, and not only found again.
+    // The gap is written down, and not only detected again.
     std::ptrdiff_t num_records = 0;
     const mcap::Reader recovered(folder / "b.mcap");
     for (const mcap::Metadata& record : recovered.contents().metadata) {
@@ -168,7 +168,7 @@ TEST(Copy, KeepsEverything) {
 TEST(Copy, TakesAPartInWhichEveryReadingIsKnown) {
   const Folder folder;
   const OddSession written = random_session(1, 200);
-  const OddSession other = random_session(1, 200, true, "other");  // at the same time
+  const OddSession other = random_session(1, 200, true, "other");  // at an overlapping time
   test::write_log(folder / "a.mcap", {random_session(0, 50), written, other});
   const Log log(folder / "a.mcap");
   std::mt19937 random(1);
@@ -195,7 +195,7 @@ TEST(Copy, TakesAPartInWhichEveryReadingIsKnown) {
       ASSERT_EQ(reading.has_value(), expected.has_value()) << t;
       EXPECT_TRUE(!expected || same_bytes(*reading, *expected)) << t;
     }
-    // Of the other robot what was at that time, give or take the lateness.
+    // The part contains the other robot's steps from that time, up to the lateness.
     const auto [other_first, other_end] = part.session("other").range(Series::kAppliedAction);
     EXPECT_LE(std::abs(other_first - first), 1);
     EXPECT_LE(std::abs(other_end - last), 1);
@@ -229,7 +229,7 @@ TEST(Copy, WritesSinglePrecisionWhereItIsAskedTo) {
   CopyOptions options;
   options.precision = Precision::kSingle;
   copy(Log(folder / "a.mcap"), folder / "b.mcap", options);
-  // The odd robot has no double: nothing is lost.
+  // The odd robot has no double numbers, so nothing is lost.
   EXPECT_EQ(Log(folder / "b.mcap").origin().at("precision"), "single");
   EXPECT_TRUE(test::is_true(test::read_steps(Log(folder / "b.mcap").session()), written));
 }

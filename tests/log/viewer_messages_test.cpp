@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What 3D viewers find in a log, and that no description of a robot hinders recording.
+// What 3D viewers find in a log. No description of a robot can prevent recording.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -86,7 +86,7 @@ SessionHeader arm_header(const std::string& frames, const std::string& urdf = kU
 
 constexpr std::size_t kSteps = 40;  // 0.4 s
 
-// The angles of step t are t / 100 and 1, or what `observe` says.
+// The angles of step t are t / 100 and 1, or what `observe` returns.
 template <class Observe>
 void write_arm_session(LogWriter& writer, const SessionHeader& header, const Observe& observe) {
   std::vector<OddAction> actions(kSteps);
@@ -125,7 +125,7 @@ struct Found {
   std::vector<std::byte> data;
 };
 
-// The messages of each topic.
+// Returns the messages of each topic.
 std::map<std::string, std::vector<Found>> messages_of(const ArmSink& sink) {
   mcap::Reader reader(mcap::open_memory(sink.bytes));
   std::map<std::string, std::vector<Found>> found;
@@ -185,11 +185,11 @@ TEST(ViewerMessages, SayAtTheirRateWhereAllLinksAre) {
     EXPECT_EQ(upper.numbers[2], 0.5);
     EXPECT_NEAR(upper.numbers[5], std::sin(0.05 * static_cast<double>(i)), 1e-4);
     EXPECT_NEAR(upper.numbers[6], std::cos(0.05 * static_cast<double>(i)), 1e-4);
-    // A quarter turn about x, and 1 rad more.
+    // A quarter turn about x, plus 1 rad.
     const Transform& lower = links.at("arm/lower");
     EXPECT_NEAR(lower.numbers[3], std::sin((std::acos(0.0) + 1) / 2), 1e-4);
     EXPECT_NEAR(lower.numbers[4], 0, 1e-4);
-    // Every fourth step sees the puck, two steps late; steps 0, 10, 20 and 30 are shown.
+    // The puck is seen in every fourth step, two steps late. Viewers get steps 0, 10, 20 and 30.
     const Transform& puck = links.at("arm/puck");
     const std::array<TimeIndex, 4> arrival{0, 8, 20, 28};
     EXPECT_EQ(puck.stamp, 1'000'000'000 + (arrival[i] - 2) * 10'000'000) << i;
@@ -260,7 +260,7 @@ TEST(ViewerMessages, LeaveOutNumbersThatAreNone) {
   EXPECT_TRUE(transforms_of(found.at("/arm/tf").at(2)).contains("arm/upper"));
 }
 
-// One strange line each.
+// Each case has one strange line.
 TEST(ViewerMessages, NoDescriptionHindersRecording) {
   for (const std::string line :
        {"turning base upper", "turning base upper 0 0 0 1 0 0 0 1 0 0 joint angle[2]",

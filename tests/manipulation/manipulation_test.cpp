@@ -52,7 +52,7 @@ TEST(Manipulation, LiftsAndPutsBack) {
   EXPECT_NEAR(height_of(simulation), 0.0325, 1e-3);
 }
 
-// Whether a tip is said to slip at any step of a lift.
+// Returns whether the controller reports a slipping tip at any step of a lift.
 bool is_felt_to_slip(double true_friction) {
   Trial trial = short_lift();
   trial.config.max_grasps = 1;
@@ -126,7 +126,7 @@ TEST(Manipulation, PutsTheObjectDownWhenItIsStopped) {
   }
 }
 
-// What a run has computed, to the last bit.
+// Returns everything that a run has computed, to be compared bit by bit.
 std::vector<double> numbers_of(const Trace& trace) {
   std::vector<double> numbers;
   for (const TraceStep& step : trace.steps) {
@@ -141,7 +141,7 @@ std::vector<double> numbers_of(const Trace& trace) {
   return numbers;
 }
 
-// The same robot behind threads and with a controller that is slow at random, and inline.
+// Runs the robot once with threads and a controller that is slow at random, and once inline.
 TEST(Manipulation, ComputesTheSameBitForBitHoweverLongItsStepsTake) {
   const Trial trial = varied(short_lift(), 7);
   const Trace inline_trace = run_on(Simulation<TriFinger>(trial.simulation), trial, {});

@@ -11,7 +11,7 @@ namespace {
 
 constexpr TimeIndex kSecond = 1000;
 
-// 1 s of each phase; the object is to stay at one place.
+// Makes a trace with 1 s of each phase. The object should stay at one place.
 Trace trace_of(const std::vector<std::pair<Phase, TimeIndex>>& phases) {
   Trace trace;
   trace.end = Phase::kDone;
@@ -76,7 +76,8 @@ TEST(Report, IgnoresWhatWasBeforeAndBehindTheTask) {
 TEST(Report, MeasuresDriftBetweenTheEndsOfHolding) {
   const Trace trace = trace_of(kLift);
   std::vector<SeenPose> poses = poses_at(trace, {});
-  // 1 mm/s: the means of the first and the last of four seconds are three seconds apart.
+  // The speed is 1 mm/s. The means of the first and the last of four seconds are three seconds
+  // apart.
   for (SeenPose& seen : poses) seen.pose.position.z() = 1e-6 * static_cast<double>(seen.step);
   EXPECT_NEAR(make_report(trace, poses).hold_drift, 3e-3, 1e-9);
 }

@@ -6,7 +6,7 @@
 namespace trifinger::test {
 namespace {
 
-// Of all tests of a program: the configurations are those of the source tree.
+// All tests of this program use the configurations of the source tree.
 class SourceConfigurations final : public ::testing::Environment {
  public:
   void SetUp() override { ::setenv("TRIFINGER_CONFIG_DIR", TRIFINGER_CONFIG_DIR, 1); }

@@ -41,7 +41,7 @@ void expect_no_jumps(const ObjectWay& way) {
   EXPECT_LT((before.pose.position - kStart.position).norm(), 1e-12);
   for (Seconds time = kStep; time < way.duration() + Seconds(0.1); time += kStep) {
     const Motion now = way.at(time);
-    // What it moves is what its velocity says.
+    // The motion between two points agrees with the velocity.
     const Eigen::Vector3d moved = now.pose.position - before.pose.position;
     const Eigen::Vector3d mean = (now.twist.linear + before.twist.linear) / 2 * kStep.count();
     ASSERT_LT((moved - mean).norm(), 1e-6) << time.count();

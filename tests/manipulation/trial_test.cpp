@@ -50,7 +50,7 @@ TEST(Trial, HoldsAgainstAPush) {
     pushed.push->after = control::Seconds(1);
     const auto report = run_trial(pushed).report;
     EXPECT_TRUE(report.is_done && report.grasps == 1) << text_of(report.failure);
-    // It was felt.
+    // The push had an effect.
     EXPECT_NE(report.position_rms, calm.position_rms);
   }
 }

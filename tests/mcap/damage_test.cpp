@@ -16,7 +16,7 @@
 namespace trifinger::mcap::test {
 namespace {
 
-// Bits to flip, over all parameters.
+// Number of bits to flip, in all parameters together.
 constexpr int kNumFlips = trifinger::test::kHasSanitizer ? 3'000 : 100'000;
 
 struct Case {
@@ -53,7 +53,7 @@ bool is_covered(const Contents& contents, std::uint64_t offset, std::uint64_t le
   });
 }
 
-// Takes `part` from the front of `whole`; false if it is not there.
+// Removes `part` from the front of `whole`. Returns false if it is not there.
 template <class T>
 bool take(std::vector<T>& whole, const std::vector<T>& part) {
   if (part.size() > whole.size() || !std::equal(part.begin(), part.end(), whole.begin())) {
@@ -104,13 +104,13 @@ TEST_P(FlippedBits, fault_25_CostTheRecordTheyAreInWhichIsNamedAndNothingElse) {
         ASSERT_TRUE(is_hit(place)) << "attachment " << k << " is missing";
         ASSERT_TRUE(is_covered(contents, place.offset, place.length));
       }
-      // Nothing is there that was not written.
+      // Nothing is found that was not written.
       ASSERT_EQ(found, Everything());
       ASSERT_EQ(contents.schemas, places.schemas);
       ASSERT_EQ(contents.channels, places.channels);
       if (GetParam().verify) {
-        // The texts of the header have a checksum only with all other data at the end, and now and
-        // then other compressed bytes mean the same.
+        // The texts of the header have a checksum only in the checksum of all data at the end.
+        // Also, some changed compressed bytes have an unchanged meaning.
         const bool is_in_header = flipped >= 8 && flipped < 35;
         const bool is_compressed = GetParam().compression != Compression::kNone &&
                                    std::ranges::any_of(places.chunks, [&](const auto& place) {
@@ -184,7 +184,7 @@ TEST(Damage, InTheTimesOfAChunkDoesNotCostItsMessages) {
   EXPECT_EQ(reader.contents().damage[0].offset, place.offset + 9);
 }
 
-// A loss of power may leave a file with its full size and zeros at its end.
+// After a loss of power, a file may have its full size and zeros at its end.
 TEST(Damage, AtTheEndIsCutOffAsIfItWereNotThere) {
   const Sample sample = make_sample(Compression::kZstd, false);
   Reader whole = read_bytes(sample.bytes);

@@ -78,7 +78,7 @@ TEST_F(FileSinkTest, LetsNobodyElseWriteMeanwhile) {
   EXPECT_NO_THROW(static_cast<void>(FileSink::resume(path_, 0)));
 }
 
-// The limit on the size of a file gives both a short write and a refusal.
+// The limit on the size of a file causes both a short write and a refusal.
 TEST_F(FileSinkTest, fault_22_LeavesTheSizeAsItWasWhenTheFileCannotGrow) {
   trifinger::test::ChildProcess child([this] {
     std::signal(SIGXFSZ, SIG_IGN);

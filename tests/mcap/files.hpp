@@ -47,7 +47,7 @@ class MemorySink final : public Sink {
   std::vector<std::byte> bytes_;
 };
 
-/// Counts what is read.
+/// Counts the bytes that are read.
 class CountingSource final : public Source {
  public:
   explicit CountingSource(std::span<const std::byte> bytes) : bytes_(open_memory(bytes)) {}
@@ -65,7 +65,7 @@ class CountingSource final : public Source {
   std::unique_ptr<Source> bytes_;
 };
 
-/// A message that owns its bytes and names its topic.
+/// A message that owns its bytes and contains its topic's name.
 struct StoredMessage {
   std::string topic;
   std::uint32_t sequence{0};
@@ -81,7 +81,7 @@ inline std::ostream& operator<<(std::ostream& stream, const StoredMessage& messa
                 << " bytes)";
 }
 
-/// All that a file is there for.
+/// Everything that a file should preserve.
 struct Everything {
   std::vector<StoredMessage> messages;
   std::vector<Metadata> metadata;
@@ -104,7 +104,7 @@ inline std::ostream& operator<<(std::ostream& stream, const Everything& everythi
           .data = {reinterpret_cast<const char*>(message.data.data()), message.data.size()}};
 }
 
-/// The messages of one chunk; none if it is damaged.
+/// Returns the messages of one chunk; none if it is damaged.
 [[nodiscard]] inline std::vector<StoredMessage> read_messages(Reader& reader, std::size_t chunk) {
   std::vector<StoredMessage> messages;
   if (const auto found = reader.read_chunk(chunk)) {
@@ -130,7 +130,7 @@ inline std::ostream& operator<<(std::ostream& stream, const Everything& everythi
   return Reader(open_memory(bytes), options);
 }
 
-/// Writes to a file and remembers what it has written.
+/// Writes to a file and remembers what was written.
 class RecordingWriter {
  public:
   explicit RecordingWriter(Writer& writer) noexcept : writer_(writer) {}
@@ -172,7 +172,7 @@ class RecordingWriter {
   Everything everything_;
 };
 
-/// A small file with something of everything.
+/// A small file with one of everything.
 struct Sample {
   std::vector<std::byte> bytes;
   Everything everything;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// fuzzer_seeds FOLDER: writes small files from which the fuzzer of the reader begins.
+// fuzzer_seeds FOLDER: writes small files with which the fuzzer of the reader begins.
 #include <cstdint>
 #include <cstdio>
 #include <exception>

@@ -24,7 +24,7 @@ using testing::HasSubstr;
 
 constexpr std::uint64_t kLimit = 1 << 20;
 
-// A file that begins well.
+// A file with a valid beginning.
 class HostileFile {
  public:
   HostileFile() {
@@ -32,7 +32,7 @@ class HostileFile {
     encoder.header("", "");
   }
 
-  // A chunk that says of itself what one likes.
+  // Adds a chunk whose header may contain anything.
   void add_chunk(Compression compression, std::span<const std::byte> records,
                  std::uint64_t uncompressed_size, std::uint32_t sum) {
     const std::size_t record = encoder.begin(Opcode::kChunk);
@@ -51,7 +51,7 @@ class HostileFile {
   [[nodiscard]] Reader read() const {
     return read_bytes(bytes.view(), {.max_record_size = kLimit});
   }
-  // The only damage, as it is known when the first chunk was read.
+  // Returns the only damage known after the first chunk was read.
   [[nodiscard]] std::string damage() const {
     Reader reader = read();
     if (!reader.contents().chunks.empty()) static_cast<void>(reader.read_chunk(0));
@@ -99,7 +99,7 @@ TEST_P(HostileChunk, fault_26_ThatBecomesLargerThanAllowedIsDamage) {
   HostileFile file;
   file.add_chunk(GetParam(), bomb, bomb.size(), checksum(bomb));
   EXPECT_THAT(file.damage(), HasSubstr("more than the 1048576 allowed"));
-  // The same with a lie.
+  // Now the header lies.
   HostileFile liar;
   liar.add_chunk(GetParam(), bomb, kLimit, checksum(bomb));
   EXPECT_NE(liar.damage(), "none");
@@ -205,7 +205,8 @@ TEST(HostileFiles, fault_26_CannotFillTheMemoryWithDamage) {
   EXPECT_EQ(damage.back().offset + damage.back().size, size);
 }
 
-// Every chunk of this index is the same one: a file of a few hundred bytes would be read for hours.
+// Every chunk in this index is one and the same: reading a file of a few hundred bytes would take
+// hours.
 TEST(HostileFiles, fault_26_CannotIndexAChunkTwice) {
   const Buffer records = some_message();
   HostileFile file;
@@ -248,7 +249,7 @@ TEST(HostileFiles, fault_26_CannotIndexAChunkTwice) {
   EXPECT_EQ(reader.read_chunk(0).value().size(), 1U);
 }
 
-// Wherever the reader looks for a lost thread, another chunk seems to begin.
+// Wherever the reader searches for the next record, another chunk seems to begin.
 TEST(HostileFiles, fault_26_CannotMakeTheSearchForAChunkEndless) {
   constexpr std::size_t kNumChunks = 20'000;
   HostileFile file;

@@ -27,7 +27,7 @@ bool ends_within(const Place& place, std::size_t size) {
   return place.offset + place.length <= size;
 }
 
-// What can be read of the first `size` bytes of a sample.
+// Returns what can be read from the first `size` bytes of a sample.
 Everything expected_of(Reader& whole, std::size_t size) {
   Everything everything;
   const Contents& contents = whole.contents();
@@ -85,7 +85,7 @@ TEST_P(Prefixes, fault_24_AreReadUpToTheLastWholeRecordAndTheLostBytesAreCounted
       } else {
         ASSERT_EQ(contents.damage.size(), 1U);
         ASSERT_EQ(contents.damage[0].offset + contents.damage[0].size, size);
-        // The mark at the beginning is whole before the header is.
+        // The magic bytes at the beginning are complete before the header is.
         ASSERT_LE(contents.damage[0].offset, std::max<std::uint64_t>(contents.complete_size, 8));
       }
       std::uint64_t count = 0;

@@ -65,8 +65,8 @@ void check_places(const Contents& contents, std::uint64_t size) {
   require(kept <= kMaxRecordSize, "no more is kept than allowed");
 }
 
-// Whoever walks through the file meets no chunk, metadata or attachment that the reader has kept
-// quiet about.
+// Goes through the file record by record: there must be no chunk, metadata or attachment that the
+// reader did not report.
 void check_nothing_is_hidden(const Contents& contents, std::span<const std::byte> file) {
   const auto is_at = [](std::uint64_t offset) {
     return [offset](const auto& place) { return place.offset == offset; };
@@ -147,7 +147,7 @@ void mend_footer(std::span<std::byte> file, std::size_t footer) {
       checksum(file.subspan(begin, footer + kChecksumOffset - begin)));
 }
 
-// Without this hardly anything would come past the checksums.
+// Without this, hardly any input would pass the checksums.
 void mend_checksums(std::span<std::byte> file) {
   for (std::size_t offset = kMagic.size(); file.size() - offset > kRecordHeaderSize;) {
     Decoder decoder(file.subspan(offset));
@@ -193,7 +193,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       require(!contents.damage.empty(), "what was cut off is named");
     }
 
-    // A summary is believed if its checksum is right.
+    // The reader trusts a summary if its checksum is right.
     if (verify || !contents.is_finished) check_nothing_is_hidden(contents, bytes);
 
     std::uint64_t sum = 0;
@@ -225,7 +225,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     }
     require(sum <= 255 * num_bytes, "all bytes can be read");
   } catch (const FormatError&) {
-    // It said so.
+    // The reader has reported that.
   }
   return 0;
 }

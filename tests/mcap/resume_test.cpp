@@ -16,7 +16,7 @@
 namespace trifinger::mcap::test {
 namespace {
 
-// Cuts the file, goes on with it, finishes it; returns what it has then been given.
+// Cuts the file, continues and finishes it. Returns what was written to it afterwards.
 Everything go_on(std::span<const std::byte> cut, MemorySink& sink) {
   Reader reader = read_bytes(cut);
   Everything everything = read_everything(reader);
@@ -39,7 +39,7 @@ Everything go_on(std::span<const std::byte> cut, MemorySink& sink) {
   return everything;
 }
 
-// The index must be as if the file had been written at one go, or viewers refuse it.
+// The index must be like that of a file written at once; otherwise viewers refuse the file.
 void expect_whole(const MemorySink& sink, const Everything& everything) {
   for (const bool verify : {false, true}) {
     Reader reader = read_bytes(sink.bytes(), {.verify = verify});
@@ -79,7 +79,7 @@ TEST(Resuming, CanBeDoneAgainAndAgain) {
   Everything everything;
   std::vector<std::byte> bytes = sample.bytes;
   for (int i = 0; i < 5; ++i) {
-    // Half of the summary, and so all of it, is lost each time.
+    // Half of the summary is cut off each time, so all of it is lost.
     MemorySink sink;
     everything = go_on(bytes, sink);
     expect_whole(sink, everything);

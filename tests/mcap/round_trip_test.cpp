@@ -16,7 +16,7 @@
 namespace trifinger::mcap::test {
 namespace {
 
-// What somebody does with a writer.
+// One operation on a writer.
 struct Action {
   enum class Kind { kMessage, kMetadata, kAttachment, kFlush };
 
@@ -138,7 +138,7 @@ TEST(RoundTrip, TellsTheTimesAndChannelsOfEachChunk) {
   }));
 }
 
-// fault_23
+// fault_23: refusals of the sink do not change the bytes.
 TEST(RoundTrip, fault_23_WritesTheSameBytesHoweverOftenTheSinkRefusesThem) {
   EXPECT_TRUE(rc::check([](bool finishes) {
     const WriterOptions options = any_options();
@@ -161,7 +161,7 @@ TEST(RoundTrip, fault_23_WritesTheSameBytesHoweverOftenTheSinkRefusesThem) {
     std::size_t num_appends = 0;
     bad.before_append = [&] {
       ++num_appends;
-      // The first one writes the header.
+      // The first append writes the header.
       if (num_appends > 1 && num_appends < refusals.size() && refusals[num_appends]) {
         throw SystemError("write to a log", ENOSPC);
       }
@@ -178,7 +178,7 @@ TEST(RoundTrip, fault_23_WritesTheSameBytesHoweverOftenTheSinkRefusesThem) {
   }));
 }
 
-// fault_22: who goes on without trying again loses nothing either.
+// fault_22: nothing is lost either if the caller continues without trying again.
 TEST(RoundTrip, fault_22_LosesNothingIfMessagesFollowAFlushThatFailed) {
   EXPECT_TRUE(rc::check([] {
     MemorySink sink;

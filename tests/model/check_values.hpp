@@ -3,8 +3,8 @@
 
 #include <array>
 
-// Poses and the tips and Jacobians that belong to them, computed from the published robot
-// descriptions and printed to six decimals. Each row serves the single finger and the three
+// Poses with the tips and Jacobians that belong to them. They were computed from the published
+// robot descriptions and printed to six decimals. Each row is for the single finger and the three
 // fingers.
 namespace trifinger::test {
 

@@ -58,7 +58,7 @@ class RandomPoses {
  public:
   explicit RandomPoses(const RobotDescription& description) : figures_(figures(description)) {}
 
-  // Every joint anywhere within its hard limits.
+  // Returns every joint at a random place within its hard limits.
   JointValues next(int fingers) {
     JointValues position(3 * fingers);
     for (int i = 0; i < position.size(); ++i) {
@@ -155,7 +155,7 @@ TEST(FingerAzimuth, IsWhereTheStretchedFingerPoints) {
   for (const RobotDescription& description : test::all_robots()) {
     SCOPED_TRACE(test::label(description));
     const Kinematics kinematics(description);
-    // Lifted by joint 1, the finger points away from its base, on whichever side that is.
+    // When joint 1 lifts the finger, it points away from its base, on either side.
     const double sign = description.variant == Variant::kOne ? -1.0 : 1.0;
     for (int finger = 0; finger < kinematics.num_fingers(); ++finger) {
       JointValues hanging = JointValues::Zero(kinematics.num_joints());
@@ -285,17 +285,17 @@ TEST(MassMatrix, IsThatOfThePublishedInertias) {
     SCOPED_TRACE(label(check.robot));
     RobotDescription robot = check.robot;
     robot.actuator = actuator(robot);
-    robot.actuator->rotor_inertia = 0;  // The published figures have none.
+    robot.actuator->rotor_inertia = 0;  // The published figures have no rotor inertia.
     Kinematics kinematics(robot);
     kinematics.update(repeated(check.position, kinematics.num_fingers()));
     JointMatrix mass = kinematics.mass_matrix();
     if (robot.variant == Variant::kEdu) {
-      // Our lower link is not infinitely thin: 2e-6 about its own axis, of which joint 0 feels this
-      // part.
+      // Our lower link is not infinitely thin: it has 2e-6 about its own axis. Joint 0 feels this
+      // part of it.
       const double lean = std::sin(check.position[1] + check.position[2]);
       mass(0, 0) -= 2e-6 * lean * lean;
     }
-    // Printed to seven digits.
+    // The figures are printed to seven digits.
     const auto expect = [&](int row, int column, double printed) {
       EXPECT_NEAR(mass(row, column), printed, 0.5e-6 * std::abs(printed) + 1e-9);
     };
@@ -331,7 +331,7 @@ TEST(MassMatrix, IsSymmetricPositiveAndCarriesTheRotorsOnItsDiagonal) {
   }
 }
 
-// Potential energy of all bodies [J], from where MuJoCo says that their centres of mass are.
+// Potential energy of all bodies [J], from the centres of mass in MuJoCo.
 class PotentialEnergy {
  public:
   explicit PotentialEnergy(const RobotDescription& robot)
@@ -391,7 +391,8 @@ TEST(BiasTorques, AreThoseOfLagrangesEquations) {
         kinematics.update(pose);
         return kinematics.mass_matrix();
       };
-      // d/dt (M v) at constant v, less the derivative of the kinetic energy by the pose.
+      // d/dt (M v) at constant v, minus the derivative of the kinetic energy with respect to the
+      // pose.
       JointValues expected =
           (mass_at(position + kStep * velocity) - mass_at(position - kStep * velocity)) /
           (2 * kStep) * velocity;
@@ -451,7 +452,7 @@ TEST(BiasTorques, KeepTheEnergyOfAFreeMotion) {
     JointValues position = repeated({0.2, 0.5, -1.2}, kinematics.num_fingers());
     JointValues velocity = repeated({2, -1, 3}, kinematics.num_fingers());
     const double before = energy(position, velocity);
-    for (int i = 0; i < 1000; ++i) {  // Runge and Kutta's method of fourth order.
+    for (int i = 0; i < 1000; ++i) {  // Fourth-order Runge-Kutta method.
       const JointValues a1 = acceleration(position, velocity);
       const JointValues v2 = velocity + kStep / 2 * a1;
       const JointValues a2 = acceleration(position + kStep / 2 * velocity, v2);
@@ -479,7 +480,7 @@ TEST(InverseKinematics, FindsThePoseThatItIsNear) {
         const FingerPose found =
             kinematics.inverse_kinematics(finger, tips.segment<3>(3 * finger), wanted);
         ASSERT_EQ(found.reach, Reach::kYes) << label(robot) << ' ' << wanted.transpose();
-        // Near a stretched finger, rounding of the tip is worth its root in the knee.
+        // Near a stretched finger, a rounding error of the tip becomes its square root in the knee.
         EXPECT_LT((found.position - wanted).norm(), 1e-6)
             << label(robot) << ' ' << wanted.transpose();
       }
@@ -520,9 +521,9 @@ TEST(InverseKinematics, BringsTheTipToEveryPointThatItCallsReachable) {
 TEST(InverseKinematics, SaysWhyAPointIsOutOfReach) {
   Kinematics kinematics;
   EXPECT_EQ(kinematics.inverse_kinematics(0, {0, 1, 0.1}).reach, Reach::kTooFar);
-  // On the joint-0 axis: the tip of an Edu finger is always 59 mm away from it.
+  // The point lies on the joint-0 axis: the tip of an Edu finger is always 59 mm away from it.
   EXPECT_EQ(kinematics.inverse_kinematics(0, {0, 0.1, 0.283}).reach, Reach::kTooClose);
-  // Above the finger base.
+  // The point lies above the finger base.
   EXPECT_EQ(kinematics.inverse_kinematics(0, {0, 0.05, 0.55}).reach, Reach::kOutsideLimits);
 }
 

@@ -95,7 +95,7 @@ TEST(CameraFigures, LookAtTheTableWhereTheCalibrationSaysTheyDo) {
   for (std::size_t i = 0; i < 3; ++i) {
     const CameraFigures& camera = camera_figures()[i];
     SCOPED_TRACE(camera.name);
-    // The table prints 0.1 mm; the stored rotation itself is good to 1e-5.
+    // The table is printed to 0.1 mm. The stored rotation itself is accurate to 1e-5.
     const double scale = -camera.position[2] / camera.rotation[8];
     EXPECT_NEAR(camera.position[0] + scale * camera.rotation[2], kHits[i][0], 1e-4);
     EXPECT_NEAR(camera.position[1] + scale * camera.rotation[5], kHits[i][1], 1e-4);

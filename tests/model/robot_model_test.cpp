@@ -234,7 +234,7 @@ TEST(RobotModel, KeepsObjectsInsideTheBoundary) {
     for (double azimuth = 0; azimuth < 6.28; azimuth += 0.31) {
       const Data data = initial_data(model);
       const ObjectAddress& ball = model.object("ball");
-      // On the floor, under the fingers, at half a metre per second.
+      // The ball rolls on the floor, under the fingers, at half a metre per second.
       data->qvel[ball.velocity] = 0.5 * std::cos(azimuth);
       data->qvel[ball.velocity + 1] = 0.5 * std::sin(azimuth);
       double furthest = 0;
@@ -254,7 +254,7 @@ TEST(RobotModel, KeepsObjectsInsideTheBoundary) {
 TEST(RobotModel, HasRoomForManyMoreContactsThanAHeapOfObjectsMakes) {
   const RobotModel model({.objects = {cube(), cuboid(), stick(), ball()}});
   const Data data = initial_data(model);
-  // Above each other, in the middle of the fingers.
+  // The objects lie above each other, between the fingers.
   double height = 0.04;
   for (const ObjectDescription& object : model.description().objects) {
     double* const position = data->qpos + model.object(object.name).position;
@@ -262,7 +262,7 @@ TEST(RobotModel, HasRoomForManyMoreContactsThanAHeapOfObjectsMakes) {
     position[2] = height;
     height += 0.04;
   }
-  // Inwards and down.
+  // The fingers move inwards and down.
   const std::vector<double> target{0, 0, -2.7, 0, 0, -2.7, 0, 0, -2.7};
   int contacts = 0;
   for (int step = 0; step < 2000; ++step) {
@@ -275,13 +275,13 @@ TEST(RobotModel, HasRoomForManyMoreContactsThanAHeapOfObjectsMakes) {
 }
 
 TEST(RobotModel, KeepsTipsInsideTheBoundary) {
-  // Outside the wall and low enough to meet it, for each variant.
+  // The object is outside the wall and low enough to meet it, for each variant.
   for (const Variant variant : test::kVariants) {
     const double outward = variant == Variant::kOne ? -0.785 : 0.785;
     std::vector<double> target;
     for (int finger = 0; finger < 3; ++finger) target.insert(target.end(), {0, outward, 0});
     for (const bool boundary : {true, false}) {
-      // Raised, so that the tips do not meet the table on their way.
+      // The fingers are raised, so that the tips do not meet the table on their way.
       const RobotModel model({.variant = variant,
                               .finger_height = variant_figures(variant).finger_height + 0.03,
                               .boundary = boundary,
@@ -385,7 +385,7 @@ TEST(SurfacePairs, AreNotInTheModelUnlessTheirFrictionIsGiven) {
   EXPECT_EQ(static_cast<int>(model.mujoco()->npair), 3 + 1);
 }
 
-// Contacts of everything with everything, in a heap.
+// Tests contacts of everything with everything, in a heap.
 TEST(SurfacePairs, HaveTheFrictionThatIsGivenAndNothingElseOfTheirOwn) {
   for (RobotDescription robot : test::all_robots()) {
     const RobotModel usual(robot);
@@ -398,7 +398,7 @@ TEST(SurfacePairs, HaveTheFrictionThatIsGivenAndNothingElseOfTheirOwn) {
     const bool meets_all = robot.arrangement == Arrangement::kTriFinger && !robot.flipped;
     const auto is_missing = [&] { return meets_all && seen.size() < kNumSurfacePairs; };
     for (int trial = 0; trial < 2000 || (is_missing() && trial < 100'000); ++trial) {
-      // Anywhere: nothing is simulated.
+      // The poses are arbitrary, because nothing is simulated.
       for (int i = 0; i < static_cast<int>(usual.mujoco()->nq); ++i)
         of_usual->qpos[i] = std::uniform_real_distribution<double>(-1.5, 1.5)(random);
       for (const ObjectAddress& object : usual.objects())

@@ -12,7 +12,7 @@ inline constexpr Variant kVariants[] = {Variant::kEdu, Variant::kPro, Variant::k
 inline constexpr Arrangement kArrangements[] = {Arrangement::kTriFinger,
                                                 Arrangement::kSingleFinger};
 
-/// Every variant, in both arrangements, upright and flipped, each with four objects.
+/// Returns every variant, in both arrangements, upright and flipped, each with four objects.
 inline std::vector<RobotDescription> all_robots() {
   std::vector<RobotDescription> robots;
   for (const Variant variant : kVariants)

@@ -84,7 +84,7 @@ TEST(ManualClock, LetsEveryPeriodDoItsWorkBeforeTheNext) {
     clock.sleep_until(start + hours(1));
   });
   clock.tick(milliseconds(1), 100);
-  // The sleeper sleeps again, so what it wrote is here.
+  // The sleeper sleeps again, so everything that it wrote is visible here.
   EXPECT_EQ(wakes.size(), 100U);
   for (std::size_t i = 0; i < wakes.size(); ++i) {
     EXPECT_EQ(wakes[i], start + static_cast<int>(i + 1) * milliseconds(1));

@@ -27,8 +27,8 @@
 namespace trifinger {
 namespace {
 
-// What a thread asks for, in a thread of its own: the rest of the program stays as it is. Memory is
-// not locked there, since a sanitizer's shadow would have to be locked as well.
+// Asks for real time in a separate thread, so that the rest of the program stays unchanged. Memory
+// is not locked there, because a sanitizer's shadow would have to be locked as well.
 struct Answer {
   std::vector<std::string> refused;
   std::string error;
@@ -48,7 +48,7 @@ Answer ask(const RealtimeOptions& options) {
   return answer;
 }
 
-// No machine has it.
+// No machine can grant these options.
 constexpr RealtimeOptions kImpossible{
     .priority = 1000, .lock_memory = false, .heap = 0, .keep_cpus_awake = false};
 
@@ -105,7 +105,7 @@ TEST(EnterRealtime, EitherHasThePriorityOrSaysThatItHasNot) {
   return usage.ru_minflt;
 }
 
-// In a process of its own: a heap that was filled once stays so.
+// A separate process, because a heap that was filled once stays filled.
 TEST(EnterRealtime, fault_57_TheHeapThatWasAskedForIsThereBeforeItIsUsed) {
   if (test::kHasSanitizer) GTEST_SKIP() << "a sanitizer has a heap of its own";
   test::ChildProcess child([] {
@@ -121,7 +121,7 @@ TEST(EnterRealtime, fault_57_TheHeapThatWasAskedForIsThereBeforeItIsUsed) {
         std::free(block);
       }
       const long faults = page_faults() - before;
-      // What malloc itself notes down may be in a page of its own.
+      // The bookkeeping of malloc may be in a page of its own.
       code = faults <= 2 ? 0 : 2;
     }).join();
     return code;
@@ -129,7 +129,7 @@ TEST(EnterRealtime, fault_57_TheHeapThatWasAskedForIsThereBeforeItIsUsed) {
   EXPECT_EQ(child.wait(), 0);
 }
 
-// The text behind `name` in /proc/self/status.
+// Returns the text after `name` in /proc/self/status.
 [[nodiscard]] std::string own_status(std::string_view name) {
   std::ifstream file("/proc/self/status");
   for (std::string line; std::getline(file, line);) {
@@ -145,7 +145,7 @@ TEST(EnterRealtime, fault_57_AllMemoryIsLockedWhereThatIsAllowed) {
     const std::vector<std::string> refused =
         enter_realtime({.priority = 1, .keep_cpus_awake = false});
     for (const std::string& sentence : refused) {
-      // A container may have taken the right away.
+      // A container may have removed this right.
       if (sentence.find("memory") != std::string::npos) return 77;
     }
     return std::stol(own_status("VmLck:")) > 0 ? 0 : 1;
@@ -158,7 +158,7 @@ TEST(EnterRealtime, fault_57_AllMemoryIsLockedWhereThatIsAllowed) {
 // --- Without rights
 // --------------------------------------------------------------------------------------
 
-// Becomes a user who may have a real-time priority up to this one, and nothing else.
+// Becomes a user who may have a real-time priority up to `priority`, and nothing else.
 void become_nobody_without_rights(rlim_t priority) {
   const rlimit highest{.rlim_cur = priority, .rlim_max = priority};
   const rlimit little{.rlim_cur = 64U << 10U, .rlim_max = 64U << 10U};
@@ -168,8 +168,8 @@ void become_nobody_without_rights(rlim_t priority) {
   test::become_nobody();
 }
 
-// What nobody is told. The sentences come out of the child as its exit code: a bit for each that
-// was found, and one for every other.
+// What a user without rights is told. The child returns the sentences as its exit code: one bit for
+// each expected sentence, and one for any other.
 class Nobody {
  public:
   static constexpr int kPriority = 1;
@@ -201,7 +201,7 @@ class Nobody {
   }
 
  private:
-  // Each with what was refused, why, and the remedy.
+  // Each sentence says what was refused, why, and the remedy.
   [[nodiscard]] static int kind_of(const std::string& sentence) {
     const auto has = [&sentence](std::string_view text) {
       return sentence.find(text) != std::string::npos;
@@ -210,8 +210,8 @@ class Nobody {
     if (has("no real-time priority 80: Operation not permitted") && has("'rtprio 99'")) {
       return kPriority;
     }
-    if (has("its watchdog cannot be above the loop: no real-time priority 81: Operation not") &&
-        has("or take a lower one")) {
+    if (has("its watchdog cannot have a higher priority than the loop: ") &&
+        has("no real-time priority 81: Operation not") && has("or choose a lower priority")) {
       return kWatchdog;
     }
     if (has("memory is not locked: the limit is 64 KiB") && has("'memlock unlimited'")) {
@@ -227,16 +227,16 @@ TEST(EnterRealtime, fault_58_WithoutPermissionItGoesOnAndSaysWhatToDoInALineEach
   EXPECT_EQ(Nobody::ask(Demand::kTry), Nobody::kPriority | Nobody::kMemory | Nobody::kCpus);
 }
 
-// Otherwise nobody would see a driver that hangs, and nobody would know that.
+// Without this message, nobody would know that a hanging driver stays undetected.
 TEST(EnterRealtime, fault_58_WithoutAPriorityForItsWatchdogItSaysSo) {
-  // There is none above.
+  // There is no priority above.
   const Answer answer =
       ask({.priority = 99, .lock_memory = false, .heap = 0, .keep_cpus_awake = false});
   ASSERT_THAT(answer.refused, ::testing::SizeIs(1));
   EXPECT_THAT(answer.refused[0],
               ::testing::HasSubstr(answer.policy == SCHED_FIFO
-                                       ? "its watchdog cannot be above the loop: no real-time "
-                                         "priority 100"
+                                       ? "its watchdog cannot have a higher priority than the "
+                                         "loop: no real-time priority 100"
                                        : "no real-time priority 99"));
 }
 
@@ -285,7 +285,7 @@ TEST(EnterRealtime, fault_58_WhereNothingIsAskedForNothingIsSaid) {
 // --- Processors that stay awake
 // ---------------------------------------------------------------------------------
 
-// How many descriptors of this process keep processors awake.
+// Returns the number of descriptors with which this process keeps processors awake.
 [[nodiscard]] int awake_files() {
   int count = 0;
   for (const auto& entry : std::filesystem::directory_iterator("/proc/self/fd")) {
@@ -312,7 +312,7 @@ TEST(EnterRealtime, KeepsProcessorsAwakeAsLongAsTheThreadLives) {
 TEST(EnterRealtime, fault_64_AForkedChildKeepsNoProcessorAwake) {
   if (::access("/dev/cpu_dma_latency", W_OK) != 0) GTEST_SKIP() << "not allowed here";
   test::ChildProcess child([] {
-    // In a process of its own, whose only thread forks.
+    // The only thread of a separate process forks.
     enter_realtime({.priority = 1, .lock_memory = false, .heap = 0});
     test::ChildProcess grandchild([] { return awake_files(); });
     return awake_files() == 1 ? grandchild.wait() : 2;

@@ -7,7 +7,7 @@
 
 namespace trifinger::test {
 
-/// The driver as the back-end calls it, without the back-end's own limits.
+/// Calls the driver like the back-end, without the back-end's own limits.
 template <class R>
 class BareDriver {
  public:
@@ -28,7 +28,7 @@ class BareDriver {
     }
     return {};
   }
-  /// Back to the beginning.
+  /// Returns to the beginning.
   void reset() {
     robot.reset();
     (void)robot.get_latest_observation(observation);

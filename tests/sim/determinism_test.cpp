@@ -54,7 +54,7 @@ using Transports = testing::Types<Inline, InProcess, AcrossProcesses>;
 TYPED_TEST_SUITE(Determinism, Transports, Names);
 
 TYPED_TEST(Determinism, GivesTheSameSeriesBitForBitWhateverTheDelays) {
-  // Random sleeps in the back-end; the user sleeps, too.
+  // The back-end sleeps at random; the user sleeps, too.
   typename TypeParam::template Rig<NoisyTriFinger> rig(
       {.session = {.history = 2048}, .injection = {.delay_seed = 5}});
   Frontend<TriFinger> robot = rig.connect();
@@ -71,7 +71,7 @@ TYPED_TEST(Determinism, GivesTheSameSeriesBitForBitWhateverTheDelays) {
 }
 
 TEST(SimulatedRobot, MovesTheCubeInTheseTests) {
-  // Otherwise the others would not see contacts.
+  // The recording must contain contacts, because otherwise the other tests would not cover them.
   const Recording<TriFinger> recording = reference(noisy_options());
   const auto& position = recording.cube.back().cube.position;
   EXPECT_GT(std::hypot(position[0], position[1]), 0.01);

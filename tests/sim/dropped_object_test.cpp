@@ -12,14 +12,14 @@
 
 #include "trifinger/sim/simulation.hpp"
 
-// What is dropped on the table: docs/simulation.md has the figures.
+// Objects that are dropped on the table. docs/simulation.md has the figures.
 namespace trifinger::test::dropped {
 namespace {
 
 constexpr double kGravity = 9.81;
 constexpr double kStep = 1e-3;
 
-// Where nothing but the table is [m].
+// A place with nothing but the table [m].
 constexpr double kAside = 0.6;
 
 double height_below_centre(const ObjectDescription& object, const Eigen::Matrix3d& rotation) {
@@ -48,17 +48,17 @@ Eigen::Matrix3d rotation_of(const ObjectPose& pose) {
   return Eigen::Quaterniond(w, x, y, z).toRotationMatrix();
 }
 
-// How far below the table its lowest point is [m].
+// Returns how far the object's lowest point is below the table [m].
 double depth(const ObjectDescription& object, const ObjectPose& pose) {
   return height_below_centre(object, rotation_of(pose)) - pose.position[2];
 }
 
 struct Drop {
   double fall;        // Time until it touches the table [s].
-  double fastest;     // What any of its points may have reached [m/s].
-  double sink;        // The deepest that was seen in any step [m].
-  double rest_after;  // When it was seen to move for the last time [s].
-  double rest_depth;  // At the end [m].
+  double fastest;     // Bound on the speed of any of its points [m/s].
+  double sink;        // Largest depth in any step [m].
+  double rest_after;  // Time of its last visible motion [s].
+  double rest_depth;  // Depth at the end [m].
 };
 
 // A table with one object, far from the fingers.
@@ -67,7 +67,7 @@ class Table {
   explicit Table(ObjectDescription object)
       : object_(std::move(object)), simulation_(options_with(object_)) {}
 
-  // Lets go of it with its lowest point at `height` [m], and watches it for a while.
+  // Releases it with its lowest point at `height` [m], and observes it for a while.
   [[nodiscard]] Drop drop(double height, const Eigen::Quaterniond& orientation) const {
     const double centre = height + height_below_centre(object_, orientation.toRotationMatrix());
     SimulatedRobot<TriFinger>& driver = simulation_.robot();
@@ -104,7 +104,7 @@ class Table {
     return options;
   }
 
-  // What any of its points may have now [m/s].
+  // Returns a bound on the present speed of any of its points [m/s].
   [[nodiscard]] double largest_speed() const {
     const RobotModel& model = simulation_.robot().model();
     const std::vector<double> state = simulation_.robot().configuration();
@@ -119,7 +119,7 @@ class Table {
   Simulation<TriFinger> simulation_;
 };
 
-// Where in a step an object lands differs from each to the next.
+// At each height, the object lands at a different time within a step.
 constexpr double kHeights[] = {0.004, 0.0113, 0.0206, 0.0304, 0.0425, 0.0552};
 
 const Eigen::Quaterniond kFlat = Eigen::Quaterniond::Identity();
@@ -156,7 +156,7 @@ TEST(DroppedObject, RestsSoonAfterItHasLandedFlat) {
   }
 }
 
-// The drop that showed what was wrong: 7 mm and 245 ms with MuJoCo's default contact.
+// This drop showed the problem: 7 mm and 245 ms with MuJoCo's default contact.
 TEST(DroppedObject, FromNineCentimetresSinksByLessThanAThirdOfAMillimetre) {
   const Drop seen = Table(cube()).drop(0.09 - 0.0325, kFlat);
   EXPECT_LT(seen.sink, 3e-4);

@@ -11,14 +11,14 @@
 #include "trifinger/core/errors.hpp"
 #include "trifinger/sim/simulation.hpp"
 
-// What a simulated robot says of itself when a session ends.
+// What a simulated robot says about the end of a session.
 
 namespace trifinger::test {
 namespace {
 
 using ::testing::HasSubstr;
 
-// What a user reads who appends `action` until the session has ended.
+// Returns the text that a user gets who appends `action` until the session has ended.
 template <class R>
 std::string end_of(const Simulation<R>& simulation, const typename R::Action& action) {
   auto robot = simulation.connect();
@@ -82,7 +82,7 @@ TEST(OwnCheck, fault_63_ThatIsInterruptedEndsTheSessionWithoutAFault) {
     if (is_interrupted) throw Interrupted("Ctrl-C");
   });
   EXPECT_THAT(end_of(simulation, {}), HasSubstr("let go at step 0 without finish()"));
-  // Nobody needs to recover anything.
+  // There is nothing to recover.
   is_interrupted = false;
   auto robot = simulation.connect();
   static_cast<void>(robot.get_status(robot.append_desired_action({})));

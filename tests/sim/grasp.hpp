@@ -13,17 +13,18 @@
 
 namespace trifinger::test {
 
-/// Three tips that hold the cube in the air: two on opposite faces, one on a face between. Each tip
-/// is a spring about the point where it began, with a force towards the cube.
+/// Three tips that hold the cube in the air: two on opposite faces, one on a face between them.
+/// Each tip is a spring about its starting point, plus a force towards the cube.
 class Grasp {
  public:
-  static constexpr double kHeight = 0.10;      ///< Of the cube [m].
-  static constexpr double kSqueeze = 1.5;      ///< Of the two opposite tips [N].
-  static constexpr double kAside = 0.4;        ///< Of the third tip [N].
-  static constexpr double kStiffness = 200.0;  ///< Of a tip [N/m].
+  static constexpr double kHeight = 0.10;      ///< Height of the cube [m].
+  static constexpr double kSqueeze = 1.5;      ///< Force of the two opposite tips [N].
+  static constexpr double kAside = 0.4;        ///< Force of the third tip [N].
+  static constexpr double kStiffness = 200.0;  ///< Stiffness of a tip [N/m].
   static constexpr double kDamping = 2.0;      ///< [Ns/m]
 
-  /// `fingers` says which finger is on the faces +x, -x and +y of the cube, turned by `yaw` [rad].
+  /// `fingers` says which finger is on the faces +x, -x and +y of the cube, which is turned by
+  /// `yaw` [rad].
   Grasp(const RobotDescription& description, double yaw, const std::array<int, 3>& fingers)
       : kinematics_(description), yaw_(yaw) {
     const double half = description.objects.at(0).size[0] / 2;
@@ -36,7 +37,7 @@ class Grasp {
       const Eigen::Vector3d normal = turn * faces[i];
       tips_[finger] = Eigen::Vector3d(0, 0, kHeight) + (half + radius) * normal;
       forces_[finger] = -(i < 2 ? kSqueeze : kAside) * normal;
-      // The weight.
+      // This force carries the weight.
       forces_[finger].z() += description.objects[0].mass * 9.81 / 3;
       const FingerPose pose = kinematics_.inverse_kinematics(fingers[i], tips_[finger]);
       can_be_reached_ &= static_cast<bool>(pose);
@@ -70,7 +71,7 @@ class Grasp {
     return action;
   }
 
-  /// Where the cube is relative to the middle of the tips [m].
+  /// Returns where the cube is relative to the middle of the tips [m].
   [[nodiscard]] Eigen::Vector3d cube_relative_to_tips(const SimulatedRobot<TriFinger>& robot,
                                                       const TriFinger::Observation& observation) {
     kinematics_.update(joint_values(observation.position));

@@ -18,15 +18,15 @@ constexpr std::array<int, 3> kFingersOnFaces{0, 1, 2};
 double radians(double degrees) { return degrees * std::numbers::pi / 180; }
 
 struct Hold {
-  double creep;   // of the cube relative to the tips, from second 1 to second 15 [m]
-  double height;  // of the cube at the end [m]
+  double creep;   // drift of the cube relative to the tips, from second 1 to second 15 [m]
+  double height;  // height of the cube at the end [m]
   std::array<double, 3> tip_force;
 };
 
 Hold hold_for_15_seconds(double yaw, std::optional<double> impratio = {}) {
   const Simulation<TriFinger> simulation;
   SimulatedRobot<TriFinger>& driver = simulation.robot();
-  // Only here: to see what another setting would do.
+  // Only this test changes the setting, to see what another one would do.
   if (impratio) const_cast<mjModel*>(driver.model().mujoco())->opt.impratio = *impratio;
 
   Grasp grasp(driver.options().description, yaw, kFingersOnFaces);
@@ -50,7 +50,7 @@ TEST(Grasp, HoldsTheCubeForFifteenSeconds) {
     const Hold hold = hold_for_15_seconds(radians(degrees));
     EXPECT_LT(hold.creep, 1e-3) << degrees;
     EXPECT_NEAR(hold.height, Grasp::kHeight, 3e-3) << degrees;
-    // The springs take a little away.
+    // The springs reduce the force a little.
     EXPECT_NEAR(hold.tip_force[0], Grasp::kSqueeze, 0.15) << degrees;
     EXPECT_NEAR(hold.tip_force[1], Grasp::kSqueeze, 0.15) << degrees;
     EXPECT_GT(hold.tip_force[2], 0.1) << degrees;
@@ -59,7 +59,7 @@ TEST(Grasp, HoldsTheCubeForFifteenSeconds) {
   }
 }
 
-// What docs/decisions/contact_settings.md chose, and why.
+// docs/decisions/contact_settings.md explains this choice.
 TEST(Grasp, WouldCreepWithOtherContactSettings) {
   const double chosen = hold_for_15_seconds(radians(135)).creep;
   EXPECT_GT(hold_for_15_seconds(radians(135), 10).creep, 3 * chosen);

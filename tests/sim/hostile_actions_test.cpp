@@ -23,7 +23,7 @@
 namespace trifinger::test {
 namespace {
 
-// Steps of all cases together. In a build for debugging each takes ten times as long.
+// Number of steps of all cases together. In a debug build each step takes ten times as long.
 std::int64_t total_steps() {
 #ifdef NDEBUG
   return repetitions(1'000'000, 10'000'000);
@@ -32,9 +32,9 @@ std::int64_t total_steps() {
 #endif
 }
 
-// ---- who asks ----
+// ---- users ----
 
-// A user who does his worst, in one of several ways.
+// A hostile user, in one of several ways.
 template <class R>
 class Enemy {
  public:
@@ -58,7 +58,7 @@ class Enemy {
   }
   double sign() { return one_in(2) ? 1.0 : -1.0; }
 
-  // How torques at each joint accelerate each joint, at this pose.
+  // Returns how torques at each joint accelerate each joint, in this pose.
   Eigen::MatrixXd mobility(const Observation& y) {
     kinematics_.update(
         Eigen::Map<const Eigen::VectorXd>(y.position.data(), static_cast<int>(R::kJoints)));
@@ -70,7 +70,7 @@ class Enemy {
   Kinematics kinematics_;
 };
 
-// Everything that could be sent: numbers of every size, NaN, infinities, and now and then something
+// Sends all possible values: numbers of every size, NaN, infinities, and sometimes something
 // sensible.
 template <class R>
 class AtRandom final : public Enemy<R> {
@@ -96,7 +96,7 @@ class AtRandom final : public Enemy<R> {
   }
 };
 
-// All that the motors have, one way or the other, each joint changing its mind when it likes.
+// Uses all the torque of the motors in either direction. Each joint changes direction at random.
 template <class R>
 class BangBang final : public Enemy<R> {
  public:
@@ -113,7 +113,7 @@ class BangBang final : public Enemy<R> {
   JointVector<R::kJoints> torque_{};
 };
 
-// Swings up: torque along the velocity, and a push where there is none.
+// Swings up: the torque goes along the velocity. A joint without velocity gets a push.
 template <class R>
 class Resonant final : public Enemy<R> {
  public:
@@ -144,7 +144,7 @@ class Greedy final : public Enemy<R> {
       const auto finger = (step_ / kStepsPerVictim) % 3;
       if (step_ % kStepsPerVictim == 0) side_ = this->sign();
       for (std::size_t i = 0; i < R::kJoints; ++i) {
-        // The same joint of each finger.
+        // The corresponding joint of each finger.
         const auto joint = static_cast<Eigen::Index>(i);
         const auto victim = static_cast<Eigen::Index>(i / 3 * 3) + finger;
         torque_[i] = side_ * std::copysign(this->kHuge, mobility(victim, joint));
@@ -160,7 +160,7 @@ class Greedy final : public Enemy<R> {
   JointVector<R::kJoints> torque_{};
 };
 
-// ---- where ----
+// ---- places ----
 
 struct Scene {
   const char* name;
@@ -168,7 +168,7 @@ struct Scene {
   bool is_flipped{false};
   double raised_by{0.0};  // [m]
 };
-// Lower, the table is in the way of the fingers.
+// Further down, the table is in the way of the fingers.
 constexpr double kLow = -0.05;
 constexpr Scene kScenes[] = {
     {"Edu", Variant::kEdu},
@@ -198,7 +198,8 @@ SimulationOptions<R> options_in(const Scene& scene) {
   options.description.flipped = scene.is_flipped;
   options.description.objects.clear();
   options.description.finger_height = figures(options.description).finger_height + scene.raised_by;
-  // Bent, as on the platform: a finger that hangs straight down would begin in the table.
+  // The finger is bent, like on the platform: a finger that hangs straight down would begin in the
+  // table.
   const auto bent =
       figures(test::options_of<TriFinger>(scene.variant).description).initial_position;
   options.initial_position.emplace();
@@ -208,12 +209,12 @@ SimulationOptions<R> options_in(const Scene& scene) {
 
 // ---- what must hold ----
 
-// docs/safety.md names it: the speed that no joint reaches, whatever hits it [rad/s].
+// The speed that no joint reaches, whatever hits it: see docs/safety.md [rad/s].
 constexpr double kSpeedBound = 30.0;
 
 struct Figures {
   double beyond_soft{0.0};  // [rad]
-  double torque{0.0};       // as a part of the maximum
+  double torque{0.0};       // share of the maximum
   double speed{0.0};        // [rad/s]
   double margin{1.0};       // smallest thermal margin
   int hard_limits{0};       // stops
@@ -255,14 +256,14 @@ class HostileActions : public testing::TestWithParam<SceneAndKind> {
         const double beyond_hard =
             std::max(position - limits.hard_upper[i], limits.hard_lower[i] - position);
         is_beyond_hard = is_beyond_hard || beyond_hard > 0.0;
-        // Never further than one step leads from the bound.
+        // A joint is never further beyond its bound than one step can carry it.
         ASSERT_LE(beyond_hard, 1e-3 * kSpeedBound) << "joint " << i << ", step " << step;
         seen.torque = std::max(seen.torque, torque);
         seen.speed = std::max(seen.speed, speed);
         seen.beyond_soft = std::max(seen.beyond_soft, beyond);
         seen.margin = std::min(seen.margin, driver.applied.thermal_margin[i]);
       }
-      // Nothing but a hard limit stops the robot, and each of them does, at once.
+      // Only hard limits stop the robot, and each of them does so at once.
       const bool has_stopped = report.state == DriverReport::State::kFault;
       ASSERT_EQ(has_stopped, is_beyond_hard) << driver.robot.fault_text(report.fault_code);
       if (!has_stopped) continue;
@@ -275,8 +276,8 @@ class HostileActions : public testing::TestWithParam<SceneAndKind> {
         "%5.2f rad/s, thermal margin %.2f, %d hard limits\n",
         robot, scene.name, kKinds[kind_index], steps, seen.beyond_soft, seen.torque, seen.speed,
         seen.margin, seen.hard_limits);
-    // What a joint is pushed by may be stronger than its motor: the table, another finger, or the
-    // weight of a Pro on its head. It must remain an exception.
+    // Something stronger than its motor may push a joint: the table, another finger, or the weight
+    // of a Pro on its head. Such cases must remain exceptions.
     EXPECT_LT(seen.hard_limits, 1 + steps / 500);
   }
 };

@@ -27,10 +27,10 @@ namespace {
 using Traits = SimulatedRobotTraits<TriFinger>;
 using Robot = Frontend<TriFinger>;
 
-// A step that no session comes to.
+// A step that no session reaches.
 constexpr TimeIndex kNever = 1'000'000'000;
 
-// Any bits at all in every number.
+// Returns an action in which every number has random bits.
 TriFinger::Action random_bits(std::mt19937& random) {
   TriFinger::Action action;
   for (auto* const values :
@@ -42,7 +42,7 @@ TriFinger::Action random_bits(std::mt19937& random) {
   return action;
 }
 
-// Bounded by counts, so that slow machines do the same.
+// The attack is limited by counts, so that slow machines do the same.
 struct Attack {
   static constexpr int kSteps = 30;
   static constexpr int kScribbles = 300;
@@ -61,7 +61,7 @@ struct Attack {
   int bytes;
 };
 
-// Every step there is, as the back-end has written it.
+// Reads every step, as the back-end has written it.
 void expect_no_limit_broken(const Robot& observer, const JointLimits<9>& limits) {
   constexpr TimeIndex kKept = 4000;
   const TimeIndex steps = observer.session().info().steps;
@@ -99,20 +99,20 @@ TEST(HostileQueueOfASimulation, fault_29_RandomBytesBreakNoLimitAndTheNextSessio
       } catch (const RobotStopped& end) {
         return end.fault();
       } catch (const HistoryLost&) {
-        // The bytes made more actions than we did.
+        // The random bytes have made more actions than this test has appended.
       }
       return std::nullopt;
     }();
     stopped += fault ? 1 : 0;
     if (fault) {
-      // A fault of the user's, never of the robot, nor of its program.
+      // The fault must be the user's, never that of the robot or its program.
       EXPECT_NE(fault->code, Fault::Code::kDriver);
       EXPECT_NE(fault->code, Fault::Code::kBackendDied);
     }
     expect_no_limit_broken(observer, limits);
     if (HasFatalFailure()) return;
     robot.reset();
-    // Actions that were on their way may still end it by a fault, which only then can be cleared.
+    // Actions under way may still end the session by a fault. It can be cleared only after that.
     ASSERT_TRUE(fault_of([&] { return observer.get_status(kNever, kLong); }));
     recover("robot", kLong);
   }

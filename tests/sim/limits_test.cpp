@@ -36,7 +36,7 @@ TYPED_TEST(Limits, fault_11_SoftLimitsKeepTheJointOffTheHardOnes) {
     for (const double sign : {-1.0, 1.0}) {
       BareDriver<R> driver(options);
       typename R::Action action;
-      // As hard as can be, but with the default gains: users cannot override the push back.
+      // Pushes with full force, but with the default gains: users cannot override the push back.
       for (double& torque : action.torque) torque = sign * 1e3;
       const DriverReport report = driver.fault_after(action, 2000);
       EXPECT_EQ(report.state, DriverReport::State::kReady) << label(options) << ' ' << sign;
@@ -86,12 +86,12 @@ TYPED_TEST(Limits, fault_12_AHardLimitIsAFault) {
 
 // --- Divergence
 
-// A saved state with one speed of the cube beyond all measure.
+// Returns a saved state with one enormous speed of the cube.
 SimulationState tampered(SimulatedRobot<TriFinger>& robot, double speed) {
   const ObjectPose pose{.position = {0.05, 0.04, 0.0625}};
   robot.place_object("cube", pose);
   SimulationState state = robot.save();
-  // The pose is found by its bytes; the speeds stand behind all positions.
+  // The pose is found by its bytes. The speeds come after all positions.
   const auto* const bytes = reinterpret_cast<const std::byte*>(pose.position.data());
   const auto place = std::search(state.begin(), state.end(), bytes, bytes + sizeof(pose.position));
   EXPECT_NE(place, state.end());
@@ -120,7 +120,7 @@ TEST(Divergence, fault_61_IsAFaultWithTheStateBefore) {
 }
 
 TEST(Divergence, HappensAgainFromTheStateBefore) {
-  // The speed is such that it takes a few steps until numbers are no longer finite.
+  // With this speed, it takes a few steps until numbers are no longer finite.
   BareDriver<TriFinger> driver({});
   driver.robot.restore(tampered(driver.robot, 3e9));
   const DriverReport first = driver.fault_after({}, 1000);

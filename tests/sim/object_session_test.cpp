@@ -16,7 +16,7 @@ namespace {
 using testing::DoubleNear;
 using testing::ElementsAre;
 
-// What a reader knows of the cube at every step while the fingers stay where they are.
+// Returns what a reader knows of the cube at every step while the fingers stay where they are.
 std::vector<CubeObservation> poses_of(const SimulationOptions<TriFinger>& options, int steps) {
   auto robot = simulate(options);
   const Companion<CubeObservation> cube(robot.companion("object"));
@@ -72,7 +72,7 @@ TEST(ObjectSession, ShowsAPoseWhenItHasArrived) {
 }
 
 TEST(ObjectSession, ShowsWhereTheObjectWasWhenItWasSeen) {
-  // A cube that falls: late poses are higher ones.
+  // The cube falls, so late poses are higher.
   SimulationOptions<TriFinger> options;
   options.description.objects[0].position = {0, 0, 0.2};
   options.object_period = 1;
@@ -103,12 +103,12 @@ TEST(ObjectSession, HasTheNoiseThatWasAskedFor) {
       const double error = pose.cube.position[axis] - (axis == 2 ? 0.0325 : 0.0);
       mean += error / kCount;
       square += error * error / kCount;
-      // Half the sine of the angle, for small ones half the angle.
+      // This is half the sine of the angle; for small angles, half the angle.
       const double turn = 2 * pose.cube.orientation[axis + 1];
       turn_square += turn * turn / kCount;
     }
-    // Five standard deviations of a mean and of a standard deviation of 4000 numbers, and the
-    // little that the cube sinks in.
+    // Five standard deviations of the mean and of the standard deviation of 4000 numbers, plus the
+    // small depth to which the cube sinks in.
     EXPECT_THAT(mean, DoubleNear(0, 5 * kPosition / std::sqrt(kCount) + 1e-4)) << axis;
     EXPECT_THAT(std::sqrt(square), DoubleNear(kPosition, 0.06 * kPosition)) << axis;
     EXPECT_THAT(std::sqrt(turn_square), DoubleNear(kOrientation, 0.06 * kOrientation)) << axis;

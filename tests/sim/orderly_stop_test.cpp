@@ -14,7 +14,7 @@ namespace {
 
 using std::chrono::milliseconds;
 
-// Every variant with a rest position, on an empty table.
+// Returns every variant with a rest position, on an empty table.
 template <class R>
 std::vector<SimulationOptions<R>> all_with_rest_position() {
   std::vector<SimulationOptions<R>> all = all_variants<R>();
@@ -50,7 +50,7 @@ TYPED_TEST(SimulatedStop, EndsAtTheRestPositionAndNeverLeavesTheLimits) {
     typename TypeParam::AppliedAction applied;
     static_cast<void>(robot.get_latest_observation(observation));
     EXPECT_EQ(robot.hold(observation, holding).state, DriverReport::State::kReady);
-    // In the middle of a motion.
+    // The stop begins in the middle of a motion.
     typename TypeParam::Action action = holding;
     for (int step = 0; step < 200; ++step) {
       for (std::size_t i = 0; i < TypeParam::kJoints && step % 20 == 0; ++i) {
@@ -110,7 +110,7 @@ TYPED_TEST(SimulatedStop, GoesNowhereBehindAFaultOfTheSafetyChain) {
   typename TypeParam::AppliedAction applied;
   static_cast<void>(robot.get_latest_observation(observation));
   ASSERT_EQ(robot.apply_action({}, applied).state, DriverReport::State::kFault);
-  // What was wrong does not show again.
+  // The cause of the fault does not show again.
   is_broken = false;
   TimeIndex step = 0;
   while (robot.stop(step).state == DriverReport::State::kBusy) ++step;

@@ -43,7 +43,7 @@ TYPED_TEST(Physics, HasTheActuatorsOfTheDescription) {
   }
 }
 
-// A throw: a parabola, and a rotation that goes on.
+// A thrown object follows a parabola and continues to rotate.
 TYPED_TEST(Physics, AnObjectFliesAsItWasThrown) {
   using R = TypeParam;
   constexpr double kGravity = 9.81;
@@ -67,7 +67,7 @@ TYPED_TEST(Physics, AnObjectFliesAsItWasThrown) {
         EXPECT_NEAR(velocity.angular[i], thrown.angular[i], 1e-12);
       }
     };
-    // Every session begins so, and a state that was saved has it, too.
+    // Every session begins with these velocities, and a saved state contains them, too.
     const SimulationState state = driver.save();
     for (int session = 0; session < 2; ++session) {
       Frontend<R> robot = simulation.connect();
@@ -81,7 +81,7 @@ TYPED_TEST(Physics, AnObjectFliesAsItWasThrown) {
       EXPECT_NEAR(pose.position[0], 0.4 * kTime, 1e-9);
       EXPECT_NEAR(pose.position[1], -0.3 * kTime, 1e-9);
       EXPECT_NEAR(pose.position[2], 1.0 + 1.0 * kTime - 0.5 * kGravity * kTime * kTime, 1e-3);
-      // All axes of a cube have the same inertia: it spins about the one it was given.
+      // A cube has equal inertia about all axes, so its axis of rotation stays constant.
       const ObjectVelocity velocity = driver.object_velocity("cube");
       for (std::size_t i = 0; i < 3; ++i) {
         EXPECT_NEAR(velocity.angular[i], thrown.angular[i], 1e-6);
@@ -116,7 +116,7 @@ TYPED_TEST(Physics, TorqueOfAnObservationBelongsToThePeriodBefore) {
       action.torque[i] = 0.1 * std::sin(k + static_cast<double>(i));
     t = robot.append_desired_action(action);
     if (t == 0) continue;
-    // Slow joints get what was applied.
+    // Slow joints get the torque that was applied.
     EXPECT_EQ(robot.get_observation(t).torque, robot.get_applied_action(t - 1).torque);
   }
 }
@@ -124,7 +124,7 @@ TYPED_TEST(Physics, TorqueOfAnObservationBelongsToThePeriodBefore) {
 TYPED_TEST(Physics, AFastJointGetsLessTorqueThanItAsksFor) {
   using R = TypeParam;
   SimulationOptions<R> options = options_of<R>();
-  // A weak motor, with nothing else that slows it down.
+  // A weak motor, with nothing else that slows down the joint.
   const ActuatorParameters weak{.damping = 0.0, .no_load_speed = 4.0, .stall_torque = 0.4};
   options.description.actuator = weak;
   options.description.objects.clear();
@@ -151,20 +151,20 @@ TYPED_TEST(Physics, AFastJointGetsLessTorqueThanItAsksFor) {
   EXPECT_TRUE(is_limited);
 }
 
-// The torques are those of gravity and, through the Jacobian, of a force straight down.
+// The torques are those of gravity plus, through the Jacobian, those of a force straight down.
 TYPED_TEST(Physics, ATipThatPressesOnTheTableFeelsTheForce) {
   using R = TypeParam;
   for (const Variant variant : kVariants) {
     SimulationOptions<R> options = options_of<R>(variant);
     options.description.objects.clear();
-    // One's single finger would not reach the table.
+    // The single finger of a One would not reach the table.
     options.description.finger_height = 0.29;
     const Simulation<R> simulation(options);
     Frontend<R> robot = simulation.connect();
     Kinematics kinematics(options.description);
     const double radius = figures(options.description).tip_radius;
 
-    // Where the initial pose has the tip, but down on the table.
+    // The tip is below its place in the initial pose, on the table.
     JointValues pose = Eigen::Map<const Eigen::VectorXd>(
         simulation.robot().model().initial_position().data(), R::kJoints);
     kinematics.update(pose);
@@ -184,7 +184,7 @@ TYPED_TEST(Physics, ATipThatPressesOnTheTableFeelsTheForce) {
     for (int finger = 0; finger < kinematics.num_fingers(); ++finger) {
       torque += kinematics.tip_jacobian(finger).transpose() * Eigen::Vector3d(0, 0, -kForce);
     }
-    // The tip must not slide: a soft spring keeps the joints.
+    // The tip must not slide, so a soft spring keeps the joints.
     typename R::Action action = R::Action::of_position(begin);
     std::copy(torque.begin(), torque.end(), action.torque.begin());
     action.position_kp.fill(0.01);

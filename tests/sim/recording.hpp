@@ -18,12 +18,11 @@
 
 namespace trifinger::test {
 
-/// Actions that poke about where the cube stands: links, cube, table and boundary touch all the
-/// time.
+/// Actions that poke about near the cube: links, cube, table and boundary touch all the time.
 template <class R>
 class Poking {
  public:
-  /// Round about `centre` [m].
+  /// Pokes around `centre` [m].
   Poking(const RobotDescription& description, const Triple& centre, std::uint32_t seed)
       : description_(description),
         kinematics_(description),
@@ -77,7 +76,7 @@ struct Recording {
   std::vector<CubeObservation> cube;  // the one known at each step, without clock times
 };
 
-/// Runs `steps` steps with the actions of `policy` and adds what is seen to `recording`.
+/// Runs `steps` steps with the actions of `policy` and appends what is seen to `recording`.
 template <class R, class Policy>
 void record(Frontend<R>& robot, Policy& policy, int steps, Recording<R>& recording) {
   const Companion<CubeObservation> cube(robot.companion("object"));
@@ -91,7 +90,8 @@ void record(Frontend<R>& robot, Policy& policy, int steps, Recording<R>& recordi
   }
 }
 
-/// Where two recordings begin to differ, by a single bit: "observation 17", or nothing.
+/// Returns where two recordings begin to differ, even by a single bit: "observation 17", or
+/// nothing.
 template <class R>
 std::string first_difference(const Recording<R>& a, const Recording<R>& b) {
   const auto compare = [](const std::string& what, const auto& left, const auto& right) {

@@ -40,7 +40,7 @@ class RobotConfigFile : public testing::Test {
     std::filesystem::remove_all(folder_, ignored);
   }
 
-  // A file that extends the documented one.
+  // Returns the path of a file that extends the documented one.
   [[nodiscard]] std::string extended(const std::string& text) const {
     const auto base = std::filesystem::path(TRIFINGER_CONFIG_DIR) / "trifinger_edu.yml";
     std::filesystem::copy_file(base, folder_ / "trifinger_edu.yml",
@@ -48,11 +48,11 @@ class RobotConfigFile : public testing::Test {
     std::ofstream(folder_ / "my.yml") << "extends: trifinger_edu.yml\n" << text;
     return (folder_ / "my.yml").string();
   }
-  // What is said about it, from the name of the file on.
+  // Returns the error for the text, from the name of the file on.
   [[nodiscard]] std::string message(const std::string& text) const {
     return shortened(message_of([&] { (void)load_robot_config(extended(text)); }));
   }
-  // What is said about an override.
+  // Returns the error for an override.
   [[nodiscard]] static std::string message_of_override(const std::string& override) {
     return message_of([&] { (void)load_robot_config("sim", {override}); });
   }
@@ -65,7 +65,7 @@ class RobotConfigFile : public testing::Test {
   std::filesystem::path folder_;
 };
 
-// One simulated step of whatever robot it is.
+// Does one simulated step of any robot.
 template <class R>
 void run_ten_steps(const SimulationOptions<R>& options, const SessionOptions& session) {
   const Simulation<R> simulation(options, session);
@@ -122,7 +122,7 @@ TEST_F(RobotConfigFile, DiffersInWhatAControllerNotices) {
     return found;
   };
   const config::File sim = parsed("sim");
-  // Other ways to say the same, and what makes no difference.
+  // Other ways to write equal values, and keys that make no difference.
   EXPECT_THAT(lines(sim, parsed("trifinger_edu", {"name=other", "fingers.height=0.2830 m",
                                                   R"(objects=[{"name": "cube", "type": "cube"}])",
                                                   "safety.max_torque=[0.36, 0.36, 0.36]",
@@ -147,7 +147,7 @@ TEST_F(RobotConfigFile, GoesAlongWithTheSessionsInOnePiece) {
   ASSERT_EQ(config.session.documents.size(), 1U);
   const Document& document = config.session.documents[0];
   EXPECT_EQ(document.name, "configuration.yml");
-  // Read back, it is the same robot, though nothing is extended or set any more.
+  // The document that is read back describes an equal robot, without any base file or override.
   std::ofstream(folder_ / "copy.yml") << document.text;
   const RobotConfig copy = load_robot_config((folder_ / "copy.yml").string());
   EXPECT_EQ(copy.session.documents, config.session.documents);
@@ -164,7 +164,7 @@ TEST_F(RobotConfigFile, GoesAlongWithTheSessionsInOnePiece) {
 }
 
 TEST_F(RobotConfigFile, SaysTheSameAsTheFiguresOfTheRobot) {
-  // Limits are written down twice: in the model, for programs without a file, and in the files.
+  // Limits are written twice: in the model, for programs without a file, and in the files.
   const auto expect_same = [](const auto& options) {
     const auto of_figures = default_limits<std::conditional_t<
         std::is_same_v<std::decay_t<decltype(options)>, SimulationOptions<Finger>>, Finger,
@@ -176,7 +176,7 @@ TEST_F(RobotConfigFile, SaysTheSameAsTheFiguresOfTheRobot) {
           << detail::joint_limit_fields()[i].name;
     }
     EXPECT_EQ(*options.description.finger_height, figures(options.description).finger_height);
-    // To the last byte of the model: what the files say of the physics is what holds without them.
+    // The models are equal to the last byte: the files repeat the defaults of the physics.
     RobotDescription of_defaults = options.description;
     of_defaults.actuator.reset();
     of_defaults.stops = {};
@@ -299,7 +299,7 @@ TEST_F(RobotConfigFile, WaitsForTheFirstActionForEverUnlessTold) {
   EXPECT_EQ(load_robot_config("sim").backend.first_action_timeout, kForever);
 }
 
-// --- Mistakes: one sentence each, with its place.
+// --- Mistakes: one sentence each, with its location.
 
 TEST_F(RobotConfigFile, NamesAnUnknownKey) {
   EXPECT_EQ(message("boundry: true\n"),
@@ -331,7 +331,7 @@ TEST_F(RobotConfigFile, fault_59_NamesReversedLimits) {
 }
 
 TEST_F(RobotConfigFile, OfAnOlderVersionIsTheSameRobot) {
-  // One that says nothing of joints, and of contacts what they have always said.
+  // This file has no section for joints, and only the old keys for contacts.
   const std::string path = extended(
       "contact: {tip_friction: 1.0, tip_torsional_friction: 0.005, floor_friction: 0.5}\n");
   std::stringstream base;

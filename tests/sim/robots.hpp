@@ -14,7 +14,7 @@ template <class R>
 inline constexpr Arrangement kArrangement =
     R::kTips == 1 ? Arrangement::kSingleFinger : Arrangement::kTriFinger;
 
-/// The default simulation of a variant as an R.
+/// Returns the default simulation of a variant as an R.
 template <class R>
 SimulationOptions<R> options_of(Variant variant = Variant::kEdu) {
   SimulationOptions<R> options;
@@ -23,7 +23,7 @@ SimulationOptions<R> options_of(Variant variant = Variant::kEdu) {
   return options;
 }
 
-/// Every variant as an R, upright and flipped.
+/// Returns every variant as an R, upright and flipped.
 template <class R>
 std::vector<SimulationOptions<R>> all_variants() {
   std::vector<SimulationOptions<R>> all;

@@ -23,7 +23,7 @@ using testing::ThrowsMessage;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// Delays are pending all the time, and noise is drawn.
+// Poses are delayed all the time, and noise is drawn.
 template <class R>
 SimulationOptions<R> noisy_options() {
   SimulationOptions<R> options;
@@ -52,7 +52,7 @@ class SavedState : public testing::Test {
 using Robots = testing::Types<TriFinger, Finger>;
 TYPED_TEST_SUITE(SavedState, Robots);
 
-// The second recording has its step 0 where the first has `first`.
+// Step `first` of the first recording corresponds to step 0 of the second one.
 template <class R>
 std::string first_difference_from(const Recording<R>& whole, int first, const Recording<R>& rest) {
   Recording<R> expected{{whole.observations.begin() + first, whole.observations.end()},
@@ -60,7 +60,7 @@ std::string first_difference_from(const Recording<R>& whole, int first, const Re
                         {whole.cube.begin() + first, whole.cube.end()}};
   for (CubeObservation& element : expected.cube) {
     element.stamp.capture_index -= first;
-    // Whatever was known before a session is known at its step -1.
+    // Everything known before a session is known at its step -1.
     element.stamp.arrival_index = std::max<TimeIndex>(element.stamp.arrival_index - first, -1);
   }
   return first_difference(expected, rest);
@@ -120,13 +120,13 @@ TYPED_TEST(SavedState, TakesEffectAtOnceInASessionThatGoesOn) {
   auto same_policy = policy;
   Recording<R> one;
   record(robot, policy, this->kSteps, one);
-  // The observation of the next step has been read by now: it is the one that must not be judged
-  // by.
+  // The observation of the next step has been read by now. The next action must not be judged by
+  // it.
   (void)robot.get_observation(kFirst + this->kSteps);
   simulation.robot().restore(state);
   Recording<R> other;
   record(robot, same_policy, this->kSteps, other);
-  // The first observation of the second part was there before.
+  // The first observation of the second part existed before.
   one.observations.front() = other.observations.front();
   one.cube = other.cube;
   EXPECT_EQ(first_difference(one, other), "");
@@ -153,7 +153,7 @@ TEST(SimulatedRobot, BeginsASessionWhereItWasPutDuringTheOneBefore) {
     auto robot = simulation.connect();
     robot.wait_until_time_index(robot.append_desired_action({}));
     simulation.robot().reset(position, {});
-    // The session goes on from there before it ends.
+    // The session continues from there before it ends.
     robot.wait_until_time_index(robot.append_desired_action({}) + 1);
   }
   EXPECT_EQ(simulation.connect().latest_observation().position, position);

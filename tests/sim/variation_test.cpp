@@ -22,7 +22,7 @@ using ::testing::ThrowsMessage;
 
 constexpr double kGravity = 9.81;
 
-// Holds for a number of steps; returns where the cube is.
+// Holds for a number of steps. Returns where the cube is.
 ObjectPose wait(Frontend<TriFinger>& robot, const Simulation<TriFinger>& simulation, int steps) {
   const auto hold = hold_position(robot.latest_observation());
   for (int i = 0; i < steps; ++i) (void)robot.get_observation(robot.append_desired_action(hold));
@@ -94,7 +94,7 @@ TEST(Variation, OfTheContactsDecidesHowFarADroppedCubeSinks) {
   EXPECT_GT(sink(10.0), 4e-3);
 }
 
-// What is set in the model, of the joints and of pairs that the description has, too.
+// Checks what is set in the model, including joints and the pairs that the description has.
 TEST(Variation, ReachesTheModel) {
   SimulationOptions<TriFinger> options;
   options.description.actuator = ActuatorParameters{.friction = 0.01};
@@ -111,7 +111,7 @@ TEST(Variation, ReachesTheModel) {
   const RobotModel::Compiled varied = simulator.make_varied_model(variation);
   const std::unique_ptr<mjData, void (*)(mjData*)> data(mj_makeData(varied.get()), mj_deleteData);
   const mjModel& usual = *simulator.model().mujoco();
-  // Twice: it is the model that counts, not what was varied before.
+  // Done twice: only the model counts, not what was varied before.
   for (int round = 0; round < 2; ++round) {
     simulator.vary(variation, *varied, *data);
     for (int i = 0; i < 9; ++i) {
@@ -137,7 +137,7 @@ TEST(Variation, ReachesTheModel) {
   }
 }
 
-// Steps from a change of the torque until the joints are elsewhere than without it.
+// Returns the steps from a change of the torque until the joints differ from the motion without it.
 TimeIndex steps_until_felt(TimeIndex delay) {
   constexpr TimeIndex kChange = 20;
   const auto run = [&](double torque) {
@@ -161,7 +161,7 @@ TimeIndex steps_until_felt(TimeIndex delay) {
 
 TEST(Variation, OfTheDelayMovesTheTorqueByThatManySteps) {
   for (const TimeIndex delay : {TimeIndex{0}, TimeIndex{1}, Variation::kMaxTorqueDelay}) {
-    // What acts in a step is seen in the next one.
+    // The effect of a step is visible in the next one.
     EXPECT_EQ(steps_until_felt(delay), delay + 1);
   }
 }
@@ -181,7 +181,7 @@ TEST(Variation, OfTheMotorsIsNotSeenInTheirTorque) {
   const auto usual = run(1.0);
   EXPECT_EQ(weak.torque, usual.torque);
   EXPECT_NE(weak.velocity[0], usual.velocity[0]);
-  // Gravity is the same for both; so is half of the torque.
+  // Gravity is equal for both, and so is half of the torque.
   const auto none = run(1e-9);
   EXPECT_NEAR(weak.velocity[0] - none.velocity[0], 0.5 * (usual.velocity[0] - none.velocity[0]),
               1e-6);

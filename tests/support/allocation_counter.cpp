@@ -11,7 +11,7 @@ thread_local std::size_t allocation_count = 0;
 
 void* allocate(std::size_t size, std::size_t alignment) {
   ++allocation_count;
-  // aligned_alloc wants a multiple of the alignment, and at least one.
+  // aligned_alloc needs a multiple of the alignment, and at least one.
   const std::size_t rounded = (size + alignment - 1) / alignment * alignment;
   void* memory = std::aligned_alloc(alignment, rounded == 0 ? alignment : rounded);
   if (memory == nullptr) throw std::bad_alloc();
@@ -24,7 +24,7 @@ std::size_t AllocationCounter::total() noexcept { return allocation_count; }
 
 }  // namespace trifinger::test
 
-// The array forms call these, the nothrow forms do so only without AddressSanitizer.
+// The array forms call these functions. The nothrow forms only do so without AddressSanitizer.
 void* operator new(std::size_t size) {
   return trifinger::test::allocate(size, __STDCPP_DEFAULT_NEW_ALIGNMENT__);
 }

@@ -5,8 +5,8 @@
 
 namespace trifinger::test {
 
-/// Counts what this thread takes from the heap by `new` while the counter lives. The test program
-/// must be built with allocation_counter.cpp, which replaces `operator new`.
+/// Counts the `new` allocations of this thread while the counter lives. The test program must be
+/// built with allocation_counter.cpp, which replaces `operator new`.
 class AllocationCounter {
  public:
   AllocationCounter() noexcept : before_(total()) {}
@@ -14,7 +14,7 @@ class AllocationCounter {
   [[nodiscard]] std::size_t count() const noexcept { return total() - before_; }
 
  private:
-  // What this thread has taken since it began.
+  // Returns the number of allocations by this thread since it began.
   [[nodiscard]] static std::size_t total() noexcept;
 
   std::size_t before_;

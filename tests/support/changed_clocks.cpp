@@ -15,7 +15,7 @@ std::atomic<std::int64_t> suspended{0};   // [s]
 
 }  // namespace
 
-// In the place of the C library's.
+// Replaces the function of the C library.
 extern "C" int clock_gettime(clockid_t clock_id, timespec* tp) noexcept {
   if (::syscall(SYS_clock_gettime, clock_id, tp) != 0) return -1;
   if (clock_id == CLOCK_REALTIME) tp->tv_sec += wall_ahead.load();

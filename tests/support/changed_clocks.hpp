@@ -5,8 +5,9 @@
 
 namespace trifinger::test {
 
-/// Sets this program's clocks, as an operator, NTP or a suspended machine would: a program that is
-/// linked with changed_clocks.cpp asks that for the time. They are right again behind its life.
+/// Sets this program's clocks, like an operator, NTP or a suspended machine would. A program that
+/// is linked with changed_clocks.cpp asks it for the time. The clocks are right again after this
+/// object's life.
 class ChangedClocks {
  public:
   ChangedClocks() = default;
@@ -14,12 +15,12 @@ class ChangedClocks {
   ChangedClocks& operator=(const ChangedClocks&) = delete;
   ~ChangedClocks();
 
-  /// How far the clock on the wall shall be ahead of the right one.
+  /// Sets how far the wall clock is ahead of the right time.
   void set_wall_ahead(std::chrono::seconds ahead) noexcept;
-  /// For how long the machine shall have been suspended, which its monotonic clock does not count.
+  /// Sets for how long the machine was suspended. Its monotonic clock does not count that time.
   void set_suspended(std::chrono::seconds time) noexcept;
 
-  /// True if the standard library asks us for the time.
+  /// True if the standard library uses our clocks.
   [[nodiscard]] bool work() noexcept;
 };
 

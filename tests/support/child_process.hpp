@@ -15,11 +15,11 @@
 
 namespace trifinger::test {
 
-/// A forked child that runs a function. Make it before the test starts threads: a sanitizer wants
-/// that.
+/// A forked child that runs a function. Make it before the test starts threads, because a sanitizer
+/// needs that.
 class ChildProcess {
  public:
-  /// `function` returns the exit code; what it throws is printed and makes the code 1.
+  /// `function` returns the exit code. An exception is printed and makes the code 1.
   template <class Function>
   explicit ChildProcess(const Function& function) : pid_(::fork()) {
     if (pid_ < 0) throw SystemError("fork", errno);
@@ -31,7 +31,7 @@ class ChildProcess {
     } catch (const std::exception& error) {
       std::fprintf(stderr, "child process: %s\n", error.what());
     }
-    // Nothing that belongs to the parent may be cleaned up here.
+    // The child must not clean up anything that belongs to the parent.
     ::_exit(code);
   }
   ChildProcess(const ChildProcess&) = delete;
@@ -43,7 +43,7 @@ class ChildProcess {
   void send(int signal) const noexcept {
     if (is_running_) ::kill(pid_, signal);
   }
-  /// SIGKILL; returns when the process is gone.
+  /// Sends SIGKILL. Returns when the process has ended.
   void kill() noexcept {
     send(SIGKILL);
     static_cast<void>(wait());

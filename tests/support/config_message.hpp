@@ -7,7 +7,7 @@
 
 namespace trifinger::test {
 
-/// The text of the ConfigError that `function` throws, or "no error".
+/// Returns the text of the ConfigError that `function` throws, or "no error".
 template <class Function>
 std::string message_of(const Function& function) {
   try {

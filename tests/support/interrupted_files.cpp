@@ -12,12 +12,12 @@
 
 namespace {
 
-constexpr std::size_t kPart = 1000;  // [bytes] that a call moves at most
+constexpr std::size_t kPart = 1000;  // [bytes] that one call moves at most
 
 std::atomic<bool> is_slow{false};
 std::atomic<std::int64_t> calls{0};
 
-// Every other call is.
+// Every other call is interrupted.
 bool is_interrupted() noexcept {
   if (!is_slow.load() || calls.fetch_add(1) % 2 != 0) return false;
   errno = EINTR;
@@ -30,7 +30,7 @@ std::size_t part_of(std::size_t size) noexcept {
 
 }  // namespace
 
-// In the place of the C library's, with its names.
+// Replaces the functions of the C library, under their names.
 extern "C" {
 
 ssize_t pread(int fd, void* buf, std::size_t nbytes, off_t offset) {

@@ -5,9 +5,10 @@
 
 namespace trifinger::test {
 
-/// Makes every disk one that is slow enough for signals to interrupt: in a program that is linked
-/// with interrupted_files.cpp each call that reads, writes, cuts or syncs a file is first
-/// interrupted, then moves only a part of what it was asked to. As before behind its life.
+/// Makes every disk so slow that signals interrupt it. In a program that is linked with
+/// interrupted_files.cpp, each call that reads, writes, cuts or syncs a file is first interrupted.
+/// Then it moves only a part of what it was asked to. After this object's life, calls work as
+/// usual.
 class InterruptedFiles {
  public:
   InterruptedFiles() noexcept;
@@ -15,7 +16,7 @@ class InterruptedFiles {
   InterruptedFiles& operator=(const InterruptedFiles&) = delete;
   ~InterruptedFiles();
 
-  /// How many calls were interrupted so far.
+  /// Returns how many calls were interrupted so far.
   [[nodiscard]] static std::int64_t count() noexcept;
 };
 

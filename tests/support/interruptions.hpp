@@ -23,16 +23,16 @@
 
 namespace trifinger::test {
 
-/// Interrupts every thread of this process, and of others, thousands of times a second: by a signal
-/// behind which no system call goes on by itself. Its handler stays, for signals that are still on
-/// their way.
+/// Interrupts every thread of this process, and of others, thousands of times a second. It uses a
+/// signal after which no system call continues by itself. The handler stays installed, because some
+/// signals may still be under way.
 class Interruptions {
  public:
-  /// From now on this process and its children to come take the signal.
+  /// From now on this process and its future children handle the signal.
   Interruptions() {
     struct sigaction action{};
     action.sa_handler = [](int) {
-      // relaxed: a number without data behind it.
+      // relaxed: a number that guards no data.
       total->fetch_add(1, std::memory_order_relaxed);
     };
     if (::sigaction(SIGUSR1, &action, nullptr) != 0) throw SystemError("handle a signal", errno);
@@ -41,23 +41,23 @@ class Interruptions {
   Interruptions& operator=(const Interruptions&) = delete;
   ~Interruptions() { end(); }
 
-  /// Begins, with these children as well.
+  /// Starts interrupting, including these children.
   void begin(std::vector<pid_t> children = {}) {
     children.push_back(::getpid());
     thread_ = std::thread([this, processes = std::move(children)] { interrupt(processes); });
   }
-  /// Returns when no further signal is sent.
+  /// Stops. Returns when no further signal is sent.
   void end() {
     is_over_.store(true, std::memory_order_relaxed);
     if (thread_.joinable()) thread_.join();
   }
-  /// How often threads were interrupted so far, in all processes together, since this one began.
+  /// Returns how often threads of all processes together were interrupted since this process began.
   [[nodiscard]] static std::int64_t count() noexcept {
     return total->load(std::memory_order_relaxed);
   }
 
  private:
-  // Outlives its test, as the handler does.
+  // Outlives its test, like the handler does.
   static inline SharedValue<std::atomic<std::int64_t>> total;
 
   void interrupt(const std::vector<pid_t>& processes) const {

@@ -5,9 +5,10 @@
 
 namespace trifinger::test {
 
-/// Counts what this thread takes from the heap by `malloc` while the counter lives, as Eigen does,
-/// which an AllocationCounter does not see. The test program must be built with malloc_counter.cpp,
-/// which replaces `malloc`, and without a sanitizer, which has one of its own.
+/// Counts the `malloc` allocations of this thread while the counter lives. Eigen allocates that
+/// way, which an AllocationCounter does not see. The test program must be built with
+/// malloc_counter.cpp, which replaces `malloc`, and without a sanitizer, because that has its own
+/// `malloc`.
 class MallocCounter {
  public:
   MallocCounter() noexcept : before_(total()) {}
@@ -15,7 +16,7 @@ class MallocCounter {
   [[nodiscard]] std::size_t count() const noexcept { return total() - before_; }
 
  private:
-  // What this thread has taken since it began.
+  // Returns the number of allocations by this thread since it began.
   [[nodiscard]] static std::size_t total() noexcept;
 
   std::size_t before_;

@@ -5,7 +5,7 @@
 
 namespace trifinger::test {
 
-/// What `call` throws as an `Exception`; "nothing" if it returns.
+/// Returns the text of the `Exception` that `call` throws; "nothing" if it returns.
 template <class Exception, class Call>
 [[nodiscard]] std::string message_of(const Call& call) {
   try {

@@ -15,15 +15,15 @@ namespace trifinger::test {
 /// The user who owns nothing.
 inline constexpr uid_t kNobody = 65534;
 
-/// Makes this process, a child of the test's that runs as the administrator, one of nobody, in
-/// `group` alone.
+/// Makes this process run as the user nobody, as a member of `group` alone. It must be a child of
+/// the test that runs as the administrator.
 inline void become_nobody(gid_t group = kNobody) {
   if (::setgroups(0, nullptr) != 0 || ::setgid(group) != 0 || ::setuid(kNobody) != 0) {
     throw SystemError("become nobody", errno);
   }
 }
 
-/// Whether a child may do that: the administrator of a container may lack the right.
+/// True if a child may do that: the administrator of a container may lack the right.
 inline bool may_become_nobody() {
   ChildProcess child([] {
     become_nobody();

@@ -3,8 +3,8 @@
 
 namespace trifinger::test {
 
-/// Whether this program is built with a sanitizer that has a heap, a shadow and signal handlers of
-/// its own.
+/// True if this program is built with a sanitizer that has its own heap, shadow memory and signal
+/// handlers.
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 inline constexpr bool kHasSanitizer = true;
 #elif defined(__has_feature)

@@ -10,7 +10,7 @@
 
 namespace trifinger::test {
 
-/// A folder of its own for the sessions of one test, so that tests may run beside each other.
+/// A separate folder for the sessions of one test, so that tests may run in parallel.
 class SessionFolder {
  public:
   SessionFolder() {

@@ -10,7 +10,7 @@
 
 namespace trifinger::test {
 
-/// A T that this process and the children it forks see alike.
+/// A T in memory that this process shares with the children it forks.
 template <class T>
 class SharedValue {
  public:

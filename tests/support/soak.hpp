@@ -15,21 +15,21 @@ namespace trifinger::test {
   return value != nullptr && std::string_view(value) == "1";
 }
 
-/// How often a test tries what it tries: `usual` times in `./run test`, `soak` times in `./run
-/// soak`.
+/// Returns how often a test repeats its attempt: `usual` times in `./run test`, `soak` times in
+/// `./run soak`.
 [[nodiscard]] inline std::int64_t repetitions(std::int64_t usual, std::int64_t soak) {
   return is_soak() ? soak : usual;
 }
 
-/// How far a long test has come. In `./run soak` it says so at every hundredth of the way, as ninja
-/// does, for `./run` to show; otherwise it says nothing.
+/// Shows the progress of a long test. In `./run soak` it prints a line at every hundredth, in
+/// ninja's format, which `./run` shows. Otherwise it prints nothing.
 class ProgressLine {
  public:
   explicit ProgressLine(std::int64_t total) : total_(total), next_(is_soak() ? 0 : total + 1) {}
 
   void update(std::int64_t done) {
     if (done < next_) return;
-    // Where the figures go, so that it is never in the midst of a line of theirs.
+    // Written to the stream of the figures, so that it never splits one of their lines.
     std::printf("[%lld/%lld]\n", static_cast<long long>(done), static_cast<long long>(total_));
     std::fflush(stdout);
     next_ = done + (total_ + 99) / 100;
@@ -40,8 +40,8 @@ class ProgressLine {
   std::int64_t next_;
 };
 
-/// The rounds of a test that tries random things: `usual` ones in `./run test`, so that slow
-/// machines do the same, and those of `soak` in `./run soak`.
+/// The rounds of a test with random inputs: `usual` rounds in `./run test`, so that slow machines
+/// do the same, and rounds for the time `soak` in `./run soak`.
 ///
 ///     for (Rounds rounds(100, std::chrono::minutes(10)); rounds.next();)
 class Rounds {
@@ -49,7 +49,7 @@ class Rounds {
   Rounds(std::int64_t usual, std::chrono::seconds soak)
       : usual_(usual), end_(Clock::now() + soak), soak_(soak), progress_(soak.count()) {}
 
-  /// Whether there is another round.
+  /// Starts the next round; false if there is none.
   [[nodiscard]] bool next() {
     ++done_;
     if (!is_soak()) return done_ <= usual_;
@@ -58,7 +58,7 @@ class Rounds {
     return left.count() > 0;
   }
 
-  /// Of the round in which it is asked, 0 for the first; behind the last, their number.
+  /// Index of the current round, from 0 on. After the last round: the number of rounds.
   [[nodiscard]] std::int64_t index() const noexcept { return done_ - 1; }
 
  private:

@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 from fault_matrix import FaultTest, find_tests, page, problems, read_faults, results_in, worst
 
-# With another word for "fault", or this file would seem to have tests of faults.
+# Another word stands for "fault" here; otherwise this file would seem to contain tests of faults.
 CPP = """
 TEST(Ring, ROW_34_NeverShowsATornElement) {
 TEST_F(Other, ShowsNoFault) {

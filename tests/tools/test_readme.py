@@ -13,7 +13,7 @@ BLOCKS = BLOCK.findall(README)
 
 
 def contains(program: str, block: str) -> bool:
-    """Says whether the lines of `block` stand in `program`, one behind the other, at any depth."""
+    """Says whether the lines of `block` stand in `program`, one after the other, at any depth."""
     wanted = block.splitlines()
     lines = program.splitlines()
     return any(

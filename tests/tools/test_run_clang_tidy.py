@@ -7,7 +7,7 @@ import run_clang_tidy
 
 @pytest.fixture
 def entry(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
-    """An entry of a compile database: a file that includes a header that includes another one."""
+    """Returns an entry of a compile database. Its file includes a header, and that another one."""
     monkeypatch.setattr(run_clang_tidy, "ROOT", tmp_path)
     run_clang_tidy.direct_includes.cache_clear()
     include = tmp_path / "include" / "trifinger"

@@ -6,20 +6,20 @@
 
 namespace trifinger {
 
-/// Base of everything that this library throws. The text is a sentence that names the thing, the
-/// value found and the value allowed, or the remedy.
+/// Base of all exceptions that this library throws. The text is one sentence. It names the thing,
+/// the value found and the value allowed, or the remedy.
 class Error : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 
-/// An argument has no meaning here: a wrong name, range, size or unit.
+/// An argument makes no sense: a wrong name, range, size or unit.
 class InvalidArgument : public Error {
  public:
   using Error::Error;
 };
 
-/// A wait took longer than its `Timeout`. What was waited for may still come.
+/// A wait took longer than its `Timeout`. The awaited value may still come later.
 class TimedOut : public Error {
  public:
   using Error::Error;
@@ -28,8 +28,8 @@ class TimedOut : public Error {
 /// A call to the operating system failed.
 class SystemError : public Error {
  public:
-  /// `doing` is what was tried, as in "open /dev/shm/trifinger.sim.state"; the text of
-  /// `error_number` follows.
+  /// `doing` says what was tried, for example "open /dev/shm/trifinger.sim.state". The text of
+  /// `error_number` follows it.
   SystemError(const std::string& doing, int error_number);
 
   [[nodiscard]] int error_number() const noexcept { return error_number_; }

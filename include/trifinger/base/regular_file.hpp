@@ -11,24 +11,25 @@
 
 namespace trifinger {
 
-/// Who has chosen the name of a file decides what may lie there.
+/// Who chose the name of a file. This decides which files are accepted.
 enum class NamedBy : std::uint8_t {
-  /// The user, for instance on the command line: the file may be anybody's, and links are followed.
+  /// The user chose it, for instance on the command line. The file may belong to anybody, and links
+  /// are followed.
   kUser,
-  /// The program, in a folder that others can write: somebody else may have put a file of this name
-  /// there. Links are refused, and so are files of strangers: neither ours nor the administrator's,
-  /// nor shared with a group of ours.
+  /// The program chose it, in a folder where others can write, so somebody else may have put a file
+  /// of this name there. Links are refused. A file is accepted only if it belongs to us or to the
+  /// administrator, or if it is shared with one of our groups.
   kProgram,
 };
 
 /// Opens the regular file `path` and returns its descriptor, which the caller owns. `flags` are
-/// those of open(2); descriptors are not passed on to other programs. It never waits: FIFOs,
+/// those of open(2). Other programs do not inherit the descriptor. This never waits: FIFOs,
 /// devices, folders and sockets are refused, whoever has named them.
 /// @throws SystemError that says what was found
 [[nodiscard]] int open_regular_file(const std::filesystem::path& path, int flags, NamedBy named_by,
                                     mode_t mode = 0);
 
-/// A regular file that a user has named, to be read once from its beginning.
+/// A regular file that a user has named. It is read once from its beginning.
 class FileReader {
  public:
   /// @throws SystemError that says what was found
@@ -37,12 +38,12 @@ class FileReader {
   FileReader& operator=(const FileReader&) = delete;
   ~FileReader();
 
-  /// Bytes that the file had when it was opened.
+  /// Size of the file when it was opened [bytes].
   [[nodiscard]] std::uint64_t size() const noexcept { return size_; }
-  /// Reads the next bytes and returns their number; fewer than asked for only at the end.
+  /// Reads the next bytes and returns their number. It is smaller than requested only at the end.
   /// @throws SystemError
   [[nodiscard]] std::size_t read(std::span<char> bytes);
-  /// Continues at `offset`.
+  /// Continues reading at `offset`.
   void seek(std::uint64_t offset) noexcept { offset_ = offset; }
 
  private:
@@ -52,15 +53,15 @@ class FileReader {
   std::uint64_t offset_{0};
 };
 
-/// What the system calls a user; its number if it has no name.
+/// Login name of a user; the user's number if it has no name.
 [[nodiscard]] std::string user_name(uid_t user);
 
-/// The bytes of the regular file `path`, which a user has named.
-/// @throws SystemError; its error_number() is EFBIG if there are more than `max_size`
+/// Returns the bytes of the regular file `path`, which a user has named.
+/// @throws SystemError; its error_number() is EFBIG if the file has more than `max_size` bytes
 [[nodiscard]] std::string read_file(const std::filesystem::path& path, std::size_t max_size);
 
-/// Makes the new file `path` with these bytes. Nothing that is there already is touched.
-/// @throws SystemError; its error_number() is EEXIST if there is something
+/// Creates the file `path` with these bytes. An existing file is left unchanged.
+/// @throws SystemError; its error_number() is EEXIST if `path` exists already
 void write_new_file(const std::filesystem::path& path, std::span<const std::byte> bytes);
 
 }  // namespace trifinger

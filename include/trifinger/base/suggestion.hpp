@@ -7,11 +7,11 @@
 
 namespace trifinger {
 
-/// The candidate that `word` is most likely a misspelling of; empty if none comes near.
+/// Returns the candidate that `word` most likely misspells; empty if none is similar.
 [[nodiscard]] std::string_view closest(std::string_view word,
                                        const std::vector<std::string_view>& candidates);
 
-/// "'a', 'b' or 'c'"
+/// Joins the words like this: "'a', 'b' or 'c'".
 [[nodiscard]] std::string quoted_list(const std::vector<std::string_view>& words,
                                       std::string_view conjunction);
 

@@ -7,32 +7,32 @@
 
 namespace trifinger {
 
-/// How many bytes the character at the beginning of `text` has in UTF-8; 0 if there is none.
+/// Number of bytes of the first UTF-8 character of `text`; 0 if `text` does not begin with one.
 [[nodiscard]] std::size_t utf8_length(std::string_view text) noexcept;
 
-/// True if all of `text` is UTF-8.
+/// True if `text` is valid UTF-8.
 [[nodiscard]] bool is_utf8(std::string_view text) noexcept;
 
-/// A sentence in memory of its own, for code that may take none from the heap: what a driver says
-/// in the loop.
+/// A sentence with its own fixed memory, for code that must not use the heap, such as a driver in
+/// the loop.
 ///
-/// It is always one line of UTF-8, whatever is appended: control characters become spaces, bytes
-/// that are no UTF-8 question marks. A text that is too long is cut off, and then ends in "...".
+/// The text is always one line of UTF-8. Control characters become spaces, and invalid bytes become
+/// question marks. A text that is too long is cut off and ends in "...".
 class FixedText {
  public:
-  static constexpr std::size_t kCapacity = 255;  ///< Bytes; a session keeps as many of a fault.
+  static constexpr std::size_t kCapacity = 255;  ///< [bytes]; a session keeps as much of a fault.
 
   FixedText() = default;
   explicit FixedText(std::string_view text) noexcept { append(text); }
 
   FixedText& append(std::string_view text) noexcept;
-  /// Appends the shortest decimal number that reads as `number` again.
+  /// Appends the shortest decimal number that reads back as `number`.
   FixedText& append(double number) noexcept;
   FixedText& append(std::size_t number) noexcept;
-  /// In a catch block only: appends "threw an exception: " and its text.
+  /// Appends "threw an exception: " and the text of the exception. Works only in a catch block.
   FixedText& append_exception() noexcept;
 
-  /// Holds until the text changes.
+  /// The view is valid until the text changes.
   [[nodiscard]] std::string_view view() const noexcept { return {text_.data(), size_}; }
 
  private:

@@ -16,7 +16,8 @@ using Nanoseconds = std::chrono::nanoseconds;
 /// An instant of the monotonic clock [ns], the same in every process of one machine.
 using Instant = std::chrono::time_point<std::chrono::steady_clock, Nanoseconds>;
 
-/// How long a call may wait. Zero only looks, `kForever` waits until an answer is certain.
+/// How long a call may wait. Zero looks without waiting; `kForever` waits until the answer is
+/// certain.
 using Timeout = Nanoseconds;
 inline constexpr Timeout kForever = Timeout::max();
 
@@ -46,7 +47,8 @@ class Deadline {
   Instant end_;
 };
 
-/// In words, three digits at most where there is a point: "850 ns", "12 µs", "1.28 ms", "2 s".
+/// The duration in words: "850 ns", "12 µs", "1.28 ms", "2 s". With a decimal point it has at most
+/// three digits.
 [[nodiscard]] std::string duration_text(Nanoseconds duration);
 
 }  // namespace trifinger

@@ -12,28 +12,28 @@
 
 namespace trifinger::config {
 
-/// A configuration file in strict YAML: every key is known, is given once and has a value that
+/// A configuration file in strict YAML. Every key must be known, appear once and have a value that
 /// makes sense.
 ///
-/// A file may begin with `extends: other`, with or without ".yml": the file of that name beside it,
-/// or else in one of the `folders` that it is read with. It then has every section of the other
-/// file that it does not give itself; a section that it gives replaces the other one as a whole, so
-/// that nothing, least of all a limit, is half taken from elsewhere. The other file may extend a
-/// third one in turn.
+/// A file may begin with `extends: other`, with or without ".yml". This names a file in the same
+/// folder or, if there is none, in one of `folders`. The file then has every section of the other
+/// file that it does not give itself. A section that it does give replaces the other one as a
+/// whole. No section mixes two files, which matters most for limits. The other file may extend a
+/// third one.
 ///
-/// Anchors, aliases and tags are refused: a configuration reads the same from top to bottom.
+/// Anchors, aliases and tags are refused, so that a configuration can be read from top to bottom.
 class File {
  public:
-  /// Reads the file at `path`. Each of `overrides` is "fingers.height=0.3": a path of keys, list
-  /// entries by number, and a value or a list in YAML. They are applied last. What a file extends
-  /// is looked for beside it, then in `folders`.
+  /// Reads the file at `path`. Each of `overrides` looks like "fingers.height=0.3": a path of keys,
+  /// with list entries by number, and a value or a list in YAML. Overrides are applied last. An
+  /// extended file is looked for in the folder of `path`, then in `folders`.
   /// @throws ConfigError, SystemError if a file cannot be read.
   [[nodiscard]] static File load(const std::filesystem::path& path,
                                  const std::vector<std::string>& overrides = {},
                                  const std::vector<std::filesystem::path>& folders = {});
 
-  /// Reads `text`; `name` stands for the file in messages, and what it extends is looked for beside
-  /// it, then in `folders`.
+  /// Reads `text`. Messages call it `name`. An extended file is looked for in the folder of `name`,
+  /// then in `folders`.
   [[nodiscard]] static File parse(std::string_view text, const std::filesystem::path& name,
                                   const std::vector<std::string>& overrides = {},
                                   const std::vector<std::filesystem::path>& folders = {});
@@ -41,17 +41,18 @@ class File {
   /// The whole configuration.
   [[nodiscard]] Node root() const;
 
-  /// The whole configuration in YAML, in one piece: with what it extends and its overrides, without
+  /// The whole configuration as one YAML text, with the extended files and the overrides, without
   /// comments.
   [[nodiscard]] std::string text() const;
 
-  /// The value of every key by its path, as in {"fingers.height", "0.283"}, written in one way:
-  /// numbers have no unit, a list of equal numbers is one of them. A list of sections has none.
+  /// The value of every key by its path, for example {"fingers.height", "0.283"}. Values are
+  /// written in one way: numbers have no unit, and a list of equal numbers becomes one number. A
+  /// list of sections has no value.
   [[nodiscard]] std::map<std::string, std::string> values() const;
 
-  /// To be called after everything was read.
-  /// @throws ConfigError that names every key nobody has asked for, with the known key that looks
-  /// like it.
+  /// Call this after everything was read.
+  /// @throws ConfigError that names every key nobody has asked for, with the most similar known
+  /// key.
   void reject_unknown_keys() const;
 
  private:

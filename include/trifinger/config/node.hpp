@@ -22,7 +22,7 @@ namespace detail {
 struct Element;
 }
 
-/// Where a value was written.
+/// The place where a value was written.
 struct Location {
   std::string source;  ///< The file, or "--set fingers.height" for an override.
   int line{0};         ///< From 1; 0 for an override.
@@ -34,9 +34,9 @@ struct Location {
   friend bool operator==(const Location&, const Location&) = default;
 };
 
-/// A configuration says something that has no meaning. The text names the place, the thing, the
-/// value found and the value allowed, as in "robot.yml:2:11: fingers.height is 3 m, must be 0.2 to
-/// 0.5 m".
+/// A configuration contains something that makes no sense. The text names the place, the thing, the
+/// value found and the value allowed, for example "robot.yml:2:11: fingers.height is 3 m, must be
+/// 0.2 to 0.5 m".
 class ConfigError : public Error {
  public:
   ConfigError(Location location, const std::string& problem);
@@ -47,15 +47,14 @@ class ConfigError : public Error {
   Location location_;
 };
 
-/// What a number may be. A file may write the unit behind the number, "0.3 m"; any other unit is an
-/// error.
+/// The unit and the allowed range of a number. A file may write the unit after the number: "0.3 m".
+/// Any other unit is an error.
 struct Range {
-  std::string_view unit{};  ///< SI; empty without dimension.
+  std::string_view unit{};  ///< SI unit; empty for a number without dimension.
   double min{-std::numeric_limits<double>::infinity()};
   double max{std::numeric_limits<double>::infinity()};
-  bool above_min{false};  ///< `min` itself is not allowed.
-  bool allow_infinite{
-      false};  ///< .inf and -.inf are allowed where `min` and `max` are; NaN never is.
+  bool above_min{false};       ///< `min` itself is out of range.
+  bool allow_infinite{false};  ///< .inf and -.inf are allowed within `min` and `max`; NaN never is.
 };
 
 namespace detail {
@@ -79,48 +78,49 @@ struct ListTraits<std::vector<T>> {
 
 /// One value of a configuration: a scalar, a list or a section (a map).
 ///
-/// Reading is the schema: a section knows the keys that it was asked for, and
-/// `File::reject_unknown_keys` reports the others. A cheap handle; it keeps the configuration
-/// alive.
+/// Reading defines the schema: a section remembers the keys that were asked for, and
+/// `File::reject_unknown_keys` reports the others. A node is a cheap handle that keeps the
+/// configuration alive.
 class Node {
  public:
   Node(std::shared_ptr<const detail::Element> element, std::string path);
 
-  /// Where the value was written.
+  /// The place where the value was written.
   [[nodiscard]] const Location& location() const noexcept;
-  /// "fingers.height", "objects.0.mass"; empty for the whole configuration.
+  /// The path of the value, "fingers.height" or "objects.0.mass"; empty for the whole
+  /// configuration.
   [[nodiscard]] const std::string& path() const noexcept { return path_; }
 
   [[nodiscard]] bool is_list() const noexcept;
   [[nodiscard]] bool is_section() const noexcept;
 
-  /// The value under `key`, if it is there. @throws ConfigError if this is not a section.
+  /// The value under `key`, if it exists. @throws ConfigError if this is not a section.
   [[nodiscard]] std::optional<Node> find(std::string_view key) const;
   /// The value under `key`. @throws ConfigError if it is missing; the text names the `unit`.
   [[nodiscard]] Node at(std::string_view key, std::string_view unit = "") const;
-  /// The section under `key`. @throws ConfigError if it is missing or no section.
+  /// The section under `key`. @throws ConfigError if it is missing or not a section.
   [[nodiscard]] Node section(std::string_view key) const;
-  /// The section under `key`, if it is there.
+  /// The section under `key`, if it exists. @throws ConfigError if it is not a section.
   [[nodiscard]] std::optional<Node> optional_section(std::string_view key) const;
   /// The entries of this list. @throws ConfigError if this is not a list.
   [[nodiscard]] std::vector<Node> items() const;
 
   /// The value under `key` as a T: bool, an integer, double, std::string, or a std::array or
-  /// std::vector of these. `range` holds for every number in it.
-  /// @throws ConfigError if it is missing, of another type or out of range.
+  /// std::vector of these. `range` applies to every number in it.
+  /// @throws ConfigError if it is missing, has another type or is out of range.
   template <class T>
   [[nodiscard]] T required(std::string_view key, const Range& range = {}) const {
     return at(key, range.unit).as<T>(range);
   }
 
-  /// The same, with `fallback` where the key is missing.
+  /// The value under `key` as a T, or `fallback` if the key is missing. Throws like `required`.
   template <class T>
   [[nodiscard]] T optional(std::string_view key, T fallback, const Range& range = {}) const {
     const std::optional<Node> value = find(key);
     return value ? value->as<T>(range) : std::move(fallback);
   }
 
-  /// The value of the choice that is named under `key`.
+  /// The value of the choice whose name is written under `key`.
   template <class Choice>
   [[nodiscard]] Choice required_choice(
       std::string_view key, const std::vector<std::pair<std::string_view, Choice>>& choices) const {
@@ -134,7 +134,7 @@ class Node {
     return value ? value->as_choice(choices) : fallback;
   }
 
-  /// This value as a T; see `required`.
+  /// This value as a T, with the same types and errors as `required`.
   template <class T>
   [[nodiscard]] T as(const Range& range = {}) const {
     if constexpr (detail::ListTraits<T>::kIsList) {
@@ -177,8 +177,8 @@ class Node {
     return choices[index_of_choice(names)].second;
   }
 
-  /// For checks that involve more than one value. `problem` goes on after the name of the thing:
-  /// "is 0.3, must be less than ...".
+  /// Throws a ConfigError at this place, for checks that involve several values. `problem` follows
+  /// the name of the value: "is 0.3, must be less than ...".
   [[noreturn]] void fail(const std::string& problem) const;
 
  private:

@@ -8,24 +8,24 @@
 
 namespace trifinger::control {
 
-/// Up to nine numbers that are measured together, held in place: never on the heap.
+/// Up to nine numbers that are measured together. They are stored in place, never on the heap.
 using Signal = JointValues;
 
 /// A first-order low-pass. Samples may come at uneven intervals.
 class LowPassFilter {
  public:
-  /// `cutoff_frequency` is where half of the power is left [Hz].
+  /// `cutoff_frequency` is the frequency at which half of the power is left [Hz].
   /// @throws InvalidArgument if it is not above zero.
   explicit LowPassFilter(double cutoff_frequency);
 
-  /// Takes the next sample, `elapsed` after the one before, and returns the filtered signal. The
-  /// first sample passes as it is, and so does one with another number of values.
+  /// Takes the next sample, `elapsed` after the previous one, and returns the filtered signal. The
+  /// first sample passes unchanged. A sample with another number of values passes unchanged, too.
   const Signal& update(const Signal& sample, Seconds elapsed) noexcept;
 
-  /// The filtered signal; without numbers before the first sample.
+  /// The filtered signal. It has no numbers before the first sample.
   [[nodiscard]] const Signal& value() const noexcept { return value_; }
 
-  /// The next sample will be the first.
+  /// Treats the next sample as the first one.
   void reset() noexcept { value_.resize(0); }
 
  private:
@@ -39,11 +39,11 @@ class Derivative {
   /// @throws InvalidArgument if `cutoff_frequency` [Hz] is not above zero.
   explicit Derivative(double cutoff_frequency);
 
-  /// Takes the next sample, `elapsed` after the one before, and returns the rate [1/s]: zero for
-  /// the first sample. A sample without time since the one before changes nothing.
+  /// Takes the next sample, `elapsed` after the previous one, and returns the rate [1/s]. The rate
+  /// of the first sample is zero. A sample with no time since the previous one changes nothing.
   const Signal& update(const Signal& sample, Seconds elapsed) noexcept;
 
-  /// The next sample will be the first.
+  /// Treats the next sample as the first one.
   void reset() noexcept;
 
  private:

@@ -7,20 +7,20 @@
 #include "trifinger/model/robot_description.hpp"
 
 /// \file
-/// What forces at the tips do to an object. Positions, normals, forces and wrenches are all in one
-/// frame of the caller's choice: that of the object, as in the paper, or that of the world.
+/// The effect of forces at the tips on an object. Positions, normals, forces and wrenches are all
+/// in one frame, which the caller chooses: the object's frame, as in the paper, or the world frame.
 
 namespace trifinger::control {
 
 inline constexpr int kContacts = kMaxFingers;
 
-/// Three numbers per contact: those of contact 0 first.
+/// Three numbers per contact, beginning with contact 0.
 using ContactForces = Eigen::Matrix<double, 3 * kContacts, 1>;
 
 /// Rows: force, then moment. Columns: the contact forces.
 using GraspMap = Eigen::Matrix<double, 6, 3 * kContacts>;
 
-/// A force and a moment about a point that goes with it.
+/// A force and a moment. The moment is about a point that is stated with each use.
 struct Wrench {
   Eigen::Vector3d force{Eigen::Vector3d::Zero()};   ///< [N]
   Eigen::Vector3d moment{Eigen::Vector3d::Zero()};  ///< [Nm]
@@ -28,37 +28,37 @@ struct Wrench {
 
 /// A point at which a tip touches an object and pushes, with friction and without adhesion.
 ///
-/// A tip that does not touch is a contact with `max_normal_force` 0: it gets no force.
+/// A tip that does not touch is a contact whose `max_normal_force` is 0. It gets no force.
 struct Contact {
   Eigen::Vector3d position{Eigen::Vector3d::Zero()};  ///< [m]
-  /// Into the object, of any length but zero: the direction in which the tip can push.
+  /// Direction in which the tip can push, into the object. Any length but zero.
   Eigen::Vector3d normal{Eigen::Vector3d::UnitX()};
-  /// What a controller relies on; less than what there is.
+  /// Coefficient that a controller relies on; it should be lower than the real one.
   double friction{0.5};
   double min_normal_force{0.0};   ///< [N], not negative.
-  double max_normal_force{10.0};  ///< [N], not below the smallest.
+  double max_normal_force{10.0};  ///< [N], at least `min_normal_force`.
 };
 
 /// The contacts of all fingers, finger 0 first.
 using Grasp = std::array<Contact, kContacts>;
 
-/// Columns: two tangents and `normal`, orthonormal and right-handed. The first tangent is normal to
-/// z, or to x where the normal is nearly along z.
+/// A matrix whose columns are two tangents and `normal`, orthonormal and right-handed. The first
+/// tangent is perpendicular to z, or to x if the normal is nearly along z.
 [[nodiscard]] Eigen::Matrix3d contact_frame(const Eigen::Vector3d& normal) noexcept;
 
-/// Turns contact forces into the wrench on the object about `centre` [m]. It is 6 x 9 of rank 6 if
-/// the contacts do not lie on one line.
+/// The map from contact forces to the wrench on the object about `centre` [m]. Its size is 6 x 9.
+/// Its rank is 6 if the contacts do not lie on one line.
 [[nodiscard]] GraspMap grasp_map(const Grasp& grasp, const Eigen::Vector3d& centre) noexcept;
 
-/// What `forces` [N] at the contacts amount to about `centre` [m].
+/// The total wrench of `forces` [N] at the contacts, about `centre` [m].
 [[nodiscard]] Wrench wrench_of(const Grasp& grasp, const Eigen::Vector3d& centre,
                                const ContactForces& forces) noexcept;
 
-/// The forces that a contact with friction can bear, as a pyramid inside Coulomb's cone: whatever
-/// lies in the pyramid does not slip.
+/// A pyramid inside Coulomb's friction cone: a contact whose force lies in the pyramid does not
+/// slip.
 ///
-/// With four sides it is the paper's: `|tangential_i| <= friction / sqrt(2) * normal` for both
-/// tangents. Its edges lie on the cone, so more sides waste less of it.
+/// With four sides it is the paper's pyramid: `|tangential_i| <= friction / sqrt(2) * normal` for
+/// both tangents. Its edges lie on the cone, so more sides use more of the cone.
 class FrictionPyramid {
  public:
   static constexpr int kMinSides = 3;
@@ -70,18 +70,18 @@ class FrictionPyramid {
   [[nodiscard]] int sides() const noexcept { return sides_; }
 
   /// Points inward from side `i`, in the contact frame: forces with `side.dot(force) >= 0` are on
-  /// its inner side. Its tangential part has the length 1.
+  /// its inner side. Its tangential part has length 1.
   [[nodiscard]] Eigen::Vector3d side(int i, double friction) const noexcept {
     return {-directions_(0, i), -directions_(1, i), friction * apothem_};
   }
 
-  /// How much more tangential force fits into the pyramid beside `force` [N], in the direction with
-  /// the least room; negative outside. `force` is in the contact frame.
+  /// Tangential force that could be added to `force` [N] before it leaves the pyramid, in the
+  /// direction with the least room. Negative outside. `force` is in the contact frame.
   [[nodiscard]] double margin(const Eigen::Vector3d& force, double friction) const noexcept;
 
  private:
   int sides_;
-  double apothem_;  // Of the polygon with corners on the unit circle.
+  double apothem_;  // Apothem of the polygon whose corners lie on the unit circle.
   Eigen::Matrix<double, 2, kMaxSides> directions_;
 };
 

@@ -9,17 +9,17 @@
 
 namespace trifinger::control {
 
-/// What moves when a wrench acts.
+/// Mass and inertia of a rigid body.
 struct RigidBody {
   double mass{0.0};  ///< [kg]
-  /// About the centre of mass, in the body's frame [kg m^2].
+  /// Inertia about the centre of mass, in the body's frame [kg m^2].
   Eigen::Matrix3d inertia{Eigen::Matrix3d::Zero()};
 };
 
-/// An object of evenly spread mass.
+/// Mass and inertia of an object whose mass is evenly spread.
 [[nodiscard]] RigidBody rigid_body(const ObjectDescription& object) noexcept;
 
-/// The standard gravity that MuJoCo's models have [m/s^2], in the world frame.
+/// Standard gravity as in MuJoCo's models [m/s^2], in the world frame.
 [[nodiscard]] inline Eigen::Vector3d gravity() noexcept { return {0.0, 0.0, -9.81}; }
 
 /// How stiffly an object is held.
@@ -30,13 +30,13 @@ struct ObjectGains {
   double rotational_damping{0.006};  ///< [Nms/rad]
 };
 
-/// The wrench about the object's centre that keeps it on its way, in the world frame:
+/// The wrench about the object's centre that keeps the object on its way, in the world frame:
 ///
 ///     force  = stiffness * dx + damping * dv + mass * (a - gravity)
 ///     moment = rotational_stiffness * dr + rotational_damping * dw + I alpha + w x I w
 ///
-/// where `dx`, `dv`, `dw` are what position, velocity and angular velocity lack, `dr` is the
-/// rotation error, and `a`, `alpha`, `w` are those of the desired motion.
+/// where `dx`, `dv`, `dw` are the errors of position, velocity and angular velocity (desired minus
+/// actual), `dr` is the rotation error, and `a`, `alpha`, `w` belong to the desired motion.
 [[nodiscard]] Wrench object_impedance(const Motion& desired, const Pose& pose, const Twist& twist,
                                       const RigidBody& body,
                                       const ObjectGains& gains = {}) noexcept;
@@ -47,8 +47,8 @@ struct TipGains {
   double damping{2.5};      ///< [Ns/m]
 };
 
-/// The force that brings a tip to where it should be [N]: `stiffness * dx + damping * dv`. What the
-/// tip should press with comes on top. The joint torques for a force are `J' force` and
+/// The force that brings a tip to its desired position [N]: `stiffness * dx + damping * dv`. Add
+/// the force with which the tip should press. The joint torques for a force are `J' force` plus
 /// `Kinematics::bias_torques`.
 [[nodiscard]] Eigen::Vector3d tip_impedance(const PointMotion& desired,
                                             const Eigen::Vector3d& position,

@@ -5,27 +5,27 @@
 #include <chrono>
 
 /// \file
-/// Where bodies are and how they move. All of it is in one frame, by default the world's.
+/// Poses and motions of bodies. All of them are in one frame, by default the world frame.
 
 namespace trifinger::control {
 
-/// A span of time [s]. `std::chrono::milliseconds(10)` and the like convert by themselves.
+/// A span of time [s]. Types such as `std::chrono::milliseconds` convert implicitly.
 using Seconds = std::chrono::duration<double>;
 
-/// Where a body is and how it is turned.
+/// Position and orientation of a body.
 struct Pose {
-  Eigen::Vector3d position{Eigen::Vector3d::Zero()};  ///< Of its centre of mass [m].
-  /// From the body's frame; of unit length.
+  Eigen::Vector3d position{Eigen::Vector3d::Zero()};  ///< Position of its centre of mass [m].
+  /// Rotation from the body's frame; unit length.
   Eigen::Quaterniond orientation{Eigen::Quaterniond::Identity()};
 };
 
-/// How a body moves.
+/// Velocity and angular velocity of a body.
 struct Twist {
-  Eigen::Vector3d linear{Eigen::Vector3d::Zero()};   ///< Of its centre of mass [m/s].
+  Eigen::Vector3d linear{Eigen::Vector3d::Zero()};   ///< Velocity of its centre of mass [m/s].
   Eigen::Vector3d angular{Eigen::Vector3d::Zero()};  ///< [rad/s], not in the body's frame.
 };
 
-/// How the twist of a body changes.
+/// Rate of change of a body's twist.
 struct Acceleration {
   Eigen::Vector3d linear{Eigen::Vector3d::Zero()};   ///< [m/s^2]
   Eigen::Vector3d angular{Eigen::Vector3d::Zero()};  ///< [rad/s^2]
@@ -45,22 +45,23 @@ struct PointMotion {
   Eigen::Vector3d acceleration{Eigen::Vector3d::Zero()};  ///< [m/s^2]
 };
 
-/// The rotation by `vector` [rad], about its direction and by its length: the exponential map.
+/// The rotation about the direction of `vector` by its length [rad]: the exponential map.
 [[nodiscard]] Eigen::Quaterniond rotation_from_vector(const Eigen::Vector3d& vector) noexcept;
 
-/// The shortest vector that `rotation_from_vector` makes `rotation` of [rad]: the logarithm. Its
-/// length is pi at most.
+/// The shortest vector [rad] that `rotation_from_vector` turns into `rotation`: the logarithm. Its
+/// length is at most pi.
 [[nodiscard]] Eigen::Vector3d rotation_vector(const Eigen::Quaterniond& rotation) noexcept;
 
-/// By what `actual` must still be turned to become `desired` [rad], in the frame in which both are
+/// The rotation that still turns `actual` into `desired` [rad], in the frame in which both are
 /// given: `log(desired * actual^-1)`.
 [[nodiscard]] Eigen::Vector3d rotation_error(const Eigen::Quaterniond& desired,
                                              const Eigen::Quaterniond& actual) noexcept;
 
-/// Where `pose` is after moving with a constant `twist` for `duration`, which may be negative.
+/// The pose after moving with a constant `twist` for `duration`, which may be negative.
 [[nodiscard]] Pose moved(const Pose& pose, const Twist& twist, Seconds duration) noexcept;
 
-/// How a point moves that is fixed to a body; `point` is in the body's frame, from its centre [m].
+/// The motion of a point that is fixed to a body. `point` is in the body's frame, from its centre
+/// [m].
 [[nodiscard]] PointMotion point_of_body(const Motion& body, const Eigen::Vector3d& point) noexcept;
 
 }  // namespace trifinger::control

@@ -7,8 +7,9 @@
 
 namespace trifinger::control {
 
-/// What a controller has to know of the safety checks between it and a robot of three fingers, for
-/// each joint. The names are those of `JointLimits` and of the section `safety` of configurations.
+/// The limits of the robot's safety checks that a controller must know, for each joint of a robot
+/// with three fingers. The names are those of `JointLimits` and of the section `safety` in
+/// configurations.
 struct SafetyLimits {
   using Joints = std::array<double, kMaxJoints>;
 
@@ -18,10 +19,10 @@ struct SafetyLimits {
   Joints soft_upper;  ///< [rad]
 };
 
-/// Those of the real robot of this variant.
+/// The limits of the real robot of this variant.
 [[nodiscard]] SafetyLimits safety_limits(const RobotDescription& description) noexcept;
 
-/// @throws InvalidArgument naming the first value that makes no sense.
+/// @throws InvalidArgument that names the first value that makes no sense.
 void validate(const SafetyLimits& limits);
 
 }  // namespace trifinger::control

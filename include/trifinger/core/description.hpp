@@ -80,7 +80,7 @@ class ElementDescription {
   [[nodiscard]] std::size_t size() const noexcept { return size_; }
   /// The field called `name`, or nullptr.
   [[nodiscard]] const FieldDescription* find(std::string_view name) const noexcept;
-  /// One line per field, as in "position float64[9] rad".
+  /// One line per field, for example "position float64[9] rad".
   [[nodiscard]] std::string text() const;
 
   friend bool operator==(const ElementDescription&, const ElementDescription&) = default;

@@ -7,8 +7,8 @@ namespace trifinger {
 
 /// A text that belongs to a robot's sessions and explains them: its configuration, its model.
 struct Document {
-  std::string name;        ///< As in "configuration.yml"; unique among those of a robot.
-  std::string media_type;  ///< As in "application/yaml".
+  std::string name;        ///< For example "configuration.yml"; unique within a robot.
+  std::string media_type;  ///< For example "application/yaml".
   std::string text;
 
   friend bool operator==(const Document&, const Document&) = default;

@@ -18,23 +18,25 @@
 
 namespace trifinger {
 
-/// What a driver has to say about one call. Plain data, made in the loop.
+/// The report of a driver about one call. Plain data, made in the loop.
 struct DriverReport {
   enum class State : std::uint8_t {
     kReady,        ///< Done.
-    kBusy,         ///< `prepare` and `stop`: call again in the next period.
+    kBusy,         ///< For `prepare` and `stop`: call again in the next period.
     kFault,        ///< The robot cannot go on; the session ends with `fault_code`.
-    kEnd,          ///< `get_latest_observation`: y_t is the last one; the session ends, no fault.
-    kInterrupted,  ///< The user breaks off, as by Ctrl-C: the session ends (`kDetached`), no fault.
+    kEnd,          ///< For `get_latest_observation`: y_t is the last observation; the session ends
+                   ///< without a fault.
+    kInterrupted,  ///< The user interrupts, for example by Ctrl-C: the session ends (`kDetached`)
+                   ///< without a fault.
   };
 
   State state{State::kReady};
-  /// `apply_action`: the action was not fit to apply and something safe was applied instead.
-  /// See `UntypedDriver::rejection_text`.
+  /// For `apply_action`: the action could not be applied as it is, and a safe one was applied
+  /// instead. See `UntypedDriver::rejection_text`.
   bool action_rejected{false};
   std::int32_t fault_code{0};       ///< The driver's own code; see `UntypedDriver::fault_text`.
-  std::int64_t measurement_age{0};  ///< Of the oldest measurement in y [ns].
-  std::uint32_t lost_frames{0};     ///< Messages lost since the session began.
+  std::int64_t measurement_age{0};  ///< Age of the oldest measurement in y [ns].
+  std::uint32_t lost_frames{0};     ///< Number of messages lost since the session began.
 
   [[nodiscard]] static constexpr DriverReport ready() noexcept { return {}; }
   [[nodiscard]] static constexpr DriverReport busy() noexcept { return {.state = State::kBusy}; }
@@ -47,12 +49,11 @@ struct DriverReport {
   }
 };
 
-/// When a companion's element was measured and when it became known. First member of every such
-/// element.
+/// When an element of a companion was measured and when it became known. This is the first member
+/// of every element of a companion.
 struct Stamp {
-  TimeIndex arrival_index{
-      -1};  ///< The robot's step at which the element became known; -1 before step 0.
-  TimeIndex capture_index{-1};   ///< The robot's step at which it was measured.
+  TimeIndex arrival_index{-1};  ///< Robot step at which the element became known; -1 before step 0.
+  TimeIndex capture_index{-1};  ///< Robot step at which it was measured.
   std::int64_t arrival_time{0};  ///< Monotonic clock [ns]; set by the back-end.
   std::int64_t capture_time{0};  ///< Monotonic clock [ns]; set by the back-end to the tick of
                                  ///< `capture_index` unless the driver has set it.
@@ -65,19 +66,20 @@ struct Stamp {
   }
 };
 
-/// A sensor that belongs to a robot and has a rate of its own: object poses, cameras. Its elements
-/// are readable as the session "ROBOT.NAME".
+/// A sensor that belongs to a robot and has its own rate, such as an object tracker or a camera.
+/// The session "ROBOT.NAME" holds its elements.
 struct CompanionDescription {
-  std::string name;            ///< As in "object".
-  std::string type;            ///< Names the element's type, as in "object_observation".
+  std::string name;            ///< For example "object".
+  std::string type;            ///< Name of the element's type, for example "object_observation".
   ElementDescription element;  ///< Begins with a `Stamp stamp`.
-  std::size_t history{1024};   ///< Elements kept.
+  std::size_t history{1024};   ///< Number of elements kept.
 };
 
 /// The robot as the back-end sees it, without types. Robots derive from `Driver` instead.
 ///
-/// All functions but the constructor run in the loop: they never block, sleep, print, allocate or
-/// throw, and own no clock. They are called by one thread, except `cut`.
+/// Except for the constructor, all functions run in the loop. They must not block, sleep, print,
+/// allocate or throw, and must not use a clock of their own. One thread calls them; only `cut` is
+/// called by another.
 class UntypedDriver {
  public:
   UntypedDriver() = default;
@@ -86,53 +88,56 @@ class UntypedDriver {
   virtual ~UntypedDriver() = default;
 
   [[nodiscard]] virtual const RobotTypes& description() const noexcept = 0;
-  /// Sensors with their own rate; the answer never changes.
+  /// Sensors with their own rate. The answer must never change.
   [[nodiscard]] virtual std::span<const CompanionDescription> companions() const noexcept {
     return {};
   }
 
-  /// Brings the robot to where it can hold: alignment, homing. Called once per period with a count
-  /// from 0 until it is ready, before every session.
+  /// Brings the robot to a pose where it can hold (alignment, homing). The back-end calls it before
+  /// every session, once per period with a count from 0, until the driver is ready.
   [[nodiscard]] virtual DriverReport prepare(TimeIndex step) noexcept TRIFINGER_REALTIME = 0;
-  /// Writes the newest measurement y_t. Torques and forces in it belong to the period before t.
+  /// Writes the newest measurement y_t. Its torques and forces belong to the period before t.
   [[nodiscard]] virtual DriverReport get_latest_observation(void* observation) noexcept
       TRIFINGER_REALTIME = 0;
-  /// Checks `desired`, applies what is safe and writes that to `applied`.
+  /// Checks `desired`, applies a safe action and writes the applied action to `applied`.
   [[nodiscard]] virtual DriverReport apply_action(const void* desired,
                                                   void* applied) noexcept TRIFINGER_REALTIME = 0;
-  /// Writes the action that keeps the pose of `observation`; the back-end applies it before step 0.
+  /// Writes the action that keeps the pose of `observation`. The back-end applies it before step 0.
   [[nodiscard]] virtual DriverReport hold(const void* observation,
                                           void* action) noexcept TRIFINGER_REALTIME = 0;
-  /// Comes to rest and releases the robot. Called once per period with a count from 0 until it is
-  /// ready. In between measurements go on, for those who look into the end later.
+  /// Brings the robot to rest and releases it. The back-end calls it once per period with a count
+  /// from 0 until the driver is ready. Measurements continue in between, for those who examine the
+  /// end later.
   [[nodiscard]] virtual DriverReport stop(TimeIndex step) noexcept TRIFINGER_REALTIME = 0;
-  /// Last resort, from another thread, when a call above hangs: take the power away.
+  /// Cuts the power when one of the calls above hangs. This is the last resort; another thread
+  /// calls it.
   virtual void cut() noexcept = 0;
 
-  /// Writes the next element of companion `index` that arrives at or before step `time_index`, with
-  /// `stamp.arrival_index` and `stamp.capture_index` set. Called before y_t is published, until it
-  /// answers false. `time_index` is -1 before step 0.
+  /// Writes the next element of companion `index` that arrives at or before step `time_index`, and
+  /// sets `stamp.arrival_index` and `stamp.capture_index`. The back-end calls it before it
+  /// publishes y_t, until the answer is false. Before step 0, `time_index` is -1.
   [[nodiscard]] virtual bool get_companion_element(std::size_t index, TimeIndex time_index,
                                                    void* element) noexcept TRIFINGER_REALTIME {
     static_cast<void>(index), static_cast<void>(time_index), static_cast<void>(element);
     return false;
   }
 
-  /// What the last fault was about, which had this code, as in "joint 3 is beyond its hard limit".
-  /// The loop asks when it ends the session, and copies the text: `RobotStopped`, `trifinger
-  /// status` and logs show up to `FixedText::kCapacity` bytes of it. The driver owns it; it holds
-  /// until the driver's next fault.
+  /// Describes the last fault, which had this code, for example "joint 3 is beyond its hard limit".
+  /// The loop asks when it ends the session, and copies the text. `RobotStopped`, `trifinger
+  /// status` and logs show up to `FixedText::kCapacity` bytes of it. The driver owns the text and
+  /// keeps it until its next fault.
   [[nodiscard]] virtual std::string_view fault_text(std::int32_t fault_code) const noexcept {
     static_cast<void>(fault_code);
     return {};
   }
-  /// What was not fit to apply in the last action that was rejected, and what is allowed, as in
-  /// "position_kd of joint 3 is 1 Nms/rad, allowed are 0 to 0.5". Asked for, copied and owned like
-  /// the text of a fault; it holds until the next action is rejected.
+  /// Says what was wrong with the last rejected action and what is allowed, for example
+  /// "position_kd of joint 3 is 1 Nms/rad, allowed are 0 to 0.5". The loop asks when it ends the
+  /// session, and copies the text. The driver owns the text and keeps it until the next action is
+  /// rejected.
   [[nodiscard]] virtual std::string_view rejection_text() const noexcept { return {}; }
 };
 
-/// A driver for the robot R: the full interface, for hardware and simulators.
+/// A driver for the robot R, with the full interface, for hardware and simulators.
 template <Robot R>
 class Driver : public UntypedDriver {
  public:
@@ -171,7 +176,7 @@ class Driver : public UntypedDriver {
   }
 };
 
-/// The paper's two functions: all that a simple robot writes.
+/// The paper's two functions: a simple robot needs only these.
 template <class D, class R>
 concept SimpleDriverOf = Robot<R> && std::same_as<AppliedActionOf<R>, typename R::Action> &&
                          requires(D driver, const typename R::Action& action) {
@@ -181,12 +186,12 @@ concept SimpleDriverOf = Robot<R> && std::same_as<AppliedActionOf<R>, typename R
                            { driver.apply_action(action) } -> std::same_as<typename R::Action>;
                          };
 
-/// Makes a full driver of a class with the paper's two functions. Before step 0 the robot receives
-/// `Action{}`, or `hold(observation)` if D has one.
+/// Makes a full driver from a class with the paper's two functions. Before step 0 the robot
+/// receives `hold(observation)` if D has that function, otherwise `Action{}`.
 ///
-/// An exception that one of the functions throws ends the session with a fault, whose text says
-/// which function it was and what the exception said. `Interrupted` ends it without a fault. If
-/// `hold` throws, the robot still receives `Action{}`.
+/// An exception from one of the functions ends the session with a fault. The fault's text names the
+/// function and contains the text of the exception. `Interrupted` ends the session without a fault.
+/// If `hold` throws, the robot still receives `Action{}`.
 template <Robot R, SimpleDriverOf<R> D>
 class SimpleDriver final : public Driver<R> {
  public:
@@ -218,7 +223,7 @@ class SimpleDriver final : public Driver<R> {
                   }) {
       const DriverReport held = guarded("hold", [&] { action = driver_.hold(observation); });
       if (held.state != DriverReport::State::kReady) {
-        // Nothing else will be applied. What this throws as well says less than what `hold` threw.
+        // No other action follows this one. If this call throws, too, the text of `hold` says more.
         const FixedText first = fault_text_;
         static_cast<void>(apply_action(Action{}, action));
         fault_text_ = first;

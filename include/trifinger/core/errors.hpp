@@ -9,8 +9,8 @@
 
 namespace trifinger {
 
-/// The session has ended: no further action is taken and no further element will come. Elements
-/// that are still in the history can be read on.
+/// The session has ended: it takes no further action, and no further element will come. Elements
+/// that are still in the history can still be read.
 class RobotStopped : public Error {
  public:
   RobotStopped(const Fault& fault, const std::string& text) : Error(text), fault_(fault) {}
@@ -33,14 +33,14 @@ class HistoryLost : public Error {
   TimeIndex oldest_;
 };
 
-/// An action was appended for a step whose observation had been read: on a real robot it would have
-/// come too late.
+/// An action was appended for a step whose observation had already been read. On a real robot it
+/// would have come too late.
 class AcausalAction : public Error {
  public:
   explicit AcausalAction(TimeIndex time_index);
 };
 
-/// A wait that only a further action could satisfy, in a program where nobody else can append it.
+/// A wait can end only with a further action, and in this program nobody else can append it.
 class ActionMissing : public Error {
  public:
   using Error::Error;
@@ -64,20 +64,20 @@ class RobotOwned : public Error {
   using Error::Error;
 };
 
-/// The session was made for another robot, with other fields, or by another version.
+/// The session belongs to another robot, has other fields, or comes from another version.
 class IncompatibleSession : public Error {
  public:
   using Error::Error;
 };
 
-/// What a driver of two functions, or a safety check, throws to say that its user breaks off, as by
-/// Ctrl-C: the session ends as if the controller had let go (`kDetached`), without a fault.
+/// A driver of two functions or a safety check throws this when its user interrupts, for example by
+/// Ctrl-C. The session ends without a fault, as if the controller had let go (`kDetached`).
 class Interrupted : public Error {
  public:
   using Error::Error;
 };
 
-/// The handle was made before fork(); the child must connect on its own.
+/// The handle was made before fork(); the child process must connect again.
 class InheritedHandle : public Error {
  public:
   using Error::Error;

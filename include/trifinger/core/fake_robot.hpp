@@ -9,14 +9,14 @@
 
 namespace trifinger {
 
-/// What the fake robot is told: a number that it remembers.
+/// What the fake robot is told: a number, which it remembers.
 struct FakeAction {
   double setpoint{0.0};
 
   static constexpr auto fields() { return std::tuple{field("setpoint", &FakeAction::setpoint)}; }
 };
 
-/// What the fake robot measures: the action that was applied last, and how many there were.
+/// What the fake robot measures: the last applied action and the number of actions so far.
 struct FakeObservation {
   double setpoint{0.0};
   std::int64_t applied_actions{0};
@@ -30,7 +30,7 @@ struct FakeObservation {
 /// An element of the companion "sensor" of the fake robot.
 struct FakeSensorReading {
   Stamp stamp;
-  std::int64_t applied_actions{0};  ///< As at the step of capture.
+  std::int64_t applied_actions{0};  ///< Number of actions applied before the step of capture.
 
   static constexpr auto fields() {
     return std::tuple{field("stamp", &FakeSensorReading::stamp),
@@ -38,8 +38,8 @@ struct FakeSensorReading {
   }
 };
 
-/// A robot without physics and without joints: for tests of your own program, and for the figures
-/// of the loop.
+/// A robot without physics and without joints, for tests of your own program and for measuring the
+/// loop itself.
 struct FakeRobot {
   static constexpr std::string_view kType = "fake";
   using Action = FakeAction;
@@ -51,18 +51,18 @@ struct FakeRobot {
 class FakeDriver final : public Driver<FakeRobot> {
  public:
   struct Options {
-    TimeIndex prepare_periods{0};  ///< Periods until the robot can hold.
-    TimeIndex stop_periods{0};     ///< Periods of the orderly stop.
+    TimeIndex prepare_periods{0};  ///< Number of periods until the robot can hold.
+    TimeIndex stop_periods{0};     ///< Number of periods of the orderly stop.
     TimeIndex sensor_period{
-        0};  ///< Steps between readings of the companion "sensor"; 0: no companion.
-    TimeIndex sensor_delay{0};              ///< Steps from capture to arrival.
+        0};  ///< Steps between readings of the companion "sensor"; 0 means no companion.
+    TimeIndex sensor_delay{0};              ///< Number of steps from capture to arrival.
     TimeIndex observation_fault_after{-1};  ///< The observation with this number faults; -1: none.
     TimeIndex action_fault_after{-1};       ///< The action with this number faults; -1: none.
     double rejected_setpoint{
-        -1.0};  ///< Actions with this setpoint are rejected: 0 is applied instead.
+        -1.0};  ///< Actions with this setpoint are rejected; 0 is applied instead.
   };
 
-  /// Fault code of an injected fault.
+  /// Fault code of every injected fault.
   static constexpr std::int32_t kInjectedFault = 7;
 
   FakeDriver() : FakeDriver(Options{}) {}

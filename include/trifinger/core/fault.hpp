@@ -19,20 +19,20 @@ struct Fault {
     kDetached = 2,        ///< The controller let go without `finish()`.
     kControllerDied = 3,  ///< The controlling process ended without letting go.
     kStopped = 4,         ///< The back-end was asked to stop.
-    kExhausted = 5,       ///< The driver has no further steps: the log that it replays is over.
+    kExhausted = 5,       ///< The driver has no further steps: the replayed log is over.
 
     // Faults: `recover()` is needed before the next session.
     kFirstActionLate = 16,   ///< No action arrived within the first-action timeout.
     kActionLate = 17,        ///< The action for `time_index` was missing and no repeats were left.
-    kBackendLate = 18,       ///< The back-end was itself too late: `detail` periods at once, or, if
-                             ///< negative, that many steps in a row.
-    kActionsRejected = 19,   ///< Too many actions in a row were not fit to apply.
+    kBackendLate = 18,       ///< The back-end itself was too late. `detail` counts periods at once
+                             ///< if positive, steps in a row if negative.
+    kActionsRejected = 19,   ///< Too many actions in a row were rejected.
     kMemoryDamaged = 20,     ///< The queue of actions was overwritten, or shared memory cut off.
     kDriver = 21,            ///< The driver gave up; `detail` is its own code.
     kDriverHangs = 22,       ///< A call of the driver did not return; the power was cut.
-    kBackendDied = 23,       ///< The back-end ended without a word. Noticed by those who read.
+    kBackendDied = 23,       ///< The back-end ended without announcing it. Readers notice this.
     kMeasurementStale = 24,  ///< A measurement was too old; `detail` is its age [ms].
-    kMachineSuspended = 25,  ///< The machine slept while the robot was in use, for `detail` [ms].
+    kMachineSuspended = 25,  ///< The machine was suspended for `detail` [ms] while in use.
   };
 
   Code code{Code::kNone};
@@ -47,12 +47,11 @@ struct Fault {
   friend bool operator==(const Fault&, const Fault&) = default;
 };
 
-/// "action_late": the name of the code as Python, logs and the command line show it.
+/// Name of the code, such as "action_late", as Python, logs and the command line show it.
 [[nodiscard]] std::string_view name_of(Fault::Code code) noexcept;
 
-/// A sentence for people: what happened at which step, and what to do about it.
-/// `driver_text` is what the driver said about its fault, or about the last action that it
-/// rejected; may be empty.
+/// One sentence: what happened at which step, and what to do about it. `driver_text` is the
+/// driver's text about its fault, or about the last action that it rejected. It may be empty.
 [[nodiscard]] std::string describe(const Fault& fault, std::string_view driver_text = {});
 
 }  // namespace trifinger

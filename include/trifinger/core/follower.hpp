@@ -9,13 +9,15 @@
 
 namespace trifinger {
 
-/// Someone in the process of a back-end who sees every session: a recorder.
+/// Sees every session of a back-end in the same process. A recorder is one.
 ///
-/// In real-time mode a follower is a reader like any other. Outside it the back-end waits for its
-/// followers rather than overwrite what they have not read, see `BackendOptions`.
+/// In real-time mode a follower is a reader like any other. Outside real-time mode the back-end
+/// waits for its followers and overwrites nothing that they still have to read; see
+/// `BackendOptions`.
 ///
-/// A follower that was given up and has lost steps should go on well inside of the history, not at
-/// its oldest step: that may be gone before it says where it is.
+/// A follower that was given up and has lost steps should not continue at the oldest step of the
+/// history, but well inside it. The oldest step may be overwritten before the follower reports its
+/// place.
 class Follower {
  public:
   Follower() = default;
@@ -23,14 +25,14 @@ class Follower {
   Follower& operator=(const Follower&) = delete;
   virtual ~Follower() = default;
 
-  /// A session is about to begin; `companions` are those of its robot. Called by the thread of the
-  /// back-end, between sessions: the robot is at rest and users wait. The series stay readable as
-  /// long as the `Session`s are kept.
+  /// The back-end calls this when a session is about to begin. `companions` are those of its robot.
+  /// The call comes from the thread of the back-end, between sessions: the robot is at rest and
+  /// users wait. The series stay readable as long as the follower keeps the `Session`s.
   virtual void begin_session(const Session& robot,
                              const std::vector<Session>& companions) noexcept = 0;
-  /// The first step of the session in work that it still has to read: 0 from `begin_session` on,
-  /// growing. Steps before it, and what companions received at them, may be overwritten. Called by
-  /// the thread of the back-end, at any time.
+  /// Returns the first step of the current session that the follower still has to read. It is 0
+  /// after `begin_session` and only grows. The back-end may overwrite earlier steps, and what
+  /// companions received at them. The call comes from the thread of the back-end, at any time.
   [[nodiscard]] virtual TimeIndex next_step() const noexcept TRIFINGER_REALTIME = 0;
 };
 

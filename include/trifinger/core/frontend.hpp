@@ -18,28 +18,29 @@ namespace trifinger {
 
 class Backend;
 
-/// What may be chosen when taking part in a session.
+/// Options for taking part in a session.
 struct FrontendOptions {
-  bool control{true};  ///< Take control; otherwise only look.
-  bool strict{false};  ///< Throw AcausalAction instead of marking the step.
+  bool control{true};  ///< True takes control; false only observes.
+  bool strict{false};  ///< True throws AcausalAction instead of only marking the step.
   Timeout timeout{
       std::chrono::seconds(5)};  ///< How long to wait for a session that is about to begin.
 };
 
-/// The front-end without types: elements are bytes, laid out as the session's description says.
-/// Python and tools use it directly, C++ programs use `Frontend`, which documents the functions.
+/// The front-end without types. Elements are bytes in the layout that the session's description
+/// gives. Python and tools use this class directly. C++ programs use `Frontend`, which documents
+/// the functions.
 class UntypedFrontend {
  public:
-  /// Takes part in the current session of the robot `name`, which any process may run. Companions
-  /// can only be looked at.
+  /// Takes part in the current session of the robot `name`, which may run in any process.
+  /// Companions can only be observed.
   explicit UntypedFrontend(const std::string& name, FrontendOptions options = {});
   /// Takes part in the current session of `host`, whose back-end runs in a thread of this process.
   explicit UntypedFrontend(const SessionHost& host, FrontendOptions options = {});
-  /// Looks at `session`, current or ended. What an inline back-end does is seen, but not waited
-  /// for.
+  /// Observes `session`, current or ended. This front-end sees what an inline back-end does, but
+  /// cannot wait for it.
   explicit UntypedFrontend(const Session& session);
-  /// Takes part in the current session of `backend`, which runs inside this front-end's waits.
-  /// `owner` is kept as long as the front-end: whatever the back-end needs.
+  /// Takes part in the current session of `backend`, which runs inside this front-end's waits. The
+  /// front-end keeps `owner`, an object that the back-end needs, as long as it lives.
   explicit UntypedFrontend(Backend& backend, FrontendOptions options = {},
                            std::shared_ptr<void> owner = nullptr);
   UntypedFrontend(UntypedFrontend&&) noexcept;
@@ -49,27 +50,27 @@ class UntypedFrontend {
   ~UntypedFrontend();
 
   TimeIndex append_desired_action(const void* action, Timeout timeout);
-  /// Appends `count` actions, one behind the other. Returns the index of the last one.
+  /// Appends `count` actions, one after the other. Returns the index of the last one.
   TimeIndex append_desired_actions(const void* actions, std::size_t count, Timeout timeout);
 
-  /// Copies the element of step `t`, waiting for it.
+  /// Copies the element of step `t`; waits for it.
   void get(Series series, TimeIndex t, void* element, Timeout timeout) const;
-  /// Copies the elements of the steps [first, first + count), waiting for the last.
+  /// Copies the elements of the steps [first, first + count); waits for the last one.
   void get(Series series, TimeIndex first, std::size_t count, void* elements,
            Timeout timeout) const;
-  /// Copies the element of step `t` if that needs no wait: false if it has not come yet.
+  /// Copies the element of step `t` without waiting. False if it has not come yet.
   [[nodiscard]] bool try_get(Series series, TimeIndex t, void* element) const;
   void wait_until_time_index(TimeIndex t, Timeout timeout) const;
   void latest_observation(void* observation, Timeout timeout) const;
-  /// Companions: copies the newest element that arrived at or before the robot's step `t`; waits
-  /// for that step. False if there was none by then.
+  /// For companions: copies the newest element that arrived at or before the robot's step `t`, and
+  /// waits for that step. False if no element had arrived by then.
   [[nodiscard]] bool get_latest_at(TimeIndex t, void* element, Timeout timeout) const;
 
-  /// The newest step whose observation is there, -1 before step 0.
+  /// Newest step whose observation exists; -1 before step 0.
   [[nodiscard]] TimeIndex current_time_index() const;
-  /// The first index of `series` that can still be read, and the first that has not been written.
+  /// The first index of `series` that can still be read, and the first index not yet written.
   [[nodiscard]] std::pair<TimeIndex, TimeIndex> range(Series series) const;
-  /// Why the session ended; nothing while it goes on.
+  /// Why the session ended; nothing while it runs.
   [[nodiscard]] std::optional<Fault> fault() const;
 
   void finish(Timeout timeout);
@@ -78,7 +79,7 @@ class UntypedFrontend {
 
   [[nodiscard]] const Session& session() const;
 
-  /// Is called at least every 100 ms during waits and may throw to break them off: Python's Ctrl-C.
+  /// Waits call `interrupt` at least every 100 ms. It may throw to end the wait: Python's Ctrl-C.
   void set_interrupt(std::function<void()> interrupt);
 
  private:
@@ -88,20 +89,21 @@ class UntypedFrontend {
   std::unique_ptr<Implementation> implementation_;
 };
 
-/// Throws IncompatibleSession with the first difference if `session` is not one of the robot
-/// `expected`.
+/// @throws IncompatibleSession with the first difference if `session` does not belong to the robot
+/// `expected`
 void require_same_robot(const Session& session, const RobotTypes& expected);
-/// The same for the elements of a companion.
+/// @throws IncompatibleSession if the elements of the companion `session` are not `expected`
 void require_same_companion(const Session& session, const ElementDescription& expected);
 
 /// The user's view of a running robot: append desired actions, read back what happened.
 ///
-/// Reading step t waits until the back-end has filled it in, so a loop that reads y[t] and appends
-/// a[t+1] is paced by the robot and needs no sleep of its own.
+/// Reading step t waits until the back-end has filled it in. A loop that reads y[t] and appends
+/// a[t+1] is therefore paced by the robot and needs no sleep of its own.
 ///
-/// Not real-time: reads block and failures throw. Any number of threads may read; one appends.
-/// Every wait ends: with the value, with TimedOut, or with RobotStopped once the session has ended
-/// and the value will never come. A handle that went through fork() throws InheritedHandle.
+/// A front-end is not for real-time code: reads block and failures throw. Any number of threads may
+/// read; one thread appends. Every wait ends with the value, with TimedOut, or with RobotStopped if
+/// the session has ended and the value will never come. A handle that went through fork() throws
+/// InheritedHandle.
 template <Robot R>
 class Frontend {
  public:
@@ -110,24 +112,26 @@ class Frontend {
   using Observation = typename R::Observation;
 
   /// Takes part in the current session of the robot `name`: see `connect` and `observe`.
-  /// @throws SessionNotFound with the names there are, ControlHeld naming the process that controls
-  /// it, IncompatibleSession if it is another robot, RobotStopped if a fault must be cleared with
-  /// `recover` first.
+  /// @throws SessionNotFound with the names of running robots, ControlHeld that names the
+  /// controlling process, IncompatibleSession if it is another robot, RobotStopped if a fault must
+  /// first be cleared with `recover`.
   explicit Frontend(const std::string& name, FrontendOptions options = {})
       : Frontend(UntypedFrontend(name, options)) {}
-  /// The same for a back-end that runs in a thread of this process.
+  /// Takes part in the current session of `host`, whose back-end runs in a thread of this process.
   explicit Frontend(const SessionHost& host, FrontendOptions options = {})
       : Frontend(UntypedFrontend(host, options)) {}
-  /// Looks at `session`, current or ended.
+  /// Observes `session`, current or ended.
   explicit Frontend(const Session& session) : Frontend(UntypedFrontend(session)) {}
-  /// The same for a back-end that runs inside this front-end's waits: no threads, deterministic,
-  /// fast. Waiting for a step whose action has not been appended throws ActionMissing.
+  /// Takes part in the current session of `backend`, which runs inside this front-end's waits: no
+  /// threads, deterministic, fast. Waiting for a step whose action has not been appended throws
+  /// ActionMissing.
   explicit Frontend(Backend& backend, FrontendOptions options = {},
                     std::shared_ptr<void> owner = nullptr)
       : Frontend(UntypedFrontend(backend, options, std::move(owner))) {}
 
-  /// Appends `action` and returns the step it is scheduled for: the next one, or the first still
-  /// open if the loop fell behind. The first call starts time 0. Waits only if the queue is full.
+  /// Appends `action` and returns the step for which it is scheduled. This is the next step or, if
+  /// the user's loop is late, the first step that is still open. The first call starts step 0. The
+  /// call waits only if the queue is full.
   /// @throws RobotStopped, TimedOut, AcausalAction if strict
   TimeIndex append_desired_action(const Action& action, Timeout timeout = kForever) {
     return untyped_.append_desired_action(&action, timeout);
@@ -137,26 +141,27 @@ class Frontend {
     return untyped_.append_desired_actions(actions.data(), actions.size(), timeout);
   }
 
-  /// Returns y[t], waiting for it if `t` lies in the future.
+  /// Returns y[t]; waits for it if `t` lies in the future.
   /// @throws HistoryLost if y[t] was already overwritten, RobotStopped if it will never come,
   /// TimedOut
   [[nodiscard]] Observation get_observation(TimeIndex t, Timeout timeout = kForever) const {
     return get<Observation>(Series::kObservation, t, timeout);
   }
-  /// Returns a[t] as the back-end took it; throws as `get_observation`, like all below.
+  /// Returns a[t] as the back-end took it. This and the functions below throw like
+  /// `get_observation`.
   [[nodiscard]] Action get_desired_action(TimeIndex t, Timeout timeout = kForever) const {
     return get<Action>(Series::kDesiredAction, t, timeout);
   }
-  /// Returns a'[t]: what was applied.
+  /// Returns a'[t], the applied action.
   [[nodiscard]] AppliedAction get_applied_action(TimeIndex t, Timeout timeout = kForever) const {
     return get<AppliedAction>(Series::kAppliedAction, t, timeout);
   }
-  /// Returns what the back-end has to say about step t.
+  /// Returns the status that the back-end has written for step t.
   [[nodiscard]] Status get_status(TimeIndex t, Timeout timeout = kForever) const {
     return get<Status>(Series::kStatus, t, timeout);
   }
 
-  /// Fills `elements` with the steps from `first` on, waiting for the last one.
+  /// Fills `elements` with the steps from `first` on; waits for the last one.
   void get_observations(TimeIndex first, std::span<Observation> elements,
                         Timeout timeout = kForever) const {
     untyped_.get(Series::kObservation, first, elements.size(), elements.data(), timeout);
@@ -173,36 +178,36 @@ class Frontend {
     untyped_.get(Series::kStatus, first, elements.size(), elements.data(), timeout);
   }
 
-  /// Returns the newest observation, before step 0 too: nobody has to act in order to look.
+  /// Returns the newest observation, also before step 0: a user can look without acting.
   [[nodiscard]] Observation latest_observation(Timeout timeout = kForever) const {
     Observation observation;
     untyped_.latest_observation(&observation, timeout);
     return observation;
   }
-  /// Waits until y[t] is there.
+  /// Waits until y[t] exists.
   void wait_until_time_index(TimeIndex t, Timeout timeout = kForever) const {
     untyped_.wait_until_time_index(t, timeout);
   }
-  /// The newest step whose observation is there, -1 before step 0.
+  /// Newest step whose observation exists; -1 before step 0.
   [[nodiscard]] TimeIndex current_time_index() const { return untyped_.current_time_index(); }
 
-  /// Says that no further action will come: the session ends, without a fault, behind the last
-  /// action appended. Returns when it has ended.
-  /// @throws RobotStopped if it has ended otherwise, so that actions may have been left out;
-  /// TimedOut
+  /// Says that no further action will come. The session ends without a fault, after the last
+  /// appended action. Returns when it has ended.
+  /// @throws RobotStopped if the session ended for another reason, so that some actions may not
+  /// have been applied; TimedOut
   void finish(Timeout timeout = kForever) { untyped_.finish(timeout); }
   /// Clears the fault that ended the session and waits until the back-end has begun the next one.
-  /// This handle remains stopped: connect again. The controller's; `trifinger::recover(name)` is
-  /// for everybody.
+  /// This handle remains stopped: connect again. Only the controller can call this;
+  /// `trifinger::recover(name)` is for everybody.
   /// @throws InvalidArgument for a handle that only observes, RobotStopped if the back-end is gone
   void recover(Timeout timeout = kForever) { untyped_.recover(timeout); }
-  /// Why the session ended; nothing while it goes on.
+  /// Why the session ended; nothing while it runs.
   [[nodiscard]] std::optional<Fault> fault() const { return untyped_.fault(); }
-  /// How the session keeps its time, so far or in the end; nothing outside real-time mode and
-  /// before the first whole step.
+  /// How well the session keeps its time, up to now or up to its end. Nothing outside real-time
+  /// mode and before the first whole step.
   [[nodiscard]] std::optional<TimingRecord> timing() const { return session().timing(); }
 
-  /// Reads the companion `name` of this robot, as in "object".
+  /// Reads the companion `name` of this robot, for example "object".
   [[nodiscard]] UntypedFrontend companion(const std::string& name) const {
     return untyped_.companion(name);
   }
@@ -224,7 +229,7 @@ class Frontend {
   UntypedFrontend untyped_;
 };
 
-/// Elements of a companion session with their type.
+/// The elements of a companion session with their type.
 template <Described T>
 class Companion {
  public:
@@ -233,8 +238,8 @@ class Companion {
     require_same_companion(untyped_.session(), describe<T>());
   }
 
-  /// Returns the newest element that arrived at or before the robot's step `t`, waiting for that
-  /// step. Nothing if none had arrived by then.
+  /// Returns the newest element that arrived at or before the robot's step `t`; waits for that
+  /// step. Returns nothing if no element had arrived by then.
   [[nodiscard]] std::optional<T> get_latest_at(TimeIndex t, Timeout timeout = kForever) const {
     T element;
     if (!untyped_.get_latest_at(t, &element, timeout)) return std::nullopt;
@@ -245,14 +250,15 @@ class Companion {
   UntypedFrontend untyped_;
 };
 
-/// Takes control of the robot `name`, which runs in a back-end of its own: `trifinger run`.
-/// @throws SessionNotFound with the names there are and how to start one; else as Frontend
+/// Takes control of the robot `name`, which runs in a back-end of its own (`trifinger run`).
+/// @throws SessionNotFound with the names of running robots and how to start one; otherwise like
+/// Frontend
 template <Robot R>
 [[nodiscard]] Frontend<R> connect(const std::string& name, FrontendOptions options = {}) {
   return Frontend<R>(name, options);
 }
 
-/// Looks at the robot `name` without controlling it.
+/// Observes the robot `name` without controlling it.
 template <Robot R>
 [[nodiscard]] Frontend<R> observe(const std::string& name) {
   return Frontend<R>(name, {.control = false});

@@ -33,7 +33,8 @@ struct AppliedActionTraits<R> {
 
 }  // namespace detail
 
-/// What robot R says it has applied: its AppliedAction, or its Action if it names none.
+/// The type of the action that robot R applies: its AppliedAction, or its Action if it has no
+/// AppliedAction.
 template <class R>
 using AppliedActionOf = typename detail::AppliedActionTraits<R>::Type;
 

@@ -7,33 +7,33 @@
 
 namespace trifinger {
 
-/// What the back-end has to say about one step; the same for every robot.
+/// What the back-end reports about one step; the same struct for every robot.
 struct Status {
   enum Flag : std::uint32_t {
     kActionRepeated =
-        1,         ///< The action for this step was missing, the previous one was applied again.
+        1,         ///< The action for this step was missing; the previous one was applied again.
     kAcausal = 2,  ///< The action was appended by someone who had already read y_t.
-    kActionRejected = 4,  ///< The action was not fit to apply; something safe was applied instead.
+    kActionRejected = 4,  ///< The action could not be applied; a safe one was applied instead.
     kEnd = 8,             ///< The last status of the session: no action was applied at this step.
     kSchedulerLate = 16,  ///< The tick began late: the back-end did not get the processor in time.
-    kDriverLate = 32,     ///< The tick began late: calls of the driver took up the one before.
+    kDriverLate = 32,     ///< The tick began late: calls of the driver used up the tick before.
   };
 
-  std::int64_t time{0};  ///< When y_t was measured, monotonic clock [ns].
-  std::int64_t tick{0};  ///< Periods since step 0, those without a step included.
+  std::int64_t time{0};  ///< Time of the measurement of y_t, monotonic clock [ns].
+  std::int64_t tick{0};  ///< Number of periods since step 0, including periods without a step.
   std::int64_t lateness{
       0};  ///< How long after its deadline the tick began [ns]; 0 without deadlines.
   std::int64_t measurement_age{0};  ///< Age of the oldest measurement in y_t [ns].
   std::uint32_t flags{0};           ///< Set of `Flag`.
   std::uint32_t skipped_ticks{
-      0};  ///< Ticks left out just before this step because the back-end was late.
-  std::uint32_t action_repeats{0};  ///< How often in a row the action has been repeated.
+      0};  ///< Number of ticks left out just before this step because the back-end was late.
+  std::uint32_t action_repeats{0};  ///< Number of repetitions of the action in a row.
   std::uint32_t discarded_actions{
-      0};  ///< Actions that came for a step already closed, since step 0.
-  std::uint32_t rejected_actions{0};  ///< How many actions in a row were rejected.
+      0};  ///< Number of actions since step 0 that came for a step already closed.
+  std::uint32_t rejected_actions{0};  ///< Number of actions rejected in a row.
   std::uint32_t lost_frames{0};  ///< Messages that the driver has lost since the session began.
-  std::int32_t fault_code{0};    ///< Fault::Code of the end; 0 before.
-  std::int32_t fault_detail{0};  ///< Fault::detail of the end.
+  std::int32_t fault_code{0};    ///< Fault::Code of the end; 0 before the end.
+  std::int32_t fault_detail{0};  ///< Fault::detail of the end; 0 before the end.
 
   static constexpr auto fields() {
     return std::tuple{field("time", &Status::time, "ns"),

@@ -6,13 +6,14 @@
 
 namespace trifinger::ipc {
 
-/// Owns a file descriptor. It is closed in forked children at once: a child that kept it would keep
-/// the locks on the file alive after the death of its parent.
+/// Owns a file descriptor. Forked children close it at once. A child that kept it would keep the
+/// locks on the file after the death of its parent.
 class FileDescriptor {
  public:
   FileDescriptor() = default;
-  /// Owns what `open` returns, which must have O_CLOEXEC; negative for nothing, with errno as
-  /// `open` has left it. No fork comes between opening and owning.
+  /// Owns the descriptor that `open` returns. The descriptor must have O_CLOEXEC. A negative value
+  /// means that there is none, and errno is as `open` has left it. No fork can happen between
+  /// opening and owning.
   explicit FileDescriptor(const std::function<int()>& open);
   FileDescriptor(FileDescriptor&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
   FileDescriptor& operator=(FileDescriptor&& other) noexcept {

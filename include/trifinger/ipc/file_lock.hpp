@@ -13,30 +13,30 @@
 
 namespace trifinger::ipc {
 
-// Open-file-description locks: they end with their holder, however it ends, and are not lost when
-// the holder closes some other descriptor of the same file, as POSIX locks are.
+// Open-file-description locks. They end with their holder, however it ends. Unlike POSIX locks they
+// are not lost when the holder closes another descriptor of the file.
 
-/// What a lock stands for: each is of a byte of its own.
+/// What a lock means. Each lock covers a byte of its own.
 enum class Lock : off_t {
-  kOwner = 0,  ///< The file belongs to its holder.
-  kClaim = 1,  ///< Its holder looks whose the file is, and may take it.
-  kUse = 2,    ///< Its holders have the file mapped.
+  kOwner = 0,  ///< The holder owns the file.
+  kClaim = 1,  ///< The holder is finding out who owns the file, and may take it.
+  kUse = 2,    ///< The holders have the file mapped.
 };
 
-/// Takes the exclusive lock of the file, for as long as the descriptor is open. False if another
-/// descriptor holds it. @throws SystemError
+/// Takes the exclusive lock of the file, as long as the descriptor is open. False if another
+/// descriptor holds the lock. @throws SystemError
 [[nodiscard]] bool try_lock(const FileDescriptor& file, Lock lock = Lock::kOwner);
 
-/// Takes the lock together with others who share it. False if another descriptor holds it alone.
-/// @throws SystemError
+/// Takes the lock together with others who share it. False if another descriptor holds it
+/// exclusively. @throws SystemError
 [[nodiscard]] bool try_share(const FileDescriptor& file, Lock lock);
 
-/// For whoever was refused a lock and asks again: a holder that is killed has the lock until the
-/// kernel has taken its memory apart, which lasts a while.
+/// Limits how long a process that was refused a lock asks for it again. A killed holder keeps its
+/// lock until the kernel has released its memory, which takes a while.
 class LockPatience {
  public:
-  /// Sleeps for some milliseconds. False if it makes no sense to try again: the holder lives, or
-  /// has been ending for 10 s. `holder_is_ending`: see `ProcessIdentity::is_ending`.
+  /// Sleeps for some milliseconds. False if another try makes no sense: the holder lives, or has
+  /// been ending for 10 s. For `holder_is_ending` see `ProcessIdentity::is_ending`.
   [[nodiscard]] bool wait(bool holder_is_ending) const;
 
  private:
@@ -46,13 +46,14 @@ class LockPatience {
 /// Gives the lock back.
 void unlock(const FileDescriptor& file, Lock lock = Lock::kOwner) noexcept;
 
-/// True if a descriptor other than `file` holds the lock. Needs no write permission. One system
-/// call.
+/// True if a descriptor other than `file` holds the lock. The call needs no write permission and
+/// makes one system call.
 [[nodiscard]] bool is_locked_by_other(const FileDescriptor& file,
                                       Lock lock = Lock::kOwner) noexcept;
 
-/// The processes that own the file `path`, oldest first, as far as this user may see: those of
-/// others are hidden from ordinary users. Also finds who owns a file of this name that was removed.
+/// The processes that own the file `path`, oldest first, as far as this user may see them. The
+/// system hides other users' processes from ordinary users. The result includes owners of a file of
+/// this name that was removed.
 [[nodiscard]] std::vector<ProcessIdentity> owners_of(const std::filesystem::path& path);
 
 }  // namespace trifinger::ipc

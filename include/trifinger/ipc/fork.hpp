@@ -5,10 +5,10 @@
 
 namespace trifinger::ipc {
 
-/// How many forks lie between the start of the program and this process.
+/// Number of forks between the start of the program and this process.
 [[nodiscard]] std::uint64_t fork_generation() noexcept;
 
-/// Member of handles that must not be used, or cleaned up, by a forked child.
+/// A member of handles that a forked child must neither use nor clean up.
 class ForkGuard {
  public:
   /// True in a child that was forked after the guard was made.

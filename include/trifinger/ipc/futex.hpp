@@ -8,9 +8,9 @@
 
 namespace trifinger::ipc {
 
-/// Sleeps while `word` holds `expected`, at most `timeout`. Works across processes and on read-only
-/// mappings; `std::atomic::wait` does neither with this standard library. May return early for no
-/// reason: look again.
+/// Sleeps while `word` holds `expected`, at most for `timeout`. It works across processes and on
+/// read-only mappings; `std::atomic::wait` of this standard library supports neither. It may return
+/// early for no reason, so check the word again.
 void futex_wait(const std::atomic<std::uint32_t>& word, std::uint32_t expected,
                 Nanoseconds timeout) noexcept;
 

@@ -13,54 +13,55 @@ namespace trifinger::ipc {
 
 enum class Access : std::uint8_t { kReadOnly, kReadWrite };
 
-/// A file mapped into memory. Should another process truncate the file, the lost pages read as
-/// zeros and `is_damaged()` turns true; nobody crashes.
+/// A file mapped into memory. If another process truncates the file, nobody crashes: the lost pages
+/// read as zeros and `is_damaged()` becomes true.
 class SharedMemory {
  public:
-  /// Makes `size` bytes of zeros that no other process can find by a name.
+  /// Makes `size` bytes of zeros. They have no name by which another process could find them.
   /// @throws SystemError
   [[nodiscard]] static SharedMemory create_anonymous(std::size_t size);
 
-  /// Makes a file with `size` bytes of zeros in `folder`, not visible under `name` before
-  /// `publish()`; before and after that it has a hidden name, as long as this object lives. All its
-  /// pages are there, or this throws: a full disk cannot surprise anyone later.
+  /// Makes a file with `size` bytes of zeros in `folder`. It appears under `name` only after
+  /// `publish()`. It also has a hidden name as long as this object lives. All its pages are
+  /// allocated now, so a full disk cannot cause an error later.
   /// @throws SystemError
   [[nodiscard]] static SharedMemory create_file(const std::filesystem::path& folder,
                                                 const std::string& name, std::size_t size,
                                                 unsigned mode);
 
-  /// Maps the whole of an existing file. Never waits: see NamedBy::kProgram for what is refused.
-  /// @throws SystemError; its error_number() is ENOENT if there is none, EACCES if it may not be
-  /// opened.
+  /// Maps the whole of an existing file. It never waits: see NamedBy::kProgram for the files that
+  /// it refuses.
+  /// @throws SystemError; its error_number() is ENOENT if the file does not exist, EACCES if this
+  /// user may not open it.
   [[nodiscard]] static SharedMemory open(const std::filesystem::path& path, Access access);
 
-  /// Another mapping of the same memory with a file description, and so locks, of its own.
+  /// Maps the same memory again, with its own file description and therefore its own locks.
   [[nodiscard]] SharedMemory reopen(Access access) const;
 
   SharedMemory(SharedMemory&&) noexcept;
   SharedMemory& operator=(SharedMemory&&) noexcept;
   ~SharedMemory();
 
-  /// Gives up the mapping of a file that was made here, and keeps its memory for `make_anew`.
+  /// Unmaps a file that was made here, and keeps its memory for `make_anew`.
   void retire() noexcept;
-  /// Makes a new file of a retired one: zeros that can be found under `name` after `publish()`.
-  /// False if others still have the old one mapped, or if somebody has cut it off or removed it.
+  /// Makes a new file from a retired one: zeros that can be found under `name` after `publish()`.
+  /// False if others still have the old file mapped, or if somebody has truncated or removed it.
   /// @throws SystemError
   [[nodiscard]] bool make_anew(const std::string& name, unsigned mode);
 
-  /// Gives the file its name, replacing an older file of that name in one step.
+  /// Gives the file its name and replaces an older file of that name in one step.
   void publish();
-  /// Gives the file its name unless there is one of that name already; false in that case.
+  /// Gives the file its name. False if a file of that name exists already.
   [[nodiscard]] bool publish_if_absent();
 
   [[nodiscard]] std::byte* data() const noexcept { return data_; }
   [[nodiscard]] std::size_t size() const noexcept { return size_; }
   [[nodiscard]] const FileDescriptor& file() const noexcept { return file_; }
-  /// Where the file is, empty for anonymous memory.
+  /// Path of the file; empty for anonymous memory.
   [[nodiscard]] const std::filesystem::path& path() const noexcept { return path_; }
   [[nodiscard]] bool is_damaged() const noexcept;
-  /// False once the file was removed or replaced by another of its name; anonymous memory has none
-  /// to lose. Two system calls.
+  /// False after the file was removed or replaced by another one of its name. Always true for
+  /// anonymous memory. Needs two system calls.
   [[nodiscard]] bool has_name() const noexcept;
 
  private:

@@ -14,44 +14,45 @@
 
 namespace trifinger {
 
-/// When measurements are not believed. `.inf` in a configuration, infinity here, switches one off.
+/// The bounds outside of which measurements are not plausible. Infinity (`.inf` in a configuration)
+/// switches a check off.
 template <std::size_t N>
 struct PlausibilityLimits {
-  JointVector<N> max_position_rate;    ///< A position that changes faster has jumped [rad/s].
-  JointVector<N> max_velocity_error;   ///< Between velocity and change of position [rad/s].
+  JointVector<N> max_position_rate;    ///< A faster change of position counts as a jump [rad/s].
+  JointVector<N> max_velocity_error;   ///< Largest error of velocity against position [rad/s].
   JointVector<N> velocity_error_time;  ///< Time constant of the filter of this error [s].
-  JointVector<N> stuck_torque;         ///< Torque must vary by more than this, ... [Nm]
-  JointVector<N> stuck_time;           ///< ... and nothing move for this long [s].
+  JointVector<N> stuck_torque;         ///< A joint is stuck if torque varies by more, ... [Nm]
+  JointVector<N> stuck_time;           ///< ... and nothing moves for this long [s].
 };
 
-/// What the joints of a robot may do. There are no defaults: a limit that was forgotten must not be
-/// a guess.
+/// Limits for the joints of a robot. There are no defaults: a limit that was forgotten must not be
+/// replaced by a guess.
 template <std::size_t N>
 struct JointLimits {
   JointVector<N> max_torque;  ///< More than 0 [Nm].
   JointVector<N> safety_kd;   ///< Damping that always acts, at least 0 [Nms/rad].
-  JointVector<N> soft_lower;  ///< Targets are clamped and the joint is pushed back [rad].
+  JointVector<N> soft_lower;  ///< Targets are clamped here, and the joint is pushed back [rad].
   JointVector<N> soft_upper;  ///< [rad]
   JointVector<N>
-      hard_lower;  ///< Beyond it the robot stops with a fault; not inside the soft limit [rad].
-  JointVector<N> hard_upper;  ///< [rad]
-  JointVector<N> default_kp;  ///< Gains of a position that comes without its own [Nm/rad].
-  JointVector<N> default_kd;  ///< [Nms/rad]
-  JointVector<N> max_kp;      ///< Largest gains that a user may ask for [Nm/rad].
-  JointVector<N> max_kd;      ///< [Nms/rad]
-  JointVector<N>
-      max_velocity;        ///< A faster joint is not driven, but braked [rad/s]; may be infinite.
-  JointVector<N> braking;  ///< It comes to a soft limit no faster than this stops [rad/s^2].
-  JointVector<N> max_torque_rate;    ///< Of the torque asked for [Nm/s]; may be infinite.
-  JointVector<N> continuous_torque;  ///< What the motor carries for ever [Nm]; may be infinite.
-  JointVector<N> thermal_time;       ///< Time constant of its warming [s]; may be infinite.
+      hard_lower;  ///< Beyond this the robot stops with a fault; not inside the soft limit [rad].
+  JointVector<N> hard_upper;    ///< [rad]
+  JointVector<N> default_kp;    ///< Gains of a position that is given without gains [Nm/rad].
+  JointVector<N> default_kd;    ///< [Nms/rad]
+  JointVector<N> max_kp;        ///< Largest gains that a user may ask for [Nm/rad].
+  JointVector<N> max_kd;        ///< [Nms/rad]
+  JointVector<N> max_velocity;  ///< A faster joint is braked [rad/s]; may be infinite.
+  JointVector<N> braking;  ///< Deceleration used to slow the joint before a soft limit [rad/s^2].
+  JointVector<N> max_torque_rate;    ///< Largest change of requested torque [Nm/s]; may be
+                                     ///< infinite.
+  JointVector<N> continuous_torque;  ///< Torque that a motor gives for ever [Nm]; may be infinite.
+  JointVector<N> thermal_time;       ///< Time constant of the motor's warming [s]; may be infinite.
   PlausibilityLimits<N> plausibility;
 
-  /// @throws InvalidArgument naming the joint, the value found and the value allowed.
+  /// @throws InvalidArgument that names the joint, the value found and the value allowed.
   void validate() const;
 };
 
-/// The limits of one joint, as in `JointLimits`.
+/// The limits of one joint. `JointLimits` documents them.
 struct JointLimit {
   double max_torque;
   double safety_kd;
@@ -78,24 +79,24 @@ struct JointLimit {
 /// A limit that makes no sense.
 struct JointLimitProblem {
   std::size_t joint{0};
-  std::string_view field;  ///< As in "soft_lower" and "plausibility.stuck_time".
-  std::string text;        ///< "is 1.2 rad, must be less than soft_upper (0.5 rad)"
+  std::string_view field;  ///< For example "soft_lower" or "plausibility.stuck_time".
+  std::string text;        ///< For example "is 1.2 rad, must be less than soft_upper (0.5 rad)".
 };
 
 namespace detail {
 
 // The arrays of JointLimits in the order of their declaration.
 struct JointLimitField {
-  std::string_view name;  // dotted where it is a member of a member
+  std::string_view name;  // dotted for a member of a member
   std::string_view unit;
-  bool may_be_infinite{false};  // "no limit"
+  bool may_be_infinite{false};  // infinity means "no limit"
 };
 inline constexpr std::size_t kJointLimitFields = 20;
 [[nodiscard]] std::span<const JointLimitField, kJointLimitFields> joint_limit_fields() noexcept;
 
 using JointLimitValues = std::array<std::span<const double>, kJointLimitFields>;
 
-// `Limits` is a JointLimits, const or not; `Values` an array of spans of its numbers.
+// `Limits` is a JointLimits, const or not. `Values` is an array of spans of its numbers.
 template <class Values, class Limits>
 [[nodiscard]] Values joint_limit_arrays(Limits& limits) noexcept {
   auto& plausibility = limits.plausibility;
@@ -133,7 +134,7 @@ template <std::size_t N>
                                 joint);
 }
 
-/// The first thing that is wrong with `limits`, if anything is.
+/// The first problem of `limits`; nothing if they are valid.
 template <std::size_t N>
 [[nodiscard]] std::optional<JointLimitProblem> find_problem(const JointLimits<N>& limits) {
   return detail::find_problem(detail::joint_limit_arrays<detail::JointLimitValues>(limits));

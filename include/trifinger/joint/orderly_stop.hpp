@@ -16,18 +16,19 @@
 
 namespace trifinger {
 
-/// How a robot of N joints comes to rest behind the end of a session.
+/// How a robot of N joints comes to rest after the end of a session.
 template <std::size_t N>
 struct OrderlyStopOptions {
-  Nanoseconds damping_time{0};                     ///< How long joints are damped, nothing else.
-  std::optional<JointVector<N>> rest_position{};   ///< Where it goes then; default: nowhere [rad].
-  Nanoseconds move_time{std::chrono::seconds(3)};  ///< How long the way there takes.
+  Nanoseconds damping_time{0};                     ///< How long joints are only damped.
+  std::optional<JointVector<N>> rest_position{};   ///< Where it then moves; default: nowhere [rad].
+  Nanoseconds move_time{std::chrono::seconds(3)};  ///< Duration of that movement.
 
-  /// The shortest `move_time` in which every joint can follow, from wherever it may be.
+  /// The shortest `move_time` in which every joint can follow, from any position within its soft
+  /// limits.
   [[nodiscard]] Nanoseconds shortest_move_time(const JointLimits<N>& limits) const noexcept {
-    // The way with the least jerk is this much faster in its middle than on average.
+    // A movement of least jerk is faster in its middle than on average, by this factor.
     constexpr double kPeak = 1.875;
-    // Part of the torque that the safety damping may take; the rest carries and accelerates.
+    // Part of the torque that the safety damping may use. The rest carries and accelerates.
     constexpr double kDamping = 0.5;
     double shortest = 0.0;
     for (std::size_t i = 0; rest_position && i < N; ++i) {
@@ -40,13 +41,13 @@ struct OrderlyStopOptions {
   }
 
   /// `limits` must be valid.
-  /// @throws InvalidArgument naming the option, the value found and the values allowed
+  /// @throws InvalidArgument that names the option, the value found and the values allowed
   void validate(const JointLimits<N>& limits) const {
     if (damping_time < Nanoseconds::zero()) throw InvalidArgument("damping_time is negative");
     if (!rest_position) return;
     for (std::size_t i = 0; i < N; ++i) {
       const double rest = (*rest_position)[i];
-      // Written so that NaN fails.
+      // The comparison is written so that NaN fails.
       if (rest >= limits.soft_lower[i] && rest <= limits.soft_upper[i]) continue;
       throw InvalidArgument("rest_position of joint " + std::to_string(i) + " is " +
                             std::to_string(rest) + " rad, must be within its soft limits, " +
@@ -64,10 +65,11 @@ struct OrderlyStopOptions {
   }
 };
 
-/// The orderly stop, as the actions that a user would send: joints without torque, which the safety
-/// chain damps; then a smooth way to the rest position. The number of steps is bounded.
+/// The orderly stop, as actions that a user could send. First the joints get no torque, so that the
+/// safety chain damps them. Then they move smoothly to the rest position. The number of steps is
+/// bounded.
 ///
-/// A driver passes every action through its safety chain and takes the torque away at the end.
+/// A driver passes every action through its safety chain and cuts the torque at the end.
 template <class R>
 class OrderlyStop {
  public:
@@ -75,17 +77,17 @@ class OrderlyStop {
   using Observation = typename R::Observation;
   using Options = OrderlyStopOptions<R::kJoints>;
 
-  /// `options` must be valid. Without damping and a rest position it is over at once.
+  /// `options` must be valid. Without damping time and rest position the stop ends at once.
   OrderlyStop(const Options& options, Nanoseconds period) noexcept
       : damping_steps_(steps_in(options.damping_time, period)),
         move_steps_(options.rest_position ? steps_in(options.move_time, period) : 0),
         rest_(options.rest_position.value_or(JointVector<R::kJoints>{})) {}
 
-  /// How many periods it takes if nothing comes in between.
+  /// Number of periods of the stop if it is not given up.
   [[nodiscard]] TimeIndex num_steps() const noexcept { return damping_steps_ + move_steps_; }
 
-  /// Writes what is to be asked for in period `step`, counted from 0 behind the end of the session.
-  /// Answers false once it is over.
+  /// Writes the action for period `step`, counted from 0 after the end of the session. Returns
+  /// false once the stop is over.
   [[nodiscard]] bool next(TimeIndex step, const Observation& observation,
                           Action& action) noexcept TRIFINGER_REALTIME {
     if (step == 0) {
@@ -104,8 +106,9 @@ class OrderlyStop {
     return true;
   }
 
-  /// The safety chain has found a fault in period `step`: nothing moves by itself any more. Joints
-  /// are damped for what is left of the damping time, or for all of it if the way had begun.
+  /// Call this when the safety chain has found a fault in period `step`. From then on the joints
+  /// are only damped: for the rest of the damping time, or for a whole damping time if the movement
+  /// had begun.
   void give_up(TimeIndex step) noexcept TRIFINGER_REALTIME {
     if (is_given_up_) return;
     is_given_up_ = true;
@@ -116,7 +119,7 @@ class OrderlyStop {
   [[nodiscard]] static TimeIndex steps_in(Nanoseconds time, Nanoseconds period) noexcept {
     return (time + period - Nanoseconds(1)) / period;
   }
-  // The way with the least jerk, from 0 to 1, at rest at both ends.
+  // The movement of least jerk, from 0 to 1, at rest at both ends.
   [[nodiscard]] static double smooth(double x) noexcept {
     return x * x * x * (10.0 - 15.0 * x + 6.0 * x * x);
   }

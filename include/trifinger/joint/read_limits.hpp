@@ -19,10 +19,10 @@ void read_joint_limits(const config::Node& section, const MutableJointLimitValue
 
 }  // namespace detail
 
-/// Reads the limits of N joints from a section with one key per member of `JointLimits`, those of
-/// `plausibility` in a section of that name, all of them required. A value is one number for all
-/// joints, or a list that is repeated until every joint has its number: three numbers serve each
-/// finger of a robot.
+/// Reads the limits of N joints from a section. It has one key per member of `JointLimits`, and a
+/// section `plausibility` with the members of that name. All keys are required. A value is one
+/// number for all joints, or a list that is repeated until every joint has its number: three
+/// numbers serve each finger of a robot.
 /// @throws config::ConfigError at the value that is wrong.
 template <std::size_t N>
 [[nodiscard]] JointLimits<N> read_joint_limits(const config::Node& section) {

@@ -24,70 +24,71 @@
 
 namespace trifinger {
 
-/// What the checks remember of one joint from one step to the next.
+/// The memory of the checks for one joint, from one step to the next.
 struct JointMemory {
   double accepted_position{kNotGiven};  ///< Target of the last accepted action; NaN for none [rad].
-  double asked_torque{0.0};             ///< What the last action came to before damping [Nm].
-  double applied_torque{0.0};           ///< In the last step [Nm].
-  double heat{0.0};                     ///< 0 when cold, 1 when it carries all it can for ever.
-  double position{kNotGiven};           ///< Measured last; NaN for never [rad].
-  double velocity{kNotGiven};           ///< Likewise [rad/s].
+  double asked_torque{0.0};             ///< Torque of the last action before damping [Nm].
+  double applied_torque{0.0};           ///< Torque applied in the last step [Nm].
+  double heat{0.0};                     ///< 0 when cold; 1 after continuous torque for ever.
+  double position{kNotGiven};           ///< Last measured position; NaN for none [rad].
+  double velocity{kNotGiven};           ///< Last measured velocity; NaN for none [rad/s].
   double velocity_error{0.0};           ///< Filtered [rad/s].
-  // Of the torques since the measurements changed; none at first [Nm].
+  // Range of the torques since the measurements changed; empty at first [Nm].
   double least_torque{std::numeric_limits<double>::infinity()};
   double most_torque{-std::numeric_limits<double>::infinity()};
-  double still_time{0.0};  ///< Since these are further apart than they may be [s].
+  double still_time{0.0};  ///< Time since this range is wider than `stuck_torque` [s].
 };
 
-/// All that the checks remember from one step to the next. Plain data: save it, restore it, hold a
-/// thousand of them.
+/// Everything that the checks remember from one step to the next. It is plain data: save it,
+/// restore it, keep thousands of them.
 template <std::size_t N>
 struct SafetyState {
   std::array<JointMemory, N> joints{};
 };
 
-/// Why the checks want the robot to stop. The values are stable: drivers use them as their fault
-/// code.
+/// Why the checks want the robot to stop. The values are stable, because drivers use them as fault
+/// codes.
 enum class SafetyFault : std::int32_t {
   kNone = 0,
   kHardLimit = 1,         ///< A joint is beyond its hard limit.
   kBadMeasurement = 2,    ///< A measured number is not finite or beyond `kPlausible`.
-  kOwnCheck = 3,          ///< A check that was added has thrown.
+  kOwnCheck = 3,          ///< An added check has thrown an exception.
   kPositionJumped = 4,    ///< A position changed faster than `max_position_rate`.
   kVelocityMismatch = 5,  ///< Velocity and change of position differ by `max_velocity_error`.
   kStuck = 6,             ///< Nothing moved for `stuck_time` while the torque varied.
-  kOverheated = 7,        ///< A motor is warmer than it could be if it obeyed.
-  kInterrupted = 8,       ///< No fault: a check that was added has thrown `Interrupted`.
+  kOverheated = 7,        ///< A motor is warmer than an obedient motor can be.
+  kInterrupted = 8,       ///< No fault: an added check has thrown `Interrupted`.
 };
 
-/// A sentence without the joint, as in "a joint is beyond its hard limit".
+/// A sentence without the joint, for example "a joint is beyond its hard limit".
 [[nodiscard]] std::string_view describe(SafetyFault fault) noexcept;
 
-/// What the checks found in one step. Which joint and which field is in the reasons of the applied
-/// action.
+/// The findings of the checks in one step. The reasons of the applied action tell which joint and
+/// which field are concerned.
 struct SafetyReport {
   SafetyFault fault{SafetyFault::kNone};
-  std::int32_t joint{-1};       ///< The first joint at fault, -1 if it is none in particular.
-  bool action_rejected{false};  ///< The action was not fit to apply at some joint.
+  std::int32_t joint{-1};       ///< The first joint at fault; -1 if no single joint is.
+  bool action_rejected{false};  ///< The action was rejected at some joint.
 };
 
-/// What a driver reports as its fault code: the fault and, above the lowest 8 bits, the joint
-/// counted from 1. The driver's own codes need the lowest 8 bits to be 64 or more.
+/// The fault code that a driver reports: the fault in the lowest 8 bits, and above them the joint
+/// counted from 1. A driver's own codes must have 64 or more in the lowest 8 bits.
 [[nodiscard]] constexpr std::int32_t fault_code_of(const SafetyReport& report) noexcept {
   return static_cast<std::int32_t>(report.fault) + ((report.joint + 1) << 8);
 }
-/// "joint 4 is beyond its hard limit"; empty if `fault_code` is not from `fault_code_of`. Lives for
-/// ever. Not for the loop: the first call makes the texts.
+/// The text of such a code, for example "joint 4 is beyond its hard limit"; empty if `fault_code`
+/// is not from `fault_code_of`. The text is valid for ever. Do not call this first in the loop: the
+/// first call makes the texts.
 [[nodiscard]] std::string_view fault_text_of(std::int32_t fault_code) noexcept;
 
-/// Larger measured positions [rad], velocities [rad/s] and torques [Nm] are no measurements. The
-/// bound also keeps every sum below finite, whatever is asked.
+/// Larger measured positions [rad], velocities [rad/s] and torques [Nm] are not plausible. The
+/// bound also keeps every sum below finite for any action.
 inline constexpr double kPlausible = 1e6;
 
-// The checks, one joint at a time. Pure functions, in the order in which the chain calls them.
+// The checks for one joint. They are pure functions, in the order in which the chain calls them.
 
-/// What one joint is asked to do. After `accept_command` all of it is finite, but for the three NaN
-/// of "no target".
+/// The command for one joint. After `accept_command` all numbers are finite, except for the three
+/// NaN that mean "no target".
 struct JointCommand {
   double torque{0.0};
   double position{kNotGiven};
@@ -95,27 +96,26 @@ struct JointCommand {
   double position_kd{kNotGiven};
 };
 
-/// A command and why it is no longer the one that came in.
+/// A command and the reasons for which it was changed.
 struct CheckedCommand {
   JointCommand command;
   std::uint64_t reasons{0};
 };
 
-/// What one joint has measured.
+/// The measurements of one joint.
 struct JointMeasurement {
   double position{0.0};
   double velocity{0.0};
   double torque{0.0};
 };
 
-/// A torque and why it is no longer the one that came in.
+/// A torque and the reasons for which it was changed.
 struct CheckedTorque {
   double torque{0.0};
   std::uint64_t reasons{0};
 };
 
-/// The command with default gains where a target has none, and without gains where there is no
-/// target.
+/// Adds default gains to a target without gains, and removes gains without a target.
 [[nodiscard]] inline JointCommand with_default_gains(
     JointCommand command, const JointLimit& limit) noexcept TRIFINGER_REALTIME {
   if (std::isnan(command.position)) {
@@ -128,8 +128,8 @@ struct CheckedTorque {
   return command;
 }
 
-/// Takes a command as data. One that is not fit to apply becomes "hold `accepted_position`", or "no
-/// torque" if that is NaN.
+/// Checks a command. A command that must be rejected becomes "hold `accepted_position`", or "no
+/// torque" if that position is NaN.
 [[nodiscard]] inline CheckedCommand accept_command(
     const JointCommand& desired, double accepted_position,
     const JointLimit& limit) noexcept TRIFINGER_REALTIME {
@@ -146,9 +146,9 @@ struct CheckedTorque {
   return {with_default_gains({.position = accepted_position}, limit), reasons};
 }
 
-/// Clamps the target to the soft limits. A joint beyond one of them goes back with the default
-/// gains, to the limit or to the user's target inside; torque that pushes further out is taken
-/// away.
+/// Clamps the target to the soft limits. A joint beyond a soft limit moves back with the default
+/// gains, to the limit or to the user's target inside it. Torque that pushes further outward is
+/// removed.
 [[nodiscard]] inline CheckedCommand stay_within_soft_limits(
     JointCommand command, double position, const JointLimit& limit) noexcept TRIFINGER_REALTIME {
   std::uint64_t reasons = 0;
@@ -166,7 +166,7 @@ struct CheckedTorque {
     if (std::isnan(back.position)) back.position = is_below ? limit.soft_lower : limit.soft_upper;
     back.position_kp = limit.default_kp;
     back.position_kd = limit.default_kd;
-    // Comparisons with the NaN of "no target" are unequal, as they should be.
+    // Comparisons with the NaN of "no target" are unequal, which is correct here.
     if (back.torque != command.torque || back.position != command.position ||
         back.position_kp != command.position_kp || back.position_kd != command.position_kd) {
       reasons |= bit(Reason::kPushedBack);
@@ -176,7 +176,7 @@ struct CheckedTorque {
   return {command, reasons};
 }
 
-/// The torque of an accepted command: its own and, with a target, that of the PD.
+/// The torque of an accepted command: its own torque and, with a target, that of the PD.
 [[nodiscard]] inline double torque_of(const JointCommand& command, double position,
                                       double velocity) noexcept TRIFINGER_REALTIME {
   if (std::isnan(command.position)) return command.torque;
@@ -184,10 +184,10 @@ struct CheckedTorque {
          (command.position_kp * (command.position - position) - command.position_kd * velocity);
 }
 
-/// Lets the torque asked for change by `max_torque_rate` at most, seen from `before`. What comes
-/// out is a torque that the user could have asked for, so nothing that holds for all of those
-/// depends on this limit. Damping comes later and is never delayed; nor is the way back from beyond
-/// a soft limit.
+/// Limits the change of the requested torque since `before` to `max_torque_rate`. The result is a
+/// torque that the user could have requested, so guarantees that hold for all requests do not
+/// depend on this limit. Damping comes later and is never delayed. The way back from beyond a soft
+/// limit is not delayed either.
 [[nodiscard]] inline CheckedTorque limit_torque_rate(
     double torque, double before, double position, double elapsed,
     const JointLimit& limit) noexcept TRIFINGER_REALTIME {
@@ -200,11 +200,11 @@ struct CheckedTorque {
   return {limited, limited != torque ? bit(Reason::kTorqueRateLimited) : 0U};
 }
 
-/// Clip, damp, clip; `max_torque` is that of a cold motor or less.
+/// Clips the torque, damps it, and clips it again. `max_torque` is that of a cold motor or less.
 [[nodiscard]] inline CheckedTorque limit_torque(double torque, double velocity, double max_torque,
                                                 const JointLimit& limit) noexcept
     TRIFINGER_REALTIME {
-  // Clip before damping too, or a huge request would drown the brake.
+  // Without the clip before damping, a huge request would outweigh the brake.
   const double clipped = std::clamp(torque, -max_torque, max_torque);
   const double damped = std::clamp(clipped - limit.safety_kd * velocity, -max_torque, max_torque);
   std::uint64_t reasons = 0;
@@ -214,16 +214,16 @@ struct CheckedTorque {
   return {damped, reasons};
 }
 
-/// Brakes a joint that is faster than `max_velocity`, or too fast to be stopped at the soft limit
-/// before it with the deceleration `braking`: no torque drives it on, and the brake grows to all of
-/// `max_torque` at 1 rad/s more.
+/// Brakes a joint that is faster than `max_velocity`, or too fast to stop at the next soft limit
+/// with the deceleration `braking`. No torque accelerates it further. The brake grows with the
+/// excess speed and reaches `max_torque` at 1 rad/s.
 [[nodiscard]] inline CheckedTorque limit_velocity(
     double torque, double position, double velocity, double max_torque,
     const JointLimit& limit) noexcept TRIFINGER_REALTIME {
   constexpr double kBand = 1.0;
   const double distance =
       velocity > 0.0 ? limit.soft_upper - position : position - limit.soft_lower;
-  // Without a limit of the braking this is infinite, or NaN, which is never the smaller one.
+  // If `braking` is infinite, this is infinite or NaN, and std::min never takes it.
   const double stoppable = std::sqrt(2.0 * limit.braking * std::max(distance, 0.0));
   const double excess = std::abs(velocity) - std::min(limit.max_velocity, stoppable);
   if (!(excess > 0.0)) return {torque, 0};
@@ -232,45 +232,47 @@ struct CheckedTorque {
   return {braked, braked != torque ? bit(Reason::kTooFast) : 0U};
 }
 
-/// A motor as warm as this has given more torque than it was told: one that obeys stays below 1.
+/// Heat that counts as a fault. A motor that obeys stays below 1, so this one has given more torque
+/// than it was told.
 inline constexpr double kHeatOfFault = 1.2;
-/// Heat from which on the torque is limited.
+/// Heat above which the torque is limited.
 inline constexpr double kHeatOfDerating = 0.8;
 
-/// The heat of a motor after `elapsed` seconds with `torque`, the larger of applied and measured:
-/// heat' = ((torque / continuous_torque)^2 - heat) / thermal_time, one implicit Euler step of it.
+/// The heat of a motor after `elapsed` seconds with `torque`, the larger of applied and measured
+/// torque. It is one implicit Euler step of heat' = ((torque / continuous_torque)^2 - heat) /
+/// thermal_time.
 [[nodiscard]] inline double heat_after(double heat, double torque, double elapsed,
                                        const JointLimit& limit) noexcept TRIFINGER_REALTIME {
-  // More than this says nothing more, and would take long to forget.
+  // A larger value would say nothing more and would take long to decay.
   constexpr double kMost = 2.0;
   const double load = torque / limit.continuous_torque;
   const double share = elapsed / (limit.thermal_time + elapsed);
   const double after = heat + share * (load * load - heat);
-  // Written so that NaN is as warm as can be.
+  // The comparison is written so that NaN gives the largest heat.
   return after <= kMost ? std::max(after, 0.0) : kMost;
 }
 
-/// What a motor of this heat may give: `max_torque` up to 0.8, from there on a straight line to
-/// `continuous_torque` at 1.
+/// The torque that a motor of this heat may give: `max_torque` up to heat 0.8, then on a straight
+/// line to `continuous_torque` at heat 1.
 [[nodiscard]] inline double derated_torque(double heat,
                                            const JointLimit& limit) noexcept TRIFINGER_REALTIME {
   const double least = std::min(limit.continuous_torque, limit.max_torque);
-  // Written so that of NaN the least comes out.
+  // The comparison is written so that NaN gives the smallest torque.
   const double share = heat <= 1.0 ? std::min((1.0 - heat) / (1.0 - kHeatOfDerating), 1.0) : 0.0;
   return least + (limit.max_torque - least) * share;
 }
 
-/// 1 - `heat`, as it is published: rounded down to multiples of 1/256, so that logs stay small.
+/// 1 - `heat`, rounded down to multiples of 1/256, so that logs stay small.
 [[nodiscard]] inline double thermal_margin_of(double heat) noexcept TRIFINGER_REALTIME {
   constexpr double kParts = 256.0;
-  // Positive, so that cutting off is rounding down.
+  // The number is positive, so cutting off its fraction rounds down.
   return static_cast<double>(static_cast<int>((2.0 - heat) * kParts)) / kParts - 1.0;
 }
 
-/// Whether one joint's measurement lets the robot go on: 0, `kBadMeasurement` or `kHardLimit`.
+/// Checks one joint's measurement. Returns 0, `kBadMeasurement` or `kHardLimit`.
 [[nodiscard]] inline std::uint64_t check_measurement(
     const JointMeasurement& measured, const JointLimit& limit) noexcept TRIFINGER_REALTIME {
-  // Written so that NaN fails.
+  // The comparisons are written so that NaN fails.
   const bool is_plausible = std::abs(measured.position) <= kPlausible &&
                             std::abs(measured.velocity) <= kPlausible &&
                             std::abs(measured.torque) <= kPlausible;
@@ -281,18 +283,18 @@ inline constexpr double kHeatOfDerating = 0.8;
   return 0;
 }
 
-/// A joint cannot have moved faster than `max_position_rate` since `before`, which may be NaN: 0 or
-/// `kPositionJumped`.
+/// Returns `kPositionJumped` if the joint seems to have moved faster than `max_position_rate` since
+/// `before`, otherwise 0. `before` may be NaN.
 [[nodiscard]] inline std::uint64_t check_jump(double position, double before, double elapsed,
                                               const JointLimit& limit) noexcept TRIFINGER_REALTIME {
   const bool has_jumped = std::abs(position - before) > limit.max_position_rate * elapsed;
   return has_jumped ? bit(Reason::kPositionJumped) : 0U;
 }
 
-/// How far the velocity is from the change of position since the last measurement, low-pass
-/// filtered with `velocity_error_time`: the mean of both velocities is compared, so that the error
-/// of steady acceleration is nil. A step longer than a tenth of this time tells nothing: too much
-/// may have happened between its ends.
+/// The difference between the velocity and the change of position since the last measurement,
+/// low-pass filtered with `velocity_error_time`. It compares the mean of both velocities, so steady
+/// acceleration gives no error. A step longer than a tenth of this time changes nothing: too much
+/// may have happened during the step.
 [[nodiscard]] inline double velocity_error_after(
     const JointMemory& memory, const JointMeasurement& measured, double elapsed,
     const JointLimit& limit) noexcept TRIFINGER_REALTIME {
@@ -305,16 +307,16 @@ inline constexpr double kHeatOfDerating = 0.8;
   return memory.velocity_error + share * (error - memory.velocity_error);
 }
 
-/// 0 or `kVelocityMismatch`.
+/// Returns 0 or `kVelocityMismatch`.
 [[nodiscard]] inline std::uint64_t check_velocity(
     double velocity_error, const JointLimit& limit) noexcept TRIFINGER_REALTIME {
-  // Written so that NaN fails.
+  // The comparison is written so that NaN fails.
   const bool agrees = std::abs(velocity_error) <= limit.max_velocity_error;
   return agrees ? 0U : bit(Reason::kVelocityMismatch);
 }
 
-/// Remembers between which torques the measurements have stayed the same, to the last bit, and for
-/// how long these torques have been more than `stuck_torque` apart.
+/// Remembers the range of torques during which the measurements have stayed exactly the same. Also
+/// counts for how long this range has been wider than `stuck_torque`.
 [[nodiscard]] inline JointMemory with_stillness(
     JointMemory memory, const JointMeasurement& measured, double elapsed,
     const JointLimit& limit) noexcept TRIFINGER_REALTIME {
@@ -330,20 +332,20 @@ inline constexpr double kHeatOfDerating = 0.8;
   return memory;
 }
 
-/// A joint that is pressed against a wall is still, too, but moves when the torque changes: 0 or
-/// `kStuck`.
+/// Returns `kStuck` if the joint is stuck, otherwise 0. A joint that is pressed against a wall is
+/// still, too, but it moves when the torque changes.
 [[nodiscard]] inline std::uint64_t check_stuck(double still_time, const JointLimit& limit) noexcept
     TRIFINGER_REALTIME {
   return still_time >= limit.stuck_time ? bit(Reason::kStuck) : 0U;
 }
 
-/// 0 or `kOverheated`.
+/// Returns 0 or `kOverheated`.
 [[nodiscard]] inline std::uint64_t check_heat(double heat) noexcept TRIFINGER_REALTIME {
   return heat <= kHeatOfFault ? 0U : bit(Reason::kOverheated);
 }
 
-/// The fault that stands in the reasons of one joint, the most telling one first: a joint whose
-/// measurement cannot be true need not be where it seems to be.
+/// The most significant fault in the reasons of one joint. Implausible measurements come first: if
+/// they cannot be true, the joint may not be where it seems to be.
 [[nodiscard]] inline SafetyFault fault_of(std::uint64_t reasons) noexcept TRIFINGER_REALTIME {
   constexpr std::array<std::pair<Reason, SafetyFault>, 6> kFaults{
       {{Reason::kBadMeasurement, SafetyFault::kBadMeasurement},
@@ -358,35 +360,36 @@ inline constexpr double kHeatOfDerating = 0.8;
   return SafetyFault::kNone;
 }
 
-/// What of an action was not fit to apply: the first joint of which something was not.
+/// Describes a rejected action: the first joint whose command was rejected.
 struct RejectedCommand {
   std::size_t joint{0};
-  std::uint64_t reasons{0};   ///< Those of `kRejected` that stand in the joint's reasons.
-  JointCommand command;       ///< As it was desired.
-  bool is_own_check{false};   ///< It was fit as it was desired: a check has spoilt it.
-  std::size_t num_values{0};  ///< How many values of the whole action were not fit.
+  std::uint64_t reasons{0};   ///< The bits of `kRejected` in the joint's reasons.
+  JointCommand command;       ///< The command that was desired.
+  bool is_own_check{false};   ///< The desired command was acceptable, but a check made it invalid.
+  std::size_t num_values{0};  ///< Number of rejected values in the whole action.
 };
 
-/// "position_kd of joint 1 (finger_upper_to_middle_joint_0) is 1 Nms/rad, allowed are 0 to 0.5
-/// (safety.max_kd)": `joint_name` may be empty. Takes no memory.
+/// Describes a rejection, for example "position_kd of joint 1 (finger_upper_to_middle_joint_0) is 1
+/// Nms/rad, allowed are 0 to 0.5 (safety.max_kd)". `joint_name` may be empty. Needs no memory from
+/// the heap.
 [[nodiscard]] FixedText describe(const RejectedCommand& rejected, std::string_view joint_name,
                                  const JointLimit& limit) noexcept;
 
-/// The checks that stand between a desired action and the motors of the robot R, the same in
+/// The checks between a desired action and the motors of the robot R. They are the same in
 /// simulation and on hardware:
 ///
-///  1. measurements that cannot be true, joints beyond a hard limit, motors that are too warm: a
-///  fault, every joint is damped only;
-///  2. the action as data: joints whose command is not fit to apply hold their last accepted
-///  target;
-///  3. checks that were added for this robot or task;
-///  4. soft limits, which nothing above can override;
-///  5. PD, limit of the torque rate, clip to what the heat allows, damp, clip;
-///  6. limit of the velocity.
+/// 1. Measurements that cannot be true, joints beyond a hard limit, and motors that are too warm
+/// are faults. Every joint is then only damped.
+/// 2. The action is checked as data. Joints whose command is rejected hold their last accepted
+/// target.
+/// 3. Checks that were added for this robot or task may change the action.
+/// 4. Soft limits apply. Nothing above can override them.
+/// 5. The torque follows: PD, limit of the torque rate, clip to what the heat allows, damp, clip.
+/// 6. The velocity is limited.
 ///
 /// docs/safety.md has the equation of each.
 ///
-/// Constant once set up: threads may share one chain, each with its own `SafetyState`.
+/// A chain is constant once set up. Threads may share one, each with its own `SafetyState`.
 template <class R>
 class SafetyChain {
  public:
@@ -398,10 +401,11 @@ class SafetyChain {
   using Limits = JointLimits<kJoints>;
   using State = SafetyState<kJoints>;
 
-  /// A user's own check: looks at the observation and changes the action as it sees fit. It gets an
-  /// action that is finite, with all gains filled in, and it cannot break a limit. It runs in the
-  /// loop: no waiting, no memory from the heap, the same answer for the same arguments. What it
-  /// throws is a fault, with its text; `Interrupted` breaks the session off without one.
+  /// A user's own check. It may look at the observation and change the action. The action that it
+  /// gets is finite and has all gains; the check cannot break a limit. It runs in the loop: it must
+  /// not wait, must not allocate, and must give the same answer for the same arguments. An
+  /// exception that it throws becomes a fault with the exception's text; `Interrupted` ends the
+  /// session without a fault.
   using Check = std::function<void(const Observation&, Action&)>;
 
   /// @throws InvalidArgument if `limits` make no sense.
@@ -410,14 +414,14 @@ class SafetyChain {
     for (std::size_t i = 0; i < kJoints; ++i) joint_limits_[i] = limit_of_joint(limits, i);
   }
 
-  /// Adds a check behind those that are there.
+  /// Adds a check after the existing ones.
   void add_check(Check check) { checks_.push_back(std::move(check)); }
 
   [[nodiscard]] const Limits& limits() const noexcept { return limits_; }
 
-  /// Finds what may be applied in place of `desired`, given the newest `observation`, `elapsed`
-  /// after the step before. `thrown`, if given, receives what a check that was added has thrown:
-  /// "a safety check threw an exception: too near".
+  /// Finds the action to apply instead of `desired`. `observation` is the newest one, `elapsed` the
+  /// time since the previous step. If an added check throws, `thrown`, if given, receives the text,
+  /// for example "a safety check threw an exception: too near".
   [[nodiscard]] SafetyReport apply(const Action& desired, const Observation& observation,
                                    Nanoseconds elapsed, State& state, AppliedAction& applied,
                                    FixedText* thrown = nullptr) const noexcept TRIFINGER_REALTIME {
@@ -434,7 +438,7 @@ class SafetyChain {
       const CheckedCommand checked =
           accept_command(command_of(desired, i), accepted_position, joint_limits_[i]);
       applied.reasons[i] = checked.reasons;
-      // A rejected command is the last accepted target itself.
+      // A rejected command becomes the last accepted target.
       accepted_position = checked.command.position;
       set_command(accepted, i, checked.command);
     }
@@ -468,8 +472,8 @@ class SafetyChain {
 
       JointCommand result = inside.command;
       result.torque = safe.torque;
-      // Two changes may cancel each other; then there is nothing to explain. A command that was not
-      // fit stays visible.
+      // Two changes may cancel each other; then nothing is left to explain. A rejected command
+      // stays visible.
       if (reasons != 0 && (reasons & kRejected) == 0 &&
           is_as_asked(command_of(desired, i), result, position, velocity, limit)) {
         reasons = 0;
@@ -480,11 +484,11 @@ class SafetyChain {
     return report;
   }
 
-  /// What was not fit in `desired`, which `apply` rejected with the answer `applied`.
+  /// Describes why `apply` rejected `desired`. `applied` is the answer of that call.
   [[nodiscard]] RejectedCommand find_rejected(
       const Action& desired, const AppliedAction& applied) const noexcept TRIFINGER_REALTIME {
     RejectedCommand found;
-    // Backwards, so that the first joint stays.
+    // The loop runs backwards, so that the first joint remains.
     for (std::size_t i = kJoints; i-- > 0;) {
       const std::uint64_t reasons = applied.reasons[i] & kRejected;
       if (reasons == 0) continue;
@@ -517,7 +521,7 @@ class SafetyChain {
     action.position_kd[joint] = command.position_kd;
   }
 
-  // Equal, or both "not given".
+  // True if the values are equal or both "not given".
   [[nodiscard]] static bool is_same(double a, double b) noexcept {
     return a == b || (std::isnan(a) && std::isnan(b));
   }
@@ -526,7 +530,7 @@ class SafetyChain {
            is_same(a.position_kp, b.position_kp) && is_same(a.position_kd, b.position_kd);
   }
 
-  // The definition of "nothing differs" that AppliedJointAction promises.
+  // True if nothing differs, in the sense that AppliedJointAction promises.
   [[nodiscard]] static bool is_as_asked(const JointCommand& desired, const JointCommand& result,
                                         double position, double velocity,
                                         const JointLimit& limit) noexcept {
@@ -535,12 +539,12 @@ class SafetyChain {
     return is_same(asked, result);
   }
 
-  // An elapsed time of nothing would make every movement a jump.
+  // With an elapsed time of zero, every movement would be a jump.
   [[nodiscard]] static double in_seconds(Nanoseconds elapsed) noexcept {
     return std::chrono::duration<double>(std::max(elapsed, Nanoseconds(1))).count();
   }
 
-  // Compares the measurements with the memory, and brings the memory up to them.
+  // Compares the measurements with the memory, then updates the memory.
   [[nodiscard]] SafetyReport check_measurements(const Observation& observation, double elapsed,
                                                 State& state,
                                                 AppliedAction& applied) const noexcept {
@@ -575,7 +579,7 @@ class SafetyChain {
     return report;
   }
 
-  // Every joint is damped, as far as its velocity is known, and nothing else.
+  // Damps every joint whose velocity is plausible, and applies no other torque.
   void brake(const Observation& observation, State& state, AppliedAction& applied) const noexcept {
     for (std::size_t i = 0; i < kJoints; ++i) {
       JointMemory& memory = state.joints[i];
@@ -590,7 +594,7 @@ class SafetyChain {
     }
   }
 
-  // Answers what a check has thrown, if one has.
+  // Runs the added checks and returns the fault if one has thrown.
   [[nodiscard]] SafetyFault run_own_checks(const Observation& observation, Action& accepted,
                                            const State& state, AppliedAction& applied,
                                            FixedText* thrown) const noexcept {
@@ -610,7 +614,7 @@ class SafetyChain {
     for (std::size_t i = 0; i < kJoints; ++i) {
       const JointCommand after = command_of(changed, i);
       if (is_same(after, command_of(accepted, i))) continue;
-      // A check is no better than a user: what it leaves behind is data to be checked.
+      // A check deserves no more trust than a user: its result is data to be checked.
       const CheckedCommand checked =
           accept_command(after, state.joints[i].accepted_position, joint_limits_[i]);
       applied.reasons[i] |= checked.reasons | bit(Reason::kOwnCheck);

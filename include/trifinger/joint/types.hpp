@@ -31,14 +31,14 @@ constexpr JointVector<N> filled(double value) {
 
 }  // namespace detail
 
-/// What a user asks of N torque-controlled joints. A joint with a position gets, on top of
+/// The desired action for N torque-controlled joints. A joint with a position gets, in addition to
 /// `torque`,
 ///
 ///     position_kp * (position - measured position) - position_kd * measured velocity
 ///
-/// NaN means "not given": a joint without a position gets its torque alone and its gains are
-/// ignored; a position without gains uses the robot's own. `JointAction{}` asks for no torque at
-/// all.
+/// NaN means "not given". A joint without a position gets only its torque, and its gains are
+/// ignored. A position without gains uses the robot's own gains. `JointAction{}` asks for no torque
+/// at all.
 template <std::size_t N>
 struct JointAction {
   JointVector<N> torque{};                                   ///< [Nm]
@@ -51,7 +51,7 @@ struct JointAction {
     action.torque = torque;
     return action;
   }
-  /// Goes to `position` with the robot's own gains.
+  /// An action that moves to `position` with the robot's own gains.
   [[nodiscard]] static constexpr JointAction of_position(const JointVector<N>& position) noexcept {
     JointAction action;
     action.position = position;
@@ -66,14 +66,14 @@ struct JointAction {
   }
 };
 
-/// What N joints with `Tips` force-measuring tips have measured.
+/// The measurements of N joints and of `Tips` tips that measure force.
 template <std::size_t N, std::size_t Tips = 0>
 struct JointObservation {
   JointVector<N> position{};  ///< [rad]
   JointVector<N> velocity{};  ///< [rad/s]
-  JointVector<N> torque{};    ///< Of the period before [Nm].
+  JointVector<N> torque{};    ///< Torque of the previous period [Nm].
   std::array<double, Tips>
-      tip_force{};  ///< Along the pressing direction, of the period before [N].
+      tip_force{};  ///< Force along the pressing direction, of the previous period [N].
 
   static constexpr auto fields() {
     return std::tuple{field("position", &JointObservation::position, "rad"),
@@ -87,7 +87,7 @@ template <std::size_t N>
 struct JointObservation<N, 0> {
   JointVector<N> position{};  ///< [rad]
   JointVector<N> velocity{};  ///< [rad/s]
-  JointVector<N> torque{};    ///< Of the period before [Nm].
+  JointVector<N> torque{};    ///< Torque of the previous period [Nm].
 
   static constexpr auto fields() {
     return std::tuple{field("position", &JointObservation::position, "rad"),
@@ -96,18 +96,19 @@ struct JointObservation<N, 0> {
   }
 };
 
-/// What was applied in place of a desired action, and why it differs.
+/// The action that was applied instead of a desired action, and the reasons for any difference.
 ///
-/// `reasons` of a joint is zero exactly if the joint got what was asked: its torque and the PD of
-/// its position, with the gains given or, where none were, the robot's own. In the step of a fault
-/// every joint has a reason.
+/// `reasons` of a joint is zero exactly if the joint got what was asked for: its torque plus the PD
+/// of its position, with the given gains or, if none were given, the robot's own. In the step of a
+/// fault every joint has a reason.
 ///
-/// `thermal_margin` of a joint is 1 for a cold motor and falls to 0 for one that carries all it can
-/// for ever; from 0.2 on its torque is limited. Multiples of 1/256, rounded down.
+/// `thermal_margin` of a joint is 1 for a cold motor. It falls to 0 for a motor at the temperature
+/// that its continuous torque leads to. Below 0.2 the torque is limited. Values are multiples of
+/// 1/256, rounded down.
 template <std::size_t N>
 struct AppliedJointAction {
-  JointVector<N> torque{};  ///< All that the motor gets, PD included [Nm].
-  JointVector<N> position{detail::filled<N>(kNotGiven)};  ///< The target in use, NaN if none [rad].
+  JointVector<N> torque{};  ///< Whole torque of the motor, including PD [Nm].
+  JointVector<N> position{detail::filled<N>(kNotGiven)};  ///< Target in use; NaN without one [rad].
   JointVector<N> position_kp{detail::filled<N>(kNotGiven)};  ///< NaN without a target [Nm/rad].
   JointVector<N> position_kd{detail::filled<N>(kNotGiven)};  ///< NaN without a target [Nms/rad].
   std::array<std::uint64_t, N> reasons{};                    ///< Bits of `Reason`.
@@ -123,16 +124,16 @@ struct AppliedJointAction {
   }
 };
 
-/// The action that keeps the measured pose with the robot's own gains. To hold still, keep one such
-/// action: made anew in every step it follows the pose as it sags.
+/// The action that keeps the measured pose with the robot's own gains. To hold still, keep using
+/// one such action. If it is made anew in every step, it follows the pose as the robot sags.
 template <std::size_t N, std::size_t Tips>
 [[nodiscard]] constexpr JointAction<N> hold_position(
     const JointObservation<N, Tips>& observation) noexcept {
   return JointAction<N>::of_position(observation.position);
 }
 
-/// The types of a robot with N joints and `Tips` tips; a robot derives from it and adds its name,
-/// `kType`.
+/// The types of a robot with N joints and `Tips` tips. A robot derives from this struct and adds
+/// its name, `kType`.
 template <std::size_t N, std::size_t Tips = 0>
 struct JointRobot {
   static constexpr std::size_t kJoints = N;

@@ -26,44 +26,44 @@ inline constexpr std::size_t kMaxGoal = 9;
 
 /// What the robot has measured at one instant.
 struct Measurement {
-  std::span<const double> position;   ///< Of the joints [rad].
-  std::span<const double> velocity;   ///< [rad/s]
-  const ObjectPose* object{nullptr};  ///< Of the task's object, if it has one.
+  std::span<const double> position;   ///< Joint positions [rad].
+  std::span<const double> velocity;   ///< Joint velocities [rad/s].
+  const ObjectPose* object{nullptr};  ///< Pose of the task's object; nullptr if it has none.
 };
 
-/// What a task remembers of an episode. Plain data.
+/// The memory of a task about an episode. Plain data.
 struct Episode {
-  Random random{};                          ///< Of goals.
-  Random noise{};                           ///< Of measured joints.
-  std::int64_t actions{0};                  ///< How many have acted.
+  Random random{};                          ///< Random numbers for goals.
+  Random noise{};                           ///< Random numbers for the noise on measured joints.
+  std::int64_t actions{0};                  ///< Number of actions so far.
   std::array<double, kMaxGoal> goal{};      ///< [m], [1]
-  std::array<double, kMaxJoints> target{};  ///< Where the joints should be [rad].
-  std::array<double, kMaxJoints> action{};  ///< The last one, from -1 to 1.
-  std::int64_t goals{1};                    ///< How many have been drawn.
-  /// Of a throw: whether the object has flown, and where it came down [m].
+  std::array<double, kMaxJoints> target{};  ///< Desired joint positions [rad].
+  std::array<double, kMaxJoints> action{};  ///< The last action, each number from -1 to 1.
+  std::int64_t goals{1};                    ///< Number of goals drawn so far.
+  /// For a throw: whether the object has flown, and where it landed [m].
   bool has_flown{false};
   bool has_landed{false};
   std::array<double, 2> landing{};
 };
 
-/// How an episode begins in a simulation.
+/// The beginning of an episode in a simulation.
 struct Start {
-  std::array<double, kMaxJoints> position{};  ///< Of the joints [rad].
-  ObjectPose object{};                        ///< Of the task's object, if it has one.
-  ObjectVelocity object_velocity{};           ///< Likewise.
+  std::array<double, kMaxJoints> position{};  ///< Joint positions [rad].
+  ObjectPose object{};                        ///< Pose of the task's object, if it has one.
+  ObjectVelocity object_velocity{};           ///< Velocity of that object.
   Variation variation{};
-  Random random{};  ///< For the noise on poses.
+  Random random{};  ///< Random numbers for the noise on poses.
 };
 
-/// What follows from an observation.
+/// The result of an observation.
 struct Outcome {
   double reward{0.0};
-  bool terminated{false};  ///< The task cannot go on: nothing follows.
-  bool truncated{false};   ///< The time is over.
+  bool terminated{false};  ///< The task cannot continue; no action may follow.
+  bool truncated{false};   ///< The time of the episode is over.
   bool success{false};
-  /// From the goal [m]: of each tip, or of the object.
+  /// Distance from the goal [m], of each tip or of the object.
   std::array<double, kMaxFingers> distance{};
-  /// The part of each finger in the reward, where tasks have one.
+  /// Each finger's part of the reward, in tasks that have such parts.
   std::array<double, kMaxFingers> finger_rewards{};
 };
 
@@ -71,17 +71,17 @@ struct Outcome {
 struct Entry {
   std::string name;
   std::string unit;
-  std::vector<double> low;  ///< What is below is cut off.
+  std::vector<double> low;  ///< Values below `low` or above `high` are cut off.
   std::vector<double> high;
 };
 
-/// What makes a decision process of a robot, whatever moves it: starts, goals, observations,
-/// rewards, ends. The same functions serve a robot behind a front-end and thousands of simulations.
+/// Makes a decision process of a robot: starts, goals, observations, rewards, ends. The same
+/// functions serve a robot that is driven through a front-end and thousands of simulations.
 ///
-/// Constant: threads may share one, each with its own episodes.
+/// An environment is constant. Threads may share one, each with its own episodes.
 class Environment {
  public:
-  /// @throws InvalidArgument if a task or an option does not suit this robot
+  /// @throws InvalidArgument if the task or an option does not suit this robot
   Environment(std::string_view task, const EnvironmentOptions& options,
               const RobotDescription& description,
               Nanoseconds period = std::chrono::milliseconds(1));
@@ -92,48 +92,49 @@ class Environment {
   [[nodiscard]] const EnvironmentOptions& options() const noexcept;
   [[nodiscard]] std::size_t num_joints() const noexcept;
   [[nodiscard]] std::size_t num_fingers() const noexcept;
-  /// Actions in an episode that is not terminated.
+  /// Number of actions in an episode that is not terminated.
   [[nodiscard]] std::int64_t episode_actions() const noexcept;
-  /// The object that the task is about; empty for none.
+  /// Name of the object that the task is about; empty if there is none.
   [[nodiscard]] std::string_view object_name() const noexcept;
   /// The parts of an observation, in the order of `Layout::kDictionary`.
   [[nodiscard]] const std::vector<Entry>& entries() const noexcept;
-  /// Of one number of `Layout::kFlat`: its name, as in "joint_position[0]".
+  /// Names of the numbers of `Layout::kFlat`, for example "joint_position[0]".
   [[nodiscard]] std::vector<std::string> flat_names() const;
-  /// Numbers in an observation of the layout chosen.
+  /// Number of numbers in an observation of the chosen layout.
   [[nodiscard]] std::size_t observation_size() const noexcept;
   [[nodiscard]] std::size_t goal_size() const noexcept;
-  /// Bounds of goals, and of what is achieved.
+  /// Bounds of goals and of achieved values.
   [[nodiscard]] const Entry& goal() const noexcept;
-  /// Joint positions at -1 and 1 of `ActionKind::kPosition` [rad].
+  /// Joint positions that mean -1 and 1 in `ActionKind::kPosition` [rad].
   [[nodiscard]] std::span<const double> position_low() const noexcept;
   [[nodiscard]] std::span<const double> position_high() const noexcept;
 
-  /// Draws the begin of episode `number` of `seed`: the same three numbers, the same episode.
+  /// Draws the beginning of episode `number` of `seed`. The same arguments give the same episode.
   [[nodiscard]] Start begin(std::uint64_t seed, std::uint64_t number,
                             Episode& episode) const noexcept;
 
-  /// How many actions a robot that nobody can put anywhere takes to where an episode begins: 2 s,
-  /// or 20 of them if they are long.
+  /// Number of actions that a robot takes to move to the start of an episode by itself. They last 2
+  /// s, or longer if that would be fewer than 20 actions.
   [[nodiscard]] std::int64_t way_actions() const noexcept;
-  /// Where its joints should be in action `index` of these, counted from 0 [rad]: on the way with
-  /// the least jerk.
+  /// Desired joint positions in action `index` of these, counted from 0 [rad]. The movement has
+  /// least jerk.
   void way_point(std::span<const double> from, const Start& start, std::int64_t index,
                  std::span<double> position) const noexcept TRIFINGER_REALTIME;
 
-  /// Makes an action of the robot of `numbers`, which are cut off at -1 and 1. NaN in `position`
-  /// stands for "not given". False, and nothing is changed, if one is not finite.
+  /// Makes an action of the robot from `numbers`, which are cut off at -1 and 1. NaN in `position`
+  /// means "not given". Returns false and changes nothing if a number is not finite.
   [[nodiscard]] bool take_action(std::span<const float> numbers, Episode& episode,
                                  std::span<double> torque,
                                  std::span<double> position) const noexcept TRIFINGER_REALTIME;
 
-  /// What is to be seen, after as many actions as `episode` says. It is judged by the goal that was
-  /// shown before, which is `desired`; a goal that begins now is in `observation`.
+  /// Computes the observation after the actions that `episode` counts. The outcome is judged by the
+  /// goal that was shown before, which is written to `desired`. If a new goal begins now, it is in
+  /// `observation`.
   Outcome observe(const Measurement& measurement, Episode& episode, std::span<float> observation,
                   std::span<double> achieved,
                   std::span<double> desired) const noexcept TRIFINGER_REALTIME;
 
-  /// The reward as a function of what was achieved and what was to be.
+  /// The reward as a function of the achieved and the desired values.
   [[nodiscard]] double reward(std::span<const double> achieved,
                               std::span<const double> desired) const noexcept TRIFINGER_REALTIME;
 

@@ -13,43 +13,44 @@
 
 namespace trifinger::learning {
 
-/// When a simulation whose episode has ended begins the next one, as Gymnasium has it.
+/// When a simulation whose episode has ended begins the next one. These are Gymnasium's modes.
 enum class Autoreset : std::uint8_t {
-  kNextStep,  ///< In the next `step`, whose action is ignored.
-  kSameStep,  ///< At once; `Results::final` has what was seen last.
-  kDisabled,  ///< When `reset` says so. Until then nothing moves.
+  kNextStep,  ///< In the next `step`, which ignores its action.
+  kSameStep,  ///< At once; `Results::final` holds the last observations.
+  kDisabled,  ///< Only when `reset` is called. Until then nothing moves.
 };
 
-/// What is seen of all simulations, one after the other.
+/// The observations of all simulations, one simulation after the other.
 struct Observations {
   std::vector<float> observation;
   std::vector<double> achieved;
   std::vector<double> desired;
-  std::vector<double> distance;        ///< `kMaxFingers` for each simulation: `Outcome::distance`.
-  std::vector<double> finger_rewards;  ///< Likewise.
+  std::vector<double> distance;        ///< `Outcome::distance`, `kMaxFingers` per simulation.
+  std::vector<double> finger_rewards;  ///< `Outcome::finger_rewards`, as many.
   std::vector<std::uint8_t> success;
 };
 
-/// What a call of `EnvironmentBatch` has brought. Lies where it is until the batch is gone.
+/// The results of a call of `EnvironmentBatch`. They stay at the same addresses as long as the
+/// batch lives.
 struct Results {
   Observations seen;
-  /// Of the episodes that have ended in this step, with `Autoreset::kSameStep`.
+  /// Final observations of the episodes that ended in this step, with `Autoreset::kSameStep`.
   Observations final;
-  /// Of the step. A fault repeats the reward of what was seen last.
+  /// Reward of the step. A fault repeats the reward of the last observation.
   std::vector<double> reward;
   std::vector<std::uint8_t> terminated;
   std::vector<std::uint8_t> truncated;
-  std::vector<std::int32_t> fault;  ///< Of the driver, which ends the episode; 0 for none.
+  std::vector<std::int32_t> fault;  ///< Fault of the driver, which ends the episode; 0: none.
 };
 
-/// Many simulations of one decision process, each in an episode of its own: what `Environment` says
-/// of them, and what `Simulator` does with them, on the threads of MuJoCo's batches.
+/// Many simulations of one decision process, each in an episode of its own. `Environment` computes
+/// the decision process and `Simulator` the physics, on the threads of MuJoCo's batches.
 ///
-/// Each is, bit for bit, what the same `Environment` is on a front-end of a simulation of its own.
-/// Not for several threads at once.
+/// Each simulation gives the same results, bit for bit, as an `Environment` with a simulation of
+/// its own. One batch must not be used by several threads at once.
 class EnvironmentBatch {
  public:
-  /// `num_threads` includes the caller's; 0 for one per processor.
+  /// `num_threads` includes the calling thread; 0 means one per processor.
   /// @throws InvalidArgument
   template <class R>
   EnvironmentBatch(std::string_view task, const EnvironmentOptions& options,
@@ -62,17 +63,18 @@ class EnvironmentBatch {
   [[nodiscard]] std::size_t size() const noexcept;
   [[nodiscard]] int num_threads() const noexcept;
 
-  /// The next `reset` of simulation `index` begins this episode of `seed`; from then on each reset
-  /// begins the next one.
+  /// Makes the next `reset` of simulation `index` begin this episode of `seed`. Each later reset
+  /// begins the next episode.
   /// @throws InvalidArgument if there is no such simulation
   void seed(std::size_t index, std::uint64_t seed, std::uint64_t episode = 0);
-  /// Begins an episode in those simulations whose number in `which` is not 0; in all if it is
-  /// empty.
-  /// @throws InvalidArgument if its size is another one
+  /// Begins an episode in all simulations whose number in `which` is not 0. If `which` is empty,
+  /// begins one in all simulations.
+  /// @throws InvalidArgument if `which` has another size
   void reset(std::span<const std::uint8_t> which = {});
-  /// Lets one action act in each simulation: rows of numbers, as `Environment::take_action` takes
-  /// them.
-  /// @throws InvalidArgument if their count is wrong or one is not finite; then nothing moves
+  /// Applies one action in each simulation. `actions` has one row of numbers per simulation, as for
+  /// `Environment::take_action`.
+  /// @throws InvalidArgument if there are too many or too few numbers, or one is not finite; then
+  /// nothing moves
   void step(std::span<const float> actions, Autoreset autoreset = Autoreset::kNextStep);
 
   [[nodiscard]] Results& results() noexcept;

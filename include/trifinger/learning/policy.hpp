@@ -17,7 +17,7 @@
 
 namespace trifinger::learning {
 
-/// The file is not what docs/policies.md says of it. The text names the file and what is wrong.
+/// The file does not have the format of docs/policies.md. The text names the file and the problem.
 class PolicyFileError : public Error {
  public:
   using Error::Error;
@@ -25,14 +25,14 @@ class PolicyFileError : public Error {
 
 enum class Activation : std::uint8_t { kIdentity, kRelu, kTanh };
 
-/// activation(weights * input + bias), as PyTorch's `Linear` with what follows it.
+/// activation(weights * input + bias): PyTorch's `Linear` and the activation after it.
 struct Layer {
-  Eigen::MatrixXf weights{};  ///< A row for each output.
+  Eigen::MatrixXf weights{};  ///< One row per output.
   Eigen::VectorXf bias{};
   Activation activation{Activation::kIdentity};
 };
 
-/// (input - mean) / sqrt(variance + epsilon), cut off at `clip` on both sides, as
+/// (input - mean) / sqrt(variance + epsilon), cut off at `clip` on both sides. This is
 /// Stable-Baselines3's `VecNormalize`.
 struct InputNormalization {
   Eigen::VectorXd mean{};
@@ -41,10 +41,10 @@ struct InputNormalization {
   double clip{10.0};
 };
 
-/// How outputs come between their bounds.
+/// How outputs are brought between their bounds.
 enum class Bounding : std::uint8_t {
-  kScale,  ///< -1 becomes the lower bound and 1 the upper one, what is beyond is cut off.
-  kClip,   ///< What is beyond them is cut off.
+  kScale,  ///< -1 becomes the lower bound and 1 the upper one; values beyond are cut off.
+  kClip,   ///< Values beyond the bounds are cut off.
 };
 
 struct OutputBounds {
@@ -53,40 +53,41 @@ struct OutputBounds {
   Bounding bounding{Bounding::kScale};
 };
 
-/// What a policy is made of: a multi-layer perceptron, and what goes with it.
+/// The contents of a policy: a multi-layer perceptron with its normalization, bounds and metadata.
 struct Network {
-  std::vector<Layer> layers{};  ///< At least one. The last one's activation is identity or tanh.
+  std::vector<Layer> layers{};  ///< At least one. The last activation is identity or tanh.
   std::optional<InputNormalization> normalization{};
   std::optional<OutputBounds> bounds{};
-  /// What a program needs to know that runs it: docs/policies.md has the usual names.
+  /// Facts for the program that runs the policy. docs/policies.md lists the usual names.
   std::map<std::string, std::string> metadata{};
 };
 
-/// What a policy computes its sums in.
+/// The type in which a policy computes its sums.
 enum class Precision : std::uint8_t {
-  kDouble,  ///< The actions are those that PyTorch would give if it did not round.
-  kSingle,  ///< About half the time. It rounds as often as PyTorch, but sums in another order.
+  kDouble,  ///< The actions are those that PyTorch would give without rounding errors.
+  kSingle,  ///< Takes about half the time. It rounds as often as PyTorch, but sums in another
+            ///< order.
 };
 
-/// A trained policy: actions from observations, without Python.
+/// A trained policy: it computes actions from observations, without Python.
 ///
-/// Not for several threads at once: make a copy for each.
+/// One policy must not be used by several threads at once: make a copy for each.
 class Policy {
  public:
-  /// @throws InvalidArgument if sizes do not fit together or a number is not finite.
+  /// @throws InvalidArgument if sizes do not match or a number is not finite.
   explicit Policy(Network network, Precision precision = Precision::kDouble);
 
-  /// Reads the file at `path`, which may come from anywhere.
+  /// Reads the file at `path`. Its content is not trusted.
   /// @throws PolicyFileError, SystemError if it cannot be read.
   [[nodiscard]] static Policy load(const std::filesystem::path& path,
                                    Precision precision = Precision::kDouble);
 
-  /// Writes the file at `path`, in one step: what was there is whole until the new one is.
-  /// @throws InvalidArgument if the metadata are no text in UTF-8 or too long, SystemError.
+  /// Writes the file at `path` in one step: an old file stays whole until the new one replaces it.
+  /// @throws InvalidArgument if the metadata are not UTF-8 or too long, SystemError.
   void save(const std::filesystem::path& path) const;
 
-  /// Fills `action` in. False, and `action` is as it was, if one of the two has another size than
-  /// the policy or a number in `observation`, or one that follows from it, is not finite.
+  /// Computes `action`. Returns false and leaves `action` unchanged if a size is wrong, or if a
+  /// number in `observation` or in the result is not finite.
   [[nodiscard]] bool evaluate(std::span<const double> observation,
                               std::span<double> action) noexcept TRIFINGER_REALTIME;
 
@@ -96,7 +97,7 @@ class Policy {
   [[nodiscard]] Precision precision() const noexcept { return precision_; }
 
  private:
-  /// Before and after a layer, in turn.
+  /// The numbers before and after a layer, in turn.
   template <class Number>
   using Activities = std::array<Eigen::Vector<Number, Eigen::Dynamic>, 2>;
 
@@ -112,8 +113,8 @@ class Policy {
   Network network_;
   Precision precision_;
   Eigen::VectorXd input_scale_;          ///< 1 / sqrt(variance + epsilon)
-  Activities<double> activities_;        ///< Where the precision is double.
-  Activities<float> single_activities_;  ///< Where it is single.
+  Activities<double> activities_;        ///< Used if the precision is double.
+  Activities<float> single_activities_;  ///< Used if the precision is single.
 };
 
 }  // namespace trifinger::learning

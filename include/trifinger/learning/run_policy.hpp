@@ -12,33 +12,33 @@
 
 namespace trifinger::learning {
 
-/// How an episode of a policy has ended.
+/// The result of an episode of a policy.
 struct EpisodeReport {
   std::uint64_t number{0};
   std::int64_t actions{0};
   double total_reward{0.0};
-  Outcome outcome{};            ///< Of the last action.
-  TimeIndex repeated_steps{0};  ///< In which the action before acted again, since one was late.
+  Outcome outcome{};            ///< Outcome of the last action.
+  TimeIndex repeated_steps{0};  ///< Steps in which a late action was replaced by the previous one.
 };
 
 struct PolicyRunOptions {
-  std::uint64_t seed{0};  ///< Of starts and goals.
+  std::uint64_t seed{0};  ///< Seed of starts and goals.
   std::uint64_t first_episode{0};
   std::uint64_t episodes{10};
-  /// Set from a signal handler or another thread: the run ends behind the action.
+  /// A signal handler or another thread sets this to end the run after the current action.
   const std::atomic<bool>* stop{nullptr};
   std::function<void(const EpisodeReport&)> on_episode{};
 };
 
-/// Runs `policy` on a robot as the environment in which it was trained would: episode by episode,
-/// each from where it begins, in one session, which it ends. The robot goes to each start by
-/// itself; nobody puts an object anywhere.
+/// Runs `policy` on a robot like the environment in which it was trained, episode by episode, in
+/// one session, and ends the session. The robot moves to each start by itself; nobody places an
+/// object.
 ///
-/// Does what `trifinger.environments.Environment` does with the same policy on the same robot. A
-/// policy of which `Environment` gives several inputs, one behind the other, is asked for each: the
-/// fingers share it. Between two episodes' ends it takes no memory.
-/// @throws InvalidArgument if the policy's sizes are not those of the environment, or the robot has
-/// not its object; RobotStopped
+/// The results are those of `trifinger.environments.Environment` with the same policy on the same
+/// robot. If `Environment` gives a policy several inputs, one after the other, the policy is asked
+/// for each: the fingers share it. Between the ends of two episodes the call allocates no memory.
+/// @throws InvalidArgument if the policy's sizes differ from those of the environment, or if the
+/// robot does not have the task's object; RobotStopped
 template <class R>
 void run_policy(Frontend<R>& robot, const Environment& environment, Policy& policy,
                 const PolicyRunOptions& options);

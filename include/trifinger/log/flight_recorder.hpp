@@ -17,38 +17,39 @@
 
 namespace trifinger::log {
 
-/// Writes the newest `length` of a session, as far as its history goes, into the new log `file`,
-/// with its companions, documents and end; and, as two more companions, what was measured before
-/// step 0 and while the robot came to rest: `holding` and `stopping`.
+/// Writes the newest `length` of a session, as far as its history reaches, into the new log `file`,
+/// with its companions, documents and end. Two more companions hold the measurements before step 0
+/// (`holding`) and while the robot came to rest (`stopping`).
 ///
-/// Reads what a dead back-end has left as well. What it was writing when it died is left out.
+/// It also reads what a dead back-end has left. An element that the back-end was writing when it
+/// died is left out.
 /// @throws SystemError
 void write_last(const Session& robot, const std::vector<Session>& companions,
                 const std::filesystem::path& file, Nanoseconds length, std::string_view event);
 
-/// Writes what a killed back-end of the robot `name` has left in memory: its newest `length`.
-/// `file`: default is one in `log_folder()`. Returns the file.
-/// @throws SessionNotFound, InvalidArgument if the session goes on: then it can be recorded;
-/// SystemError
+/// Writes the newest `length` that a killed back-end of the robot `name` has left in memory.
+/// Returns the file; `file` defaults to one in `log_folder()`.
+/// @throws SessionNotFound, InvalidArgument if the session is still running: then it can be
+/// recorded; SystemError
 std::filesystem::path rescue(const std::string& name, std::optional<std::filesystem::path> file,
                              Nanoseconds length);
 
-/// The log that was made when the session of `name` ended that began at `created`; nothing if there
-/// is none.
+/// The log that was written at the end of the session of `name` that began at `created`. Nothing if
+/// there is none.
 [[nodiscard]] std::optional<std::filesystem::path> find_fault_log(
     const std::filesystem::path& folder, const std::string& name,
     std::chrono::system_clock::time_point created);
 
 struct FlightRecorderOptions {
-  std::filesystem::path folder{};  ///< Must be there; default: `log_folder()`.
+  std::filesystem::path folder{};  ///< Must exist; default: `log_folder()`.
   Nanoseconds length{std::chrono::seconds(10)};
-  std::size_t max_files{20};  ///< Of all robots together; the oldest are removed.
+  std::size_t max_files{20};  ///< Number of files for all robots together; the oldest are removed.
 };
 
-/// Leaves a log behind every session that ends with a fault: `NAME_2026-11-20_09-05-12_fault.mcap`.
+/// Writes a log after every session that ends with a fault: `NAME_2026-11-20_09-05-12_fault.mcap`.
 ///
-/// Until then it does nothing: the history of the session is the recording. Follows a back-end,
-/// which never waits for it.
+/// Until the fault it does nothing: the history of the session is the recording. It follows a
+/// back-end, which never waits for it.
 class FlightRecorder final : public Follower {
  public:
   explicit FlightRecorder(FlightRecorderOptions options);
@@ -59,13 +60,13 @@ class FlightRecorder final : public Follower {
     return std::numeric_limits<TimeIndex>::max();
   }
 
-  /// What a fault has left.
+  /// The log of one fault.
   struct Left {
     std::filesystem::path file;
-    std::string trouble;  ///< Why there is no such file, or not a whole one; empty if all is well.
+    std::string trouble;  ///< Why the file is missing or incomplete; empty if it is complete.
   };
-  /// Writes the logs of the sessions that have ended with a fault since the last call, once their
-  /// robot is at rest. Takes as long as the disk does: not for the thread of the back-end.
+  /// Writes logs of the sessions that have ended with a fault since the last call and whose robot
+  /// is at rest. Do not call it in the thread of the back-end: it takes as long as the disk needs.
   [[nodiscard]] std::vector<Left> write();
 
  private:
@@ -78,7 +79,7 @@ class FlightRecorder final : public Follower {
 
   FlightRecorderOptions options_;
   std::mutex mutex_;
-  std::vector<Followed> sessions_;  // the last one may go on
+  std::vector<Followed> sessions_;  // only the last one may still be running
 };
 
 }  // namespace trifinger::log

@@ -20,32 +20,33 @@
 
 namespace trifinger::log {
 
-/// What a log says of a session at its beginning; docs/log_format.md.
+/// What a log says about a session at its beginning; see docs/log_format.md.
 struct SessionHeader {
   std::string name;
   std::uint64_t session_id{0};
   bool is_real_time{false};
-  /// Real-time mode: see `SessionInfo`; nothing if it was not written down.
+  /// In real-time mode: see `SessionInfo`. Nothing if it was not recorded.
   std::optional<std::vector<std::string>> realtime_lacks{};
   Nanoseconds period{0};
-  std::int64_t created{0};  ///< Since 1970 [ns].
-  /// What turns times of the session into times since 1970 [ns]: in real-time mode the wall clock
-  /// minus the monotonic clock, otherwise when step 0 was, t periods before step t.
+  std::int64_t created{0};  ///< Time since 1970 [ns].
+  /// Add this to times of the session to get times since 1970 [ns]. In real-time mode it is the
+  /// wall clock minus the monotonic clock. Otherwise it is the time of step 0, and step t is t
+  /// periods later.
   std::int64_t time_offset{0};
   std::string host;
   std::int64_t backend_pid{0};
   RobotTypes types;
   struct Companion {
-    std::string name;  ///< As in "sim.object".
+    std::string name;  ///< For example "sim.object".
     std::string type;
     ElementDescription element;
-    TimeIndex first_index{0};  ///< First element in this file.
+    TimeIndex first_index{0};  ///< Index of the first element in this file.
   };
   std::vector<Companion> companions;
   std::vector<Document> documents;
-  TimeIndex first_index{0};  ///< First step in this file.
+  TimeIndex first_index{0};  ///< Index of the first step in this file.
 
-  /// What a session says of itself.
+  /// Makes the header from what a session says about itself.
   [[nodiscard]] static SessionHeader of(const Session& robot,
                                         const std::vector<Session>& companions);
 };
@@ -54,35 +55,35 @@ struct LogOptions {
   Precision precision{Precision::kDouble};
   mcap::Compression compression{mcap::Compression::kZstd};
   int level{1};
-  std::string recording;  ///< The same for all files of a recording.
-  int part{0};            ///< Number of this file among them.
-  /// How often 3D viewers are told where the links of a robot are that has the documents
-  /// "robot.urdf" and "frames.txt" [1/s]; 0: they are told nothing.
+  std::string recording;  ///< Id of the recording, equal in all its files.
+  int part{0};            ///< Number of this file in the recording.
+  /// How often 3D viewers get the poses of a robot's links [1/s]; 0: never. The robot must have the
+  /// documents "robot.urdf" and "frames.txt".
   double viewer_rate{8.0};
 };
 
-/// Writes sessions into one file; knows the format, but neither where the elements come from nor
-/// how many files there are.
+/// Writes sessions into one file. It knows the format, but does not know where the elements come
+/// from or how many files there are.
 ///
-/// Like `mcap::Writer` it loses nothing if the sink throws SystemError: the same call tries again.
-/// `write_steps` and `write_companion` do not throw as long as there is room in the open chunk;
-/// where they do, a part of the elements may have been written.
+/// If the sink throws SystemError, nothing is lost, like with `mcap::Writer`: the same call tries
+/// again. `write_steps` and `write_companion` do not throw as long as there is room in the open
+/// chunk. When they throw, some of the elements may have been written.
 class LogWriter {
  public:
   /// Begins a file. `sink` must be empty and outlive the writer.
   LogWriter(mcap::Sink& sink, const LogOptions& options);
-  /// Goes on with a file that was not finished, of the same precision.
+  /// Continues an unfinished file of the same precision.
   LogWriter(mcap::Sink& sink, const LogOptions& options, const mcap::Contents& contents);
   LogWriter(LogWriter&&) noexcept;
   LogWriter& operator=(LogWriter&&) noexcept;
   ~LogWriter();
 
-  /// Begins a session, or goes on with one that is in the file. Returns the number that the
-  /// functions below want.
-  /// @throws InvalidArgument if a type or field has a name that a log cannot have
+  /// Begins a session, or continues one that is in the file. Returns the number that the functions
+  /// below need.
+  /// @throws InvalidArgument if a type or field has a name that is not allowed in a log
   std::size_t begin_session(const SessionHeader& header);
 
-  /// Pointers to `count` elements each, of the steps from `first` on.
+  /// Pointers to `count` elements each, for the steps from `first` on.
   struct Steps {
     TimeIndex first{0};
     std::size_t count{0};
@@ -94,28 +95,29 @@ class LogWriter {
   void write_steps(std::size_t session, const Steps& steps);
   void write_companion(std::size_t session, std::size_t companion, TimeIndex first,
                        std::size_t count, const void* elements);
-  /// y_N and its status; `observation` is nullptr where the driver could not deliver it.
+  /// Writes y_N and its status. `observation` is nullptr if the driver could not deliver it.
   void write_end(std::size_t session, TimeIndex time_index, const void* observation,
                  const Status& status);
-  /// Nothing may follow.
+  /// Ends a session. No more of it may be written.
   void end_session(std::size_t session, TimeIndex steps, const Fault& fault,
                    std::string_view fault_text);
-  /// The steps `first` to `last`, both included, are not in the file.
+  /// Says that the steps `first` to `last`, both included, are not in the file.
   void write_gap(std::size_t session, TimeIndex first, TimeIndex last, std::string_view reason);
-  /// The same for elements of a companion.
+  /// Says that these elements of a companion are not in the file.
   void write_companion_gap(std::size_t session, std::size_t companion, TimeIndex first,
                            TimeIndex last, std::string_view reason);
 
-  /// As in rcl_interfaces/msg/Log.
+  /// The values are those of rcl_interfaces/msg/Log.
   enum class Level : std::uint8_t { kInfo = 20, kWarning = 30, kError = 40 };
-  /// A sentence for people. `time` since 1970 [ns].
+  /// Writes a sentence for people. `time` is since 1970 [ns].
   void write_event(Level level, std::string_view source, std::string_view text, std::int64_t time);
 
   /// Closes the open chunk and hands it to the sink.
   void flush();
-  /// The same, and the summary.
+  /// Closes the open chunk, hands it to the sink, and writes the summary.
   void finish();
-  /// Bytes of messages in the open chunk. It is closed by itself above `kMaxChunkSize`.
+  /// Size of the messages in the open chunk [bytes]. Above `kMaxChunkSize` it is closed
+  /// automatically.
   [[nodiscard]] std::size_t open_chunk_size() const noexcept;
   static constexpr std::size_t kMaxChunkSize = std::size_t{1} << 20U;
 
@@ -124,7 +126,7 @@ class LogWriter {
   std::unique_ptr<Implementation> implementation_;
 };
 
-/// What the clock on the wall shows: since 1970 [ns].
+/// The time of the wall clock since 1970 [ns].
 [[nodiscard]] std::int64_t wall_time() noexcept;
 
 }  // namespace trifinger::log

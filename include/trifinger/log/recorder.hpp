@@ -28,91 +28,91 @@ class AlreadyRecorded : public Error {
 
 /// How to record.
 struct RecorderOptions {
-  std::filesystem::path folder{"."};  ///< Is made if it is not there.
+  std::filesystem::path folder{"."};  ///< Is made if it does not exist.
   Precision precision{Precision::kDouble};
   mcap::Compression compression{mcap::Compression::kZstd};
-  int level{1};  ///< Of the compression.
+  int level{1};  ///< Level of the compression.
 
   std::uint64_t rotate_size{1'000'000'000};  ///< Largest size of a file [bytes].
   Nanoseconds rotate_time{kForever};         ///< Longest time in one file.
-  /// All files of this recording together, 0: no limit; the oldest are removed. A file is then at
-  /// most an eighth of it [bytes].
+  /// Largest size of all files of this recording together; the oldest are removed [bytes]. 0: no
+  /// limit. Each file then has at most an eighth of this size.
   std::uint64_t max_total{0};
-  /// What is left free on the disk; with less, recording waits [bytes].
+  /// Space that stays free on the disk. If there is less, recording waits [bytes].
   std::uint64_t keep_free{100'000'000};
-  /// How often what was written is made to survive a loss of power, which happens at the end of
-  /// every file besides. The death of a program, ours included, costs nothing that was written.
+  /// How often written data is made safe against a loss of power. This also happens at the end of
+  /// every file. If only a program dies, this one included, no written data is lost.
   Nanoseconds sync_period{std::chrono::seconds(5)};
 
-  /// `run` returns once every robot has had a session and its back-end is gone.
+  /// `run` returns once every robot has had a session and its back-end has ended.
   bool until_end{false};
-  /// `run` returns once this process is gone.
+  /// `run` returns once this process has ended.
   std::optional<ipc::ProcessIdentity> until_process_ends{};
-  /// The sessions come from the back-end of this process, by `begin_session`; nobody looks for
-  /// them.
+  /// The back-end of this process hands over the sessions with `begin_session`; the recorder does
+  /// not search for sessions.
   bool is_follower{false};
 
-  /// Something worth telling people. It is in the log, too.
+  /// A message for people. It is also in the log.
   struct Event {
     std::int64_t time{0};  ///< Since 1970 [ns].
     LogWriter::Level level{LogWriter::Level::kInfo};
-    std::string source;  ///< The robot whose session it is about, or "recorder".
+    std::string source;  ///< The robot concerned, or "recorder".
     std::string text;    ///< A sentence.
   };
-  /// Is called by the thread of `run`. Must not throw.
+  /// Called by the thread of `run`. Must not throw.
   std::function<void(const Event&)> on_event{};
 
-  /// Makes a file, or goes on with one at byte `size`: `mcap::FileSink`, if nothing else is given.
+  /// Makes a file, or continues one at byte `size`. Default: `mcap::FileSink`.
   using OpenFile = std::function<std::unique_ptr<mcap::Sink>(const std::filesystem::path& path,
                                                              std::optional<std::uint64_t> size)>;
   OpenFile open_file{};
 };
 
-/// How a recorder is doing.
+/// The current state of a recorder.
 struct RecorderState {
   struct Robot {
     std::string name;
-    std::uint64_t session_id{0};  ///< 0: none has been found yet.
-    bool is_recording{false};     ///< The session goes on.
-    TimeIndex next_step{0};       ///< All before are in the log, or were lost.
-    double lag{0.0};              ///< How much of the history is still to be read, 0 to 1.
+    std::uint64_t session_id{0};  ///< 0: no session has been found yet.
+    bool is_recording{false};     ///< The session is running and is being recorded.
+    TimeIndex next_step{0};       ///< All earlier steps are in the log or were lost.
+    double lag{0.0};              ///< Share of the history that is still to be read, 0 to 1.
   };
   std::vector<Robot> robots;
-  std::filesystem::path file;  ///< The newest; empty before the first.
-  std::uint64_t bytes{0};      ///< Written by this recorder, all files together.
-  std::int64_t steps{0};       ///< Likewise.
-  std::int64_t lost_steps{0};  ///< Overwritten before they could be read. Each has its gap.
-  std::string trouble;         ///< Why nothing can be written at present; empty if all is well.
-  /// Another number each time the recorder gets on, even if there is nothing to write. One that
-  /// stays the same for seconds belongs to a recorder whose disk hangs.
+  std::filesystem::path file;  ///< The newest file; empty before the first one.
+  std::uint64_t bytes{0};      ///< Size of all files written by this recorder.
+  std::int64_t steps{0};       ///< Number of steps written by this recorder.
+  std::int64_t lost_steps{0};  ///< Steps overwritten before they could be read. Each is in a gap.
+  std::string trouble;         ///< Why nothing can be written now; empty if recording works.
+  /// This number changes whenever the recorder makes progress, even if there is nothing to write.
+  /// If it stays the same for seconds, the recorder's disk hangs.
   std::uint64_t progress{0};
 };
 
-/// Writes what robots do, all series and companions, into one recording: files of one after the
-/// other, `NAME_2026-11-20_09-05-12_000.mcap`.
+/// Writes all series of robots and companions into one recording: files that follow each other,
+/// such as `NAME_2026-11-20_09-05-12_000.mcap`.
 ///
-/// Only looks: it polls, about every 20 ms, so that a robot never makes a system call for it. Steps
-/// are in the hands of the kernel at most 100 ms later. Whatever keeps it from writing - a full
-/// disk, an error, its own death - costs nothing as long as the history of the session still holds
-/// what is missing: the next recorder of the same robots and folder goes on where the last one was
-/// cut off. What the history has lost is written down as a gap.
+/// The recorder only reads. It polls about every 20 ms, so a robot never makes a system call for
+/// it. The kernel has each step at most 100 ms later. A full disk, an error or the recorder's own
+/// death may stop the writing. No data is lost as long as the session's history still holds the
+/// missing steps: the next recorder of the same robots and folder continues where the last one
+/// stopped. Steps that the history has lost are recorded as a gap.
 ///
-/// As a follower of a back-end in its own process it loses nothing outside real-time mode either,
-/// as the back-end waits for it.
+/// A recorder may follow a back-end in its own process. Then it loses nothing outside real-time
+/// mode either, because the back-end waits for it.
 class Recorder final : public Follower {
  public:
-  /// Takes the right to record `robots` into the folder. Sessions are looked for by `run`.
+  /// Takes the right to record `robots` into the folder. `run` searches for sessions.
   ///
-  /// A recorder whose process to end with is gone (`until_process_ends`) has this right until it
-  /// has finished its file: this waits for it, at most 10 s.
+  /// If another recorder's process of `until_process_ends` has ended, that recorder keeps the right
+  /// until it has finished its file. This constructor waits for it, at most 10 s.
   /// @throws AlreadyRecorded, InvalidArgument, SystemError
   Recorder(const std::vector<std::string>& robots, RecorderOptions options);
   ~Recorder() override;
 
-  /// Records in the calling thread until `request_stop`; then what is there is written and the file
-  /// is finished.
-  /// @throws SystemError if the end cannot be written. The next recorder goes on where this one was
-  /// cut off.
+  /// Records in the calling thread until `request_stop`. Then it writes the available steps and
+  /// finishes the file.
+  /// @throws SystemError if the end cannot be written. The next recorder continues where this one
+  /// stopped.
   void run();
   /// May be called from any thread or signal handler.
   void request_stop() noexcept;

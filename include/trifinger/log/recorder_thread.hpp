@@ -14,7 +14,7 @@
 namespace trifinger::log {
 
 /// Records a robot of this process in a thread of its own. Outside real-time mode nothing is lost,
-/// however fast time goes:
+/// at any speed:
 ///
 ///     trifinger::Simulation<trifinger::TriFinger> simulation;
 ///     auto recorder = std::make_shared<trifinger::log::RecorderThread>(
@@ -22,17 +22,17 @@ namespace trifinger::log {
 ///     simulation.follow(recorder);
 class RecorderThread final : public Follower {
  public:
-  /// `options.is_follower` is set. @throws AlreadyRecorded, InvalidArgument, SystemError
+  /// Sets `options.is_follower`. @throws AlreadyRecorded, InvalidArgument, SystemError
   explicit RecorderThread(const std::string& robot, RecorderOptions options = {});
-  /// Stops; what could not be written is lost without a word.
+  /// Stops. If something cannot be written, it is lost, and no error is reported.
   ~RecorderThread() override;
 
-  /// Writes what is there and finishes the file. Nothing is recorded from then on, and no back-end
-  /// waits. @throws SystemError if the end could not be written
+  /// Writes the available steps and finishes the file. Nothing is recorded after that, and no
+  /// back-end waits. @throws SystemError if the end could not be written
   void stop();
-  /// True in a forked child: the recorder is its parent's.
+  /// True in a forked child: the recorder belongs to the parent process.
   [[nodiscard]] bool is_inherited() const noexcept { return fork_.is_inherited(); }
-  /// The newest file; none before the first session.
+  /// The newest file; empty before the first session.
   [[nodiscard]] std::filesystem::path file() const;
 
   void begin_session(const Session& robot,

@@ -17,23 +17,24 @@
 
 namespace trifinger::log {
 
-/// Which part of a session to replay.
+/// Selects the part of a session to replay.
 struct ReplayOptions {
-  std::optional<TimeIndex> first{};  ///< Becomes step 0; default: the first one in the log.
-  std::optional<TimeIndex> last{};   ///< The first one left out; default: all there are.
+  std::optional<TimeIndex> first{};  ///< The step that becomes step 0; default: the first one.
+  std::optional<TimeIndex> last{};   ///< First step left out; default: none.
 };
 
-/// Plays a session of a log as if it were the robot, whatever its type: user code runs against it.
+/// Plays a session of a log as if it were the robot, whatever its type, so that user code runs
+/// against it.
 ///
-/// Step by step the observations, the elements of companions and the applied actions are those of
-/// the log, whatever the user does. A step whose desired action is another one than in the log is
-/// flagged `Status::kActionRejected`: what was applied is not what was asked. The session ends with
-/// `Fault::Code::kExhausted` behind the last step, and can begin again.
+/// In every step the observations, the companions' elements and the applied actions are those of
+/// the log, whatever the user does. If a desired action differs from the logged one, the step has
+/// the flag `Status::kActionRejected`: the applied action is not the requested one. The session
+/// ends with `Fault::Code::kExhausted` after the last step, and can begin again.
 ///
-/// The part is read into memory as a whole.
+/// The whole part is read into memory.
 class ReplayDriver final : public UntypedDriver {
  public:
-  /// @throws NotInLog if a step or an element is missing in the part, InvalidArgument if the part
+  /// @throws NotInLog if a step or an element of the part is missing, InvalidArgument if the part
   /// has no step or is larger than 4 GiB, SystemError
   explicit ReplayDriver(const LoggedSession& session, const ReplayOptions& options = {});
 
@@ -50,15 +51,15 @@ class ReplayDriver final : public UntypedDriver {
   [[nodiscard]] bool get_companion_element(std::size_t index, TimeIndex time_index,
                                            void* element) noexcept override;
 
-  /// Steps in the part: how many actions a session takes.
+  /// Number of steps in the part, which is the number of actions that a session takes.
   [[nodiscard]] TimeIndex steps() const noexcept { return steps_; }
-  /// How a back-end should run it: one step per action, as the user comes to it.
+  /// Options for a back-end that runs this driver: one step per action, at the user's speed.
   [[nodiscard]] BackendOptions backend_options() const noexcept;
-  /// The documents of the session that was recorded.
+  /// The documents of the recorded session.
   [[nodiscard]] SessionOptions session_options() const;
 
  private:
-  // The elements of a companion, with steps counted from the part's first.
+  // The elements of a companion. Their steps count from the first step of the part.
   struct CompanionElements {
     std::size_t size;
     std::vector<std::byte> bytes;
@@ -71,7 +72,7 @@ class ReplayDriver final : public UntypedDriver {
   Nanoseconds period_;
   std::vector<Document> documents_;
   TimeIndex steps_{0};
-  std::vector<std::byte> observations_;  // one more than steps
+  std::vector<std::byte> observations_;  // one more than the number of steps
   std::vector<std::byte> desired_actions_;
   std::vector<std::byte> applied_actions_;
   std::vector<Status> statuses_;
@@ -82,15 +83,15 @@ class ReplayDriver final : public UntypedDriver {
   TimeIndex t_{0};
 };
 
-/// A log as a robot in this process, with its back-end inline. Copies refer to the same one; it
-/// lives as long as one of them or one of its front-ends.
+/// A log as a robot in this process, with an inline back-end. Copies refer to the same replay. It
+/// lives as long as one of the copies or one of its front-ends.
 class Replay {
  public:
-  /// @throws as ReplayDriver
+  /// @throws like ReplayDriver
   explicit Replay(const LoggedSession& session, const ReplayOptions& options = {})
       : parts_(std::make_shared<Parts>(session, options)) {}
 
-  /// Steps that can be replayed.
+  /// Number of steps that can be replayed.
   [[nodiscard]] TimeIndex steps() const noexcept { return parts_->driver.steps(); }
 
   /// Controls the robot in a new session, which begins with the part's first step.
@@ -100,7 +101,7 @@ class Replay {
   [[nodiscard]] Frontend<R> connect(FrontendOptions options = {.strict = true}) const {
     return Frontend<R>(parts_->backend, options, parts_);
   }
-  /// For programs that do not know the robot.
+  /// Controls the robot in programs that do not know its type.
   [[nodiscard]] UntypedFrontend connect_untyped(FrontendOptions options = {.strict = true}) const {
     return UntypedFrontend(parts_->backend, options, parts_);
   }

@@ -12,12 +12,12 @@
 
 namespace trifinger::log {
 
-/// What a look at every byte of an MCAP file has found.
+/// The result of reading every byte of an MCAP file.
 struct FileReport {
-  std::uint64_t size{0};        ///< Of the file [bytes].
-  std::uint64_t messages{0};    ///< That could be read.
-  std::uint64_t lost_bytes{0};  ///< That could not be used.
-  bool is_finished{false};      ///< The summary at the end is there.
+  std::uint64_t size{0};        ///< Size of the file [bytes].
+  std::uint64_t messages{0};    ///< Number of readable messages.
+  std::uint64_t lost_bytes{0};  ///< Number of bytes that could not be used.
+  bool is_finished{false};      ///< The file has its summary at the end.
   std::vector<Damage> damage{};
 
   [[nodiscard]] bool is_whole() const noexcept {
@@ -25,18 +25,19 @@ struct FileReport {
   }
 };
 
-/// Reads all of `file`, a log or any other MCAP file, and trusts nothing that can be checked.
-/// @throws mcap::FormatError if it is no MCAP file, SystemError
+/// Reads all of `file`, a log or any other MCAP file, and verifies everything that can be verified.
+/// @throws mcap::FormatError if it is not an MCAP file, SystemError
 [[nodiscard]] FileReport check(const std::filesystem::path& file);
 
-/// Writes all that can be read of `file` to the new file `whole`: finished, with a summary, and in
-/// a log with what is missing written down as gaps. Says what is wrong with `file`.
+/// Writes everything that can be read from `file` to the new file `whole`, which is finished and
+/// has a summary. In a log, missing steps are recorded as gaps. Returns what is wrong with `file`.
 /// @throws mcap::FormatError, SystemError; then there is no new file
 FileReport recover(const std::filesystem::path& file, const std::filesystem::path& whole);
 
-/// Which part of a log `copy` takes, and how it is written.
+/// Selects the part of a log that `copy` takes, and how it is written.
 struct CopyOptions {
-  /// Of this robot's newest session the steps [first, last), of all others what was at that time.
+  /// The robot whose newest session gives the steps [first, last). From all other sessions, `copy`
+  /// takes what happened at that time.
   std::string session;
   std::optional<TimeIndex> first{};
   std::optional<TimeIndex> last{};
@@ -45,7 +46,7 @@ struct CopyOptions {
 };
 
 /// Writes a part of `log`, or all of it, to the new file `copy`, with the sessions and documents
-/// that belong to it. Of companions, the newest elements from before the part come along.
+/// that belong to it. From companions, `copy` also takes the newest elements from before the part.
 /// @throws InvalidArgument if nothing is left, SystemError; then there is no new file
 void copy(const Log& log, const std::filesystem::path& copy, const CopyOptions& options = {});
 

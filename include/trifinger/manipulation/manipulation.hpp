@@ -15,43 +15,43 @@ namespace trifinger::manipulation {
 
 /// What a manipulation is doing.
 enum class Phase {
-  kLook,     ///< Averages poses of the object, which rests.
-  kPlan,     ///< Waits for its plan: give it with `begin`.
-  kGrasp,    ///< Goes to the object and closes.
-  kLead,     ///< Brings it to where its task begins.
-  kFollow,   ///< Leads it along its line or circle.
-  kHold,     ///< Holds it at the end.
-  kLower,    ///< Puts it down.
-  kRelease,  ///< Lets it go.
-  kDone,     ///< The object is where it should be, and free.
-  kFailed,   ///< It is not; `Manipulation::failure` says why.
+  kLook,     ///< Averages poses of the resting object.
+  kPlan,     ///< Waits for a plan, which the caller gives to `begin`.
+  kGrasp,    ///< Goes to the object and closes the fingers on it.
+  kLead,     ///< Brings the object to where the task begins.
+  kFollow,   ///< Leads the object along its line or circle.
+  kHold,     ///< Holds the object at the end.
+  kLower,    ///< Puts the object down.
+  kRelease,  ///< Releases the object.
+  kDone,     ///< The object is at its target and released.
+  kFailed,   ///< The task has failed; `Manipulation::failure` says why.
 };
 [[nodiscard]] std::string_view name_of(Phase phase) noexcept;
 
 /// Why a manipulation has failed.
 enum class Failure {
   kNone,
-  kNotSeen,  ///< Nobody has said where the object is.
-  kNoPlan,   ///< No grasp reaches the whole way from where the object lies.
-  kLost,     ///< The object got lost as often as it may.
+  kNotSeen,  ///< No pose of the object arrived.
+  kNoPlan,   ///< No grasp from the object's place reaches the whole way.
+  kLost,     ///< The object was lost as often as allowed.
   kStopped,  ///< `stop` was called.
 };
 [[nodiscard]] std::string_view text_of(Failure failure) noexcept;
 
-/// Where the object was.
+/// A pose of the object, and the step at which it was seen.
 struct SeenPose {
   TimeIndex step{0};
   Pose pose{};
 };
 
-/// The paper's first experiment, from looking for the object until it is free again, and once more
-/// if it gets lost on the way.
+/// The paper's first experiment, from looking for the object until it is released. If the object
+/// gets lost on the way, the experiment starts again.
 ///
-/// It knows nothing of sessions: it is told what joints and cameras measure and says what torques
-/// to apply, once per step. Poses of the object may be few, noisy and late. Planning takes too long
-/// for a step, so it is left to the caller: when the phase is kPlan, give a plan for
-/// `resting_pose()` to `begin`; meanwhile the tips stay where they are. Allocates only while it is
-/// constructed.
+/// It does not use a session: once per step it gets the measurements of joints and cameras, and
+/// returns the torques to apply. Poses of the object may be few, noisy and late. Planning takes
+/// longer than a step, so the caller does it. When the phase is kPlan, make a plan for
+/// `resting_pose()` and give it to `begin`. Until then the tips stay where they are. Memory is
+/// allocated only during construction.
 class Manipulation {
  public:
   /// `period` is the length of a step.
@@ -59,21 +59,21 @@ class Manipulation {
   Manipulation(const RobotDescription& description, const ManipulationConfig& config,
                Seconds period = Seconds(1e-3));
 
-  /// The object was at `pose` at step `captured`; to be called before the `update` of the step at
-  /// which that is known. Ignores what is not newer than the one before, and what is more than a
-  /// thousand steps old.
+  /// Says that the object was at `pose` at step `captured`. Call it before the `update` of the step
+  /// at which the pose arrives. A pose that is not newer than the previous one, or more than a
+  /// thousand steps old, is ignored.
   void see(TimeIndex captured, const Pose& pose) noexcept;
 
-  /// The torques for the next step [Nm], from what the joints have measured at `step`.
+  /// Returns the torques for the next step [Nm] from the measurements of the joints at `step`.
   [[nodiscard]] const JointValues& update(TimeIndex step,
                                           const control::JointState& joints) noexcept;
 
-  /// Where the object rests, for a plan.
+  /// The pose of the resting object, for a plan.
   [[nodiscard]] const Pose& resting_pose() const noexcept { return rest_; }
-  /// Goes on with `plan`; fails if there is none. Only in the phase kPlan.
+  /// Continues with `plan`; fails if it is empty. Only in the phase kPlan.
   void begin(const std::optional<Plan>& plan) noexcept;
 
-  /// Puts the object down where it is, lets it go, and fails as kStopped.
+  /// Puts the object down where it is, releases it, and fails with kStopped.
   void stop() noexcept;
 
   [[nodiscard]] Phase phase() const noexcept { return phase_; }
@@ -81,14 +81,14 @@ class Manipulation {
     return phase_ == Phase::kDone || phase_ == Phase::kFailed;
   }
   [[nodiscard]] Failure failure() const noexcept { return failure_; }
-  /// How often the object has been grasped, or was to be.
+  /// Number of grasps begun so far.
   [[nodiscard]] int grasps() const noexcept { return grasps_; }
-  /// How the object should move at the last step.
+  /// The desired motion of the object at the last step.
   [[nodiscard]] const Motion& desired() const noexcept { return desired_; }
-  /// How the object moves, as estimated.
+  /// The estimated motion of the object.
   [[nodiscard]] const Motion& object() const noexcept { return object_; }
   [[nodiscard]] const control::GraspState& grasp() const noexcept { return controller_.state(); }
-  /// The plan it follows, if it has one.
+  /// The current plan, if there is one.
   [[nodiscard]] const std::optional<Plan>& plan() const noexcept { return plan_; }
 
  private:
@@ -105,19 +105,19 @@ class Manipulation {
   void follow_phases() noexcept;
   void set_desired() noexcept;
 
-  // Of what was desired, for poses that arrive late.
+  // Number of desired motions kept for poses that arrive late.
   static constexpr std::size_t kMemory = 1024;
 
   Seconds period_;
   Seconds look_time_;
   int max_grasps_;
-  double object_height_;  // Of the resting object's centre.
+  double object_height_;  // Height of the centre of the resting object [m].
   control::GraspController controller_;
   control::PoseEstimator estimator_;
 
   Phase phase_{Phase::kLook};
   Failure failure_{Failure::kNone};
-  Failure next_failure_{Failure::kNone};  // After the release.
+  Failure next_failure_{Failure::kNone};  // The failure to report after the release.
   int grasps_{0};
   TimeIndex step_{-1};
   TimeIndex phase_begin_{-1};
@@ -130,7 +130,7 @@ class Manipulation {
   Motion object_;
   std::vector<Motion> memory_;
 
-  // Of the poses seen while looking.
+  // Sums over the poses seen while looking.
   int num_seen_{0};
   Eigen::Vector3d position_sum_;
   Eigen::Vector4d orientation_sum_;

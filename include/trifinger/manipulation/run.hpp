@@ -11,26 +11,26 @@
 
 namespace trifinger::manipulation {
 
-/// Who looks on while a manipulation runs.
+/// Settings and observers of a manipulation that runs.
 struct RunOptions {
-  /// What the calling thread asks of the machine, from before its first action.
+  /// What the calling thread requests from the machine. Applied before the first action.
   RealtimeOptions realtime{.demand = Demand::kOff};
-  /// Set from a signal handler or another thread: the object is put down, then all ends.
+  /// A signal handler or another thread sets this: the object is put down, then the run ends.
   const std::atomic<bool>* stop{nullptr};
-  /// Is called in every step once its observation is there.
+  /// Called in every step when its observation has arrived.
   std::function<void(TimeIndex step)> on_step{};
-  /// Is called when another phase begins.
+  /// Called when another phase begins.
   std::function<void(const Manipulation& manipulation)> on_phase{};
 };
 
-/// Carries out a manipulation on `robot`, which nobody has driven in its session yet, and ends the
-/// session. The same code drives a robot in real time and a simulation that waits.
+/// Carries out a manipulation on `robot` and ends the session. Nobody may have driven the robot in
+/// this session before. The same code drives a robot in real time and a simulation that waits.
 ///
-/// The object's pose comes from the companion "object". In real-time mode plans are made by another
-/// thread; otherwise the robot waits for them, so that the same robot gives the same series bit for
-/// bit. Between its plans the loop takes no memory.
-/// @throws RobotStopped, IncompatibleSession if the object is not the only one and called "cube",
-/// InvalidArgument
+/// The object's pose comes from the companion "object". In real-time mode another thread makes the
+/// plans. Otherwise the robot waits for them, so that the same robot gives the same series bit for
+/// bit. Between its plans the loop allocates no memory.
+/// @throws RobotStopped, IncompatibleSession if the scene does not have exactly one object, called
+/// "cube", InvalidArgument
 [[nodiscard]] Trace run(Frontend<TriFinger>& robot, const RobotDescription& description,
                         const ManipulationConfig& config, const RunOptions& options = {});
 

@@ -10,26 +10,26 @@
 
 namespace trifinger::mcap {
 
-/// Where a writer puts its bytes.
+/// The destination of a writer's bytes.
 class Sink {
  public:
   virtual ~Sink() = default;
 
-  /// Appends all of `bytes`, or throws and leaves the size as it was.
-  /// @throws SystemError, as when the disk is full
+  /// Appends all of `bytes`. If it throws, the size is unchanged.
+  /// @throws SystemError, for example when the disk is full
   virtual void append(std::span<const std::byte> bytes) = 0;
-  /// Makes what was appended survive a loss of power. @throws SystemError
+  /// Makes the appended bytes survive a loss of power. @throws SystemError
   virtual void sync() = 0;
-  /// Bytes appended so far, those that were there in the beginning included.
+  /// Size in bytes, including what was there at the beginning.
   [[nodiscard]] virtual std::uint64_t size() const noexcept = 0;
 };
 
-/// A file that nobody else may write meanwhile.
+/// A file that only this process may write as long as the object lives.
 class FileSink final : public Sink {
  public:
-  /// Makes the file. @throws SystemError, also if it exists
+  /// Makes the file. @throws SystemError, also if it exists already
   [[nodiscard]] static FileSink create(const std::filesystem::path& path);
-  /// Goes on at byte `size` of an existing file, the rest is cut off.
+  /// Continues at byte `size` of an existing file and cuts off the rest.
   /// @throws SystemError, InvalidArgument if another process writes it
   [[nodiscard]] static FileSink resume(const std::filesystem::path& path, std::uint64_t size);
 

@@ -15,55 +15,54 @@ namespace trifinger::mcap {
 struct Contents;
 
 struct WriterOptions {
-  std::string profile{};  ///< As in "ros2"; may be empty.
-  std::string library{};  ///< Name and version of the program that writes.
+  std::string profile{};  ///< For example "ros2"; may be empty.
+  std::string library{};  ///< Name and version of the writing program.
   Compression compression{Compression::kZstd};
-  int level{1};  ///< Of the compression; zstd: 1 to 19.
-  /// Bytes of messages after which a chunk is closed by itself.
+  int level{1};  ///< Level of the compression; zstd: 1 to 19.
+  /// Size of the messages after which a chunk is closed automatically [bytes].
   std::size_t max_chunk_size{std::size_t{1} << 20};
 };
 
-/// Writes one MCAP file: chunks with checksums and message indexes, the summary at the end. Schemas
-/// and channels are in the first chunk that uses them, in the next, in every hundredth and in the
-/// summary.
+/// Writes one MCAP file: chunks with checksums and message indexes, and the summary at the end.
+/// Schemas and channels are in the first chunk that uses them, in the next one, in every hundredth
+/// one and in the summary.
 ///
-/// Every prefix of what has reached the sink is readable. If the sink throws, nothing is lost and
-/// nothing was done: the same call, or `flush`, tries again.
+/// If writing stops at any byte, the file up to there is readable. If the sink throws, nothing is
+/// lost and nothing is done: the same call, or `flush`, tries again.
 class Writer {
  public:
   /// Begins a file. `sink` must be empty and outlive the writer.
   /// @throws InvalidArgument, SystemError
   Writer(Sink& sink, WriterOptions options);
-  /// Goes on with a file that was not finished; `contents` is what a reader has found in it, and
-  /// `sink` has `contents.complete_size` bytes. The summary will list what is there already.
+  /// Continues an unfinished file. `contents` is what a reader has found in it, and `sink` has
+  /// `contents.complete_size` bytes. The summary will also list what is already there.
   /// @throws InvalidArgument, SystemError
   Writer(Sink& sink, WriterOptions options, const Contents& contents);
   Writer(Writer&&) noexcept;
   Writer& operator=(Writer&&) noexcept;
-  /// Writes nothing: a writer that is not finished leaves a file without a summary.
+  /// Writes nothing. Without a call of `finish` the file has no summary.
   ~Writer();
 
-  /// Returns the id of the schema; the same for the same arguments.
+  /// Returns the id of the schema. Equal arguments give the same id.
   std::uint16_t add_schema(std::string_view name, std::string_view encoding, std::string_view data);
-  /// Returns the id of the channel; the same for the same arguments. `channel.id` is not looked at.
+  /// Returns the id of the channel. Equal arguments give the same id. `channel.id` is ignored.
   std::uint16_t add_channel(const Channel& channel);
 
   /// Adds a message to the open chunk.
   /// @throws InvalidArgument if there is no such channel; SystemError if the chunk was full and the
   /// sink refused it: then the message was not added
   void write(const Message& message);
-  /// Closes the open chunk and hands it to the sink; nothing if it is empty.
+  /// Closes the open chunk and hands it to the sink. Does nothing if the chunk is empty.
   void flush();
-  /// Closes the open chunk and writes `metadata` behind it, with the entry `crc32` besides: the
-  /// checksum of the name and the other entries. @throws InvalidArgument if it has that entry
+  /// Closes the open chunk and writes `metadata` after it. Adds the entry `crc32`, the checksum of
+  /// the name and the other entries. @throws InvalidArgument if `metadata` already has that entry
   void write(const Metadata& metadata);
-  /// Closes the open chunk and writes `attachment` behind it.
+  /// Closes the open chunk and writes `attachment` after it.
   void write(const Attachment& attachment);
-  /// Closes the open chunk and writes the summary. Whatever is written afterwards throws
-  /// InvalidArgument.
+  /// Closes the open chunk and writes the summary. Later writes throw InvalidArgument.
   void finish();
 
-  /// Bytes of messages in the open chunk.
+  /// Size of the messages in the open chunk [bytes].
   [[nodiscard]] std::size_t open_chunk_size() const noexcept;
 
  private:

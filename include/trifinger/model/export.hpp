@@ -8,17 +8,19 @@
 
 namespace trifinger {
 
-/// The whole scene in MuJoCo's own format, with objects, cameras and lights. Needs no other file.
+/// The whole scene in MuJoCo's own format, with objects, cameras and lights. It needs no other
+/// file.
 ///
-/// MuJoCo writes six digits, so a model read back agrees with the built one to about 1e-6 m.
+/// MuJoCo writes six digits, so a model that is read back agrees with the built one to about 1e-6
+/// m.
 /// @throws InvalidArgument if the description cannot be built.
 [[nodiscard]] std::string export_mjcf(const RobotDescription& description,
                                       Detail detail = Detail::kPictures);
 
-/// What a URDF file holds.
+/// The contents of a URDF file.
 enum class UrdfContent {
-  kRobot,  ///< The robot alone, for planners and other simulations.
-  /// For viewers: also the table, fixed to the root, and the objects, on floating joints; without
+  kRobot,  ///< Only the robot, for planners and other simulations.
+  /// For viewers: also the table, fixed to the root, and the objects, on floating joints. It has no
   /// shapes for collisions.
   kScene,
 };
@@ -30,15 +32,14 @@ enum class UrdfContent {
 [[nodiscard]] std::string export_urdf(const RobotDescription& description,
                                       UrdfContent content = UrdfContent::kRobot);
 
-/// Where the numbers come from that move frames.
+/// The logged numbers that move the frames.
 struct FrameSources {
-  std::string joint_field;  ///< Of the robot's observation: all joint angles [rad].
-  std::string
-      object_companion;  ///< Has fields OBJECT.position [m] and OBJECT.orientation (w x y z).
+  std::string joint_field;       ///< Field of the robot's observation with all joint angles [rad].
+  std::string object_companion;  ///< It has OBJECT.position [m] and OBJECT.orientation (w x y z).
 };
 
-/// Where the links of the scene's URDF are, as lines of text that programs can follow which know
-/// no robots; docs/log_format.md has the format.
+/// Says as lines of text where the links of the scene's URDF are. Programs that know nothing about
+/// the robot can follow these lines; docs/log_format.md has the format.
 /// @throws InvalidArgument if the description cannot be built.
 [[nodiscard]] std::string export_frames(const RobotDescription& description,
                                         const FrameSources& sources);

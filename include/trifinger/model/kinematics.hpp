@@ -10,12 +10,12 @@
 
 namespace trifinger {
 
-/// One number per joint of the whole robot, held in place: never on the heap.
+/// One number per joint of the whole robot. They are stored in place, never on the heap.
 using JointValues = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxJoints, 1>;
 using TipJacobian = Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, kMaxJoints>;
 using JointMatrix =
     Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxJoints, kMaxJoints>;
-/// Three numbers per finger: the tips below each other, finger 0 first.
+/// Three numbers per finger, one tip after the other, finger 0 first.
 using TipPositions = JointValues;
 
 /// The numbers of a measurement as one vector.
@@ -29,12 +29,12 @@ template <std::size_t N>
 enum class Reach {
   kYes,
   kTooFar,         ///< Beyond the stretched finger.
-  kTooClose,       ///< Nearer to the joint-0 axis than the tip's sideways offset.
-  kOutsideLimits,  ///< Only with joints beyond their hard limits.
+  kTooClose,       ///< Closer to the joint-0 axis than the tip's sideways offset.
+  kOutsideLimits,  ///< Needs joints beyond their hard limits.
 };
 
-/// An answer of the inverse kinematics. Always finite: where the point cannot be reached,
-/// `position` is a pose within the hard limits that comes near it.
+/// A result of the inverse kinematics. It is always finite. If the point cannot be reached,
+/// `position` is a pose within the hard limits whose tip is near the point.
 struct FingerPose {
   Eigen::Vector3d position;  ///< [rad]
   Reach reach;
@@ -45,8 +45,8 @@ struct FingerPose {
 /// Kinematics and dynamics of the fingers, without contacts and objects. Everything is in the world
 /// frame, z up, whether or not the platform is flipped.
 ///
-/// Set a pose with `update`, then ask. Allocates only while it is constructed. Not for several
-/// threads at once: make one each.
+/// Set a pose with `update`, then ask. Memory is allocated only during construction. One object
+/// must not be used by several threads at once: make one for each.
 class Kinematics {
  public:
   /// Starts in the initial pose.
@@ -60,7 +60,7 @@ class Kinematics {
   [[nodiscard]] int num_fingers() const noexcept;
   [[nodiscard]] int num_joints() const noexcept;
 
-  /// Moves to the pose that the other functions speak of [rad]. `position` has `num_joints` values.
+  /// Sets the pose for the other functions [rad]. `position` has `num_joints` values.
   void update(const JointValues& position) noexcept;
 
   /// Centre of the tip sphere of one finger [m].
@@ -69,39 +69,39 @@ class Kinematics {
   /// Centres of all tip spheres [m].
   [[nodiscard]] TipPositions tip_positions() const noexcept;
 
-  /// Centres of all tip spheres with the joints at `position` [m], whatever `update` was given: for
-  /// any number of threads at once.
+  /// Centres of all tip spheres with the joints at `position` [m], independent of `update`. Any
+  /// number of threads may call it at once.
   [[nodiscard]] TipPositions tip_positions(const JointValues& position) const noexcept;
 
-  /// Which way a finger extends from the centre: the angle from x towards y [rad].
+  /// Direction in which a finger extends from the centre: the angle from x towards y [rad].
   [[nodiscard]] double finger_azimuth(int finger) const noexcept;
 
   /// Derivative of `tip_position(finger)` by all joints [m/rad]: 3 rows, `num_joints` columns.
   [[nodiscard]] TipJacobian tip_jacobian(int finger) const noexcept;
 
-  /// The Jacobians of all tips below each other [m/rad]: square, `num_joints` rows and columns.
+  /// The Jacobians of all tips, one below the other [m/rad]: square, `num_joints` rows and columns.
   [[nodiscard]] JointMatrix tip_jacobians() const noexcept;
 
-  /// How the tips accelerate with joints of constant `velocity` [rad/s]: the derivative of the
-  /// Jacobians by time, times the velocity [m/s^2].
+  /// Accelerations of the tips when joints move with constant `velocity` [rad/s]: the time
+  /// derivative of the Jacobians, times the velocity [m/s^2].
   [[nodiscard]] TipPositions tip_accelerations(const JointValues& velocity) const noexcept;
 
   /// Torques that hold the pose against gravity [Nm].
   [[nodiscard]] JointValues gravity_torques() const noexcept;
 
-  /// Torques that keep joints at their `velocity` [rad/s] without acceleration: against gravity,
-  /// Coriolis and centrifugal forces [Nm]. Friction is not part of it.
+  /// Torques that keep joints at their `velocity` [rad/s] without acceleration, against gravity,
+  /// Coriolis and centrifugal forces [Nm]. Friction is not included.
   [[nodiscard]] JointValues bias_torques(const JointValues& velocity) const noexcept;
 
-  /// Inertia seen by the joints, with that of the rotors [kg m^2].
+  /// Inertia at the joints, including that of the rotors [kg m^2].
   [[nodiscard]] JointMatrix mass_matrix() const noexcept;
 
-  /// Joint positions of `finger` that bring its tip to `tip` [m], by formula. Of up to four poses
-  /// it takes the one within the hard limits that is nearest to `near` [rad].
+  /// Joint positions of `finger` that bring its tip to `tip` [m], in closed form. Among up to four
+  /// poses it takes the one within the hard limits that is nearest to `near` [rad].
   [[nodiscard]] FingerPose inverse_kinematics(int finger, const Eigen::Vector3d& tip,
                                               const Eigen::Vector3d& near) const noexcept;
 
-  /// The same, near the initial pose.
+  /// Joint positions that bring the tip to `tip` and are nearest to the initial pose.
   [[nodiscard]] FingerPose inverse_kinematics(int finger,
                                               const Eigen::Vector3d& tip) const noexcept;
 

@@ -12,8 +12,9 @@
 #include <vector>
 
 /// \file
-/// What a robot is, as plain data: no physics, no files. `RobotModel` builds it, `export_mjcf` and
-/// `export_urdf` write it. Where a figure is not measured, its comment says `estimate`.
+/// The description of a robot as plain data, without physics and files. `RobotModel` builds it;
+/// `export_mjcf` and `export_urdf` write it. If a figure is not measured, its comment says
+/// `estimate`.
 
 namespace trifinger {
 
@@ -27,7 +28,8 @@ using FingerJoints = std::array<double, kJointsPerFinger>;
 /// A point or direction, x y z.
 using Triple = std::array<double, 3>;
 
-/// Which hardware: they share link lengths and drives and differ in mounting, inertia and limits.
+/// The hardware. The variants share link lengths and drives, and differ in mounting, inertia and
+/// limits.
 enum class Variant {
   kEdu,  ///< The paper's robot, open hardware.
   kPro,  ///< The competition robot, the best measured one.
@@ -43,8 +45,8 @@ enum class Arrangement {
 struct ActuatorParameters {
   /// Largest torque [Nm]: current limit x torque constant x gear. Edu and One 2.0 A, Pro 2.2 A.
   double torque_limit{0.36};
-  /// Torque that the motor carries for ever [Nm]; estimate, 1.8 A. The paper calls 2.0 A
-  /// admissible, without saying for how long.
+  /// Torque that the motor can give for ever [Nm]; estimate, 1.8 A. The paper calls 2.0 A
+  /// admissible, but does not say for how long.
   double continuous_torque{0.32};
   /// Time constant of the motor's warming [s]; estimate for a motor of 53 g.
   double thermal_time{30.0};
@@ -79,7 +81,8 @@ struct ActuatorParameters {
 [[nodiscard]] double available_torque(const ActuatorParameters& actuator, double torque,
                                       double velocity) noexcept;
 
-/// What touches, as far as friction is concerned. A link is any part of a finger but its tip.
+/// The kind of a surface, as far as friction is concerned. A link is any part of a finger except
+/// its tip.
 enum class Surface { kTip, kLink, kObject, kTable, kBoundary };
 
 /// Two kinds of surfaces that can touch each other.
@@ -99,18 +102,18 @@ enum class SurfacePair {
 };
 inline constexpr std::size_t kNumSurfacePairs = 12;
 
-/// All of them, in the order of the enumeration.
+/// All pairs, in the order of the enumeration.
 [[nodiscard]] const std::array<SurfacePair, kNumSurfacePairs>& all_surface_pairs() noexcept;
-/// As in configurations: "tip_object".
+/// Name of the pair in configurations, for example "tip_object".
 [[nodiscard]] std::string_view name_of(SurfacePair pair) noexcept;
-/// Finds "tip_object". @throws InvalidArgument naming those there are.
+/// Finds a pair by its name. @throws InvalidArgument that names the existing pairs.
 [[nodiscard]] SurfacePair surface_pair_from_name(std::string_view name);
-/// The pair that two kinds of surfaces are, in either order. Not for table and boundary alone,
-/// which never meet.
+/// The pair of two kinds of surfaces, in either order. Table and boundary never meet, so they must
+/// not be given together or with themselves.
 [[nodiscard]] SurfacePair pair_of(Surface one, Surface other) noexcept;
 
-/// A value for each pair of surfaces: `{{SurfacePair::kTipObject, 0.8}}` gives one, the others stay
-/// T{}.
+/// A value for each pair of surfaces. `{{SurfacePair::kTipObject, 0.8}}` sets one pair; the others
+/// stay T{}.
 template <class T>
 class OfSurfacePairs {
  public:
@@ -118,7 +121,7 @@ class OfSurfacePairs {
   constexpr OfSurfacePairs(std::initializer_list<std::pair<SurfacePair, T>> given) {
     for (const auto& [pair, value] : given) (*this)[pair] = value;
   }
-  /// The same value for all.
+  /// Sets one value for all pairs.
   [[nodiscard]] static constexpr OfSurfacePairs all(const T& value) {
     OfSurfacePairs pairs;
     pairs.values_.fill(value);
@@ -138,28 +141,29 @@ class OfSurfacePairs {
   std::array<T, kNumSurfacePairs> values_{};
 };
 
-/// How bodies touch. Stiffness and friction are estimates: no source has measured them.
+/// Parameters of contacts. Stiffness and friction are estimates: no source has measured them.
 struct ContactParameters {
   double tip_friction{1.0};              ///< Sliding friction of a tip against anything.
   double tip_torsional_friction{0.005};  ///< Friction against twisting at a tip [m].
   double floor_friction{0.5};            ///< Sliding friction of links, table, boundary, objects.
-  /// Sliding friction between two kinds of surfaces, in place of the figures above. Those that
-  /// involve the boundary cost simulation speed: every pair of parts is listed.
+  /// Sliding friction between two kinds of surfaces, instead of the figures above. Values for the
+  /// boundary cost simulation speed, because every pair of parts is then listed.
   OfSurfacePairs<std::optional<double>> friction{};
-  /// Stiffness: how long a contact takes to push apart what has met [s]. Twice the time step is the
-  /// least that stays stable.
+  /// Stiffness: the time that a contact takes to push apart what has met [s]. Values below twice
+  /// the time step are not stable.
   double time_constant{0.002};
-  double tip_time_constant{0.006};  ///< Of tips of rubber [s].
+  double tip_time_constant{0.006};  ///< Time constant of rubber tips [s].
 };
 
-/// Sliding friction between two kinds of surfaces: what is given, or what follows from the rest.
+/// Sliding friction between two kinds of surfaces: the given value, or the one that follows from
+/// the other figures.
 [[nodiscard]] double sliding_friction(const ContactParameters& contact, SurfacePair pair) noexcept;
 
-/// Where the joints meet a mechanical stop; estimates. The stops lie beyond the hard limits so that
-/// crossing a hard limit can happen, and be tested.
+/// Mechanical stops of the joints; estimates. The stops lie beyond the hard limits, so that a joint
+/// can cross a hard limit, and tests can check this.
 struct StopParameters {
-  double margin{0.2};          ///< From a hard limit to the stop [rad].
-  double time_constant{0.02};  ///< Stiffness: how long a stop takes to push the joint back [s].
+  double margin{0.2};          ///< Distance from a hard limit to the stop [rad].
+  double time_constant{0.02};  ///< Stiffness: time in which a stop pushes the joint back [s].
 };
 
 enum class ObjectShape {
@@ -168,25 +172,25 @@ enum class ObjectShape {
   kBall,   ///< `size` is diameter, (unused), (unused).
 };
 
-/// A loose object. It has a free joint and a body, both of the object's name.
+/// A loose object. It has a free joint and a body, both with the object's name.
 struct ObjectDescription {
   std::string name;
   ObjectShape shape{ObjectShape::kBox};
   Triple size{};   ///< Whole lengths, not halves [m].
   double mass{0};  ///< [kg], spread evenly over the volume.
-  /// Where the centre starts [m]. Without a value the first four objects have places of their own,
-  /// at rest on the table and clear of the fingers' initial pose.
+  /// Initial position of the centre [m]. Without a value, each of the first four objects has a
+  /// default place. There it rests on the table, clear of the fingers' initial pose.
   std::optional<Triple> position{};
-  /// How it is turned at the start: a quaternion w, x, y, z of any length but zero.
+  /// Initial orientation: a quaternion w, x, y, z of any length but zero.
   std::array<double, 4> orientation{1.0, 0.0, 0.0, 0.0};
-  /// How it moves at the start, in the world frame: of its centre [m/s], and about it [rad/s].
+  /// Initial velocity in the world frame: of its centre [m/s], and about its centre [rad/s].
   Triple velocity{};
   Triple angular_velocity{};
 };
 
 /// The cube of 65 mm and 94 g with a colour on each face.
 [[nodiscard]] ObjectDescription cube(std::string name = "cube");
-/// The cuboid of 20 x 80 x 20 mm. Its mass of 16 g comes from a simulation, no source weighed it.
+/// The cuboid of 20 x 80 x 20 mm. Its mass of 16 g comes from a simulation; no source weighed it.
 [[nodiscard]] ObjectDescription cuboid(std::string name = "cuboid");
 /// A stick like a pen, 140 x 10 mm and 12 g; estimate.
 [[nodiscard]] ObjectDescription stick(std::string name = "stick");
@@ -202,12 +206,12 @@ struct RobotDescription {
   /// Turns the whole platform upside down, for throwing and catching: the fingers point up.
   ///
   /// Frame, fingers, boundary and cameras turn by half a turn about the y axis and then stand on
-  /// their posts; table and objects stay. All positions stay in the world frame: z up, origin on
+  /// their posts. Table and objects stay. All positions stay in the world frame: z up, origin on
   /// the table.
   bool flipped{false};
   /// The wall around the arena.
   bool boundary{true};
-  /// Tips of rubber; otherwise tips as hard as the time step allows.
+  /// True: tips of rubber. False: tips as hard as the time step allows.
   bool soft_tips{true};
   /// The three cameras at their measured poses.
   bool cameras{true};
@@ -218,37 +222,38 @@ struct RobotDescription {
   std::vector<ObjectDescription> objects{cube()};
 };
 
-/// What is known about one variant in one arrangement: limits, gains and poses, equal for all
+/// The known figures of one variant in one arrangement: limits, gains and poses, equal for all
 /// fingers.
 struct VariantFigures {
   std::string_view name;    ///< "edu", "pro", "one", "edu-single", "pro-single", "one-single".
-  double finger_height;     ///< Of the joint-0 axes above the table [m].
-  double tip_radius;        ///< Of the sphere that touches [m].
+  double finger_height;     ///< Height of the joint-0 axes above the table [m].
+  double tip_radius;        ///< Radius of the sphere that touches [m].
   FingerJoints soft_lower;  ///< The position controller keeps targets inside these [rad].
   FingerJoints soft_upper;
-  FingerJoints hard_lower;  ///< Outside of these the robot stops with a fault [rad].
+  FingerJoints hard_lower;  ///< Outside these limits the robot stops with a fault [rad].
   FingerJoints hard_upper;
   FingerJoints initial_position;  ///< [rad]
   FingerJoints kp;                ///< Default stiffness [Nm/rad].
   FingerJoints kd;                ///< Default damping [Nm s/rad].
   FingerJoints safety_kd;         ///< Damping that the safety layer always adds [Nm s/rad].
-  FingerJoints braking;           ///< With which it stops at its soft limits [rad/s^2].
+  FingerJoints braking;           ///< Deceleration before its soft limits [rad/s^2].
   ActuatorParameters actuator;
 };
 
-/// Figures of the real robots. docs/decisions/ says what was chosen where sources disagree.
+/// Figures of the real robots. docs/decisions/ explains the choice where sources disagree.
 [[nodiscard]] const VariantFigures& variant_figures(
     Variant variant, Arrangement arrangement = Arrangement::kTriFinger) noexcept;
 
-/// Finds "edu", "pro" or "one". @throws InvalidArgument naming the three.
+/// Finds "edu", "pro" or "one". @throws InvalidArgument that names the three.
 [[nodiscard]] Variant variant_from_name(std::string_view name);
 
-/// A calibrated camera of the platform: one robot's, measured, images of 540 x 540 pixels.
+/// A calibrated camera of the platform. The figures were measured on one robot, with images of 540
+/// x 540 pixels.
 struct CameraFigures {
   std::string_view name;  ///< "camera60", "camera180", "camera300": clockwise from finger 0.
-  Triple position;        ///< In the upright platform's frame [m].
+  Triple position;        ///< Position in the upright platform's frame [m].
   /// Columns are the camera's x (right), y (down) and z (forward) axes in the upright platform's
-  /// frame; row by row. Orthonormal to rounding.
+  /// frame. The numbers are stored row by row. The matrix is orthonormal except for rounding.
   std::array<double, 9> rotation;
   double fx, fy;                     ///< Focal lengths [pixel].
   double cx, cy;                     ///< Principal point [pixel].
@@ -261,7 +266,7 @@ inline constexpr int kCameraImageSize = 540;  ///< Width and height [pixel].
 /// The three cameras, in the order 60, 180, 300.
 [[nodiscard]] const std::array<CameraFigures, 3>& camera_figures();
 
-/// @name What a description amounts to
+/// @name Figures that follow from a description
 /// @{
 [[nodiscard]] const VariantFigures& figures(const RobotDescription& description) noexcept;
 [[nodiscard]] int num_fingers(const RobotDescription& description) noexcept;
@@ -269,17 +274,17 @@ inline constexpr int kCameraImageSize = 540;  ///< Width and height [pixel].
 [[nodiscard]] double finger_height(const RobotDescription& description) noexcept;
 [[nodiscard]] ActuatorParameters actuator(const RobotDescription& description) noexcept;
 
-/// How high above the table the flipped platform carries what was the table's height [m].
+/// Height above the table of the flipped platform's point that was at the table's height [m].
 [[nodiscard]] double flip_height(const RobotDescription& description) noexcept;
 
-/// Names in the order f0 j0..j2, f120 j0..j2, f240 j0..j2, which is the order of every joint
+/// Joint names in the order f0 j0..j2, f120 j0..j2, f240 j0..j2. This is the order of every joint
 /// vector.
 [[nodiscard]] std::vector<std::string> joint_names(const RobotDescription& description);
 
-/// Names of the tip frames, which are the centres of the tip spheres; one per finger.
+/// Names of the tip frames, one per finger. A tip frame is at the centre of the tip sphere.
 [[nodiscard]] std::vector<std::string> tip_names(const RobotDescription& description);
 
-/// @throws InvalidArgument naming the first value that cannot be built, and what is allowed.
+/// @throws InvalidArgument that names the first value that cannot be built, and what is allowed.
 void validate(const RobotDescription& description);
 /// @}
 

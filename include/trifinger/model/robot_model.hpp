@@ -12,7 +12,7 @@ struct mjModel_;
 
 namespace trifinger {
 
-/// Where one loose object lives in the state of a `RobotModel`.
+/// The place of one loose object in the state of a `RobotModel`.
 struct ObjectAddress {
   std::string name;
   int body;      ///< Index of the body.
@@ -20,18 +20,21 @@ struct ObjectAddress {
   int velocity;  ///< First of 6 numbers in `qvel`.
 };
 
-/// What a model is for. Both move alike, bit for bit, and share the layout of the state: simulate
-/// the first, copy `qpos` to the second to draw it.
+/// What a model is for. Both kinds move equally, bit for bit, and share the layout of the state.
+/// Simulate a model of the first kind, and copy `qpos` to one of the second kind to draw it.
 enum class Detail {
   kPhysics,   ///< Only what moves and touches.
-  kPictures,  ///< Also frame, shells, colours, lights and cameras; steps take about a third longer.
+  kPictures,  ///< Also frame, shells, colours, lights and cameras; a step takes about a third
+              ///< longer.
 };
 
-/// A description, built into a MuJoCo model. Immutable, so any number of threads may simulate it.
+/// A MuJoCo model built from a description. It is immutable, so any number of threads may simulate
+/// it.
 ///
 /// The joints come first: `qpos[i]`, `qvel[i]` and `ctrl[i]` belong to joint `i` of `joint_names`,
 /// and `ctrl` is the joint's torque [Nm]. The objects follow. Key frame 0 is the initial pose.
-/// Resetting on divergence is off: the simulation has to look for numbers that are not finite.
+/// MuJoCo's automatic reset on divergence is off: the simulation has to check for numbers that are
+/// not finite.
 class RobotModel {
  public:
   struct Delete {
@@ -47,7 +50,7 @@ class RobotModel {
 
   [[nodiscard]] const RobotDescription& description() const noexcept { return description_; }
 
-  /// The `mjModel`, for those who include MuJoCo's own header. Lives as long as this.
+  /// The `mjModel`, for those who include MuJoCo's own header. It is valid as long as this object.
   [[nodiscard]] const mjModel_* mujoco() const noexcept { return model_.get(); }
 
   [[nodiscard]] int num_fingers() const noexcept { return static_cast<int>(tip_geoms_.size()); }
@@ -58,10 +61,10 @@ class RobotModel {
     return initial_position_;
   }
 
-  /// Index of the geom that touches with the tip of each finger, to find its contacts.
+  /// Index of the geom with which the tip of each finger touches, to find its contacts.
   [[nodiscard]] const std::vector<int>& tip_geoms() const noexcept { return tip_geoms_; }
 
-  /// What each geom is, by its index; nothing for those that touch nothing.
+  /// The surface of each geom, by its index; nothing for geoms that touch nothing.
   [[nodiscard]] const std::vector<std::optional<Surface>>& surfaces() const noexcept {
     return surfaces_;
   }
@@ -72,10 +75,10 @@ class RobotModel {
   /// The objects in the order of the description.
   [[nodiscard]] const std::vector<ObjectAddress>& objects() const noexcept { return objects_; }
 
-  /// @throws InvalidArgument naming the objects that exist.
+  /// @throws InvalidArgument that names the existing objects.
   [[nodiscard]] const ObjectAddress& object(const std::string& name) const;
 
-  /// Names of the cameras: those of `camera_figures` in a model for pictures, or none.
+  /// Names of the cameras: those of `camera_figures` in a model for pictures, otherwise none.
   [[nodiscard]] std::vector<std::string> camera_names() const;
 
  private:

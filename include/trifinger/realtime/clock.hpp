@@ -6,7 +6,7 @@
 
 namespace trifinger {
 
-/// Where the back-end gets its time from.
+/// The clock of the back-end.
 class Clock {
  public:
   Clock() = default;
@@ -17,8 +17,8 @@ class Clock {
   [[nodiscard]] virtual Instant now() const noexcept TRIFINGER_REALTIME = 0;
   /// Returns at `deadline` or later.
   virtual void sleep_until(Instant deadline) noexcept = 0;
-  /// For how long the machine has been suspended, since any instant in the past: a suspended
-  /// machine does not count as time of this clock.
+  /// The total time for which the machine has been suspended, counted from any fixed instant in the
+  /// past. This clock does not count that time.
   [[nodiscard]] virtual Nanoseconds suspended_time() const noexcept TRIFINGER_REALTIME = 0;
 };
 
@@ -29,15 +29,14 @@ class MonotonicClock final : public Clock {
   void sleep_until(Instant deadline) noexcept override;
   [[nodiscard]] Nanoseconds suspended_time() const noexcept override;
 
-  /// One for everybody: it has no state.
+  /// One instance serves everybody: the clock has no state.
   [[nodiscard]] static MonotonicClock& instance() noexcept;
 };
 
-/// A clock that stands still until it is told to go on: it drives tests of time, also across
-/// fork().
+/// A clock that moves only when it is told to. Tests of time use it, also across fork().
 class ManualClock final : public Clock {
  public:
-  /// Begins at `start`.
+  /// The clock begins at `start`.
   explicit ManualClock(Instant start = Instant(std::chrono::seconds(1000)));
   ~ManualClock() override;
 
@@ -45,18 +44,18 @@ class ManualClock final : public Clock {
   void sleep_until(Instant deadline) noexcept override;
   [[nodiscard]] Nanoseconds suspended_time() const noexcept override;
 
-  /// As if the machine were suspended for `time`, which this clock does not notice.
+  /// Pretends that the machine was suspended for `time`. This clock's own time does not change.
   void suspend(Nanoseconds time);
-  /// Lets `step` pass at once: a sleeper whose deadline lies within it wakes late, as on a machine
-  /// that stalls.
+  /// Lets `step` pass at once. A sleeper whose deadline lies within it wakes late, like on a
+  /// machine that stalls.
   void advance(Nanoseconds step);
-  /// Waits until somebody sleeps on this clock with a deadline in the future, so all that was due
-  /// is done.
+  /// Waits until somebody sleeps on this clock with a deadline in the future. Everything that was
+  /// due is then done.
   /// @throws TimedOut
   void wait_for_sleeper(Timeout timeout = std::chrono::seconds(60));
-  /// `count` periods, one after the other, each with all that is due in it.
+  /// Lets `count` periods pass, one after the other, and waits until all work due in each is done.
   void tick(Nanoseconds period, int count = 1);
-  /// From now on every sleep ends at once, its deadline having come. For the end of a test.
+  /// From now on every sleep ends at once, as if its deadline had come. For the end of a test.
   void run_free();
 
  private:

@@ -9,37 +9,38 @@
 
 namespace trifinger {
 
-/// How much the real-time settings matter.
+/// How strictly the real-time settings are required.
 enum class Demand : std::uint8_t {
   kRequire,  ///< Fail if the machine refuses one.
-  kTry,      ///< Go on without, and say so.
-  kOff,      ///< Ask for none.
+  kTry,      ///< Go on without a refused setting, and report it.
+  kOff,      ///< Request no setting.
 };
 
-/// What the loop's thread asks of the machine. docs/real_time.md sets up one that grants it all.
+/// What the loop's thread requests from the machine. docs/real_time.md describes how to set up a
+/// machine that grants everything.
 struct RealtimeOptions {
-  Demand demand{Demand::kTry};  ///< Of everything below.
+  Demand demand{Demand::kTry};  ///< Applies to all settings below.
   int priority{80};             ///< SCHED_FIFO, 1 to 99.
-  std::optional<int> cpu{};     ///< Processor to stay on; default: wherever the kernel puts it.
-  bool lock_memory{true};       ///< Keep all pages of the process in memory, those to come as well.
-  std::size_t heap{8U << 20U};  ///< Memory that is there before it is asked for [bytes]. With it
-                                ///< the process gives back no memory to the machine; 0: as usual.
-  bool keep_cpus_awake{true};   ///< Keep all processors out of states that they wake from slowly,
+  std::optional<int> cpu{};     ///< Processor to stay on; default: the kernel chooses.
+  bool lock_memory{true};       ///< Keeps all pages of the process in memory, future ones, too.
+  std::size_t heap{8U << 20U};  ///< Memory that is reserved in advance [bytes]. With it the process
+                                ///< returns no memory to the machine; 0 reserves none.
+  bool keep_cpus_awake{true};   ///< Keeps all processors out of states from which they wake slowly,
                                 ///< as long as the thread lives. Costs power.
 };
 
-/// Makes the calling thread a real-time thread, its stack touched.
-/// Returns one sentence per setting that was refused, with the remedy; empty when all were granted.
+/// Makes the calling thread a real-time thread and touches its stack. Returns one sentence per
+/// refused setting, with the remedy; empty if all were granted.
 /// @throws Error with these sentences if `demand` is kRequire.
 std::vector<std::string> enter_realtime(const RealtimeOptions& options);
 
-/// What the calling thread lacks to be a real-time thread: the sentences that `enter_realtime` has
-/// returned here, or one that says that nobody has asked for anything.
+/// What the calling thread lacks to be a real-time thread. Returns the sentences that
+/// `enter_realtime` has returned in this thread, or a sentence that says that nobody has called it.
 [[nodiscard]] std::vector<std::string> realtime_lacks();
 
-/// Lets the calling thread run even if the real-time thread that has made it never gives way: on
-/// any processor, one priority above, which `enter_realtime` has tried. Does nothing in an ordinary
-/// thread.
+/// Lets the calling thread run even if the real-time thread that made it never yields. The calling
+/// thread may use any processor and gets a priority one higher, which `enter_realtime` has tried.
+/// Does nothing if an ordinary thread made the calling thread.
 void outrank_realtime() noexcept;
 
 }  // namespace trifinger

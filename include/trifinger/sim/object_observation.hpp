@@ -7,9 +7,9 @@
 
 namespace trifinger {
 
-/// Where a loose object is, in the world frame: z up, origin on the table.
+/// Pose of a loose object in the world frame: z up, origin on the table.
 struct ObjectPose {
-  std::array<double, 3> position{};                       ///< Of the centre [m].
+  std::array<double, 3> position{};                       ///< Position of the centre [m].
   std::array<double, 4> orientation{1.0, 0.0, 0.0, 0.0};  ///< Unit quaternion w, x, y, z.
 
   static constexpr auto fields() {
@@ -18,17 +18,17 @@ struct ObjectPose {
   }
 };
 
-/// How a loose object moves, in the world frame.
+/// Velocity of a loose object in the world frame.
 struct ObjectVelocity {
-  std::array<double, 3> linear{};   ///< Of the centre [m/s].
-  std::array<double, 3> angular{};  ///< About the centre [rad/s].
+  std::array<double, 3> linear{};   ///< Velocity of the centre [m/s].
+  std::array<double, 3> angular{};  ///< Angular velocity [rad/s].
 };
 
-/// An element of the companion "object" of a robot whose one object is called "cube", as the
-/// default scene's is.
+/// An element of the companion "object" of a robot whose only object is called "cube", as in the
+/// default scene.
 ///
-/// With other objects an element has one `ObjectPose` for each of them, under their names and in
-/// the order of the scene; a struct like this one reads it.
+/// With other objects an element has one `ObjectPose` per object, under the objects' names and in
+/// the order of the scene. A struct like this one reads it.
 struct CubeObservation {
   Stamp stamp;
   ObjectPose cube;

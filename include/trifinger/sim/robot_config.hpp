@@ -14,23 +14,23 @@
 
 namespace trifinger {
 
-/// All that a configuration file says about a robot. config/trifinger_edu.yml documents every key.
+/// All settings of a robot in a configuration file. config/trifinger_edu.yml documents every key.
 struct RobotConfig {
-  std::string name;  ///< Of the session.
+  std::string name;  ///< Name of the session.
   std::variant<SimulationOptions<TriFinger>, SimulationOptions<Finger>> simulation;
   BackendOptions backend;
-  SessionOptions session;  ///< The configuration is among its documents, the model is not.
+  SessionOptions session;  ///< Its documents include the configuration, but not the model.
 };
 
-/// Where the configurations that come with the program may be, the first of which counts:
-/// $TRIFINGER_CONFIG_DIR, beside the Python module that this code is linked into, and the share
-/// folder that belongs to the program. Configurations of users extend these by their names. Those
-/// of other things than robots are in a `folder` of their own there, as in "manipulate".
+/// Folders in which the configurations that come with the program are searched, in this order:
+/// $TRIFINGER_CONFIG_DIR, the folder beside the Python module that contains this code, and the
+/// program's share folder. Configurations of users extend these by their names. Configurations of
+/// other things than robots are in a subfolder `folder`, for example "manipulate".
 [[nodiscard]] std::vector<std::filesystem::path> config_folders(const std::string& folder = "");
 
-/// Finds the file of a configuration: a path, or the name of one that comes with the program, as in
-/// "sim" or "trifinger_pro", which is looked for in `config_folders`.
-/// @throws InvalidArgument with the names there are
+/// Finds the file of a configuration. `name` is a path, or the name of a configuration that comes
+/// with the program, such as "sim" or "trifinger_pro". Names are looked for in `config_folders`.
+/// @throws InvalidArgument with the existing names
 [[nodiscard]] std::filesystem::path find_config(const std::string& name,
                                                 const std::string& folder = "");
 
@@ -48,25 +48,25 @@ struct RobotConfig {
 /// @throws config::ConfigError at the value that is wrong, InvalidArgument
 [[nodiscard]] RobotConfig read_robot_config(const config::File& file);
 
-/// A value that two configurations do not share; none where one of them does not have it.
+/// A value that differs between two configurations. Empty where a configuration does not have it.
 struct ConfigDifference {
   std::string key;  ///< "fingers.height", "object 'cube'"
   std::optional<std::string> value{};
   std::optional<std::string> other{};
 };
 
-/// What a controller would notice if it came from the robot of the configuration `other` to that of
-/// `robot`. Names, seeds, noise, where things are at the beginning, and what happens to late
-/// actions and at ends are left out. Neither needs to have all keys of this version.
-/// @throws config::ConfigError for objects that have no meaning
+/// The differences that a controller would notice if it moved from the robot of the configuration
+/// `other` to that of `robot`. Left out are names, seeds, noise, initial poses, and the handling of
+/// late actions and of ends. Keys of this version may be missing in both.
+/// @throws config::ConfigError for objects that make no sense
 [[nodiscard]] std::vector<ConfigDifference> differences(const config::File& robot,
                                                         const config::File& other);
 
-/// The file of the configuration that a robot's back-end was given.
+/// The configuration file that a robot's back-end has used.
 /// @throws InvalidArgument if the session has none, config::ConfigError
 [[nodiscard]] config::File config_file_of(const Session& session);
 
-/// The configuration that a robot's back-end was given.
+/// The configuration that a robot's back-end has used.
 /// @throws InvalidArgument if the session has none
 [[nodiscard]] RobotConfig robot_config_of(const Session& session);
 

@@ -24,25 +24,26 @@
 namespace trifinger {
 
 /// The scene as documents of its sessions: "model.xml" in MuJoCo's format, and for viewers
-/// "robot.urdf" and "frames.txt", which says how its links follow from what is measured.
+/// "robot.urdf" and "frames.txt". The last one says how the links follow from the measurements.
 /// @throws InvalidArgument if the description cannot be built
 [[nodiscard]] std::vector<Document> model_documents(const RobotDescription& description);
 
-/// Everything that decides how a simulation goes on, as bytes. It belongs to the model that it was
-/// saved from.
+/// All data that decides how a simulation continues, as bytes. It can only be restored in the model
+/// from which it was saved.
 using SimulationState = std::vector<std::byte>;
 
-/// The robot R in MuJoCo, behind the same safety chain as the real one: a driver like any other.
+/// The robot R in MuJoCo, with the same safety chain as the real robot. It is a driver like any
+/// other.
 ///
-/// One step of physics per action. Deterministic: options, state and actions decide the series, bit
-/// for bit, on one machine.
+/// It does one step of physics per action. It is deterministic: options, state and actions decide
+/// the series, bit for bit, on one machine.
 ///
-/// `R` is TriFinger or Finger. The functions below the driver's own are for the owner of the
-/// simulation; they must not be called while another thread runs the back-end. Every session begins
+/// `R` is TriFinger or Finger. The functions after the driver's own are for the owner of the
+/// simulation. They must not be called while another thread runs the back-end. Every session begins
 /// in the state that the last `reset`, `place_object`, `set_object_velocity` or `restore` has left.
-/// In a session that goes on they take effect at once, to be seen from the next observation on. The
-/// end of a session moves nothing unless `stop` says so: what `save` returns behind it goes on
-/// behind the last action.
+/// During a session they take effect at once and are visible from the next observation on. The end
+/// of a session moves nothing unless `stop` says so: `save` after the session ended captures the
+/// state after the last action.
 template <class R>
 class SimulatedRobot final : public Driver<R> {
  public:
@@ -52,7 +53,7 @@ class SimulatedRobot final : public Driver<R> {
   using Options = SimulationOptions<R>;
   using Joints = JointVector<R::kJoints>;
 
-  /// Fault codes besides those of `SafetyFault`.
+  /// Fault codes in addition to those of `SafetyFault`.
   static constexpr std::int32_t kDiverged = Simulator<R>::kDiverged;
 
   /// @throws InvalidArgument
@@ -77,47 +78,48 @@ class SimulatedRobot final : public Driver<R> {
 
   [[nodiscard]] const Options& options() const noexcept;
   [[nodiscard]] const RobotModel& model() const noexcept;
-  /// The checks between desired and applied actions: add your own here, before the first session.
+  /// The checks between desired and applied actions. Add your own checks here, before the first
+  /// session.
   [[nodiscard]] SafetyChain<R>& safety() noexcept;
 
-  /// Where every session begins unless it is told otherwise [rad].
+  /// Joint positions at the beginning of every session, unless `reset` sets others [rad].
   [[nodiscard]] const Joints& initial_position() const noexcept;
-  /// Goes back to the beginning: initial pose, objects where and as fast as the description has
-  /// them at the start; the seed, too.
+  /// Resets the simulation: initial pose, initial poses and velocities of the objects, and the
+  /// seed.
   void reset();
-  /// The same with the joints at `position` [rad] and other random numbers.
-  /// @throws InvalidArgument if a joint would be beyond its hard limit or is no number
+  /// Resets the simulation with the joints at `position` [rad] and with other random numbers.
+  /// @throws InvalidArgument if a joint would be beyond its hard limit or is not a number
   void reset(const Joints& position, const Random& random);
-  /// Differs from the description from now on, whatever is reset.
+  /// Makes the robot differ from its description from now on. A reset does not change this.
   /// @throws InvalidArgument
   void vary(const Variation& variation);
-  /// Puts an object somewhere, at rest. The orientation is normalised.
-  /// @throws InvalidArgument naming the objects there are, or if the pose is no pose
+  /// Places an object at rest at `pose`. The orientation is normalized.
+  /// @throws InvalidArgument that names the existing objects, or if the pose is not valid
   void place_object(const std::string& name, const ObjectPose& pose);
-  /// Lets a force act on an object's centre of mass from the next step on [N], in the world frame,
-  /// as a hand that pushes; until the next call, `reset` or session.
-  /// @throws InvalidArgument naming the objects there are, or if the force is not finite
+  /// Applies a force to an object's centre of mass [N], in the world frame, like a hand that
+  /// pushes. It acts from the next step on until the next call, `reset` or session.
+  /// @throws InvalidArgument that names the existing objects, or if the force is not finite
   void push_object(const std::string& name, const std::array<double, 3>& force);
-  /// Lets an object move from where it is: thrown, dropped with a spin, rolling.
-  /// @throws InvalidArgument naming the objects there are, or if a number is not finite
+  /// Sets an object in motion from where it is: thrown, dropped with a spin, or rolling.
+  /// @throws InvalidArgument that names the existing objects, or if a number is not finite
   void set_object_velocity(const std::string& name, const ObjectVelocity& velocity);
-  /// Where an object is now, without delay and noise.
-  /// @throws InvalidArgument naming the objects there are
+  /// The object's pose now, without delay and noise.
+  /// @throws InvalidArgument that names the existing objects
   [[nodiscard]] ObjectPose object_pose(const std::string& name) const;
-  /// How an object moves now, without delay and noise.
-  /// @throws InvalidArgument naming the objects there are
+  /// The object's velocity now, without delay and noise.
+  /// @throws InvalidArgument that names the existing objects
   [[nodiscard]] ObjectVelocity object_velocity(const std::string& name) const;
 
-  /// The state as it is: physics, safety chain, delays, random numbers.
+  /// Saves the state: physics, safety chain, delays, random numbers.
   [[nodiscard]] SimulationState save() const;
-  /// Goes on as it went on from `state`, bit for bit.
+  /// Continues from `state` exactly as the saved simulation continued, bit for bit.
   /// @throws InvalidArgument if it was saved from another model or by another version
   void restore(std::span<const std::byte> state);
-  /// The last state before the simulation diverged, for a report or to try again; empty if it has
-  /// not. `trifinger run` saves it in `log_folder()`.
+  /// The last state before the simulation diverged, for a report or another try. Empty if it has
+  /// not diverged. `trifinger run` saves it in `log_folder()`.
   [[nodiscard]] const SimulationState& state_before_divergence() const noexcept;
 
-  /// Positions and velocities of joints and objects as MuJoCo has them, to draw the scene: `qpos`,
+  /// Positions and velocities of joints and objects in MuJoCo's layout, to draw the scene: `qpos`,
   /// then `qvel`.
   [[nodiscard]] std::vector<double> configuration() const;
 

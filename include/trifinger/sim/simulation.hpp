@@ -16,22 +16,23 @@
 
 namespace trifinger {
 
-/// A simulated robot in this process, with its back-end inline: no threads, no waits, as fast as
-/// the physics.
+/// A simulated robot in this process, with an inline back-end: no threads, no waits, as fast as the
+/// physics.
 ///
 ///     trifinger::Simulation<trifinger::TriFinger> simulation;
 ///     auto robot = simulation.connect();
 ///     auto t = robot.append_desired_action(trifinger::hold_position(robot.latest_observation()));
 ///     auto y = robot.get_observation(t);
 ///
-/// Copies refer to the same simulation; it lives as long as one of them or one of its front-ends.
+/// Copies refer to the same simulation. It lives as long as one of the copies or one of its
+/// front-ends.
 template <class R>
 class Simulation {
  public:
-  /// Model and description of the scene are added to the documents of `session`.
-  /// Of `backend`, the mode and the period are set by the simulation: it waits for every action.
-  /// `name` is what errors and logs call the robot, as that of a `RobotConfig`; by default its type
-  /// and variant, as in "trifinger-pro".
+  /// Adds the model and the description of the scene to the documents of `session`. The simulation
+  /// sets mode and period of `backend`: it waits for every action. `name` is what errors and logs
+  /// call the robot, like the name in a `RobotConfig`. The default is its type and variant, for
+  /// example "trifinger-pro".
   /// @throws InvalidArgument
   explicit Simulation(SimulationOptions<R> options = {}, SessionOptions session = {},
                       BackendOptions backend = {}, const std::string& name = {})
@@ -40,19 +41,19 @@ class Simulation {
   /// The robot itself: reset it, place objects, save and restore its state.
   [[nodiscard]] SimulatedRobot<R>& robot() const noexcept { return parts_->robot; }
 
-  /// Lets `follower` see every session from the next one on, as `log::Recorder` does to record
-  /// without loss. It is kept as long as the simulation.
+  /// Lets `follower` see every session from the next one on. `log::Recorder` uses this to record
+  /// without loss. The simulation keeps the follower as long as it lives.
   void follow(std::shared_ptr<Follower> follower) const {
     parts_->followers.push_back(std::move(follower));
     parts_->backend.follow(*parts_->followers.back());
   }
 
   /// Controls the robot in a new session.
-  /// @throws ControlHeld while another front-end does
+  /// @throws ControlHeld while another front-end controls it
   [[nodiscard]] Frontend<R> connect(FrontendOptions options = {.strict = true}) const {
     return Frontend<R>(parts_->backend, options, parts_);
   }
-  /// For programs that do not know R.
+  /// Controls the robot in programs that do not know R.
   [[nodiscard]] UntypedFrontend connect_untyped(FrontendOptions options = {.strict = true}) const {
     return UntypedFrontend(parts_->backend, options, parts_);
   }
@@ -90,8 +91,8 @@ class Simulation {
   std::shared_ptr<Parts> parts_;
 };
 
-/// Starts a simulated robot in this process and controls it, strictly: an action that could not be
-/// in time on a real robot throws. `connect` is for one that runs elsewhere.
+/// Starts a simulated robot in this process and controls it strictly: an action that would be late
+/// on a real robot throws. For a robot that runs elsewhere, use `connect`.
 template <class R>
 [[nodiscard]] Frontend<R> simulate(SimulationOptions<R> options = {},
                                    FrontendOptions frontend = {.strict = true}) {

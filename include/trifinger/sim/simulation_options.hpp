@@ -12,31 +12,31 @@
 
 namespace trifinger {
 
-/// The limits of the real robot of this variant: those of its figures.
+/// The limits of the real robot of this variant, from its figures.
 /// @throws InvalidArgument if R has another number of joints than the arrangement
 template <class R>
 [[nodiscard]] JointLimits<R::kJoints> default_limits(const RobotDescription& description);
 
-/// What a simulated robot is made of. The default is the paper's robot with a cube on the table.
+/// The settings of a simulated robot. The default is the paper's robot with a cube on the table.
 template <class R>
 struct SimulationOptions {
   RobotDescription description{};
   /// Limits of the joints; default: `default_limits`.
   std::optional<JointLimits<R::kJoints>> limits{};
-  /// Where every session begins [rad]; default: the variant's initial pose.
+  /// Joint positions at the beginning of every session [rad]; default: the variant's initial pose.
   std::optional<JointVector<R::kJoints>> initial_position{};
-  /// What happens behind the end of a session; default: nothing moves any more.
+  /// What happens after the end of a session; default: nothing moves any more.
   OrderlyStopOptions<R::kJoints> stop{};
-  /// Of all that is random: the same seed gives the same series.
+  /// Seed of all random numbers. The same seed gives the same series.
   std::uint64_t seed{0};
-  /// Length of a step; a whole number of milliseconds, the step of the physics.
+  /// Length of a step: a whole number of milliseconds, because a step of the physics takes 1 ms.
   Nanoseconds period{std::chrono::milliseconds(1)};
   TimeIndex object_period{10};           ///< Steps between two poses of the objects.
   TimeIndex object_delay{0};             ///< Steps from the capture of a pose to its arrival.
-  double object_position_noise{0.0};     ///< Standard deviation, per axis [m].
-  double object_orientation_noise{0.0};  ///< Standard deviation of the rotation, per axis [rad].
+  double object_position_noise{0.0};     ///< Standard deviation of a pose's position, per axis [m].
+  double object_orientation_noise{0.0};  ///< Standard deviation of its rotation, per axis [rad].
 
-  /// @throws InvalidArgument naming the option, the value found and the values allowed
+  /// @throws InvalidArgument that names the option, the value found and the values allowed
   void validate() const;
 };
 

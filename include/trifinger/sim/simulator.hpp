@@ -22,14 +22,14 @@ struct mjData_;
 
 namespace trifinger {
 
-/// One step of a simulated robot, for one simulation or for thousands at once: what of it is
-/// constant. `SimulatedRobot` is one of these with a state and MuJoCo's data.
+/// Does one step of a simulated robot, for one simulation or for thousands at once. A simulator
+/// holds only what is constant. `SimulatedRobot` combines one with a state and MuJoCo's data.
 ///
-/// All that changes is in the caller's hands: MuJoCo's data, its model (a copy with the masses and
-/// frictions of this simulation, or `model()` itself), and a `State`. Of the data nothing is read
-/// but what `mjSTATE_INTEGRATION` restores, so one `mjData` may serve many simulations in turn.
+/// The caller holds everything that changes: MuJoCo's data, its model and a `State`. The model is
+/// `model()` itself, or a copy with the masses and frictions of this simulation. From the data only
+/// what `mjSTATE_INTEGRATION` restores is read, so one `mjData` may serve many simulations in turn.
 ///
-/// Constant once set up: threads may share one, each with its own data and states.
+/// Once set up, a simulator is constant. Threads may share one, each with its own data and states.
 template <class R>
 class Simulator {
  public:
@@ -38,25 +38,26 @@ class Simulator {
   using Observation = typename R::Observation;
   using Joints = JointVector<R::kJoints>;
 
-  /// Fault codes besides those of `SafetyFault`.
+  /// Fault codes in addition to those of `SafetyFault`.
   static constexpr std::int32_t kDiverged = 64;
 
-  /// What decides how a simulation goes on, besides MuJoCo's state and the poses under way.
+  /// The values that decide how a simulation continues, apart from MuJoCo's state and the poses
+  /// under way.
   struct Memory {
     SafetyState<R::kJoints> safety;
-    Joints torque{};                           ///< Measured in the last step [Nm].
-    std::array<double, R::kTips> tip_force{};  ///< Likewise [N].
+    Joints torque{};                           ///< Torques measured in the last step [Nm].
+    std::array<double, R::kTips> tip_force{};  ///< Tip forces measured in the last step [N].
     /// Torques on their way to the motors, in a ring [Nm].
     std::array<Joints, static_cast<std::size_t>(Variation::kMaxTorqueDelay)> sent{};
     std::uint64_t num_sent{0};
     Variation variation{};
-    Random random{};  ///< Of the noise on poses.
+    Random random{};  ///< Random numbers for the noise on poses.
     TimeIndex step{0};
     TimeIndex next_capture{0};
     std::uint64_t pending_begin{0};
     std::uint64_t pending_count{0};
-    /// 1 if the pose in front of the pending ones is known to the readers. A whole word: bytes
-    /// between members would make equal states differ.
+    /// 1 if readers know the pose at the front of the ring, before the pending ones. It is a whole
+    /// word, because padding bytes between members would make equal states differ.
     std::uint64_t has_delivered{0};
   };
 
@@ -70,9 +71,9 @@ class Simulator {
   /// One simulation.
   struct State {
     Memory memory{};
-    std::vector<Capture> captures{};  ///< A ring, with the newest that was delivered in front.
-    Observation observation{};        ///< The newest one, which the checks look at.
-    FixedText thrown{};               ///< What a check that was added has thrown last.
+    std::vector<Capture> captures{};  ///< A ring. Its front is the newest delivered pose.
+    Observation observation{};        ///< The newest observation, which the checks use.
+    FixedText thrown{};               ///< Text of the last exception from an added check.
     bool has_initial_pose{false};
   };
 
@@ -82,60 +83,63 @@ class Simulator {
   [[nodiscard]] const SimulationOptions<R>& options() const noexcept { return options_; }
   [[nodiscard]] const RobotModel& model() const noexcept { return model_; }
   [[nodiscard]] const SafetyChain<R>& safety() const noexcept { return safety_; }
-  /// To add checks, while nobody uses it.
+  /// For adding checks, while nobody uses the simulator.
   [[nodiscard]] SafetyChain<R>& safety() noexcept { return safety_; }
-  /// Where a robot begins unless it is told otherwise [rad].
+  /// Joint positions at the beginning, unless others are set [rad].
   [[nodiscard]] const Joints& initial_position() const noexcept { return initial_position_; }
-  /// @throws InvalidArgument if a joint would be beyond its hard limit or is no number
+  /// @throws InvalidArgument if a joint would be beyond its hard limit or is not a number
   void check(const Joints& position) const;
 
-  /// A state with room for all that may be under way. `reset` it before use.
+  /// Makes a state with room for all poses that may be under way. `reset` it before use.
   [[nodiscard]] State make_state() const;
 
-  /// Makes `varied`, from `make_varied_model`, differ from the model as `variation` says. What
-  /// `data` holds is lost. Gain and delay of the motors take effect by way of `Memory::variation`.
+  /// Makes `varied`, from `make_varied_model`, differ from the model by `variation`. The contents
+  /// of `data` are lost. Gain and delay of the motors take effect through `Memory::variation`.
   void vary(const Variation& variation, mjModel_& varied, mjData_& data) const noexcept;
 
-  /// The joints at `position` [rad] and at rest, objects as the description has them at the start,
-  /// at step 0 of nothing; no noise was drawn from `random` yet. The variation stays.
+  /// Resets a simulation: the joints are at rest at `position` [rad], the objects have the initial
+  /// poses and velocities of the description, and no session has begun. No noise has been drawn
+  /// from `random` yet. The variation stays.
   void reset(const Joints& position, const Random& random, const mjModel_& model, mjData_& data,
              State& state) const noexcept;
 
-  /// A copy of the model to be varied. It can tell apart the friction of all pairs of surfaces
-  /// whose factor in `variation` is not 1, which the model itself does only if the description says
-  /// so.
+  /// Makes a copy of the model that can be varied. The copy has a separate friction for each pair
+  /// of surfaces whose factor in `variation` is not 1. The model itself has this only if the
+  /// description says so.
   /// @throws Error if there is no memory for it
   [[nodiscard]] RobotModel::Compiled make_varied_model(const Variation& variation) const;
 
-  /// Puts an object somewhere, at rest. The orientation, which must not be zero, is normalised.
+  /// Places an object at rest. The orientation must not be zero; it is normalized.
   void place(const ObjectAddress& object, const ObjectPose& pose, mjData_& data,
              State& state) const noexcept;
 
-  /// Lets an object move from where it is.
+  /// Sets an object in motion from where it is.
   void set_velocity(const ObjectAddress& object, const ObjectVelocity& velocity,
                     mjData_& data) const noexcept;
 
-  /// A session begins: its steps count from 0.
+  /// Begins a session: its steps count from 0.
   void begin(State& state) const noexcept;
-  /// Counts on from `step`.
+  /// Makes the next steps count from `step`.
   void move_to_step(TimeIndex step, State& state) const noexcept;
 
   /// Measures `state.observation`.
   void observe(const mjData_& data, State& state) const noexcept;
-  /// Checks `desired` against `state.observation`, and moves on by one step. The first step without
-  /// a number that is not finite is the last good one.
+  /// Checks `desired` against `state.observation` and moves on by one step. If a number is not
+  /// finite after the step, the simulation has diverged, and the previous step is the last good
+  /// one.
   [[nodiscard]] DriverReport step(const Action& desired, const mjModel_& model, mjData_& data,
                                   State& state, AppliedAction& applied) const noexcept;
-  /// The part of `step` behind the checks. False if a number is no longer finite.
+  /// The part of `step` after the checks. False if a number is no longer finite.
   [[nodiscard]] bool move(const Joints& torque, const mjModel_& model, mjData_& data,
                           State& state) const noexcept;
 
-  /// What arrives from the camera at `time_index`, once per step; null if nothing does. Before step
-  /// 0 (below 0) that is one pose, whenever it was to arrive. Lives until the next call.
+  /// Returns the poses that arrive from the camera at `time_index`; nullptr if none arrive. Call it
+  /// once per step. Before step 0 (below 0) it returns one set of poses, whatever their time of
+  /// arrival. The result is valid until the next call.
   [[nodiscard]] const Capture* receive_poses(TimeIndex time_index, const mjData_& data,
                                              State& state) const noexcept;
 
-  /// Torques that hold the joints where they are, at rest [Nm].
+  /// Computes the torques that hold the joints at rest where they are [Nm].
   void gravity_torques(const mjModel_& model, mjData_& data, Joints& torque) const noexcept;
 
   [[nodiscard]] ObjectPose object_pose(const ObjectAddress& object,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Holds a cube of 94 g between three tips, on paper.
+// Computes how three tips hold a cube of 94 g.
 #include <cstdio>
 
 #include "trifinger/control/force_optimizer.hpp"
