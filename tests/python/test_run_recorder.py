@@ -37,6 +37,14 @@ def limit_files_of(pid: int, size: int) -> None:
     resource.prlimit(pid, resource.RLIMIT_FSIZE, (size, most))
 
 
+def stop(pid: int) -> None:
+    """Stops a process, and returns when it stands still: the signal alone takes its time."""
+    os.kill(pid, signal.SIGSTOP)
+    status = Path(f"/proc/{pid}/status")
+    while "State:\tT" not in status.read_text():
+        os.sched_yield()
+
+
 def assert_complete(path: Path, robot: trifinger.Frontend) -> None:
     """The log has every step to the end, or says which one was lost."""
     log = log_of(path)
@@ -54,7 +62,7 @@ def test_fault_74_a_recorder_that_stands_still_is_told_of_and_so_is_its_return(
     robot = connected()
     robot.wait_until_time_index(50)
     recorder = child_of(program.process.pid)
-    os.kill(recorder, signal.SIGSTOP)
+    stop(recorder)
     assert program.wait_for("recorder: ").startswith("recorder: has stood still for 2 s")
     step = robot.current_time_index()
     robot.wait_until_time_index(step + 50)  # the robot does not notice
@@ -73,7 +81,7 @@ def test_fault_74_a_recorder_that_stands_still_at_the_end_is_replaced(
     robot = connected()
     robot.wait_until_time_index(50)
     recorder = child_of(program.process.pid)
-    os.kill(recorder, signal.SIGSTOP)
+    stop(recorder)
     status, output = program.end(signal.SIGTERM)
     assert (status, output.splitlines()[-1]) == (0, "fake: stopped")
     assert "recorder: stood still at the end and was killed; another one goes on" in output
@@ -140,7 +148,7 @@ def test_fault_74_a_recorder_that_stands_still_when_run_is_killed_finishes_never
     program = start(start_program, tmp_path / "out")
     robot = connected()
     robot.wait_until_time_index(50)
-    os.kill(child_of(program.process.pid), signal.SIGSTOP)
+    stop(child_of(program.process.pid))
     # The kernel continues a stopped process when its last relative outside its group dies.
     program.process.kill()
     again = start(start_program, tmp_path / "out")
