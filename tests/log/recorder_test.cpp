@@ -148,7 +148,7 @@ TEST_F(RecorderTest, FollowsOneSessionAfterTheOther) {
 TEST_F(RecorderTest, AsAFollowerLosesNothingOfASimulationAsFastAsItCan) {
   constexpr TimeIndex kSteps = 50'000;
   RecorderThread recorder({"robot"}, follower_options());
-  const FakeBackend backend("robot", {.history = 256, .queue = 256}, {}, &*recorder);
+  const FakeBackend backend("robot", {.history = 256, .queue = 256}, kPatient, &*recorder);
   auto robot = connect<FakeRobot>("robot");
   step(robot, kSteps);
   robot.finish();
@@ -166,7 +166,7 @@ TEST_F(RecorderTest, AsAFollowerMissesNoSessionHoweverShort) {
   constexpr std::size_t kSessions = 200;
   RecorderThread recorder({"robot"}, follower_options());
   {
-    const FakeBackend backend("robot", {.history = 16, .queue = 16}, {}, &*recorder);
+    const FakeBackend backend("robot", {.history = 16, .queue = 16}, kPatient, &*recorder);
     for (std::size_t i = 0; i < kSessions; ++i) {
       auto robot = connect<FakeRobot>("robot");
       step(robot, 1);
@@ -247,7 +247,7 @@ TEST_F(RecorderTest, RotatesBySizeWithoutLosingAStep) {
   small.rotate_size = 200'000;
   constexpr TimeIndex kSteps = 100'000;
   RecorderThread recorder({"robot"}, small);
-  const FakeBackend backend("robot", {}, {}, &*recorder);
+  const FakeBackend backend("robot", {}, kPatient, &*recorder);
   auto robot = connect<FakeRobot>("robot");
   step(robot, kSteps);
   robot.finish();
@@ -288,7 +288,7 @@ TEST_F(RecorderTest, RemovesItsOldestFilesToStayBelowALimit) {
   write_file(logs_ / "robot_2020-01-01_00-00-00_001.mcap", Bytes(5'000'000, 'x'));  // not ours
   constexpr TimeIndex kSteps = 400'000;
   RecorderThread recorder({"robot"}, limited);
-  const FakeBackend backend("robot", {}, {}, &*recorder);
+  const FakeBackend backend("robot", {}, kPatient, &*recorder);
   auto robot = connect<FakeRobot>("robot");
   step(robot, kSteps);
   robot.finish();

@@ -354,4 +354,7 @@ inline constexpr BackendOptions kRealTime{.mode = BackendOptions::Mode::kRealTim
                                           .max_action_repeats = 1'000'000'000,
                                           .max_skipped_ticks = 1'000'000'000};
 
+/// Waits for followers however long the disk or a busy machine takes.
+inline constexpr BackendOptions kPatient{.max_follower_wait = kForever};
+
 }  // namespace trifinger::test
