@@ -61,7 +61,7 @@ Run run_with_random_torques() {
   return run;
 }
 
-log::SessionHeader header() {
+log::SessionHeader make_header() {
   log::SessionHeader header;
   header.name = "sim";
   header.session_id = 1;
@@ -72,6 +72,12 @@ log::SessionHeader header() {
     if (document.name != "model.xml") header.documents.push_back(std::move(document));
   }
   return header;
+}
+
+// Making it takes longer than writing a chunk, so it is made once.
+const log::SessionHeader& header() {
+  static const log::SessionHeader the_header = make_header();
+  return the_header;
 }
 
 // Writes `run` like the recorder, but without waiting for the disk.
