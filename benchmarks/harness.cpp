@@ -155,6 +155,7 @@ Child::Child(const std::function<void()>& body, int end_signal)
   if (pid_ < 0) throw SystemError("fork", errno);
   if (pid_ != 0) return;
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+  if (::getppid() != parent_) ::_exit(1);  // it has died already
   try {
     body();
   } catch (const std::exception& error) {

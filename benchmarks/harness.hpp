@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <unistd.h>
+
 #include <chrono>
 #include <csignal>
 #include <cstdint>
@@ -109,6 +111,7 @@ class Child {
   [[nodiscard]] int pid() const noexcept { return pid_; }
 
  private:
+  int parent_{::getpid()};  // initialised before the fork
   int pid_;
   int end_signal_;
 };

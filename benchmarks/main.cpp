@@ -66,6 +66,7 @@ int main(int argc, char** argv) {
   }
   // This process ends when its `./run bench` ends.
   ::prctl(PR_SET_PDEATHSIG, SIGTERM);
+  if (::getppid() == 1) return EXIT_FAILURE;  // it has ended already
   try {
     benchmarks::report_process();
     for (const benchmarks::Row& row : measure->rows(effort)) benchmarks::report_row(row);

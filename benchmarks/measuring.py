@@ -68,17 +68,19 @@ def run(
     compare themselves with another one.
     Raises MeasureError if the process ends with an error.
     """
-    with tempfile.TemporaryFile("w+") as known:
-        json.dump([row.json() for row in rows], known)
-        known.seek(0)
-        process = subprocess.Popen(
-            [*measure.command(), *(["--quick"] if quick else [])],
-            stdin=known,
-            stdout=subprocess.PIPE,
-            text=True,
-            process_group=0,
-        )
+    process: subprocess.Popen[str] | None = None
     try:
+        with tempfile.TemporaryFile("w+") as known, _delayed_interrupts() as allow_interrupts:
+            json.dump([row.json() for row in rows], known)
+            known.seek(0)
+            process = subprocess.Popen(
+                [*measure.command(), *(["--quick"] if quick else [])],
+                stdin=known,
+                stdout=subprocess.PIPE,
+                text=True,
+                process_group=0,
+                preexec_fn=allow_interrupts,
+            )
         state: dict[str, Any] = {}
         for line in process.stdout or ():
             match json.loads(line):
@@ -90,9 +92,28 @@ def run(
                     on_row(Row(**{**row, "process": state}))
         process.wait()
     finally:
-        _end(process)
+        if process is not None:
+            _end(process)
     if process.returncode != 0:
         raise MeasureError(f"measure '{measure.name}' ended with status {process.returncode}")
+
+
+@contextlib.contextmanager
+def _delayed_interrupts() -> Iterator[Callable[[], object]]:
+    """Delays signals that end the run: an interrupted start leaves a process that nobody ends.
+
+    Provides a function that allows them again, for the process that is started.
+    """
+    ends = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ends)
+
+    def allow() -> object:
+        return signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+    try:
+        yield allow
+    finally:
+        allow()
 
 
 def _end(process: subprocess.Popen[str]) -> None:
