@@ -13,6 +13,7 @@ namespace trifinger::apps {
 // Does the work of a command and returns the exit code. May throw.
 using Action = std::function<int()>;
 
+void add_config(CLI::App& program, Action& action);
 void add_run(CLI::App& program, Action& action);
 void add_list(CLI::App& program, Action& action);
 void add_status(CLI::App& program, Action& action);

@@ -78,11 +78,11 @@ void add_log_cut(CLI::App& log, Action& action) {
   CLI::Option* const last = command->add_option("--last", options->last, "First step left out")
                                 ->check(steps)
                                 ->option_text("T");
-  command->add_option("--from", options->from, "The same in seconds since the first step")
+  command->add_option("--from", options->from, "First step, in seconds since the first step")
       ->check(seconds)
       ->option_text("SECONDS")
       ->excludes(first);
-  command->add_option("--to", options->to, "The same in seconds since the first step")
+  command->add_option("--to", options->to, "First step left out, in seconds since the first step")
       ->check(seconds)
       ->option_text("SECONDS")
       ->excludes(last);

@@ -114,7 +114,7 @@ void add_log_replay(CLI::App& log, Action& action) {
       ->option_text("SECONDS");
   command
       ->add_option("--max-velocity", options->how.max_velocity,
-                   "Of a joint on the way there; default: 0.5")
+                   "Largest velocity of a joint on the way there; default: 0.5")
       ->check(CLI::Range(0.001, 10.0))
       ->option_text("RAD/S");
   command

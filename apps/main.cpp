@@ -101,6 +101,7 @@ int run_program(const std::vector<std::string>& words) {
   add_stop(program, action);
   add_recover(program, action);
   add_log(program, action);
+  add_config(program, action);
   add_model(program, action);
   add_doctor(program, action);
   using enum Package;

@@ -59,10 +59,10 @@ KnownRobot robot_of(const Session& session) {
   const JointLimits<TriFinger::kJoints> limits =
       options->limits.value_or(default_limits<TriFinger>(options->description));
   return {.description = std::move(options->description),
-          .limits = {.max_torque = limits.max_torque,
-                     .safety_kd = limits.safety_kd,
-                     .soft_lower = limits.soft_lower,
-                     .soft_upper = limits.soft_upper}};
+          .limits = {.max_torque = values_of(limits, &JointLimit::max_torque),
+                     .safety_kd = values_of(limits, &JointLimit::safety_kd),
+                     .soft_lower = values_of(limits, &JointLimit::soft_lower),
+                     .soft_upper = values_of(limits, &JointLimit::soft_upper)}};
 }
 
 void tell_phase(const Manipulation& at) {

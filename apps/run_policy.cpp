@@ -236,15 +236,16 @@ int run_policy_command(const std::vector<std::string>& words) {
   program.add_option("POLICY", options.policy, "File of the policy")->required();
   program.add_option("--robot", options.robot, "Name of the running robot")->capture_default_str();
   program.add_option("--episodes", options.run.episodes, "How many")->capture_default_str();
-  program.add_option("--seed", options.run.seed, "Of starts and goals")->capture_default_str();
+  program.add_option("--seed", options.run.seed, "Seed of starts and goals")->capture_default_str();
   program.add_option("--first", options.run.first_episode, "Number of the first episode")
       ->capture_default_str();
   program.add_option("--json", options.json, "Also write the episodes to FILE")
       ->option_text("FILE");
   options.scheduling.add_to(program, "Real-time priority, where the robot is in real-time mode");
-  options.precision.add_to(program,
-                           "Of the policy's sums: single takes half the time and rounds as much "
-                           "as PyTorch");
+  options.precision.add_to(
+      program,
+      "Precision of the policy's sums: single takes half the time and rounds as much "
+      "as PyTorch");
   return run_user_program(program, words, [&] { return run(options); });
 }
 

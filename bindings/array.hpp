@@ -9,8 +9,8 @@
 
 namespace trifinger::python {
 
-/// An argument or result of `M`, a matrix or vector of doubles: whatever NumPy takes for an array
-/// of this shape, and an array that belongs to Python.
+/// A matrix or vector `M` of doubles as an argument or result. An argument is whatever NumPy
+/// accepts as an array of this shape. A result is an array that belongs to Python.
 template <class M>
 struct Array {
   M value;
@@ -24,7 +24,7 @@ Array(M) -> Array<M>;
 using Vector3 = Array<Eigen::Vector3d>;
 using Vector9 = Array<Eigen::Vector<double, 9>>;
 
-/// A matrix as NumPy has it.
+/// A matrix in the layout of NumPy.
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 /// Reads a member that is a matrix or vector.
@@ -33,9 +33,9 @@ auto array_of(M T::* member) {
   return [member](const T& object) { return Array<M>{object.*member}; };
 }
 
-/// Takes the numbers out of `object`. Vectors have one dimension, matrices two, and only those
-/// sizes that are free in `M` may be any, up to its maximum. False, without an error of Python, if
-/// that does not fit.
+/// Copies the numbers of `object` to `value`. Vectors must have one dimension, matrices two. The
+/// number of rows must be that of `M` or, if `M` leaves it open, at most the maximum of `M`.
+/// Returns false, without setting an error in Python, if `object` does not fit.
 template <class M>
 bool read_array(nanobind::handle object, M& value) noexcept {
   const nanobind::object array =
@@ -57,7 +57,8 @@ bool read_array(nanobind::handle object, M& value) noexcept {
   return true;
 }
 
-/// A new array with the numbers of `value`; null with an error of Python if there is no memory.
+/// Returns a new array with the numbers of `value`; null with an error in Python if there is no
+/// memory.
 template <class M>
 PyObject* write_array(const M& value) noexcept {
   constexpr int kDimensions = M::ColsAtCompileTime == 1 ? 1 : 2;

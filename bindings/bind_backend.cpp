@@ -28,14 +28,14 @@ It runs session after session until stop(), or until the end of its `with` block
              return "<Backend of '" + backend.name() + "'" +
                     (backend.is_running() ? ">" : ", stopped>");
            })
-      .def_prop_ro("name", &RunningBackend::name, "For connect() and observe().")
+      .def_prop_ro("name", &RunningBackend::name, "Name for connect() and observe().")
       .def(
           "wait",
           [](const RunningBackend& backend, nb::handle timeout) {
             backend.wait(to_timeout(timeout));
           },
           "timeout"_a = nb::none(), nb::sig("def wait(self, timeout: float | None = None) -> None"),
-          "Waits until the back-end has ended or Ctrl-C is pressed.")
+          "Waits until the back-end has ended, or until Ctrl-C is pressed.")
       .def("stop", &RunningBackend::stop,
            "Ends the session, brings the robot to rest and gives the name back.")
       .def(
@@ -64,12 +64,13 @@ It runs session after session until stop(), or until the end of its `with` block
       nb::kw_only(), "strict"_a = false, "history"_a = SessionOptions{}.history,
       "sensor_period"_a = 0, "sensor_delay"_a = 0, "observation_fault_after"_a = -1,
       "action_fault_after"_a = -1,
-      R"(Starts the fake robot inside this program: no physics and no joints, for tests of your own code.
+      R"(Starts the fake robot inside this program: no physics and no joints, for tests of your own
+code.
 
-It runs in the waits of the front-end that is returned: without threads, deterministic and fast.
-An action has the field `setpoint`, an observation `setpoint` (the last one applied) and
+It runs inside the waits of the returned front-end: without threads, deterministic and fast. An
+action has the field `setpoint`. An observation has the fields `setpoint` (the last one applied) and
 `applied_actions` (how many there were). `history` is the number of steps kept. With a
-`sensor_period` [steps] it has the companion "sensor". `observation_fault_after` and
+`sensor_period` [steps] the robot has the companion "sensor". `observation_fault_after` and
 `action_fault_after` inject a fault after that many calls.)");
 
   m.def(
@@ -105,10 +106,11 @@ An action has the field `setpoint`, an observation `setpoint` (the last one appl
           "0, "
           "sensor_delay: int = 0, observation_fault_after: int = -1, action_fault_after: int = -1) "
           "-> Backend"),
-      R"(Runs the fake robot (see fake()) in a thread of this process, for every process of this machine.
+      R"(Runs the fake robot (see fake()) in a thread of this process, for every process of this
+machine.
 
-In real-time mode a step takes `period` [s] and a missing action is replaced up to
-`max_action_repeats` times in a row; otherwise the robot waits for every action.
+In real-time mode a step takes `period` [s], and a missing action is replaced up to
+`max_action_repeats` times in a row. Otherwise the robot waits for every action.
 
 Raises RobotOwned if another back-end has this name.)");
 }

@@ -43,19 +43,19 @@ Vector4 from_quaternion(const Eigen::Quaterniond& quaternion) {
 nb::tuple zeros() { return nb::make_tuple(0.0, 0.0, 0.0); }
 
 void bind_motion(nb::module_& m) {
-  nb::class_<Pose>(m, "Pose", "Where a body is and how it is turned. Cannot be changed.")
+  nb::class_<Pose>(m, "Pose", "Position and orientation of a body. Cannot be changed.")
       .def(
           "__init__",
           [](Pose* self, const Vector3& position, const Vector4& orientation) {
             new (self) Pose{position, to_quaternion(orientation)};
           },
           "position"_a = zeros(), "orientation"_a = nb::make_tuple(1.0, 0.0, 0.0, 0.0),
-          "`position` of the centre of mass [m]; `orientation` from the body's frame, a quaternion "
-          "w, x, y, z of unit length.")
-      .def_prop_ro("position", array_of(&Pose::position), "Of the centre of mass [m].")
+          "`position` is that of the centre of mass [m]. `orientation` is the rotation from the "
+          "body's frame, a\nquaternion w, x, y, z of unit length.")
+      .def_prop_ro("position", array_of(&Pose::position), "Position of the centre of mass [m].")
       .def_prop_ro(
           "orientation", [](const Pose& pose) { return from_quaternion(pose.orientation); },
-          "From the body's frame: w, x, y, z.");
+          "Rotation from the body's frame: a quaternion w, x, y, z.");
 
   const auto bind_rates = []<class T>(nb::class_<T> type, const char* linear, const char* angular) {
     type.def(
@@ -67,10 +67,11 @@ void bind_motion(nb::module_& m) {
         .def_prop_ro("linear", array_of(&T::linear), linear)
         .def_prop_ro("angular", array_of(&T::angular), angular);
   };
-  bind_rates(nb::class_<Twist>(m, "Twist", "How a body moves. Cannot be changed."),
-             "Of the centre of mass [m/s].", "[rad/s], not in the body's frame.");
+  bind_rates(
+      nb::class_<Twist>(m, "Twist", "Velocity and angular velocity of a body. Cannot be changed."),
+      "Velocity of the centre of mass [m/s].", "[rad/s], not in the body's frame.");
   bind_rates(nb::class_<Acceleration>(m, "Acceleration",
-                                      "How the twist of a body changes. Cannot be changed."),
+                                      "Rate of change of a body's twist. Cannot be changed."),
              "[m/s^2]", "[rad/s^2]");
 
   nb::class_<Motion>(m, "Motion", "A body at one instant of a motion. Cannot be changed.")
@@ -103,32 +104,36 @@ void bind_motion(nb::module_& m) {
       "rotation_from_vector",
       [](const Vector3& vector) { return from_quaternion(rotation_from_vector(vector)); },
       "vector"_a,
-      "The rotation by `vector` [rad], about its direction and by its length, as w, x, y, z.");
+      "The rotation about the direction of `vector` by its length [rad], as a quaternion w, x, y, "
+      "z.");
   m.def(
       "rotation_vector",
       [](const Vector4& rotation) { return Array{rotation_vector(to_quaternion(rotation))}; },
-      "rotation"_a, "The shortest vector that `rotation_from_vector` makes `rotation` of [rad].");
+      "rotation"_a,
+      "The shortest vector [rad] that `rotation_from_vector` turns into `rotation`. Its length is "
+      "at most pi.");
   m.def(
       "rotation_error",
       [](const Vector4& desired, const Vector4& actual) {
         return Array{rotation_error(to_quaternion(desired), to_quaternion(actual))};
       },
       "desired"_a, "actual"_a,
-      "By what `actual` must still be turned to become `desired` [rad], in the frame in which both "
-      "are given.");
+      "The rotation that still turns `actual` into `desired` [rad], in the frame in which both are "
+      "given.");
   m.def(
       "moved",
       [](const Pose& pose, const Twist& twist, double duration) {
         return moved(pose, twist, Seconds(duration));
       },
       "pose"_a, "twist"_a, "duration"_a,
-      "Where `pose` is after moving with a constant `twist` for `duration` [s].");
+      "The pose after moving from `pose` with a constant `twist` for `duration` [s], which may be "
+      "negative.");
   m.def(
       "point_of_body",
       [](const Motion& body, const Vector3& point) { return point_of_body(body, point); }, "body"_a,
       "point"_a,
-      "How a point moves that is fixed to a body; `point` is in the body's frame, from its centre "
-      "[m].");
+      "The motion of a point that is fixed to a body. `point` is in the body's frame, from its "
+      "centre [m].");
 }
 
 void bind_grasp(nb::module_& m) {
@@ -140,14 +145,14 @@ void bind_grasp(nb::module_& m) {
           },
           "force"_a = zeros(), "moment"_a = zeros())
       .def_prop_ro("force", array_of(&Wrench::force), "[N]")
-      .def_prop_ro("moment", array_of(&Wrench::moment), "About a point that goes with it [Nm].");
+      .def_prop_ro("moment", array_of(&Wrench::moment),
+                   "Moment about a point that is stated with each use [Nm].");
 
   const Contact usual;
-  nb::class_<Contact>(
-      m, "Contact",
-      "A point at which a tip touches an object and pushes, with friction and without adhesion. "
-      "Cannot be changed.\n\nA tip that does not touch is a contact with `max_normal_force` 0: it "
-      "gets no force.")
+  nb::class_<Contact>(m, "Contact",
+                      "A point at which a tip touches an object and pushes, with friction and "
+                      "without adhesion. Cannot be changed.\n\nA tip that does not touch is a "
+                      "contact whose `max_normal_force` is 0. It gets no force.")
       .def(
           "__init__",
           [](Contact* self, const Vector3& position, const Vector3& normal, double friction,
@@ -159,36 +164,35 @@ void bind_grasp(nb::module_& m) {
           "max_normal_force"_a = usual.max_normal_force)
       .def_prop_ro("position", array_of(&Contact::position), "[m]")
       .def_prop_ro("normal", array_of(&Contact::normal),
-                   "Into the object, of any length but zero: the direction in which the tip can "
-                   "push.")
+                   "Direction in which the tip can push, into the object; its length must not be zero.")
       .def_ro("friction", &Contact::friction,
-              "What a controller relies on; less than what there is.")
+              "Coefficient that a controller relies on; it should be lower than the real one.")
       .def_ro("min_normal_force", &Contact::min_normal_force, "[N]")
       .def_ro("max_normal_force", &Contact::max_normal_force, "[N]");
 
   m.def(
       "contact_frame", [](const Vector3& normal) { return Array{contact_frame(normal)}; },
       "normal"_a,
-      "Columns: two tangents and `normal`, orthonormal and right-handed. The first tangent is "
-      "normal to z, or to x\nwhere the normal is nearly along z.");
+      "A matrix whose columns are two tangents and `normal`, orthonormal and right-handed. The "
+      "first\ntangent is perpendicular to z, or to x if the normal is nearly along z.");
   m.def(
       "grasp_map",
       [](const Grasp& grasp, const Vector3& centre) { return Array{grasp_map(grasp, centre)}; },
       "grasp"_a, "centre"_a,
-      "Turns contact forces into the wrench on the object about `centre` [m]: 6 rows, force and "
-      "moment; 9 columns,\nthree for each of the three contacts.");
+      "The map from contact forces to the wrench on the object about `centre` [m]. It has 6 rows, "
+      "force and\nmoment, and 9 columns, three for each of the three contacts.");
   m.def(
       "wrench_of",
       [](const Grasp& grasp, const Vector3& centre, const Vector9& forces) {
         return wrench_of(grasp, centre, forces);
       },
       "grasp"_a, "centre"_a, "forces"_a,
-      "What nine `forces` [N] at the three contacts amount to about `centre` [m].");
+      "The total wrench of nine `forces` [N] at the three contacts, about `centre` [m].");
 
   nb::class_<FrictionPyramid>(
       m, "FrictionPyramid",
-      "The forces that a contact with friction can bear, as a pyramid of 3 to 8 sides inside "
-      "Coulomb's cone.\nWith four sides it is the paper's.")
+      "A pyramid of 3 to 8 sides inside Coulomb's friction cone: a contact whose force lies in the "
+      "pyramid\ndoes not slip. With four sides it is the paper's pyramid.")
       .def(nb::init<int>(), "sides"_a = 4)
       .def_prop_ro("sides", &FrictionPyramid::sides)
       .def(
@@ -201,59 +205,59 @@ void bind_grasp(nb::module_& m) {
             return Array{pyramid.side(i, friction)};
           },
           "i"_a, "friction"_a,
-          "Points inward from side `i`, in the contact frame. Its tangential part has the length "
-          "1.")
+          "A vector that points inward from side `i`, in the contact frame. Its tangential part "
+          "has length 1.")
       .def(
           "margin",
           [](const FrictionPyramid& pyramid, const Vector3& force, double friction) {
             return pyramid.margin(force, friction);
           },
           "force"_a, "friction"_a,
-          "How much more tangential force fits into the pyramid beside `force` [N], which is in "
-          "the "
-          "contact frame;\nnegative outside.");
+          "Tangential force that could be added to `force` [N] before it leaves the pyramid, in "
+          "the direction\nwith the least room. Negative outside. `force` is in the contact frame.");
 }
 
 void bind_force_optimizer(nb::module_& m) {
-  nb::class_<TorqueLimits>(m, "TorqueLimits",
-                           "The torques that joints can give, for tips that press. Cannot be "
-                           "changed.")
+  nb::class_<TorqueLimits>(
+      m, "TorqueLimits",
+      "The torques that the joints can give to press with the tips. Cannot be changed.")
       .def(
           "__init__",
           [](TorqueLimits* self, const Matrix9& jacobians, const Vector9& bias,
              const Vector9& limits) { new (self) TorqueLimits{jacobians, bias, limits}; },
           "jacobians"_a, "bias"_a, "limits"_a)
       .def_prop_ro("jacobians", array_of(&TorqueLimits::jacobians),
-                   "9 x 9, of the contacts in the frame of the grasp [m/rad]; "
-                   "`Kinematics.tip_jacobians` in the world's.")
-      .def_prop_ro("bias", array_of(&TorqueLimits::bias),
-                   "What the joints need without any contact [Nm]; `Kinematics.bias_torques`.")
+                   "Jacobians of the contacts in the frame of the grasp, 9 x 9 [m/rad]. For the "
+                   "world frame this is\n`Kinematics.tip_jacobians`.")
+      .def_prop_ro(
+          "bias", array_of(&TorqueLimits::bias),
+          "Torques that the joints need without any contact [Nm]: `Kinematics.bias_torques`.")
       .def_prop_ro("limits", array_of(&TorqueLimits::limits), "[Nm]");
 
   nb::enum_<ForceStatus>(m, "ForceStatus",
-                         "How good an answer of the force optimisation is, best first.")
-      .value("EXACT", ForceStatus::kExact, "The wrench is the one wanted.")
+                         "Quality of a result of the force optimisation, best first.")
+      .value("EXACT", ForceStatus::kExact, "The forces make exactly the wanted wrench.")
       .value("CLOSEST_WRENCH", ForceStatus::kClosestWrench,
              "No allowed forces make the wanted wrench; these come closest to it.")
       .value("TORQUE_LIMITS_EXCEEDED", ForceStatus::kTorqueLimitsExceeded,
-             "Even the smallest normal forces ask for more torque than there is. The torque limits "
-             "were left aside.")
+             "Even the smallest normal forces need more torque than the limits allow. The torque "
+             "limits were ignored.")
       .value("INVALID", ForceStatus::kInvalid,
              "A number was not finite or out of its range. All forces are zero.");
 
-  nb::class_<ForceDistribution>(m, "ForceDistribution", "An answer of the force optimisation.")
+  nb::class_<ForceDistribution>(m, "ForceDistribution", "A result of the force optimisation.")
       .def_prop_ro("forces", array_of(&ForceDistribution::forces),
-                   "Of the tips on the object [N], in the frame of the grasp: three numbers for "
-                   "each of the three contacts.")
-      .def_ro("wrench", &ForceDistribution::wrench, "That they amount to.")
+                   "Forces of the tips on the object [N], in the frame of the grasp: three numbers "
+                   "for each of the three contacts.")
+      .def_ro("wrench", &ForceDistribution::wrench, "The wrench that the forces make.")
       .def_ro("status", &ForceDistribution::status)
       .def("__bool__", [](const ForceDistribution& found) { return static_cast<bool>(found); });
 
   const ForceOptimizerConfig usual;
-  nb::class_<ForceOptimizer>(
-      m, "ForceOptimizer",
-      "Finds the contact forces that make a wanted wrench: the paper's quadratic program, with "
-      "bounds on normal forces\nand joint torques. Not for several threads at once.")
+  nb::class_<ForceOptimizer>(m, "ForceOptimizer",
+                             "Finds the contact forces that make a wanted wrench, with the paper's "
+                             "quadratic program and with\nbounds on normal forces and joint "
+                             "torques. One object must not be used by several threads at once.")
       .def(
           "__init__",
           [](ForceOptimizer* self, int friction_sides, double normal_weight,
@@ -272,8 +276,8 @@ void bind_force_optimizer(nb::module_& m) {
                            : optimizer.solve(grasp, centre, wrench);
           },
           "grasp"_a, "centre"_a, "wrench"_a, "torques"_a = nb::none(),
-          "Distributes `wrench`, which is about `centre` [m], over the three contacts. Where it "
-          "cannot, the answer comes\nclosest to it and its `status` says so.");
+          "Distributes `wrench`, which is given about `centre` [m], over the three contacts. If "
+          "that is\nimpossible, the result comes closest to it and its `status` says so.");
 }
 
 ObjectShape shape_of(const std::string& name) {
@@ -284,7 +288,7 @@ ObjectShape shape_of(const std::string& name) {
 }
 
 void bind_impedance(nb::module_& m) {
-  nb::class_<RigidBody>(m, "RigidBody", "What moves when a wrench acts. Cannot be changed.")
+  nb::class_<RigidBody>(m, "RigidBody", "Mass and inertia of a rigid body. Cannot be changed.")
       .def(
           "__init__",
           [](RigidBody* self, double mass, const Matrix3& inertia) {
@@ -293,7 +297,7 @@ void bind_impedance(nb::module_& m) {
           "mass"_a, "inertia"_a)
       .def_ro("mass", &RigidBody::mass, "[kg]")
       .def_prop_ro("inertia", array_of(&RigidBody::inertia),
-                   "About the centre of mass, in the body's frame [kg m^2].");
+                   "Inertia about the centre of mass, in the body's frame [kg m^2].");
   m.def(
       "rigid_body",
       [](const std::string& shape, const Vector3& size, double mass) {
@@ -303,9 +307,12 @@ void bind_impedance(nb::module_& m) {
                            .mass = mass});
       },
       "shape"_a, "size"_a, "mass"_a,
-      "A 'box', a 'stick' along x or a 'ball' of evenly spread mass. `size` has the whole lengths "
-      "x, y, z of a box, the\nlength and diameter of a stick, the diameter of a ball [m].");
-  m.def("gravity", [] { return Array{gravity()}; }, "[m/s^2], in the world frame.");
+      "Mass and inertia of an object whose mass is evenly spread: a 'box', a 'stick' along x, or a "
+      "'ball'.\n`size` has the whole lengths x, y, z of a box, the length and diameter of a stick, "
+      "or the diameter\nof a ball [m].");
+  m.def(
+      "gravity", [] { return Array{gravity()}; },
+      "Standard gravity as in MuJoCo's models [m/s^2], in the world frame.");
 
   const ObjectGains object;
   nb::class_<ObjectGains>(m, "ObjectGains", "How stiffly an object is held.")
@@ -326,8 +333,8 @@ void bind_impedance(nb::module_& m) {
         "gains"_a = object,
         nb::sig("def object_impedance(desired: Motion, pose: Pose, twist: Twist, body: RigidBody, "
                 "gains: ObjectGains = ...) -> Wrench"),
-        "The wrench about the object's centre that keeps it on its way, in the world frame, with "
-        "its weight and inertia.");
+        "The wrench about the object's centre that keeps the object on its way, in the world "
+        "frame. It\nincludes the object's weight and inertia.");
 
   const TipGains tip;
   nb::class_<TipGains>(m, "TipGains", "How stiffly a tip is held.")
@@ -349,27 +356,27 @@ void bind_impedance(nb::module_& m) {
       nb::sig("def tip_impedance(desired: PointMotion, position: numpy.typing.ArrayLike, velocity: "
               "numpy.typing.ArrayLike, gains: TipGains = ...) -> "
               "numpy.typing.NDArray[numpy.float64]"),
-      "The force that brings a tip to where it should be [N]. What it should press with comes on "
-      "top.");
+      "The force that brings a tip to its desired position [N]. Add the force with which the tip "
+      "should press.");
 }
 
 void bind_trajectories(nb::module_& m) {
-  nb::class_<control::Progress>(m, "Progress", "How far a movement is, and how that changes.")
-      .def_ro("value", &control::Progress::value, "0 at the begin, 1 at the end.")
+  nb::class_<control::Progress>(m, "Progress", "Progress of a movement, with its derivatives.")
+      .def_ro("value", &control::Progress::value, "0 at the beginning, 1 at the end.")
       .def_ro("rate", &control::Progress::rate, "[1/s]")
       .def_ro("acceleration", &control::Progress::acceleration, "[1/s^2]");
   m.def(
       "minimum_jerk",
       [](double time, double duration) { return minimum_jerk(Seconds(time), Seconds(duration)); },
-      "time"_a, "duration"_a, "The movement of the least jerk from rest to rest; times in [s].");
+      "time"_a, "duration"_a, "The movement of least jerk from rest to rest; times in [s].");
 
   const auto bind_trajectory = []<class T>(nb::class_<T> type) {
     type.def_prop_ro(
             "duration", [](const T& way) { return way.duration().count(); }, "[s]")
         .def(
             "at", [](const T& way, double time) { return way.at(Seconds(time)); }, "time"_a,
-            "`time` since the begin [s]; before it at rest at the begin, after `duration` at the "
-            "end.");
+            "The motion at `time` since the beginning [s]. Before time 0 it rests at its start, "
+            "and after\n`duration` at its end.");
   };
   nb::class_<LineTrajectory> line(m, "LineTrajectory", "A straight line with the least jerk.");
   line.def(
@@ -381,8 +388,8 @@ void bind_trajectories(nb::module_& m) {
   bind_trajectory(line);
 
   nb::class_<PoseTrajectory> pose(m, "PoseTrajectory",
-                                  "A straight line and a rotation about a fixed axis, the shorter "
-                                  "way round, with the least jerk.");
+                                  "A straight line, and a rotation about a fixed axis through the "
+                                  "smaller angle, with least jerk.");
   pose.def(
       "__init__",
       [](PoseTrajectory* self, const Pose& start, const Pose& end, double duration) {
@@ -409,8 +416,9 @@ void bind_trajectories(nb::module_& m) {
       "centre"_a, "radius"_a = usual.radius, "start_angle"_a = usual.start_angle,
       "turns"_a = usual.turns, "period"_a = usual.period.count(),
       "ramp_time"_a = usual.ramp_time.count(),
-      "`start_angle` from x towards y [rad]; below zero `turns` go clockwise; `period` of one turn "
-      "at full speed [s].");
+      "`start_angle` is measured from x towards y [rad]. Negative `turns` go clockwise. `period` "
+      "is the\ntime of one turn at full speed, `ramp_time` the time from rest to full speed and "
+      "back to rest [s].");
   bind_trajectory(circle);
 }
 
@@ -423,27 +431,28 @@ void bind_estimation(nb::module_& m) {
               return AnySignal{filter.update(sample, Seconds(elapsed))};
             },
             "sample"_a, "elapsed"_a, doc)
-        .def("reset", &T::reset, "The next sample will be the first.");
+        .def("reset", &T::reset, "Treats the next sample as the first one.");
   };
   bind_filter(nb::class_<LowPassFilter>(
                   m, "LowPassFilter",
                   "A first-order low-pass for up to nine numbers. Samples may come at uneven "
                   "intervals."),
-              "Takes the next sample, `elapsed` [s] after the one before, and returns the filtered "
-              "signal. The first sample\npasses as it is, and so does one with another number of "
-              "values.");
+              "Takes the next sample, `elapsed` [s] after the previous one, and returns the "
+              "filtered signal. The\nfirst sample passes unchanged. A sample with another number "
+              "of values passes unchanged, too.");
   bind_filter(nb::class_<Derivative>(m, "Derivative",
                                      "The rate at which up to nine numbers change, low-pass "
                                      "filtered."),
-              "Takes the next sample, `elapsed` [s] after the one before, and returns the rate "
-              "[1/s]: zero for the first sample "
-              "and for one with another number of values.");
+              "Takes the next sample, `elapsed` [s] after the previous one, and returns the rate "
+              "[1/s]. The rate of\nthe first sample is zero, and so is that of a sample with "
+              "another number of values.");
 
   nb::class_<PoseEstimator>(
       m, "PoseEstimator",
-      "Where an object is now and how it moves, from poses that are few, noisy and old.\n\nIt "
-      "filters how far the object is from a motion that is known, such as the one it is led on, "
-      "and predicts that\ndeviation across the delay. Times are those since any begin [s].")
+      "Estimates the current pose and motion of an object from poses that are few, noisy and "
+      "old.\n\nThe estimator needs a known motion, such as the one on which the object is led. It "
+      "filters how far\nthe object deviates from that motion and predicts the deviation across the "
+      "delay. Times [s] may\nbegin anywhere, but must have the same beginning in all calls.")
       .def(nb::init<double>(), "bandwidth"_a = 3.0)
       .def(
           "update",
@@ -452,8 +461,8 @@ void bind_estimation(nb::module_& m) {
           },
           "time"_a, "pose"_a, "known"_a = Motion{},
           nb::sig("def update(self, time: float, pose: Pose, known: Motion = ...) -> bool"),
-          "Takes `pose`, measured at `time`, when the known motion was at `known`. False if it was "
-          "ignored: not newer than\nthe one before, or not finite.")
+          "Takes `pose`, measured at `time`, when the known motion was at `known`. Returns False "
+          "if the pose\nwas ignored because it is not newer than the previous one or not finite.")
       .def(
           "predict",
           [](const PoseEstimator& estimator, double time, const Motion& known) {
@@ -461,10 +470,11 @@ void bind_estimation(nb::module_& m) {
           },
           "time"_a, "known"_a = Motion{},
           nb::sig("def predict(self, time: float, known: Motion = ...) -> Motion"),
-          "Where the object is at `time`, when the known motion is at `known`.")
+          "The pose and motion of the object at `time`, when the known motion is at `known`. "
+          "Before the first\npose the result is `known`.")
       .def_prop_ro(
           "last_time", [](const PoseEstimator& estimator) { return estimator.last_time().count(); },
-          "Of the newest pose; negative infinity before the first.")
+          "Time of the newest pose; negative infinity before the first.")
       .def("reset", &PoseEstimator::reset, "Forgets all poses.");
 }
 

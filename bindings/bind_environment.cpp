@@ -15,6 +15,7 @@
 #include <string>
 #include <string_view>
 #include <tuple>
+#include <type_traits>
 #include <utility>
 #include <variant>
 #include <vector>
@@ -22,8 +23,10 @@
 #include "array.hpp"
 #include "bindings.hpp"
 #include "choice.hpp"
+#include "garbage.hpp"
 #include "gil.hpp"
 #include "simulation.hpp"
+#include "task.hpp"
 #include "text.hpp"
 #include "timeout.hpp"
 #include "trifinger/base/error.hpp"
@@ -60,15 +63,27 @@ nb::object view(nb::handle owner, std::vector<T>& values, std::size_t rows = 0) 
 
 // `Environment`, one episode of it, and what was seen last.
 struct Episodes {
-  Episodes(const std::string& task, const EnvironmentOptions& options,
-           const RobotDescription& robot, Nanoseconds step)
-      : environment(task, options, robot, step),
+  Episodes(nb::object its_task, const EnvironmentOptions& options, const RobotDescription& robot,
+           Nanoseconds step)
+      : task(std::move(its_task)),
+        environment(nb::isinstance<nb::str>(task) ? find_task(nb::cast<std::string>(task))
+                                                  : describe_task(task, failure),
+                    options, robot, step),
         description(robot),
         period(step),
         observation(environment.observation_size()),
         achieved(environment.goal_size()),
         desired(environment.goal_size()) {}
 
+  // A task may refer to its environment.
+  int traverse(visitproc visit, void* arg) const noexcept {
+    Py_VISIT(task.ptr());
+    return 0;
+  }
+  void clear() noexcept { task.reset(); }
+
+  nb::object task;  // a name, or an object of Python's class
+  std::shared_ptr<TaskFailure> failure = std::make_shared<TaskFailure>();
   Environment environment;
   RobotDescription description;
   Nanoseconds period;
@@ -132,30 +147,32 @@ void bind_description(nb::class_<T>& type, const Environment& (*environment_of)(
               rewards[static_cast<Eigen::Index>(i)] = environment.reward(
                   {achieved.data() + i * size, size}, {desired.data() + i * size, size});
             }
+            if constexpr (std::is_same_v<T, Episodes>) self.failure->rethrow();
             return rewards;
           },
           "achieved"_a, "desired"_a, "One reward for each row.");
 }
 
 void bind_episodes(nb::module_& m) {
-  nb::class_<Episodes> type(m, "Episodes",
+  nb::class_<Episodes> type(m, "Episodes", nb::type_slots(garbage_collected<Episodes>()),
                             "What makes a decision process of a robot: starts, goals, "
                             "observations, rewards. `trifinger.environments` uses it.");
   type.def(
           "__init__",
-          [](Episodes* self, const std::string& task, const std::string& options,
+          [](Episodes* self, const nb::object& task, const std::string& options,
              const std::string& config, const nb::dict& overrides) {
             const RobotConfig robot = load_config(config, overrides);
             new (self)
                 Episodes(task, read_options(options), description_of(robot), period_of(robot));
           },
           "task"_a, "options"_a, "config"_a, "overrides"_a,
-          nb::sig("def __init__(self, task: str, options: str, config: str, "
+          nb::sig("def __init__(self, task: object, options: str, config: str, "
                   "overrides: dict[str, object]) -> None"))
       .def(
           "begin",
           [](Episodes& self, std::uint64_t seed, std::uint64_t number) {
             self.start = self.environment.begin(seed, number, self.episode);
+            self.failure->rethrow();
             const Start& start = self.start;
             const auto list = [](const auto& numbers, std::size_t count) {
               return std::vector<double>(numbers.begin(), numbers.begin() + count);
@@ -256,6 +273,7 @@ void bind_episodes(nb::module_& m) {
                                                      .object = pose ? &*pose : nullptr},
                                                     self.episode, self.observation, self.achieved,
                                                     self.desired);
+            self.failure->rethrow();
             const Outcome& outcome = self.outcome;
             return nb::make_tuple(outcome.reward, outcome.terminated, outcome.truncated,
                                   outcome.success);
@@ -377,34 +395,49 @@ void bind_batch(nb::module_& m) {
 }  // namespace
 
 void bind_environment(nb::module_& m) {
+  nb::class_<Random>(m, "Random",
+                     "The random numbers of an episode. They depend only on its seed and number, "
+                     "and are the same on every machine.")
+      .def("uniform", &Random::uniform, "low"_a, "high"_a,
+           "A number from `low` up to but not including `high`.")
+      .def("normal", &Random::normal, "A normally distributed number: mean 0, deviation 1.")
+      .def("integer", &Random::integer, "low"_a, "high"_a,
+           "An integer from `low` up to but not including `high`.");
   bind_episodes(m);
   bind_batch(m);
   m.def(
-      "task_names",
-      [] {
-        std::vector<std::string> names;
-        for (const std::string_view name : task_names()) names.emplace_back(name);
-        return names;
-      },
-      "Of what `trifinger.environments` has.");
+      "task_names", [] { return task_names(); }, "Names of the tasks of `trifinger.environments`.");
   m.def(
       "default_environment_options",
       [](const std::string& task) { return write_options(default_options(task)); }, "task"_a,
-      "Of a task, as JSON.");
+      "Default options of a task, as JSON.");
   m.def(
       "environment_overrides",
-      [](const std::string& task, const std::string& options) {
+      [](const std::optional<std::string>& task, const std::string& options) {
         const nb::object loads = nb::module_::import_("json").attr("loads");
         nb::dict overrides;
-        for (const std::string& text : config_overrides(task, read_options(options))) {
+        const TaskDescription described =
+            task ? find_task(*task) : TaskDescription{.config_overrides = {}};
+        for (const std::string& text : config_overrides(described, read_options(options))) {
           const std::size_t end = text.find('=');
           overrides[text.substr(0, end).c_str()] = loads(text.substr(end + 1));
         }
         return overrides;
       },
       "task"_a, "options"_a,
-      nb::sig("def environment_overrides(task: str, options: str) -> dict[str, object]"),
-      "What a robot's configuration must say for a task with options (JSON).");
+      nb::sig("def environment_overrides(task: str | None, options: str) -> dict[str, object]"),
+      "The overrides that a robot's configuration needs for options (JSON), and for a task.");
+  m.def(
+      "describe_environment_options",
+      [] {
+        std::vector<std::tuple<std::string, std::string, std::string, std::string>> all;
+        for (OptionDescription& option : describe_options()) {
+          all.emplace_back(std::move(option.name), std::move(option.type), std::move(option.value),
+                           std::move(option.meaning));
+        }
+        return all;
+      },
+      "Name, type, default (JSON) and meaning of each option.");
   m.def(
       "robot_configuration",
       [](const std::string& config, const nb::dict& overrides) {

@@ -42,7 +42,7 @@ struct Setting {
 
   [[nodiscard]] auto argument() const {
     nb::arg argument(name);
-    // Python would print where in memory it lies.
+    // Otherwise Python would print the address of the default value.
     if constexpr (std::is_class_v<Plain>) argument.sig("...");
     return argument = plain(C{}.*member);
   }
@@ -56,7 +56,7 @@ struct Setting {
 template <class C, class M>
 Setting(const char*, M C::*, const char*) -> Setting<C, M>;
 
-// All of them may be given by name, and read and changed later.
+// Binds a struct of settings: each can be given by name, and read and changed later.
 template <class C, class... M>
 void bind_settings(nb::class_<C> type, const Setting<C, M>&... settings) {
   type.def(
@@ -69,60 +69,69 @@ void bind_settings(nb::class_<C> type, const Setting<C, M>&... settings) {
   (settings.bind(type), ...);
 }
 
-// What the safety checks of a configuration do; nothing if it has not three fingers.
+// Returns the limits of a configuration's safety checks; nothing if it does not have three fingers.
 std::optional<SafetyLimits> limits_of(const RobotConfig& config) {
   const auto* const options = std::get_if<SimulationOptions<TriFinger>>(&config.simulation);
   if (options == nullptr || !options->limits) return std::nullopt;
   const JointLimits<kMaxJoints>& limits = *options->limits;
-  return SafetyLimits{limits.max_torque, limits.safety_kd, limits.soft_lower, limits.soft_upper};
+  return SafetyLimits{.max_torque = values_of(limits, &JointLimit::max_torque),
+                      .safety_kd = values_of(limits, &JointLimit::safety_kd),
+                      .soft_lower = values_of(limits, &JointLimit::soft_lower),
+                      .soft_upper = values_of(limits, &JointLimit::soft_upper)};
 }
 
 void bind_planner(nb::module_& m) {
-  nb::class_<Touch>(m, "Touch",
-                    "Where one tip touches an object, in the object's frame. Cannot be changed.")
+  nb::class_<Touch>(
+      m, "Touch",
+      "The place where one tip touches an object, in the object's frame. Cannot be changed.")
       .def(
           "__init__",
           [](Touch* self, const Vector3& point, const Vector3& normal) {
             new (self) Touch{point, normal};
           },
           "point"_a, "normal"_a)
-      .def_prop_ro("point", array_of(&Touch::point), "On the surface, from the centre [m].")
-      .def_prop_ro("normal", array_of(&Touch::normal), "Into the object, of unit length.");
+      .def_prop_ro("point", array_of(&Touch::point), "Point on the surface, from the centre [m].")
+      .def_prop_ro("normal", array_of(&Touch::normal),
+                   "Direction into the object, of unit length.");
 
   nb::class_<Approach>(m, "Approach",
-                       "How a tip comes to its touch: through these points, for the centre of its "
-                       "sphere, in the world frame.")
+                       "The way of a tip to its touch. The centre of the tip's sphere passes these "
+                       "points, given in the world frame.")
       .def_prop_ro("above", array_of(&Approach::above), "[m]")
       .def_prop_ro("beside", array_of(&Approach::beside), "[m]");
   m.def("approach_to", &approach_to, "touch"_a, "object"_a, "tip_radius"_a,
-        "The approach of a tip of `tip_radius` [m] to an object at rest at the pose `object`.");
+        "The approach of a tip with radius `tip_radius` [m] to an object that rests at the pose "
+        "`object`.");
 
   using Config = GraspPlannerConfig;
   bind_settings(
       nb::class_<Config>(m, "GraspPlannerConfig",
-                         "Among what a planner looks, and what it asks for."),
-      Setting{"offsets", &Config::offsets, "To both sides of a face's middle [m]."},
-      Setting{"heights", &Config::heights, "Above the object's centre [m]."},
-      Setting{"friction", &Config::friction, "On which the forces rely."},
-      Setting{"friction_sides", &Config::friction_sides, "Of its pyramids, 3 to 8."},
+                         "The candidates that a planner compares, and its requirements."),
+      Setting{"offsets", &Config::offsets,
+              "Candidate offsets to both sides of a face's middle [m]."},
+      Setting{"heights", &Config::heights, "Candidate heights above the object's centre [m]."},
+      Setting{"friction", &Config::friction, "Friction coefficient that the forces rely on."},
+      Setting{"friction_sides", &Config::friction_sides, "Sides of its friction pyramids, 3 to 8."},
       Setting{"min_normal_force", &Config::min_normal_force, "[N]"},
       Setting{"clearance", &Config::clearance,
-              "Of fingers from all they do not touch with their tips [m]."},
-      Setting{"limit_margin", &Config::limit_margin, "Of joints from their soft limits [rad]."},
+              "Distance that fingers keep, except at touching tips [m]."},
+      Setting{"limit_margin", &Config::limit_margin,
+              "Distance that joints keep from their soft limits [rad]."},
       Setting{"largest_torque", &Config::largest_torque,
-              "Share of the motors' torque that carrying may take."});
+              "Share of the motors' torque that carrying may need."});
 
-  nb::class_<PlannedGrasp>(m, "PlannedGrasp", "What a planner has chosen.")
-      .def_ro("touches", &PlannedGrasp::touches, "One for each of the three tips, finger 0 first.")
-      .def_ro("torque_share", &PlannedGrasp::torque_share,
-              "The largest share of a motor's torque that carrying the object takes, anywhere on "
-              "the way.");
+  nb::class_<PlannedGrasp>(m, "PlannedGrasp", "The result of a planner.")
+      .def_ro("touches", &PlannedGrasp::touches, "Touches of the three tips, finger 0 first.")
+      .def_ro(
+          "torque_share", &PlannedGrasp::torque_share,
+          "Largest share of a motor's torque that carrying the object needs anywhere on the way.");
 
   nb::class_<GraspPlanner>(
       m, "GraspPlanner",
       "Chooses which finger touches which side face of a box, and where. The fingers reach the "
-      "whole way, touch nothing\nbut the box with nothing but their tips, carry it within friction "
-      "and ask for as little torque as can be. Not for\nseveral threads at once.")
+      "whole way.\nOnly their tips touch anything, and they touch only the box. They carry it "
+      "within friction, with as\nlittle torque as possible. One object must not be used by several "
+      "threads at once.")
       .def(
           "__init__",
           [](GraspPlanner* self, const std::string& config, const nb::dict& overrides,
@@ -135,56 +144,65 @@ void bind_planner(nb::module_& m) {
           nb::arg("settings").sig("...") = Config{},
           nb::sig("def __init__(self, config: str = 'sim', overrides: dict[str, object] = {}, "
                   "object: str = 'cube', settings: GraspPlannerConfig = ...) -> None"),
-          "For the robot, the limits and the scene of a configuration, as in `Kinematics`; "
-          "`object` is the name of the box.")
+          "`config` and `overrides` give the robot, its limits and the scene, as in `Kinematics`. "
+          "`object` is\nthe name of the box.")
       .def(
           "plan",
           [](GraspPlanner& planner, const std::vector<Motion>& way) { return planner.plan(way); },
           "way"_a,
-          "The best grasp for leading the object along `way`, which begins where it is grasped; "
-          "None if there is none. The\nobject is as upright on all of the way as where it begins. "
-          "Takes some milliseconds.");
+          "The best grasp to lead the object along `way`, which begins where it is grasped. None "
+          "if there is\nnone. The object must stay as upright on the whole way as at its "
+          "beginning. The call takes some\nmilliseconds.");
 }
 
 void bind_controller(nb::module_& m) {
   using Config = GraspControllerConfig;
   bind_settings(
-      nb::class_<Config>(m, "GraspControllerConfig", "How a `GraspController` works."),
+      nb::class_<Config>(m, "GraspControllerConfig",
+                         "Settings of a `GraspController`. docs/control.md explains the gains."),
       Setting{"object", &Config::object, "How stiffly the object is held."},
-      Setting{"tips", &Config::tips, "How stiffly each tip is."},
-      Setting{"friction", &Config::friction, "On which the forces that hold the object rely."},
-      Setting{"friction_sides", &Config::friction_sides, "Of its pyramids, 3 to 8."},
+      Setting{"tips", &Config::tips, "How stiffly each tip is held."},
+      Setting{"friction", &Config::friction,
+              "Friction coefficient that the holding forces rely on."},
+      Setting{"friction_sides", &Config::friction_sides, "Sides of its friction pyramids, 3 to 8."},
       Setting{"slip_friction", &Config::slip_friction,
-              "Tangential forces of tips that hold never exceed this share."},
-      Setting{"min_normal_force", &Config::min_normal_force, "Of each tip while it holds [N]."},
-      Setting{"max_normal_force", &Config::max_normal_force, "Likewise [N]."},
-      Setting{"touch_force", &Config::touch_force, "What is felt as a touch [N]."},
-      Setting{"approach_speed", &Config::approach_speed, "Of the tips, on average [m/s]."},
-      Setting{"closing_speed", &Config::closing_speed, "With which tips look for the faces [m/s]."},
-      Setting{"penetration", &Config::penetration, "How far behind a face they look for it [m]."},
+              "Largest ratio of tangential to normal force of holding tips."},
+      Setting{"min_normal_force", &Config::min_normal_force,
+              "Smallest normal force of each holding tip [N]."},
+      Setting{"max_normal_force", &Config::max_normal_force,
+              "Largest normal force of each holding tip [N]."},
+      Setting{"touch_force", &Config::touch_force, "Force that counts as a touch [N]."},
+      Setting{"approach_speed", &Config::approach_speed,
+              "Average speed of the tips on the way [m/s]."},
+      Setting{"closing_speed", &Config::closing_speed,
+              "Speed of tips that search for the faces [m/s]."},
+      Setting{"penetration", &Config::penetration,
+              "Depth inside the object up to which the tips search for a face [m]."},
       Setting{"closing_time", &Config::closing_time,
-              "In which all tips must have felt their faces [s]."},
-      Setting{"engage_time", &Config::engage_time, "In which touching becomes holding [s]."},
+              "Time in which all tips must have felt their faces [s]."},
+      Setting{"engage_time", &Config::engage_time, "Time in which a touch becomes a hold [s]."},
       Setting{"roll_time", &Config::roll_time,
-              "In which the tips' targets follow tips that roll [s]."},
+              "Time constant with which targets follow rolling tips [s]."},
       Setting{"slip_speed", &Config::slip_speed,
-              "Of a tip along its face, above which it slips [m/s]."},
+              "Speed of a tip along its face above which it slips [m/s]."},
       Setting{"lost_time", &Config::lost_time,
-              "Without touch, after which the object is lost [s]."},
-      Setting{"lost_distance", &Config::lost_distance, "From where it should be, likewise [m]."});
+              "Time without touch after which the object is lost [s]."},
+      Setting{"lost_distance", &Config::lost_distance,
+              "Distance from its target at which the object is lost [m]."});
 
-  nb::enum_<GraspPhase>(m, "GraspPhase", "What a `GraspController` is doing.")
+  nb::enum_<GraspPhase>(m, "GraspPhase", "The phase of a `GraspController`.")
       .value("IDLE", GraspPhase::kIdle, "The tips stay where they are.")
-      .value("APPROACH", GraspPhase::kApproach, "On the way to the object, without touching it.")
-      .value("CLOSE", GraspPhase::kClose, "Towards the faces, until all tips feel them.")
-      .value("ENGAGE", GraspPhase::kEngage, "Forces grow until they hold the object.")
+      .value("APPROACH", GraspPhase::kApproach, "The tips go to the object without touching it.")
+      .value("CLOSE", GraspPhase::kClose,
+             "The tips move towards the faces until all of them feel a touch.")
+      .value("ENGAGE", GraspPhase::kEngage, "The forces grow until they hold the object.")
       .value("HOLD", GraspPhase::kHold, "The object follows the desired motion.")
-      .value("RELEASE", GraspPhase::kRelease, "Off the faces, and up.")
+      .value("RELEASE", GraspPhase::kRelease, "The tips move off the faces, and then up.")
       .value("LOST", GraspPhase::kLost,
-             "It slipped away, or was not where it should be. The tips stay: release them.");
+             "The object slipped away or was not at its place. The tips stay; release them.");
 
-  nb::class_<JointState>(m, "JointState",
-                         "What the nine joints measure, finger 0 first, from the base to the tip.")
+  nb::class_<JointState>(
+      m, "JointState", "Measurements of the nine joints, finger 0 first, from the base to the tip.")
       .def(
           "__init__",
           [](JointState* self, const Vector9& position, const Vector9& velocity,
@@ -196,31 +214,33 @@ void bind_controller(nb::module_& m) {
       .def_prop_ro("velocity", array_of(&JointState::velocity), "[rad/s]")
       .def_prop_ro("torque", array_of(&JointState::torque), "[Nm]");
 
-  nb::class_<GraspState>(m, "GraspState", "What a `GraspController` feels and does.")
+  nb::class_<GraspState>(m, "GraspState",
+                         "The state of a `GraspController`: its phase and its forces.")
       .def_ro("phase", &GraspState::phase)
       .def_ro("wanted", &GraspState::wanted,
-              "Of the contacts while the object is held, in the world frame.")
+              "The wanted contact forces while the object is held, in the world frame.")
       .def_prop_ro("normal_forces", array_of(&GraspState::normal_forces),
-                   "What the three tips press with along their faces' normals, from the joints' "
-                   "torques [N].")
+                   "Forces with which the three tips press along their faces' normals [N], "
+                   "computed from the joints' torques.")
       .def_prop_ro("tangential_forces", array_of(&GraspState::tangential_forces),
-                   "Likewise across the normals [N].")
+                   "Forces with which the three tips press across their faces' normals [N], "
+                   "computed from the joints' torques.")
       .def_prop_ro("travel", array_of(&GraspState::travel),
-                   "How far each of the three tips has moved along its face since all of them "
-                   "touched, by rolling and slipping\n[m].")
+                   "How far each of the three tips has moved along its face by rolling and "
+                   "slipping, since all tips touched [m].")
       .def_prop_ro("slip_speeds", array_of(&GraspState::slip_speeds),
-                   "How fast they do so, without what is faster than 5 Hz [m/s].")
+                   "Speeds of `travel`, low-pass filtered at 5 Hz [m/s].")
       .def_ro("is_slipping", &GraspState::is_slipping,
-              "A tip moves along its face faster than tips roll.")
+              "True if a tip moves along its face faster than tips roll.")
       .def_ro("torque_share", &GraspState::torque_share,
-              "The largest share of a joint's torque limit that is asked for; what is above 1 the "
-              "safety checks cut off.");
+              "The largest ratio of a requested torque to its joint's limit. The safety checks cut "
+              "off everything above 1.");
 
   nb::class_<GraspController>(
       m, "GraspController",
-      "The paper's controller: grasps an object with three tips, makes it follow a motion, and "
-      "lets it go. Its equations are\nin docs/control.md. Call `update` once per step. Not for "
-      "several threads at once.")
+      "The paper's controller: it grasps an object with three tips, makes it follow a motion, and "
+      "releases\nit. Its equations are in docs/control.md. Call `update` once per step. One object "
+      "must not be used\nby several threads at once.")
       .def(
           "__init__",
           [](GraspController* self, const RigidBody& body, const std::string& config,
@@ -232,12 +252,12 @@ void bind_controller(nb::module_& m) {
           "body"_a, "config"_a = "sim", "overrides"_a = nb::dict(), "settings"_a = Config{},
           nb::sig("def __init__(self, body: RigidBody, config: str = 'sim', overrides: dict[str, "
                   "object] = {}, settings: GraspControllerConfig = ...) -> None"),
-          "`body` is the object, the robot and its limits are those of a configuration, as in "
+          "`body` is the object. `config` and `overrides` give the robot and its limits, as in "
           "`Kinematics`.")
       .def("grasp", &GraspController::grasp, "touches"_a, "object"_a,
-           "Goes to the object, which rests at the pose `object`, and takes it at three `touches`, "
-           "finger 0 first.")
-      .def("release", &GraspController::release, "Lets the object go, whatever the phase.")
+           "Goes to the object, which rests at the pose `object`, and grasps it at three "
+           "`touches`, finger 0 first.")
+      .def("release", &GraspController::release, "Releases the object in any phase.")
       .def(
           "update",
           [](GraspController& controller, double elapsed, const JointState& joints,
@@ -245,11 +265,11 @@ void bind_controller(nb::module_& m) {
             return Array{controller.update(Seconds(elapsed), joints, object, desired)};
           },
           "elapsed"_a, "joints"_a, "object"_a, "desired"_a,
-          "The nine joint torques for the next step [Nm], `elapsed` [s] after the step before. "
-          "`object` is where the object\nis and how it moves, `desired` how it should while it is "
-          "held; until it is, `desired` should be where it rests.")
+          "Returns the nine joint torques for the next step [Nm], `elapsed` [s] after the previous "
+          "step.\n`object` is the object's pose and motion. `desired` is its desired motion while "
+          "it is held; before\nthat, pass the pose where it rests.")
       .def_prop_ro("state", &GraspController::state, nb::rv_policy::copy,
-                   "As of the last `update`.");
+                   "The state after the last `update`.");
 }
 
 }  // namespace

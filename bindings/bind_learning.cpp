@@ -67,7 +67,7 @@ void require_both(const char* names, bool first, bool second) {
   throw InvalidArgument(std::string(names) + " go together: give both or none");
 }
 
-// What was found to be no observation, in words.
+// Throws an error that says why `observation` was rejected.
 void explain(const Policy& policy, std::span<const double> observation) {
   for (std::size_t i = 0; i < observation.size(); ++i) {
     if (std::isfinite(observation[i])) continue;
@@ -78,9 +78,9 @@ void explain(const Policy& policy, std::span<const double> observation) {
                         std::to_string(policy.num_inputs()) + " inputs");
 }
 
-// Reads the observation where it lies and writes the action into the array that it returns.
+// Reads the observation in place and writes the action into the array that it returns.
 nb::object call(Policy& policy, nb::handle observation) {
-  // Not what would lose something: complex numbers, texts, objects.
+  // Refuses conversions that would lose something: complex numbers, texts, objects.
   const nb::object array =
       nb::steal(PyArray_FROM_OTF(observation.ptr(), NPY_DOUBLE, NPY_ARRAY_IN_ARRAY));
   if (!array.is_valid()) {
@@ -111,9 +111,10 @@ nb::object call(Policy& policy, nb::handle observation) {
 
 void bind_learning(nb::module_& m) {
   const InputNormalization usual;
-  nb::class_<Policy>(m, "Policy",
-                     "A trained policy, computed in C++: actions from observations. Its file is "
-                     "described in docs/policies.md.\n\nNot for several threads at once.")
+  nb::class_<Policy>(
+      m, "Policy",
+      "A trained policy: it computes actions from observations, in C++. Its file is described in "
+      "docs/policies.md.\n\nOne policy must not be used by several threads at once.")
       .def(
           "__init__",
           [](Policy* self, nb::handle path, const std::string& precision) {
@@ -123,8 +124,8 @@ void bind_learning(nb::module_& m) {
           "path"_a, nb::kw_only(), "precision"_a = "double",
           nb::sig("def __init__(self, path: str | os.PathLike[str], *, precision: str = 'double') "
                   "-> None"),
-          "Reads the file at `path`. Sums are 'double' precision, or 'single', which takes about "
-          "half the time and rounds\nas much as PyTorch does.")
+          "Reads the file at `path`. Sums have 'double' or 'single' precision. 'single' takes "
+          "about half the\ntime and rounds as much as PyTorch does.")
       .def_static(
           "from_layers",
           [](const std::vector<PyLayer>& layers, const std::optional<Numbers>& mean,
@@ -154,18 +155,19 @@ void bind_learning(nb::module_& m) {
           "epsilon"_a = usual.epsilon, "clip"_a = usual.clip, "low"_a = nb::none(),
           "high"_a = nb::none(), "bounding"_a = "scale", "metadata"_a = nb::dict(),
           "precision"_a = "double",
-          "Of layers: weights with a row for each output, bias, and 'identity', 'relu' or 'tanh'. "
-          "Inputs are normalised with\n`mean` and `variance`; outputs are brought between `low` "
-          "and `high`, by 'scale' from -1 to 1, or by 'clip'.\n`trifinger.policy_file` makes them "
-          "from networks of PyTorch.")
+          "Makes a policy from layers: weights with one row per output, bias, and 'identity', "
+          "'relu' or 'tanh'.\nInputs are normalised with `mean` and `variance`. Outputs are "
+          "brought between `low` and `high`, by\n'scale' from -1 to 1, or by 'clip'. "
+          "`trifinger.policy_file` makes policies from networks of PyTorch.")
       .def(
           "save", [](const Policy& policy, nb::handle path) { policy.save(to_path(path)); },
           "path"_a, nb::sig("def save(self, path: str | os.PathLike[str]) -> None"),
-          "Writes the file at `path`, in one step: what was there is whole until the new one is.")
+          "Writes the file at `path` in one step: an old file stays whole until the new one "
+          "replaces it.")
       .def("__call__", &call, "observation"_a,
            nb::sig("def __call__(self, observation: numpy.typing.ArrayLike) -> "
                    "numpy.typing.NDArray[numpy.float64]"),
-           "The action for `observation`. An array of float64 is read where it lies.")
+           "Computes the action for `observation`. An array of float64 is read in place.")
       .def_prop_ro("num_inputs", &Policy::num_inputs)
       .def_prop_ro("num_outputs", &Policy::num_outputs)
       .def_prop_ro(
@@ -177,7 +179,7 @@ void bind_learning(nb::module_& m) {
             }
             return widths;
           },
-          "Of the inputs and of each layer.")
+          "Number of inputs, then number of outputs of each layer.")
       .def_prop_ro(
           "activations",
           [](const Policy& policy) {
@@ -187,13 +189,13 @@ void bind_learning(nb::module_& m) {
             }
             return activations;
           },
-          "Of each layer.")
+          "Activation of each layer.")
       .def_prop_ro(
           "precision",
           [](const Policy& policy) {
             return std::string(kPrecisions.at(static_cast<std::size_t>(policy.precision())));
           },
-          "Of its sums: 'double' or 'single'.")
+          "Precision of the policy's sums: 'double' or 'single'.")
       .def_prop_ro(
           "bounds",
           [](const Policy& policy) -> std::optional<std::tuple<Numbers, Numbers, std::string>> {
@@ -203,10 +205,10 @@ void bind_learning(nb::module_& m) {
                 from_vector(bounds->low), from_vector(bounds->high),
                 std::string(kBoundings.at(static_cast<std::size_t>(bounds->bounding))));
           },
-          "Of the outputs: low, high, and 'scale' or 'clip'; None for none.")
+          "Bounds of the outputs: low, high, and 'scale' or 'clip'. None if there are no bounds.")
       .def_prop_ro(
           "metadata", [](const Policy& policy) { return policy.network().metadata; },
-          "What a program needs to know that runs it; a copy.");
+          "Facts for the program that runs the policy; a copy.");
 }
 
 }  // namespace trifinger::python

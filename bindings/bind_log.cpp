@@ -51,7 +51,7 @@ nb::list to_sessions(std::vector<LoggedSession> sessions) {
   return list;
 }
 
-// A method that is written in Python: trifinger.export.NAME(session, ...).
+// Returns a method that calls Python: trifinger.export.NAME(session, ...).
 auto exported(const char* name) {
   return [name](nb::handle session, const nb::args& arguments, const nb::kwargs& options) {
     return nb::module_::import_("trifinger.export").attr(name)(session, *arguments, **options);
@@ -81,12 +81,12 @@ void bind_logged_session(nb::module_& m) {
 
   nb::class_<PythonLoggedSession>(
       m, "LoggedSession",
-      R"(A session as it is in a log: of a robot, or of one of its companions, whose elements are its
-observations and are counted by themselves.
+      R"(A session in a log. It belongs to a robot or to one of its companions. A companion has only
+observations and counts its own elements.
 
     session = trifinger.Log("run.mcap").session("sim")
     session.observations["position"]             # all steps
-    session.get_observations(1000, 2000)         # as a front-end has them
+    session.get_observations(1000, 2000)         # like those of a front-end
     session.get_observations(*session.between(1.5, 3.0), fields=("position",))
     for steps in session.chunks():               # a log larger than memory
         steps.time_index, steps.observations, steps.applied_actions
@@ -108,21 +108,21 @@ Any number of threads may read.)")
                    [](const PythonLoggedSession& session) { return session.session().name(); })
       .def_prop_ro(
           "type", [](const PythonLoggedSession& session) { return session.session().type(); },
-          R"(Of the robot, as in "trifinger"; of a companion, its own.)")
+          R"(Type of the robot, for example "trifinger", or of the companion.)")
       .def_prop_ro(
           "is_companion",
           [](const PythonLoggedSession& session) { return session.session().is_companion(); })
       .def_prop_ro("session_id", header(&log::SessionHeader::session_id))
       .def_prop_ro("is_real_time", header(&log::SessionHeader::is_real_time))
       .def_prop_ro("realtime_lacks", header(&log::SessionHeader::realtime_lacks),
-                   "In real-time mode what the loop lacked to be a real-time thread, a sentence "
-                   "each; None if the log does not\nsay.")
+                   "In real-time mode: what the loop lacked to be a real-time thread, one sentence "
+                   "each. None if it was\nnot recorded.")
       .def_prop_ro(
           "period",
           [](const PythonLoggedSession& session) {
             return to_seconds(session.session().header().period);
           },
-          "Of the robot's steps [s].")
+          "Length of the robot's steps [s].")
       .def_prop_ro(
           "created",
           [](const PythonLoggedSession& session) {
@@ -140,34 +140,35 @@ Any number of threads may read.)")
           R"(Texts that belong to the session, by name: "configuration.yml", "model.xml".)")
       .def_prop_ro(
           "steps", [](const PythonLoggedSession& session) { return session.session().steps(); },
-          "Whole steps of the session; None if it went on when the recording ended.")
+          "Number of whole steps of the session. None if it was still running when the recording "
+          "ended.")
       .def_prop_ro(
           "fault",
           [](const PythonLoggedSession& session) {
             return to_python(std::optional(session.session().fault()));
           },
           nb::sig("def fault(self) -> trifinger.session_info.Fault | None"),
-          "Why the session ended; None if it went on when the recording ended.")
+          "Why the session ended; None if it was still running when the recording ended.")
       .def_prop_ro(
           "fault_text",
           [](const PythonLoggedSession& session) {
             return to_text(session.session().fault_text());
           },
-          nb::sig("def fault_text(self) -> str"), "The same in a sentence.")
+          nb::sig("def fault_text(self) -> str"), "The reason of `fault` as a sentence.")
       .def_prop_ro(
           "gaps",
           [](const PythonLoggedSession& session) {
             return to_list(without_gil([&] { return session.session().gaps(); }));
           },
           nb::sig("def gaps(self) -> list[trifinger.log_types.Gap]"),
-          R"(The steps that are not in the log, because the recorder said so or because the file is damaged.
-Looks at the whole log once.)")
+          R"(Steps that are missing in the log, because the recorder said so or because the file is
+damaged. Reads the whole log once.)")
 
       .def_prop_ro(
           "observations", all_steps(Series::kObservation),
           nb::sig("def observations(self) -> numpy.typing.NDArray[Observation]"),
-          R"(Those of all whole steps: a row for each number in `time_index`. Read when first asked for,
-and kept.)")
+          R"(Observations of all whole steps: a row for each number in `time_index`. They are read
+at the first request and kept.)")
       .def_prop_ro("desired_actions", all_steps(Series::kDesiredAction),
                    nb::sig("def desired_actions(self) -> numpy.typing.NDArray[Action]"))
       .def_prop_ro("applied_actions", all_steps(Series::kAppliedAction),
@@ -177,14 +178,14 @@ and kept.)")
       .def_prop_ro(
           "time_index", &PythonLoggedSession::time_index,
           nb::sig("def time_index(self) -> numpy.typing.NDArray[numpy.int64]"),
-          "The whole steps that are in the log; of a companion, the numbers of its elements.")
+          "The whole steps that are in the log; for a companion, the numbers of its elements.")
       .def_prop_ro("times", &PythonLoggedSession::times,
                    nb::sig("def times(self) -> numpy.typing.NDArray[numpy.datetime64]"),
-                   "When they were measured, by the clock on the wall (UTC).")
+                   "Times at which the observations were measured, by the wall clock (UTC).")
 
       .def("get_observation", get(Series::kObservation), "t"_a,
            nb::sig("def get_observation(self, t: int) -> Observation"),
-           "Returns y[t]. Raises NotInLog, like all below.")
+           "Returns y[t]. This and the functions below raise NotInLog if an element is missing.")
       .def("get_desired_action", get(Series::kDesiredAction), "t"_a,
            nb::sig("def get_desired_action(self, t: int) -> Action"))
       .def("get_applied_action", get(Series::kAppliedAction), "t"_a,
@@ -197,10 +198,10 @@ and kept.)")
           nb::sig(
               "def get_observations(self, first: int, last: int, fields: str | "
               "collections.abc.Sequence[str] | None = None) -> numpy.typing.NDArray[Observation]"),
-          R"(Returns the steps from `first` to before `last`: row i is step `first + i`, so all of them must
-be in the log. Only these `fields`, if given.
+          R"(Returns the steps from `first` to before `last`, with only these `fields` if given. Row
+i is step `first + i`, so all steps must be in the log.
 
-Where the session ended in step N there are an observation and a status N, but no actions.)")
+If the session ended in step N, the log has an observation and a status N, but no actions N.)")
       .def("get_desired_actions", get_many(Series::kDesiredAction), "first"_a, "last"_a,
            "fields"_a = nb::none(),
            nb::sig("def get_desired_actions(self, first: int, last: int, fields: str | "
@@ -214,19 +215,18 @@ Where the session ended in step N there are an observation and a status N, but n
            nb::sig("def get_statuses(self, first: int, last: int, fields: str | "
                    "collections.abc.Sequence[str] | None = None) -> "
                    "numpy.typing.NDArray[StatusElement]"))
-      .def(
-          "get_latest_at", &PythonLoggedSession::get_latest_at, "t"_a,
-          nb::sig("def get_latest_at(self, t: int) -> Observation | None"),
-          R"(Companions: returns the newest element that arrived at or before the robot's step `t`; None if
-there was none by then.)")
+      .def("get_latest_at", &PythonLoggedSession::get_latest_at, "t"_a,
+           nb::sig("def get_latest_at(self, t: int) -> Observation | None"),
+           R"(For companions: returns the newest element that arrived at or before the robot's step
+`t`. None if none had arrived by then.)")
       .def("range", &PythonLoggedSession::range, "series"_a,
            nb::sig("def range(self, series: str) -> tuple[int, int]"),
-           R"(The first step of `series` in the log, and the first behind the last.)")
+           R"(The first step of `series` in the log, and the first step after the last one.)")
       .def(
           "between", &PythonLoggedSession::between, "begin"_a, "end"_a,
           nb::sig("def between(self, begin: float, end: float) -> tuple[int, int]"),
-          R"(The range of the steps that were measured from `begin` to before `end`, in seconds since the
-first step in the log.)")
+          R"(The range of the steps measured from `begin` to before `end`. Both are in seconds since
+the first step in the log.)")
       .def(
           "timing",
           [](const PythonLoggedSession& session, TimeIndex first, nb::handle last) {
@@ -237,9 +237,9 @@ first step in the log.)")
           "first"_a = 0, "last"_a = nb::none(),
           nb::sig("def timing(self, first: int = 0, last: int | None = None) -> TimingRecord | "
                   "None"),
-          R"(How the session kept its time from step `first` to before `last`, the status of its end
-included: what Frontend.timing() says, if no step is missing. None outside real-time mode, and if
-the statuses are those of another version.)")
+          R"(How well the session kept its time from step `first` to before `last`, including the
+status of its end. It equals Frontend.timing() if no step is missing. None outside real-time mode,
+or if the statuses have another version.)")
       .def(
           "read",
           [](const PythonLoggedSession& session, nb::handle first, nb::handle last,
@@ -250,8 +250,8 @@ the statuses are those of another version.)")
           nb::sig("def read(self, first: int | None = None, last: int | None = None, series: "
                   "collections.abc.Mapping[str, collections.abc.Sequence[str] | None] | "
                   "collections.abc.Sequence[str] | None = None) -> trifinger.log_types.Steps"),
-          R"(Reads several series at once, which takes no longer than one: what there is of the whole steps
-from `first` to before `last`.
+          R"(Reads the existing whole steps from `first` to before `last`. Reading several series at
+once takes no longer than reading one.
 
 `series` are names, "desired_action", "applied_action", "observation" and "status", or a dict of
 names and fields: `{"observation": ("position",), "status": None}`.)")
@@ -267,7 +267,7 @@ names and fields: `{"observation": ("position",), "status": None}`.)")
                   "= None, series: collections.abc.Mapping[str, collections.abc.Sequence[str] | "
                   "None] | collections.abc.Sequence[str] | None = None) -> "
                   "collections.abc.Iterator[trifinger.log_types.Steps]"),
-          "The same, `count` rows at a time, for a log larger than memory.")
+          "Reads like read(), but `count` rows at a time, for a log larger than memory.")
 
       .def_prop_ro(
           "companions",
@@ -280,7 +280,7 @@ names and fields: `{"observation": ("position",), "status": None}`.)")
           [](const PythonLoggedSession& session, const std::string& name) {
             return std::make_unique<PythonLoggedSession>(session.session().companion(name));
           },
-          "name"_a, R"(The companion `name` of this robot, as in "object".)")
+          "name"_a, R"(The companion `name` of this robot, for example "object".)")
       .def_prop_ro("observation_dtype", dtype(Series::kObservation),
                    nb::sig("def observation_dtype(self) -> numpy.dtype[Observation]"))
       .def_prop_ro("action_dtype", dtype(Series::kDesiredAction),
@@ -304,21 +304,22 @@ names and fields: `{"observation": ("position",), "status": None}`.)")
             return units;
           },
           nb::sig("def units(self) -> dict[str, dict[str, str]]"),
-          R"(Of the fields of each series: `units["observation"]["position"]` is "rad".)")
+          R"(Units of the fields of each series: `units["observation"]["position"]` is "rad".)")
 
       .def("to_pandas", exported("to_pandas"),
            nb::sig("def to_pandas(self, first: int | None = None, last: int | None = None, series: "
                    "collections.abc.Mapping[str, collections.abc.Sequence[str] | None] | "
                    "collections.abc.Sequence[str] | None = None) -> pandas.DataFrame"),
-           R"(The same as read() as a pandas.DataFrame: a row per step, a column per number, as in
-"observation.position[0]". Needs the extra "export".)")
+           R"(Reads like read() into a pandas.DataFrame: a row per step, a column per number, for
+example "observation.position[0]". Needs the extra "export".)")
       .def("to_csv", exported("to_csv"),
            nb::sig("def to_csv(self, path: str | os.PathLike[str], first: int | None = None, last: "
                    "int | "
                    "None = None, series: collections.abc.Mapping[str, "
                    "collections.abc.Sequence[str] | None] "
                    "| collections.abc.Sequence[str] | None = None) -> None"),
-           "Writes the same table to a file, in parts, so that it may be larger than memory.")
+           "Writes the table of to_pandas() to a CSV file, in parts, so that it may be larger than "
+           "memory.")
       .def(
           "to_parquet", exported("to_parquet"),
           nb::sig(
@@ -326,14 +327,14 @@ names and fields: `{"observation": ("position",), "status": None}`.)")
               "int "
               "| None = None, series: collections.abc.Mapping[str, collections.abc.Sequence[str] | "
               "None] | collections.abc.Sequence[str] | None = None) -> None"),
-          "The same as a Parquet file.");
+          "Writes the table of to_pandas() to a Parquet file, in parts.");
 }
 
 }  // namespace
 
 void bind_log(nb::module_& m) {
-  // Nobody makes one: it is what `chunks` returns.
-  nb::class_<PythonSteps>(m, "StepsIterator", "What LoggedSession.chunks() goes through.")
+  // Users cannot make one; `chunks` returns it.
+  nb::class_<PythonSteps>(m, "StepsIterator", "Iterator that LoggedSession.chunks() returns.")
       .def(
           "__iter__", [](nb::object self) { return self; },
           nb::sig("def __iter__(self) -> StepsIterator"))
@@ -343,13 +344,13 @@ void bind_log(nb::module_& m) {
 
   nb::class_<Log>(
       m, "Log",
-      R"(A recording: a file, a list of its parts, or a folder, of which the newest recording is taken.
+      R"(A recording: a file, a list of its parts, or a folder, whose newest recording is taken.
 
-Opening reads no messages if the files were finished and are whole. What is damaged is left out
-and named (`damage`, `lost_bytes`, and `gaps` of the sessions); everything else is read.
+If the files are finished and whole, opening reads no messages. Damaged pieces are left out and
+named (`damage`, `lost_bytes`, and `gaps` of the sessions); everything else is read.
 
-Raises Error if it is no log, or one of a later version; InvalidArgument if a folder has no
-recording, or a list has parts of several; OSError.)")
+Raises Error if it is not a log or is one of a later version; InvalidArgument if a folder has no
+recording or the parts belong to several recordings; OSError.)")
       .def(
           "__init__",
           [](Log* place, nb::handle path) {
@@ -381,39 +382,40 @@ recording, or a list has parts of several; OSError.)")
             for (const std::filesystem::path& file : log.files()) files.append(to_python(file));
             return files;
           },
-          nb::sig("def files(self) -> list[pathlib.Path]"), "In the order of the parts.")
-      .def_prop_ro("size", &Log::size, "Of all files [bytes].")
+          nb::sig("def files(self) -> list[pathlib.Path]"), "The files, in the order of the parts.")
+      .def_prop_ro("size", &Log::size, "Size of all files together [bytes].")
       .def_prop_ro("is_finished", &Log::is_finished,
-                   "Every file has the summary that is written at its end.")
+                   "True if every file has the summary that is written at its end.")
       .def_prop_ro(
           "origin", &Log::origin,
-          R"(Who wrote the log and where: "trifinger_version", "host", "kernel", "created".)")
+          R"(The program and machine that wrote the log: "trifinger_version", "host", "kernel",
+"created".)")
       .def_prop_ro(
           "sessions", [](const Log& log) { return to_sessions(log.sessions()); },
           nb::sig("def sessions(self) -> list[LoggedSession]"),
-          "Those of robots, in the order in which they began.")
+          "The sessions of robots, in the order in which they began.")
       .def(
           "session",
           [](const Log& log, const std::string& name) {
             return std::make_unique<PythonLoggedSession>(log.session(name));
           },
           "name"_a = "",
-          R"(The newest session of the robot or companion `name` that has steps; of the only robot in the log,
-if none is named. Raises InvalidArgument with the names there are.)")
+          R"(The newest session with steps of the robot or companion `name`. With an empty name,
+that of the only robot in the log. Raises InvalidArgument with the existing names.)")
       .def_prop_ro(
           "events",
           [](const Log& log) { return to_list(without_gil([&] { return log.events(); })); },
           nb::sig("def events(self) -> list[trifinger.log_types.Event]"),
-          "What was told to people. Looks at the whole log once, like all below.")
+          "Messages for people. This and the properties below read the whole log once.")
       .def_prop_ro(
           "damage",
           [](const Log& log) { return to_list(without_gil([&] { return log.damage(); })); },
           nb::sig("def damage(self) -> list[trifinger.log_types.Damage]"),
-          "What could not be read.")
+          "Pieces of the files that could not be read.")
       .def_prop_ro(
           "lost_bytes",
           [](const Log& log) { return without_gil([&] { return log.lost_bytes(); }); },
-          "Bytes of the files that could not be used.");
+          "Number of bytes of the files that could not be used.");
 }
 
 }  // namespace trifinger::python

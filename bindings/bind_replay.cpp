@@ -24,7 +24,7 @@ using namespace nanobind::literals;
 namespace trifinger::python {
 namespace {
 
-// A session, the newest one of a log, or of the log at a path.
+// Returns the session `log`, or the newest session of `robot` in the log or path `log`.
 log::LoggedSession to_session(nb::handle log, const std::string& robot) {
   if (nb::isinstance<PythonLoggedSession>(log)) {
     return nb::cast<const PythonLoggedSession&>(log).session();
@@ -62,15 +62,16 @@ void bind_replay(nb::module_& m) {
                 "None, last: int | None = None, strict: bool = True) -> Frontend"),
         R"(Plays a session of a log as if it were the robot, inside the waits of the front-end.
 
-Observations, companions and applied actions are those of the log, whatever the user does. A
-step whose desired action is another one than in the log has ACTION_REJECTED in the flags of its
-status. Behind the last step the session ends with the fault "exhausted", which needs no
-recovery; finish() is content with it.
+Observations, companions and applied actions are those of the log, whatever the user does. If a
+desired action differs from the logged one, the status of the step has the flag ACTION_REJECTED.
+After the last step the session ends with the fault "exhausted". It needs no recovery, and finish()
+does not raise because of it.
 
-Of a log with several robots, `robot` names one; its newest session is played, or the one given.
-The steps from `first` to before `last` are played, `first` as step 0; default: all.
+`log` may be a session; otherwise the newest session of `robot` is played. `robot` is needed if the
+log has several robots. The steps from `first` to before `last` are played, `first` as step 0;
+default: all.
 
-Raises NotInLog if a step is missing there, InvalidArgument.)");
+Raises NotInLog if a step is missing in the log, InvalidArgument.)");
 }
 
 }  // namespace trifinger::python

@@ -53,17 +53,17 @@ void bind_session(nb::module_& m) {
   nb::enum_<Status::Flag>(m, "Status", nb::is_flag(), nb::is_arithmetic(),
                           "What happened in a step: bits of the field `flags` of its status.")
       .value("ACTION_REPEATED", Status::kActionRepeated,
-             "The action for this step was missing, the previous one was applied again.")
+             "The action for this step was missing; the previous one was applied again.")
       .value("ACAUSAL", Status::kAcausal,
              "The action was appended by someone who had already read y_t.")
       .value("ACTION_REJECTED", Status::kActionRejected,
-             "The action was not fit to apply; something safe was applied instead.")
+             "The action could not be applied; a safe one was applied instead.")
       .value("END", Status::kEnd,
              "The last status of the session: no action was applied at this step.")
       .value("SCHEDULER_LATE", Status::kSchedulerLate,
              "The tick began late: the back-end did not get the processor in time.")
       .value("DRIVER_LATE", Status::kDriverLate,
-             "The tick began late: calls of the driver took up the one before.");
+             "The tick began late: calls of the driver used up the tick before.");
 
   m.def(
       "list_sessions",
@@ -73,8 +73,8 @@ void bind_session(nb::module_& m) {
         return sessions;
       },
       nb::sig("def list_sessions() -> list[trifinger.session_info.SessionInfo]"),
-      R"(What runs on this machine, robots and companions, in the order of their names. Sessions whose
-back-end died are included.)");
+      R"(The sessions on this machine, robots and companions, in the order of their names. Sessions
+whose back-end died are included.)");
 
   m.def(
       "recover",
@@ -83,8 +83,8 @@ back-end died are included.)");
       },
       "name"_a, "timeout"_a.none() = 5.0,
       nb::sig("def recover(name: str, timeout: float | None = 5.0) -> None"),
-      R"(Clears the fault of the robot `name`, as the operator who has looked at it; the next session
-begins.
+      R"(Clears the fault of the robot `name`; the next session begins. Call it only after somebody
+has looked at the robot.
 
 Raises SessionNotFound, TimedOut, or RobotStopped if the back-end is gone.)");
 }

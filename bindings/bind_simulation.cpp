@@ -37,7 +37,7 @@ namespace {
 
 using Values = Eigen::VectorXd;
 
-// Whatever NumPy takes for a list of `size` numbers.
+// Converts whatever NumPy accepts as a list of `size` numbers.
 Values to_values(nb::handle object, Eigen::Index size, const char* what) {
   const nb::object array =
       nb::steal(PyArray_FROM_OTF(object.ptr(), NPY_DOUBLE, NPY_ARRAY_IN_ARRAY));
@@ -77,7 +77,7 @@ std::string_view name_of(Reach reach) {
   return "";
 }
 
-// "OWN_CHECK" for "own_check".
+// Returns "OWN_CHECK" for "own_check".
 std::string constant_name(std::string_view name) {
   std::string constant(name);
   for (char& letter : constant) letter = static_cast<char>(std::toupper(letter));
@@ -87,7 +87,7 @@ std::string constant_name(std::string_view name) {
 void bind_reasons(nb::module_& m) {
   nb::enum_<Reason> reasons(
       m, "Reason", nb::is_flag(), nb::is_arithmetic(),
-      "Why a joint was not given what was asked of it: bits of `reasons` in an applied action.");
+      "Why a joint did not get what was requested: bits of `reasons` in an applied action.");
   for (const Reason reason : all_reasons()) {
     reasons.value(constant_name(name_of(reason)).c_str(), reason,
                   std::string(describe(reason)).c_str());
@@ -96,9 +96,9 @@ void bind_reasons(nb::module_& m) {
 
 void bind_kinematics(nb::module_& m) {
   nb::class_<Kinematics>(m, "Kinematics",
-                         "Kinematics and dynamics of the fingers, without contacts and objects, in "
-                         "the world frame: z up, "
-                         "origin on the\ntable. Not for several threads at once: make one each.")
+                         "Kinematics and dynamics of the fingers, without contacts and objects. "
+                         "Everything is in the world\nframe: z up, origin on the table. One object "
+                         "must not be used by several threads at once: make one\nfor each.")
       .def(
           "__init__",
           [](Kinematics* self, const std::string& config, const nb::dict& overrides) {
@@ -107,10 +107,11 @@ void bind_kinematics(nb::module_& m) {
           "config"_a = "sim", "overrides"_a = nb::dict(),
           nb::sig(
               "def __init__(self, config: str = 'sim', overrides: dict[str, object] = {}) -> None"),
-          "Of the robot of a configuration: the name of one that comes with the package, or a "
-          "file.")
-      .def_prop_ro("num_fingers", &Kinematics::num_fingers, "1 or 3.")
-      .def_prop_ro("num_joints", &Kinematics::num_joints, "Three for each finger.")
+          "`config` is the name of a configuration that comes with the package, or a file. "
+          "`overrides` changes\nsingle values.")
+      .def_prop_ro("num_fingers", &Kinematics::num_fingers, "Number of fingers: 1 or 3.")
+      .def_prop_ro("num_joints", &Kinematics::num_joints,
+                   "Number of joints: three for each finger.")
       .def(
           "tip_positions",
           [](Kinematics& kinematics, nb::handle position) {
@@ -142,7 +143,8 @@ void bind_kinematics(nb::module_& m) {
           "position"_a,
           nb::sig("def tip_jacobians(self, position: numpy.typing.ArrayLike) -> "
                   "numpy.typing.NDArray[numpy.float64]"),
-          "The Jacobians of all tips below each other [m/rad].")
+          "The Jacobians of all tips, one below the other [m/rad]: square, `num_joints` rows and "
+          "columns.")
       .def(
           "tip_accelerations",
           [](Kinematics& kinematics, nb::handle position, nb::handle velocity) {
@@ -155,8 +157,8 @@ void bind_kinematics(nb::module_& m) {
           "position"_a, "velocity"_a,
           nb::sig("def tip_accelerations(self, position: numpy.typing.ArrayLike, velocity: "
                   "numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]"),
-          "How the tips accelerate with joints of constant `velocity` [rad/s]: a row x, y, z for "
-          "each finger [m/s^2].")
+          "Accelerations of the tips when joints move with constant `velocity` [rad/s]: a row x, "
+          "y, z for each\nfinger [m/s^2].")
       .def(
           "gravity_torques",
           [](Kinematics& kinematics, nb::handle position) {
@@ -177,8 +179,8 @@ void bind_kinematics(nb::module_& m) {
           "position"_a, "velocity"_a,
           nb::sig("def bias_torques(self, position: numpy.typing.ArrayLike, velocity: "
                   "numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]"),
-          "Torques that keep joints at their `velocity` [rad/s] without acceleration: against "
-          "gravity, Coriolis and\ncentrifugal forces [Nm]. Friction is not part of it.")
+          "Torques that keep joints at their `velocity` [rad/s] without acceleration, against "
+          "gravity, Coriolis\nand centrifugal forces [Nm]. Friction is not included.")
       .def(
           "mass_matrix",
           [](Kinematics& kinematics, nb::handle position) {
@@ -188,7 +190,7 @@ void bind_kinematics(nb::module_& m) {
           "position"_a,
           nb::sig("def mass_matrix(self, position: numpy.typing.ArrayLike) -> "
                   "numpy.typing.NDArray[numpy.float64]"),
-          "Inertia seen by the joints, with that of the rotors [kg m^2].")
+          "Inertia at the joints, including that of the rotors [kg m^2].")
       .def(
           "inverse_kinematics",
           [](const Kinematics& kinematics, int finger, nb::handle tip, nb::handle near) {
@@ -205,24 +207,23 @@ void bind_kinematics(nb::module_& m) {
                   "near: numpy.typing.ArrayLike | None = None) -> "
                   "tuple[numpy.typing.NDArray[numpy.float64], str]"),
           "Joint positions of `finger` [rad] that bring its tip to `tip` [m], and whether it can "
-          "reach it: 'yes',\n"
-          "'too_far', 'too_close' or 'outside_limits'. Where it cannot, the pose comes near it. Of "
-          "several poses it "
-          "is the\none nearest to `near` [rad], by default to the initial pose.");
+          "reach it:\n'yes', 'too_far', 'too_close' or 'outside_limits'. If it cannot, the result "
+          "is a pose within the\nhard limits whose tip is near the point. Among several poses the "
+          "result is the one nearest to `near`\n[rad]; default: the initial pose.");
 }
 
 void bind_recorder(nb::module_& m) {
   nb::class_<log::RecorderThread>(
       m, "Recorder",
-      "Records a robot of this process in a thread of its own, without loss: the simulation waits "
-      "for it. The end of\nthe program stops it.")
+      "Records a robot of this process in a thread of its own. Nothing is lost, because the "
+      "simulation\nwaits for the recorder. The end of the program stops it.")
       .def(
           "stop",
           [](log::RecorderThread& recorder) {
             const GilRelease release;
             recorder.stop();
           },
-          "Writes what is there and finishes the file; nothing is recorded from then on.")
+          "Writes what is left and finishes the file. Nothing is recorded after this.")
       .def_prop_ro(
           "file",
           [](const log::RecorderThread& recorder) -> nb::object {
@@ -246,13 +247,13 @@ void bind_recorder(nb::module_& m) {
 }  // namespace
 
 void bind_simulation(nb::module_& m) {
-  // NOLINTNEXTLINE(bugprone-unused-raii): made for what it registers.
+  // NOLINTNEXTLINE(bugprone-unused-raii): its constructor registers the class.
   nb::class_<Checks>(m, "_Checks", nb::type_slots(garbage_collected<Checks>()));
   bind_reasons(m);
   bind_recorder(m);
   nb::class_<Variation>(m, "Variation",
-                        "How a simulation differs from its configuration for an episode; the "
-                        "numbers are those of `Simulation.vary`.")
+                        "How a simulation differs from its configuration in an episode. "
+                        "`Simulation.vary` explains the numbers.")
       .def_ro("object_mass", &Variation::object_mass)
       .def_ro("friction", &Variation::friction)
       .def_prop_ro("pair_friction",
@@ -272,11 +273,10 @@ void bind_simulation(nb::module_& m) {
       .def_ro("stop_margin", &Variation::stop_margin);
   nb::class_<PythonSimulation>(
       m, "Simulation", nb::type_slots(garbage_collected<PythonSimulation>()),
-      "A simulated robot in this process, with its back-end inside the waits of its front-end: no "
-      "threads, "
-      "deterministic,\nas fast as the physics. simulate() is the short form.\n\n"
-      "Every session begins in the state that the last reset(), place_object(), "
-      "set_object_velocity() or restore() has left.\nDuring a session they take effect at once.")
+      "A simulated robot in this process. Its back-end runs inside the waits of its front-end: no "
+      "threads,\ndeterministic, as fast as the physics. simulate() is the short form.\n\nEvery "
+      "session begins in the state that the last reset(), place_object(), set_object_velocity() "
+      "or\nrestore() has left. During a session they take effect at once.")
       .def(
           "__init__",
           [](PythonSimulation* self, const std::string& config, const nb::dict& overrides) {
@@ -293,16 +293,15 @@ void bind_simulation(nb::module_& m) {
              return "<Simulation of '" + simulation.name() + "'>";
            })
       .def("connect", &PythonSimulation::connect, nb::kw_only(), "strict"_a = true,
-           "Controls the robot in a new session. Raises ControlHeld while another front-end does.")
-      .def(
-          "reset", &PythonSimulation::reset, "position"_a = nb::none(), "seed"_a = nb::none(),
-          "episode"_a = 0,
-          "Goes back to the beginning: joints at `position` [rad] (default: the configuration's), "
-          "objects as they are "
-          "at the start\nof the configuration, random numbers of `episode` of `seed` (default: the "
-          "configuration's).")
+           "Controls the robot in a new session. Raises ControlHeld while another front-end "
+           "controls it.")
+      .def("reset", &PythonSimulation::reset, "position"_a = nb::none(), "seed"_a = nb::none(),
+           "episode"_a = 0,
+           "Resets the simulation: joints at `position` [rad] (default: the configuration's), "
+           "objects as they\nare at the start of the configuration, random numbers of `episode` of "
+           "`seed` (default: the\nconfiguration's).")
       .def("vary", &PythonSimulation::vary, "variation"_a,
-           "Differs as the start of an episode says.")
+           "Makes the simulation differ from its configuration as `variation` says.")
       .def(
           "vary",
           [](const PythonSimulation& simulation, double object_mass, double friction,
@@ -332,20 +331,22 @@ void bind_simulation(nb::module_& m) {
                   "motor_gain: float = 1.0, torque_delay: int = 0, rotor_inertia: float = 1.0, "
                   "joint_damping: float = 1.0, joint_friction: float = 0.0, "
                   "stop_margin: float = 1.0) -> None"),
-          "Differs from its configuration from now on, whatever is reset. Each number is a factor "
-          "but for two: the steps until\nmotors deliver a torque, and the dry friction that is "
-          "added in the joints [Nm]. `pair_friction` is by pairs of\nsurfaces, as in "
-          "{\"tip_object\": 0.8}, besides `friction` of all; docs/simulation.md names them.")
+          "Makes the simulation differ from its configuration from now on. A reset does not change "
+          "this. Each\nnumber is a factor, except `torque_delay`, the steps until motors deliver a "
+          "torque, and\n`joint_friction`, the dry friction added in the joints [Nm]. "
+          "`pair_friction` has additional factors\nfor pairs of surfaces, for example "
+          "{\"tip_object\": 0.8}; docs/simulation.md names them.")
       .def("place_object", &PythonSimulation::place_object, "name"_a, "position"_a,
            "orientation"_a = std::vector<double>{1.0, 0.0, 0.0, 0.0},
-           "Puts an object somewhere, at rest: x, y, z [m] and a quaternion w, x, y, z.")
+           "Places an object at rest: `position` x, y, z [m] and `orientation`, a quaternion w, x, "
+           "y, z.")
       .def("set_object_velocity", &PythonSimulation::set_object_velocity, "name"_a, "linear"_a,
            "angular"_a = std::vector<double>{0.0, 0.0, 0.0},
-           "Lets an object move from where it is, in the world frame: its centre [m/s], and about "
-           "it [rad/s].")
+           "Sets an object in motion from where it is, in the world frame: velocity of its centre "
+           "[m/s] and\nangular velocity [rad/s].")
       .def("push_object", &PythonSimulation::push_object, "name"_a, "force"_a,
-           "Lets a force act on an object's centre of mass from the next step of the session on "
-           "[N], until the next call,\nreset() or session.")
+           "Applies a force to an object's centre of mass [N], in the world frame. It acts from "
+           "the next step of\nthe session on until the next call, reset() or session.")
       .def(
           "object_velocity",
           [](const PythonSimulation& simulation, const std::string& name) {
@@ -354,8 +355,8 @@ void bind_simulation(nb::module_& m) {
                              Eigen::Vector3d(velocity.angular.data()));
           },
           "name"_a,
-          "How an object moves now, without delay and noise: its centre [m/s], and about it "
-          "[rad/s].")
+          "The object's velocity now, without delay and noise: velocity of its centre [m/s] and "
+          "angular velocity [rad/s].")
       .def(
           "object_pose",
           [](const PythonSimulation& simulation, const std::string& name) {
@@ -364,14 +365,13 @@ void bind_simulation(nb::module_& m) {
                              Eigen::Vector4d(pose.orientation.data()));
           },
           "name"_a,
-          "Where an object is now, without delay and noise: position [m] and quaternion w, x, y, "
-          "z.")
+          "The object's pose now, without delay and noise: position [m] and quaternion w, x, y, z.")
       .def("save", &PythonSimulation::save,
-           "The whole state: physics, safety chain, delays, random numbers.")
+           "Saves the state: physics, safety chain, delays, random numbers.")
       .def("restore", &PythonSimulation::restore, "state"_a,
-           "Goes on as it went on from `state`, bit for bit.")
+           "Continues from `state` exactly as the saved simulation continued, bit for bit.")
       .def("state_before_divergence", &PythonSimulation::state_before_divergence,
-           "The last state before the simulation diverged; empty if it has not.")
+           "The last state before the simulation diverged; empty if it has not diverged.")
       .def(
           "configuration",
           [](const PythonSimulation& simulation) {
@@ -379,16 +379,15 @@ void bind_simulation(nb::module_& m) {
             return Values(
                 Eigen::Map<const Values>(values.data(), static_cast<Eigen::Index>(values.size())));
           },
-          "MuJoCo's qpos, then qvel, to draw the scene of mjcf().")
-      .def(
-          "add_check", &PythonSimulation::add_check, "function"_a,
-          nb::sig("def add_check(self, function: collections.abc.Callable[[Observation, Action], "
-                  "None]) -> None"),
-          "Adds a safety check of your own, between sessions: `function(observation, action)` "
-          "changes the action in "
-          "place.\nThe robot's own limits are checked after it. An exception ends the session with "
-          "a fault that has its text.\nCtrl-C is no fault: KeyboardInterrupt reaches the program "
-          "that waits for the robot.")
+          "Positions and velocities of joints and objects, to draw the scene of mjcf(): MuJoCo's "
+          "qpos, then qvel.")
+      .def("add_check", &PythonSimulation::add_check, "function"_a,
+           nb::sig("def add_check(self, function: collections.abc.Callable[[Observation, Action], "
+                   "None]) -> None"),
+           "Adds a safety check of your own; call it between sessions. `function(observation, "
+           "action)` changes\nthe action in place. The robot's own limits are checked after it. An "
+           "exception ends the session with\na fault that has the exception's text. Ctrl-C is no "
+           "fault: KeyboardInterrupt reaches the program\nthat waits for the robot.")
       .def(
           "record",
           [](const PythonSimulation& simulation, nb::handle folder, const std::string& precision) {
@@ -397,8 +396,8 @@ void bind_simulation(nb::module_& m) {
           "folder"_a, nb::kw_only(), "precision"_a = "double",
           nb::sig("def record(self, folder: str | os.PathLike[str], *, precision: str = 'double') "
                   "-> Recorder"),
-          "Records every session from the next one on, without loss, into a file in `folder`; "
-          "\"single\" takes half of\nthe space.")
+          "Records every session from the next one on, without loss, into a file in `folder`. The "
+          "precision\n\"single\" takes half of the space.")
       .def("mjcf", &PythonSimulation::mjcf, "The scene in MuJoCo's format.");
 
   m.def(
@@ -417,8 +416,8 @@ void bind_simulation(nb::module_& m) {
               "checks: collections.abc.Iterable[collections.abc.Callable[[Observation, Action], "
               "None]] = ()) -> Frontend"),
       "Starts a simulated robot in this process and controls it; see Simulation. `record` is the "
-      "folder for a log,\n`checks` are safety checks of your own, see Simulation.add_check(). "
-      "connect() is for one that runs elsewhere.");
+      "folder for\na log. `checks` are safety checks of your own, see Simulation.add_check(). For "
+      "a robot that runs\nelsewhere, use connect().");
 
   m.def(
       "export_mjcf",

@@ -37,16 +37,17 @@ LateCause cause_of(std::string_view name) {
 void bind_timing(nb::module_& m) {
   nb::class_<LatenessHistogram>(
       m, "LatenessHistogram",
-      R"(Counts times in bins that widen with the time: eight for each power of two, so a quantile is
-known to an eighth of itself however many times there are.)")
-      .def("count", &LatenessHistogram::count, "How many times there are.")
+      R"(Counts times in bins whose width grows with the time: eight bins for each power of two. A
+quantile is therefore known to an eighth of its value, however many times were counted.)")
+      .def("count", &LatenessHistogram::count, "Number of counted times.")
       .def(
           "quantile",
           [](const LatenessHistogram& histogram, double fraction) {
             return to_seconds(histogram.quantile(fraction));
           },
           "fraction"_a,
-          "The time [s] below which the share `fraction` of all times lies; 0 if there are none.")
+          "The time below which the share `fraction` of all times lies [s]; 0 if no time was "
+          "counted.")
       .def(
           "counts",
           [](const LatenessHistogram& histogram) {
@@ -56,7 +57,7 @@ known to an eighth of itself however many times there are.)")
             }
             return counts;
           },
-          "How many times are in each bin.")
+          "Number of times in each bin.")
       .def_static(
           "edges",
           [] {
@@ -67,7 +68,7 @@ known to an eighth of itself however many times there are.)")
             }
             return edges;
           },
-          "The shortest time of each bin [s]; that of the last one and all that are longer.")
+          "The shortest time of each bin [s]. The last bin has no upper end.")
       .def(
           "max", [](const LatenessHistogram& histogram) { return to_seconds(histogram.max()); },
           "The longest time [s].")
@@ -80,11 +81,10 @@ known to an eighth of itself however many times there are.)")
       .def_ro("time_index", &LateStep::time_index)
       .def_prop_ro(
           "lateness", [](const LateStep& step) { return to_seconds(step.lateness); },
-          R"(How late the tick began [s]; if the user was to blame, for how long there has been no new
-action.)")
+          R"(How late the tick began [s]. If the user caused it, the time without a new action.)")
       .def_prop_ro(
           "cause", [](const LateStep& step) { return std::string(name_of(step.cause)); },
-          R"(Who was to blame: "user", "scheduler" or "driver".)")
+          R"(Who caused the late step: "user", "scheduler" or "driver".)")
       .def("__repr__", [](const LateStep& step) {
         return "<LateStep " + std::to_string(step.time_index) + " by " +
                duration_text(step.lateness) + ", " + std::string(name_of(step.cause)) + ">";
@@ -92,21 +92,23 @@ action.)")
 
   nb::class_<TimingRecord>(
       m, "TimingRecord",
-      R"(How a session in real time keeps its time; str() tells it in a sentence.
+      R"(How well a session in real time keeps its time; str() tells it in a sentence.
 
-A step is late because its action was missing ("user"), because the back-end was woken late or
-did not get the processor ("scheduler"), or because calls of the driver took up the tick before
+A step is late because its action was missing ("user"), because the back-end was woken late or did
+not get the processor ("scheduler"), or because calls of the driver used up the tick before
 ("driver").)")
       .def("lateness", &TimingRecord::lateness, nb::rv_policy::reference_internal,
-           "`lateness_of` all steps.")
-      .def("steps", &TimingRecord::steps, "Steps so far, the one that ended the session included.")
+           "The `lateness_of` all steps.")
+      .def("steps", &TimingRecord::steps,
+           "Number of steps so far, including the one that ended the session.")
       .def(
           "late_steps",
-          // Of a std::string g++ 12 says that it is used before it is set.
+          // No std::string: g++ 12 warns that it is used before it is set.
           [](const TimingRecord& timing, const std::optional<nb::str>& cause) {
             return cause ? timing.late_steps(cause_of(text_of(*cause))) : timing.late_steps();
           },
-          "cause"_a = nb::none(), "How many steps were late, all of them or because of `cause`.")
+          "cause"_a = nb::none(),
+          "Number of late steps: all of them, or those late because of `cause`.")
       .def("success_rate", &TimingRecord::success_rate,
            "The share of the newest 1000 steps that were in time: 1 if all of them were.")
       .def(
@@ -115,15 +117,15 @@ did not get the processor ("scheduler"), or because calls of the driver took up 
             const auto worst = timing.worst();
             return std::vector<LateStep>(worst.begin(), worst.end());
           },
-          R"(The worst late steps, the worst first. Of steps that are later and later in a row there is
-only the last one.)")
+          R"(The worst late steps, the worst one first. In a row of steps with growing lateness only
+the last one is listed.)")
       .def("__str__", [](const TimingRecord& timing) { return describe(timing); })
       .def("__repr__",
            [](const TimingRecord& timing) { return "<TimingRecord: " + describe(timing) + ">"; });
 
   m.def(
       "duration_text", [](double seconds) { return duration_text(to_time(seconds)); }, "seconds"_a,
-      "A time for people, as in \"12 µs\" and \"1.2 ms\".");
+      "Formats a time for people, for example \"12 µs\" and \"1.2 ms\".");
   m.def(
       "lateness_of",
       [](nb::handle statuses, double period) {
@@ -141,8 +143,9 @@ only the last one.)")
       "statuses"_a, "period"_a,
       nb::sig("def lateness_of(statuses: numpy.typing.NDArray[StatusElement], period: float) -> "
               "numpy.typing.NDArray[numpy.float64]"),
-      R"(How late each step was [s]: how long after its deadline the tick began, or after the deadline of
-the first tick that was left out before it; zero without deadlines. `period` is the session's.)");
+      R"(How late each step was [s]: the time from the deadline to the beginning of the tick. If
+ticks were left out before it, the time counts from the deadline of the first of them. Zero without
+deadlines. `period` is the session's [s].)");
 }
 
 }  // namespace trifinger::python

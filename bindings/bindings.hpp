@@ -17,9 +17,9 @@ void bind_log(nanobind::module_& m);
 void bind_replay(nanobind::module_& m);
 /// Simulation, simulate, Kinematics, export_mjcf, export_urdf.
 void bind_simulation(nanobind::module_& m);
-/// What python/trifinger/control.py gives its names.
+/// Everything that python/trifinger/control.py names.
 void bind_control(nanobind::module_& m);
-/// Of these, planning and controlling grasps.
+/// The part of `bind_control` that plans and controls grasps.
 void bind_grasping(nanobind::module_& m);
 /// Policy.
 void bind_learning(nanobind::module_& m);

@@ -16,7 +16,7 @@ namespace trifinger::python {
 
 namespace {
 
-// "ValueError: too near"
+// Returns a text like "ValueError: too near".
 std::string message_of(const nb::python_error& error) {
   auto text = nb::cast<std::string>(error.type().attr("__name__"));
   const nb::object message = nb::steal(PyObject_Str(error.value().ptr()));
@@ -31,7 +31,7 @@ std::string message_of(const nb::python_error& error) {
   const std::string_view says(PyBytes_AS_STRING(bytes.ptr()),
                               static_cast<std::size_t>(PyBytes_GET_SIZE(bytes.ptr())));
   if (!says.empty()) text.append(": ").append(says);
-  // What follows a zero would be lost on the way through `what()`.
+  // `what()` would lose everything after a zero byte.
   std::ranges::replace(text, '\0', ' ');
   return text;
 }
@@ -50,12 +50,12 @@ void Checks::Check::call(const void* observation, void* action) const {
     std::memcpy(action, changed_bytes, action_.size());
   } catch (nb::python_error& error) {
     if (!error.matches(PyExc_Exception)) {
-      // Ctrl-C, or sys.exit(): not the check's, but its thread's.
+      // Ctrl-C or sys.exit() is meant for the thread, not for the check.
       interruption_->keep(std::move(error));
       throw Interrupted("a safety check was interrupted");
     }
     const std::string text = message_of(error);
-    // The session keeps a sentence: the traceback goes where Python's go.
+    // The session keeps only a sentence. The traceback goes to the place of Python's tracebacks.
     error.restore();
     PyErr_WriteUnraisable(function_.ptr());
     throw Error(text);
@@ -71,7 +71,7 @@ Interruption::~Interruption() {
 void Interruption::keep(nb::python_error&& error) {
   if (error_) return;
   error_.emplace(std::move(error));
-  // relaxed: only this very thread acts on it.
+  // relaxed: only the thread that stored its own id acts on it.
   thread_.store(std::this_thread::get_id(), std::memory_order_relaxed);
 }
 
@@ -101,7 +101,7 @@ std::shared_ptr<const Checks::Check> Checks::add(nb::object function,
   if (PyCallable_Check(function.ptr()) == 0) {
     throw InvalidArgument("a check is a function of an observation and an action");
   }
-  // The last to let go may be a wait of the front-end, which has given the GIL back.
+  // The last owner may be a wait of the front-end, which has released the GIL.
   const auto let_go = [](Check* check) {
     const nb::gil_scoped_acquire gil;
     delete check;

@@ -15,8 +15,8 @@
 
 namespace trifinger::python {
 
-/// What interrupted a function of Python in the loop, Ctrl-C or `sys.exit()`, on its way to the
-/// thread that it was meant for.
+/// Carries an exception that interrupted a Python function in the loop, such as Ctrl-C or
+/// `sys.exit()`, to the thread for which it was meant.
 class Interruption {
  public:
   Interruption() = default;
@@ -24,9 +24,9 @@ class Interruption {
   Interruption& operator=(const Interruption&) = delete;
   ~Interruption();
 
-  /// Keeps the first one for the calling thread. With the GIL.
+  /// Keeps the first exception for the calling thread. Call this with the GIL.
   void keep(nanobind::python_error&& error);
-  /// Raises what was kept for the calling thread, if anything was. With or without the GIL.
+  /// Raises the exception that was kept for the calling thread, if any, with or without the GIL.
   void raise();
 
   /// For the garbage collector.
@@ -38,12 +38,13 @@ class Interruption {
   std::optional<nanobind::python_error> error_;  // changed with the GIL only
 };
 
-/// The safety checks of a simulation that are functions of Python. An object of Python itself: the
-/// simulation and its front-ends refer to it, and a check may refer to them, so the garbage
-/// collector has to see the way from one to the other.
+/// The safety checks of a simulation that are Python functions. This is a Python object, too: the
+/// simulation and its front-ends refer to it, and a check may refer to them. The garbage collector
+/// must see this cycle.
 class Checks {
  public:
-  /// A user's check. It is called with or without the GIL: inline waits give it back.
+  /// A user's check. It may be called with or without the GIL, because inline waits release the
+  /// GIL.
   class Check {
    public:
     Check(nanobind::object function, const ElementDescription& observation,
@@ -60,7 +61,7 @@ class Checks {
    private:
     friend class Checks;
 
-    nanobind::object function_;  // none once nobody can reach the robot any more
+    nanobind::object function_;  // null once nobody can reach the robot any more
     ElementType observation_;
     ElementType action_;
     std::shared_ptr<Interruption> interruption_;
@@ -70,7 +71,7 @@ class Checks {
   std::shared_ptr<const Check> add(nanobind::object function, const ElementDescription& observation,
                                    const ElementDescription& action);
 
-  /// What has interrupted one of them; front-ends look here during their waits.
+  /// The exception that interrupted a check. Front-ends look here during their waits.
   [[nodiscard]] const std::shared_ptr<Interruption>& interruption() const noexcept {
     return interruption_;
   }

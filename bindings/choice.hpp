@@ -12,8 +12,8 @@
 
 namespace trifinger::python {
 
-/// The enumerator whose place in its enumeration is that of `word` in `words`.
-/// @throws InvalidArgument naming `what`, the value found and those allowed
+/// Returns the enumerator that has the same index in its enumeration as `word` in `words`.
+/// @throws InvalidArgument that names `what`, the value found and the values allowed
 template <class Enumeration, std::size_t kCount>
 [[nodiscard]] Enumeration choice(const char* what,
                                  const std::array<std::string_view, kCount>& words,

@@ -26,7 +26,7 @@ int set_attribute(PyObject* self, PyObject* name, PyObject* value) {
   return PyObject_GenericSetAttr(self, name, value);
 }
 
-// Whatever goes wrong, for instance while the interpreter ends, an element can be printed.
+// An element can always be printed, even if this fails, for example while the interpreter ends.
 PyObject* print_element(PyObject* self) {
   const nb::object module = nb::steal(PyImport_ImportModule("trifinger.element_text"));
   if (module.is_valid()) {
@@ -43,7 +43,8 @@ PyObject* print_element(PyObject* self) {
 
 namespace {
 
-// A class without memory of its own: instances are as large as their base, and have no __dict__.
+// Makes a class without memory of its own: instances are as large as their base, and have no
+// __dict__.
 void make_class(nb::module_& m, const std::string& name, const char* doc, PyObject* base,
                 std::vector<PyType_Slot> slots) {
   const std::string full_name = "trifinger._trifinger." + name;
@@ -72,10 +73,12 @@ void bind_element(nb::module_& m) {
               {Py_tp_getattro, reinterpret_cast<void*>(get_attribute)},
               {Py_tp_setattro, reinterpret_cast<void*>(set_attribute)}});
   const nb::object element = m.attr("Element");
-  make_class(m, "Action", "What a user asks for in a step.", element.ptr(), {});
-  make_class(m, "AppliedAction", "What a robot says it has applied in a step.", element.ptr(), {});
-  make_class(m, "Observation", "What a robot or a companion has measured.", element.ptr(), {});
-  make_class(m, "StatusElement", "What the back-end has to say about a step.", element.ptr(), {});
+  make_class(m, "Action", "The action that a user requests for a step.", element.ptr(), {});
+  make_class(m, "AppliedAction", "The action that a robot has applied in a step.", element.ptr(),
+             {});
+  make_class(m, "Observation", "The measurements of a robot or a companion.", element.ptr(), {});
+  make_class(m, "StatusElement", "The status that the back-end has written for a step.",
+             element.ptr(), {});
 }
 
 const char* class_of(Series series) noexcept {

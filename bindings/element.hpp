@@ -7,12 +7,12 @@
 
 namespace trifinger::python {
 
-/// Makes the class Element and one for each series: NumPy's record with attributes of its own.
-/// numpy.record prefers what every scalar has, so that the field `flags` of a status could not be
-/// read, and takes three times as long.
+/// Makes the class Element and one class for each series: a record of NumPy whose fields are
+/// attributes. numpy.record cannot be used: its own attributes hide fields such as `flags` of a
+/// status, and it takes three times as long.
 void bind_element(nanobind::module_& m);
 
-/// What the class for elements of `series` is called.
+/// Returns the name of the class for elements of `series`.
 [[nodiscard]] const char* class_of(Series series) noexcept;
 
 }  // namespace trifinger::python

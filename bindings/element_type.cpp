@@ -60,8 +60,8 @@ nb::object record_dtype(const nb::object& numpy, Fields fields, std::size_t pref
   return numpy.attr("dtype")(nb::make_tuple(element, layout));
 }
 
-// The types that were made last. Every session begins with those of its robot, and making them
-// takes longer than all else that Python does then.
+// The types that were made last. Every session needs the types of its robot, and making them takes
+// longer than everything else that Python does at its beginning.
 struct KnownType {
   ElementDescription description;
   std::string kind;
@@ -70,7 +70,7 @@ struct KnownType {
 
 nb::object dtype_of(const ElementDescription& description, const std::string& kind) {
   constexpr std::size_t kMostKnown = 64;
-  // Never destroyed: Python is gone when static objects are.
+  // Never destroyed: Python has ended before static objects are destroyed.
   static auto& known = *new std::vector<KnownType>();
   const auto is_it = [&](const KnownType& type) {
     return type.kind == kind && type.description == description;
@@ -102,7 +102,7 @@ std::string shape_of(nb::handle array) { return text_of(array.attr("shape")); }
 
 nb::object new_numpy_array(const nb::object& dtype, std::span<npy_intp> shape) {
   PyArray_Descr* const descr = descr_of(dtype);
-  Py_INCREF(descr);  // the call keeps one
+  Py_INCREF(descr);  // the call takes one reference
   return nb::steal(PyArray_NewFromDescr(&PyArray_Type, descr, static_cast<int>(shape.size()),
                                         shape.data(), nullptr, nullptr, 0, nullptr));
 }

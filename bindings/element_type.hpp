@@ -13,17 +13,17 @@
 
 namespace trifinger::python {
 
-/// Elements of one kind as NumPy has them: a structured dtype, single elements as numpy.record,
-/// many as an array. Nested fields ("stamp.capture_time") are nested dtypes, so they read the same
+/// Elements of one kind in NumPy: a structured dtype, single elements as records, many elements as
+/// an array. Nested fields ("stamp.capture_time") are nested dtypes, so they read the same
 /// in both languages.
 class ElementType {
  public:
   ElementType() = default;
-  /// `kind` is the class of single elements: Element, or that of a series.
+  /// `kind` is the class of single elements: Element, or the class of a series.
   explicit ElementType(const ElementDescription& description, const char* kind = "Element");
 
   [[nodiscard]] const nanobind::object& dtype() const noexcept { return dtype_; }
-  /// Of one element [bytes].
+  /// Size of one element [bytes].
   [[nodiscard]] std::size_t size() const noexcept { return size_; }
 
   /// A new object and its memory, not yet filled in.
@@ -39,7 +39,7 @@ class ElementType {
     const std::byte* bytes;
     std::size_t count;
   };
-  /// The memory of many elements, one behind the other.
+  /// The memory of many elements, one after the other.
   /// @throws InvalidArgument unless `elements` is a one-dimensional array of exactly this type
   [[nodiscard]] Elements contiguous(nanobind::handle elements) const;
 
@@ -51,8 +51,8 @@ class ElementType {
   std::size_t size_{0};
 };
 
-/// What an action must not hold: a NaN where the default action has a number. A NaN says "not
-/// given", which has a meaning only where it is the default.
+/// Finds numbers that an action must not hold: a NaN where the default action has a number. A NaN
+/// says "not given", which has a meaning only where it is the default.
 class NanCheck {
  public:
   NanCheck() = default;
@@ -66,7 +66,7 @@ class NanCheck {
   }
 
  private:
-  // Numbers of one field, one behind the other.
+  // Numbers of one field, one after the other.
   struct Run {
     std::string field;
     std::size_t first{0};  // index in the field

@@ -10,11 +10,11 @@
 
 namespace trifinger::python {
 
-/// From now on C++ errors reach Python as the classes of trifinger.errors, with their text and
+/// Makes C++ errors reach Python as the classes of trifinger.errors, with their text and
 /// their data.
 void register_errors();
 
-/// The fault as trifinger.Fault; None for none.
+/// Converts to a trifinger.Fault; nothing becomes None.
 [[nodiscard]] nanobind::object to_python(const std::optional<Fault>& fault);
 
 }  // namespace trifinger::python

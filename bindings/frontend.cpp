@@ -17,8 +17,8 @@ namespace nb = nanobind;
 namespace trifinger::python {
 namespace {
 
-// Calls `wait(handle)` without the GIL. The handle is let go of before the GIL comes back, since
-// that may end a session.
+// Calls `wait` without the GIL. The handle is released before the GIL is taken again, because that
+// release may end a session.
 template <class Handle, class Wait>
 auto without_gil(std::shared_ptr<Handle> handle, const Wait& wait) {
   const GilRelease release;
@@ -33,7 +33,7 @@ std::string suggestion(const nb::object& name, const nb::object& names) {
   return ". Did you mean '" + nb::cast<std::string>(matches[0]) + "'?";
 }
 
-// NumPy's assignment, but what an integer cannot hold is refused instead of cut.
+// Assigns like NumPy, but refuses values that an integer field cannot hold instead of cutting them.
 void assign(const nb::object& action, const nb::object& name, const nb::object& value) {
   const nb::object dtype = action.attr("dtype")[name];
   const auto text = [&](const std::string& reason) {
@@ -60,7 +60,7 @@ void assign(const nb::object& action, const nb::object& name, const nb::object& 
 
 }  // namespace
 
-// Marks for its lifetime that a thread appends, which one at a time may do.
+// Marks for its lifetime that a thread appends. Only one thread may append at a time.
 class PythonFrontend::Appending {
  public:
   explicit Appending(PythonFrontend& frontend) : is_appending_(frontend.is_appending_) {
@@ -94,7 +94,7 @@ PythonFrontend::PythonFrontend(UntypedFrontend frontend, Role role, nb::object c
   }
   if (checks_.is_valid()) interruption_ = nb::cast<const Checks&>(checks_).interruption();
   handle_->frontend.set_interrupt([&is_closed = handle_->is_closed, interruption = interruption_] {
-    // relaxed: a flag without data behind it.
+    // relaxed: a flag that guards no data.
     if (is_closed.load(std::memory_order_relaxed)) {
       throw InvalidArgument("this handle was closed while a thread waited with it");
     }
@@ -126,8 +126,8 @@ TimeIndex PythonFrontend::append_desired_action(nb::handle action, nb::handle ti
   nan_check_.require_numbers(bytes);
   const Timeout limit = to_timeout(timeout);
   const Appending appending(*this);
-  // Inline, a full queue takes a step of the robot to make place: no wait worth giving the GIL
-  // away.
+  // Inline, a full queue needs only one step of the robot. Releasing the
+  // GIL is not worth it for so short a wait.
   if (role_.is_inline && is_own_thread())
     return handle->frontend.append_desired_action(bytes, limit);
   return without_gil(std::move(handle), [&](UntypedFrontend& frontend) {
@@ -136,7 +136,7 @@ TimeIndex PythonFrontend::append_desired_action(nb::handle action, nb::handle ti
 }
 
 TimeIndex PythonFrontend::append_desired_actions(nb::handle actions, nb::handle timeout) {
-  // A burst is many waits, each too short for the core to look at Ctrl-C.
+  // A burst is many waits, and each is too short for the core to check for Ctrl-C.
   constexpr std::size_t kActionsPerLook = 4096;
   const std::shared_ptr<Handle> handle = open();
   const ElementType& type = type_of(Series::kDesiredAction);
@@ -296,13 +296,13 @@ nb::object PythonFrontend::text() const {
 
 void PythonFrontend::close() {
   let_go();
-  // On its way to rest the robot may have asked a check again.
+  // The robot may have called a check again on its way to rest.
   if (interruption_ != nullptr) interruption_->raise();
 }
 
 void PythonFrontend::let_go() noexcept {
   if (handle_ == nullptr) return;
-  // relaxed: a flag without data behind it.
+  // relaxed: a flag that guards no data.
   handle_->is_closed.store(true, std::memory_order_relaxed);
   std::shared_ptr<Handle> handle = std::move(handle_);
   const GilRelease release;

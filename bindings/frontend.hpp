@@ -19,8 +19,8 @@ namespace trifinger::python {
 
 class Interruption;
 
-/// The front-end as Python sees it. All functions are called with the GIL held; they release it
-/// while they wait, so other threads can use the same object meanwhile.
+/// The front-end for Python. All functions are called with the GIL held. They release it while they
+/// wait, so other threads can use the same object meanwhile.
 class PythonFrontend {
  public:
   struct Role {
@@ -28,14 +28,14 @@ class PythonFrontend {
     bool is_inline{false};  ///< The robot runs in the waits of the thread that makes this object.
   };
 
-  /// `checks`: of the simulation that it runs, if there is one.
+  /// `checks` are those of the simulation that the front-end runs, if there is one.
   PythonFrontend(UntypedFrontend frontend, Role role, nanobind::object checks = {});
   PythonFrontend(const PythonFrontend&) = delete;
   PythonFrontend& operator=(const PythonFrontend&) = delete;
   ~PythonFrontend() { let_go(); }
 
-  /// @throws ControlHeld if another thread is at it, InvalidArgument for anything but an action of
-  /// this robot
+  /// @throws ControlHeld if another thread is appending, InvalidArgument for anything but an action
+  /// of this robot
   TimeIndex append_desired_action(nanobind::handle action, nanobind::handle timeout);
   TimeIndex append_desired_actions(nanobind::handle actions, nanobind::handle timeout);
   /// The default action with `fields` filled in.
@@ -58,14 +58,14 @@ class PythonFrontend {
 
   [[nodiscard]] SessionInfo session_info() const;
   [[nodiscard]] std::vector<Document> documents() const;
-  /// For repr(): whose session it is and how far; waits for nothing and always has an answer.
+  /// Returns the text for repr(): the session's name and progress. Never waits and never fails.
   [[nodiscard]] nanobind::object text() const;
   [[nodiscard]] nanobind::object dtype(Series series) const { return type_of(series).dtype(); }
 
-  /// Lets go of the session, and tells threads that wait with this object. @throws what has
-  /// interrupted the robot on its way to rest: Ctrl-C
+  /// Gives the session back, and tells threads that wait with this object.
+  /// @throws the exception that interrupted the robot on its way to rest, for example Ctrl-C
   void close();
-  /// The end of a `with` block: finishes after a clean one, lets go after an exception.
+  /// Ends a `with` block: finishes after a clean end, closes after an exception.
   void exit(bool is_clean);
 
   /// For the garbage collector.
@@ -76,7 +76,7 @@ class PythonFrontend {
   void clear() noexcept { checks_.reset(); }
 
  private:
-  // What a waiting thread keeps, even if this object is closed.
+  // A waiting thread keeps this, even if the front-end is closed.
   struct Handle {
     explicit Handle(UntypedFrontend untyped) : frontend(std::move(untyped)) {}
 
@@ -91,7 +91,7 @@ class PythonFrontend {
     return std::this_thread::get_id() == thread_;
   }
   void let_go() noexcept;
-  // An inline robot is moved by one thread.
+  // Throws ControlHeld in another thread: only one thread moves an inline robot.
   void require_own_thread() const;
 
   Role role_;
@@ -99,9 +99,9 @@ class PythonFrontend {
   std::array<ElementType, 4> types_;  // by Series
   NanCheck nan_check_;
   bool is_appending_{false};
-  nanobind::object checks_;                     // Checks; behind the robot that calls them
-  std::shared_ptr<Interruption> interruption_;  // theirs; none without checks
-  std::shared_ptr<Handle> handle_;              // none once closed; replaced under the GIL only
+  nanobind::object checks_;                     // Checks that the robot calls
+  std::shared_ptr<Interruption> interruption_;  // that of the checks; null without checks
+  std::shared_ptr<Handle> handle_;              // null once closed; replaced under the GIL only
 };
 
 }  // namespace trifinger::python

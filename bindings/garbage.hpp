@@ -5,14 +5,14 @@
 
 namespace trifinger::python {
 
-/// Slots of a type whose objects may be part of a circle of references: `T` has the functions
-/// `traverse`, which visits the objects of Python that it owns, and `clear`, which lets go of them.
+/// Slots of a type whose objects may be part of a cycle of references. `T` has the functions
+/// `traverse`, which visits the Python objects that it owns, and `clear`, which releases them.
 template <class T>
 PyType_Slot* garbage_collected() {
   static PyType_Slot slots[] = {
       {Py_tp_traverse, reinterpret_cast<void*>(+[](PyObject* self, visitproc visit, void* arg) {
          Py_VISIT(Py_TYPE(self));
-         // Not yet, or no more, while it is being made or destroyed.
+         // Skips an object that is being made or destroyed.
          if (!nanobind::inst_ready(self)) return 0;
          return nanobind::inst_ptr<T>(self)->traverse(visit, arg);
        })},

@@ -13,16 +13,17 @@ namespace nb = nanobind;
 namespace trifinger::python {
 namespace {
 
-// The thread that ends the interpreter; nobody before.
+// The thread that ends the interpreter; no thread before that.
 std::atomic<std::thread::id> exiting_thread{};
-// How many threads may be about to take the GIL.
+// Number of threads that may be about to take the GIL.
 std::atomic<int> takers{0};
 
 // Announces for its lifetime that this thread takes the GIL, or never returns.
 class Taking {
  public:
   Taking() noexcept {
-    // seq_cst, both: either we see the exit, or the exit sees us and lets us through first.
+    // seq_cst, both: either this thread sees the exit, or the exit sees this thread and lets it
+    // through first.
     takers.fetch_add(1, std::memory_order_seq_cst);
     const std::thread::id exiting = exiting_thread.load(std::memory_order_seq_cst);
     if (exiting == std::thread::id{} || exiting == std::this_thread::get_id()) return;
@@ -67,7 +68,7 @@ void park_threads_at_exit() {
   // A forked child has one thread, and that one holds the GIL.
   pthread_atfork(nullptr, nullptr, [] { takers.store(0, std::memory_order_relaxed); });
   nb::module_::import_("atexit").attr("register")(nb::cpp_function([] {
-    // What the stacks of daemon threads hold is never given back.
+    // Objects on the stacks of parked daemon threads are never released.
     const nb::object threads = nb::module_::import_("threading").attr("active_count")();
     if (nb::cast<int>(threads) > 1) nb::set_leak_warnings(false);
     exiting_thread.store(std::this_thread::get_id(), std::memory_order_seq_cst);

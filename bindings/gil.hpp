@@ -17,11 +17,12 @@ class GilRelease {
   PyThreadState* state_;
 };
 
-/// Runs Python's signal handlers, without or with the GIL held. Throws what they raise: Ctrl-C.
+/// Runs Python's signal handlers, with or without the GIL held. Throws what they raise, for example
+/// for Ctrl-C.
 void check_signals();
 
-/// From the interpreter's exit on, daemon threads that come back from a wait stay where they are.
-/// Python would end them by unwinding their stacks, which C++ answers with std::terminate.
+/// Makes daemon threads that return from a wait stay parked once the interpreter exits. Python
+/// would end them by unwinding their stacks, and C++ would then call std::terminate.
 void park_threads_at_exit();
 
 }  // namespace trifinger::python

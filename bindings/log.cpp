@@ -17,7 +17,7 @@ using namespace nanobind::literals;
 namespace trifinger::python {
 namespace {
 
-constexpr std::size_t kBlock = 1U << 16U;  // rows between looks at Ctrl-C
+constexpr std::size_t kBlock = 1U << 16U;  // rows between checks for Ctrl-C
 
 nb::object types() { return nb::module_::import_("trifinger.log_types"); }
 
@@ -84,7 +84,8 @@ std::pair<nb::object, std::int64_t*> new_numbers(std::size_t count) {
   return {std::move(array), numbers};
 }
 
-// The first `rows` of `array`; where there are more, a copy, which does not keep the rest.
+// Returns the first `rows` of `array`. If it has more, the result is a copy that does not keep the
+// rest in memory.
 nb::object trimmed(const nb::object& array, std::size_t rows) {
   if (nb::len(array) == rows) return array;
   return array[nb::slice(static_cast<Py_ssize_t>(rows))].attr("copy")();
@@ -225,7 +226,7 @@ nb::object PythonLoggedSession::get_many(Series series, TimeIndex first, TimeInd
   }
   (void)type_of(session_, series);
   const auto [begin, end] = range(std::string(name_of(series)));
-  // Before memory is taken for it: what is outside is not there, and the error says so.
+  // Checked before memory is allocated: steps out of range are not in the log.
   if (first < last && (first < begin || last > end))
     (void)get(series, first < begin ? first : last - 1);
   const log::Column column{series, to_fields(fields)};
@@ -259,7 +260,7 @@ std::pair<TimeIndex, TimeIndex> PythonLoggedSession::range(const std::string& se
 std::pair<TimeIndex, TimeIndex> PythonLoggedSession::between(double begin, double end) const {
   if (!(begin <= end)) throw InvalidArgument("the end must not lie before the beginning");
   const auto to_time = [](double seconds) {
-    constexpr double kMost = 9e9;  // [s]: as far as nanoseconds in 64 bits reach
+    constexpr double kMost = 9e9;  // [s]: limit of nanoseconds in 64 bits
     return Nanoseconds(static_cast<std::int64_t>(std::clamp(seconds, 0.0, kMost) * 1e9));
   };
   const GilRelease release;

@@ -20,7 +20,7 @@ namespace trifinger::python {
 /// Rows of several series that are read at once.
 class PythonSteps {
  public:
-  /// `series` is a name, several, or a dict of names and fields; None for all there are.
+  /// `series` is a name, several names, or a dict of names and fields; None for all series.
   PythonSteps(const log::LoggedSession& session, nanobind::handle series, nanobind::handle first,
               nanobind::handle last, std::size_t count);
 
@@ -38,14 +38,14 @@ class PythonSteps {
   std::size_t count_;
 };
 
-/// A session in a log as Python sees it. The GIL is released while files are read.
+/// A session in a log, for Python. The GIL is released while files are read.
 class PythonLoggedSession {
  public:
   explicit PythonLoggedSession(log::LoggedSession session) : session_(std::move(session)) {}
 
   [[nodiscard]] const log::LoggedSession& session() const noexcept { return session_; }
 
-  /// All whole steps; read once and kept, so they cannot be written to.
+  /// All whole steps. They are read once and kept, so the array is read-only.
   [[nodiscard]] nanobind::object series(Series series);
   [[nodiscard]] nanobind::object time_index();
   [[nodiscard]] nanobind::object times();
@@ -67,11 +67,11 @@ class PythonLoggedSession {
   nanobind::object times_;
 };
 
-/// One path, or several.
+/// Converts one path or several.
 [[nodiscard]] std::vector<std::filesystem::path> to_paths(nanobind::handle path);
-/// Text from a file, which need not be UTF-8.
+/// Converts text from a file, which need not be UTF-8.
 [[nodiscard]] nanobind::object to_text(std::string_view text);
-/// Bare copies of what is in a log, as the classes of trifinger.log_types.
+/// Converts entries of a log to the classes of trifinger.log_types.
 [[nodiscard]] nanobind::object to_python(const log::Gap& gap);
 [[nodiscard]] nanobind::object to_python(const log::Event& event);
 [[nodiscard]] nanobind::object to_python(const log::Damage& damage);

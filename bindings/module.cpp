@@ -24,7 +24,8 @@ NB_MODULE(_trifinger, m) {
   trifinger::python::bind_environment(m);
   trifinger::python::bind_log(m);
   trifinger::python::bind_replay(m);
-  // At exit the last comes first: threads that stand still do not hear that their robots stop.
+  // Handlers run in reverse order at exit. Threads are parked first, so that they do not notice
+  // that their robots stop.
   trifinger::python::stop_recorders_at_exit();
   trifinger::python::stop_backends_at_exit();
   trifinger::python::park_threads_at_exit();

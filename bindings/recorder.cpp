@@ -12,7 +12,7 @@
 namespace trifinger::python {
 namespace {
 
-// All that there are; changed under the GIL only.
+// All recorders of this process; changed under the GIL only.
 std::vector<std::weak_ptr<log::RecorderThread>> recorders;
 
 log::Precision to_precision(const std::string& name) {

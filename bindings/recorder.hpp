@@ -9,13 +9,12 @@
 
 namespace trifinger::python {
 
-/// Starts a recorder of a robot of this process; it is stopped at the end of the program at the
-/// latest.
+/// Starts a recorder of a robot of this process. The end of the program stops it at the latest.
 /// @throws AlreadyRecorded, InvalidArgument, SystemError
 [[nodiscard]] std::shared_ptr<log::RecorderThread> start_recorder(
     const std::string& robot, const std::filesystem::path& folder, const std::string& precision);
 
-/// From now on a program that ends without stopping its recorders finishes their files, too.
+/// Makes the end of the program stop all recorders, which finishes their files.
 void stop_recorders_at_exit();
 
 }  // namespace trifinger::python

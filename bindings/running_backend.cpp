@@ -31,7 +31,7 @@ struct Robot {
   Backend backend;
 };
 
-// All that there are; changed under the GIL only.
+// All back-ends of this process; changed under the GIL only.
 std::set<RunningBackend*> backends;
 
 }  // namespace

@@ -10,7 +10,7 @@
 
 namespace trifinger::python {
 
-/// Starts the robot of `driver`, called `name`, inside the waits of the front-end that is returned.
+/// Starts the robot of `driver`, called `name`, inside the waits of the returned front-end.
 [[nodiscard]] UntypedFrontend start_inline(const std::string& name,
                                            std::unique_ptr<UntypedDriver> driver,
                                            const BackendOptions& backend_options,
@@ -30,7 +30,7 @@ class RunningBackend {
   ~RunningBackend();
 
   [[nodiscard]] const std::string& name() const noexcept { return name_; }
-  /// False once it was stopped.
+  /// False after `stop`.
   [[nodiscard]] bool is_running() const noexcept { return parts_ != nullptr; }
   /// Waits until the back-end has ended. @throws what ended it, TimedOut
   void wait(Timeout timeout) const;
@@ -45,10 +45,10 @@ class RunningBackend {
 
   std::string name_;
   ipc::ForkGuard fork_;
-  std::shared_ptr<Parts> parts_;  // none once stopped; replaced under the GIL only
+  std::shared_ptr<Parts> parts_;  // null after stop; replaced under the GIL only
 };
 
-/// From now on a program that ends without stopping its back-ends brings their robots to rest, too.
+/// Makes the end of the program stop all back-ends, which brings their robots to rest.
 void stop_backends_at_exit();
 
 }  // namespace trifinger::python

@@ -12,7 +12,7 @@ namespace trifinger::python {
 inline constexpr std::array kSeries{Series::kDesiredAction, Series::kAppliedAction,
                                     Series::kObservation, Series::kStatus};
 
-/// The series called `name`. @throws InvalidArgument with the names there are
+/// The series called `name`. @throws InvalidArgument with the existing names
 [[nodiscard]] Series series_of(std::string_view name);
 
 }  // namespace trifinger::python

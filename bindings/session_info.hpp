@@ -9,9 +9,9 @@
 
 namespace trifinger::python {
 
-/// As trifinger.SessionInfo.
+/// Converts to a trifinger.SessionInfo.
 [[nodiscard]] nanobind::object to_python(const SessionInfo& info);
-/// Texts by name.
+/// Converts to a dict of texts by name.
 [[nodiscard]] nanobind::object to_python(const std::vector<Document>& documents);
 
 }  // namespace trifinger::python

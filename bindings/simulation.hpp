@@ -28,7 +28,7 @@ class PythonSimulation {
  public:
   explicit PythonSimulation(const RobotConfig& config);
 
-  /// As the configuration has it.
+  /// Name of the robot in the configuration.
   [[nodiscard]] const std::string& name() const noexcept { return name_; }
   [[nodiscard]] std::unique_ptr<PythonFrontend> connect(bool strict) const;
   void reset(const std::optional<std::vector<double>>& position, std::optional<std::uint64_t> seed,

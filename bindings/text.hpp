@@ -8,27 +8,27 @@
 #include <string>
 #include <string_view>
 
-// Texts that go from Python to C++ and back. In C++ they are bytes, which need not be UTF-8: names
-// of files, what others have written. In Python such a byte is a lone surrogate, as it is in the
-// names of files that Python itself gives ("surrogateescape"), and goes back as the same byte.
+// Texts that go from Python to C++ and back. In C++ they are bytes that need not be UTF-8, such as
+// names of files. In Python a byte that is no UTF-8 is a lone surrogate, like in the names of files
+// that Python itself gives ("surrogateescape"). It goes back as the same byte.
 
 namespace trifinger::python {
 
 [[nodiscard]] nanobind::object to_str(std::string_view text);
-/// Bytes that are no UTF-8 are shown as in "\xff": for messages, which are printed.
+/// Converts a text for a message. Bytes that are no UTF-8 are shown like "\xff".
 [[nodiscard]] nanobind::object to_message(std::string_view text);
-/// str(object), whatever characters are in it: for messages.
+/// Returns str(object) with any characters, for a message.
 [[nodiscard]] std::string text_of(nanobind::handle object);
 
-/// What Python takes for a path: str, bytes or os.PathLike.
+/// Converts a path of Python: str, bytes or os.PathLike.
 /// @throws TypeError, UnicodeEncodeError, InvalidArgument if it has a zero byte in it.
 [[nodiscard]] std::filesystem::path to_path(nanobind::handle path);
-/// A pathlib.Path.
+/// Converts to a pathlib.Path.
 [[nodiscard]] nanobind::object to_python(const std::filesystem::path& path);
 
 namespace detail {
 
-/// False, and no Python error is set, if `text` is no str or cannot be bytes.
+/// Returns false, without setting an error in Python, if `text` is no str or cannot become bytes.
 [[nodiscard]] bool read_str(nanobind::handle text, std::string& bytes) noexcept;
 
 }  // namespace detail
@@ -50,7 +50,7 @@ struct type_caster<std::string> {
   }
 };
 
-// Nobody would own its bytes: take a std::string.
+// Not available, because nobody would own the bytes. Take a std::string instead.
 template <>
 struct type_caster<std::string_view>;
 

@@ -9,7 +9,7 @@ namespace nb = nanobind;
 namespace trifinger::python {
 namespace {
 
-// Times from here on do not fit into 64 bits of nanoseconds: 292 years.
+// From here on [292 years], nanoseconds do not fit into 64 bits.
 constexpr double kLimit = 9.2e9;  // [s]
 
 }  // namespace
@@ -22,7 +22,7 @@ Timeout to_timeout(nb::handle seconds) {
     throw InvalidArgument("timeout is " + std::string(nb::repr(seconds).c_str()) +
                           "; allowed are seconds and None (as long as it takes)");
   }
-  if (!(value >= 0.0)) {  // NaN as well
+  if (!(value >= 0.0)) {  // also refuses NaN
     throw InvalidArgument("timeout is " + std::string(nb::repr(seconds).c_str()) +
                           "; allowed are seconds from 0 on and None (as long as it takes)");
   }

@@ -9,18 +9,18 @@
 
 namespace trifinger::python {
 
-/// Seconds, or None for as long as it takes. @throws InvalidArgument
+/// Converts seconds; None means as long as it takes. @throws InvalidArgument
 [[nodiscard]] Timeout to_timeout(nanobind::handle seconds);
 
-/// Seconds as a finite time. @throws InvalidArgument
+/// Converts seconds to a finite time. @throws InvalidArgument
 [[nodiscard]] Nanoseconds to_time(double seconds);
 
 [[nodiscard]] inline double to_seconds(Nanoseconds time) {
   return std::chrono::duration<double>(time).count();
 }
 
-/// Calls `attempt(timeout)`, a wait of the core that knows no interrupt, for a `slice` at a time
-/// with a look at Ctrl-C between.
+/// Calls `attempt(timeout)`, a wait of the core that cannot be interrupted, for one `slice` at a
+/// time. Checks for Ctrl-C between the slices.
 template <class Attempt>
 auto in_slices(Timeout timeout, const Attempt& attempt,
                Nanoseconds slice = std::chrono::milliseconds(100)) {

@@ -33,14 +33,14 @@ class Element(numpy.void):  # type: ignore[misc]  # final in NumPy's own stub, n
     def __setattr__(self, name: str, value: object) -> None: ...
 
 class Action(Element):  # type: ignore[misc]
-    """What a user asks for in a step."""
+    """The action that a user requests for a step."""
     torque: numpy.typing.NDArray[numpy.float64]
     position: numpy.typing.NDArray[numpy.float64]
     position_kp: numpy.typing.NDArray[numpy.float64]
     position_kd: numpy.typing.NDArray[numpy.float64]
 
 class AppliedAction(Element):  # type: ignore[misc]
-    """What a robot says it has applied in a step."""
+    """The action that a robot has applied in a step."""
     torque: numpy.typing.NDArray[numpy.float64]
     position: numpy.typing.NDArray[numpy.float64]
     position_kp: numpy.typing.NDArray[numpy.float64]
@@ -49,14 +49,14 @@ class AppliedAction(Element):  # type: ignore[misc]
     thermal_margin: numpy.typing.NDArray[numpy.float64]
 
 class Observation(Element):  # type: ignore[misc]
-    """What a robot or a companion has measured."""
+    """The measurements of a robot or a companion."""
     position: numpy.typing.NDArray[numpy.float64]
     velocity: numpy.typing.NDArray[numpy.float64]
     torque: numpy.typing.NDArray[numpy.float64]
     tip_force: numpy.typing.NDArray[numpy.float64]
 
 class StatusElement(Element):  # type: ignore[misc]
-    """What the back-end has to say about a step."""
+    """The status that the back-end has written for a step."""
     time: numpy.int64
     tick: numpy.int64
     lateness: numpy.int64
@@ -75,14 +75,14 @@ class Status(enum.IntFlag):
 
     ACTION_REPEATED = 1
     """
-    The action for this step was missing, the previous one was applied again.
+    The action for this step was missing; the previous one was applied again.
     """
 
     ACAUSAL = 2
     """The action was appended by someone who had already read y_t."""
 
     ACTION_REJECTED = 4
-    """The action was not fit to apply; something safe was applied instead."""
+    """The action could not be applied; a safe one was applied instead."""
 
     END = 8
     """The last status of the session: no action was applied at this step."""
@@ -91,44 +91,42 @@ class Status(enum.IntFlag):
     """The tick began late: the back-end did not get the processor in time."""
 
     DRIVER_LATE = 32
-    """The tick began late: calls of the driver took up the one before."""
+    """The tick began late: calls of the driver used up the tick before."""
 
 def list_sessions() -> list[trifinger.session_info.SessionInfo]:
     """
-    What runs on this machine, robots and companions, in the order of their names. Sessions whose
-    back-end died are included.
+    The sessions on this machine, robots and companions, in the order of their names. Sessions
+    whose back-end died are included.
     """
 
 def recover(name: str, timeout: float | None = 5.0) -> None:
     """
-    Clears the fault of the robot `name`, as the operator who has looked at it; the next session
-    begins.
+    Clears the fault of the robot `name`; the next session begins. Call it only after somebody
+    has looked at the robot.
 
     Raises SessionNotFound, TimedOut, or RobotStopped if the back-end is gone.
     """
 
 class LatenessHistogram:
     """
-    Counts times in bins that widen with the time: eight for each power of two, so a quantile is
-    known to an eighth of itself however many times there are.
+    Counts times in bins whose width grows with the time: eight bins for each power of two. A
+    quantile is therefore known to an eighth of its value, however many times were counted.
     """
 
     def count(self) -> int:
-        """How many times there are."""
+        """Number of counted times."""
 
     def quantile(self, fraction: float) -> float:
         """
-        The time [s] below which the share `fraction` of all times lies; 0 if there are none.
+        The time below which the share `fraction` of all times lies [s]; 0 if no time was counted.
         """
 
     def counts(self) -> list[int]:
-        """How many times are in each bin."""
+        """Number of times in each bin."""
 
     @staticmethod
     def edges() -> list[float]:
-        """
-        The shortest time of each bin [s]; that of the last one and all that are longer.
-        """
+        """The shortest time of each bin [s]. The last bin has no upper end."""
 
     def max(self) -> float:
         """The longest time [s]."""
@@ -146,33 +144,32 @@ class LateStep:
     @property
     def lateness(self) -> float:
         """
-        How late the tick began [s]; if the user was to blame, for how long there has been no new
-        action.
+        How late the tick began [s]. If the user caused it, the time without a new action.
         """
 
     @property
     def cause(self) -> str:
-        """Who was to blame: "user", "scheduler" or "driver"."""
+        """Who caused the late step: "user", "scheduler" or "driver"."""
 
     def __repr__(self) -> str: ...
 
 class TimingRecord:
     """
-    How a session in real time keeps its time; str() tells it in a sentence.
+    How well a session in real time keeps its time; str() tells it in a sentence.
 
-    A step is late because its action was missing ("user"), because the back-end was woken late or
-    did not get the processor ("scheduler"), or because calls of the driver took up the tick before
+    A step is late because its action was missing ("user"), because the back-end was woken late or did
+    not get the processor ("scheduler"), or because calls of the driver used up the tick before
     ("driver").
     """
 
     def lateness(self) -> LatenessHistogram:
-        """`lateness_of` all steps."""
+        """The `lateness_of` all steps."""
 
     def steps(self) -> int:
-        """Steps so far, the one that ended the session included."""
+        """Number of steps so far, including the one that ended the session."""
 
     def late_steps(self, cause: str | None = ...) -> int:
-        """How many steps were late, all of them or because of `cause`."""
+        """Number of late steps: all of them, or those late because of `cause`."""
 
     def success_rate(self) -> float:
         """
@@ -181,8 +178,8 @@ class TimingRecord:
 
     def worst(self) -> list[LateStep]:
         """
-        The worst late steps, the worst first. Of steps that are later and later in a row there is
-        only the last one.
+        The worst late steps, the worst one first. In a row of steps with growing lateness only
+        the last one is listed.
         """
 
     def __str__(self) -> str: ...
@@ -190,76 +187,78 @@ class TimingRecord:
     def __repr__(self) -> str: ...
 
 def duration_text(seconds: float) -> str:
-    """A time for people, as in "12 µs" and "1.2 ms"."""
+    """Formats a time for people, for example "12 µs" and "1.2 ms"."""
 
 def lateness_of(statuses: numpy.typing.NDArray[StatusElement], period: float) -> numpy.typing.NDArray[numpy.float64]:
     """
-    How late each step was [s]: how long after its deadline the tick began, or after the deadline of
-    the first tick that was left out before it; zero without deadlines. `period` is the session's.
+    How late each step was [s]: the time from the deadline to the beginning of the tick. If
+    ticks were left out before it, the time counts from the deadline of the first of them. Zero without
+    deadlines. `period` is the session's [s].
     """
 
 class Frontend:
     """
     The user's view of a running robot: append desired actions, read back what happened.
 
-    Reading step t waits until the back-end has filled it in, so a loop that reads y[t] and appends
-    a[t+1] is paced by the robot and needs no sleep of its own.
+    Reading step t waits until the back-end has filled it in. A loop that reads y[t] and appends
+    a[t+1] is therefore paced by the robot and needs no sleep of its own.
 
-    `y.position` and `y["position"]` read a field of an Element. Ranges of steps are structured
-    arrays of NumPy, `ys["position"]` is their field.
+    `y.position` and `y["position"]` read a field of an Element. Ranges of steps `ys` are structured
+    arrays of NumPy; `ys["position"]` is the field of all steps.
 
-    Any number of threads may read; one appends. Every wait ends: with the value, with TimedOut
-    (`timeout` is in seconds, None for as long as it takes), with RobotStopped once the session has
-    ended and the value will never come, or with Ctrl-C. A handle that went through os.fork() raises
+    Any number of threads may read; one thread appends. Every wait ends with the value, with TimedOut,
+    with Ctrl-C, or with RobotStopped if the session has ended and the value will never come. `timeout`
+    is in seconds; None waits as long as it takes. A handle that went through os.fork() raises
     InheritedHandle.
 
-    As a context manager it calls finish() after a clean end of the block and lets go after an
-    exception.
+    A `with` block calls finish() at its end. If the block raises an exception, it calls close()
+    instead.
     """
 
     def append_desired_action(self, action: Action, timeout: float | None = None) -> int:
         """
-        Appends `action` and returns the step it is scheduled for: the next one, or the first still open
-        if the loop fell behind. The first call starts time 0. Waits only if the queue is full.
+        Appends `action` and returns the step for which it is scheduled. This is the next step
+        or, if the user's loop is late, the first step that is still open. The first call starts step 0. The
+        call waits only if the queue is full.
 
-        Raises RobotStopped, TimedOut, AcausalAction if strict, InvalidArgument for anything but an
-        action of this robot: see new_action.
+        Raises RobotStopped, TimedOut, AcausalAction if strict, InvalidArgument for anything but an action
+        of this robot: see new_action.
         """
 
     def append_desired_actions(self, actions: numpy.typing.NDArray[Action], timeout: float | None = None) -> int:
         """
-        Appends a burst: the elements of a one-dimensional array of `action_dtype`, one behind the
-        other. Returns the step of the last one.
+        Appends several actions, one per step: the elements of a one-dimensional array of
+        `action_dtype`. Returns the step of the last one.
         """
 
     def new_action(self, **fields: numpy.typing.ArrayLike) -> Action:
         """
-        Returns the robot's default action with `fields` filled in; a number fills the whole field. It
-        can be changed and appended as often as you like.
+        Returns the robot's default action with `fields` filled in; a number fills the whole
+        field. The action can be changed and appended as often as you like.
         """
 
     def get_observation(self, t: int, timeout: float | None = None) -> Observation:
         """
-        Returns y[t], waiting for it if `t` lies in the future.
+        Returns y[t]; waits for it if `t` lies in the future.
 
-        Raises HistoryLost if y[t] was already overwritten, RobotStopped if it will never come,
-        TimedOut.
+        Raises HistoryLost if y[t] was already overwritten, RobotStopped if it will never come, TimedOut.
         """
 
     def get_desired_action(self, t: int, timeout: float | None = None) -> Action:
         """
-        Returns a[t] as the back-end took it; raises as get_observation, like all below.
+        Returns a[t] as the back-end took it. This and the functions below raise like
+        get_observation.
         """
 
     def get_applied_action(self, t: int, timeout: float | None = None) -> AppliedAction:
-        """Returns a'[t]: what was applied."""
+        """Returns a'[t], the applied action."""
 
     def get_status(self, t: int, timeout: float | None = None) -> StatusElement:
-        """Returns what the back-end has to say about step t."""
+        """Returns the status that the back-end has written for step t."""
 
     def get_observations(self, first: int, last: int, timeout: float | None = None) -> numpy.typing.NDArray[Observation]:
         """
-        Returns the steps from `first` to before `last`, waiting for the last one.
+        Returns the steps from `first` to before `last`; waits for the last one.
         """
 
     def get_desired_actions(self, first: int, last: int, timeout: float | None = None) -> numpy.typing.NDArray[Action]: ...
@@ -270,55 +269,55 @@ class Frontend:
 
     def latest_observation(self, timeout: float | None = None) -> Observation:
         """
-        Returns the newest observation, before step 0 too: nobody has to act in order to look.
+        Returns the newest observation, also before step 0: a user can look without acting.
         """
 
     def get_latest_at(self, t: int, timeout: float | None = None) -> Observation | None:
         """
-        Companions: returns the newest element that arrived at or before the robot's step `t`, waiting
-        for that step. None if there was none by then.
+        For companions: returns the newest element that arrived at or before the robot's step
+        `t`, and waits for that step. None if no element had arrived by then.
         """
 
     def wait_until_time_index(self, t: int, timeout: float | None = None) -> None:
-        """Waits until y[t] is there."""
+        """Waits until y[t] exists."""
 
     def current_time_index(self) -> int:
-        """The newest step whose observation is there, -1 before step 0."""
+        """Newest step whose observation exists; -1 before step 0."""
 
     def range(self, series: str) -> tuple[int, int]:
         """
-        The first step of `series` that can still be read, and the first that has not been written: as
-        in `robot.get_observations(*robot.range("observation"))`. Series are "desired_action",
+        The first step of `series` that can still be read, and the first step not yet written,
+        for example for `robot.get_observations(*robot.range("observation"))`. Series are "desired_action",
         "applied_action", "observation" and "status".
         """
 
     def finish(self, timeout: float | None = None) -> None:
         """
-        Says that no further action will come: the session ends, without a fault, behind the last action
-        appended. Returns when it has ended.
+        Says that no further action will come. The session ends without a fault, after the last
+        appended action. Returns when it has ended.
         """
 
     def recover(self, timeout: float | None = None) -> None:
         """
-        Clears the fault that ended the session and waits until the back-end has begun the next one.
-        This handle remains stopped: connect again.
+        Clears the fault that ended the session and waits until the back-end has begun the next
+        one. This handle remains stopped: connect again.
         """
 
     def fault(self) -> trifinger.session_info.Fault | None:
-        """Why the session ended; None while it goes on."""
+        """Why the session ended; None while it runs."""
 
     def timing(self) -> TimingRecord | None:
         """
-        How the session keeps its time, so far or in the end; None outside real-time mode and before the
-        first whole step.
+        How well the session keeps its time, up to now or up to its end. None outside real-time
+        mode and before the first whole step.
         """
 
     def companion(self, name: str) -> Frontend:
-        """Reads the companion `name` of this robot, as in "object"."""
+        """Reads the companion `name` of this robot, for example "object"."""
 
     def session_info(self) -> trifinger.session_info.SessionInfo:
         """
-        What anybody may know about the session: name, type, period, who takes part.
+        Facts about the session for everybody: name, type, period, who takes part.
         """
 
     def documents(self) -> dict[str, str]:
@@ -328,7 +327,8 @@ class Frontend:
 
     def close(self) -> None:
         """
-        Lets go of the session. If actions were appended and it still runs, it ends ("detached").
+        Gives the session and its control back. If actions were appended and the session still
+        runs, it ends ("detached").
         """
 
     @property
@@ -337,7 +337,7 @@ class Frontend:
 
     @property
     def applied_action_dtype(self) -> numpy.dtype[AppliedAction]:
-        """The layout of what the robot says it has applied."""
+        """The layout of an applied action."""
 
     @property
     def observation_dtype(self) -> numpy.dtype[Observation]:
@@ -355,17 +355,17 @@ class Frontend:
 
 def connect(name: str, *, strict: bool = False, timeout: float | None = 5.0) -> Frontend:
     """
-    Takes control of the robot `name`, which runs in a back-end of its own: `trifinger run`.
+    Takes control of the robot `name`, which runs in a back-end of its own (`trifinger run`).
 
-    `strict` makes an action that comes after its step was read an error (AcausalAction) instead of
-    a mark in the status. `timeout` is how long to wait for a session that is about to begin.
+    With `strict`, an action that comes after its step was read is an error (AcausalAction) instead of a
+    mark in the status. `timeout` is how long to wait for a session that is about to begin.
 
-    Raises SessionNotFound with the names there are, ControlHeld naming the process that controls
-    it, RobotStopped if a fault must be cleared with recover() first.
+    Raises SessionNotFound with the names of running robots, ControlHeld with the process that controls
+    the robot, RobotStopped if a fault must first be cleared with recover().
     """
 
 def observe(name: str) -> Frontend:
-    """Looks at the robot or companion `name` without controlling it."""
+    """Observes the robot or companion `name` without controlling it."""
 
 class Backend:
     """
@@ -378,10 +378,10 @@ class Backend:
 
     @property
     def name(self) -> str:
-        """For connect() and observe()."""
+        """Name for connect() and observe()."""
 
     def wait(self, timeout: float | None = None) -> None:
-        """Waits until the back-end has ended or Ctrl-C is pressed."""
+        """Waits until the back-end has ended, or until Ctrl-C is pressed."""
 
     def stop(self) -> None:
         """Ends the session, brings the robot to rest and gives the name back."""
@@ -392,28 +392,30 @@ class Backend:
 
 def fake(*, strict: bool = ..., history: int = ..., sensor_period: int = ..., sensor_delay: int = ..., observation_fault_after: int = ..., action_fault_after: int = ...) -> Frontend:
     """
-    Starts the fake robot inside this program: no physics and no joints, for tests of your own code.
+    Starts the fake robot inside this program: no physics and no joints, for tests of your own
+    code.
 
-    It runs in the waits of the front-end that is returned: without threads, deterministic and fast.
-    An action has the field `setpoint`, an observation `setpoint` (the last one applied) and
+    It runs inside the waits of the returned front-end: without threads, deterministic and fast. An
+    action has the field `setpoint`. An observation has the fields `setpoint` (the last one applied) and
     `applied_actions` (how many there were). `history` is the number of steps kept. With a
-    `sensor_period` [steps] it has the companion "sensor". `observation_fault_after` and
+    `sensor_period` [steps] the robot has the companion "sensor". `observation_fault_after` and
     `action_fault_after` inject a fault after that many calls.
     """
 
 def run_fake(name: str, *, real_time: bool = False, period: float = 0.001, max_action_repeats: int = 0, max_skipped_ticks: int = 5, first_action_timeout: float | None = None, history: int = 16384, sensor_period: int = 0, sensor_delay: int = 0, observation_fault_after: int = -1, action_fault_after: int = -1) -> Backend:
     """
-    Runs the fake robot (see fake()) in a thread of this process, for every process of this machine.
+    Runs the fake robot (see fake()) in a thread of this process, for every process of this
+    machine.
 
-    In real-time mode a step takes `period` [s] and a missing action is replaced up to
-    `max_action_repeats` times in a row; otherwise the robot waits for every action.
+    In real-time mode a step takes `period` [s], and a missing action is replaced up to
+    `max_action_repeats` times in a row. Otherwise the robot waits for every action.
 
     Raises RobotOwned if another back-end has this name.
     """
 
 class Reason(enum.IntFlag):
     """
-    Why a joint was not given what was asked of it: bits of `reasons` in an applied action.
+    Why a joint did not get what was requested: bits of `reasons` in an applied action.
     """
 
     TORQUE_NOT_FINITE = 1
@@ -490,13 +492,13 @@ class Reason(enum.IntFlag):
 
 class Recorder:
     """
-    Records a robot of this process in a thread of its own, without loss: the simulation waits for it. The end of
-    the program stops it.
+    Records a robot of this process in a thread of its own. Nothing is lost, because the simulation
+    waits for the recorder. The end of the program stops it.
     """
 
     def stop(self) -> None:
         """
-        Writes what is there and finishes the file; nothing is recorded from then on.
+        Writes what is left and finishes the file. Nothing is recorded after this.
         """
 
     @property
@@ -509,7 +511,7 @@ class Recorder:
 
 class Variation:
     """
-    How a simulation differs from its configuration for an episode; the numbers are those of `Simulation.vary`.
+    How a simulation differs from its configuration in an episode. `Simulation.vary` explains the numbers.
     """
 
     @property
@@ -544,11 +546,11 @@ class Variation:
 
 class Simulation:
     """
-    A simulated robot in this process, with its back-end inside the waits of its front-end: no threads, deterministic,
-    as fast as the physics. simulate() is the short form.
+    A simulated robot in this process. Its back-end runs inside the waits of its front-end: no threads,
+    deterministic, as fast as the physics. simulate() is the short form.
 
-    Every session begins in the state that the last reset(), place_object(), set_object_velocity() or restore() has left.
-    During a session they take effect at once.
+    Every session begins in the state that the last reset(), place_object(), set_object_velocity() or
+    restore() has left. During a session they take effect at once.
     """
 
     def __init__(self, config: str = 'sim', overrides: dict[str, object] = {}) -> None:
@@ -561,76 +563,88 @@ class Simulation:
 
     def connect(self, *, strict: bool = ...) -> Frontend:
         """
-        Controls the robot in a new session. Raises ControlHeld while another front-end does.
+        Controls the robot in a new session. Raises ControlHeld while another front-end controls it.
         """
 
     def reset(self, position: Sequence[float] | None = ..., seed: int | None = ..., episode: int = ...) -> None:
         """
-        Goes back to the beginning: joints at `position` [rad] (default: the configuration's), objects as they are at the start
-        of the configuration, random numbers of `episode` of `seed` (default: the configuration's).
+        Resets the simulation: joints at `position` [rad] (default: the configuration's), objects as they
+        are at the start of the configuration, random numbers of `episode` of `seed` (default: the
+        configuration's).
         """
 
     @overload
     def vary(self, variation: Variation) -> None:
-        """Differs as the start of an episode says."""
+        """
+        Makes the simulation differ from its configuration as `variation` says.
+        """
 
     @overload
     def vary(self, *, object_mass: float = 1.0, friction: float = 1.0, pair_friction: dict[str, float] = {}, contact_time: float = 1.0, motor_gain: float = 1.0, torque_delay: int = 0, rotor_inertia: float = 1.0, joint_damping: float = 1.0, joint_friction: float = 0.0, stop_margin: float = 1.0) -> None:
         """
-        Differs from its configuration from now on, whatever is reset. Each number is a factor but for two: the steps until
-        motors deliver a torque, and the dry friction that is added in the joints [Nm]. `pair_friction` is by pairs of
-        surfaces, as in {"tip_object": 0.8}, besides `friction` of all; docs/simulation.md names them.
+        Makes the simulation differ from its configuration from now on. A reset does not change this. Each
+        number is a factor, except `torque_delay`, the steps until motors deliver a torque, and
+        `joint_friction`, the dry friction added in the joints [Nm]. `pair_friction` has additional factors
+        for pairs of surfaces, for example {"tip_object": 0.8}; docs/simulation.md names them.
         """
 
     def place_object(self, name: str, position: Sequence[float], orientation: Sequence[float] = ...) -> None:
         """
-        Puts an object somewhere, at rest: x, y, z [m] and a quaternion w, x, y, z.
+        Places an object at rest: `position` x, y, z [m] and `orientation`, a quaternion w, x, y, z.
         """
 
     def set_object_velocity(self, name: str, linear: Sequence[float], angular: Sequence[float] = ...) -> None:
         """
-        Lets an object move from where it is, in the world frame: its centre [m/s], and about it [rad/s].
+        Sets an object in motion from where it is, in the world frame: velocity of its centre [m/s] and
+        angular velocity [rad/s].
         """
 
     def push_object(self, name: str, force: Sequence[float]) -> None:
         """
-        Lets a force act on an object's centre of mass from the next step of the session on [N], until the next call,
-        reset() or session.
+        Applies a force to an object's centre of mass [N], in the world frame. It acts from the next step of
+        the session on until the next call, reset() or session.
         """
 
     def object_velocity(self, name: str) -> tuple[Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]]:
         """
-        How an object moves now, without delay and noise: its centre [m/s], and about it [rad/s].
+        The object's velocity now, without delay and noise: velocity of its centre [m/s] and angular velocity [rad/s].
         """
 
     def object_pose(self, name: str) -> tuple[Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], Annotated[NDArray[numpy.float64], dict(shape=(4), order='C')]]:
         """
-        Where an object is now, without delay and noise: position [m] and quaternion w, x, y, z.
+        The object's pose now, without delay and noise: position [m] and quaternion w, x, y, z.
         """
 
     def save(self) -> bytes:
-        """The whole state: physics, safety chain, delays, random numbers."""
+        """Saves the state: physics, safety chain, delays, random numbers."""
 
     def restore(self, state: bytes) -> None:
-        """Goes on as it went on from `state`, bit for bit."""
+        """
+        Continues from `state` exactly as the saved simulation continued, bit for bit.
+        """
 
     def state_before_divergence(self) -> bytes:
-        """The last state before the simulation diverged; empty if it has not."""
+        """
+        The last state before the simulation diverged; empty if it has not diverged.
+        """
 
     def configuration(self) -> Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C')]:
-        """MuJoCo's qpos, then qvel, to draw the scene of mjcf()."""
+        """
+        Positions and velocities of joints and objects, to draw the scene of mjcf(): MuJoCo's qpos, then qvel.
+        """
 
     def add_check(self, function: Callable[[Observation, Action], None]) -> None:
         """
-        Adds a safety check of your own, between sessions: `function(observation, action)` changes the action in place.
-        The robot's own limits are checked after it. An exception ends the session with a fault that has its text.
-        Ctrl-C is no fault: KeyboardInterrupt reaches the program that waits for the robot.
+        Adds a safety check of your own; call it between sessions. `function(observation, action)` changes
+        the action in place. The robot's own limits are checked after it. An exception ends the session with
+        a fault that has the exception's text. Ctrl-C is no fault: KeyboardInterrupt reaches the program
+        that waits for the robot.
         """
 
     def record(self, folder: str | os.PathLike[str], *, precision: str = 'double') -> Recorder:
         """
-        Records every session from the next one on, without loss, into a file in `folder`; "single" takes half of
-        the space.
+        Records every session from the next one on, without loss, into a file in `folder`. The precision
+        "single" takes half of the space.
         """
 
     def mjcf(self) -> str:
@@ -638,8 +652,9 @@ class Simulation:
 
 def simulate(config: str = 'sim', overrides: dict[str, object] = {}, *, strict: bool = True, record: str | os.PathLike[str] | None = None, checks: Iterable[Callable[[Observation, Action], None]] = ()) -> Frontend:
     """
-    Starts a simulated robot in this process and controls it; see Simulation. `record` is the folder for a log,
-    `checks` are safety checks of your own, see Simulation.add_check(). connect() is for one that runs elsewhere.
+    Starts a simulated robot in this process and controls it; see Simulation. `record` is the folder for
+    a log. `checks` are safety checks of your own, see Simulation.add_check(). For a robot that runs
+    elsewhere, use connect().
     """
 
 def export_mjcf(config: str = 'sim', overrides: dict[str, object] = {}) -> str:
@@ -652,22 +667,24 @@ def export_urdf(config: str = 'sim', overrides: dict[str, object] = {}) -> str:
 
 class Kinematics:
     """
-    Kinematics and dynamics of the fingers, without contacts and objects, in the world frame: z up, origin on the
-    table. Not for several threads at once: make one each.
+    Kinematics and dynamics of the fingers, without contacts and objects. Everything is in the world
+    frame: z up, origin on the table. One object must not be used by several threads at once: make one
+    for each.
     """
 
     def __init__(self, config: str = 'sim', overrides: dict[str, object] = {}) -> None:
         """
-        Of the robot of a configuration: the name of one that comes with the package, or a file.
+        `config` is the name of a configuration that comes with the package, or a file. `overrides` changes
+        single values.
         """
 
     @property
     def num_fingers(self) -> int:
-        """1 or 3."""
+        """Number of fingers: 1 or 3."""
 
     @property
     def num_joints(self) -> int:
-        """Three for each finger."""
+        """Number of joints: three for each finger."""
 
     def tip_positions(self, position: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
         """
@@ -680,11 +697,14 @@ class Kinematics:
         """
 
     def tip_jacobians(self, position: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
-        """The Jacobians of all tips below each other [m/rad]."""
+        """
+        The Jacobians of all tips, one below the other [m/rad]: square, `num_joints` rows and columns.
+        """
 
     def tip_accelerations(self, position: numpy.typing.ArrayLike, velocity: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
         """
-        How the tips accelerate with joints of constant `velocity` [rad/s]: a row x, y, z for each finger [m/s^2].
+        Accelerations of the tips when joints move with constant `velocity` [rad/s]: a row x, y, z for each
+        finger [m/s^2].
         """
 
     def gravity_torques(self, position: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
@@ -692,51 +712,53 @@ class Kinematics:
 
     def bias_torques(self, position: numpy.typing.ArrayLike, velocity: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
         """
-        Torques that keep joints at their `velocity` [rad/s] without acceleration: against gravity, Coriolis and
-        centrifugal forces [Nm]. Friction is not part of it.
+        Torques that keep joints at their `velocity` [rad/s] without acceleration, against gravity, Coriolis
+        and centrifugal forces [Nm]. Friction is not included.
         """
 
     def mass_matrix(self, position: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
-        """Inertia seen by the joints, with that of the rotors [kg m^2]."""
+        """Inertia at the joints, including that of the rotors [kg m^2]."""
 
     def inverse_kinematics(self, finger: int, tip: numpy.typing.ArrayLike, near: numpy.typing.ArrayLike | None = None) -> tuple[numpy.typing.NDArray[numpy.float64], str]:
         """
-        Joint positions of `finger` [rad] that bring its tip to `tip` [m], and whether it can reach it: 'yes',
-        'too_far', 'too_close' or 'outside_limits'. Where it cannot, the pose comes near it. Of several poses it is the
-        one nearest to `near` [rad], by default to the initial pose.
+        Joint positions of `finger` [rad] that bring its tip to `tip` [m], and whether it can reach it:
+        'yes', 'too_far', 'too_close' or 'outside_limits'. If it cannot, the result is a pose within the
+        hard limits whose tip is near the point. Among several poses the result is the one nearest to `near`
+        [rad]; default: the initial pose.
         """
 
 class Pose:
-    """Where a body is and how it is turned. Cannot be changed."""
+    """Position and orientation of a body. Cannot be changed."""
 
     def __init__(self, position: numpy.typing.ArrayLike = ..., orientation: numpy.typing.ArrayLike = ...) -> None:
         """
-        `position` of the centre of mass [m]; `orientation` from the body's frame, a quaternion w, x, y, z of unit length.
+        `position` is that of the centre of mass [m]. `orientation` is the rotation from the body's frame, a
+        quaternion w, x, y, z of unit length.
         """
 
     @property
     def position(self) -> numpy.typing.NDArray[numpy.float64]:
-        """Of the centre of mass [m]."""
+        """Position of the centre of mass [m]."""
 
     @property
     def orientation(self) -> numpy.typing.NDArray[numpy.float64]:
-        """From the body's frame: w, x, y, z."""
+        """Rotation from the body's frame: a quaternion w, x, y, z."""
 
 class Twist:
-    """How a body moves. Cannot be changed."""
+    """Velocity and angular velocity of a body. Cannot be changed."""
 
     def __init__(self, linear: numpy.typing.ArrayLike = ..., angular: numpy.typing.ArrayLike = ...) -> None: ...
 
     @property
     def linear(self) -> numpy.typing.NDArray[numpy.float64]:
-        """Of the centre of mass [m/s]."""
+        """Velocity of the centre of mass [m/s]."""
 
     @property
     def angular(self) -> numpy.typing.NDArray[numpy.float64]:
         """[rad/s], not in the body's frame."""
 
 class Acceleration:
-    """How the twist of a body changes. Cannot be changed."""
+    """Rate of change of a body's twist. Cannot be changed."""
 
     def __init__(self, linear: numpy.typing.ArrayLike = ..., angular: numpy.typing.ArrayLike = ...) -> None: ...
 
@@ -781,27 +803,27 @@ class PointMotion:
 
 def rotation_from_vector(vector: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
     """
-    The rotation by `vector` [rad], about its direction and by its length, as w, x, y, z.
+    The rotation about the direction of `vector` by its length [rad], as a quaternion w, x, y, z.
     """
 
 def rotation_vector(rotation: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
     """
-    The shortest vector that `rotation_from_vector` makes `rotation` of [rad].
+    The shortest vector [rad] that `rotation_from_vector` turns into `rotation`. Its length is at most pi.
     """
 
 def rotation_error(desired: numpy.typing.ArrayLike, actual: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
     """
-    By what `actual` must still be turned to become `desired` [rad], in the frame in which both are given.
+    The rotation that still turns `actual` into `desired` [rad], in the frame in which both are given.
     """
 
 def moved(pose: Pose, twist: Twist, duration: float) -> Pose:
     """
-    Where `pose` is after moving with a constant `twist` for `duration` [s].
+    The pose after moving from `pose` with a constant `twist` for `duration` [s], which may be negative.
     """
 
 def point_of_body(body: Motion, point: numpy.typing.ArrayLike) -> PointMotion:
     """
-    How a point moves that is fixed to a body; `point` is in the body's frame, from its centre [m].
+    The motion of a point that is fixed to a body. `point` is in the body's frame, from its centre [m].
     """
 
 class Wrench:
@@ -815,13 +837,13 @@ class Wrench:
 
     @property
     def moment(self) -> numpy.typing.NDArray[numpy.float64]:
-        """About a point that goes with it [Nm]."""
+        """Moment about a point that is stated with each use [Nm]."""
 
 class Contact:
     """
     A point at which a tip touches an object and pushes, with friction and without adhesion. Cannot be changed.
 
-    A tip that does not touch is a contact with `max_normal_force` 0: it gets no force.
+    A tip that does not touch is a contact whose `max_normal_force` is 0. It gets no force.
     """
 
     def __init__(self, position: numpy.typing.ArrayLike, normal: numpy.typing.ArrayLike, friction: float = ..., min_normal_force: float = ..., max_normal_force: float = ...) -> None: ...
@@ -833,12 +855,14 @@ class Contact:
     @property
     def normal(self) -> numpy.typing.NDArray[numpy.float64]:
         """
-        Into the object, of any length but zero: the direction in which the tip can push.
+        Direction in which the tip can push, into the object; its length must not be zero.
         """
 
     @property
     def friction(self) -> float:
-        """What a controller relies on; less than what there is."""
+        """
+        Coefficient that a controller relies on; it should be lower than the real one.
+        """
 
     @property
     def min_normal_force(self) -> float:
@@ -850,25 +874,25 @@ class Contact:
 
 def contact_frame(normal: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
     """
-    Columns: two tangents and `normal`, orthonormal and right-handed. The first tangent is normal to z, or to x
-    where the normal is nearly along z.
+    A matrix whose columns are two tangents and `normal`, orthonormal and right-handed. The first
+    tangent is perpendicular to z, or to x if the normal is nearly along z.
     """
 
 def grasp_map(grasp: Sequence[Contact], centre: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
     """
-    Turns contact forces into the wrench on the object about `centre` [m]: 6 rows, force and moment; 9 columns,
-    three for each of the three contacts.
+    The map from contact forces to the wrench on the object about `centre` [m]. It has 6 rows, force and
+    moment, and 9 columns, three for each of the three contacts.
     """
 
 def wrench_of(grasp: Sequence[Contact], centre: numpy.typing.ArrayLike, forces: numpy.typing.ArrayLike) -> Wrench:
     """
-    What nine `forces` [N] at the three contacts amount to about `centre` [m].
+    The total wrench of nine `forces` [N] at the three contacts, about `centre` [m].
     """
 
 class FrictionPyramid:
     """
-    The forces that a contact with friction can bear, as a pyramid of 3 to 8 sides inside Coulomb's cone.
-    With four sides it is the paper's.
+    A pyramid of 3 to 8 sides inside Coulomb's friction cone: a contact whose force lies in the pyramid
+    does not slip. With four sides it is the paper's pyramid.
     """
 
     def __init__(self, sides: int = ...) -> None: ...
@@ -878,18 +902,18 @@ class FrictionPyramid:
 
     def side(self, i: int, friction: float) -> numpy.typing.NDArray[numpy.float64]:
         """
-        Points inward from side `i`, in the contact frame. Its tangential part has the length 1.
+        A vector that points inward from side `i`, in the contact frame. Its tangential part has length 1.
         """
 
     def margin(self, force: numpy.typing.ArrayLike, friction: float) -> float:
         """
-        How much more tangential force fits into the pyramid beside `force` [N], which is in the contact frame;
-        negative outside.
+        Tangential force that could be added to `force` [N] before it leaves the pyramid, in the direction
+        with the least room. Negative outside. `force` is in the contact frame.
         """
 
 class TorqueLimits:
     """
-    The torques that joints can give, for tips that press. Cannot be changed.
+    The torques that the joints can give to press with the tips. Cannot be changed.
     """
 
     def __init__(self, jacobians: numpy.typing.ArrayLike, bias: numpy.typing.ArrayLike, limits: numpy.typing.ArrayLike) -> None: ...
@@ -897,13 +921,14 @@ class TorqueLimits:
     @property
     def jacobians(self) -> numpy.typing.NDArray[numpy.float64]:
         """
-        9 x 9, of the contacts in the frame of the grasp [m/rad]; `Kinematics.tip_jacobians` in the world's.
+        Jacobians of the contacts in the frame of the grasp, 9 x 9 [m/rad]. For the world frame this is
+        `Kinematics.tip_jacobians`.
         """
 
     @property
     def bias(self) -> numpy.typing.NDArray[numpy.float64]:
         """
-        What the joints need without any contact [Nm]; `Kinematics.bias_torques`.
+        Torques that the joints need without any contact [Nm]: `Kinematics.bias_torques`.
         """
 
     @property
@@ -911,34 +936,34 @@ class TorqueLimits:
         """[Nm]"""
 
 class ForceStatus(enum.Enum):
-    """How good an answer of the force optimisation is, best first."""
+    """Quality of a result of the force optimisation, best first."""
 
     EXACT = 0
-    """The wrench is the one wanted."""
+    """The forces make exactly the wanted wrench."""
 
     CLOSEST_WRENCH = 1
     """No allowed forces make the wanted wrench; these come closest to it."""
 
     TORQUE_LIMITS_EXCEEDED = 2
     """
-    Even the smallest normal forces ask for more torque than there is. The torque limits were left aside.
+    Even the smallest normal forces need more torque than the limits allow. The torque limits were ignored.
     """
 
     INVALID = 3
     """A number was not finite or out of its range. All forces are zero."""
 
 class ForceDistribution:
-    """An answer of the force optimisation."""
+    """A result of the force optimisation."""
 
     @property
     def forces(self) -> numpy.typing.NDArray[numpy.float64]:
         """
-        Of the tips on the object [N], in the frame of the grasp: three numbers for each of the three contacts.
+        Forces of the tips on the object [N], in the frame of the grasp: three numbers for each of the three contacts.
         """
 
     @property
     def wrench(self) -> Wrench:
-        """That they amount to."""
+        """The wrench that the forces make."""
 
     @property
     def status(self) -> ForceStatus: ...
@@ -947,20 +972,20 @@ class ForceDistribution:
 
 class ForceOptimizer:
     """
-    Finds the contact forces that make a wanted wrench: the paper's quadratic program, with bounds on normal forces
-    and joint torques. Not for several threads at once.
+    Finds the contact forces that make a wanted wrench, with the paper's quadratic program and with
+    bounds on normal forces and joint torques. One object must not be used by several threads at once.
     """
 
     def __init__(self, friction_sides: int = ..., normal_weight: float = ..., tangential_weight: float = ...) -> None: ...
 
     def solve(self, grasp: Sequence[Contact], centre: numpy.typing.ArrayLike, wrench: Wrench, torques: TorqueLimits | None = ...) -> ForceDistribution:
         """
-        Distributes `wrench`, which is about `centre` [m], over the three contacts. Where it cannot, the answer comes
-        closest to it and its `status` says so.
+        Distributes `wrench`, which is given about `centre` [m], over the three contacts. If that is
+        impossible, the result comes closest to it and its `status` says so.
         """
 
 class RigidBody:
-    """What moves when a wrench acts. Cannot be changed."""
+    """Mass and inertia of a rigid body. Cannot be changed."""
 
     def __init__(self, mass: float, inertia: numpy.typing.ArrayLike) -> None: ...
 
@@ -970,16 +995,17 @@ class RigidBody:
 
     @property
     def inertia(self) -> numpy.typing.NDArray[numpy.float64]:
-        """About the centre of mass, in the body's frame [kg m^2]."""
+        """Inertia about the centre of mass, in the body's frame [kg m^2]."""
 
 def rigid_body(shape: str, size: numpy.typing.ArrayLike, mass: float) -> RigidBody:
     """
-    A 'box', a 'stick' along x or a 'ball' of evenly spread mass. `size` has the whole lengths x, y, z of a box, the
-    length and diameter of a stick, the diameter of a ball [m].
+    Mass and inertia of an object whose mass is evenly spread: a 'box', a 'stick' along x, or a 'ball'.
+    `size` has the whole lengths x, y, z of a box, the length and diameter of a stick, or the diameter
+    of a ball [m].
     """
 
 def gravity() -> numpy.typing.NDArray[numpy.float64]:
-    """[m/s^2], in the world frame."""
+    """Standard gravity as in MuJoCo's models [m/s^2], in the world frame."""
 
 class ObjectGains:
     """How stiffly an object is held."""
@@ -1016,7 +1042,8 @@ class ObjectGains:
 
 def object_impedance(desired: Motion, pose: Pose, twist: Twist, body: RigidBody, gains: ObjectGains = ...) -> Wrench:
     """
-    The wrench about the object's centre that keeps it on its way, in the world frame, with its weight and inertia.
+    The wrench about the object's centre that keeps the object on its way, in the world frame. It
+    includes the object's weight and inertia.
     """
 
 class TipGains:
@@ -1040,15 +1067,15 @@ class TipGains:
 
 def tip_impedance(desired: PointMotion, position: numpy.typing.ArrayLike, velocity: numpy.typing.ArrayLike, gains: TipGains = ...) -> numpy.typing.NDArray[numpy.float64]:
     """
-    The force that brings a tip to where it should be [N]. What it should press with comes on top.
+    The force that brings a tip to its desired position [N]. Add the force with which the tip should press.
     """
 
 class Progress:
-    """How far a movement is, and how that changes."""
+    """Progress of a movement, with its derivatives."""
 
     @property
     def value(self) -> float:
-        """0 at the begin, 1 at the end."""
+        """0 at the beginning, 1 at the end."""
 
     @property
     def rate(self) -> float:
@@ -1059,7 +1086,7 @@ class Progress:
         """[1/s^2]"""
 
 def minimum_jerk(time: float, duration: float) -> Progress:
-    """The movement of the least jerk from rest to rest; times in [s]."""
+    """The movement of least jerk from rest to rest; times in [s]."""
 
 class LineTrajectory:
     """A straight line with the least jerk."""
@@ -1072,12 +1099,13 @@ class LineTrajectory:
 
     def at(self, time: float) -> PointMotion:
         """
-        `time` since the begin [s]; before it at rest at the begin, after `duration` at the end.
+        The motion at `time` since the beginning [s]. Before time 0 it rests at its start, and after
+        `duration` at its end.
         """
 
 class PoseTrajectory:
     """
-    A straight line and a rotation about a fixed axis, the shorter way round, with the least jerk.
+    A straight line, and a rotation about a fixed axis through the smaller angle, with least jerk.
     """
 
     def __init__(self, start: Pose, end: Pose, duration: float) -> None: ...
@@ -1088,7 +1116,8 @@ class PoseTrajectory:
 
     def at(self, time: float) -> Motion:
         """
-        `time` since the begin [s]; before it at rest at the begin, after `duration` at the end.
+        The motion at `time` since the beginning [s]. Before time 0 it rests at its start, and after
+        `duration` at its end.
         """
 
 class CircleTrajectory:
@@ -1098,7 +1127,8 @@ class CircleTrajectory:
 
     def __init__(self, centre: numpy.typing.ArrayLike, radius: float = ..., start_angle: float = ..., turns: float = ..., period: float = ..., ramp_time: float = ...) -> None:
         """
-        `start_angle` from x towards y [rad]; below zero `turns` go clockwise; `period` of one turn at full speed [s].
+        `start_angle` is measured from x towards y [rad]. Negative `turns` go clockwise. `period` is the
+        time of one turn at full speed, `ramp_time` the time from rest to full speed and back to rest [s].
         """
 
     @property
@@ -1107,7 +1137,8 @@ class CircleTrajectory:
 
     def at(self, time: float) -> PointMotion:
         """
-        `time` since the begin [s]; before it at rest at the begin, after `duration` at the end.
+        The motion at `time` since the beginning [s]. Before time 0 it rests at its start, and after
+        `duration` at its end.
         """
 
 class LowPassFilter:
@@ -1119,12 +1150,12 @@ class LowPassFilter:
 
     def update(self, sample: numpy.typing.ArrayLike, elapsed: float) -> numpy.typing.NDArray[numpy.float64]:
         """
-        Takes the next sample, `elapsed` [s] after the one before, and returns the filtered signal. The first sample
-        passes as it is, and so does one with another number of values.
+        Takes the next sample, `elapsed` [s] after the previous one, and returns the filtered signal. The
+        first sample passes unchanged. A sample with another number of values passes unchanged, too.
         """
 
     def reset(self) -> None:
-        """The next sample will be the first."""
+        """Treats the next sample as the first one."""
 
 class Derivative:
     """The rate at which up to nine numbers change, low-pass filtered."""
@@ -1133,56 +1164,61 @@ class Derivative:
 
     def update(self, sample: numpy.typing.ArrayLike, elapsed: float) -> numpy.typing.NDArray[numpy.float64]:
         """
-        Takes the next sample, `elapsed` [s] after the one before, and returns the rate [1/s]: zero for the first sample and for one with another number of values.
+        Takes the next sample, `elapsed` [s] after the previous one, and returns the rate [1/s]. The rate of
+        the first sample is zero, and so is that of a sample with another number of values.
         """
 
     def reset(self) -> None:
-        """The next sample will be the first."""
+        """Treats the next sample as the first one."""
 
 class PoseEstimator:
     """
-    Where an object is now and how it moves, from poses that are few, noisy and old.
+    Estimates the current pose and motion of an object from poses that are few, noisy and old.
 
-    It filters how far the object is from a motion that is known, such as the one it is led on, and predicts that
-    deviation across the delay. Times are those since any begin [s].
+    The estimator needs a known motion, such as the one on which the object is led. It filters how far
+    the object deviates from that motion and predicts the deviation across the delay. Times [s] may
+    begin anywhere, but must have the same beginning in all calls.
     """
 
     def __init__(self, bandwidth: float = ...) -> None: ...
 
     def update(self, time: float, pose: Pose, known: Motion = ...) -> bool:
         """
-        Takes `pose`, measured at `time`, when the known motion was at `known`. False if it was ignored: not newer than
-        the one before, or not finite.
+        Takes `pose`, measured at `time`, when the known motion was at `known`. Returns False if the pose
+        was ignored because it is not newer than the previous one or not finite.
         """
 
     def predict(self, time: float, known: Motion = ...) -> Motion:
-        """Where the object is at `time`, when the known motion is at `known`."""
+        """
+        The pose and motion of the object at `time`, when the known motion is at `known`. Before the first
+        pose the result is `known`.
+        """
 
     @property
     def last_time(self) -> float:
-        """Of the newest pose; negative infinity before the first."""
+        """Time of the newest pose; negative infinity before the first."""
 
     def reset(self) -> None:
         """Forgets all poses."""
 
 class Touch:
     """
-    Where one tip touches an object, in the object's frame. Cannot be changed.
+    The place where one tip touches an object, in the object's frame. Cannot be changed.
     """
 
     def __init__(self, point: numpy.typing.ArrayLike, normal: numpy.typing.ArrayLike) -> None: ...
 
     @property
     def point(self) -> numpy.typing.NDArray[numpy.float64]:
-        """On the surface, from the centre [m]."""
+        """Point on the surface, from the centre [m]."""
 
     @property
     def normal(self) -> numpy.typing.NDArray[numpy.float64]:
-        """Into the object, of unit length."""
+        """Direction into the object, of unit length."""
 
 class Approach:
     """
-    How a tip comes to its touch: through these points, for the centre of its sphere, in the world frame.
+    The way of a tip to its touch. The centre of the tip's sphere passes these points, given in the world frame.
     """
 
     @property
@@ -1195,38 +1231,38 @@ class Approach:
 
 def approach_to(touch: Touch, object: Pose, tip_radius: float) -> Approach:
     """
-    The approach of a tip of `tip_radius` [m] to an object at rest at the pose `object`.
+    The approach of a tip with radius `tip_radius` [m] to an object that rests at the pose `object`.
     """
 
 class GraspPlannerConfig:
-    """Among what a planner looks, and what it asks for."""
+    """The candidates that a planner compares, and its requirements."""
 
     def __init__(self, *, offsets: Sequence[float] = ..., heights: Sequence[float] = ..., friction: float = ..., friction_sides: int = ..., min_normal_force: float = ..., clearance: float = ..., limit_margin: float = ..., largest_torque: float = ...) -> None: ...
 
     @property
     def offsets(self) -> list[float]:
-        """To both sides of a face's middle [m]."""
+        """Candidate offsets to both sides of a face's middle [m]."""
 
     @offsets.setter
     def offsets(self, arg: Sequence[float], /) -> None: ...
 
     @property
     def heights(self) -> list[float]:
-        """Above the object's centre [m]."""
+        """Candidate heights above the object's centre [m]."""
 
     @heights.setter
     def heights(self, arg: Sequence[float], /) -> None: ...
 
     @property
     def friction(self) -> float:
-        """On which the forces rely."""
+        """Friction coefficient that the forces rely on."""
 
     @friction.setter
     def friction(self, arg: float, /) -> None: ...
 
     @property
     def friction_sides(self) -> int:
-        """Of its pyramids, 3 to 8."""
+        """Sides of its friction pyramids, 3 to 8."""
 
     @friction_sides.setter
     def friction_sides(self, arg: int, /) -> None: ...
@@ -1240,58 +1276,60 @@ class GraspPlannerConfig:
 
     @property
     def clearance(self) -> float:
-        """Of fingers from all they do not touch with their tips [m]."""
+        """Distance that fingers keep, except at touching tips [m]."""
 
     @clearance.setter
     def clearance(self, arg: float, /) -> None: ...
 
     @property
     def limit_margin(self) -> float:
-        """Of joints from their soft limits [rad]."""
+        """Distance that joints keep from their soft limits [rad]."""
 
     @limit_margin.setter
     def limit_margin(self, arg: float, /) -> None: ...
 
     @property
     def largest_torque(self) -> float:
-        """Share of the motors' torque that carrying may take."""
+        """Share of the motors' torque that carrying may need."""
 
     @largest_torque.setter
     def largest_torque(self, arg: float, /) -> None: ...
 
 class PlannedGrasp:
-    """What a planner has chosen."""
+    """The result of a planner."""
 
     @property
     def touches(self) -> list[Touch]:
-        """One for each of the three tips, finger 0 first."""
+        """Touches of the three tips, finger 0 first."""
 
     @property
     def torque_share(self) -> float:
         """
-        The largest share of a motor's torque that carrying the object takes, anywhere on the way.
+        Largest share of a motor's torque that carrying the object needs anywhere on the way.
         """
 
 class GraspPlanner:
     """
-    Chooses which finger touches which side face of a box, and where. The fingers reach the whole way, touch nothing
-    but the box with nothing but their tips, carry it within friction and ask for as little torque as can be. Not for
-    several threads at once.
+    Chooses which finger touches which side face of a box, and where. The fingers reach the whole way.
+    Only their tips touch anything, and they touch only the box. They carry it within friction, with as
+    little torque as possible. One object must not be used by several threads at once.
     """
 
     def __init__(self, config: str = 'sim', overrides: dict[str, object] = {}, object: str = 'cube', settings: GraspPlannerConfig = ...) -> None:
         """
-        For the robot, the limits and the scene of a configuration, as in `Kinematics`; `object` is the name of the box.
+        `config` and `overrides` give the robot, its limits and the scene, as in `Kinematics`. `object` is
+        the name of the box.
         """
 
     def plan(self, way: Sequence[Motion]) -> PlannedGrasp | None:
         """
-        The best grasp for leading the object along `way`, which begins where it is grasped; None if there is none. The
-        object is as upright on all of the way as where it begins. Takes some milliseconds.
+        The best grasp to lead the object along `way`, which begins where it is grasped. None if there is
+        none. The object must stay as upright on the whole way as at its beginning. The call takes some
+        milliseconds.
         """
 
 class GraspControllerConfig:
-    """How a `GraspController` works."""
+    """Settings of a `GraspController`. docs/control.md explains the gains."""
 
     def __init__(self, *, object: ObjectGains = ..., tips: TipGains = ..., friction: float = ..., friction_sides: int = ..., slip_friction: float = ..., min_normal_force: float = ..., max_normal_force: float = ..., touch_force: float = ..., approach_speed: float = ..., closing_speed: float = ..., penetration: float = ..., closing_time: float = ..., engage_time: float = ..., roll_time: float = ..., slip_speed: float = ..., lost_time: float = ..., lost_distance: float = ...) -> None: ...
 
@@ -1304,145 +1342,145 @@ class GraspControllerConfig:
 
     @property
     def tips(self) -> TipGains:
-        """How stiffly each tip is."""
+        """How stiffly each tip is held."""
 
     @tips.setter
     def tips(self, arg: TipGains, /) -> None: ...
 
     @property
     def friction(self) -> float:
-        """On which the forces that hold the object rely."""
+        """Friction coefficient that the holding forces rely on."""
 
     @friction.setter
     def friction(self, arg: float, /) -> None: ...
 
     @property
     def friction_sides(self) -> int:
-        """Of its pyramids, 3 to 8."""
+        """Sides of its friction pyramids, 3 to 8."""
 
     @friction_sides.setter
     def friction_sides(self, arg: int, /) -> None: ...
 
     @property
     def slip_friction(self) -> float:
-        """Tangential forces of tips that hold never exceed this share."""
+        """Largest ratio of tangential to normal force of holding tips."""
 
     @slip_friction.setter
     def slip_friction(self, arg: float, /) -> None: ...
 
     @property
     def min_normal_force(self) -> float:
-        """Of each tip while it holds [N]."""
+        """Smallest normal force of each holding tip [N]."""
 
     @min_normal_force.setter
     def min_normal_force(self, arg: float, /) -> None: ...
 
     @property
     def max_normal_force(self) -> float:
-        """Likewise [N]."""
+        """Largest normal force of each holding tip [N]."""
 
     @max_normal_force.setter
     def max_normal_force(self, arg: float, /) -> None: ...
 
     @property
     def touch_force(self) -> float:
-        """What is felt as a touch [N]."""
+        """Force that counts as a touch [N]."""
 
     @touch_force.setter
     def touch_force(self, arg: float, /) -> None: ...
 
     @property
     def approach_speed(self) -> float:
-        """Of the tips, on average [m/s]."""
+        """Average speed of the tips on the way [m/s]."""
 
     @approach_speed.setter
     def approach_speed(self, arg: float, /) -> None: ...
 
     @property
     def closing_speed(self) -> float:
-        """With which tips look for the faces [m/s]."""
+        """Speed of tips that search for the faces [m/s]."""
 
     @closing_speed.setter
     def closing_speed(self, arg: float, /) -> None: ...
 
     @property
     def penetration(self) -> float:
-        """How far behind a face they look for it [m]."""
+        """Depth inside the object up to which the tips search for a face [m]."""
 
     @penetration.setter
     def penetration(self, arg: float, /) -> None: ...
 
     @property
     def closing_time(self) -> float:
-        """In which all tips must have felt their faces [s]."""
+        """Time in which all tips must have felt their faces [s]."""
 
     @closing_time.setter
     def closing_time(self, arg: float, /) -> None: ...
 
     @property
     def engage_time(self) -> float:
-        """In which touching becomes holding [s]."""
+        """Time in which a touch becomes a hold [s]."""
 
     @engage_time.setter
     def engage_time(self, arg: float, /) -> None: ...
 
     @property
     def roll_time(self) -> float:
-        """In which the tips' targets follow tips that roll [s]."""
+        """Time constant with which targets follow rolling tips [s]."""
 
     @roll_time.setter
     def roll_time(self, arg: float, /) -> None: ...
 
     @property
     def slip_speed(self) -> float:
-        """Of a tip along its face, above which it slips [m/s]."""
+        """Speed of a tip along its face above which it slips [m/s]."""
 
     @slip_speed.setter
     def slip_speed(self, arg: float, /) -> None: ...
 
     @property
     def lost_time(self) -> float:
-        """Without touch, after which the object is lost [s]."""
+        """Time without touch after which the object is lost [s]."""
 
     @lost_time.setter
     def lost_time(self, arg: float, /) -> None: ...
 
     @property
     def lost_distance(self) -> float:
-        """From where it should be, likewise [m]."""
+        """Distance from its target at which the object is lost [m]."""
 
     @lost_distance.setter
     def lost_distance(self, arg: float, /) -> None: ...
 
 class GraspPhase(enum.Enum):
-    """What a `GraspController` is doing."""
+    """The phase of a `GraspController`."""
 
     IDLE = 0
     """The tips stay where they are."""
 
     APPROACH = 1
-    """On the way to the object, without touching it."""
+    """The tips go to the object without touching it."""
 
     CLOSE = 2
-    """Towards the faces, until all tips feel them."""
+    """The tips move towards the faces until all of them feel a touch."""
 
     ENGAGE = 3
-    """Forces grow until they hold the object."""
+    """The forces grow until they hold the object."""
 
     HOLD = 4
     """The object follows the desired motion."""
 
     RELEASE = 5
-    """Off the faces, and up."""
+    """The tips move off the faces, and then up."""
 
     LOST = 6
     """
-    It slipped away, or was not where it should be. The tips stay: release them.
+    The object slipped away or was not at its place. The tips stay; release them.
     """
 
 class JointState:
     """
-    What the nine joints measure, finger 0 first, from the base to the tip.
+    Measurements of the nine joints, finger 0 first, from the base to the tip.
     """
 
     def __init__(self, position: numpy.typing.ArrayLike, velocity: numpy.typing.ArrayLike, torque: numpy.typing.ArrayLike) -> None: ...
@@ -1460,104 +1498,109 @@ class JointState:
         """[Nm]"""
 
 class GraspState:
-    """What a `GraspController` feels and does."""
+    """The state of a `GraspController`: its phase and its forces."""
 
     @property
     def phase(self) -> GraspPhase: ...
 
     @property
     def wanted(self) -> ForceDistribution:
-        """Of the contacts while the object is held, in the world frame."""
+        """
+        The wanted contact forces while the object is held, in the world frame.
+        """
 
     @property
     def normal_forces(self) -> numpy.typing.NDArray[numpy.float64]:
         """
-        What the three tips press with along their faces' normals, from the joints' torques [N].
+        Forces with which the three tips press along their faces' normals [N], computed from the joints' torques.
         """
 
     @property
     def tangential_forces(self) -> numpy.typing.NDArray[numpy.float64]:
-        """Likewise across the normals [N]."""
+        """
+        Forces with which the three tips press across their faces' normals [N], computed from the joints' torques.
+        """
 
     @property
     def travel(self) -> numpy.typing.NDArray[numpy.float64]:
         """
-        How far each of the three tips has moved along its face since all of them touched, by rolling and slipping
-        [m].
+        How far each of the three tips has moved along its face by rolling and slipping, since all tips touched [m].
         """
 
     @property
     def slip_speeds(self) -> numpy.typing.NDArray[numpy.float64]:
-        """How fast they do so, without what is faster than 5 Hz [m/s]."""
+        """Speeds of `travel`, low-pass filtered at 5 Hz [m/s]."""
 
     @property
     def is_slipping(self) -> bool:
-        """A tip moves along its face faster than tips roll."""
+        """True if a tip moves along its face faster than tips roll."""
 
     @property
     def torque_share(self) -> float:
         """
-        The largest share of a joint's torque limit that is asked for; what is above 1 the safety checks cut off.
+        The largest ratio of a requested torque to its joint's limit. The safety checks cut off everything above 1.
         """
 
 class GraspController:
     """
-    The paper's controller: grasps an object with three tips, makes it follow a motion, and lets it go. Its equations are
-    in docs/control.md. Call `update` once per step. Not for several threads at once.
+    The paper's controller: it grasps an object with three tips, makes it follow a motion, and releases
+    it. Its equations are in docs/control.md. Call `update` once per step. One object must not be used
+    by several threads at once.
     """
 
     def __init__(self, body: RigidBody, config: str = 'sim', overrides: dict[str, object] = {}, settings: GraspControllerConfig = ...) -> None:
         """
-        `body` is the object, the robot and its limits are those of a configuration, as in `Kinematics`.
+        `body` is the object. `config` and `overrides` give the robot and its limits, as in `Kinematics`.
         """
 
     def grasp(self, touches: Sequence[Touch], object: Pose) -> None:
         """
-        Goes to the object, which rests at the pose `object`, and takes it at three `touches`, finger 0 first.
+        Goes to the object, which rests at the pose `object`, and grasps it at three `touches`, finger 0 first.
         """
 
     def release(self) -> None:
-        """Lets the object go, whatever the phase."""
+        """Releases the object in any phase."""
 
     def update(self, elapsed: float, joints: JointState, object: Motion, desired: Motion) -> numpy.typing.NDArray[numpy.float64]:
         """
-        The nine joint torques for the next step [Nm], `elapsed` [s] after the step before. `object` is where the object
-        is and how it moves, `desired` how it should while it is held; until it is, `desired` should be where it rests.
+        Returns the nine joint torques for the next step [Nm], `elapsed` [s] after the previous step.
+        `object` is the object's pose and motion. `desired` is its desired motion while it is held; before
+        that, pass the pose where it rests.
         """
 
     @property
     def state(self) -> GraspState:
-        """As of the last `update`."""
+        """The state after the last `update`."""
 
 class Policy:
     """
-    A trained policy, computed in C++: actions from observations. Its file is described in docs/policies.md.
+    A trained policy: it computes actions from observations, in C++. Its file is described in docs/policies.md.
 
-    Not for several threads at once.
+    One policy must not be used by several threads at once.
     """
 
     def __init__(self, path: str | os.PathLike[str], *, precision: str = 'double') -> None:
         """
-        Reads the file at `path`. Sums are 'double' precision, or 'single', which takes about half the time and rounds
-        as much as PyTorch does.
+        Reads the file at `path`. Sums have 'double' or 'single' precision. 'single' takes about half the
+        time and rounds as much as PyTorch does.
         """
 
     @staticmethod
     def from_layers(layers: Sequence[tuple[Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], str]], *, mean: Sequence[float] | None = ..., variance: Sequence[float] | None = ..., epsilon: float = ..., clip: float = ..., low: Sequence[float] | None = ..., high: Sequence[float] | None = ..., bounding: str = ..., metadata: Mapping[str, str] = ..., precision: str = ...) -> Policy:
         """
-        Of layers: weights with a row for each output, bias, and 'identity', 'relu' or 'tanh'. Inputs are normalised with
-        `mean` and `variance`; outputs are brought between `low` and `high`, by 'scale' from -1 to 1, or by 'clip'.
-        `trifinger.policy_file` makes them from networks of PyTorch.
+        Makes a policy from layers: weights with one row per output, bias, and 'identity', 'relu' or 'tanh'.
+        Inputs are normalised with `mean` and `variance`. Outputs are brought between `low` and `high`, by
+        'scale' from -1 to 1, or by 'clip'. `trifinger.policy_file` makes policies from networks of PyTorch.
         """
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """
-        Writes the file at `path`, in one step: what was there is whole until the new one is.
+        Writes the file at `path` in one step: an old file stays whole until the new one replaces it.
         """
 
     def __call__(self, observation: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
         """
-        The action for `observation`. An array of float64 is read where it lies.
+        Computes the action for `observation`. An array of float64 is read in place.
         """
 
     @property
@@ -1568,30 +1611,46 @@ class Policy:
 
     @property
     def widths(self) -> list[int]:
-        """Of the inputs and of each layer."""
+        """Number of inputs, then number of outputs of each layer."""
 
     @property
     def activations(self) -> list[str]:
-        """Of each layer."""
+        """Activation of each layer."""
 
     @property
     def precision(self) -> str:
-        """Of its sums: 'double' or 'single'."""
+        """Precision of the policy's sums: 'double' or 'single'."""
 
     @property
     def bounds(self) -> tuple[list[float], list[float], str] | None:
-        """Of the outputs: low, high, and 'scale' or 'clip'; None for none."""
+        """
+        Bounds of the outputs: low, high, and 'scale' or 'clip'. None if there are no bounds.
+        """
 
     @property
     def metadata(self) -> dict[str, str]:
-        """What a program needs to know that runs it; a copy."""
+        """Facts for the program that runs the policy; a copy."""
+
+class Random:
+    """
+    The random numbers of an episode. They depend only on its seed and number, and are the same on every machine.
+    """
+
+    def uniform(self, low: float, high: float) -> float:
+        """A number from `low` up to but not including `high`."""
+
+    def normal(self) -> float:
+        """A normally distributed number: mean 0, deviation 1."""
+
+    def integer(self, low: int, high: int) -> int:
+        """An integer from `low` up to but not including `high`."""
 
 class Episodes:
     """
     What makes a decision process of a robot: starts, goals, observations, rewards. `trifinger.environments` uses it.
     """
 
-    def __init__(self, task: str, options: str, config: str, overrides: dict[str, object]) -> None: ...
+    def __init__(self, task: object, options: str, config: str, overrides: dict[str, object]) -> None: ...
 
     def begin(self, seed: int, number: int) -> tuple[list[float], list[float], list[float], list[float], Variation, int]:
         """
@@ -1741,13 +1800,18 @@ class EnvironmentBatch:
     def fault(self) -> numpy.typing.NDArray[numpy.int32]: ...
 
 def task_names() -> list[str]:
-    """Of what `trifinger.environments` has."""
+    """Names of the tasks of `trifinger.environments`."""
 
 def default_environment_options(task: str) -> str:
-    """Of a task, as JSON."""
+    """Default options of a task, as JSON."""
 
-def environment_overrides(task: str, options: str) -> dict[str, object]:
-    """What a robot's configuration must say for a task with options (JSON)."""
+def environment_overrides(task: str | None, options: str) -> dict[str, object]:
+    """
+    The overrides that a robot's configuration needs for options (JSON), and for a task.
+    """
+
+def describe_environment_options() -> list[tuple[str, str, str, str]]:
+    """Name, type, default (JSON) and meaning of each option."""
 
 def robot_configuration(config: str, config_overrides: dict[str, object] = {}) -> str:
     """
@@ -1755,7 +1819,7 @@ def robot_configuration(config: str, config_overrides: dict[str, object] = {}) -
     """
 
 class StepsIterator:
-    """What LoggedSession.chunks() goes through."""
+    """Iterator that LoggedSession.chunks() returns."""
 
     def __iter__(self) -> StepsIterator: ...
 
@@ -1763,12 +1827,12 @@ class StepsIterator:
 
 class LoggedSession:
     """
-    A session as it is in a log: of a robot, or of one of its companions, whose elements are its
-    observations and are counted by themselves.
+    A session in a log. It belongs to a robot or to one of its companions. A companion has only
+    observations and counts its own elements.
 
         session = trifinger.Log("run.mcap").session("sim")
         session.observations["position"]             # all steps
-        session.get_observations(1000, 2000)         # as a front-end has them
+        session.get_observations(1000, 2000)         # like those of a front-end
         session.get_observations(*session.between(1.5, 3.0), fields=("position",))
         for steps in session.chunks():               # a log larger than memory
             steps.time_index, steps.observations, steps.applied_actions
@@ -1783,7 +1847,7 @@ class LoggedSession:
 
     @property
     def type(self) -> str:
-        """Of the robot, as in "trifinger"; of a companion, its own."""
+        """Type of the robot, for example "trifinger", or of the companion."""
 
     @property
     def is_companion(self) -> bool: ...
@@ -1797,13 +1861,13 @@ class LoggedSession:
     @property
     def realtime_lacks(self) -> list[str] | None:
         """
-        In real-time mode what the loop lacked to be a real-time thread, a sentence each; None if the log does not
-        say.
+        In real-time mode: what the loop lacked to be a real-time thread, one sentence each. None if it was
+        not recorded.
         """
 
     @property
     def period(self) -> float:
-        """Of the robot's steps [s]."""
+        """Length of the robot's steps [s]."""
 
     @property
     def created(self) -> float:
@@ -1824,29 +1888,31 @@ class LoggedSession:
     @property
     def steps(self) -> int | None:
         """
-        Whole steps of the session; None if it went on when the recording ended.
+        Number of whole steps of the session. None if it was still running when the recording ended.
         """
 
     @property
     def fault(self) -> trifinger.session_info.Fault | None:
-        """Why the session ended; None if it went on when the recording ended."""
+        """
+        Why the session ended; None if it was still running when the recording ended.
+        """
 
     @property
     def fault_text(self) -> str:
-        """The same in a sentence."""
+        """The reason of `fault` as a sentence."""
 
     @property
     def gaps(self) -> list[trifinger.log_types.Gap]:
         """
-        The steps that are not in the log, because the recorder said so or because the file is damaged.
-        Looks at the whole log once.
+        Steps that are missing in the log, because the recorder said so or because the file is
+        damaged. Reads the whole log once.
         """
 
     @property
     def observations(self) -> numpy.typing.NDArray[Observation]:
         """
-        Those of all whole steps: a row for each number in `time_index`. Read when first asked for,
-        and kept.
+        Observations of all whole steps: a row for each number in `time_index`. They are read
+        at the first request and kept.
         """
 
     @property
@@ -1861,15 +1927,19 @@ class LoggedSession:
     @property
     def time_index(self) -> numpy.typing.NDArray[numpy.int64]:
         """
-        The whole steps that are in the log; of a companion, the numbers of its elements.
+        The whole steps that are in the log; for a companion, the numbers of its elements.
         """
 
     @property
     def times(self) -> numpy.typing.NDArray[numpy.datetime64]:
-        """When they were measured, by the clock on the wall (UTC)."""
+        """
+        Times at which the observations were measured, by the wall clock (UTC).
+        """
 
     def get_observation(self, t: int) -> Observation:
-        """Returns y[t]. Raises NotInLog, like all below."""
+        """
+        Returns y[t]. This and the functions below raise NotInLog if an element is missing.
+        """
 
     def get_desired_action(self, t: int) -> Action: ...
 
@@ -1879,10 +1949,10 @@ class LoggedSession:
 
     def get_observations(self, first: int, last: int, fields: str | Sequence[str] | None = None) -> numpy.typing.NDArray[Observation]:
         """
-        Returns the steps from `first` to before `last`: row i is step `first + i`, so all of them must
-        be in the log. Only these `fields`, if given.
+        Returns the steps from `first` to before `last`, with only these `fields` if given. Row
+        i is step `first + i`, so all steps must be in the log.
 
-        Where the session ended in step N there are an observation and a status N, but no actions.
+        If the session ended in step N, the log has an observation and a status N, but no actions N.
         """
 
     def get_desired_actions(self, first: int, last: int, fields: str | Sequence[str] | None = None) -> numpy.typing.NDArray[Action]: ...
@@ -1893,43 +1963,47 @@ class LoggedSession:
 
     def get_latest_at(self, t: int) -> Observation | None:
         """
-        Companions: returns the newest element that arrived at or before the robot's step `t`; None if
-        there was none by then.
+        For companions: returns the newest element that arrived at or before the robot's step
+        `t`. None if none had arrived by then.
         """
 
     def range(self, series: str) -> tuple[int, int]:
-        """The first step of `series` in the log, and the first behind the last."""
+        """
+        The first step of `series` in the log, and the first step after the last one.
+        """
 
     def between(self, begin: float, end: float) -> tuple[int, int]:
         """
-        The range of the steps that were measured from `begin` to before `end`, in seconds since the
-        first step in the log.
+        The range of the steps measured from `begin` to before `end`. Both are in seconds since
+        the first step in the log.
         """
 
     def timing(self, first: int = 0, last: int | None = None) -> TimingRecord | None:
         """
-        How the session kept its time from step `first` to before `last`, the status of its end
-        included: what Frontend.timing() says, if no step is missing. None outside real-time mode, and if
-        the statuses are those of another version.
+        How well the session kept its time from step `first` to before `last`, including the
+        status of its end. It equals Frontend.timing() if no step is missing. None outside real-time mode,
+        or if the statuses have another version.
         """
 
     def read(self, first: int | None = None, last: int | None = None, series: Mapping[str, Sequence[str] | None] | Sequence[str] | None = None) -> trifinger.log_types.Steps:
         """
-        Reads several series at once, which takes no longer than one: what there is of the whole steps
-        from `first` to before `last`.
+        Reads the existing whole steps from `first` to before `last`. Reading several series at
+        once takes no longer than reading one.
 
         `series` are names, "desired_action", "applied_action", "observation" and "status", or a dict of
         names and fields: `{"observation": ("position",), "status": None}`.
         """
 
     def chunks(self, count: int = 10000, first: int | None = None, last: int | None = None, series: Mapping[str, Sequence[str] | None] | Sequence[str] | None = None) -> Iterator[trifinger.log_types.Steps]:
-        """The same, `count` rows at a time, for a log larger than memory."""
+        """
+        Reads like read(), but `count` rows at a time, for a log larger than memory.
+        """
 
     @property
     def companions(self) -> list[LoggedSession]: ...
 
     def companion(self, name: str) -> LoggedSession:
-        """The companion `name` of this robot, as in "object"."""
+        """The companion `name` of this robot, for example "object"."""
 
     @property
     def observation_dtype(self) -> numpy.dtype[Observation]: ...
@@ -1946,32 +2020,32 @@ class LoggedSession:
     @property
     def units(self) -> dict[str, dict[str, str]]:
         """
-        Of the fields of each series: `units["observation"]["position"]` is "rad".
+        Units of the fields of each series: `units["observation"]["position"]` is "rad".
         """
 
     def to_pandas(self, first: int | None = None, last: int | None = None, series: Mapping[str, Sequence[str] | None] | Sequence[str] | None = None) -> pandas.DataFrame:
         """
-        The same as read() as a pandas.DataFrame: a row per step, a column per number, as in
-        "observation.position[0]". Needs the extra "export".
+        Reads like read() into a pandas.DataFrame: a row per step, a column per number, for
+        example "observation.position[0]". Needs the extra "export".
         """
 
     def to_csv(self, path: str | os.PathLike[str], first: int | None = None, last: int | None = None, series: Mapping[str, Sequence[str] | None] | Sequence[str] | None = None) -> None:
         """
-        Writes the same table to a file, in parts, so that it may be larger than memory.
+        Writes the table of to_pandas() to a CSV file, in parts, so that it may be larger than memory.
         """
 
     def to_parquet(self, path: str | os.PathLike[str], first: int | None = None, last: int | None = None, series: Mapping[str, Sequence[str] | None] | Sequence[str] | None = None) -> None:
-        """The same as a Parquet file."""
+        """Writes the table of to_pandas() to a Parquet file, in parts."""
 
 class Log:
     """
-    A recording: a file, a list of its parts, or a folder, of which the newest recording is taken.
+    A recording: a file, a list of its parts, or a folder, whose newest recording is taken.
 
-    Opening reads no messages if the files were finished and are whole. What is damaged is left out
-    and named (`damage`, `lost_bytes`, and `gaps` of the sessions); everything else is read.
+    If the files are finished and whole, opening reads no messages. Damaged pieces are left out and
+    named (`damage`, `lost_bytes`, and `gaps` of the sessions); everything else is read.
 
-    Raises Error if it is no log, or one of a later version; InvalidArgument if a folder has no
-    recording, or a list has parts of several; OSError.
+    Raises Error if it is not a log or is one of a later version; InvalidArgument if a folder has no
+    recording or the parts belong to several recordings; OSError.
     """
 
     def __init__(self, path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]]) -> None: ...
@@ -1980,55 +2054,59 @@ class Log:
 
     @property
     def files(self) -> list[pathlib.Path]:
-        """In the order of the parts."""
+        """The files, in the order of the parts."""
 
     @property
     def size(self) -> int:
-        """Of all files [bytes]."""
+        """Size of all files together [bytes]."""
 
     @property
     def is_finished(self) -> bool:
-        """Every file has the summary that is written at its end."""
+        """True if every file has the summary that is written at its end."""
 
     @property
     def origin(self) -> dict[str, str]:
         """
-        Who wrote the log and where: "trifinger_version", "host", "kernel", "created".
+        The program and machine that wrote the log: "trifinger_version", "host", "kernel",
+        "created".
         """
 
     @property
     def sessions(self) -> list[LoggedSession]:
-        """Those of robots, in the order in which they began."""
+        """The sessions of robots, in the order in which they began."""
 
     def session(self, name: str = ...) -> LoggedSession:
         """
-        The newest session of the robot or companion `name` that has steps; of the only robot in the log,
-        if none is named. Raises InvalidArgument with the names there are.
+        The newest session with steps of the robot or companion `name`. With an empty name,
+        that of the only robot in the log. Raises InvalidArgument with the existing names.
         """
 
     @property
     def events(self) -> list[trifinger.log_types.Event]:
-        """What was told to people. Looks at the whole log once, like all below."""
+        """
+        Messages for people. This and the properties below read the whole log once.
+        """
 
     @property
     def damage(self) -> list[trifinger.log_types.Damage]:
-        """What could not be read."""
+        """Pieces of the files that could not be read."""
 
     @property
     def lost_bytes(self) -> int:
-        """Bytes of the files that could not be used."""
+        """Number of bytes of the files that could not be used."""
 
 def replay(log: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | Log | LoggedSession, *, robot: str = '', first: int | None = None, last: int | None = None, strict: bool = True) -> Frontend:
     """
     Plays a session of a log as if it were the robot, inside the waits of the front-end.
 
-    Observations, companions and applied actions are those of the log, whatever the user does. A
-    step whose desired action is another one than in the log has ACTION_REJECTED in the flags of its
-    status. Behind the last step the session ends with the fault "exhausted", which needs no
-    recovery; finish() is content with it.
+    Observations, companions and applied actions are those of the log, whatever the user does. If a
+    desired action differs from the logged one, the status of the step has the flag ACTION_REJECTED.
+    After the last step the session ends with the fault "exhausted". It needs no recovery, and finish()
+    does not raise because of it.
 
-    Of a log with several robots, `robot` names one; its newest session is played, or the one given.
-    The steps from `first` to before `last` are played, `first` as step 0; default: all.
+    `log` may be a session; otherwise the newest session of `robot` is played. `robot` is needed if the
+    log has several robots. The steps from `first` to before `last` are played, `first` as step 0;
+    default: all.
 
-    Raises NotInLog if a step is missing there, InvalidArgument.
+    Raises NotInLog if a step is missing in the log, InvalidArgument.
     """

@@ -22,7 +22,7 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -31,9 +31,11 @@ import numpy.typing as npt
 from trifinger import _trifinger, mappings
 from trifinger._trifinger import Frontend, Simulation
 from trifinger._trifinger import Observation as Observed
+from trifinger.environment_options import OptionFields
 from trifinger.errors import InvalidArgument, RobotStopped
 from trifinger.extras import sentence
 from trifinger.picture import Painter, Sight, View, draw_marks
+from trifinger.tasks import Task
 
 try:
     import gymnasium
@@ -56,7 +58,6 @@ __all__ = [
 Array = npt.NDArray[Any]
 Observation = Array | dict[str, Array]
 Info = dict[str, Any]
-FloatRange = tuple[float, float]
 
 TASKS: tuple[str, ...] = tuple(_trifinger.task_names())
 
@@ -69,64 +70,12 @@ _FARTHEST = 10.0  # bound of all coordinates of goals [m]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Options:
+class Options(OptionFields):
     """Settings of an environment; `Options.of(task)` has the defaults of a task.
 
     A range is (low, high): for each episode, a simulation draws a value from it, uniformly. A
     factor multiplies the value of the configuration.
     """
-
-    steps_per_action: int = 20
-    """Number of steps of the robot for which an action acts."""
-    mapping: Literal["approximation", "state_augmentation"] = "approximation"
-    """How steps of the robot become states and actions; docs/learning.md compares both."""
-    action: Literal["position", "position_change", "torque"] = "position"
-    """What numbers from -1 to 1 mean: positions in their range, changes of the desired positions,
-    or shares of the largest torque."""
-    position_change: float = 0.1
-    """Largest change of a desired position by one action [rad]."""
-    observation: Literal["flat", "dictionary", "goal"] = "flat"
-    """One vector scaled to -1 to 1, its parts in SI units, or the vector with a separate goal."""
-    duration: float = 2.0
-    """Duration of an episode [s]."""
-    per_finger: bool = False
-    """Whether observations are ordered finger by finger, with goals in the frame of each finger.
-    A policy that the fingers share needs this."""
-    position_noise: float = 0.0
-    """Standard deviation of measured joint positions [rad]."""
-    velocity_noise: float = 0.0
-    """Standard deviation of measured joint velocities [rad/s]."""
-    object_period: float = 0.01
-    """Time between two measured poses of a simulated object [s]."""
-    object_delay: float = 0.0
-    """Delay from measuring a pose of a simulated object to its arrival [s]."""
-    object_position_noise: float = 0.0
-    """Standard deviation of measured object positions, per axis [m]."""
-    object_orientation_noise: float = 0.0
-    """Standard deviation of measured object orientations, per axis [rad]."""
-    object_mass: FloatRange = (1.0, 1.0)
-    """Factor on the mass of simulated objects."""
-    friction: FloatRange = (1.0, 1.0)
-    """Factor on the friction of all simulated surfaces."""
-    motor_gain: FloatRange = (1.0, 1.0)
-    """Share of the applied torque that simulated motors deliver."""
-    torque_delay: tuple[int, int] = (0, 0)
-    """Delay until simulated motors deliver a torque, up to 10 [steps]."""
-    pair_friction: Mapping[str, FloatRange] = dataclasses.field(default_factory=dict, hash=False)
-    """Factors on the friction of pairs of simulated surfaces, in addition to `friction`:
-    {"tip_object": (0.7, 1.2)}. docs/simulation.md names the pairs."""
-    contact_time: FloatRange = (1.0, 1.0)
-    """Factor on the time constants of simulated contacts: larger is softer."""
-    rotor_inertia: FloatRange = (1.0, 1.0)
-    """Factor on the rotor inertia of simulated motors."""
-    joint_damping: FloatRange = (1.0, 1.0)
-    """Factor on the damping of simulated joints; the damping of the safety checks stays."""
-    joint_friction: FloatRange = (0.0, 0.0)
-    """Dry friction that is added to that of simulated joints [Nm]."""
-    stop_margin: FloatRange = (1.0, 1.0)
-    """Factor on the distance from hard limits to mechanical stops."""
-    object_speed: FloatRange = (0.0, 0.0)
-    """Speed of a simulated object at the start of an episode, in a random direction [m/s]."""
 
     @classmethod
     def of(cls, task: str, **changes: Any) -> Self:
@@ -158,11 +107,21 @@ class Options:
 
 
 def _overrides(
-    task: str, options: Options, config_overrides: dict[str, object] | None
+    task: str | Task, options: Options, config_overrides: dict[str, object] | None
 ) -> dict[str, object]:
     # A session with a short history begins faster.
-    needed = {"backend.history": 1024} | _trifinger.environment_overrides(task, options.to_json())
+    needed: dict[str, object] = {"backend.history": 1024}
+    own = task if isinstance(task, str) else None
+    needed |= _trifinger.environment_overrides(own, options.to_json())
+    if isinstance(task, Task):
+        needed |= task.config_overrides
     return needed | (config_overrides or {})
+
+
+def _default_options(task: str | Task, **changes: Any) -> Options:
+    if isinstance(task, str):
+        return Options.of(task, **changes)
+    return Options(**dataclasses.asdict(task.options)).changed(**changes)
 
 
 def _observation_space(core: Any, options: Options) -> spaces.Space[Any]:
@@ -264,7 +223,7 @@ class Environment(gymnasium.Env[Any, Array]):
 
     def __init__(
         self,
-        task: str,
+        task: str | Task,
         *,
         options: Options | None = None,
         connect: Callable[[], Frontend] | None = None,
@@ -275,8 +234,8 @@ class Environment(gymnasium.Env[Any, Array]):
     ) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise InvalidArgument(f"render_mode is '{render_mode}', must be 'rgb_array' or 'human'")
-        self.task = task
-        self.options = options or Options.of(task)
+        self.task = task if isinstance(task, str) else task.name
+        self.options = options or _default_options(task)
         if (self.options.observation == "goal") != isinstance(self, GoalEnvironment):
             raise InvalidArgument(
                 f'observation is "{self.options.observation}"; GoalEnvironment needs "goal", '
@@ -509,9 +468,13 @@ class Environment(gymnasium.Env[Any, Array]):
 class GoalEnvironment(Environment):
     """The goal-conditioned variant: observations hold the achieved and the desired goal."""
 
-    def __init__(self, task: str, *, options: Options | None = None, **arguments: Any) -> None:
+    def __init__(
+        self, task: str | Task, *, options: Options | None = None, **arguments: Any
+    ) -> None:
         """Takes the arguments of Environment; the options need observation="goal"."""
-        super().__init__(task, options=options or Options.of(task, observation="goal"), **arguments)
+        super().__init__(
+            task, options=options or _default_options(task, observation="goal"), **arguments
+        )
 
     def compute_reward(
         self, achieved_goal: npt.ArrayLike, desired_goal: npt.ArrayLike, _info: object = None
@@ -588,6 +551,10 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Array, Any]):
         config: str = "trifinger_edu",
         config_overrides: dict[str, object] | None = None,
     ) -> None:
+        if not isinstance(task, str):
+            raise InvalidArgument(
+                "the task is in Python, must be the name of one in C++: docs/environments.md"
+            )
         self.task = task
         self.options = options or Options.of(task)
         self.num_envs = num_envs

@@ -33,6 +33,8 @@ struct Element {
   std::unordered_map<std::string, std::size_t> places;  // in `entries`, by key
   // The keys that readers have asked for, whether or not they exist. Not a part of the value.
   mutable std::set<std::string, std::less<>> asked;
+  // What the last reader of this value allowed, as in "0.2 to 0.6 m". Not a part of it either.
+  mutable std::string allowed;
 
   [[nodiscard]] const Entry* find(const std::string& key) const noexcept;
   [[nodiscard]] Entry* find(const std::string& key) noexcept;

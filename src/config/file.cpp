@@ -243,6 +243,24 @@ void collect_values(const Element& element, const std::string& path,
   if (!has_sections) values[path] = detail::canonical_text(element);
 }
 
+void collect_keys(const Element& element, const std::string& path, std::vector<File::Key>& keys) {
+  for (const Entry& entry : element.entries) {
+    collect_keys(entry.value, detail::join(path, entry.key), keys);
+  }
+  if (element.kind == Element::Kind::kSection) return;
+  const bool has_sections =
+      !element.items.empty() && element.items.front().kind == Element::Kind::kSection;
+  if (has_sections) {
+    collect_keys(element.items.front(), detail::join(path, "0"), keys);
+    return;
+  }
+  const std::string& allowed =
+      element.items.empty() ? element.allowed : element.items.front().allowed;
+  const bool is_list = element.kind == Element::Kind::kList;
+  const std::string value = is_list ? detail::canonical_text(element) : element.scalar;
+  if (!allowed.empty()) keys.push_back({path, value, allowed});
+}
+
 }  // namespace
 
 File::File(std::shared_ptr<const Element> root) : root_(std::move(root)) {}
@@ -269,6 +287,12 @@ std::map<std::string, std::string> File::values() const {
   std::map<std::string, std::string> values;
   collect_values(*root_, "", values);
   return values;
+}
+
+std::vector<File::Key> File::keys() const {
+  std::vector<Key> keys;
+  collect_keys(*root_, "", keys);
+  return keys;
 }
 
 void File::reject_unknown_keys() const {

@@ -43,6 +43,10 @@ std::string text_of(const Range& range, bool is_integer) {
   return range.unit.empty() ? kind : kind + " [" + std::string(range.unit) + "]";
 }
 
+std::string text_of_number(const Range& range) {
+  return text_of(range, false) + (range.allow_infinite ? ", or .inf" : "");
+}
+
 std::string text_of(const Element& element) {
   switch (element.kind) {
     case Element::Kind::kNull:
@@ -191,6 +195,7 @@ void Node::require_size(std::size_t size) const {
 }
 
 bool Node::as_bool() const {
+  element_->allowed = "true or false";
   if (element_->kind == Element::Kind::kScalar && !element_->quoted) {
     if (element_->scalar == "true") return true;
     if (element_->scalar == "false") return false;
@@ -199,6 +204,7 @@ bool Node::as_bool() const {
 }
 
 double Node::as_number(const Range& range) const {
+  element_->allowed = text_of_number(range);
   const auto [digits, unit] = split_unit(element_->scalar);
   const std::optional<double> number = parse_double(digits);
   if (element_->kind != Element::Kind::kScalar || element_->quoted || !number) {
@@ -219,6 +225,7 @@ double Node::as_number(const Range& range) const {
 }
 
 std::int64_t Node::as_integer(std::int64_t min, std::int64_t max, const Range& range) const {
+  element_->allowed = text_of(range, true);
   const auto [digits, unit] = split_unit(element_->scalar);
   const std::optional<std::int64_t> number = parse_number<std::int64_t>(digits);
   if (element_->kind != Element::Kind::kScalar || element_->quoted || !number) {
@@ -241,6 +248,7 @@ std::int64_t Node::as_integer(std::int64_t min, std::int64_t max, const Range& r
 }
 
 std::string Node::as_string() const {
+  element_->allowed = "a text";
   if (element_->kind != Element::Kind::kScalar || element_->scalar.empty()) {
     fail("is " + text_of(*element_) + ", must be a text");
   }
@@ -248,6 +256,7 @@ std::string Node::as_string() const {
 }
 
 std::size_t Node::index_of_choice(const std::vector<std::string_view>& names) const {
+  element_->allowed = quoted_list(names, "or");
   for (std::size_t i = 0; i < names.size(); ++i) {
     if (element_->kind == Element::Kind::kScalar && element_->scalar == names[i]) return i;
   }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "trifinger/joint/read_limits.hpp"
 
+#include <limits>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -29,11 +30,23 @@ void read_repeated(const config::Node& node, const config::Range& range, std::sp
   for (std::size_t i = 0; i < values.size(); ++i) values[i] = given[i % given.size()];
 }
 
-// Returns the value under a key. The key may name a member of a section: "plausibility.stuck_time".
+// Returns the value under a key, which may name a member of a section: "plausibility.x".
 config::Node node_of(const config::Node& section, std::string_view key, std::string_view unit) {
   const std::size_t dot = key.find('.');
   if (dot == std::string_view::npos) return section.at(key, unit);
   return section.section(key.substr(0, dot)).at(key.substr(dot + 1), unit);
+}
+
+config::Range range_of(const JointLimitField& field) {
+  using enum JointLimitField::Allowed;
+  config::Range range{.unit = field.unit, .max = kLargestJointLimit};
+  range.min = field.allowed == kAny ? -kLargestJointLimit : 0.0;
+  range.above_min = field.allowed == kPositive || field.may_be_infinite();
+  if (field.may_be_infinite()) {
+    range.allow_infinite = true;
+    range.max = std::numeric_limits<double>::infinity();
+  }
+  return range;
 }
 
 // Tells the section that it knows this key.
@@ -48,19 +61,16 @@ void announce(const config::Node& section, std::string_view key) {
 
 }  // namespace
 
-void read_joint_limits(const config::Node& section, const MutableJointLimitValues& values) {
-  const auto fields = joint_limit_fields();
+void read_joint_limits(const config::Node& section, std::span<JointLimit> limits) {
   // All keys are looked up first, so that a missing key is not reported as a misspelling of its
   // neighbour.
-  for (const JointLimitField& field : fields) announce(section, field.name);
-  JointLimitValues read;
-  for (std::size_t i = 0; i < kJointLimitFields; ++i) {
-    const auto [name, unit, may_be_infinite] = fields[i];
-    read_repeated(node_of(section, name, unit), {.unit = unit, .allow_infinite = may_be_infinite},
-                  values[i]);
-    read[i] = values[i];
+  for (const JointLimitField& field : JointLimit::fields()) announce(section, field.name);
+  std::vector<double> values(limits.size());
+  for (const JointLimitField& field : JointLimit::fields()) {
+    read_repeated(node_of(section, field.name, field.unit), range_of(field), values);
+    for (std::size_t i = 0; i < limits.size(); ++i) limits[i].*field.value = values[i];
   }
-  if (const auto problem = find_problem(read)) {
+  if (const auto problem = find_problem(limits)) {
     node_of(section, problem->field, "")
         .fail("of joint " + std::to_string(problem->joint) + " " + problem->text);
   }

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "trifinger/joint/safety.hpp"
 
+#include <algorithm>
+#include <array>
 #include <string>
 
 namespace trifinger {
@@ -18,56 +20,50 @@ JointTexts texts_for_joints(const std::string& what) {
   return texts;
 }
 
-// Says what is wrong with a joint: the text after "joint 4 ". Empty for faults that are not about
-// one joint.
-std::string_view predicate_of(SafetyFault fault) noexcept {
-  switch (fault) {
-    case SafetyFault::kNone:
-    case SafetyFault::kOwnCheck:
-    case SafetyFault::kInterrupted:
-      return {};
-    case SafetyFault::kHardLimit:
-      return "is beyond its hard limit";
-    case SafetyFault::kBadMeasurement:
-      return "has measured a position, velocity or torque that is no plausible number";
-    case SafetyFault::kPositionJumped:
-      return "has measured a position that changed faster than it can move";
-    case SafetyFault::kVelocityMismatch:
-      return "has measured a velocity that is not that of its position";
-    case SafetyFault::kStuck:
-      return "has measured the same for too long while its torque changed";
-    case SafetyFault::kOverheated:
-      return "is too warm: it has given more torque than it was told";
-  }
-  return {};
-}
+struct FaultRow {
+  SafetyFault fault;
+  std::uint64_t reason;  // In the reasons of a joint, means this fault; 0 for none.
+  std::string_view sentence;
+  std::string_view predicate;  // Completes "joint 4 ..."; empty if the fault is of no single joint.
+};
 
-constexpr auto kLastFault = static_cast<std::size_t>(SafetyFault::kInterrupted);
+// Every fault. Those that have a reason stand in the order in which `fault_of` looks for them.
+constexpr std::array kFaultRows = std::to_array<FaultRow>({
+    {SafetyFault::kNone, 0, "no fault", ""},
+    {SafetyFault::kBadMeasurement, bit(Reason::kBadMeasurement),
+     "a measured position, velocity or torque is no plausible number",
+     "has measured a position, velocity or torque that is no plausible number"},
+    {SafetyFault::kPositionJumped, bit(Reason::kPositionJumped),
+     "a measured position changed faster than a joint can move",
+     "has measured a position that changed faster than it can move"},
+    {SafetyFault::kVelocityMismatch, bit(Reason::kVelocityMismatch),
+     "a measured velocity is not that of the measured position",
+     "has measured a velocity that is not that of its position"},
+    {SafetyFault::kStuck, bit(Reason::kStuck),
+     "a joint measures the same for too long while its torque changes",
+     "has measured the same for too long while its torque changed"},
+    {SafetyFault::kOverheated, bit(Reason::kOverheated),
+     "a motor is too warm: it has given more torque than it was told",
+     "is too warm: it has given more torque than it was told"},
+    {SafetyFault::kHardLimit, bit(Reason::kHardLimit), "a joint is beyond its hard limit",
+     "is beyond its hard limit"},
+    {SafetyFault::kOwnCheck, 0, "a check that was added for this robot or task threw an exception",
+     ""},
+    {SafetyFault::kInterrupted, 0, "the user interrupted a safety check that was added", ""},
+});
 
 }  // namespace
 
-std::string_view describe(SafetyFault fault) noexcept {
-  switch (fault) {
-    case SafetyFault::kNone:
-      return "no fault";
-    case SafetyFault::kHardLimit:
-      return "a joint is beyond its hard limit";
-    case SafetyFault::kBadMeasurement:
-      return "a measured position, velocity or torque is no plausible number";
-    case SafetyFault::kOwnCheck:
-      return "a check that was added for this robot or task threw an exception";
-    case SafetyFault::kPositionJumped:
-      return "a measured position changed faster than a joint can move";
-    case SafetyFault::kVelocityMismatch:
-      return "a measured velocity is not that of the measured position";
-    case SafetyFault::kStuck:
-      return "a joint measures the same for too long while its torque changes";
-    case SafetyFault::kOverheated:
-      return "a motor is too warm: it has given more torque than it was told";
-    case SafetyFault::kInterrupted:
-      return "the user interrupted a safety check that was added";
+SafetyFault fault_of(std::uint64_t reasons) noexcept {
+  for (const FaultRow& row : kFaultRows) {
+    if ((reasons & row.reason) != 0) return row.fault;
   }
-  return "unknown fault";
+  return SafetyFault::kNone;
+}
+
+std::string_view describe(SafetyFault fault) noexcept {
+  const auto* const row = std::ranges::find(kFaultRows, fault, &FaultRow::fault);
+  return row != kFaultRows.end() ? row->sentence : "unknown fault";
 }
 
 FixedText describe(const RejectedCommand& rejected, std::string_view joint_name,
@@ -113,19 +109,19 @@ FixedText describe(const RejectedCommand& rejected, std::string_view joint_name,
 
 std::string_view fault_text_of(std::int32_t fault_code) noexcept {
   static const auto texts = [] {
-    std::array<JointTexts, kLastFault + 1> all;
-    for (std::size_t i = 0; i < all.size(); ++i) {
-      all[i] = texts_for_joints(std::string(predicate_of(static_cast<SafetyFault>(i))));
-    }
+    std::array<JointTexts, kFaultRows.size()> all;
+    std::ranges::transform(kFaultRows, all.begin(), [](const FaultRow& row) {
+      return texts_for_joints(std::string(row.predicate));
+    });
     return all;
   }();
-  const auto low_bits = static_cast<std::size_t>(fault_code & 0xFF);
-  if (low_bits == 0 || low_bits > kLastFault) return {};
-  const auto fault = static_cast<SafetyFault>(low_bits);
+  const auto fault = static_cast<SafetyFault>(fault_code & 0xFF);
+  const auto* const row = std::ranges::find(kFaultRows, fault, &FaultRow::fault);
+  if (row == kFaultRows.end() || fault == SafetyFault::kNone) return {};
   // A code without a joint gives -1, which wraps around to a number that is out of range.
   const auto joint = static_cast<std::size_t>((fault_code >> 8) - 1);
-  if (joint >= kNamedJoints || predicate_of(fault).empty()) return describe(fault);
-  return texts[low_bits][joint];
+  if (joint >= kNamedJoints || row->predicate.empty()) return row->sentence;
+  return texts[static_cast<std::size_t>(row - kFaultRows.begin())][joint];
 }
 
 }  // namespace trifinger

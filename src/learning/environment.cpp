@@ -7,7 +7,7 @@
 #include <numeric>
 #include <utility>
 
-#include "task.hpp"
+#include "make_task.hpp"
 #include "text.hpp"
 #include "trifinger/base/error.hpp"
 
@@ -78,11 +78,11 @@ Workspace make_workspace(const Kinematics& kinematics) {
 }  // namespace
 
 struct Environment::Implementation {
-  Implementation(std::string_view task_name, const EnvironmentOptions& wanted,
+  Implementation(const TaskDescription& its_task, const EnvironmentOptions& wanted,
                  const RobotDescription& description, Nanoseconds step)
       : options((wanted.validate(), wanted)),
         kinematics(description),
-        task(make_task(task_name, description)),
+        task(make_task(its_task, description)),
         workspace(make_workspace(kinematics)),
         goal(task->goal()),
         action_time(std::chrono::duration<double>(step).count() * wanted.steps_per_action),
@@ -95,7 +95,7 @@ struct Environment::Implementation {
     }
     if (options.per_finger && !task->has_goals_of_fingers()) {
       throw InvalidArgument(text("per_finger is for tasks with a goal for each finger, the task '",
-                                 task_name, "' has none"));
+                                 its_task.name, "' has none"));
     }
     list_entries();
     list_flat();
@@ -214,9 +214,12 @@ struct Environment::Implementation {
   std::vector<double> turns;  // Angle that rotates each finger onto finger 0 [rad].
 };
 
-Environment::Environment(std::string_view task, const EnvironmentOptions& options,
+Environment::Environment(const TaskDescription& task, const EnvironmentOptions& options,
                          const RobotDescription& description, Nanoseconds period)
     : implementation_(std::make_unique<const Implementation>(task, options, description, period)) {}
+Environment::Environment(std::string_view task, const EnvironmentOptions& options,
+                         const RobotDescription& description, Nanoseconds period)
+    : Environment(find_task(task), options, description, period) {}
 Environment::Environment(Environment&&) noexcept = default;
 Environment& Environment::operator=(Environment&&) noexcept = default;
 Environment::~Environment() = default;

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <numbers>
@@ -17,155 +18,197 @@ namespace trifinger::learning {
 namespace {
 
 using Json = nlohmann::ordered_json;
+using PairRanges = OfSurfacePairs<std::optional<Range<double>>>;
 
-template <class T>
-void require_range(const char* name, const Range<T>& range, T lowest, T highest) {
-  // Written so that NaN fails.
-  if (range.low >= lowest && range.low <= range.high && range.high <= highest) return;
-  throw InvalidArgument(text(name, " is ", range.low, " to ", range.high, ", must lie within ",
-                             lowest, " to ", highest, ", the smaller one first"));
-}
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-void require_within(const char* name, double value, double lowest, double highest) {
-  if (value >= lowest && value <= highest) return;
-  throw InvalidArgument(text(name, " is ", value, ", must be ", lowest, " to ", highest));
-}
+// Says what an option means and which values it may have.
+struct About {
+  const char* meaning;
+  // Bounds of numbers and ranges. None: the configuration of the robot says what is allowed.
+  double least{-kInfinity};
+  double most{kInfinity};
+  std::span<const std::string_view> words{};  // for enumerators, in their order
+  bool varies{false};  // a part of `Variation`: simulations differ from their configuration
+};
 
-// The words for enumerators, in their order.
 constexpr std::array<std::string_view, 2> kMappings{"state_augmentation", "approximation"};
 constexpr std::array<std::string_view, 3> kActions{"position", "position_change", "torque"};
 constexpr std::array<std::string_view, 3> kLayouts{"flat", "dictionary", "goal"};
 
-// Visits all options by name. One visitor writes them, another one reads them, so this is the only
-// list of their names.
-template <class Options, class Visitor>
-void visit(Options& options, const Visitor& field) {
-  field("steps_per_action", options.steps_per_action);
-  field("mapping", options.mapping, kMappings);
-  field("action", options.action, kActions);
-  field("position_change", options.position_change);
-  field("observation", options.layout, kLayouts);
-  field("duration", options.duration);
-  field("per_finger", options.per_finger);
-  field("position_noise", options.position_noise);
-  field("velocity_noise", options.velocity_noise);
-  field("object_period", options.object_period);
-  field("object_delay", options.object_delay);
-  field("object_position_noise", options.object_position_noise);
-  field("object_orientation_noise", options.object_orientation_noise);
-  field("object_mass", options.object_mass);
-  field("friction", options.friction);
-  field("motor_gain", options.motor_gain);
-  field("torque_delay", options.torque_delay);
-  field("pair_friction", options.pair_friction);
-  field("contact_time", options.contact_time);
-  field("rotor_inertia", options.rotor_inertia);
-  field("joint_damping", options.joint_damping);
-  field("joint_friction", options.joint_friction);
-  field("stop_margin", options.stop_margin);
-  field("object_speed", options.object_speed);
+constexpr About factor(const char* meaning, double least, double most) {
+  return {.meaning = meaning, .least = least, .most = most, .varies = true};
 }
 
-struct Writer {
-  Json* json;
+// The one table of options: reading, writing, checking and Python's class loop over it.
+template <class Options, class Visitor>
+void visit(Options& options, const Visitor& field) {
+  field("steps_per_action", options.steps_per_action,
+        About{"Number of steps of the robot for which an action acts.", 1, 1000});
+  field(
+      "mapping", options.mapping,
+      About{.meaning =
+                "How steps of the robot become states and actions; docs/learning.md compares both.",
+            .words = kMappings});
+  field("action", options.action,
+        About{.meaning = "What numbers from -1 to 1 mean: positions in their range, changes of the "
+                         "desired positions, or shares of the largest torque.",
+              .words = kActions});
+  field("position_change", options.position_change,
+        About{"Largest change of a desired position by one action [rad].", 1e-6, std::numbers::pi});
+  field("observation", options.layout,
+        About{.meaning = "One vector scaled to -1 to 1, its parts in SI units, or the vector with "
+                         "a separate goal.",
+              .words = kLayouts});
+  field("duration", options.duration, About{"Duration of an episode [s].", 1e-3, 3600});
+  field("per_finger", options.per_finger,
+        About{"Whether observations are ordered finger by finger, with goals in the frame of each "
+              "finger. A policy that the fingers share needs this."});
+  field("position_noise", options.position_noise,
+        About{"Standard deviation of measured joint positions [rad].", 0, 1});
+  field("velocity_noise", options.velocity_noise,
+        About{"Standard deviation of measured joint velocities [rad/s].", 0, 10});
+  field("object_period", options.object_period,
+        About{"Time between two measured poses of a simulated object [s]."});
+  field("object_delay", options.object_delay,
+        About{"Delay from measuring a pose of a simulated object to its arrival [s]."});
+  field("object_position_noise", options.object_position_noise,
+        About{"Standard deviation of measured object positions, per axis [m]."});
+  field("object_orientation_noise", options.object_orientation_noise,
+        About{"Standard deviation of measured object orientations, per axis [rad]."});
+  field("object_mass", options.object_mass,
+        factor("Factor on the mass of simulated objects.", 0.01, 100));
+  field("friction", options.friction,
+        factor("Factor on the friction of all simulated surfaces.", 0, 100));
+  field("motor_gain", options.motor_gain,
+        factor("Share of the applied torque that simulated motors deliver.", 0.01, 10));
+  field("torque_delay", options.torque_delay,
+        factor("Delay until simulated motors deliver a torque, up to 10 [steps].", 0,
+               static_cast<double>(Variation::kMaxTorqueDelay)));
+  field("pair_friction", options.pair_friction,
+        factor("Factors on the friction of pairs of simulated surfaces, in addition to `friction`: "
+               "{\"tip_object\": (0.7, 1.2)}. docs/simulation.md names the pairs.",
+               0, 100));
+  field("contact_time", options.contact_time,
+        factor("Factor on the time constants of simulated contacts: larger is softer.", 0.01, 100));
+  field("rotor_inertia", options.rotor_inertia,
+        factor("Factor on the rotor inertia of simulated motors.", 0, 100));
+  field("joint_damping", options.joint_damping,
+        factor("Factor on the damping of simulated joints; the damping of the safety checks stays.",
+               0, 1000));
+  field("joint_friction", options.joint_friction,
+        factor("Dry friction that is added to that of simulated joints [Nm].", 0, 1));
+  field("stop_margin", options.stop_margin,
+        factor("Factor on the distance from hard limits to mechanical stops.", 0, 10));
+  field(
+      "object_speed", options.object_speed,
+      About{"Speed of a simulated object at the start of an episode, in a random direction [m/s].",
+            0, 10});
+}
 
-  template <class T>
-  void operator()(const char* name, const T& value) const {
-    (*json)[name] = value;
+template <class T>
+void check(std::string_view name, const T& value, const About& about) {
+  if constexpr (std::is_arithmetic_v<T> && !std::is_same_v<T, bool>) {
+    // Written so that NaN fails where there are bounds.
+    if (about.least == -kInfinity) return;
+    const auto number = static_cast<double>(value);
+    if (number >= about.least && number <= about.most) return;
+    throw InvalidArgument(text(name, " is ", value, ", must be ", about.least, " to ", about.most));
   }
-  template <class T>
-  void operator()(const char* name, const Range<T>& range) const {
-    (*json)[name] = {range.low, range.high};
+}
+template <class T>
+void check(std::string_view name, const Range<T>& range, const About& about) {
+  const auto low = static_cast<double>(range.low);
+  const auto high = static_cast<double>(range.high);
+  // Written so that NaN fails.
+  if (low >= about.least && low <= high && high <= about.most) return;
+  throw InvalidArgument(text(name, " is ", range.low, " to ", range.high, ", must lie within ",
+                             about.least, " to ", about.most, ", the smaller one first"));
+}
+void check(std::string_view name, const PairRanges& ranges, const About& about) {
+  for (const SurfacePair pair : all_surface_pairs()) {
+    if (ranges[pair]) check(text(name, " of ", name_of(pair)), *ranges[pair], about);
   }
-  void operator()(const char* name,
-                  const OfSurfacePairs<std::optional<Range<double>>>& ranges) const {
-    Json& object = (*json)[name] = Json::object();
-    for (const SurfacePair pair : all_surface_pairs()) {
-      if (const auto& range = ranges[pair]) object[name_of(pair)] = {range->low, range->high};
+}
+
+template <class T>
+Json written(const T& value, const About& about) {
+  if constexpr (std::is_enum_v<T>) {
+    return about.words[static_cast<std::size_t>(value)];
+  } else {
+    return value;
+  }
+}
+template <class T>
+Json written(const Range<T>& range, const About& /*about*/) {
+  return Json{range.low, range.high};
+}
+Json written(const PairRanges& ranges, const About& /*about*/) {
+  Json object = Json::object();
+  for (const SurfacePair pair : all_surface_pairs()) {
+    if (const auto& range = ranges[pair]) object[name_of(pair)] = {range->low, range->high};
+  }
+  return object;
+}
+
+template <class T>
+void read(std::string_view name, const Json& json, const About& about, T& value) {
+  if constexpr (std::is_enum_v<T>) {
+    const auto word = json.get<std::string>();
+    const auto place = std::ranges::find(about.words, std::string_view(word));
+    if (place == about.words.end()) {
+      throw InvalidArgument(text(name, " is '", word, "', must be ",
+                                 quoted_list({about.words.begin(), about.words.end()}, "or")));
     }
+    value = static_cast<T>(place - about.words.begin());
+  } else {
+    value = json.get<T>();
   }
-  template <class T, std::size_t kCount>
-  void operator()(const char* name, T value,
-                  const std::array<std::string_view, kCount>& words) const {
-    (*json)[name] = words.at(static_cast<std::size_t>(value));
+}
+template <class T>
+void read(std::string_view /*name*/, const Json& json, const About& /*about*/, Range<T>& range) {
+  const auto [low, high] = json.get<std::pair<T, T>>();
+  range = {low, high};
+}
+void read(std::string_view /*name*/, const Json& json, const About& /*about*/, PairRanges& ranges) {
+  ranges = {};
+  using Limits = std::pair<double, double>;
+  for (const auto& [pair, limits] : json.get<std::map<std::string, Limits>>()) {
+    ranges[surface_pair_from_name(pair)] = Range<double>{limits.first, limits.second};
   }
-};
+}
 
-// Takes each option that it reads out of the JSON object.
-struct Reader {
-  Json* json;
-
-  template <class T>
-  void operator()(const char* name, T& value) const {
-    take(name, [&](const Json& found) { value = found.get<T>(); });
-  }
-  template <class T>
-  void operator()(const char* name, Range<T>& range) const {
-    take(name, [&](const Json& found) {
-      const auto [low, high] = found.get<std::pair<T, T>>();
-      range = {low, high};
-    });
-  }
-  void operator()(const char* name, OfSurfacePairs<std::optional<Range<double>>>& ranges) const {
-    take(name, [&](const Json& found) {
-      ranges = {};
-      using Limits = std::pair<double, double>;
-      for (const auto& [pair, limits] : found.get<std::map<std::string, Limits>>()) {
-        ranges[surface_pair_from_name(pair)] = Range<double>{limits.first, limits.second};
-      }
-    });
-  }
-  template <class T, std::size_t kCount>
-  void operator()(const char* name, T& value,
-                  const std::array<std::string_view, kCount>& words) const {
-    take(name, [&](const Json& found) {
-      const auto word = found.get<std::string>();
-      const auto place = std::ranges::find(words, std::string_view(word));
-      if (place == words.end()) {
-        throw InvalidArgument(text(name, " is '", word, "', must be ",
-                                   quoted_list({words.begin(), words.end()}, "or")));
-      }
-      value = static_cast<T>(place - words.begin());
-    });
-  }
-
-  template <class Read>
-  void take(const char* name, const Read& read) const {
-    const auto found = json->find(name);
-    if (found == json->end()) return;
-    try {
-      read(*found);
-    } catch (const Json::exception&) {
-      throw InvalidArgument(text(name, " is ", found->dump(), ", which is of another type"));
+// Names the type of an option in Python.
+template <class T>
+std::string type_of(const T& /*value*/, const About& about) {
+  if constexpr (std::is_enum_v<T>) {
+    std::string words;
+    for (const std::string_view word : about.words) {
+      words += text(words.empty() ? "\"" : ", \"", word, "\"");
     }
-    json->erase(found);
+    return "Literal[" + words + "]";
+  } else if constexpr (std::is_same_v<T, bool>) {
+    return "bool";
+  } else if constexpr (std::is_integral_v<T>) {
+    return "int";
+  } else {
+    return "float";
   }
-};
+}
+template <class T>
+std::string type_of(const Range<T>& range, const About& about) {
+  const std::string type = type_of(range.low, about);
+  return text("tuple[", type, ", ", type, "]");
+}
+std::string type_of(const PairRanges& /*ranges*/, const About& /*about*/) {
+  return "Mapping[str, tuple[float, float]]";
+}
 
 }  // namespace
 
 void EnvironmentOptions::validate() const {
-  require_within("steps_per_action", steps_per_action, 1, 1000);
-  require_within("position_change", position_change, 1e-6, std::numbers::pi);
-  require_within("duration", duration, 1e-3, 3600);
-  require_within("position_noise", position_noise, 0, 1);
-  require_within("velocity_noise", velocity_noise, 0, 10);
-  // The allowed values of the options for poses depend on the robot's configuration.
-  require_range("object_mass", object_mass, 0.01, 100.0);
-  require_range("friction", friction, 0.0, 100.0);
-  require_range("motor_gain", motor_gain, 0.01, 10.0);
-  require_range("torque_delay", torque_delay, TimeIndex{0}, Variation::kMaxTorqueDelay);
-  for (const SurfacePair pair : all_surface_pairs()) {
-    if (!pair_friction[pair]) continue;
-    const std::string name = text("pair_friction of ", name_of(pair));
-    require_range(name.c_str(), *pair_friction[pair], 0.0, 100.0);
-  }
-  require_range("contact_time", contact_time, 0.01, 100.0);
-  require_range("rotor_inertia", rotor_inertia, 0.0, 100.0);
-  require_range("joint_damping", joint_damping, 0.0, 1000.0);
-  require_range("joint_friction", joint_friction, 0.0, 1.0);
-  require_range("stop_margin", stop_margin, 0.0, 10.0);
-  require_range("object_speed", object_speed, 0.0, 10.0);
+  visit(*this,
+        [](const char* name, const auto& value, const About& about) { check(name, value, about); });
   if (mapping == Mapping::kApproximation && steps_per_action == 1) {
     throw InvalidArgument(
         "steps_per_action is 1, must be 2 or more for the mapping 'approximation': an observation "
@@ -173,19 +216,34 @@ void EnvironmentOptions::validate() const {
   }
 }
 
-bool EnvironmentOptions::varies() const noexcept {
-  const auto is_one = [](const Range<double>& range) {
-    return range.low == 1.0 && range.high == 1.0;
+bool EnvironmentOptions::varies() const {
+  const auto varied = [](const EnvironmentOptions& options) {
+    Json json;
+    visit(options, [&json](const char* name, const auto& value, const About& about) {
+      if (about.varies) json[name] = written(value, about);
+    });
+    return json;
   };
-  return !is_one(object_mass) || !is_one(friction) || !is_one(motor_gain) ||
-         torque_delay.high > 0 || pair_friction != decltype(pair_friction){} ||
-         !is_one(contact_time) || !is_one(rotor_inertia) || !is_one(joint_damping) ||
-         joint_friction.high > 0.0 || !is_one(stop_margin);
+  return varied(*this) != varied({});
+}
+
+std::vector<OptionDescription> describe_options() {
+  std::vector<OptionDescription> all;
+  const EnvironmentOptions defaults;
+  visit(defaults, [&all](const char* name, const auto& value, const About& about) {
+    all.push_back({.name = name,
+                   .type = type_of(value, about),
+                   .value = written(value, about).dump(),
+                   .meaning = about.meaning});
+  });
+  return all;
 }
 
 std::string write_options(const EnvironmentOptions& options) {
   Json json = Json::object();
-  visit(options, Writer{&json});
+  visit(options, [&json](const char* name, const auto& value, const About& about) {
+    json[name] = written(value, about);
+  });
   return json.dump();
 }
 
@@ -193,12 +251,21 @@ EnvironmentOptions read_options(std::string_view json) {
   Json object = Json::parse(json, nullptr, /*allow_exceptions=*/false);
   if (!object.is_object()) throw InvalidArgument("the options are no JSON object");
   EnvironmentOptions options;
-  visit(options, Reader{&object});
+  std::vector<std::string_view> names;
+  visit(options, [&](const char* name, auto& value, const About& about) {
+    names.emplace_back(name);
+    const auto found = object.find(name);
+    if (found == object.end()) return;
+    try {
+      read(name, *found, about, value);
+    } catch (const Json::exception&) {
+      throw InvalidArgument(text(name, " is ", found->dump(), ", which is of another type"));
+    }
+    object.erase(found);
+  });
   if (object.empty()) return options;
-  std::vector<std::string> names;
-  visit(options, [&names](const char* name, const auto&...) { names.emplace_back(name); });
   throw InvalidArgument(text("there is no option '", object.items().begin().key(), "'; there are ",
-                             quoted_list({names.begin(), names.end()}, "and")));
+                             quoted_list(names, "and")));
 }
 
 }  // namespace trifinger::learning

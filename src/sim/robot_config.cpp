@@ -200,10 +200,10 @@ JointVector<N> read_pose(const Node& section, std::string_view key, const JointL
   JointVector<N> pose{};
   for (std::size_t i = 0; i < N; ++i) {
     pose[i] = angles[i % angles.size()];
-    if (pose[i] < limits.soft_lower[i] || pose[i] > limits.soft_upper[i]) {
+    if (pose[i] < limits[i].soft_lower || pose[i] > limits[i].soft_upper) {
       position.fail("has " + text_of(pose[i]) + " rad for joint " + std::to_string(i) +
-                    ", must be within its soft limits, " + text_of(limits.soft_lower[i]) + " to " +
-                    text_of(limits.soft_upper[i]) + " rad");
+                    ", must be within its soft limits, " + text_of(limits[i].soft_lower) + " to " +
+                    text_of(limits[i].soft_upper) + " rad");
     }
   }
   return pose;

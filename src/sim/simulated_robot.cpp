@@ -110,7 +110,7 @@ class SimulatedRobot<R>::Implementation {
     if (report.action_rejected) {
       const RejectedCommand rejected = simulator_.safety().find_rejected(desired, applied);
       rejection_text_ = describe(rejected, joint_names_[rejected.joint],
-                                 simulator_.safety().limit_of(rejected.joint));
+                                 simulator_.safety().limits()[rejected.joint]);
     }
     return report;
   }

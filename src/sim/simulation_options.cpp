@@ -46,29 +46,29 @@ JointLimits<R::kJoints> default_limits(const RobotDescription& description) {
           "a robot of type '" + std::string(R::kType) + "' has " + std::to_string(R::kJoints) +
               " joints, this description has " + std::to_string(num_joints(description)));
   const VariantFigures& figures = trifinger::figures(description);
-  JointLimits<R::kJoints> limits{};
+  JointLimits<R::kJoints> limits;
   for (std::size_t i = 0; i < R::kJoints; ++i) {
     const std::size_t joint = i % kJointsPerFinger;
-    limits.max_torque[i] = figures.actuator.torque_limit;
-    limits.safety_kd[i] = figures.safety_kd[joint];
-    limits.soft_lower[i] = figures.soft_lower[joint];
-    limits.soft_upper[i] = figures.soft_upper[joint];
-    limits.hard_lower[i] = figures.hard_lower[joint];
-    limits.hard_upper[i] = figures.hard_upper[joint];
-    limits.default_kp[i] = figures.kp[joint];
-    limits.default_kd[i] = figures.kd[joint];
-    limits.max_kp[i] = kMaxKp;
-    limits.max_kd[i] = kMaxKd;
-    limits.max_velocity[i] = kMaxVelocity[joint];
-    limits.braking[i] = figures.braking[joint];
-    limits.max_torque_rate[i] = kInfinity;
-    limits.continuous_torque[i] = figures.actuator.continuous_torque;
-    limits.thermal_time[i] = figures.actuator.thermal_time;
-    limits.plausibility.max_position_rate[i] = kMaxPositionRate;
-    limits.plausibility.max_velocity_error[i] = kMaxVelocityError;
-    limits.plausibility.velocity_error_time[i] = kVelocityErrorTime;
-    limits.plausibility.stuck_torque[i] = kStuckShare * figures.actuator.torque_limit;
-    limits.plausibility.stuck_time[i] = kStuckTime;
+    limits[i] = {.max_torque = figures.actuator.torque_limit,
+                 .safety_kd = figures.safety_kd[joint],
+                 .soft_lower = figures.soft_lower[joint],
+                 .soft_upper = figures.soft_upper[joint],
+                 .hard_lower = figures.hard_lower[joint],
+                 .hard_upper = figures.hard_upper[joint],
+                 .default_kp = figures.kp[joint],
+                 .default_kd = figures.kd[joint],
+                 .max_kp = kMaxKp,
+                 .max_kd = kMaxKd,
+                 .max_velocity = kMaxVelocity[joint],
+                 .braking = figures.braking[joint],
+                 .max_torque_rate = kInfinity,
+                 .continuous_torque = figures.actuator.continuous_torque,
+                 .thermal_time = figures.actuator.thermal_time,
+                 .max_position_rate = kMaxPositionRate,
+                 .max_velocity_error = kMaxVelocityError,
+                 .velocity_error_time = kVelocityErrorTime,
+                 .stuck_torque = kStuckShare * figures.actuator.torque_limit,
+                 .stuck_time = kStuckTime};
   }
   return limits;
 }
@@ -89,7 +89,7 @@ void SimulationOptions<R>::validate() const {
   require(num_joints(description) == static_cast<int>(R::kJoints),
           "a robot of type '" + std::string(R::kType) + "' has " + std::to_string(R::kJoints) +
               " joints, this description has " + std::to_string(num_joints(description)));
-  used.validate();
+  trifinger::validate(used);
   stop.validate(used);
   require(period >= kPhysicsStep && period % kPhysicsStep == Nanoseconds::zero(),
           "period is " + std::to_string(period.count()) +

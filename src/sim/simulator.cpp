@@ -106,10 +106,10 @@ template <class R>
 void Simulator<R>::check(const Joints& position) const {
   const auto& limits = safety_.limits();
   for (std::size_t i = 0; i < R::kJoints; ++i) {
-    if (position[i] >= limits.hard_lower[i] && position[i] <= limits.hard_upper[i]) continue;
+    if (position[i] >= limits[i].hard_lower && position[i] <= limits[i].hard_upper) continue;
     throw InvalidArgument("joint " + std::to_string(i) + " cannot begin at " +
                           text_of(position[i]) + " rad, its hard limits are " +
-                          text_of(limits.hard_lower[i]) + " and " + text_of(limits.hard_upper[i]) +
+                          text_of(limits[i].hard_lower) + " and " + text_of(limits[i].hard_upper) +
                           " rad");
   }
 }

@@ -9,34 +9,35 @@ namespace trifinger::test {
 
 inline constexpr double kOff = std::numeric_limits<double>::infinity();
 
+/// True for NaN, also at compile time, where std::isnan cannot be called.
+constexpr bool is_not_given(double value) { return !(value <= kOff); }
+
+/// Switches off every value of `limit` that can be switched off and is not given.
+constexpr JointLimit with_the_rest_off(JointLimit limit) {
+  for (const JointLimitField& field : JointLimit::fields()) {
+    if (field.may_be_infinite() && is_not_given(limit.*field.value)) limit.*field.value = kOff;
+  }
+  return limit;
+}
+
 /// Limits of N joints that differ from joint to joint, so that a mixed-up index is noticed.
 /// Everything that can be switched off is off.
 template <std::size_t N>
 JointLimits<N> some_limits() {
-  JointLimits<N> limits{};
+  JointLimits<N> limits;
   for (std::size_t i = 0; i < N; ++i) {
     const double step = 0.01 * static_cast<double>(i);
-    limits.max_torque[i] = 0.36 + step;
-    limits.safety_kd[i] = 0.09 - step;
-    limits.soft_lower[i] = -1.0 - step;
-    limits.soft_upper[i] = 1.5 + step;
-    limits.hard_lower[i] = -2.0 - step;
-    limits.hard_upper[i] = 2.5 + step;
-    limits.default_kp[i] = 7.0 + step;
-    limits.default_kd[i] = 0.02 + step;
-    limits.max_kp[i] = 50.0 + step;
-    limits.max_kd[i] = 0.5 + step;
-    limits.max_velocity[i] = kOff;
-    limits.braking[i] = kOff;
-    limits.max_torque_rate[i] = kOff;
-    limits.continuous_torque[i] = kOff;
-    limits.thermal_time[i] = kOff;
+    limits[i] = with_the_rest_off({.max_torque = 0.36 + step,
+                                   .safety_kd = 0.09 - step,
+                                   .soft_lower = -1.0 - step,
+                                   .soft_upper = 1.5 + step,
+                                   .hard_lower = -2.0 - step,
+                                   .hard_upper = 2.5 + step,
+                                   .default_kp = 7.0 + step,
+                                   .default_kd = 0.02 + step,
+                                   .max_kp = 50.0 + step,
+                                   .max_kd = 0.5 + step});
   }
-  limits.plausibility = {.max_position_rate = detail::filled<N>(kOff),
-                         .max_velocity_error = detail::filled<N>(kOff),
-                         .velocity_error_time = detail::filled<N>(kOff),
-                         .stuck_torque = detail::filled<N>(kOff),
-                         .stuck_time = detail::filled<N>(kOff)};
   return limits;
 }
 

@@ -32,9 +32,9 @@ class Joints {
  public:
   explicit Joints(unsigned seed) : random_(seed) {
     for (std::size_t i = 0; i < 9; ++i) {
-      observation.position[i] = between(limits.soft_lower[i], limits.soft_upper[i]);
+      observation.position[i] = between(limits[i].soft_lower, limits[i].soft_upper);
       observation.velocity[i] = between(-3.0, 3.0);
-      rest[i] = between(limits.soft_lower[i], limits.soft_upper[i]);
+      rest[i] = between(limits[i].soft_lower, limits[i].soft_upper);
     }
   }
 
@@ -50,11 +50,11 @@ class Joints {
     const SafetyReport report = chain.apply(action, observation, kPeriod, state, applied);
     for (std::size_t i = 0; i < 9; ++i) {
       constexpr double kInertia = 0.002;  // [kg m^2], of a link
-      EXPECT_LE(std::abs(applied.torque[i]), limits.max_torque[i]);
+      EXPECT_LE(std::abs(applied.torque[i]), limits[i].max_torque);
       observation.velocity[i] += kSeconds * applied.torque[i] / kInertia;
       observation.position[i] += kSeconds * observation.velocity[i];
-      EXPECT_GE(observation.position[i], limits.hard_lower[i]);
-      EXPECT_LE(observation.position[i], limits.hard_upper[i]);
+      EXPECT_GE(observation.position[i], limits[i].hard_lower);
+      EXPECT_LE(observation.position[i], limits[i].hard_upper);
     }
     return report;
   }

@@ -98,9 +98,9 @@ Asked asked_of(const Action& action, const Observation& observation, const Joint
                std::size_t i) {
   if (std::isnan(action.position[i])) return {action.torque[i], kNotGiven, kNotGiven, kNotGiven};
   const double kp =
-      std::isnan(action.position_kp[i]) ? limits.default_kp[i] : action.position_kp[i];
+      std::isnan(action.position_kp[i]) ? limits[i].default_kp : action.position_kp[i];
   const double kd =
-      std::isnan(action.position_kd[i]) ? limits.default_kd[i] : action.position_kd[i];
+      std::isnan(action.position_kd[i]) ? limits[i].default_kd : action.position_kd[i];
   const double pd =
       kp * (action.position[i] - observation.position[i]) - kd * observation.velocity[i];
   return {action.torque[i] + pd, action.position[i], kp, kd};
@@ -112,8 +112,8 @@ bool is_fit(const Action& action, const JointLimits<9>& limits, std::size_t i) {
   const auto is_gain = [](double gain, double max) {
     return std::isnan(gain) || (gain >= 0 && gain <= max);
   };
-  return std::isfinite(action.position[i]) && is_gain(action.position_kp[i], limits.max_kp[i]) &&
-         is_gain(action.position_kd[i], limits.max_kd[i]);
+  return std::isfinite(action.position[i]) && is_gain(action.position_kp[i], limits[i].max_kp) &&
+         is_gain(action.position_kd[i], limits[i].max_kd);
 }
 
 TEST(SafetyProperty, fault_06_HoldsForAMillionRandomActions) {
@@ -138,15 +138,15 @@ TEST(SafetyProperty, fault_06_HoldsForAMillionRandomActions) {
       const auto where = [&] {
         return " at step " + std::to_string(step) + ", joint " + std::to_string(i);
       };
-      const double max = limits.max_torque[i];
+      const double max = limits[i].max_torque;
       seen |= applied.reasons[i];
 
       // The torque never exceeds the limit and is always finite.
       ASSERT_TRUE(std::isfinite(applied.torque[i])) << where();
       ASSERT_LE(std::abs(applied.torque[i]), max) << where();
       if (!std::isnan(applied.position[i])) {
-        ASSERT_GE(applied.position[i], limits.soft_lower[i]) << where();
-        ASSERT_LE(applied.position[i], limits.soft_upper[i]) << where();
+        ASSERT_GE(applied.position[i], limits[i].soft_lower) << where();
+        ASSERT_LE(applied.position[i], limits[i].soft_upper) << where();
       }
 
       // There are no reasons exactly if the applied action is the one asked for.
@@ -169,22 +169,22 @@ TEST(SafetyProperty, fault_06_HoldsForAMillionRandomActions) {
       // changed.
       const double position = observation.position[i];
       const double velocity = observation.velocity[i];
-      const bool is_inside = position >= limits.soft_lower[i] && position <= limits.soft_upper[i];
+      const bool is_inside = position >= limits[i].soft_lower && position <= limits[i].soft_upper;
       const bool is_target_inside =
-          std::isnan(desired.position[i]) || (desired.position[i] >= limits.soft_lower[i] &&
-                                              desired.position[i] <= limits.soft_upper[i]);
+          std::isnan(desired.position[i]) || (desired.position[i] >= limits[i].soft_lower &&
+                                              desired.position[i] <= limits[i].soft_upper);
       if (is_inside && is_target_inside && !is_unfit) {
         const double clipped = asked.torque > max ? max : asked.torque < -max ? -max : asked.torque;
-        const double damped = clipped - limits.safety_kd[i] * velocity;
+        const double damped = clipped - limits[i].safety_kd * velocity;
         ASSERT_EQ(applied.torque[i], damped > max ? max : damped < -max ? -max : damped) << where();
       }
 
       // Beyond a soft limit, nothing pushes further out except the brake of a joint that is coming
       // back.
-      if (position > limits.soft_upper[i] && velocity >= 0) {
+      if (position > limits[i].soft_upper && velocity >= 0) {
         ASSERT_LE(applied.torque[i], 0.0) << where();
       }
-      if (position < limits.soft_lower[i] && velocity <= 0) {
+      if (position < limits[i].soft_lower && velocity <= 0) {
         ASSERT_GE(applied.torque[i], 0.0) << where();
       }
     }
@@ -230,16 +230,18 @@ class Wanderer {
 
 JointLimits<9> every_limit() {
   JointLimits<9> limits = test::some_limits<9>();
-  limits.max_velocity = detail::filled<9>(4.0);
-  limits.braking = detail::filled<9>(10.0);
-  limits.max_torque_rate = detail::filled<9>(20.0);
-  limits.continuous_torque = detail::filled<9>(0.18);
-  limits.thermal_time = detail::filled<9>(8.0);
-  limits.plausibility = {.max_position_rate = detail::filled<9>(50.0),
-                         .max_velocity_error = detail::filled<9>(1.0),
-                         .velocity_error_time = detail::filled<9>(0.1),
-                         .stuck_torque = detail::filled<9>(0.2),
-                         .stuck_time = detail::filled<9>(0.1)};
+  for (JointLimit& limit : limits) {
+    limit.max_velocity = 4.0;
+    limit.braking = 10.0;
+    limit.max_torque_rate = 20.0;
+    limit.continuous_torque = 0.18;
+    limit.thermal_time = 8.0;
+    limit.max_position_rate = 50.0;
+    limit.max_velocity_error = 1.0;
+    limit.velocity_error_time = 0.1;
+    limit.stuck_torque = 0.2;
+    limit.stuck_time = 0.1;
+  }
   return limits;
 }
 
@@ -260,7 +262,7 @@ TEST(SafetyProperty, HoldsWithEveryLimitOn) {
     const SafetyReport report = chain.apply(desired, observation, kPeriod, state, applied);
     ASSERT_EQ(report.fault, SafetyFault::kNone) << names_of(applied.reasons[0]) << step;
     for (std::size_t i = 0; i < 9; ++i) {
-      const JointLimit limit = limit_of_joint(limits, i);
+      const JointLimit& limit = limits[i];
       const double torque = applied.torque[i];
       const double velocity = observation.velocity[i];
       const double position = observation.position[i];
@@ -336,7 +338,7 @@ TEST(SafetyProperty, fault_07_NoRequestCancelsTheBrake) {
     const Observation observation{.velocity = detail::filled<9>(5.0)};
     (void)chain.apply(chance.action(), observation, kPeriod, state, applied);
     for (std::size_t i = 0; i < 9; ++i) {
-      ASSERT_LE(applied.torque[i], limits.max_torque[i] - limits.safety_kd[i] * 5.0 + 1e-12);
+      ASSERT_LE(applied.torque[i], limits[i].max_torque - limits[i].safety_kd * 5.0 + 1e-12);
     }
   }
 }
@@ -355,7 +357,7 @@ TEST(SafetyProperty, HoldsWithAnOwnCheckThatDoesItsWorst) {
     const SafetyReport report = chain.apply(desired, observation, kPeriod, state, applied);
     for (std::size_t i = 0; i < 9; ++i) {
       ASSERT_TRUE(std::isfinite(applied.torque[i]));
-      ASSERT_LE(std::abs(applied.torque[i]), limits.max_torque[i]);
+      ASSERT_LE(std::abs(applied.torque[i]), limits[i].max_torque);
       const Asked asked = asked_of(desired, observation, limits, i);
       const bool is_as_asked = std::isfinite(asked.torque) && asked.torque == applied.torque[i] &&
                                is_same(asked.position, applied.position[i]) &&

@@ -31,51 +31,19 @@ using Applied = Finger::AppliedAction;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr Nanoseconds kPeriod = std::chrono::milliseconds(1);
 
-constexpr JointLimit kLimit{.max_torque = 0.36,
-                            .safety_kd = 0.09,
-                            .soft_lower = -1.0,
-                            .soft_upper = 1.5,
-                            .hard_lower = -2.0,
-                            .hard_upper = 2.5,
-                            .default_kp = 7.0,
-                            .default_kd = 0.02,
-                            .max_kp = 50.0,
-                            .max_kd = 0.5,
-                            .max_velocity = kInfinity,
-                            .braking = kInfinity,
-                            .max_torque_rate = kInfinity,
-                            .continuous_torque = kInfinity,
-                            .thermal_time = kInfinity,
-                            .max_position_rate = kInfinity,
-                            .max_velocity_error = kInfinity,
-                            .velocity_error_time = kInfinity,
-                            .stuck_torque = kInfinity,
-                            .stuck_time = kInfinity};
+constexpr JointLimit kLimit = test::with_the_rest_off({.max_torque = 0.36,
+                                                       .safety_kd = 0.09,
+                                                       .soft_lower = -1.0,
+                                                       .soft_upper = 1.5,
+                                                       .hard_lower = -2.0,
+                                                       .hard_upper = 2.5,
+                                                       .default_kp = 7.0,
+                                                       .default_kd = 0.02,
+                                                       .max_kp = 50.0,
+                                                       .max_kd = 0.5});
 
 // A finger whose three joints all have this limit.
-JointLimits<3> equal_limits(const JointLimit& limit = kLimit) {
-  const auto all = [](double value) { return detail::filled<3>(value); };
-  return {.max_torque = all(limit.max_torque),
-          .safety_kd = all(limit.safety_kd),
-          .soft_lower = all(limit.soft_lower),
-          .soft_upper = all(limit.soft_upper),
-          .hard_lower = all(limit.hard_lower),
-          .hard_upper = all(limit.hard_upper),
-          .default_kp = all(limit.default_kp),
-          .default_kd = all(limit.default_kd),
-          .max_kp = all(limit.max_kp),
-          .max_kd = all(limit.max_kd),
-          .max_velocity = all(limit.max_velocity),
-          .braking = all(limit.braking),
-          .max_torque_rate = all(limit.max_torque_rate),
-          .continuous_torque = all(limit.continuous_torque),
-          .thermal_time = all(limit.thermal_time),
-          .plausibility = {.max_position_rate = all(limit.max_position_rate),
-                           .max_velocity_error = all(limit.max_velocity_error),
-                           .velocity_error_time = all(limit.velocity_error_time),
-                           .stuck_torque = all(limit.stuck_torque),
-                           .stuck_time = all(limit.stuck_time)}};
-}
+JointLimits<3> equal_limits(const JointLimit& limit = kLimit) { return {limit, limit, limit}; }
 
 // Returns what a fresh chain applies.
 Applied applied_for(const Action& desired, const Observation& observation = {}) {
@@ -575,7 +543,7 @@ TEST(SafetyChain, KeepsEachJointsLimitsApart) {
   TriFinger::AppliedAction applied;
   (void)SafetyChain<TriFinger>(limits).apply(TriFinger::Action::of_torque(detail::filled<9>(100.0)),
                                              {}, kPeriod, state, applied);
-  EXPECT_EQ(applied.torque, limits.max_torque);
+  EXPECT_EQ(applied.torque, values_of(limits, &JointLimit::max_torque));
 }
 
 TEST(SafetyChain, fault_06_LetsOneBadJointHoldAndTheOthersMove) {
@@ -775,7 +743,7 @@ std::string rejection_of(const Action& desired, Chain& chain) {
   EXPECT_TRUE(report.action_rejected);
   const RejectedCommand rejected = chain.find_rejected(desired, applied);
   const test::AllocationCounter allocations;
-  const FixedText text = describe(rejected, "middle", chain.limit_of(rejected.joint));
+  const FixedText text = describe(rejected, "middle", chain.limits()[rejected.joint]);
   EXPECT_EQ(allocations.count(), 0U);
   return std::string(text.view());
 }

@@ -54,7 +54,7 @@ EnvironmentOptions varied(std::string_view task) {
   return options;
 }
 
-class EveryTask : public ::testing::TestWithParam<std::string_view> {
+class EveryTask : public ::testing::TestWithParam<std::string> {
  protected:
   [[nodiscard]] Environment make(const EnvironmentOptions& options) const {
     return {GetParam(), options, description_for(GetParam())};
@@ -164,8 +164,7 @@ TEST_P(EveryTask, NamesEveryNumberOnce) {
   EXPECT_EQ(std::ranges::adjacent_find(names), names.end());
 }
 
-INSTANTIATE_TEST_SUITE_P(Learning, EveryTask,
-                         ::testing::ValuesIn(task_names().begin(), task_names().end()),
+INSTANTIATE_TEST_SUITE_P(Learning, EveryTask, ::testing::ValuesIn(task_names()),
                          [](const auto& task) { return std::string(task.param); });
 
 class Actions : public ::testing::Test {

@@ -21,7 +21,18 @@ from conftest import PROGRAM, StartChild, StartProgram, diverging_state
 pytestmark = pytest.mark.release  # these tests need the program
 
 ROOT = Path(__file__).parents[2]
-COMMANDS = ("run", "list", "status", "read", "record", "stop", "recover", "model", "doctor")
+COMMANDS = (
+    "run",
+    "list",
+    "status",
+    "read",
+    "record",
+    "stop",
+    "recover",
+    "config",
+    "model",
+    "doctor",
+)
 ESCAPE = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 
 

@@ -19,6 +19,12 @@ def test_the_committed_stub_is_that_of_the_module(tmp_path: Path) -> None:
         pytest.fail("the module has changed; write its stub again: python tools/write_stub.py")
 
 
+def test_the_options_of_environments_are_those_of_the_module() -> None:
+    writer = runpy.run_path(str(WRITER))
+    if writer["options"]() != writer["OPTIONS"].read_text():
+        pytest.fail("the options have changed; write them again: python tools/write_stub.py")
+
+
 def test_only_fields_of_robots_that_nobody_knows_are_any() -> None:
     writer = runpy.run_path(str(WRITER))
     code = [

@@ -244,17 +244,17 @@ class HostileActions : public testing::TestWithParam<SceneAndKind> {
       bool is_beyond_hard = false;
       for (std::size_t i = 0; i < R::kJoints; ++i) {
         // Written so that NaN fails.
-        const double torque = std::abs(driver.applied.torque[i]) / limits.max_torque[i];
+        const double torque = std::abs(driver.applied.torque[i]) / limits[i].max_torque;
         ASSERT_LE(torque, 1.0);
-        ASSERT_LE(std::abs(driver.observation.torque[i]), limits.max_torque[i]);
+        ASSERT_LE(std::abs(driver.observation.torque[i]), limits[i].max_torque);
         const double speed = std::abs(driver.observation.velocity[i]);
         ASSERT_LE(speed, kSpeedBound) << "joint " << i << ", step " << step;
         ASSERT_GE(driver.applied.thermal_margin[i], 0.0);
         const double position = before.position[i];
         const double beyond =
-            std::max(position - limits.soft_upper[i], limits.soft_lower[i] - position);
+            std::max(position - limits[i].soft_upper, limits[i].soft_lower - position);
         const double beyond_hard =
-            std::max(position - limits.hard_upper[i], limits.hard_lower[i] - position);
+            std::max(position - limits[i].hard_upper, limits[i].hard_lower - position);
         is_beyond_hard = is_beyond_hard || beyond_hard > 0.0;
         // A joint is never further beyond its bound than one step can carry it.
         ASSERT_LE(beyond_hard, 1e-3 * kSpeedBound) << "joint " << i << ", step " << step;

@@ -70,9 +70,9 @@ void expect_no_limit_broken(const Robot& observer, const JointLimits<9>& limits)
     const auto observation = observer.get_observation(t);
     for (std::size_t i = 0; i < 9; ++i) {
       // Written so that NaN fails.
-      ASSERT_TRUE(std::abs(applied.torque[i]) <= limits.max_torque[i]) << t << " joint " << i;
-      ASSERT_TRUE(observation.position[i] >= limits.hard_lower[i] &&
-                  observation.position[i] <= limits.hard_upper[i])
+      ASSERT_TRUE(std::abs(applied.torque[i]) <= limits[i].max_torque) << t << " joint " << i;
+      ASSERT_TRUE(observation.position[i] >= limits[i].hard_lower &&
+                  observation.position[i] <= limits[i].hard_upper)
           << t << " joint " << i;
     }
   }

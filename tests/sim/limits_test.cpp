@@ -41,8 +41,8 @@ TYPED_TEST(Limits, fault_11_SoftLimitsKeepTheJointOffTheHardOnes) {
       const DriverReport report = driver.fault_after(action, 2000);
       EXPECT_EQ(report.state, DriverReport::State::kReady) << label(options) << ' ' << sign;
       for (std::size_t i = 0; i < R::kJoints; ++i) {
-        EXPECT_GT(driver.observation.position[i], limits.hard_lower[i]) << label(options);
-        EXPECT_LT(driver.observation.position[i], limits.hard_upper[i]) << label(options);
+        EXPECT_GT(driver.observation.position[i], limits[i].hard_lower) << label(options);
+        EXPECT_LT(driver.observation.position[i], limits[i].hard_upper) << label(options);
       }
     }
   }
@@ -53,10 +53,12 @@ template <class R>
 SimulationOptions<R> without_soft_limits(Variant variant) {
   SimulationOptions<R> options = options_of<R>(variant);
   options.limits = default_limits<R>(options.description);
-  options.limits->soft_lower = options.limits->hard_lower;
-  options.limits->soft_upper = options.limits->hard_upper;
-  options.limits->safety_kd = {};
-  options.limits->braking.fill(std::numeric_limits<double>::infinity());
+  for (JointLimit& limit : *options.limits) {
+    limit.soft_lower = limit.hard_lower;
+    limit.soft_upper = limit.hard_upper;
+    limit.safety_kd = 0.0;
+    limit.braking = std::numeric_limits<double>::infinity();
+  }
   return options;
 }
 

@@ -66,9 +66,9 @@ TYPED_TEST(SimulatedStop, EndsAtTheRestPositionAndNeverLeavesTheLimits) {
       ASSERT_LE(step, most);
       static_cast<void>(robot.get_latest_observation(observation));
       for (std::size_t i = 0; i < TypeParam::kJoints; ++i) {
-        ASSERT_GE(observation.position[i], options.limits->hard_lower[i]) << step;
-        ASSERT_LE(observation.position[i], options.limits->hard_upper[i]) << step;
-        ASSERT_LE(std::abs(observation.torque[i]), options.limits->max_torque[i]) << step;
+        ASSERT_GE(observation.position[i], (*options.limits)[i].hard_lower) << step;
+        ASSERT_LE(observation.position[i], (*options.limits)[i].hard_upper) << step;
+        ASSERT_LE(std::abs(observation.torque[i]), (*options.limits)[i].max_torque) << step;
       }
     }
     EXPECT_EQ(step, most);

@@ -129,9 +129,11 @@ TYPED_TEST(Physics, AFastJointGetsLessTorqueThanItAsksFor) {
   options.description.actuator = weak;
   options.description.objects.clear();
   options.limits = default_limits<R>(options.description);
-  options.limits->safety_kd = {};
-  options.limits->max_velocity.fill(std::numeric_limits<double>::infinity());
-  options.limits->braking.fill(std::numeric_limits<double>::infinity());
+  for (JointLimit& limit : *options.limits) {
+    limit.safety_kd = 0.0;
+    limit.max_velocity = std::numeric_limits<double>::infinity();
+    limit.braking = std::numeric_limits<double>::infinity();
+  }
   const Simulation<R> simulation(options);
   Frontend<R> robot = simulation.connect();
   typename R::Action action = hold_position(robot.latest_observation());
@@ -142,7 +144,7 @@ TYPED_TEST(Physics, AFastJointGetsLessTorqueThanItAsksFor) {
   for (int i = 0; i < 300; ++i) {
     const auto now = robot.get_observation(robot.append_desired_action(action));
     const double available = 0.4 * (1 - before.velocity[0] / 4.0);
-    if (i > 0 && before.position[0] < options.limits->soft_upper[0] && before.velocity[0] > 0) {
+    if (i > 0 && before.position[0] < (*options.limits)[0].soft_upper && before.velocity[0] > 0) {
       EXPECT_NEAR(now.torque[0], std::min(0.3, available), 1e-12);
       is_limited |= now.torque[0] < 0.2;
     }

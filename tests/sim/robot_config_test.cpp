@@ -169,11 +169,10 @@ TEST_F(RobotConfigFile, SaysTheSameAsTheFiguresOfTheRobot) {
     const auto of_figures = default_limits<std::conditional_t<
         std::is_same_v<std::decay_t<decltype(options)>, SimulationOptions<Finger>>, Finger,
         TriFinger>>(options.description);
-    const auto values = detail::joint_limit_arrays<detail::JointLimitValues>(*options.limits);
-    const auto expected = detail::joint_limit_arrays<detail::JointLimitValues>(of_figures);
-    for (std::size_t i = 0; i < values.size(); ++i) {
-      EXPECT_TRUE(std::equal(values[i].begin(), values[i].end(), expected[i].begin()))
-          << detail::joint_limit_fields()[i].name;
+    for (std::size_t i = 0; i < of_figures.size(); ++i) {
+      for (const JointLimitField& field : JointLimit::fields()) {
+        EXPECT_EQ((*options.limits)[i].*field.value, of_figures[i].*field.value) << field.name;
+      }
     }
     EXPECT_EQ(*options.description.finger_height, figures(options.description).finger_height);
     // The models are equal to the last byte: the files repeat the defaults of the physics.
@@ -258,7 +257,7 @@ TEST_F(RobotConfigFile, FillsEveryOption) {
   EXPECT_EQ(options.description.stops.margin, 0.1);
   EXPECT_EQ(options.description.stops.time_constant, 0.005);
   EXPECT_TRUE(options.description.objects.empty());
-  EXPECT_EQ(options.limits->max_torque[8], 0.396);
+  EXPECT_EQ((*options.limits)[8].max_torque, 0.396);
   EXPECT_EQ(options.period, std::chrono::milliseconds(2));
   EXPECT_EQ(options.seed, 42U);
   EXPECT_EQ(options.object_period, 10);
@@ -320,14 +319,9 @@ TEST_F(RobotConfigFile, NamesAValueThatIsNoChoice) {
 }
 
 TEST_F(RobotConfigFile, fault_59_NamesReversedLimits) {
-  const std::string safety =
-      "safety: {max_torque: 0.36, safety_kd: 0.09, soft_lower: 1.2, soft_upper: 1.0, "
-      "hard_lower: -2, hard_upper: 2, default_kp: 7, default_kd: 0.01, max_kp: 50, max_kd: 0.5, "
-      "max_velocity: 5, braking: 10, max_torque_rate: .inf, continuous_torque: .inf, "
-      "thermal_time: .inf, plausibility: {max_position_rate: .inf, max_velocity_error: .inf, "
-      "velocity_error_time: .inf, stuck_torque: .inf, stuck_time: .inf}}\n";
-  EXPECT_THAT(message(safety), AllOf(StartsWith("my.yml:2:"), HasSubstr("soft_lower"),
-                                     HasSubstr("1.2 rad"), HasSubstr("soft_upper (1 rad)")));
+  EXPECT_THAT(message_of_override("safety.soft_lower=2"),
+              AllOf(StartsWith("--set safety.soft_lower"), HasSubstr("2 rad"),
+                    HasSubstr("soft_upper (1 rad)")));
 }
 
 TEST_F(RobotConfigFile, OfAnOlderVersionIsTheSameRobot) {

@@ -50,6 +50,15 @@ class File {
   /// list of sections has no value.
   [[nodiscard]] std::map<std::string, std::string> values() const;
 
+  /// A value that was read, and what its reader allows.
+  struct Key {
+    std::string path;     ///< "contact.tip_friction"
+    std::string value;    ///< The value as written. A list of equal numbers is shown as one number.
+    std::string allowed;  ///< "0.001 to 5"; holds for each entry of a list.
+  };
+  /// Everything that was read so far, in the order of the file.
+  [[nodiscard]] std::vector<Key> keys() const;
+
   /// Call this after everything was read.
   /// @throws ConfigError that names every key nobody has asked for, with the most similar known
   /// key.

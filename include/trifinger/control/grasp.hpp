@@ -31,7 +31,7 @@ struct Wrench {
 /// A tip that does not touch is a contact whose `max_normal_force` is 0. It gets no force.
 struct Contact {
   Eigen::Vector3d position{Eigen::Vector3d::Zero()};  ///< [m]
-  /// Direction in which the tip can push, into the object. Any length but zero.
+  /// Direction in which the tip can push, into the object; its length must not be zero.
   Eigen::Vector3d normal{Eigen::Vector3d::UnitX()};
   /// Coefficient that a controller relies on; it should be lower than the real one.
   double friction{0.5};

@@ -3,146 +3,134 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <span>
 #include <string>
 #include <string_view>
-#include <type_traits>
 
 #include "trifinger/base/error.hpp"
 #include "trifinger/joint/types.hpp"
 
 namespace trifinger {
 
-/// The bounds outside of which measurements are not plausible. Infinity (`.inf` in a configuration)
-/// switches a check off.
-template <std::size_t N>
-struct PlausibilityLimits {
-  JointVector<N> max_position_rate;    ///< A faster change of position counts as a jump [rad/s].
-  JointVector<N> max_velocity_error;   ///< Largest error of velocity against position [rad/s].
-  JointVector<N> velocity_error_time;  ///< Time constant of the filter of this error [s].
-  JointVector<N> stuck_torque;         ///< A joint is stuck if torque varies by more, ... [Nm]
-  JointVector<N> stuck_time;           ///< ... and nothing moves for this long [s].
-};
+struct JointLimitField;
 
-/// Limits for the joints of a robot. There are no defaults: a limit that was forgotten must not be
-/// replaced by a guess.
-template <std::size_t N>
-struct JointLimits {
-  JointVector<N> max_torque;  ///< More than 0 [Nm].
-  JointVector<N> safety_kd;   ///< Damping that always acts, at least 0 [Nms/rad].
-  JointVector<N> soft_lower;  ///< Targets are clamped here, and the joint is pushed back [rad].
-  JointVector<N> soft_upper;  ///< [rad]
-  JointVector<N>
-      hard_lower;  ///< Beyond this the robot stops with a fault; not inside the soft limit [rad].
-  JointVector<N> hard_upper;    ///< [rad]
-  JointVector<N> default_kp;    ///< Gains of a position that is given without gains [Nm/rad].
-  JointVector<N> default_kd;    ///< [Nms/rad]
-  JointVector<N> max_kp;        ///< Largest gains that a user may ask for [Nm/rad].
-  JointVector<N> max_kd;        ///< [Nms/rad]
-  JointVector<N> max_velocity;  ///< A faster joint is braked [rad/s]; may be infinite.
-  JointVector<N> braking;  ///< Deceleration used to slow the joint before a soft limit [rad/s^2].
-  JointVector<N> max_torque_rate;    ///< Largest change of requested torque [Nm/s]; may be
-                                     ///< infinite.
-  JointVector<N> continuous_torque;  ///< Torque that a motor gives for ever [Nm]; may be infinite.
-  JointVector<N> thermal_time;       ///< Time constant of the motor's warming [s]; may be infinite.
-  PlausibilityLimits<N> plausibility;
-
-  /// @throws InvalidArgument that names the joint, the value found and the value allowed.
-  void validate() const;
-};
-
-/// The limits of one joint. `JointLimits` documents them.
+/// What one joint may do. A value that nobody has set is NaN, which `validate` refuses: a limit
+/// that was forgotten must not be a guess.
 struct JointLimit {
-  double max_torque;
-  double safety_kd;
-  double soft_lower;
-  double soft_upper;
-  double hard_lower;
-  double hard_upper;
-  double default_kp;
-  double default_kd;
-  double max_kp;
-  double max_kd;
-  double max_velocity;
-  double braking;
-  double max_torque_rate;
-  double continuous_torque;
-  double thermal_time;
-  double max_position_rate;
-  double max_velocity_error;
-  double velocity_error_time;
-  double stuck_torque;
-  double stuck_time;
+  double max_torque{kNotGiven};    ///< Largest torque of the cold motor [Nm].
+  double safety_kd{kNotGiven};     ///< Damping that always acts [Nms/rad].
+  double soft_lower{kNotGiven};    ///< Targets are clamped; a joint beyond is pushed back [rad].
+  double soft_upper{kNotGiven};    ///< Upper soft limit [rad].
+  double hard_lower{kNotGiven};    ///< Beyond it the robot stops with a fault [rad].
+  double hard_upper{kNotGiven};    ///< Upper hard limit [rad].
+  double default_kp{kNotGiven};    ///< Stiffness of a position that comes without its own [Nm/rad].
+  double default_kd{kNotGiven};    ///< Damping of a position that comes without its own [Nms/rad].
+  double max_kp{kNotGiven};        ///< Largest stiffness that a user may ask for [Nm/rad].
+  double max_kd{kNotGiven};        ///< Largest damping that a user may ask for [Nms/rad].
+  double max_velocity{kNotGiven};  ///< A faster joint is not driven, but braked [rad/s].
+  double braking{kNotGiven};  ///< Deceleration that must suffice to stop at a soft limit [rad/s^2].
+  double max_torque_rate{kNotGiven};      ///< Largest change of the torque asked for [Nm/s].
+  double continuous_torque{kNotGiven};    ///< Torque that the motor carries for ever [Nm].
+  double thermal_time{kNotGiven};         ///< Time constant of the motor's warming [s].
+  double max_position_rate{kNotGiven};    ///< A position that changes faster has jumped [rad/s].
+  double max_velocity_error{kNotGiven};   ///< Velocity against change of position [rad/s].
+  double velocity_error_time{kNotGiven};  ///< Time constant of that filter [s].
+  double stuck_torque{kNotGiven};         ///< While the torque changes by this much [Nm], ...
+  double stuck_time{kNotGiven};  ///< ... a joint that stays still for so long is stuck [s].
+
+  /// One row for each value: name, unit and what is allowed. Reading and checking loop over them.
+  [[nodiscard]] static constexpr std::span<const JointLimitField> fields() noexcept;
 };
+
+/// A row of `JointLimit::fields()`.
+struct JointLimitField {
+  /// Which values make sense. None may be beyond `kLargestJointLimit`.
+  enum class Allowed : std::uint8_t {
+    kAny,
+    kNotNegative,
+    kPositive,
+    kPositiveOrInfinite,  ///< Infinity, `.inf` in a configuration, switches the limit off.
+  };
+  using enum Allowed;
+
+  double JointLimit::* value;
+  std::string_view name;  ///< Its key in the section `safety`; "plausibility.x" is one deeper.
+  std::string_view unit;
+  Allowed allowed;
+
+  [[nodiscard]] constexpr bool may_be_infinite() const noexcept {
+    return allowed == kPositiveOrInfinite;
+  }
+};
+
+/// With plausible measurements (at most 1e6, too) no product or sum in the checks can overflow.
+inline constexpr double kLargestJointLimit = 1e6;
+
+namespace detail {
+
+inline constexpr std::array kJointLimitFields = std::to_array<JointLimitField>({
+    {&JointLimit::max_torque, "max_torque", "Nm", JointLimitField::kPositive},
+    {&JointLimit::safety_kd, "safety_kd", "Nms/rad", JointLimitField::kNotNegative},
+    {&JointLimit::soft_lower, "soft_lower", "rad", JointLimitField::kAny},
+    {&JointLimit::soft_upper, "soft_upper", "rad", JointLimitField::kAny},
+    {&JointLimit::hard_lower, "hard_lower", "rad", JointLimitField::kAny},
+    {&JointLimit::hard_upper, "hard_upper", "rad", JointLimitField::kAny},
+    {&JointLimit::default_kp, "default_kp", "Nm/rad", JointLimitField::kNotNegative},
+    {&JointLimit::default_kd, "default_kd", "Nms/rad", JointLimitField::kNotNegative},
+    {&JointLimit::max_kp, "max_kp", "Nm/rad", JointLimitField::kNotNegative},
+    {&JointLimit::max_kd, "max_kd", "Nms/rad", JointLimitField::kNotNegative},
+    {&JointLimit::max_velocity, "max_velocity", "rad/s", JointLimitField::kPositiveOrInfinite},
+    {&JointLimit::braking, "braking", "rad/s^2", JointLimitField::kPositiveOrInfinite},
+    {&JointLimit::max_torque_rate, "max_torque_rate", "Nm/s", JointLimitField::kPositiveOrInfinite},
+    {&JointLimit::continuous_torque, "continuous_torque", "Nm",
+     JointLimitField::kPositiveOrInfinite},
+    {&JointLimit::thermal_time, "thermal_time", "s", JointLimitField::kPositiveOrInfinite},
+    {&JointLimit::max_position_rate, "plausibility.max_position_rate", "rad/s",
+     JointLimitField::kPositiveOrInfinite},
+    {&JointLimit::max_velocity_error, "plausibility.max_velocity_error", "rad/s",
+     JointLimitField::kPositiveOrInfinite},
+    {&JointLimit::velocity_error_time, "plausibility.velocity_error_time", "s",
+     JointLimitField::kPositiveOrInfinite},
+    {&JointLimit::stuck_torque, "plausibility.stuck_torque", "Nm",
+     JointLimitField::kPositiveOrInfinite},
+    {&JointLimit::stuck_time, "plausibility.stuck_time", "s", JointLimitField::kPositiveOrInfinite},
+});
+static_assert(kJointLimitFields.size() * sizeof(double) == sizeof(JointLimit),
+              "every value of JointLimit has one row");
+
+}  // namespace detail
+
+constexpr std::span<const JointLimitField> JointLimit::fields() noexcept {
+  return detail::kJointLimitFields;
+}
+
+/// The limits of N joints.
+template <std::size_t N>
+using JointLimits = std::array<JointLimit, N>;
 
 /// A limit that makes no sense.
 struct JointLimitProblem {
   std::size_t joint{0};
-  std::string_view field;  ///< For example "soft_lower" or "plausibility.stuck_time".
-  std::string text;        ///< For example "is 1.2 rad, must be less than soft_upper (0.5 rad)".
+  std::string_view field;  ///< Name of the field, as in "soft_lower" or "plausibility.stuck_time".
+  std::string text;        ///< "is 1.2 rad, must be less than soft_upper (0.5 rad)"
 };
 
-namespace detail {
+/// Finds the first limit that makes no sense, if there is one.
+[[nodiscard]] std::optional<JointLimitProblem> find_problem(std::span<const JointLimit> limits);
 
-// The arrays of JointLimits in the order of their declaration.
-struct JointLimitField {
-  std::string_view name;  // dotted for a member of a member
-  std::string_view unit;
-  bool may_be_infinite{false};  // infinity means "no limit"
-};
-inline constexpr std::size_t kJointLimitFields = 20;
-[[nodiscard]] std::span<const JointLimitField, kJointLimitFields> joint_limit_fields() noexcept;
+/// Refuses limits that make no sense.
+/// @throws InvalidArgument naming the joint, the value found and the value allowed.
+void validate(std::span<const JointLimit> limits);
 
-using JointLimitValues = std::array<std::span<const double>, kJointLimitFields>;
-
-// `Limits` is a JointLimits, const or not. `Values` is an array of spans of its numbers.
-template <class Values, class Limits>
-[[nodiscard]] Values joint_limit_arrays(Limits& limits) noexcept {
-  auto& plausibility = limits.plausibility;
-  return {limits.max_torque,
-          limits.safety_kd,
-          limits.soft_lower,
-          limits.soft_upper,
-          limits.hard_lower,
-          limits.hard_upper,
-          limits.default_kp,
-          limits.default_kd,
-          limits.max_kp,
-          limits.max_kd,
-          limits.max_velocity,
-          limits.braking,
-          limits.max_torque_rate,
-          limits.continuous_torque,
-          limits.thermal_time,
-          plausibility.max_position_rate,
-          plausibility.max_velocity_error,
-          plausibility.velocity_error_time,
-          plausibility.stuck_torque,
-          plausibility.stuck_time};
-}
-
-[[nodiscard]] JointLimit limit_of_joint(const JointLimitValues& values, std::size_t joint) noexcept;
-[[nodiscard]] std::optional<JointLimitProblem> find_problem(const JointLimitValues& values);
-[[noreturn]] void throw_problem(const JointLimitProblem& problem);
-
-}  // namespace detail
-
+/// One value of all joints, as in `values_of(limits, &JointLimit::soft_lower)`.
 template <std::size_t N>
-[[nodiscard]] JointLimit limit_of_joint(const JointLimits<N>& limits, std::size_t joint) noexcept {
-  return detail::limit_of_joint(detail::joint_limit_arrays<detail::JointLimitValues>(limits),
-                                joint);
-}
-
-/// The first problem of `limits`; nothing if they are valid.
-template <std::size_t N>
-[[nodiscard]] std::optional<JointLimitProblem> find_problem(const JointLimits<N>& limits) {
-  return detail::find_problem(detail::joint_limit_arrays<detail::JointLimitValues>(limits));
-}
-
-template <std::size_t N>
-void JointLimits<N>::validate() const {
-  if (const auto problem = find_problem(*this)) detail::throw_problem(*problem);
+[[nodiscard]] constexpr JointVector<N> values_of(const JointLimits<N>& limits,
+                                                 double JointLimit::* value) noexcept {
+  JointVector<N> values{};
+  for (std::size_t i = 0; i < N; ++i) values[i] = limits[i].*value;
+  return values;
 }
 
 }  // namespace trifinger

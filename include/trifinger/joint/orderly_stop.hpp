@@ -33,9 +33,9 @@ struct OrderlyStopOptions {
     double shortest = 0.0;
     for (std::size_t i = 0; rest_position && i < N; ++i) {
       const double rest = (*rest_position)[i];
-      const double way = std::max(limits.soft_upper[i] - rest, rest - limits.soft_lower[i]);
+      const double way = std::max(limits[i].soft_upper - rest, rest - limits[i].soft_lower);
       shortest =
-          std::max(shortest, kPeak * way * limits.safety_kd[i] / (kDamping * limits.max_torque[i]));
+          std::max(shortest, kPeak * way * limits[i].safety_kd / (kDamping * limits[i].max_torque));
     }
     return std::chrono::ceil<Nanoseconds>(std::chrono::duration<double>(shortest));
   }
@@ -48,11 +48,11 @@ struct OrderlyStopOptions {
     for (std::size_t i = 0; i < N; ++i) {
       const double rest = (*rest_position)[i];
       // The comparison is written so that NaN fails.
-      if (rest >= limits.soft_lower[i] && rest <= limits.soft_upper[i]) continue;
+      if (rest >= limits[i].soft_lower && rest <= limits[i].soft_upper) continue;
       throw InvalidArgument("rest_position of joint " + std::to_string(i) + " is " +
                             std::to_string(rest) + " rad, must be within its soft limits, " +
-                            std::to_string(limits.soft_lower[i]) + " to " +
-                            std::to_string(limits.soft_upper[i]) + " rad");
+                            std::to_string(limits[i].soft_lower) + " to " +
+                            std::to_string(limits[i].soft_upper) + " rad");
     }
     const auto in_seconds = [](Nanoseconds time) {
       return std::to_string(std::chrono::duration<double>(time).count());

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <span>
 
@@ -12,23 +11,18 @@ namespace trifinger {
 
 namespace detail {
 
-using MutableJointLimitValues = std::array<std::span<double>, kJointLimitFields>;
-
-// Fills the arrays, in the order of `joint_limit_fields`.
-void read_joint_limits(const config::Node& section, const MutableJointLimitValues& values);
+void read_joint_limits(const config::Node& section, std::span<JointLimit> limits);
 
 }  // namespace detail
 
-/// Reads the limits of N joints from a section. It has one key per member of `JointLimits`, and a
-/// section `plausibility` with the members of that name. All keys are required. A value is one
-/// number for all joints, or a list that is repeated until every joint has its number: three
-/// numbers serve each finger of a robot.
+/// Reads the limits of N joints from a section that has every key of `JointLimit::fields()`. A
+/// value is one number for all joints, or a list that is repeated until every joint has its number:
+/// three numbers serve each finger of a robot.
 /// @throws config::ConfigError at the value that is wrong.
 template <std::size_t N>
 [[nodiscard]] JointLimits<N> read_joint_limits(const config::Node& section) {
-  JointLimits<N> limits{};
-  detail::read_joint_limits(section,
-                            detail::joint_limit_arrays<detail::MutableJointLimitValues>(limits));
+  JointLimits<N> limits;
+  detail::read_joint_limits(section, limits);
   return limits;
 }
 

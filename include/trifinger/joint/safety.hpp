@@ -344,21 +344,9 @@ inline constexpr double kHeatOfDerating = 0.8;
   return heat <= kHeatOfFault ? 0U : bit(Reason::kOverheated);
 }
 
-/// The most significant fault in the reasons of one joint. Implausible measurements come first: if
-/// they cannot be true, the joint may not be where it seems to be.
-[[nodiscard]] inline SafetyFault fault_of(std::uint64_t reasons) noexcept TRIFINGER_REALTIME {
-  constexpr std::array<std::pair<Reason, SafetyFault>, 6> kFaults{
-      {{Reason::kBadMeasurement, SafetyFault::kBadMeasurement},
-       {Reason::kPositionJumped, SafetyFault::kPositionJumped},
-       {Reason::kVelocityMismatch, SafetyFault::kVelocityMismatch},
-       {Reason::kStuck, SafetyFault::kStuck},
-       {Reason::kOverheated, SafetyFault::kOverheated},
-       {Reason::kHardLimit, SafetyFault::kHardLimit}}};
-  for (const auto& [reason, fault] : kFaults) {
-    if (has(reasons, reason)) return fault;
-  }
-  return SafetyFault::kNone;
-}
+/// The most significant fault in the reasons of one joint; `kNone` without any. Implausible
+/// measurements come first: if they cannot be true, the joint may not be where it seems to be.
+[[nodiscard]] SafetyFault fault_of(std::uint64_t reasons) noexcept TRIFINGER_REALTIME;
 
 /// Describes a rejected action: the first joint whose command was rejected.
 struct RejectedCommand {
@@ -409,10 +397,7 @@ class SafetyChain {
   using Check = std::function<void(const Observation&, Action&)>;
 
   /// @throws InvalidArgument if `limits` make no sense.
-  explicit SafetyChain(const Limits& limits) : limits_(limits) {
-    limits.validate();
-    for (std::size_t i = 0; i < kJoints; ++i) joint_limits_[i] = limit_of_joint(limits, i);
-  }
+  explicit SafetyChain(const Limits& limits) : limits_(limits) { validate(limits); }
 
   /// Adds a check after the existing ones.
   void add_check(Check check) { checks_.push_back(std::move(check)); }
@@ -436,7 +421,7 @@ class SafetyChain {
     for (std::size_t i = 0; i < kJoints; ++i) {
       double& accepted_position = state.joints[i].accepted_position;
       const CheckedCommand checked =
-          accept_command(command_of(desired, i), accepted_position, joint_limits_[i]);
+          accept_command(command_of(desired, i), accepted_position, limits_[i]);
       applied.reasons[i] = checked.reasons;
       // A rejected command becomes the last accepted target.
       accepted_position = checked.command.position;
@@ -451,7 +436,7 @@ class SafetyChain {
     }
 
     for (std::size_t i = 0; i < kJoints; ++i) {
-      const JointLimit& limit = joint_limits_[i];
+      const JointLimit& limit = limits_[i];
       JointMemory& memory = state.joints[i];
       const double position = observation.position[i];
       const double velocity = observation.velocity[i];
@@ -496,13 +481,10 @@ class SafetyChain {
       found = {.joint = i,
                .reasons = reasons,
                .command = command,
-               .is_own_check = accept_command(command, kNotGiven, joint_limits_[i]).reasons == 0,
+               .is_own_check = accept_command(command, kNotGiven, limits_[i]).reasons == 0,
                .num_values = found.num_values + static_cast<std::size_t>(std::popcount(reasons))};
     }
     return found;
-  }
-  [[nodiscard]] const JointLimit& limit_of(std::size_t joint) const noexcept {
-    return joint_limits_[joint];
   }
 
  private:
@@ -550,7 +532,7 @@ class SafetyChain {
                                                 AppliedAction& applied) const noexcept {
     SafetyReport report;
     for (std::size_t i = 0; i < kJoints; ++i) {
-      const JointLimit& limit = joint_limits_[i];
+      const JointLimit& limit = limits_[i];
       JointMemory& memory = state.joints[i];
       const JointMeasurement measured{observation.position[i], observation.velocity[i],
                                       observation.torque[i]};
@@ -585,10 +567,9 @@ class SafetyChain {
       JointMemory& memory = state.joints[i];
       const bool is_known = (applied.reasons[i] & kImplausible) == 0;
       memory.asked_torque = 0.0;
-      memory.applied_torque =
-          limit_torque(0.0, is_known ? observation.velocity[i] : 0.0,
-                       derated_torque(memory.heat, joint_limits_[i]), joint_limits_[i])
-              .torque;
+      memory.applied_torque = limit_torque(0.0, is_known ? observation.velocity[i] : 0.0,
+                                           derated_torque(memory.heat, limits_[i]), limits_[i])
+                                  .torque;
       set_command(applied, i, {.torque = memory.applied_torque});
       applied.reasons[i] |= bit(Reason::kBraking);
     }
@@ -616,7 +597,7 @@ class SafetyChain {
       if (is_same(after, command_of(accepted, i))) continue;
       // A check deserves no more trust than a user: its result is data to be checked.
       const CheckedCommand checked =
-          accept_command(after, state.joints[i].accepted_position, joint_limits_[i]);
+          accept_command(after, state.joints[i].accepted_position, limits_[i]);
       applied.reasons[i] |= checked.reasons | bit(Reason::kOwnCheck);
       set_command(accepted, i, checked.command);
     }
@@ -624,7 +605,6 @@ class SafetyChain {
   }
 
   Limits limits_;
-  std::array<JointLimit, kJoints> joint_limits_{};
   std::vector<Check> checks_;
 };
 

@@ -9,6 +9,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <type_traits>
 #include <vector>
 
 #include "trifinger/base/random.hpp"
@@ -31,7 +32,28 @@ struct Measurement {
   const ObjectPose* object{nullptr};  ///< Pose of the task's object; nullptr if it has none.
 };
 
-/// The memory of a task about an episode. Plain data.
+/// Memory of a task during an episode: plain data of a type of its own.
+class TaskMemory {
+ public:
+  static constexpr std::size_t kSize = 256;  ///< [bytes]
+
+  /// The data as a T, which is zero when an episode begins.
+  template <class T>
+  [[nodiscard]] T& as() noexcept {
+    static_assert(std::is_trivially_copyable_v<T> && sizeof(T) <= kSize);
+    return *reinterpret_cast<T*>(bytes_.data());
+  }
+  template <class T>
+  [[nodiscard]] const T& as() const noexcept {
+    static_assert(std::is_trivially_copyable_v<T> && sizeof(T) <= kSize);
+    return *reinterpret_cast<const T*>(bytes_.data());
+  }
+
+ private:
+  alignas(std::max_align_t) std::array<std::byte, kSize> bytes_{};
+};
+
+/// The memory of an environment about an episode. Plain data.
 struct Episode {
   Random random{};                          ///< Random numbers for goals.
   Random noise{};                           ///< Random numbers for the noise on measured joints.
@@ -40,10 +62,7 @@ struct Episode {
   std::array<double, kMaxJoints> target{};  ///< Desired joint positions [rad].
   std::array<double, kMaxJoints> action{};  ///< The last action, each number from -1 to 1.
   std::int64_t goals{1};                    ///< Number of goals drawn so far.
-  /// For a throw: whether the object has flown, and where it landed [m].
-  bool has_flown{false};
-  bool has_landed{false};
-  std::array<double, 2> landing{};
+  TaskMemory memory{};                      ///< Data of the task.
 };
 
 /// The beginning of an episode in a simulation.
@@ -75,6 +94,8 @@ struct Entry {
   std::vector<double> high;
 };
 
+struct TaskDescription;
+
 /// Makes a decision process of a robot: starts, goals, observations, rewards, ends. The same
 /// functions serve a robot that is driven through a front-end and thousands of simulations.
 ///
@@ -82,6 +103,10 @@ struct Entry {
 class Environment {
  public:
   /// @throws InvalidArgument if the task or an option does not suit this robot
+  Environment(const TaskDescription& task, const EnvironmentOptions& options,
+              const RobotDescription& description,
+              Nanoseconds period = std::chrono::milliseconds(1));
+  /// Makes an environment of the task with this name.
   Environment(std::string_view task, const EnvironmentOptions& options,
               const RobotDescription& description,
               Nanoseconds period = std::chrono::milliseconds(1));

@@ -74,11 +74,21 @@ struct EnvironmentOptions {
   /// @throws InvalidArgument that names the option, the value found and the values allowed
   void validate() const;
   /// True if episodes differ in more than starts and goals.
-  [[nodiscard]] bool varies() const noexcept;
+  [[nodiscard]] bool varies() const;
 };
 
+/// Describes one option, for the classes of other languages.
+struct OptionDescription {
+  std::string name;
+  std::string type;     ///< In the words of Python, for example "tuple[float, float]".
+  std::string value;    ///< The default as JSON.
+  std::string meaning;  ///< One or two sentences.
+};
+/// All options, in the order in which `write_options` writes them.
+[[nodiscard]] std::vector<OptionDescription> describe_options();
+
 /// Names of all tasks, for example "reach".
-[[nodiscard]] std::span<const std::string_view> task_names() noexcept;
+[[nodiscard]] std::vector<std::string> task_names();
 /// @throws InvalidArgument that names the existing tasks
 [[nodiscard]] EnvironmentOptions default_options(std::string_view task);
 /// The overrides that the configuration of a simulated robot needs for this task with these

@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Options of environments; tools/write_stub.py writes them from those of C++."""
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Literal
+
+FloatRange = tuple[float, float]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class OptionFields:
+    """The settings of an environment, without their functions."""
+
+    steps_per_action: int = 20
+    """Number of steps of the robot for which an action acts."""
+    mapping: Literal["state_augmentation", "approximation"] = "approximation"
+    """How steps of the robot become states and actions; docs/learning.md compares both."""
+    action: Literal["position", "position_change", "torque"] = "position"
+    """What numbers from -1 to 1 mean: positions in their range, changes of the desired
+    positions, or shares of the largest torque."""
+    position_change: float = 0.1
+    """Largest change of a desired position by one action [rad]."""
+    observation: Literal["flat", "dictionary", "goal"] = "flat"
+    """One vector scaled to -1 to 1, its parts in SI units, or the vector with a separate goal."""
+    duration: float = 2.0
+    """Duration of an episode [s]."""
+    per_finger: bool = False
+    """Whether observations are ordered finger by finger, with goals in the frame of each finger.
+    A policy that the fingers share needs this."""
+    position_noise: float = 0.0
+    """Standard deviation of measured joint positions [rad]."""
+    velocity_noise: float = 0.0
+    """Standard deviation of measured joint velocities [rad/s]."""
+    object_period: float = 0.01
+    """Time between two measured poses of a simulated object [s]."""
+    object_delay: float = 0.0
+    """Delay from measuring a pose of a simulated object to its arrival [s]."""
+    object_position_noise: float = 0.0
+    """Standard deviation of measured object positions, per axis [m]."""
+    object_orientation_noise: float = 0.0
+    """Standard deviation of measured object orientations, per axis [rad]."""
+    object_mass: FloatRange = (1.0, 1.0)
+    """Factor on the mass of simulated objects."""
+    friction: FloatRange = (1.0, 1.0)
+    """Factor on the friction of all simulated surfaces."""
+    motor_gain: FloatRange = (1.0, 1.0)
+    """Share of the applied torque that simulated motors deliver."""
+    torque_delay: tuple[int, int] = (0, 0)
+    """Delay until simulated motors deliver a torque, up to 10 [steps]."""
+    pair_friction: Mapping[str, FloatRange] = dataclasses.field(default_factory=dict, hash=False)
+    """Factors on the friction of pairs of simulated surfaces, in addition to `friction`:
+    {"tip_object": (0.7, 1.2)}. docs/simulation.md names the pairs."""
+    contact_time: FloatRange = (1.0, 1.0)
+    """Factor on the time constants of simulated contacts: larger is softer."""
+    rotor_inertia: FloatRange = (1.0, 1.0)
+    """Factor on the rotor inertia of simulated motors."""
+    joint_damping: FloatRange = (1.0, 1.0)
+    """Factor on the damping of simulated joints; the damping of the safety checks stays."""
+    joint_friction: FloatRange = (0.0, 0.0)
+    """Dry friction that is added to that of simulated joints [Nm]."""
+    stop_margin: FloatRange = (1.0, 1.0)
+    """Factor on the distance from hard limits to mechanical stops."""
+    object_speed: FloatRange = (0.0, 0.0)
+    """Speed of a simulated object at the start of an episode, in a random direction [m/s]."""

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Writes the table of all configuration keys into docs/configuration.md.
+
+Keys and allowed values come from the readers themselves, by `trifinger config`; what a key means
+stands beside it in config/trifinger_edu.yml.
+"""
+
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGE = ROOT / "docs" / "configuration.md"
+DOCUMENTED = ROOT / "config" / "trifinger_edu.yml"
+BEGIN = "<!-- keys: written by tools/write_reference.py -->\n"
+END = "<!-- end of keys -->\n"
+SURFACES = ("tip", "link", "object", "table", "boundary")
+PAIRS = [
+    f"{one}_{other}"
+    for i, one in enumerate(SURFACES[:3])  # the others do not move
+    for other in SURFACES[i:]
+]
+# What the documented file leaves out because it is optional.
+OPTIONAL = """
+objects:
+  - name: cube
+    type: cube
+    size: [0.065]
+    mass: 0.094
+    position: [0, 0, 0.0325]
+    orientation: [1, 0, 0, 0]
+    velocity: [0, 0, 0]
+    angular_velocity: [0, 0, 0]
+stop:
+  damping_time: 0.5
+  rest_position: [0, 0.9, -1.7]
+  move_time: 3
+"""
+
+
+def meanings(text: str) -> dict[str, str]:
+    """Returns the comments of a configuration by the paths of the keys that they precede.
+
+    Sections that are optional are in comments themselves: those of objects, and `stop`.
+    """
+    found: dict[str, str] = {}
+    waiting: list[str] = []
+    parents: list[tuple[int, str]] = []
+    for line in text.splitlines():
+        of_object = re.match(r"#   (\w+): [^#]*# (.+)", line)
+        if of_object:
+            found[f"objects.0.{of_object[1]}"] = of_object[2]
+            continue
+        line = re.sub(r"^# (?=stop:|  #|  \w+:)", "", line)
+        key = re.match(r"( *)(\w+):", line)
+        if not key:
+            comment = line.strip()
+            waiting = [*waiting, comment.lstrip("# ")] if comment.startswith("#") else []
+            continue
+        indentation = len(key[1])
+        parents = [parent for parent in parents if parent[0] < indentation]
+        parents.append((indentation, key[2]))
+        if waiting:
+            found[".".join(name for _, name in parents)] = " ".join(waiting)
+        waiting = []
+    return found
+
+
+def keys(program: str) -> Iterator[tuple[str, str, str]]:
+    """Yields path, value and what is allowed of every key there is."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "whole.yml"
+        friction = ", ".join(f"{pair}: 1" for pair in PAIRS)
+        text = DOCUMENTED.read_text().replace("objects: []\n", "")
+        file.write_text(text.replace("  friction: {}", f"  friction: {{{friction}}}") + OPTIONAL)
+        command = [program, "config", str(file)]
+        output = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    for line in output.splitlines():
+        path, value, allowed = re.split(r"  +", line, maxsplit=2)
+        yield path, value, allowed
+
+
+def table(program: str) -> str:
+    """Returns the table in Markdown."""
+    comments = meanings(DOCUMENTED.read_text())
+    lines = ["| key | in trifinger_edu | allowed | meaning |", "|---|---|---|---|"]
+    for path, value, allowed in keys(program):
+        if path.startswith("contact.friction."):
+            if not path.endswith(PAIRS[0]):
+                continue
+            path = "contact.friction.PAIR"
+        meaning = comments.get(path.removesuffix(".PAIR"), "")
+        shown = path.replace(".0.", "[i].")
+        lines.append(f"| `{shown}` | `{value}` | {allowed} | {meaning} |")
+    return "\n".join(lines) + "\n"
+
+
+def page(program: str) -> str:
+    """Returns the whole page with the table as it should be."""
+    before, _, rest = PAGE.read_text().partition(BEGIN)
+    _, _, after = rest.partition(END)
+    return before + BEGIN + table(program) + END + after
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(sys.argv[1] if len(sys.argv) > 1 else "trifinger"))
