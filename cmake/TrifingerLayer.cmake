@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-# A directory is a layer, and a layer is a target. The table in `tools/check_layers.py` says who may include whom.
+# A directory is a layer, and a layer is a target. The table in ARCHITECTURE.md says who may include whom.
 
 set(TRIFINGER_SANITIZE "" CACHE STRING "Sanitizers of our own targets: '', 'address,undefined' or 'thread'")
 option(TRIFINGER_WARNINGS_AS_ERRORS "Treat warnings in our own targets as errors" OFF)

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Checks that layers include only layers below them.
 
-A layer is a directory: include/trifinger/LAYER, src/LAYER and tests/LAYER.
+A layer is a directory: include/trifinger/LAYER, src/LAYER and tests/LAYER. The table of layers in
+ARCHITECTURE.md says which layers each one is directly above. A layer may also include all layers
+further down.
 """
 
 import re
@@ -11,26 +13,19 @@ from pathlib import Path
 
 from tracked_files import ROOT, tracked_files
 
-# Each layer and the layers directly below it. A layer may also include all layers further down.
-DIRECTLY_BELOW = {
-    "base": (),
-    "ipc": ("base",),
-    "realtime": ("ipc",),
-    "config": ("base",),
-    "core": ("realtime",),
-    "mcap": ("ipc",),
-    "log": ("core", "mcap"),
-    "joint": ("core", "config"),
-    "model": ("base",),
-    "control": ("model",),
-    "sim": ("joint", "model"),
-    "learning": ("sim",),
-    "manipulation": ("control", "sim"),
-    "apps": ("manipulation", "learning", "log"),
-    "bindings": ("control", "learning", "log"),
-}
-
+TABLE = "ARCHITECTURE.md"
+ROW = re.compile(r"^\| `(\w+)` \|.*\|([^|]*)\|$", re.MULTILINE)
 INCLUDE = re.compile(r'^\s*#\s*include\s*["<]trifinger/(\w+)/')
+
+
+def read_table(text: str) -> dict[str, tuple[str, ...]]:
+    """Returns each layer of the table of layers with the layers directly below it."""
+    _, _, section = text.partition("| layer |")
+    table, _, _ = section.partition("\n\n")
+    return {layer: tuple(re.findall(r"`(\w+)`", below)) for layer, below in ROW.findall(table)}
+
+
+DIRECTLY_BELOW = read_table((ROOT / TABLE).read_text())
 
 
 def allowed_layers(layer: str) -> set[str]:
@@ -56,7 +51,7 @@ def violations(path: Path, lines: Iterable[str]) -> Iterator[str]:
     if layer is None:
         return
     if layer not in DIRECTLY_BELOW:
-        yield f"{path}: the layer '{layer}' is not in the table of tools/check_layers.py."
+        yield f"{path}: the layer '{layer}' is not in the table of {TABLE}."
         return
     allowed = allowed_layers(layer)
     for number, line in enumerate(lines, start=1):
@@ -68,11 +63,27 @@ def violations(path: Path, lines: Iterable[str]) -> Iterator[str]:
             )
 
 
+def mistakes_of_table(table: dict[str, tuple[str, ...]], layers: set[str]) -> Iterator[str]:
+    """Yields one sentence for each layer of the table that has no files or whose row comes too early."""
+    above: list[str] = []
+    for layer, below in table.items():
+        if layer not in layers:
+            yield f"{TABLE}: the layer '{layer}' has no files."
+        for name in below:
+            if name not in above:
+                yield f"{TABLE}: '{layer}' is directly above '{name}', which has no row before."
+        above.append(layer)
+
+
 def main() -> int:
-    """Checks all tracked C++ files and returns the exit status."""
-    found = [
+    """Checks the table and all tracked C++ files and returns the exit status."""
+    paths = tracked_files(".hpp", ".cpp")
+    layers = {layer for layer in map(layer_of, paths) if layer is not None}
+    found = list(mistakes_of_table(DIRECTLY_BELOW, layers))
+    # Which layers a file may include is known only of a table without mistakes.
+    found = found or [
         sentence
-        for path in tracked_files(".hpp", ".cpp")
+        for path in paths
         for sentence in violations(path, (ROOT / path).read_text().splitlines())
     ]
     print("\n".join(found))

@@ -2,11 +2,40 @@
 from pathlib import Path
 
 import pytest
-from check_layers import DIRECTLY_BELOW, allowed_layers, layer_of, violations
+from check_layers import (
+    DIRECTLY_BELOW,
+    allowed_layers,
+    layer_of,
+    mistakes_of_table,
+    read_table,
+    violations,
+)
 
 
 def found(path: str, *lines: str) -> list[str]:
     return list(violations(Path(path), lines))
+
+
+TABLE = """
+| layer | what it is | directly above |
+|---|---|---|
+| `base` | errors | |
+| `sim` | robots, as in `joint` | `base` |
+
+| `other` | table | `base` |
+"""
+
+
+def test_reads_the_table() -> None:
+    assert read_table(TABLE) == {"base": (), "sim": ("base",)}
+
+
+def test_a_row_names_rows_above_it_and_has_files() -> None:
+    table = {"base": (), "core": ("ipc",), "ipc": ("base",)}
+    assert list(mistakes_of_table(table, {"base", "core"})) == [
+        "ARCHITECTURE.md: 'core' is directly above 'ipc', which has no row before.",
+        "ARCHITECTURE.md: the layer 'ipc' has no files.",
+    ]
 
 
 def test_names_the_place_and_what_is_allowed() -> None:
@@ -34,7 +63,7 @@ def test_siblings_do_not_include_each_other(layer: str, sibling: str) -> None:
 
 def test_a_directory_without_a_place_in_the_table_is_an_error() -> None:
     assert found("src/utils/x.cpp") == [
-        "src/utils/x.cpp: the layer 'utils' is not in the table of tools/check_layers.py."
+        "src/utils/x.cpp: the layer 'utils' is not in the table of ARCHITECTURE.md."
     ]
 
 
