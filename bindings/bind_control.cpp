@@ -163,8 +163,9 @@ void bind_grasp(nb::module_& m) {
           "min_normal_force"_a = usual.min_normal_force,
           "max_normal_force"_a = usual.max_normal_force)
       .def_prop_ro("position", array_of(&Contact::position), "[m]")
-      .def_prop_ro("normal", array_of(&Contact::normal),
-                   "Direction in which the tip can push, into the object; its length must not be zero.")
+      .def_prop_ro(
+          "normal", array_of(&Contact::normal),
+          "Direction in which the tip can push, into the object; its length must not be zero.")
       .def_ro("friction", &Contact::friction,
               "Coefficient that a controller relies on; it should be lower than the real one.")
       .def_ro("min_normal_force", &Contact::min_normal_force, "[N]")
