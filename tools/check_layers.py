@@ -64,7 +64,7 @@ def violations(path: Path, lines: Iterable[str]) -> Iterator[str]:
 
 
 def mistakes_of_table(table: dict[str, tuple[str, ...]], layers: set[str]) -> Iterator[str]:
-    """Yields one sentence for each layer of the table that has no files or whose row comes too early."""
+    """Yields one sentence for each row without files, and for each that is above a later one."""
     above: list[str] = []
     for layer, below in table.items():
         if layer not in layers:
