@@ -4,25 +4,35 @@
 #include <CLI/App.hpp>
 #include <functional>
 
-#include "exit_code.hpp"
+#include "shared/exit_code.hpp"
 
-// The commands of the program. Each function adds one command to the command line. If the user asks
-// for that command, it sets the action, which runs after the whole command line was parsed.
+// The commands of the program. Each has a file of its name in the folder of its theme. Each
+// function adds one command to the command line. If the user asks for that command, it sets the
+// action, which runs after the whole command line was parsed.
 namespace trifinger::apps {
 
 // Does the work of a command and returns the exit code. May throw.
 using Action = std::function<int()>;
 
-void add_config(CLI::App& program, Action& action);
+// robot/
 void add_run(CLI::App& program, Action& action);
 void add_list(CLI::App& program, Action& action);
 void add_status(CLI::App& program, Action& action);
 void add_read(CLI::App& program, Action& action);
 void add_stop(CLI::App& program, Action& action);
-void add_record(CLI::App& program, Action& action);
 void add_recover(CLI::App& program, Action& action);
-void add_log(CLI::App& program, Action& action);
-void add_model(CLI::App& program, Action& action);
 void add_doctor(CLI::App& program, Action& action);
+// log/
+void add_record(CLI::App& program, Action& action);
+void add_log(CLI::App& program, Action& action);
+void add_log_info(CLI::App& log, Action& action);
+void add_log_check(CLI::App& log, Action& action);
+void add_log_recover(CLI::App& log, Action& action);
+void add_log_cut(CLI::App& log, Action& action);
+void add_log_rescue(CLI::App& log, Action& action);
+void add_log_replay(CLI::App& log, Action& action);
+// model/
+void add_config(CLI::App& program, Action& action);
+void add_model(CLI::App& program, Action& action);
 
 }  // namespace trifinger::apps

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "commands.hpp"
-#include "external_command.hpp"
+#include "shared/external_command.hpp"
 #include "trifinger/base/suggestion.hpp"
 
 namespace trifinger::apps {

@@ -73,7 +73,7 @@ def test_a_directory_without_a_place_in_the_table_is_an_error() -> None:
         ("include/trifinger/ipc/futex.hpp", "ipc"),
         ("src/ipc/detail/futex.cpp", "ipc"),
         ("tests/ipc/futex_test.cpp", "ipc"),
-        ("apps/main.cpp", "apps"),
+        ("apps/robot/run.cpp", "apps"),
         ("bindings/module.cpp", "bindings"),
     ],
 )

@@ -1,0 +1,225 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The program `trifinger-manipulate`: lifts or slides a cube with a robot that runs elsewhere.
+#include <fmt/core.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <atomic>
+#include <cstdio>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <numbers>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "controller/user_program.hpp"
+#include "shared/exit_code.hpp"
+#include "trifinger/base/error.hpp"
+#include "trifinger/base/regular_file.hpp"
+#include "trifinger/config/file.hpp"
+#include "trifinger/core/frontend.hpp"
+#include "trifinger/manipulation/config.hpp"
+#include "trifinger/manipulation/run.hpp"
+#include "trifinger/realtime/thread.hpp"
+#include "trifinger/sim/robot_config.hpp"
+
+namespace trifinger::apps {
+namespace {
+
+using manipulation::Manipulation;
+using manipulation::ManipulationConfig;
+using manipulation::Phase;
+using manipulation::Report;
+using manipulation::Trace;
+
+struct ManipulateOptions {
+  std::string task;
+  std::string config;
+  std::string robot{"sim"};
+  std::vector<std::string> settings;
+  std::filesystem::path output{"manipulate_output"};
+  Choice<Demand> scheduling{scheduling_choice()};
+};
+
+// The robot according to its back-end, and the limits of its safety checks.
+struct KnownRobot {
+  RobotDescription description;
+  control::SafetyLimits limits;
+};
+
+KnownRobot robot_of(const Session& session) {
+  RobotConfig config = robot_config_of(session);
+  auto* const options = std::get_if<SimulationOptions<TriFinger>>(&config.simulation);
+  if (options == nullptr) throw InvalidArgument("the robot has not three fingers");
+  const JointLimits<TriFinger::kJoints> limits =
+      options->limits.value_or(default_limits<TriFinger>(options->description));
+  return {.description = std::move(options->description),
+          .limits = {.max_torque = values_of(limits, &JointLimit::max_torque),
+                     .safety_kd = values_of(limits, &JointLimit::safety_kd),
+                     .soft_lower = values_of(limits, &JointLimit::soft_lower),
+                     .soft_upper = values_of(limits, &JointLimit::soft_upper)}};
+}
+
+void tell_phase(const Manipulation& at) {
+  std::string more;
+  if (at.phase() == Phase::kGrasp) {
+    more =
+        fmt::format(", which takes {:.0f} % of the motors' torque", 100 * at.plan()->torque_share);
+    if (at.grasps() > 1) more += fmt::format("; attempt {}", at.grasps());
+  } else if (at.phase() == Phase::kFailed) {
+    more = fmt::format(": {}", text_of(at.failure()));
+  }
+  fmt::print("  {}{}\n", name_of(at.phase()), more);
+  std::fflush(stdout);
+}
+
+nlohmann::ordered_json json_of(const Report& report) {
+  return {{"is_done", report.is_done},
+          {"failure", text_of(report.failure)},
+          {"grasps", report.grasps},
+          {"num_poses", report.num_poses},
+          {"position_rms", report.position_rms},
+          {"position_max", report.position_max},
+          {"orientation_rms", report.orientation_rms},
+          {"orientation_max", report.orientation_max},
+          {"height", report.height},
+          {"hold_drift", report.hold_drift},
+          {"hold_slip", report.hold_slip},
+          {"normal_force_min", report.normal_force_min},
+          {"normal_force_mean", report.normal_force_mean},
+          {"normal_force_max", report.normal_force_max},
+          {"tangential_force_max", report.tangential_force_max},
+          {"friction_used", report.friction_used},
+          {"travel_max", report.travel_max},
+          {"slip_time", report.slip_time.count()},
+          {"torque_margin", report.torque_margin},
+          {"exact_wrenches", report.exact_wrenches},
+          {"cycle_p50", report.cycle_p50},
+          {"cycle_p999", report.cycle_p999}};
+}
+
+void print(const Report& report) {
+  const double degrees = 180 / std::numbers::pi;
+  const auto line = [](std::string_view name, const std::string& value) {
+    fmt::print("  {:<26}{}\n", name, value);
+  };
+  line("position, rms and max",
+       fmt::format("{:.2f} mm, {:.2f} mm", 1e3 * report.position_rms, 1e3 * report.position_max));
+  line("orientation, rms and max", fmt::format("{:.2f}°, {:.2f}°", degrees * report.orientation_rms,
+                                               degrees * report.orientation_max));
+  line("highest", fmt::format("{:.1f} cm", 100 * report.height));
+  line("drift, slip while held",
+       fmt::format("{:.2f} mm, {:.2f} mm", 1e3 * report.hold_drift, 1e3 * report.hold_slip));
+  line("normal forces", fmt::format("{:.2f} to {:.2f} N, mean {:.2f} N", report.normal_force_min,
+                                    report.normal_force_max, report.normal_force_mean));
+  line("tangential forces", fmt::format("up to {:.2f} N, {:.2f} of the normal force",
+                                        report.tangential_force_max, report.friction_used));
+  line("torque left", fmt::format("{:.0f} %", 100 * report.torque_margin));
+  line("controller, p50 and p99.9",
+       fmt::format("{:.1f} µs, {:.1f} µs", 1e6 * report.cycle_p50, 1e6 * report.cycle_p999));
+}
+
+void write_text(const std::filesystem::path& path, const std::string& text) {
+  // The file is created anew, because somebody may have replaced an earlier result.
+  ::unlink(path.c_str());
+  write_new_file(path, std::as_bytes(std::span(text)));
+}
+
+// Returns a table with a row for every tenth step and for each change of the phase.
+std::string table_of(const Trace& trace) {
+  std::string text =
+      "step,phase,desired_x,desired_y,desired_z,desired_qw,desired_qx,desired_qy,desired_qz,"
+      "estimated_x,estimated_y,estimated_z,estimated_qw,estimated_qx,estimated_qy,estimated_qz,"
+      "normal_0,normal_1,normal_2,tangential_0,tangential_1,tangential_2,travel_0,travel_1,"
+      "travel_2,torque_share,cycle_time\n";
+  constexpr TimeIndex kEvery = 10;
+  std::optional<Phase> phase;
+  for (const manipulation::TraceStep& step : trace.steps) {
+    if (step.step % kEvery != 0 && step.phase == phase) continue;
+    phase = step.phase;
+    text += fmt::format("{},{}", step.step, name_of(step.phase));
+    for (const manipulation::Pose* pose : {&step.desired, &step.estimated}) {
+      const auto& q = pose->orientation;
+      for (const double value : pose->position) text += fmt::format(",{:.6f}", value);
+      for (const double value : {q.w(), q.x(), q.y(), q.z()}) text += fmt::format(",{:.6f}", value);
+    }
+    for (const Eigen::Vector3d* values :
+         {&step.normal_forces, &step.tangential_forces, &step.travel}) {
+      for (const double value : *values) text += fmt::format(",{:.6f}", value);
+    }
+    text += fmt::format(",{:.4f},{:.7f}\n", step.torque_share, step.cycle_time.count());
+  }
+  return text;
+}
+
+int manipulate(const ManipulateOptions& options) {
+  const Demand demand = options.scheduling.value();
+  auto robot = connect<TriFinger>(options.robot);
+  const KnownRobot known = robot_of(robot.session());
+  const std::string name = options.config.empty()
+                               ? std::string(variant_figures(known.description.variant).name)
+                               : options.config;
+  ManipulationConfig config = manipulation::load_config(name, options.task, options.settings);
+  config.planner.limits = known.limits;
+  config.controller.limits = known.limits;
+  std::filesystem::create_directories(options.output);
+
+  const std::atomic<bool>& stop = stop_on_signals();
+  fmt::print("'{}' shall {} the {}.\n", options.robot, options.task, config.object);
+  std::fflush(stdout);
+  const manipulation::RunOptions run_options{
+      .realtime = realtime_beside(robot.session().info(), demand),
+      .stop = &stop,
+      .on_step = {},
+      .on_phase = tell_phase};
+  const Trace trace = manipulation::run(robot, known.description, config, run_options);
+
+  const Report report = manipulation::make_report(trace, trace.seen);
+  const auto table = options.output / "trace.csv";
+  const auto summary = options.output / "report.json";
+  write_text(table, table_of(trace));
+  nlohmann::ordered_json json = json_of(report);
+  json["task"] = options.task;
+  json["robot"] = options.robot;
+  json["session_id"] = robot.session().info().session_id;
+  json["period"] = trace.period.count();
+  write_text(summary, json.dump(2) + "\n");
+  if (report.num_poses > 0) print(report);
+  fmt::print("Report: {}\nTrace:  {}\n", summary.string(), table.string());
+  if (trace.failure == manipulation::Failure::kStopped) return kInterrupted;
+  return report.is_done ? kDone : kFailed;
+}
+
+int manipulate_command(const std::vector<std::string>& words) {
+  ManipulateOptions options;
+  CLI::App program(
+      "Grasps a cube and lifts it, or slides it on a circle, with a robot that runs elsewhere.\n"
+      "Errors are those of the poses that the robot's cameras see, with their noise.",
+      "trifinger manipulate");
+  program.set_help_flag("-h,--help", "Print this help");
+  program.footer(
+      "Example:\n"
+      "  trifinger run sim --set fingers.height=0.3     in one terminal\n"
+      "  trifinger manipulate lift                      in another");
+  program.add_option("TASK", options.task, "What is done: lift or slide")->required();
+  program.add_option("CONFIG", options.config,
+                     "A configuration or the path of one; default: that of the robot's variant");
+  program.add_option("--robot", options.robot, "Name of the running robot")->capture_default_str();
+  program.add_option("--set", options.settings, "A setting, as in lift.height=0.1")
+      ->allow_extra_args(false);
+  program.add_option("--output", options.output, "Folder of the report")->capture_default_str();
+  options.scheduling.add_to(program, "Real-time priority, where the robot is in real-time mode");
+  return run_user_program(program, words, [&] { return manipulate(options); });
+}
+
+}  // namespace
+}  // namespace trifinger::apps
+
+int main(int argument_count, char** arguments) {
+  return trifinger::apps::manipulate_command({arguments + 1, arguments + argument_count});
+}

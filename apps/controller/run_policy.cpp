@@ -1,0 +1,257 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The program `trifinger-run-policy`: a trained policy on a robot that runs elsewhere.
+#include "trifinger/learning/run_policy.hpp"
+
+#include <fmt/core.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <atomic>
+#include <condition_variable>
+#include <cstdio>
+#include <deque>
+#include <filesystem>
+#include <fstream>
+#include <mutex>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <stop_token>
+#include <string>
+#include <thread>
+#include <variant>
+#include <vector>
+
+#include "controller/user_program.hpp"
+#include "shared/exit_code.hpp"
+#include "trifinger/base/error.hpp"
+#include "trifinger/config/file.hpp"
+#include "trifinger/core/frontend.hpp"
+#include "trifinger/realtime/thread.hpp"
+#include "trifinger/sim/robot_config.hpp"
+
+namespace trifinger::apps {
+namespace {
+
+using learning::EpisodeReport;
+using learning::Policy;
+
+struct RunPolicyOptions {
+  std::string policy;
+  std::string robot{"sim"};
+  learning::PolicyRunOptions run;
+  std::string json;
+  Choice<Demand> scheduling{scheduling_choice()};
+  Choice<learning::Precision> precision{
+      "--precision",
+      "double",
+      {{"double", learning::Precision::kDouble}, {"single", learning::Precision::kSingle}}};
+};
+
+// Returns what the policy's file says about its training.
+std::string metadata_of(const Policy& policy, const std::string& name, const std::string& file) {
+  const auto& metadata = policy.network().metadata;
+  const auto found = metadata.find(name);
+  if (found != metadata.end()) return found->second;
+  throw InvalidArgument(
+      fmt::format("{} does not say its '{}': its metadata are those of no "
+                  "environment (docs/policies.md)",
+                  file, name));
+}
+
+void print(const EpisodeReport& report) {
+  const auto& outcome = report.outcome;
+  double worst = 0.0;
+  for (const double distance : outcome.distance) worst = std::max(worst, distance);
+  fmt::print("  episode {:>4}: {:>4} actions, reward {:>9.3f}, {:>7.2f} mm from the goal{}{}\n",
+             report.number, report.actions, report.total_reward, 1e3 * worst,
+             outcome.success ? ", success" : "",
+             report.repeated_steps > 0
+                 ? fmt::format(", {} steps without an action in time", report.repeated_steps)
+                 : "");
+  std::fflush(stdout);
+}
+
+// Prints reports in a thread of its own, because a terminal that blocks must not stop the robot.
+class Printer {
+ public:
+  Printer() : thread_([this](const std::stop_token& stop) { run(stop); }) {}
+  // Prints what is left.
+  ~Printer() = default;
+  Printer(const Printer&) = delete;
+  Printer& operator=(const Printer&) = delete;
+
+  void add(const EpisodeReport& report) {
+    {
+      const std::lock_guard lock(mutex_);
+      reports_.push_back(report);
+    }
+    has_more_.notify_one();
+  }
+
+ private:
+  void run(const std::stop_token& stop) {
+    std::unique_lock lock(mutex_);
+    while (has_more_.wait(lock, stop, [this] { return !reports_.empty(); })) {
+      const EpisodeReport report = reports_.front();
+      reports_.pop_front();
+      lock.unlock();
+      print(report);
+      lock.lock();
+    }
+  }
+
+  std::mutex mutex_;
+  std::condition_variable_any has_more_;
+  std::deque<EpisodeReport> reports_;
+  std::jthread thread_;  // Last member, because the thread uses the others.
+};
+
+Variant variant_of(const RobotConfig& config) {
+  return std::visit([](const auto& simulation) { return simulation.description.variant; },
+                    config.simulation);
+}
+
+// Returns the configuration that the policy was trained with, if its file has one. Files of older
+// versions only have its name.
+std::optional<config::File> trained_with(const Policy& policy, const std::string& file) {
+  const auto& metadata = policy.network().metadata;
+  const auto text = metadata.find("configuration");
+  if (text == metadata.end()) return std::nullopt;
+  return config::File::parse(text->second, "the configuration in " + file);
+}
+
+// Refuses a policy for other fingers, which would move these to places where they must not be.
+void check_robot(const Policy& policy, const std::string& file, const config::File& robot) {
+  const Variant variant = variant_of(read_robot_config(robot));
+  const std::optional<config::File> trained = trained_with(policy, file);
+  const auto& metadata = policy.network().metadata;
+  const auto name = metadata.find("robot");
+  const bool is_other =
+      trained ? trained->values()["robot.variant"] != robot.values()["robot.variant"]
+              : name != metadata.end() && variant_of(load_robot_config(name->second)) != variant;
+  if (is_other) {
+    throw InvalidArgument(
+        fmt::format("{} was trained for a {}, which this robot is not", file,
+                    name != metadata.end() ? name->second : trained->values()["robot.variant"]));
+  }
+}
+
+// Warns of differences between this robot and the training.
+void warn_of_differences(const Policy& policy, const RunPolicyOptions& options,
+                         const config::File& robot) {
+  const std::optional<config::File> trained = trained_with(policy, options.policy);
+  if (!trained) return;
+  const std::vector<ConfigDifference> different = differences(robot, *trained);
+  if (different.empty()) return;
+  fmt::print(stderr,
+             "trifinger run-policy: warning: '{}' is not what {} was trained on, and may not do "
+             "what it did there:\n",
+             options.robot, options.policy);
+  for (const ConfigDifference& difference : different) {
+    fmt::print(stderr, "  {}: {} here, {} in the training\n", difference.key,
+               difference.value.value_or("none"), difference.other.value_or("none"));
+  }
+}
+
+nlohmann::ordered_json json_of(const EpisodeReport& report) {
+  return {{"episode", report.number},
+          {"actions", report.actions},
+          {"total_reward", report.total_reward},
+          {"distance", report.outcome.distance},
+          {"is_success", report.outcome.success},
+          {"is_terminated", report.outcome.terminated},
+          {"repeated_steps", report.repeated_steps}};
+}
+
+template <class R>
+int run_on(Frontend<R>& robot, Policy& policy, const RunPolicyOptions& options) {
+  const config::File described = config_file_of(robot.session());
+  const RobotConfig config = read_robot_config(described);
+  const auto* const simulation = std::get_if<SimulationOptions<R>>(&config.simulation);
+  if (simulation == nullptr) throw InvalidArgument("the robot is not what its configuration says");
+  const std::string task = metadata_of(policy, "task", options.policy);
+  check_robot(policy, options.policy, described);
+  auto trained = learning::read_options(metadata_of(policy, "options", options.policy));
+  // Real measurements have their own noise, so none is added.
+  trained.position_noise = trained.velocity_noise = 0.0;
+  const learning::Environment environment(task, trained, simulation->description,
+                                          robot.session().info().period);
+
+  warn_of_differences(policy, options, described);
+
+  const std::atomic<bool>& stop = stop_on_signals();
+  fmt::print("'{}' shall do '{}' with {}: {}\n", options.robot, task, options.policy,
+             learning::write_options(trained));
+  std::fflush(stdout);
+  std::optional<Printer> printer(std::in_place);  // Started here, with the usual priority.
+  if (robot.session().info().is_real_time) {
+    // Below the back-end's priority, because the back-end must never wait for us.
+    static_cast<void>(enter_realtime(
+        {.demand = options.scheduling.value(), .priority = 70, .keep_cpus_awake = false}));
+  }
+  std::vector<EpisodeReport> reports;
+  learning::PolicyRunOptions run = options.run;
+  run.stop = &stop;
+  run.on_episode = [&](const EpisodeReport& report) {
+    reports.push_back(report);
+    printer->add(report);
+  };
+  learning::run_policy(robot, environment, policy, run);
+  printer.reset();
+
+  const auto successes =
+      std::ranges::count_if(reports, [](const auto& report) { return report.outcome.success; });
+  fmt::print("{} of {} episodes ended at their goal.\n", successes, reports.size());
+  if (!options.json.empty()) {
+    nlohmann::ordered_json json = nlohmann::ordered_json::array();
+    for (const EpisodeReport& report : reports) json.push_back(json_of(report));
+    std::ofstream file(options.json);
+    file << json.dump(2) << "\n";
+    file.close();
+    if (!file) throw Error("cannot write " + options.json);
+  }
+  return stop.load(std::memory_order_relaxed) ? kInterrupted : kDone;
+}
+
+int run(const RunPolicyOptions& options) {
+  Policy policy = Policy::load(options.policy, options.precision.value());
+  if (Session::open(options.robot).info().type == Finger::kType) {
+    auto robot = connect<Finger>(options.robot);
+    return run_on(robot, policy, options);
+  }
+  auto robot = connect<TriFinger>(options.robot);
+  return run_on(robot, policy, options);
+}
+
+int run_policy_command(const std::vector<std::string>& words) {
+  RunPolicyOptions options;
+  CLI::App program(
+      "Runs a trained policy on a robot, as the environment in which it was trained would.",
+      "trifinger run-policy");
+  program.set_help_flag("-h,--help", "Print this help");
+  program.footer(
+      "Example:\n"
+      "  trifinger run trifinger_edu --name sim         in one terminal\n"
+      "  trifinger run-policy reach.policy              in another");
+  program.add_option("POLICY", options.policy, "File of the policy")->required();
+  program.add_option("--robot", options.robot, "Name of the running robot")->capture_default_str();
+  program.add_option("--episodes", options.run.episodes, "How many")->capture_default_str();
+  program.add_option("--seed", options.run.seed, "Seed of starts and goals")->capture_default_str();
+  program.add_option("--first", options.run.first_episode, "Number of the first episode")
+      ->capture_default_str();
+  program.add_option("--json", options.json, "Also write the episodes to FILE")
+      ->option_text("FILE");
+  options.scheduling.add_to(program, "Real-time priority, where the robot is in real-time mode");
+  options.precision.add_to(
+      program,
+      "Precision of the policy's sums: single takes half the time and rounds as much "
+      "as PyTorch");
+  return run_user_program(program, words, [&] { return run(options); });
+}
+
+}  // namespace
+}  // namespace trifinger::apps
+
+int main(int argument_count, char** arguments) {
+  return trifinger::apps::run_policy_command({arguments + 1, arguments + argument_count});
+}

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "controller/user_program.hpp"
+
+#include <fmt/core.h>
+
+#include <CLI/CLI.hpp>
+#include <csignal>
+#include <cstdio>
+
+#include "shared/exit_code.hpp"
+
+namespace trifinger::apps {
+namespace {
+
+std::atomic<bool> stop_requested{false};
+static_assert(std::atomic<bool>::is_always_lock_free);
+
+extern "C" void request_stop(int signal) {
+  stop_requested.store(true, std::memory_order_relaxed);  // No other data depends on it.
+  std::signal(signal, SIG_DFL);
+}
+
+}  // namespace
+
+Choice<Demand> scheduling_choice() {
+  return {"--scheduling",
+          "try",
+          {{"require", Demand::kRequire}, {"try", Demand::kTry}, {"off", Demand::kOff}}};
+}
+
+RealtimeOptions realtime_beside(const SessionInfo& robot, Demand demand) {
+  if (!robot.is_real_time) return {.demand = Demand::kOff};
+  // Below the back-end's priority, because the back-end must never wait for us.
+  return {.demand = demand, .priority = 70, .keep_cpus_awake = false};
+}
+
+const std::atomic<bool>& stop_on_signals() {
+  std::signal(SIGINT, request_stop);
+  std::signal(SIGTERM, request_stop);
+  return stop_requested;
+}
+
+int run_user_program(CLI::App& program, const std::vector<std::string>& words,
+                     const std::function<int()>& work) {
+  const std::string name = program.get_name();
+  try {
+    program.parse(std::vector<std::string>(words.rbegin(), words.rend()));  // wants them backwards
+  } catch (const CLI::Success& wish) {                                      // help
+    return program.exit(wish);
+  } catch (const CLI::ParseError& error) {
+    fmt::print(stderr, "{}: {}; --help tells more\n", name, error.what());
+    return kWrongUsage;
+  }
+  return run_and_report(name, work);
+}
+
+}  // namespace trifinger::apps

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/core.h>
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "commands.hpp"
+#include "log/text.hpp"
+#include "shared/terminal.hpp"
+#include "trifinger/log/log.hpp"
+#include "trifinger/log/tools.hpp"
+
+namespace trifinger::apps {
+namespace {
+
+int check(const std::vector<std::string>& paths) {
+  const Terminal terminal;
+  bool is_whole = true;
+  for (const std::string& path : paths) {
+    for (const std::filesystem::path& file : log::files_of(path)) {
+      const log::FileReport report = log::check(file);
+      is_whole = is_whole && report.is_whole();
+      const std::string verdict = report.is_whole()    ? terminal.paint("whole", Style::kGood)
+                                  : report.is_finished ? terminal.paint("damaged", Style::kBad)
+                                  : report.lost_bytes > 0
+                                      ? terminal.paint("cut off", Style::kBad)
+                                      : terminal.paint("not finished", Style::kWarning);
+      fmt::print("{}  {}: {}, {} messages\n", file.string(), verdict, size_text(report.size),
+                 report.messages);
+      for (const log::Damage& damage : report.damage) fmt::print("  {}\n", text_of(damage));
+      if (!report.is_whole()) {
+        fmt::print("  'trifinger log recover {}' writes a whole file of what is there.\n",
+                   file.string());
+      }
+    }
+  }
+  return is_whole ? kDone : kFailed;
+}
+
+}  // namespace
+
+void add_log_check(CLI::App& log, Action& action) {
+  auto paths = std::make_shared<std::vector<std::string>>();
+  CLI::App* const command = log.add_subcommand("check", "Read every byte and name what is damaged");
+  command->add_option("LOG", *paths, "Files, or folders with parts")->required();
+  command->footer(
+      "Works for every MCAP file. Exit code 0 if all are whole, 1 otherwise.\n"
+      "Example:\n"
+      "  trifinger log check run.mcap");
+  command->callback([&action, paths] { action = [paths] { return check(*paths); }; });
+}
+
+}  // namespace trifinger::apps

@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/core.h>
+
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include "commands.hpp"
+#include "log/text.hpp"
+#include "trifinger/log/tools.hpp"
+
+namespace trifinger::apps {
+namespace {
+
+constexpr int kSomethingLost = 3;
+
+struct LogRecoverOptions {
+  std::string file;
+  std::string output;
+};
+
+int recover_log(const LogRecoverOptions& options) {
+  if (std::filesystem::is_directory(options.file)) {
+    throw UsageError(options.file + " is a folder; name one of its files");
+  }
+  std::filesystem::path output = options.output;
+  if (output.empty()) {
+    output = options.file;
+    output.replace_extension(".recovered.mcap");
+  }
+  const log::FileReport report = log::recover(options.file, output);
+  for (const log::Damage& damage : report.damage) fmt::print("{}\n", text_of(damage));
+  fmt::print("{} written: {} messages, {}.\n", output.string(), report.messages,
+             report.lost_bytes == 0 && report.damage.empty()
+                 ? "nothing is lost"
+                 : size_text(report.lost_bytes) + " could not be used");
+  return report.lost_bytes == 0 && report.damage.empty() ? kDone : kSomethingLost;
+}
+
+}  // namespace
+
+void add_log_recover(CLI::App& log, Action& action) {
+  auto options = std::make_shared<LogRecoverOptions>();
+  CLI::App* const command =
+      log.add_subcommand("recover", "Write a whole file of all that can be read of a damaged one");
+  command->add_option("FILE", options->file, "The damaged file; it stays as it is")->required();
+  command
+      ->add_option("-o,--output", options->output,
+                   "The new file; default: FILE with .recovered.mcap")
+      ->option_text("FILE");
+  command->footer(
+      "Works for every MCAP file; in a log, what is lost is written down as gaps.\n"
+      "Exit code 0 if nothing is lost, 3 if something is, 1 if no file could be written.\n"
+      "Example:\n"
+      "  trifinger log recover run.mcap -o whole.mcap");
+  command->callback([&action, options] { action = [options] { return recover_log(*options); }; });
+}
+
+}  // namespace trifinger::apps

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "commands.hpp"
+#include "shared/terminal.hpp"
+#include "trifinger/sim/robot_config.hpp"
+
+namespace trifinger::apps {
+namespace {
+
+struct ConfigOptions {
+  std::string robot;
+  std::vector<std::string> overrides;
+};
+
+int print_config(const ConfigOptions& options) {
+  const config::File file =
+      config::File::load(find_config(options.robot), options.overrides, config_folders());
+  // Who reads it knows what is allowed.
+  static_cast<void>(read_robot_config(file));
+  const std::vector<config::File::Key> keys = file.keys();
+  std::size_t key_width = 0;
+  std::size_t value_width = 0;
+  for (const config::File::Key& key : keys) {
+    key_width = std::max(key_width, key.path.size());
+    value_width = std::max(value_width, key.value.size());
+  }
+  for (const config::File::Key& key : keys) {
+    fmt::print("{}  {}  {}\n", pad(key.path, key_width), pad(key.value, value_width), key.allowed);
+  }
+  return kDone;
+}
+
+}  // namespace
+
+void add_config(CLI::App& program, Action& action) {
+  auto options = std::make_shared<ConfigOptions>();
+  CLI::App* const command = program.add_subcommand(
+      "config", "Print every key of a robot's configuration: its value and what is allowed");
+  command->add_option("ROBOT", options->robot, "A configuration by name, or a file")->required();
+  command
+      ->add_option("--set", options->overrides,
+                   "Change a value for this once, as in --set fingers.height=0.3")
+      ->option_text("KEY=VALUE ...");
+  command->footer(
+      "Example:\n"
+      "  trifinger config sim\n"
+      "  trifinger config sim --set contact.tip_friction=0.8");
+  command->callback([&action, options] { action = [options] { return print_config(*options); }; });
+}
+
+}  // namespace trifinger::apps

@@ -1,0 +1,169 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/core.h>
+#include <fmt/ranges.h>
+
+#include <cerrno>
+#include <fstream>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "commands.hpp"
+#include "shared/choice.hpp"
+#include "shared/terminal.hpp"
+#include "trifinger/base/error.hpp"
+#include "trifinger/model/export.hpp"
+#include "trifinger/model/robot_description.hpp"
+
+namespace trifinger::apps {
+namespace {
+
+using MakeObject = ObjectDescription (*)(std::string);
+const Choices<MakeObject> kObjects{
+    {"cube", cube}, {"cuboid", cuboid}, {"stick", stick}, {"ball", ball}};
+
+enum class Format : unsigned char { kMjcf, kUrdf };
+
+struct ModelOptions {
+  RobotDescription robot;
+  Choice<Variant> variant{
+      "--variant", "edu", {{"edu", Variant::kEdu}, {"pro", Variant::kPro}, {"one", Variant::kOne}}};
+  bool single_finger{false};
+  bool no_boundary{false};
+  bool hard_tips{false};
+  std::vector<std::string> objects;
+  // The following options belong to `export`.
+  Choice<Format> format{"--format", "mjcf", {{"mjcf", Format::kMjcf}, {"urdf", Format::kUrdf}}};
+  std::string file{"-"};
+  bool physics_only{false};
+};
+
+RobotDescription description_of(const ModelOptions& options) {
+  RobotDescription robot = options.robot;
+  robot.variant = options.variant.value();
+  if (options.single_finger) robot.arrangement = Arrangement::kSingleFinger;
+  robot.boundary = !options.no_boundary;
+  robot.soft_tips = !options.hard_tips;
+  if (!options.objects.empty()) robot.objects.clear();
+  for (const std::string& name : options.objects) {
+    robot.objects.push_back(choose(kObjects, "--object", name)(name));
+  }
+  validate(robot);
+  return robot;
+}
+
+int export_model(const ModelOptions& options) {
+  const RobotDescription robot = description_of(options);
+  const std::string text =
+      options.format.value() == Format::kUrdf
+          ? export_urdf(robot)
+          : export_mjcf(robot, options.physics_only ? Detail::kPhysics : Detail::kPictures);
+  if (options.file == "-") {
+    fmt::print("{}", text);
+    return kDone;
+  }
+  std::ofstream file(options.file, std::ios::binary);
+  file << text;
+  file.close();
+  if (!file) throw SystemError("write " + options.file, errno);
+  fmt::print("{} written.\n", options.file);
+  return kDone;
+}
+
+std::string joint_text(const FingerJoints& values) {
+  return fmt::format("{:g}", fmt::join(values, "  "));
+}
+
+int print_info(const ModelOptions& options) {
+  const RobotDescription robot = description_of(options);
+  const VariantFigures& known = figures(robot);
+  const ActuatorParameters motor = actuator(robot);
+  std::vector<std::string> objects;
+  objects.reserve(robot.objects.size());
+  for (const ObjectDescription& object : robot.objects) {
+    objects.push_back(fmt::format("{} ({:g} g)", object.name, object.mass * 1e3));
+  }
+  std::vector<std::string> cameras;
+  if (robot.cameras) {
+    for (const CameraFigures& camera : camera_figures()) cameras.emplace_back(camera.name);
+  }
+
+  const auto line = [](const std::string& label, const std::string& text) {
+    fmt::print("{}{}\n", pad(label, 20), text);
+  };
+  line("variant", fmt::format("{}{}", known.name, robot.flipped ? ", flipped" : ""));
+  line("fingers", fmt::format("{}, joint 0 at {:g} m", num_fingers(robot), finger_height(robot)));
+  line("joints", fmt::format("{}", fmt::join(joint_names(robot), " ")));
+  line("tips", fmt::format("{}, {}, radius {:g} m", fmt::join(tip_names(robot), " "),
+                           robot.soft_tips ? "soft" : "hard", known.tip_radius));
+  line("objects", fmt::format("{}", fmt::join(objects, ", ")));
+  line("boundary", robot.boundary ? "yes" : "no");
+  line("cameras", fmt::format("{}", fmt::join(cameras, " ")));
+  line("torque limit", fmt::format("{:g} Nm", motor.torque_limit));
+  line("no-load speed", fmt::format("{:g} rad/s", motor.no_load_speed));
+  fmt::print("\nof each finger, from the base to the tip\n");
+  line("initial position", joint_text(known.initial_position) + " rad");
+  line("soft limits",
+       fmt::format("{}  to  {} rad", joint_text(known.soft_lower), joint_text(known.soft_upper)));
+  line("hard limits",
+       fmt::format("{}  to  {} rad", joint_text(known.hard_lower), joint_text(known.hard_upper)));
+  line("default stiffness", joint_text(known.kp) + " Nm/rad");
+  line("default damping", joint_text(known.kd) + " Nm s/rad");
+  line("safety damping", joint_text(known.safety_kd) + " Nm s/rad");
+  return kDone;
+}
+
+void add_description(CLI::App& command, ModelOptions& options) {
+  options.variant.add_to(command, "Which hardware; default: edu");
+  command.add_flag("--single-finger", options.single_finger, "One finger on a stand");
+  command
+      .add_option("--finger-height", options.robot.finger_height,
+                  "Height of the joint-0 axes above the table [m]; default: the variant's")
+      ->option_text("METRES");
+  command.add_flag("--flipped", options.robot.flipped, "Turn the platform upside down");
+  command.add_flag("--no-boundary", options.no_boundary, "Leave out the wall around the table");
+  command.add_flag("--hard-tips", options.hard_tips, "Make the tips hard");
+  command.add_option("--object", options.objects, "What lies on the table; default: a cube")
+      ->option_text("cube|cuboid|stick|ball ...");
+}
+
+}  // namespace
+
+void add_model(CLI::App& program, Action& action) {
+  auto options = std::make_shared<ModelOptions>();
+  CLI::App* const command =
+      program.add_subcommand("model", "Show the robot's model, or write it for other programs");
+  command->require_subcommand(1);
+  command->footer(
+      "Example:\n"
+      "  trifinger model info --variant pro\n"
+      "  trifinger model export --format urdf -o trifinger.urdf");
+
+  CLI::App* const export_command = command->add_subcommand("export", "Write the model to a file");
+  options->format.add_to(*export_command, "What to write")->required();
+  export_command->add_option("-o,--output", options->file, "The file; default: standard output")
+      ->option_text("FILE");
+  export_command->add_flag("--physics-only", options->physics_only,
+                           "MJCF without what is only seen: frame, shells, lights, cameras");
+  add_description(*export_command, *options);
+  export_command->footer(
+      "MJCF holds the whole scene, URDF the robot alone.\n"
+      "Example:\n"
+      "  trifinger model export --format mjcf --variant pro --object ball -o scene.xml");
+  export_command->callback(
+      [&action, options] { action = [options] { return export_model(*options); }; });
+
+  CLI::App* const info_command =
+      command->add_subcommand("info", "Print the figures of a robot: joints, limits, gains");
+  add_description(*info_command, *options);
+  info_command->footer(
+      "Example:\n"
+      "  trifinger model info --variant one --single-finger");
+  info_command->callback(
+      [&action, options] { action = [options] { return print_info(*options); }; });
+}
+
+}  // namespace trifinger::apps

@@ -1,0 +1,134 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "robot/runnable_robot.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cstddef>
+#include <filesystem>
+#include <iterator>
+#include <optional>
+#include <system_error>
+#include <utility>
+#include <variant>
+
+#include "shared/exit_code.hpp"
+#include "trifinger/base/error.hpp"
+#include "trifinger/base/regular_file.hpp"
+#include "trifinger/config/file.hpp"
+#include "trifinger/core/fake_robot.hpp"
+#include "trifinger/joint/types.hpp"
+#include "trifinger/log/log.hpp"
+#include "trifinger/log/replay.hpp"
+#include "trifinger/sim/robot_config.hpp"
+#include "trifinger/sim/simulated_robot.hpp"
+
+namespace trifinger::apps {
+namespace {
+
+constexpr const char* kFakeRobot = "fake";
+
+RunnableRobot make_fake_robot(const std::vector<std::string>& overrides) {
+  const config::File file = config::File::parse("name: fake", kFakeRobot, overrides);
+  const config::Node root = file.root();
+  const config::Range count{.min = 0, .max = 1e6};
+  RunnableRobot robot;
+  robot.name = root.required<std::string>("name");
+  robot.backend.mode = BackendOptions::Mode::kRealTime;
+  const auto period =
+      root.optional<double>("period", 0.001, {.unit = "s", .min = 1e-5, .max = 0.1});
+  robot.backend.period = std::chrono::round<Nanoseconds>(std::chrono::duration<double>(period));
+  robot.backend.max_action_repeats = root.optional<std::uint32_t>("max_repeats", 100, count);
+  robot.backend.max_skipped_ticks = root.optional<std::uint32_t>("max_skipped", 100, count);
+  robot.session.history = root.optional<std::size_t>("history", 16384, {.min = 16, .max = 1048576});
+  // -1: never.
+  const config::Range step{.min = -1, .max = 1e15};
+  robot.driver = std::make_unique<FakeDriver>(
+      FakeDriver::Options{.prepare_periods = root.optional<TimeIndex>("prepare_periods", 0, count),
+                          .stop_periods = root.optional<TimeIndex>("stop_periods", 0, count),
+                          .sensor_period = root.optional<TimeIndex>("sensor_period", 10, count),
+                          .sensor_delay = root.optional<TimeIndex>("sensor_delay", 0, count),
+                          .action_fault_after = root.optional<TimeIndex>("fault_after", -1, step)});
+  file.reject_unknown_keys();
+  robot.session.documents = {{"configuration.yml", "application/yaml", file.text()}};
+  return robot;
+}
+
+// Makes a robot that plays a log.
+RunnableRobot make_replay(const std::string& path, const std::vector<std::string>& overrides) {
+  const config::File file = config::File::parse("", path, overrides);
+  const config::Node root = file.root();
+  const log::Log log{std::filesystem::path(path)};
+  const log::LoggedSession session = log.session(root.optional<std::string>("robot", ""));
+  const auto step = [&root](const char* key) -> std::optional<TimeIndex> {
+    const std::optional<config::Node> node = root.find(key);
+    if (!node) return std::nullopt;
+    return node->as<TimeIndex>({.min = 0, .max = 1e15});
+  };
+  const log::ReplayOptions part{.first = step("first"), .last = step("last")};
+  RunnableRobot robot;
+  robot.name = root.optional<std::string>("name", session.name());
+  file.reject_unknown_keys();
+  auto driver = std::make_unique<log::ReplayDriver>(session, part);
+  robot.backend = driver->backend_options();
+  robot.session = driver->session_options();
+  robot.driver = std::move(driver);
+  return robot;
+}
+
+bool is_log(const std::string& robot) {
+  std::error_code ignored;
+  return robot.ends_with(".mcap") || std::filesystem::is_directory(robot, ignored);
+}
+
+SimulationState read_state(const std::filesystem::path& path) {
+  constexpr std::size_t kMaxSize = std::size_t{64} << 20U;
+  const std::string bytes = read_file(path, kMaxSize);
+  const auto* const begin = reinterpret_cast<const std::byte*>(bytes.data());
+  return {begin, begin + bytes.size()};
+}
+
+template <class R>
+void add_simulation(RunnableRobot& robot, SimulationOptions<R> options,
+                    const std::optional<std::filesystem::path>& state) {
+  std::ranges::move(model_documents(options.description),
+                    std::back_inserter(robot.session.documents));
+  auto driver = std::make_unique<SimulatedRobot<R>>(std::move(options));
+  if (state) {
+    try {
+      driver->restore(read_state(*state));
+    } catch (const InvalidArgument& error) {
+      throw InvalidArgument(state->string() + ": " + error.what());
+    }
+  }
+  robot.state_before = [simulation = driver.get()](const Fault& fault) {
+    const bool has_diverged =
+        fault.code == Fault::Code::kDriver && fault.detail == SimulatedRobot<R>::kDiverged;
+    return has_diverged ? simulation->state_before_divergence() : SimulationState();
+  };
+  robot.driver = std::move(driver);
+}
+
+}  // namespace
+
+RunnableRobot make_robot(const std::string& robot, const std::vector<std::string>& overrides,
+                         const std::optional<std::filesystem::path>& state) {
+  if (robot == kFakeRobot) {
+    if (state) throw UsageError("--state is for simulations; the fake robot has no state to save");
+    return make_fake_robot(overrides);
+  }
+  if (is_log(robot)) {
+    if (state) throw UsageError("--state is for simulations; a log begins as it was recorded");
+    return make_replay(robot, overrides);
+  }
+
+  RobotConfig config = load_robot_config(robot, overrides);
+  RunnableRobot made;
+  made.name = std::move(config.name);
+  made.backend = config.backend;
+  made.session = std::move(config.session);
+  std::visit([&](auto& options) { add_simulation(made, std::move(options), state); },
+             config.simulation);
+  return made;
+}
+
+}  // namespace trifinger::apps

@@ -1,0 +1,230 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "commands.hpp"
+#include "robot/loop_figures.hpp"
+#include "robot/scheduling.hpp"
+#include "robot/session_state.hpp"
+#include "shared/signals.hpp"
+#include "shared/terminal.hpp"
+#include "shared/text.hpp"
+#include "trifinger/core/frontend.hpp"
+#include "trifinger/core/log_folder.hpp"
+#include "trifinger/log/flight_recorder.hpp"
+
+namespace trifinger::apps {
+namespace {
+
+constexpr std::size_t kLabelWidth = 12;
+
+struct StatusOptions {
+  std::string name;
+  bool once{false};
+};
+
+// Lines with a label and a text, fitted to the width of the window.
+class StatusSheet {
+ public:
+  StatusSheet(const Terminal& terminal, std::size_t width) : terminal_(terminal), width_(width) {}
+
+  // Wraps the text, because it may be a sentence.
+  void add(const std::string& label, const std::string& text, Style style = Style::kPlain) {
+    const std::size_t room = width_ > kLabelWidth + 1 ? width_ - kLabelWidth : 1;
+    std::string shown_label = label;
+    for (const std::string& line : wrap(text, room)) {
+      lines_.push_back(terminal_.paint(clip(pad(shown_label, kLabelWidth), width_), Style::kDim) +
+                       terminal_.paint(line, style));
+      shown_label.clear();
+    }
+  }
+  void add_line(const std::string& line) { lines_.push_back(line); }
+
+  [[nodiscard]] const std::vector<std::string>& lines() const noexcept { return lines_; }
+
+ private:
+  const Terminal& terminal_;
+  std::size_t width_;
+  std::vector<std::string> lines_;
+};
+
+// Formats a count: "3 in the last second, 12 since step 0".
+std::string count_text(std::int64_t last_second, std::int64_t total, TimeIndex first) {
+  if (total == 0) return "0";
+  return fmt::format("{} in the last second, {} since step {}", last_second, total, first);
+}
+
+Style warn_if(bool condition) { return condition ? Style::kWarning : Style::kPlain; }
+
+// Returns the log that the flight recorder has written for a session.
+std::optional<std::filesystem::path> fault_log(const SessionInfo& info) {
+  try {
+    return log::find_fault_log(log_folder(), robot_of(info.name), info.created);
+  } catch (const Error&) {
+    return std::nullopt;  // There is no folder for logs here.
+  }
+}
+
+// Shows the session `name`. Each look takes whichever session is the current one.
+class Observer {
+ public:
+  explicit Observer(std::string name) : name_(std::move(name)) {}
+
+  [[nodiscard]] std::vector<std::string> look(const Terminal& terminal, std::size_t width) {
+    const UntypedFrontend session(name_, {.control = false});
+    const SessionInfo info = session.session().info();
+    StatusSheet sheet(terminal, width);
+    sheet.add_line(fit({{info.name, 3, Style::kBold},
+                        {state_text(info), 2, style_of(health_of(info))},
+                        {info.is_companion ? "companion" : "robot", 0, Style::kDim},
+                        {info.type, 1, Style::kDim}},
+                       width, terminal));
+    if (info.is_companion) {
+      sheet.add("rate", rate_text(arrival_rate(session)));
+      sheet.add("elements", std::to_string(info.steps));
+    } else {
+      add_loop(sheet, session, info);
+      sheet.add("controller", controller_text(info));
+    }
+    sheet.add("back-end", fmt::format("{} on {}", ipc::describe(info.backend), info.host));
+    if (!info.fault_text.empty()) {
+      sheet.add("end", info.fault_text, info.fault.needs_recovery() ? Style::kBad : Style::kPlain);
+    }
+    if (health_of(info) == Health::kFault) {
+      sheet.add("remedy", fmt::format("trifinger recover {}", robot_of(info.name)));
+      if (const auto log = fault_log(info)) sheet.add("fault log", log->string());
+    }
+    if (health_of(info) == Health::kDead) {
+      sheet.add("remedy", fmt::format("trifinger log rescue {} keeps the last seconds; then start "
+                                      "the back-end again",
+                                      robot_of(info.name)));
+    }
+    return sheet.lines();
+  }
+
+ private:
+  void add_loop(StatusSheet& sheet, const UntypedFrontend& session, const SessionInfo& info) {
+    figures_.update(session);
+    const double wanted_rate = 1e9 / static_cast<double>(info.period.count());
+    sheet.add("mode", info.is_real_time ? "real-time, " + rate_text(wanted_rate)
+                                        : "non-real-time, steps of " + duration_text(info.period));
+    if (info.is_real_time && info.backend_is_alive) {
+      const auto priority = realtime_priority(static_cast<pid_t>(info.backend.pid));
+      sheet.add("priority",
+                priority ? fmt::format("SCHED_FIFO {}", *priority)
+                         : "none, other programs may be first; see 'trifinger doctor'",
+                warn_if(!priority));
+    }
+    if (info.is_real_time) {
+      std::string label = "realtime";
+      for (const std::string& line : realtime_lines(info.realtime_lacks)) {
+        sheet.add(std::exchange(label, {}), line, warn_if(!info.realtime_lacks.empty()));
+      }
+    }
+    sheet.add("steps", std::to_string(info.steps));
+    if (figures_.total().steps == 0) return;
+
+    const LoopFigures::Counts recent = figures_.last_second();
+    const LoopFigures::Counts& total = figures_.total();
+    const TimeIndex first = figures_.first_step();
+    sheet.add("rate", rate_text(figures_.rate()));
+    if (info.is_real_time) {
+      sheet.add("lateness", describe(figures_.lateness()));
+      if (const auto timing = session.session().timing()) add_timing(sheet, *timing);
+      sheet.add("repeats", count_text(recent.repeats, total.repeats, first),
+                warn_if(recent.repeats > 0));
+      sheet.add("skipped", count_text(recent.skipped, total.skipped, first),
+                warn_if(recent.skipped > 0));
+      sheet.add("discarded", std::to_string(figures_.newest().discarded_actions));
+    }
+    sheet.add("rejected", count_text(recent.rejected, total.rejected, first),
+              warn_if(recent.rejected > 0));
+    sheet.add("acausal", count_text(recent.acausal, total.acausal, first),
+              warn_if(recent.acausal > 0));
+    if (figures_.newest().lost_frames > 0) {
+      sheet.add("lost frames", std::to_string(figures_.newest().lost_frames), Style::kWarning);
+    }
+  }
+
+  // Adds what the back-end has recorded since step 0, including steps that the history has lost.
+  static void add_timing(StatusSheet& sheet, const TimingRecord& timing) {
+    sheet.add("since 0", describe(timing.lateness()));
+    sheet.add("in time",
+              fmt::format("{:.1f} % of the last {} steps", 100.0 * timing.success_rate(),
+                          std::min(timing.steps(), TimingRecord::kRecentSteps)),
+              warn_if(timing.success_rate() < 1.0));
+    sheet.add("late", describe(timing), warn_if(timing.late_steps() > 0));
+    if (timing.late_steps() > 0) sheet.add("worst", worst_text(timing));
+  }
+
+  std::string name_;
+  LoopFigures figures_;
+};
+
+int status(const StatusOptions& options) {
+  const Terminal terminal;
+  Observer observer(options.name);
+  if (options.once || !terminal.is_live()) {
+    const std::size_t width = terminal.is_live() ? terminal.width() : std::string::npos;
+    for (const std::string& line : observer.look(terminal, width)) fmt::print("{}\n", line);
+    return kDone;
+  }
+
+  const Signals signals;
+  LiveLines live(terminal);
+  bool was_seen = false;
+  while (true) {
+    const std::size_t width = terminal.width();
+    std::vector<std::string> lines;
+    try {
+      lines = observer.look(terminal, width);
+    } catch (const SessionNotFound&) {
+      // If it was seen before, its back-end is being restarted.
+      if (!was_seen) throw;
+      lines.push_back(clip(options.name + " is gone; waiting for its next session", width));
+    }
+    was_seen = true;
+    lines.push_back(terminal.paint(clip("Ctrl-C leaves", width), Style::kDim));
+    live.draw(lines);
+    if (signals.wait(kRefresh)) return kDone;
+  }
+}
+
+}  // namespace
+
+void add_status(CLI::App& program, Action& action) {
+  auto options = std::make_shared<StatusOptions>();
+  CLI::App* const command = program.add_subcommand(
+      "status", "Show how a session is doing: live on a terminal, otherwise once");
+  command->add_option("NAME", options->name, "Name of the session, as in sim or sim.object")
+      ->required();
+  command->add_flag("--once", options->once, "Look once, also on a terminal");
+  command->footer(
+      "It only reads and never slows the robot.\n"
+      "  realtime   whether the loop has all that was asked for: priority, locked memory, ...\n"
+      "  lateness   how long after their deadlines the steps of the last second began; after\n"
+      "             that of the first one left out before them\n"
+      "  since 0    the same of all steps\n"
+      "  in time    the share of the last 1000 steps that were in time\n"
+      "  late       steps that were not: their action was missing (user), or they began more than\n"
+      "             half a period late; scheduler: the back-end did not get the processor, "
+      "driver:\n"
+      "             the driver's calls took up the step before\n"
+      "  repeats    actions that were not there in time, so that the one before was repeated\n"
+      "  skipped    steps left out because the back-end itself was late\n"
+      "  discarded  actions that came for a step already closed\n"
+      "  rejected   actions that were not fit to apply\n"
+      "  acausal    actions appended by who had already read the observation of their step\n"
+      "Example:\n"
+      "  trifinger status sim");
+  command->callback([&action, options] { action = [options] { return status(*options); }; });
+}
+
+}  // namespace trifinger::apps
