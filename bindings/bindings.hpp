@@ -23,7 +23,7 @@ void bind_control(nanobind::module_& m);
 void bind_grasping(nanobind::module_& m);
 /// Policy.
 void bind_learning(nanobind::module_& m);
-/// Episodes, EnvironmentBatch: what python/trifinger/environments.py is made of.
+/// Episodes, EnvironmentBatch: what python/trifinger/environments is made of.
 void bind_environment(nanobind::module_& m);
 /// TimingRecord, LatenessHistogram, LateStep.
 void bind_timing(nanobind::module_& m);

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Options of environments, and the robots and policies that they make."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from typing import Any, Self
+
+from trifinger import _trifinger
+from trifinger.environment_options import OptionFields
+from trifinger.errors import InvalidArgument
+from trifinger.tasks import Task
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Options(OptionFields):
+    """Settings of an environment; `Options.of(task)` has the defaults of a task.
+
+    A range is (low, high): for each episode, a simulation draws a value from it, uniformly. A
+    factor multiplies the value of the configuration.
+    """
+
+    @classmethod
+    def of(cls, task: str, **changes: Any) -> Self:
+        """The defaults of a task, with some changes. Raises InvalidArgument for unknown tasks."""
+        return cls.from_json(_trifinger.default_environment_options(task)).changed(**changes)
+
+    def changed(self, **changes: Any) -> Self:
+        """A copy with some changes. Raises InvalidArgument for unknown names."""
+        names = {field.name for field in dataclasses.fields(self)}
+        for name in changes:
+            if name not in names:
+                raise InvalidArgument.of_name("option", name, names)
+        return dataclasses.replace(self, **changes)
+
+    def to_json(self) -> str:
+        """The options as JSON, as files of policies hold them."""
+        return json.dumps(dataclasses.asdict(self))
+
+    @classmethod
+    def from_json(cls, text: str) -> Self:
+        """Options from the text that to_json() returned."""
+
+        def of(value: Any) -> Any:
+            if isinstance(value, dict):
+                return {name: of(part) for name, part in value.items()}
+            return tuple(value) if isinstance(value, list) else value
+
+        return cls(**of(json.loads(text)))
+
+
+def overrides_of(
+    task: str | Task, options: Options, config_overrides: dict[str, object] | None
+) -> dict[str, object]:
+    """What a task and its options need of the robot's configuration, and the user's overrides."""
+    # A session with a short history begins faster.
+    needed: dict[str, object] = {"backend.history": 1024}
+    own = task if isinstance(task, str) else None
+    needed |= _trifinger.environment_overrides(own, options.to_json())
+    if isinstance(task, Task):
+        needed |= task.config_overrides
+    return needed | (config_overrides or {})
+
+
+def default_options(task: str | Task, **changes: Any) -> Options:
+    """The options that a task has by default, with some changes."""
+    if isinstance(task, str):
+        return Options.of(task, **changes)
+    return Options(**dataclasses.asdict(task.options)).changed(**changes)
+
+
+def policy_metadata(
+    task: str,
+    options: Options,
+    config: str = "trifinger_edu",
+    config_overrides: dict[str, object] | None = None,
+) -> dict[str, str]:
+    """The metadata that `trifinger run-policy` needs in the file of a policy.
+
+    The arguments are those of the `Environment` in which the policy was trained.
+    """
+    overrides = overrides_of(task, options, config_overrides)
+    return {
+        "task": task,
+        "options": options.to_json(),
+        "robot": config,
+        "configuration": _trifinger.robot_configuration(config, overrides),
+    }

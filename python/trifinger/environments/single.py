@@ -1,0 +1,307 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""A task on one robot, simulated or real."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+from collections.abc import Callable
+from typing import Any, Literal
+
+import gymnasium
+import numpy as np
+import numpy.typing as npt
+
+from trifinger import _trifinger, mappings
+from trifinger._trifinger import Frontend, Simulation
+from trifinger._trifinger import Observation as Observed
+from trifinger.environments.options import Options, default_options, overrides_of
+from trifinger.environments.task_environment import (
+    Array,
+    Info,
+    Observation,
+    TaskEnvironment,
+    copied,
+    seed_of,
+)
+from trifinger.environments.window import Window
+from trifinger.errors import InvalidArgument, RobotStopped
+from trifinger.picture import Painter, View
+from trifinger.tasks import Task
+
+OBJECT = "object"  # the companion with the poses of objects
+_MAPPINGS: dict[str, Callable[..., mappings.DecisionProcess[Any]]] = {
+    "approximation": mappings.Approximation,
+    "state_augmentation": mappings.StateAugmentation,
+}
+
+
+# The driver's own code of the fault, or -1 for any other fault.
+def _code_of(stopped: RobotStopped) -> int:
+    fault = stopped.fault
+    return fault.detail if fault is not None and fault.code == "driver" else -1
+
+
+def _observed(state: Any) -> Observed:
+    observed: Observed = state.observation if isinstance(state, mappings.AugmentedState) else state
+    return observed
+
+
+class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
+    """A task on one robot: on its own simulation, or on a robot that `connect` attaches to.
+
+    `connect` returns a front-end in a new session: `lambda: trifinger.connect("trifinger-edu")`.
+    `config` and `config_overrides` must describe that robot. reset() moves it by actions to where
+    the episode begins; objects stay where they are. Noise of joints in `options` is added only in
+    the environment's own simulation, never to what a connected robot measures. `view` is the camera
+    and the size of what `render` draws; a window starts with it.
+    """
+
+    _core: _trifinger.Episodes
+    metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 50}  # noqa: RUF012
+
+    def __init__(
+        self,
+        task: str | Task,
+        *,
+        options: Options | None = None,
+        connect: Callable[[], Frontend] | None = None,
+        config: str = "trifinger_edu",
+        config_overrides: dict[str, object] | None = None,
+        render_mode: Literal["rgb_array", "human"] | None = None,
+        view: View | None = None,
+    ) -> None:
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            raise InvalidArgument(f"render_mode is '{render_mode}', must be 'rgb_array' or 'human'")
+        options = options or default_options(task)
+        if (options.observation == "goal") != isinstance(self, GoalEnvironment):
+            raise InvalidArgument(
+                f'observation is "{options.observation}"; GoalEnvironment needs "goal", '
+                "Environment any other"
+            )
+        overrides = overrides_of(task, options, config_overrides)
+        observed = options
+        if connect is not None:
+            observed = dataclasses.replace(options, position_noise=0.0, velocity_noise=0.0)
+        core = _trifinger.Episodes(task, observed.to_json(), config, overrides)
+        super().__init__(task if isinstance(task, str) else task.name, options, core)
+        self.render_mode = render_mode
+        self._object = self._core.object_name
+        self._scene = (config, overrides)
+        self._simulation = None
+        if connect is None:
+            self._simulation = Simulation(config, overrides)
+            connect = self._simulation.connect
+        self._process: mappings.DecisionProcess[Any] = _MAPPINGS[options.mapping](
+            connect, options.steps_per_action
+        )
+        self.observation_space = self._observation_space()
+        self.action_space = self._action_space()
+        self._seed: int | None = None
+        self._episode = 0
+        self._is_running = False
+        self._drawing: Any = None
+        self._view = view or View()
+        metadata = dict(type(self).metadata)
+        metadata["render_fps"] = round(self.episode_actions / options.duration)
+        self.metadata = metadata
+
+    def __repr__(self) -> str:
+        return f"Environment('{self.task}', {self.options})"
+
+    @property
+    def simulation(self) -> Simulation | None:
+        """The environment's own simulation; None for a connected robot."""
+        return self._simulation
+
+    @property
+    def process(self) -> mappings.DecisionProcess[Any]:
+        """The mapping; `process.robot` is the front-end of the session."""
+        return self._process
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, Info]:
+        """Begins episode 0 of `seed`; without `seed`, the next episode of the last seed.
+
+        If no seed was ever given, one is drawn: `np_random_seed` modulo 2^32. `options` may be
+        {"episode": n} to begin episode n instead. Raises what `connect` raises: ControlHeld if
+        somebody else controls the robot, RobotStopped if a fault was not yet recovered. The
+        environment recovers faults of its own simulation by itself.
+        """
+        super().reset(seed=seed)
+        if seed is not None:
+            self._seed, self._episode = seed, 0
+        elif self._seed is None:
+            self._seed = seed_of(self)
+        if options and "episode" in options:
+            self._episode = int(options["episode"])
+        self._is_running = False
+        position, object_position, orientation, velocity, variation, stream = self._core.begin(
+            self._seed, self._episode
+        )
+        self._episode += 1
+        simulation = self._simulation
+        if simulation is not None:
+            simulation.vary(variation)
+            simulation.reset(position, self._seed, stream)
+            if self._object:
+                simulation.place_object(self._object, object_position, orientation)
+                simulation.set_object_velocity(self._object, velocity)
+        try:
+            state = self._begin_session()
+            if simulation is None:
+                state = self._move_there(state)
+            *_, success = self._look(state)
+        except BaseException:
+            # A robot that has begun to move must not stay without control.
+            self._process.close()
+            raise
+        self._is_running = True
+        if self.render_mode == "human":
+            self.render()
+        return self._observation(), self._info(is_success=success)
+
+    def _begin_session(self) -> Any:
+        try:
+            return self._process.reset()
+        except RobotStopped:
+            if self._simulation is None:
+                raise
+            self._process.robot.recover()
+            return self._process.reset()
+
+    def step(self, action: Array) -> tuple[Observation, float, bool, bool, Info]:
+        """Applies `action`; numbers are clipped to -1 to 1.
+
+        A fault of the robot truncates the episode, with the reward of the last observation.
+        info["fault"] is the number of the fault, info["fault_text"] says what it is. Raises
+        gymnasium.error.ResetNeeded after the end of the episode, InvalidArgument for a wrong shape
+        or NaN.
+        """
+        if not self._is_running:
+            raise gymnasium.error.ResetNeeded(
+                "the episode has ended, or none has begun: call reset() first"
+            )
+        numbers = np.ascontiguousarray(action, np.float32)
+        if numbers.shape != self.action_space.shape:
+            raise InvalidArgument(
+                f"the action has shape {numbers.shape}, must have {self.action_space.shape}"
+            )
+        torque, position = self._core.take_action(numbers)
+        robot = self._process.robot
+        try:
+            state = self._process.step(robot.new_action(torque=torque, position=position))
+            reward, terminated, truncated, success = self._look(state)
+        except RobotStopped as stopped:
+            self._is_running = False
+            info = self._info(is_success=False, fault=_code_of(stopped), fault_text=str(stopped))
+            return self._observation(), self._last_reward, False, True, info
+        if terminated or truncated:
+            self._is_running = False
+            # Actions that have not acted yet may cause a fault; the episode has ended before it.
+            with contextlib.suppress(RobotStopped):
+                self._process.finish()
+        if self.render_mode == "human":
+            self.render()
+        return self._observation(), reward, terminated, truncated, self._info(is_success=success)
+
+    def render(self) -> Any:
+        """Draws the scene: as an image, height x width x 3, or in a window with mode "human"."""
+        if self.render_mode is None:
+            raise InvalidArgument(
+                'render_mode is None; make the environment with render_mode="rgb_array" or "human"'
+            )
+        if self._drawing is None:
+            if self.render_mode == "human":
+                self._drawing = Window(self._mjcf(), self._view, 1 / self.metadata["render_fps"])
+            else:
+                self._drawing = Painter(self._mjcf(), is_plain=True, view=self._view)
+        goal = self._core.desired
+        marks = (
+            goal if len(goal) % 3 == 0 else np.append(goal[:2], goal[2:3] if len(goal) > 2 else 0.0)
+        )
+        return self._drawing.draw(self._configuration(), marks)
+
+    def close(self) -> None:
+        """Gives the robot back and closes the drawing."""
+        self._is_running = False
+        self._process.close()
+        if self._drawing is not None:
+            self._drawing.close()
+            self._drawing = None
+
+    def _look(self, state: Any) -> tuple[float, bool, bool, bool]:
+        observation = _observed(state)
+        pose = None
+        if self._object:
+            seen = self._process.robot.companion(OBJECT).get_latest_at(self._process.time_index)
+            if seen is None:
+                raise InvalidArgument(f"nobody has said where the {self._object} is")
+            part = seen[self._object]
+            pose = (part["position"], part["orientation"])
+        outcome = self._core.observe(observation.position, observation.velocity, pose)
+        self._last_reward = outcome[0]
+        return outcome
+
+    def _observation(self) -> Observation:
+        return copied(self._newest())
+
+    def _info(self, **more: Any) -> Info:
+        core = self._core
+        info: Info = {
+            "is_success": False,
+            "achieved_goal": core.achieved.copy(),
+            "desired_goal": core.desired.copy(),
+            "fault": 0,
+        }
+        if self._object:
+            info["distance"] = float(core.distance[0])
+        else:
+            fingers = core.num_joints // 3
+            info["distance"] = core.distance[:fingers].copy()
+            info["finger_rewards"] = core.finger_rewards[:fingers].copy()
+        return info | more
+
+    # Moves a connected robot to where the episode begins.
+    def _move_there(self, state: Any) -> Any:
+        configuration = self._process.robot.documents().get("configuration.yml")
+        if configuration is not None:
+            self._core.check_robot(configuration)
+        if self._object:
+            self._process.robot.companion(OBJECT)  # raises if there is none
+        for point in self._core.way(_observed(state).position):
+            state = self._process.step(self._process.robot.new_action(position=point))
+        return state
+
+    def _mjcf(self) -> str:
+        config, overrides = self._scene
+        return _trifinger.export_mjcf(config, overrides)
+
+    def _configuration(self) -> Array:
+        if self._simulation is not None:
+            return np.asarray(self._simulation.configuration())
+        robot = self._process.robot
+        parts = [np.asarray(robot.latest_observation().position)]
+        if self._object:
+            pose = robot.companion(OBJECT).latest_observation()[self._object]
+            parts += [pose["position"], pose["orientation"]]
+        return np.concatenate(parts)
+
+
+class GoalEnvironment(Environment):
+    """The goal-conditioned variant: observations hold the achieved and the desired goal."""
+
+    def __init__(
+        self, task: str | Task, *, options: Options | None = None, **arguments: Any
+    ) -> None:
+        """Takes the arguments of Environment; the options need observation="goal"."""
+        super().__init__(
+            task, options=options or default_options(task, observation="goal"), **arguments
+        )
+
+    def compute_reward(
+        self, achieved_goal: npt.ArrayLike, desired_goal: npt.ArrayLike, _info: object = None
+    ) -> Any:
+        """The reward for an achieved goal, or one reward for each row of a batch."""
+        return self._reward_of(achieved_goal, desired_goal)

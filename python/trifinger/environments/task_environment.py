@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What all environments of a task have in common."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium import spaces
+
+from trifinger.environments.options import Options
+from trifinger.errors import InvalidArgument
+
+Array = npt.NDArray[Any]
+Observation = Array | dict[str, Array]
+Info = dict[str, Any]
+
+FARTHEST = 10.0  # bound of all coordinates of goals [m]
+
+
+class TaskEnvironment:
+    """A task with its options: spaces, layout of observations, and rewards.
+
+    `core` is the part in C++, for one robot or many. Its arrays end with the same dimensions.
+    """
+
+    def __init__(self, task: str, options: Options, core: Any) -> None:
+        self.task = task
+        self.options = options
+        self._core = core
+        place = {name: index for index, name in enumerate(core.flat_names)}
+        self._slices: dict[str, slice] = {}
+        self._flat: dict[str, tuple[list[int], Array, Array]] = {}  # places, bounds
+        begin = 0
+        for name, _, low, high in core.entries:
+            self._slices[name] = slice(begin, begin + len(low))
+            begin += len(low)
+            places = [place[f"{name}[{i}]"] for i in range(len(low))]
+            self._flat[name] = (places, np.array(low), np.array(high))
+
+    @property
+    def episode_actions(self) -> int:
+        """Number of actions in an episode that is not terminated early."""
+        return int(self._core.episode_actions)
+
+    def entries(self, observations: Array) -> dict[str, Array]:
+        """Splits flat observations (..., numbers) into entries (..., its numbers), in SI units.
+
+        With per_finger=True goals are in the frames of their fingers. With observation="goal", pass
+        the vector "observation" of the dictionary.
+        """
+        if self.options.observation == "dictionary":
+            raise InvalidArgument('observation is "dictionary": it has its entries already')
+        return {
+            name: low + 0.5 * (observations[..., places] + 1.0) * (high - low)
+            for name, (places, low, high) in self._flat.items()
+        }
+
+    def _observation_space(self) -> spaces.Space[Any]:
+        core = self._core
+        flat = spaces.Box(-1.0, 1.0, (core.observation.shape[-1],), np.float32)
+        if self.options.observation == "flat":
+            return flat
+        if self.options.observation == "dictionary":
+            return spaces.Dict(
+                {
+                    name: spaces.Box(np.float32(low), np.float32(high), dtype=np.float32)
+                    for name, (_, low, high) in self._flat.items()
+                }
+            )
+        goal = spaces.Box(-FARTHEST, FARTHEST, (core.achieved.shape[-1],), np.float64)
+        return spaces.Dict({"observation": flat, "achieved_goal": goal, "desired_goal": goal})
+
+    def _action_space(self) -> spaces.Box:
+        return spaces.Box(-1.0, 1.0, (self._core.num_joints,), np.float32)
+
+    # Views of the arrays that C++ writes, in the form that the options ask for.
+    def _views(self, observation: Array, achieved: Array, desired: Array) -> Observation:
+        if self.options.observation == "flat":
+            return observation
+        if self.options.observation == "dictionary":
+            return {name: observation[..., part] for name, part in self._slices.items()}
+        return {"observation": observation, "achieved_goal": achieved, "desired_goal": desired}
+
+    def _newest(self) -> Observation:
+        return self._views(self._core.observation, self._core.achieved, self._core.desired)
+
+    def _reward_of(self, achieved: npt.ArrayLike, desired: npt.ArrayLike) -> Any:
+        rows = [
+            np.atleast_2d(np.ascontiguousarray(goal, np.float64)) for goal in (achieved, desired)
+        ]
+        rewards = self._core.compute_reward(*rows)
+        return float(rewards[0]) if np.ndim(achieved) == 1 else rewards
+
+
+def copied(value: Observation) -> Observation:
+    """A copy of an observation, which C++ does not overwrite."""
+    if isinstance(value, dict):
+        return {name: part.copy() for name, part in value.items()}
+    return value.copy()
+
+
+def seed_of(environment: Any) -> int:
+    """The seed that Gymnasium has drawn; the last 32 bits of it, because ours are not longer."""
+    return int(environment.np_random_seed % 2**32)

@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Many simulations of a task at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import gymnasium
+import numpy as np
+import numpy.typing as npt
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import batch_space
+
+from trifinger import _trifinger
+from trifinger.environments.options import Options, overrides_of
+from trifinger.environments.task_environment import (
+    Array,
+    Info,
+    Observation,
+    TaskEnvironment,
+    copied,
+    seed_of,
+)
+from trifinger.errors import InvalidArgument
+
+
+class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, Any]):
+    """A task on many simulations at once, in C++ on several threads.
+
+    A simulation with seed s gives the same numbers, bit for bit, as `Environment` with seed s. With
+    `copy=False` the next call overwrites the observations: they are the memory that C++ writes.
+    """
+
+    _core: _trifinger.EnvironmentBatch
+
+    def __init__(
+        self,
+        task: str,
+        num_envs: int,
+        *,
+        options: Options | None = None,
+        num_threads: int = 0,
+        autoreset_mode: AutoresetMode = AutoresetMode.NEXT_STEP,
+        copy: bool = True,
+        config: str = "trifinger_edu",
+        config_overrides: dict[str, object] | None = None,
+    ) -> None:
+        if not isinstance(task, str):
+            raise InvalidArgument(
+                "the task is in Python, must be the name of one in C++: docs/environments.md"
+            )
+        options = options or Options.of(task)
+        overrides = overrides_of(task, options, config_overrides)
+        core = _trifinger.EnvironmentBatch(
+            task, options.to_json(), num_envs, num_threads, config, overrides
+        )
+        super().__init__(task, options, core)
+        self.num_envs = num_envs
+        self.metadata = {"autoreset_mode": AutoresetMode(autoreset_mode)}
+        self.render_mode = None
+        self._mode: str = self.metadata["autoreset_mode"].value
+        self._copy = copy
+        self._has_object = bool(self._core.object_name)
+        self._has_begun = False
+        self._has_ended = np.zeros(num_envs, bool)
+        self.single_observation_space = self._observation_space()
+        self.single_action_space = self._action_space()
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+
+    def __repr__(self) -> str:
+        return f"VectorEnvironment('{self.task}', {self.num_envs}, {self.options})"
+
+    @property
+    def num_threads(self) -> int:
+        """Number of threads that step, including the calling thread."""
+        return self._core.num_threads
+
+    def reset(
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
+    ) -> tuple[Observation, Info]:
+        """Begins an episode in all simulations, or in those of options["reset_mask"].
+
+        Simulation i gets the seed `seed` + i, or entry i of a list. If the first call gives no
+        seed, it is drawn: `np_random_seed` modulo 2^32. Later calls without a seed begin the next
+        episodes. With a seed, options["episode"] may be the number of the episode, or a list.
+        """
+        options = options or {}
+        if seed is None and not self._has_begun:
+            seed = seed_of(self)
+        elif isinstance(seed, int):
+            super().reset(seed=seed)
+        if seed is not None:
+            seeds = range(seed, seed + self.num_envs) if isinstance(seed, int) else seed
+            if len(seeds) != self.num_envs:
+                raise InvalidArgument(
+                    f"there are {len(seeds)} seeds for {self.num_envs} simulations"
+                )
+            episodes = np.broadcast_to(options.get("episode", 0), self.num_envs)
+            for index, one in enumerate(seeds):
+                if one is not None:
+                    self._core.seed(index, one, int(episodes[index]))
+        elif "episode" in options:
+            raise InvalidArgument('options["episode"] needs a seed, which is missing')
+        mask = options.get("reset_mask")
+        if mask is not None and not self._has_begun:
+            raise InvalidArgument("the first reset must be of all simulations, without reset_mask")
+        self._core.reset(mask)
+        self._has_begun = True
+        self._has_ended[... if mask is None else mask] = False
+        return self._observation(), self._info(
+            np.ones(self.num_envs, bool) if mask is None else mask
+        )
+
+    def step(self, actions: Array) -> tuple[Observation, Array, Array, Array, Info]:
+        """Applies an action in each simulation: num_envs rows of numbers from -1 to 1.
+
+        With AutoresetMode.SAME_STEP, info["final_obs"] and info["final_info"] hold the last
+        observations and the infos of episodes that have ended; the rest of `info` belongs to the
+        episodes that begin. With AutoresetMode.DISABLED, ended episodes must be reset before the
+        next step.
+        """
+        if not self._has_begun:
+            raise gymnasium.error.ResetNeeded("no episode has begun: call reset() first")
+        if self._mode == "Disabled" and self._has_ended.any():
+            raise gymnasium.error.ResetNeeded(
+                f"the episodes of the simulations {np.flatnonzero(self._has_ended).tolist()} have "
+                'ended: reset(options={"reset_mask": ...}) begins others'
+            )
+        numbers = np.ascontiguousarray(actions, np.float32)
+        if numbers.shape != self.action_space.shape:
+            raise InvalidArgument(
+                f"the actions have shape {numbers.shape}, must have {self.action_space.shape}"
+            )
+        self._core.step(numbers, self._mode)
+        core = self._core
+        terminated, truncated = core.terminated.astype(bool), core.truncated.astype(bool)
+        info = self._info(np.ones(self.num_envs, bool))
+        self._has_ended = ended = terminated | truncated
+        if self._mode == "SameStep" and ended.any():
+            final = self._views(core.final_observation, core.final_achieved, core.final_desired)
+            last = np.full(self.num_envs, None, object)
+            for index in np.flatnonzero(ended):
+                last[index] = (
+                    {name: part[index].copy() for name, part in final.items()}
+                    if isinstance(final, dict)
+                    else final[index].copy()
+                )
+            info["final_info"] = self._info(ended, "final_")
+            info["fault"] = np.where(ended, 0, info["fault"])
+            info["final_obs"] = last
+            info["_final_obs"] = info["_final_info"] = ended
+        return self._observation(), core.reward.copy(), terminated, truncated, info
+
+    def compute_reward(
+        self, achieved_goal: npt.ArrayLike, desired_goal: npt.ArrayLike, _info: object = None
+    ) -> Any:
+        """The reward for an achieved goal, or one reward for each row of a batch."""
+        return self._reward_of(achieved_goal, desired_goal)
+
+    def _observation(self) -> Observation:
+        seen = self._newest()
+        return copied(seen) if self._copy else seen
+
+    def _info(self, mask: Array, part: Literal["", "final_"] = "") -> Info:
+        core = self._core
+        info: Info = {
+            "is_success": getattr(core, f"{part}success").astype(bool),
+            "achieved_goal": getattr(core, f"{part}achieved").copy(),
+            "desired_goal": getattr(core, f"{part}desired").copy(),
+            "fault": core.fault.copy(),
+        }
+        distance = getattr(core, f"{part}distance")
+        if self._has_object:
+            info["distance"] = distance[:, 0].copy()
+        else:
+            fingers = core.num_joints // 3
+            info["distance"] = distance[:, :fingers].copy()
+            info["finger_rewards"] = getattr(core, f"{part}finger_rewards")[:, :fingers].copy()
+        return info | {f"_{name}": mask.copy() for name in info}
