@@ -1,32 +1,38 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "bindings.hpp"
-#include "element.hpp"
-#include "errors.hpp"
-#include "gil.hpp"
-#include "numpy.hpp"
-#include "recorder.hpp"
-#include "running_backend.hpp"
+#include "conversion/element.hpp"
+#include "conversion/errors.hpp"
+#include "conversion/gil.hpp"
+#include "conversion/numpy.hpp"
+#include "log/recorder.hpp"
+#include "session/running_backend.hpp"
 
 namespace nb = nanobind;
 
 NB_MODULE(_trifinger, m) {
   if (PyArray_ImportNumPyAPI() < 0) throw nb::python_error();
   m.attr("version") = TRIFINGER_VERSION;
-  trifinger::python::register_errors();
-  trifinger::python::bind_element(m);
-  trifinger::python::bind_session(m);
-  trifinger::python::bind_timing(m);
-  trifinger::python::bind_frontend(m);
-  trifinger::python::bind_backend(m);
-  trifinger::python::bind_simulation(m);
-  trifinger::python::bind_control(m);
-  trifinger::python::bind_learning(m);
-  trifinger::python::bind_environment(m);
-  trifinger::python::bind_log(m);
-  trifinger::python::bind_replay(m);
+  using namespace trifinger::bindings;
+  register_errors();
+  bind_element(m);
+  bind_session(m);
+  bind_timing(m);
+  bind_frontend(m);
+  bind_backend(m);
+  bind_recorder(m);
+  bind_simulation(m);
+  bind_kinematics(m);
+  bind_motion(m);
+  bind_forces(m);
+  bind_estimation(m);
+  bind_grasping(m);
+  bind_policy(m);
+  bind_environment(m);
+  bind_log(m);
+  bind_replay(m);
   // Handlers run in reverse order at exit. Threads are parked first, so that they do not notice
   // that their robots stop.
-  trifinger::python::stop_recorders_at_exit();
-  trifinger::python::stop_backends_at_exit();
-  trifinger::python::park_threads_at_exit();
+  stop_recorders_at_exit();
+  stop_backends_at_exit();
+  park_threads_at_exit();
 }

@@ -413,6 +413,25 @@ def run_fake(name: str, *, real_time: bool = False, period: float = 0.001, max_a
     Raises RobotOwned if another back-end has this name.
     """
 
+class Recorder:
+    """
+    Records a robot of this process in a thread of its own. Nothing is lost, because the simulation
+    waits for the recorder. The end of the program stops it.
+    """
+
+    def stop(self) -> None:
+        """
+        Writes what is left and finishes the file. Nothing is recorded after this.
+        """
+
+    @property
+    def file(self) -> pathlib.Path | None:
+        """The newest file; None before the first session."""
+
+    def __enter__(self) -> Recorder: ...
+
+    def __exit__(self, *exception: object) -> None: ...
+
 class Reason(enum.IntFlag):
     """
     Why a joint did not get what was requested: bits of `reasons` in an applied action.
@@ -489,25 +508,6 @@ class Reason(enum.IntFlag):
 
     STUCK = 524288
     """the measurements do not change at all, whatever the torque"""
-
-class Recorder:
-    """
-    Records a robot of this process in a thread of its own. Nothing is lost, because the simulation
-    waits for the recorder. The end of the program stops it.
-    """
-
-    def stop(self) -> None:
-        """
-        Writes what is left and finishes the file. Nothing is recorded after this.
-        """
-
-    @property
-    def file(self) -> pathlib.Path | None:
-        """The newest file; None before the first session."""
-
-    def __enter__(self) -> Recorder: ...
-
-    def __exit__(self, *exception: object) -> None: ...
 
 class Variation:
     """
@@ -826,6 +826,77 @@ def point_of_body(body: Motion, point: numpy.typing.ArrayLike) -> PointMotion:
     The motion of a point that is fixed to a body. `point` is in the body's frame, from its centre [m].
     """
 
+class Progress:
+    """Progress of a movement, with its derivatives."""
+
+    @property
+    def value(self) -> float:
+        """0 at the beginning, 1 at the end."""
+
+    @property
+    def rate(self) -> float:
+        """[1/s]"""
+
+    @property
+    def acceleration(self) -> float:
+        """[1/s^2]"""
+
+def minimum_jerk(time: float, duration: float) -> Progress:
+    """The movement of least jerk from rest to rest; times in [s]."""
+
+class LineTrajectory:
+    """A straight line with the least jerk."""
+
+    def __init__(self, start: numpy.typing.ArrayLike, end: numpy.typing.ArrayLike, duration: float) -> None: ...
+
+    @property
+    def duration(self) -> float:
+        """[s]"""
+
+    def at(self, time: float) -> PointMotion:
+        """
+        The motion at `time` since the beginning [s]. Before time 0 it rests at its start, and after
+        `duration` at its end.
+        """
+
+class PoseTrajectory:
+    """
+    A straight line, and a rotation about a fixed axis through the smaller angle, with least jerk.
+    """
+
+    def __init__(self, start: Pose, end: Pose, duration: float) -> None: ...
+
+    @property
+    def duration(self) -> float:
+        """[s]"""
+
+    def at(self, time: float) -> Motion:
+        """
+        The motion at `time` since the beginning [s]. Before time 0 it rests at its start, and after
+        `duration` at its end.
+        """
+
+class CircleTrajectory:
+    """
+    A horizontal circle that gains its speed smoothly and loses it at the end.
+    """
+
+    def __init__(self, centre: numpy.typing.ArrayLike, radius: float = ..., start_angle: float = ..., turns: float = ..., period: float = ..., ramp_time: float = ...) -> None:
+        """
+        `start_angle` is measured from x towards y [rad]. Negative `turns` go clockwise. `period` is the
+        time of one turn at full speed, `ramp_time` the time from rest to full speed and back to rest [s].
+        """
+
+    @property
+    def duration(self) -> float:
+        """[s]"""
+
+    def at(self, time: float) -> PointMotion:
+        """
+        The motion at `time` since the beginning [s]. Before time 0 it rests at its start, and after
+        `duration` at its end.
+        """
+
 class Wrench:
     """A force and a moment. Cannot be changed."""
 
@@ -1069,77 +1140,6 @@ def tip_impedance(desired: PointMotion, position: numpy.typing.ArrayLike, veloci
     """
     The force that brings a tip to its desired position [N]. Add the force with which the tip should press.
     """
-
-class Progress:
-    """Progress of a movement, with its derivatives."""
-
-    @property
-    def value(self) -> float:
-        """0 at the beginning, 1 at the end."""
-
-    @property
-    def rate(self) -> float:
-        """[1/s]"""
-
-    @property
-    def acceleration(self) -> float:
-        """[1/s^2]"""
-
-def minimum_jerk(time: float, duration: float) -> Progress:
-    """The movement of least jerk from rest to rest; times in [s]."""
-
-class LineTrajectory:
-    """A straight line with the least jerk."""
-
-    def __init__(self, start: numpy.typing.ArrayLike, end: numpy.typing.ArrayLike, duration: float) -> None: ...
-
-    @property
-    def duration(self) -> float:
-        """[s]"""
-
-    def at(self, time: float) -> PointMotion:
-        """
-        The motion at `time` since the beginning [s]. Before time 0 it rests at its start, and after
-        `duration` at its end.
-        """
-
-class PoseTrajectory:
-    """
-    A straight line, and a rotation about a fixed axis through the smaller angle, with least jerk.
-    """
-
-    def __init__(self, start: Pose, end: Pose, duration: float) -> None: ...
-
-    @property
-    def duration(self) -> float:
-        """[s]"""
-
-    def at(self, time: float) -> Motion:
-        """
-        The motion at `time` since the beginning [s]. Before time 0 it rests at its start, and after
-        `duration` at its end.
-        """
-
-class CircleTrajectory:
-    """
-    A horizontal circle that gains its speed smoothly and loses it at the end.
-    """
-
-    def __init__(self, centre: numpy.typing.ArrayLike, radius: float = ..., start_angle: float = ..., turns: float = ..., period: float = ..., ramp_time: float = ...) -> None:
-        """
-        `start_angle` is measured from x towards y [rad]. Negative `turns` go clockwise. `period` is the
-        time of one turn at full speed, `ramp_time` the time from rest to full speed and back to rest [s].
-        """
-
-    @property
-    def duration(self) -> float:
-        """[s]"""
-
-    def at(self, time: float) -> PointMotion:
-        """
-        The motion at `time` since the beginning [s]. Before time 0 it rests at its start, and after
-        `duration` at its end.
-        """
 
 class LowPassFilter:
     """

@@ -1,0 +1,453 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <nanobind/eigen/dense.h>
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <tuple>
+#include <type_traits>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "bindings.hpp"
+#include "conversion/array.hpp"
+#include "conversion/choice.hpp"
+#include "conversion/garbage.hpp"
+#include "conversion/gil.hpp"
+#include "conversion/text.hpp"
+#include "conversion/timeout.hpp"
+#include "simulation/simulation.hpp"
+#include "task.hpp"
+#include "trifinger/base/error.hpp"
+#include "trifinger/learning/environment.hpp"
+#include "trifinger/learning/environment_batch.hpp"
+
+namespace nb = nanobind;
+using namespace nanobind::literals;
+
+namespace trifinger::bindings {
+namespace {
+
+using namespace learning;
+
+using Actions = nb::ndarray<const float, nb::c_contig, nb::device::cpu>;
+using Goals = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Marks = nb::ndarray<const bool, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+
+// In the order of the enumeration.
+constexpr std::array<std::string_view, 3> kAutoresets{"NextStep", "SameStep", "Disabled"};
+
+// Numbers that belong to `owner`, as an array with `rows` rows (none: a vector).
+template <class T>
+nb::object view(nb::handle owner, T* values, std::size_t size, std::size_t rows = 0) {
+  const std::array<std::size_t, 2> shape{rows, rows > 0 ? size / rows : 0};
+  const std::size_t* const sizes = rows > 0 ? shape.data() : &size;
+  return nb::cast(nb::ndarray<nb::numpy, T>(values, rows > 0 ? 2 : 1, sizes, owner));
+}
+
+template <class T>
+nb::object view(nb::handle owner, std::vector<T>& values, std::size_t rows = 0) {
+  return view(owner, values.data(), values.size(), rows);
+}
+
+// `Environment`, one episode of it, and what was seen last.
+struct Episodes {
+  Episodes(nb::object its_task, const EnvironmentOptions& options, const RobotDescription& robot,
+           Nanoseconds step)
+      : task(std::move(its_task)),
+        environment(nb::isinstance<nb::str>(task) ? find_task(nb::cast<std::string>(task))
+                                                  : describe_task(task, failure),
+                    options, robot, step),
+        description(robot),
+        period(step),
+        observation(environment.observation_size()),
+        achieved(environment.goal_size()),
+        desired(environment.goal_size()) {}
+
+  // A task may refer to its environment.
+  int traverse(visitproc visit, void* arg) const noexcept {
+    Py_VISIT(task.ptr());
+    return 0;
+  }
+  void clear() noexcept { task.reset(); }
+
+  nb::object task;  // a name, or an object of Python's class
+  std::shared_ptr<TaskFailure> failure = std::make_shared<TaskFailure>();
+  Environment environment;
+  RobotDescription description;
+  Nanoseconds period;
+  Start start;
+  Episode episode;
+  Outcome outcome;
+  std::vector<float> observation;
+  std::vector<double> achieved;
+  std::vector<double> desired;
+};
+
+Nanoseconds period_of(const RobotConfig& config) {
+  return std::visit([](const auto& options) { return options.period; }, config.simulation);
+}
+
+// What both classes tell of their task.
+template <class T>
+void bind_description(nb::class_<T>& type, const Environment& (*environment_of)(const T&)) {
+  type.def_prop_ro(
+          "entries",
+          [environment_of](const T& self) {
+            nb::list entries;
+            for (const Entry& entry : environment_of(self).entries()) {
+              entries.append(nb::make_tuple(entry.name, entry.unit, entry.low, entry.high));
+            }
+            return entries;
+          },
+          nb::sig("def entries(self) -> list[tuple[str, str, list[float], list[float]]]"),
+          "The parts of an observation: name, unit, bounds.")
+      .def_prop_ro(
+          "goal",
+          [environment_of](const T& self) {
+            const Entry& goal = environment_of(self).goal();
+            return nb::make_tuple(goal.name, goal.unit, goal.low, goal.high);
+          },
+          nb::sig("def goal(self) -> tuple[str, str, list[float], list[float]]"))
+      .def_prop_ro("flat_names",
+                   [environment_of](const T& self) { return environment_of(self).flat_names(); })
+      .def_prop_ro(
+          "episode_actions",
+          [environment_of](const T& self) { return environment_of(self).episode_actions(); })
+      .def_prop_ro("num_joints",
+                   [environment_of](const T& self) { return environment_of(self).num_joints(); })
+      .def_prop_ro("object_name",
+                   [environment_of](const T& self) {
+                     const std::string_view name = environment_of(self).object_name();
+                     return std::string(name);
+                   })
+      .def(
+          "compute_reward",
+          [environment_of](const T& self, const Goals& achieved, const Goals& desired) {
+            const Environment& environment = environment_of(self);
+            const std::size_t size = environment.goal_size();
+            if (achieved.shape(1) != size || desired.shape(1) != size ||
+                achieved.shape(0) != desired.shape(0)) {
+              throw InvalidArgument("goals must have " + std::to_string(size) +
+                                    " numbers each, as many of them achieved as desired");
+            }
+            Eigen::VectorXd rewards(static_cast<Eigen::Index>(achieved.shape(0)));
+            for (std::size_t i = 0; i < achieved.shape(0); ++i) {
+              rewards[static_cast<Eigen::Index>(i)] = environment.reward(
+                  {achieved.data() + i * size, size}, {desired.data() + i * size, size});
+            }
+            if constexpr (std::is_same_v<T, Episodes>) self.failure->rethrow();
+            return rewards;
+          },
+          "achieved"_a, "desired"_a, "One reward for each row.");
+}
+
+void bind_episodes(nb::module_& m) {
+  nb::class_<Episodes> type(m, "Episodes", nb::type_slots(garbage_collected<Episodes>()),
+                            "What makes a decision process of a robot: starts, goals, "
+                            "observations, rewards. `trifinger.environments` uses it.");
+  type.def(
+          "__init__",
+          [](Episodes* self, const nb::object& task, const std::string& options,
+             const std::string& config, const nb::dict& overrides) {
+            const RobotConfig robot = load_config(config, overrides);
+            new (self)
+                Episodes(task, read_options(options), description_of(robot), period_of(robot));
+          },
+          "task"_a, "options"_a, "config"_a, "overrides"_a,
+          nb::sig("def __init__(self, task: object, options: str, config: str, "
+                  "overrides: dict[str, object]) -> None"))
+      .def(
+          "begin",
+          [](Episodes& self, std::uint64_t seed, std::uint64_t number) {
+            self.start = self.environment.begin(seed, number, self.episode);
+            self.failure->rethrow();
+            const Start& start = self.start;
+            const auto list = [](const auto& numbers, std::size_t count) {
+              return std::vector<double>(numbers.begin(), numbers.begin() + count);
+            };
+            return nb::make_tuple(list(start.position, self.environment.num_joints()),
+                                  list(start.object.position, 3), list(start.object.orientation, 4),
+                                  list(start.object_velocity.linear, 3), start.variation,
+                                  start.random.episode);
+          },
+          "seed"_a, "number"_a,
+          nb::sig("def begin(self, seed: int, number: int) -> tuple[list[float], list[float], "
+                  "list[float], list[float], Variation, int]"),
+          "Joints [rad], object's position [m], quaternion and velocity [m/s], variation, series "
+          "of random numbers.")
+      .def(
+          "check_robot",
+          [](const Episodes& self, const std::string& configuration) {
+            const RobotConfig actual =
+                read_robot_config(config::File::parse(configuration, "configuration.yml"));
+            const RobotDescription& description = description_of(actual);
+            if (description.variant != self.description.variant ||
+                description.arrangement != self.description.arrangement) {
+              throw InvalidArgument("the robot is a '" + actual.name +
+                                    "', which is not what `config` says");
+            }
+            if (period_of(actual) != self.period) {
+              throw InvalidArgument(
+                  "the robot's period is " + std::to_string(to_seconds(period_of(actual))) +
+                  " s, `config` says " + std::to_string(to_seconds(self.period)) + " s");
+            }
+          },
+          "configuration"_a, "Refuses another robot than that of `config`, by its configuration.")
+      .def(
+          "way",
+          [](const Episodes& self, const Array<JointValues>& from) {
+            const auto joints = static_cast<Eigen::Index>(self.environment.num_joints());
+            if (from.value.size() != joints) {
+              throw InvalidArgument("from_position must have " + std::to_string(joints) +
+                                    " numbers");
+            }
+            RowMajor way(self.environment.way_actions(), joints);
+            const auto size = static_cast<std::size_t>(joints);
+            for (Eigen::Index i = 0; i < way.rows(); ++i) {
+              self.environment.way_point({from.value.data(), size}, self.start, i,
+                                         {way.row(i).data(), size});
+            }
+            return way;
+          },
+          "from_position"_a,
+          nb::sig("def way(self, from_position: numpy.typing.ArrayLike) -> "
+                  "numpy.typing.NDArray[numpy.float64]"),
+          "Joint positions that bring a robot to where the episode begins: a row for each action "
+          "[rad].")
+      .def(
+          "take_action",
+          [](Episodes& self, const Actions& numbers) {
+            const std::size_t joints = self.environment.num_joints();
+            if (numbers.ndim() != 1 || numbers.size() != joints) {
+              throw InvalidArgument("an action must be an array of " + std::to_string(joints) +
+                                    " numbers");
+            }
+            Eigen::VectorXd torque(static_cast<Eigen::Index>(joints));
+            Eigen::VectorXd position(static_cast<Eigen::Index>(joints));
+            if (!self.environment.take_action({numbers.data(), joints}, self.episode,
+                                              {torque.data(), joints}, {position.data(), joints})) {
+              throw InvalidArgument("an action must be finite");
+            }
+            return std::pair(torque, position);
+          },
+          "numbers"_a,
+          nb::sig(
+              "def take_action(self, numbers: numpy.typing.NDArray[numpy.float32]) -> "
+              "tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64]]"),
+          "Torques [Nm] and positions [rad] of the joints for one action.")
+      .def(
+          "observe",
+          [](Episodes& self, const Array<JointValues>& position, const Array<JointValues>& velocity,
+             nb::handle object) {
+            const auto joints = static_cast<Eigen::Index>(self.environment.num_joints());
+            if (position.value.size() != joints || velocity.value.size() != joints) {
+              throw InvalidArgument("a measurement must have " + std::to_string(joints) +
+                                    " positions and velocities");
+            }
+            if (object.is_none() != self.environment.object_name().empty()) {
+              throw InvalidArgument("the pose of an object is for tasks that have one");
+            }
+            std::optional<ObjectPose> pose;
+            if (!object.is_none()) {
+              const auto [at, turned] =
+                  nb::cast<std::tuple<Array<Eigen::Vector3d>, Array<Eigen::Vector4d>>>(object);
+              pose.emplace();
+              std::copy_n(at.value.data(), 3, pose->position.begin());
+              std::copy_n(turned.value.data(), 4, pose->orientation.begin());
+            }
+            const auto size = static_cast<std::size_t>(joints);
+            self.outcome = self.environment.observe({.position = {position.value.data(), size},
+                                                     .velocity = {velocity.value.data(), size},
+                                                     .object = pose ? &*pose : nullptr},
+                                                    self.episode, self.observation, self.achieved,
+                                                    self.desired);
+            self.failure->rethrow();
+            const Outcome& outcome = self.outcome;
+            return nb::make_tuple(outcome.reward, outcome.terminated, outcome.truncated,
+                                  outcome.success);
+          },
+          "position"_a, "velocity"_a, "object"_a = nb::none(),
+          nb::sig("def observe(self, position: numpy.typing.ArrayLike, velocity: "
+                  "numpy.typing.ArrayLike, object: tuple[numpy.typing.ArrayLike, "
+                  "numpy.typing.ArrayLike] | None = None) -> tuple[float, bool, bool, bool]"),
+          "Reward, terminated, truncated, success; the arrays below change.");
+  bind_description<Episodes>(
+      type, [](const Episodes& self) -> const Environment& { return self.environment; });
+  const auto array = [&type](const char* name, const char* signature, auto get) {
+    type.def_prop_ro(
+        name, [get](nb::handle self) { return get(self, nb::cast<Episodes&>(self)); },
+        nb::sig(signature));
+  };
+  array("observation", "def observation(self) -> numpy.typing.NDArray[numpy.float32]",
+        [](nb::handle owner, Episodes& self) { return view(owner, self.observation); });
+  array("achieved", "def achieved(self) -> numpy.typing.NDArray[numpy.float64]",
+        [](nb::handle owner, Episodes& self) { return view(owner, self.achieved); });
+  array("desired", "def desired(self) -> numpy.typing.NDArray[numpy.float64]",
+        [](nb::handle owner, Episodes& self) { return view(owner, self.desired); });
+  array("distance", "def distance(self) -> numpy.typing.NDArray[numpy.float64]",
+        [](nb::handle owner, Episodes& self) {
+          return view(owner, self.outcome.distance.data(), self.outcome.distance.size());
+        });
+  array("finger_rewards", "def finger_rewards(self) -> numpy.typing.NDArray[numpy.float64]",
+        [](nb::handle owner, Episodes& self) {
+          return view(owner, self.outcome.finger_rewards.data(),
+                      self.outcome.finger_rewards.size());
+        });
+}
+
+void bind_batch(nb::module_& m) {
+  nb::class_<EnvironmentBatch> type(m, "EnvironmentBatch",
+                                    "Many simulations of one decision process, on several threads. "
+                                    "`trifinger.environments.VectorEnvironment` uses it.");
+  type.def(
+          "__init__",
+          [](EnvironmentBatch* self, const std::string& task, const std::string& options, int size,
+             int num_threads, const std::string& config, const nb::dict& overrides) {
+            const RobotConfig robot = load_config(config, overrides);
+            const EnvironmentOptions wanted = read_options(options);
+            std::visit(
+                [&](const auto& simulation) {
+                  new (self) EnvironmentBatch(task, wanted, simulation, size, num_threads);
+                },
+                robot.simulation);
+          },
+          "task"_a, "options"_a, "size"_a, "num_threads"_a, "config"_a, "overrides"_a,
+          nb::sig("def __init__(self, task: str, options: str, size: int, "
+                  "num_threads: int, config: str, overrides: dict[str, object]) -> None"))
+      .def("__len__", &EnvironmentBatch::size)
+      .def_prop_ro("num_threads", &EnvironmentBatch::num_threads)
+      .def("seed", &EnvironmentBatch::seed, "index"_a, "seed"_a, "episode"_a = 0,
+           "The next reset of this simulation begins this episode of `seed`.")
+      .def(
+          "reset",
+          [](EnvironmentBatch& self, std::optional<Marks> which) {
+            std::vector<std::uint8_t> marks;
+            if (which) marks.assign(which->data(), which->data() + which->size());
+            const GilRelease release;
+            self.reset(marks);
+          },
+          "which"_a.none() = nb::none(),
+          nb::sig("def reset(self, which: numpy.typing.NDArray[numpy.bool_] | None = None) -> "
+                  "None"),
+          "Begins an episode in all, or in those that are marked.")
+      .def(
+          "step",
+          [](EnvironmentBatch& self, const Actions& actions, const std::string& autoreset) {
+            const auto mode = choice<Autoreset>("autoreset", kAutoresets, autoreset);
+            const std::span numbers(actions.data(), actions.size());
+            const GilRelease release;
+            self.step(numbers, mode);
+          },
+          "actions"_a, "autoreset"_a,
+          nb::sig("def step(self, actions: numpy.typing.NDArray[numpy.float32], autoreset: str) "
+                  "-> None"),
+          "Lets an action act in each; the arrays below change.");
+  bind_description<EnvironmentBatch>(
+      type, [](const EnvironmentBatch& self) -> const Environment& { return self.environment(); });
+  const auto array = [&type](const char* name, const char* number, auto get, bool has_rows) {
+    const std::string signature =
+        "def " + std::string(name) + "(self) -> numpy.typing.NDArray[numpy." + number + "]";
+    type.def_prop_ro(
+        name,
+        [get, has_rows](nb::handle self) {
+          auto& batch = nb::cast<EnvironmentBatch&>(self);
+          return view(self, get(batch.results()), has_rows ? batch.size() : 0);
+        },
+        nb::sig(signature.c_str()));
+  };
+  constexpr bool kRows = true;
+  array("observation", "float32", [](Results& r) -> auto& { return r.seen.observation; }, kRows);
+  array("achieved", "float64", [](Results& r) -> auto& { return r.seen.achieved; }, kRows);
+  array("desired", "float64", [](Results& r) -> auto& { return r.seen.desired; }, kRows);
+  array(
+      "final_observation", "float32", [](Results& r) -> auto& { return r.final.observation; },
+      kRows);
+  array("final_achieved", "float64", [](Results& r) -> auto& { return r.final.achieved; }, kRows);
+  array("final_desired", "float64", [](Results& r) -> auto& { return r.final.desired; }, kRows);
+  array("distance", "float64", [](Results& r) -> auto& { return r.seen.distance; }, kRows);
+  array(
+      "finger_rewards", "float64", [](Results& r) -> auto& { return r.seen.finger_rewards; },
+      kRows);
+  array("final_distance", "float64", [](Results& r) -> auto& { return r.final.distance; }, kRows);
+  array(
+      "final_finger_rewards", "float64", [](Results& r) -> auto& { return r.final.finger_rewards; },
+      kRows);
+  array("reward", "float64", [](Results& r) -> auto& { return r.reward; }, !kRows);
+  array("terminated", "uint8", [](Results& r) -> auto& { return r.terminated; }, !kRows);
+  array("truncated", "uint8", [](Results& r) -> auto& { return r.truncated; }, !kRows);
+  array("success", "uint8", [](Results& r) -> auto& { return r.seen.success; }, !kRows);
+  array("final_success", "uint8", [](Results& r) -> auto& { return r.final.success; }, !kRows);
+  array("fault", "int32", [](Results& r) -> auto& { return r.fault; }, !kRows);
+}
+
+}  // namespace
+
+void bind_environment(nb::module_& m) {
+  nb::class_<Random>(m, "Random",
+                     "The random numbers of an episode. They depend only on its seed and number, "
+                     "and are the same on every machine.")
+      .def("uniform", &Random::uniform, "low"_a, "high"_a,
+           "A number from `low` up to but not including `high`.")
+      .def("normal", &Random::normal, "A normally distributed number: mean 0, deviation 1.")
+      .def("integer", &Random::integer, "low"_a, "high"_a,
+           "An integer from `low` up to but not including `high`.");
+  bind_episodes(m);
+  bind_batch(m);
+  m.def(
+      "task_names", [] { return task_names(); }, "Names of the tasks of `trifinger.environments`.");
+  m.def(
+      "default_environment_options",
+      [](const std::string& task) { return write_options(default_options(task)); }, "task"_a,
+      "Default options of a task, as JSON.");
+  m.def(
+      "environment_overrides",
+      [](const std::optional<std::string>& task, const std::string& options) {
+        const nb::object loads = nb::module_::import_("json").attr("loads");
+        nb::dict overrides;
+        const TaskDescription described =
+            task ? find_task(*task) : TaskDescription{.config_overrides = {}};
+        for (const std::string& text : config_overrides(described, read_options(options))) {
+          const std::size_t end = text.find('=');
+          overrides[text.substr(0, end).c_str()] = loads(text.substr(end + 1));
+        }
+        return overrides;
+      },
+      "task"_a, "options"_a,
+      nb::sig("def environment_overrides(task: str | None, options: str) -> dict[str, object]"),
+      "The overrides that a robot's configuration needs for options (JSON), and for a task.");
+  m.def(
+      "describe_environment_options",
+      [] {
+        std::vector<std::tuple<std::string, std::string, std::string, std::string>> all;
+        for (OptionDescription& option : describe_options()) {
+          all.emplace_back(std::move(option.name), std::move(option.type), std::move(option.value),
+                           std::move(option.meaning));
+        }
+        return all;
+      },
+      "Name, type, default (JSON) and meaning of each option.");
+  m.def(
+      "robot_configuration",
+      [](const std::string& config, const nb::dict& overrides) {
+        return load_config(config, overrides).session.documents.front().text;
+      },
+      "config"_a, "config_overrides"_a = nb::dict(),
+      nb::sig("def robot_configuration(config: str, config_overrides: dict[str, object] = {}) -> "
+              "str"),
+      "The whole text of a configuration, with what it extends and its overrides, as sessions have "
+      "it.");
+}
+
+}  // namespace trifinger::bindings

@@ -1,0 +1,214 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/map.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <iterator>
+#include <map>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <tuple>
+#include <utility>
+#include <vector>
+
+#include "bindings.hpp"
+#include "conversion/array.hpp"
+#include "conversion/choice.hpp"
+#include "conversion/text.hpp"
+#include "trifinger/base/error.hpp"
+#include "trifinger/learning/policy.hpp"
+
+namespace nb = nanobind;
+using namespace nanobind::literals;
+
+namespace trifinger::bindings {
+namespace {
+
+using namespace learning;
+
+using WeightMatrix = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+using Weights = nb::ndarray<const float, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Bias = nb::ndarray<const float, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using PyLayer = std::tuple<Weights, Bias, std::string>;
+using Numbers = std::vector<double>;
+
+// In the order of the enumerations.
+constexpr std::array<std::string_view, 3> kActivations{"identity", "relu", "tanh"};
+constexpr std::array<std::string_view, 2> kBoundings{"scale", "clip"};
+constexpr std::array<std::string_view, 2> kPrecisions{"double", "single"};
+
+Eigen::VectorXd to_vector(const Numbers& numbers) {
+  return Eigen::Map<const Eigen::VectorXd>(numbers.data(),
+                                           static_cast<Eigen::Index>(numbers.size()));
+}
+
+Numbers from_vector(const Eigen::VectorXd& vector) { return {vector.begin(), vector.end()}; }
+
+Layer to_layer(const PyLayer& layer) {
+  const auto& [weights, bias, activation] = layer;
+  return {.weights = Eigen::Map<const WeightMatrix>(weights.data(),
+                                                    static_cast<Eigen::Index>(weights.shape(0)),
+                                                    static_cast<Eigen::Index>(weights.shape(1))),
+          .bias = Eigen::Map<const Eigen::VectorXf>(bias.data(),
+                                                    static_cast<Eigen::Index>(bias.shape(0))),
+          .activation = choice<Activation>("activation", kActivations, activation)};
+}
+
+void require_both(const char* names, bool first, bool second) {
+  if (first == second) return;
+  throw InvalidArgument(std::string(names) + " go together: give both or none");
+}
+
+// Throws an error that says why `observation` was rejected.
+void explain(const Policy& policy, std::span<const double> observation) {
+  for (std::size_t i = 0; i < observation.size(); ++i) {
+    if (std::isfinite(observation[i])) continue;
+    throw InvalidArgument("observation[" + std::to_string(i) + "] is " +
+                          std::to_string(observation[i]) + ", must be finite");
+  }
+  throw InvalidArgument("the observation has a number that is too large for this policy of " +
+                        std::to_string(policy.num_inputs()) + " inputs");
+}
+
+// Reads the observation in place and writes the action into the array that it returns.
+nb::object call(Policy& policy, nb::handle observation) {
+  // Refuses conversions that would lose something: complex numbers, texts, objects.
+  const nb::object array =
+      nb::steal(PyArray_FROM_OTF(observation.ptr(), NPY_DOUBLE, NPY_ARRAY_IN_ARRAY));
+  if (!array.is_valid()) {
+    PyErr_Clear();
+    throw InvalidArgument("the observation cannot be taken for an array of float64: " +
+                          std::string(nb::repr(observation).c_str()).substr(0, 200));
+  }
+  auto* const numbers = reinterpret_cast<PyArrayObject*>(array.ptr());
+  const auto size = static_cast<npy_intp>(policy.num_inputs());
+  if (PyArray_NDIM(numbers) != 1 || PyArray_DIM(numbers, 0) != size) {
+    const nb::object shape = array.attr("shape");
+    throw InvalidArgument("the observation has the shape " +
+                          std::string(nb::str(nb::handle(shape)).c_str()) + ", must have (" +
+                          std::to_string(size) + ",)");
+  }
+  auto num_outputs = static_cast<npy_intp>(policy.num_outputs());
+  const nb::object action = nb::steal(PyArray_SimpleNew(1, &num_outputs, NPY_DOUBLE));
+  if (!action.is_valid()) throw nb::python_error();
+  const std::span<const double> input(static_cast<const double*>(PyArray_DATA(numbers)),
+                                      policy.num_inputs());
+  auto* const outputs = reinterpret_cast<PyArrayObject*>(action.ptr());
+  const std::span<double> output(static_cast<double*>(PyArray_DATA(outputs)), policy.num_outputs());
+  if (!policy.evaluate(input, output)) explain(policy, input);
+  return action;
+}
+
+}  // namespace
+
+void bind_policy(nb::module_& m) {
+  const InputNormalization usual;
+  nb::class_<Policy>(
+      m, "Policy",
+      "A trained policy: it computes actions from observations, in C++. Its file is described in "
+      "docs/policies.md.\n\nOne policy must not be used by several threads at once.")
+      .def(
+          "__init__",
+          [](Policy* self, nb::handle path, const std::string& precision) {
+            new (self) Policy(Policy::load(to_path(path),
+                                           choice<Precision>("precision", kPrecisions, precision)));
+          },
+          "path"_a, nb::kw_only(), "precision"_a = "double",
+          nb::sig("def __init__(self, path: str | os.PathLike[str], *, precision: str = 'double') "
+                  "-> None"),
+          "Reads the file at `path`. Sums have 'double' or 'single' precision. 'single' takes "
+          "about half the\ntime and rounds as much as PyTorch does.")
+      .def_static(
+          "from_layers",
+          [](const std::vector<PyLayer>& layers, const std::optional<Numbers>& mean,
+             const std::optional<Numbers>& variance, double epsilon, double clip,
+             const std::optional<Numbers>& low, const std::optional<Numbers>& high,
+             const std::string& bounding, const std::map<std::string, std::string>& metadata,
+             const std::string& precision) {
+            Network network{.metadata = metadata};
+            std::ranges::transform(layers, std::back_inserter(network.layers), to_layer);
+            require_both("mean and variance", mean.has_value(), variance.has_value());
+            if (mean && variance) {
+              network.normalization = {.mean = to_vector(*mean),
+                                       .variance = to_vector(*variance),
+                                       .epsilon = epsilon,
+                                       .clip = clip};
+            }
+            require_both("low and high", low.has_value(), high.has_value());
+            if (low && high) {
+              network.bounds = {.low = to_vector(*low),
+                                .high = to_vector(*high),
+                                .bounding = choice<Bounding>("bounding", kBoundings, bounding)};
+            }
+            return Policy(std::move(network),
+                          choice<Precision>("precision", kPrecisions, precision));
+          },
+          "layers"_a, nb::kw_only(), "mean"_a = nb::none(), "variance"_a = nb::none(),
+          "epsilon"_a = usual.epsilon, "clip"_a = usual.clip, "low"_a = nb::none(),
+          "high"_a = nb::none(), "bounding"_a = "scale", "metadata"_a = nb::dict(),
+          "precision"_a = "double",
+          "Makes a policy from layers: weights with one row per output, bias, and 'identity', "
+          "'relu' or 'tanh'.\nInputs are normalised with `mean` and `variance`. Outputs are "
+          "brought between `low` and `high`, by\n'scale' from -1 to 1, or by 'clip'. "
+          "`trifinger.policy_file` makes policies from networks of PyTorch.")
+      .def(
+          "save", [](const Policy& policy, nb::handle path) { policy.save(to_path(path)); },
+          "path"_a, nb::sig("def save(self, path: str | os.PathLike[str]) -> None"),
+          "Writes the file at `path` in one step: an old file stays whole until the new one "
+          "replaces it.")
+      .def("__call__", &call, "observation"_a,
+           nb::sig("def __call__(self, observation: numpy.typing.ArrayLike) -> "
+                   "numpy.typing.NDArray[numpy.float64]"),
+           "Computes the action for `observation`. An array of float64 is read in place.")
+      .def_prop_ro("num_inputs", &Policy::num_inputs)
+      .def_prop_ro("num_outputs", &Policy::num_outputs)
+      .def_prop_ro(
+          "widths",
+          [](const Policy& policy) {
+            std::vector<Eigen::Index> widths{static_cast<Eigen::Index>(policy.num_inputs())};
+            for (const Layer& layer : policy.network().layers) {
+              widths.push_back(layer.weights.rows());
+            }
+            return widths;
+          },
+          "Number of inputs, then number of outputs of each layer.")
+      .def_prop_ro(
+          "activations",
+          [](const Policy& policy) {
+            std::vector<std::string> activations;
+            for (const Layer& layer : policy.network().layers) {
+              activations.emplace_back(kActivations.at(static_cast<std::size_t>(layer.activation)));
+            }
+            return activations;
+          },
+          "Activation of each layer.")
+      .def_prop_ro(
+          "precision",
+          [](const Policy& policy) {
+            return std::string(kPrecisions.at(static_cast<std::size_t>(policy.precision())));
+          },
+          "Precision of the policy's sums: 'double' or 'single'.")
+      .def_prop_ro(
+          "bounds",
+          [](const Policy& policy) -> std::optional<std::tuple<Numbers, Numbers, std::string>> {
+            const auto& bounds = policy.network().bounds;
+            if (!bounds) return std::nullopt;
+            return std::tuple(
+                from_vector(bounds->low), from_vector(bounds->high),
+                std::string(kBoundings.at(static_cast<std::size_t>(bounds->bounding))));
+          },
+          "Bounds of the outputs: low, high, and 'scale' or 'clip'. None if there are no bounds.")
+      .def_prop_ro(
+          "metadata", [](const Policy& policy) { return policy.network().metadata; },
+          "Facts for the program that runs the policy; a copy.");
+}
+
+}  // namespace trifinger::bindings

@@ -1,0 +1,421 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <nanobind/nanobind.h>
+#include <nanobind/stl/map.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/unique_ptr.h>
+#include <nanobind/stl/vector.h>
+
+#include <chrono>
+#include <limits>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "bindings.hpp"
+#include "conversion/errors.hpp"
+#include "conversion/gil.hpp"
+#include "conversion/series.hpp"
+#include "conversion/text.hpp"
+#include "conversion/timeout.hpp"
+#include "log.hpp"
+#include "session/session_info.hpp"
+
+namespace nb = nanobind;
+using namespace nanobind::literals;
+
+namespace trifinger::bindings {
+namespace {
+
+using log::Log;
+using log::LoggedSession;
+
+template <class Function>
+auto without_gil(const Function& function) {
+  const GilRelease release;
+  return function();
+}
+
+template <class T>
+nb::list to_list(const std::vector<T>& values) {
+  nb::list list;
+  for (const T& value : values) list.append(to_python(value));
+  return list;
+}
+
+nb::list to_sessions(std::vector<LoggedSession> sessions) {
+  nb::list list;
+  for (LoggedSession& session : sessions) {
+    list.append(nb::cast(std::make_unique<PythonLoggedSession>(std::move(session))));
+  }
+  return list;
+}
+
+// Returns a method that calls Python: trifinger.export.NAME(session, ...).
+auto exported(const char* name) {
+  return [name](nb::handle session, const nb::args& arguments, const nb::kwargs& options) {
+    return nb::module_::import_("trifinger.export").attr(name)(session, *arguments, **options);
+  };
+}
+
+void bind_logged_session(nb::module_& m) {
+  const auto get = [](Series series) {
+    return [series](const PythonLoggedSession& session, TimeIndex t) {
+      return session.get(series, t);
+    };
+  };
+  const auto get_many = [](Series series) {
+    return [series](const PythonLoggedSession& session, TimeIndex first, TimeIndex last,
+                    nb::handle fields) { return session.get_many(series, first, last, fields); };
+  };
+  const auto all_steps = [](Series which) {
+    return [which](PythonLoggedSession& session) { return session.series(which); };
+  };
+  const auto dtype = [](Series which) {
+    return [which](const PythonLoggedSession& session) { return session.dtype(which); };
+  };
+  const auto header = [](auto member) {
+    return
+        [member](const PythonLoggedSession& session) { return session.session().header().*member; };
+  };
+
+  nb::class_<PythonLoggedSession>(
+      m, "LoggedSession",
+      R"(A session in a log. It belongs to a robot or to one of its companions. A companion has only
+observations and counts its own elements.
+
+    session = trifinger.Log("run.mcap").session("sim")
+    session.observations["position"]             # all steps
+    session.get_observations(1000, 2000)         # like those of a front-end
+    session.get_observations(*session.between(1.5, 3.0), fields=("position",))
+    for steps in session.chunks():               # a log larger than memory
+        steps.time_index, steps.observations, steps.applied_actions
+
+Any number of threads may read.)")
+      .def(
+          "__repr__",
+          [](const PythonLoggedSession& session) {
+            const log::LoggedSession& logged = session.session();
+            const std::string steps = !logged.steps() ? "not ended"
+                                      : *logged.steps() == 1
+                                          ? "1 step"
+                                          : std::to_string(*logged.steps()) + " steps";
+            const std::string text = "<LoggedSession of '" + logged.name() + "', " + logged.type();
+            return to_text(logged.is_companion() ? text + ">" : text + ", " + steps + ">");
+          },
+          nb::sig("def __repr__(self) -> str"))
+      .def_prop_ro("name",
+                   [](const PythonLoggedSession& session) { return session.session().name(); })
+      .def_prop_ro(
+          "type", [](const PythonLoggedSession& session) { return session.session().type(); },
+          R"(Type of the robot, for example "trifinger", or of the companion.)")
+      .def_prop_ro(
+          "is_companion",
+          [](const PythonLoggedSession& session) { return session.session().is_companion(); })
+      .def_prop_ro("session_id", header(&log::SessionHeader::session_id))
+      .def_prop_ro("is_real_time", header(&log::SessionHeader::is_real_time))
+      .def_prop_ro("realtime_lacks", header(&log::SessionHeader::realtime_lacks),
+                   "In real-time mode: what the loop lacked to be a real-time thread, one sentence "
+                   "each. None if it was\nnot recorded.")
+      .def_prop_ro(
+          "period",
+          [](const PythonLoggedSession& session) {
+            return to_seconds(session.session().header().period);
+          },
+          "Length of the robot's steps [s].")
+      .def_prop_ro(
+          "created",
+          [](const PythonLoggedSession& session) {
+            return static_cast<double>(session.session().header().created) * 1e-9;
+          },
+          "When the session began, seconds since 1970.")
+      .def_prop_ro("host", header(&log::SessionHeader::host))
+      .def_prop_ro("backend_pid", header(&log::SessionHeader::backend_pid))
+      .def_prop_ro(
+          "documents",
+          [](const PythonLoggedSession& session) {
+            return to_python(session.session().header().documents);
+          },
+          nb::sig("def documents(self) -> dict[str, str]"),
+          R"(Texts that belong to the session, by name: "configuration.yml", "model.xml".)")
+      .def_prop_ro(
+          "steps", [](const PythonLoggedSession& session) { return session.session().steps(); },
+          "Number of whole steps of the session. None if it was still running when the recording "
+          "ended.")
+      .def_prop_ro(
+          "fault",
+          [](const PythonLoggedSession& session) {
+            return to_python(std::optional(session.session().fault()));
+          },
+          nb::sig("def fault(self) -> trifinger.session_info.Fault | None"),
+          "Why the session ended; None if it was still running when the recording ended.")
+      .def_prop_ro(
+          "fault_text",
+          [](const PythonLoggedSession& session) {
+            return to_text(session.session().fault_text());
+          },
+          nb::sig("def fault_text(self) -> str"), "The reason of `fault` as a sentence.")
+      .def_prop_ro(
+          "gaps",
+          [](const PythonLoggedSession& session) {
+            return to_list(without_gil([&] { return session.session().gaps(); }));
+          },
+          nb::sig("def gaps(self) -> list[trifinger.log_types.Gap]"),
+          R"(Steps that are missing in the log, because the recorder said so or because the file is
+damaged. Reads the whole log once.)")
+
+      .def_prop_ro(
+          "observations", all_steps(Series::kObservation),
+          nb::sig("def observations(self) -> numpy.typing.NDArray[Observation]"),
+          R"(Observations of all whole steps: a row for each number in `time_index`. They are read
+at the first request and kept.)")
+      .def_prop_ro("desired_actions", all_steps(Series::kDesiredAction),
+                   nb::sig("def desired_actions(self) -> numpy.typing.NDArray[Action]"))
+      .def_prop_ro("applied_actions", all_steps(Series::kAppliedAction),
+                   nb::sig("def applied_actions(self) -> numpy.typing.NDArray[AppliedAction]"))
+      .def_prop_ro("statuses", all_steps(Series::kStatus),
+                   nb::sig("def statuses(self) -> numpy.typing.NDArray[StatusElement]"))
+      .def_prop_ro(
+          "time_index", &PythonLoggedSession::time_index,
+          nb::sig("def time_index(self) -> numpy.typing.NDArray[numpy.int64]"),
+          "The whole steps that are in the log; for a companion, the numbers of its elements.")
+      .def_prop_ro("times", &PythonLoggedSession::times,
+                   nb::sig("def times(self) -> numpy.typing.NDArray[numpy.datetime64]"),
+                   "Times at which the observations were measured, by the wall clock (UTC).")
+
+      .def("get_observation", get(Series::kObservation), "t"_a,
+           nb::sig("def get_observation(self, t: int) -> Observation"),
+           "Returns y[t]. This and the functions below raise NotInLog if an element is missing.")
+      .def("get_desired_action", get(Series::kDesiredAction), "t"_a,
+           nb::sig("def get_desired_action(self, t: int) -> Action"))
+      .def("get_applied_action", get(Series::kAppliedAction), "t"_a,
+           nb::sig("def get_applied_action(self, t: int) -> AppliedAction"))
+      .def("get_status", get(Series::kStatus), "t"_a,
+           nb::sig("def get_status(self, t: int) -> StatusElement"))
+      .def(
+          "get_observations", get_many(Series::kObservation), "first"_a, "last"_a,
+          "fields"_a = nb::none(),
+          nb::sig(
+              "def get_observations(self, first: int, last: int, fields: str | "
+              "collections.abc.Sequence[str] | None = None) -> numpy.typing.NDArray[Observation]"),
+          R"(Returns the steps from `first` to before `last`, with only these `fields` if given. Row
+i is step `first + i`, so all steps must be in the log.
+
+If the session ended in step N, the log has an observation and a status N, but no actions N.)")
+      .def("get_desired_actions", get_many(Series::kDesiredAction), "first"_a, "last"_a,
+           "fields"_a = nb::none(),
+           nb::sig("def get_desired_actions(self, first: int, last: int, fields: str | "
+                   "collections.abc.Sequence[str] | None = None) -> numpy.typing.NDArray[Action]"))
+      .def("get_applied_actions", get_many(Series::kAppliedAction), "first"_a, "last"_a,
+           "fields"_a = nb::none(),
+           nb::sig("def get_applied_actions(self, first: int, last: int, fields: str | "
+                   "collections.abc.Sequence[str] | None = None) -> "
+                   "numpy.typing.NDArray[AppliedAction]"))
+      .def("get_statuses", get_many(Series::kStatus), "first"_a, "last"_a, "fields"_a = nb::none(),
+           nb::sig("def get_statuses(self, first: int, last: int, fields: str | "
+                   "collections.abc.Sequence[str] | None = None) -> "
+                   "numpy.typing.NDArray[StatusElement]"))
+      .def("get_latest_at", &PythonLoggedSession::get_latest_at, "t"_a,
+           nb::sig("def get_latest_at(self, t: int) -> Observation | None"),
+           R"(For companions: returns the newest element that arrived at or before the robot's step
+`t`. None if none had arrived by then.)")
+      .def("range", &PythonLoggedSession::range, "series"_a,
+           nb::sig("def range(self, series: str) -> tuple[int, int]"),
+           R"(The first step of `series` in the log, and the first step after the last one.)")
+      .def(
+          "between", &PythonLoggedSession::between, "begin"_a, "end"_a,
+          nb::sig("def between(self, begin: float, end: float) -> tuple[int, int]"),
+          R"(The range of the steps measured from `begin` to before `end`. Both are in seconds since
+the first step in the log.)")
+      .def(
+          "timing",
+          [](const PythonLoggedSession& session, TimeIndex first, nb::handle last) {
+            const TimeIndex end =
+                last.is_none() ? std::numeric_limits<TimeIndex>::max() : nb::cast<TimeIndex>(last);
+            return without_gil([&] { return session.session().timing(first, end); });
+          },
+          "first"_a = 0, "last"_a = nb::none(),
+          nb::sig("def timing(self, first: int = 0, last: int | None = None) -> TimingRecord | "
+                  "None"),
+          R"(How well the session kept its time from step `first` to before `last`, including the
+status of its end. It equals Frontend.timing() if no step is missing. None outside real-time mode,
+or if the statuses have another version.)")
+      .def(
+          "read",
+          [](const PythonLoggedSession& session, nb::handle first, nb::handle last,
+             nb::handle series) {
+            return PythonSteps(session.session(), series, first, last, 1).read_all();
+          },
+          "first"_a = nb::none(), "last"_a = nb::none(), "series"_a = nb::none(),
+          nb::sig("def read(self, first: int | None = None, last: int | None = None, series: "
+                  "collections.abc.Mapping[str, collections.abc.Sequence[str] | None] | "
+                  "collections.abc.Sequence[str] | None = None) -> trifinger.log_types.Steps"),
+          R"(Reads the existing whole steps from `first` to before `last`. Reading several series at
+once takes no longer than reading one.
+
+`series` are names, "desired_action", "applied_action", "observation" and "status", or a dict of
+names and fields: `{"observation": ("position",), "status": None}`.)")
+      .def(
+          "chunks",
+          [](const PythonLoggedSession& session, std::size_t count, nb::handle first,
+             nb::handle last, nb::handle series) {
+            return std::make_unique<PythonSteps>(session.session(), series, first, last, count);
+          },
+          "count"_a = 10'000, "first"_a = nb::none(), "last"_a = nb::none(),
+          "series"_a = nb::none(),
+          nb::sig("def chunks(self, count: int = 10000, first: int | None = None, last: int | None "
+                  "= None, series: collections.abc.Mapping[str, collections.abc.Sequence[str] | "
+                  "None] | collections.abc.Sequence[str] | None = None) -> "
+                  "collections.abc.Iterator[trifinger.log_types.Steps]"),
+          "Reads like read(), but `count` rows at a time, for a log larger than memory.")
+
+      .def_prop_ro(
+          "companions",
+          [](const PythonLoggedSession& session) {
+            return to_sessions(session.session().companions());
+          },
+          nb::sig("def companions(self) -> list[LoggedSession]"))
+      .def(
+          "companion",
+          [](const PythonLoggedSession& session, const std::string& name) {
+            return std::make_unique<PythonLoggedSession>(session.session().companion(name));
+          },
+          "name"_a, R"(The companion `name` of this robot, for example "object".)")
+      .def_prop_ro("observation_dtype", dtype(Series::kObservation),
+                   nb::sig("def observation_dtype(self) -> numpy.dtype[Observation]"))
+      .def_prop_ro("action_dtype", dtype(Series::kDesiredAction),
+                   nb::sig("def action_dtype(self) -> numpy.dtype[Action]"))
+      .def_prop_ro("applied_action_dtype", dtype(Series::kAppliedAction),
+                   nb::sig("def applied_action_dtype(self) -> numpy.dtype[AppliedAction]"))
+      .def_prop_ro("status_dtype", dtype(Series::kStatus),
+                   nb::sig("def status_dtype(self) -> numpy.dtype[StatusElement]"))
+      .def_prop_ro(
+          "units",
+          [](const PythonLoggedSession& session) {
+            nb::dict units;
+            for (const Series each : kSeries) {
+              if (session.session().is_companion() && each != Series::kObservation) continue;
+              nb::dict fields;
+              for (const FieldDescription& field : session.session().element(each).fields()) {
+                fields[field.name.c_str()] = field.unit;
+              }
+              units[nb::str(name_of(each).data(), name_of(each).size())] = fields;
+            }
+            return units;
+          },
+          nb::sig("def units(self) -> dict[str, dict[str, str]]"),
+          R"(Units of the fields of each series: `units["observation"]["position"]` is "rad".)")
+
+      .def("to_pandas", exported("to_pandas"),
+           nb::sig("def to_pandas(self, first: int | None = None, last: int | None = None, series: "
+                   "collections.abc.Mapping[str, collections.abc.Sequence[str] | None] | "
+                   "collections.abc.Sequence[str] | None = None) -> pandas.DataFrame"),
+           R"(Reads like read() into a pandas.DataFrame: a row per step, a column per number, for
+example "observation.position[0]". Needs the extra "export".)")
+      .def("to_csv", exported("to_csv"),
+           nb::sig("def to_csv(self, path: str | os.PathLike[str], first: int | None = None, last: "
+                   "int | "
+                   "None = None, series: collections.abc.Mapping[str, "
+                   "collections.abc.Sequence[str] | None] "
+                   "| collections.abc.Sequence[str] | None = None) -> None"),
+           "Writes the table of to_pandas() to a CSV file, in parts, so that it may be larger than "
+           "memory.")
+      .def(
+          "to_parquet", exported("to_parquet"),
+          nb::sig(
+              "def to_parquet(self, path: str | os.PathLike[str], first: int | None = None, last: "
+              "int "
+              "| None = None, series: collections.abc.Mapping[str, collections.abc.Sequence[str] | "
+              "None] | collections.abc.Sequence[str] | None = None) -> None"),
+          "Writes the table of to_pandas() to a Parquet file, in parts.");
+}
+
+}  // namespace
+
+void bind_log(nb::module_& m) {
+  // Users cannot make one; `chunks` returns it.
+  nb::class_<PythonSteps>(m, "StepsIterator", "Iterator that LoggedSession.chunks() returns.")
+      .def(
+          "__iter__", [](nb::object self) { return self; },
+          nb::sig("def __iter__(self) -> StepsIterator"))
+      .def("__next__", &PythonSteps::next,
+           nb::sig("def __next__(self) -> trifinger.log_types.Steps"));
+  bind_logged_session(m);
+
+  nb::class_<Log>(
+      m, "Log",
+      R"(A recording: a file, a list of its parts, or a folder, whose newest recording is taken.
+
+If the files are finished and whole, opening reads no messages. Damaged pieces are left out and
+named (`damage`, `lost_bytes`, and `gaps` of the sessions); everything else is read.
+
+Raises Error if it is not a log or is one of a later version; InvalidArgument if a folder has no
+recording or the parts belong to several recordings; OSError.)")
+      .def(
+          "__init__",
+          [](Log* place, nb::handle path) {
+            const std::vector<std::filesystem::path> paths = to_paths(path);
+            const GilRelease release;
+            if (paths.size() == 1) {
+              new (place) Log(paths.front());
+            } else {
+              new (place) Log(paths);
+            }
+          },
+          "path"_a,
+          nb::sig(
+              "def __init__(self, path: str | os.PathLike[str] | collections.abc.Sequence[str | "
+              "os.PathLike[str]]) -> None"))
+      .def(
+          "__repr__",
+          [](const Log& log) {
+            const auto& files = log.files();
+            const std::string parts =
+                files.size() == 1 ? "" : ", " + std::to_string(files.size()) + " parts";
+            return to_text("<Log of '" + files.front().string() + "'" + parts + ">");
+          },
+          nb::sig("def __repr__(self) -> str"))
+      .def_prop_ro(
+          "files",
+          [](const Log& log) {
+            nb::list files;
+            for (const std::filesystem::path& file : log.files()) files.append(to_python(file));
+            return files;
+          },
+          nb::sig("def files(self) -> list[pathlib.Path]"), "The files, in the order of the parts.")
+      .def_prop_ro("size", &Log::size, "Size of all files together [bytes].")
+      .def_prop_ro("is_finished", &Log::is_finished,
+                   "True if every file has the summary that is written at its end.")
+      .def_prop_ro(
+          "origin", &Log::origin,
+          R"(The program and machine that wrote the log: "trifinger_version", "host", "kernel",
+"created".)")
+      .def_prop_ro(
+          "sessions", [](const Log& log) { return to_sessions(log.sessions()); },
+          nb::sig("def sessions(self) -> list[LoggedSession]"),
+          "The sessions of robots, in the order in which they began.")
+      .def(
+          "session",
+          [](const Log& log, const std::string& name) {
+            return std::make_unique<PythonLoggedSession>(log.session(name));
+          },
+          "name"_a = "",
+          R"(The newest session with steps of the robot or companion `name`. With an empty name,
+that of the only robot in the log. Raises InvalidArgument with the existing names.)")
+      .def_prop_ro(
+          "events",
+          [](const Log& log) { return to_list(without_gil([&] { return log.events(); })); },
+          nb::sig("def events(self) -> list[trifinger.log_types.Event]"),
+          "Messages for people. This and the properties below read the whole log once.")
+      .def_prop_ro(
+          "damage",
+          [](const Log& log) { return to_list(without_gil([&] { return log.damage(); })); },
+          nb::sig("def damage(self) -> list[trifinger.log_types.Damage]"),
+          "Pieces of the files that could not be read.")
+      .def_prop_ro(
+          "lost_bytes",
+          [](const Log& log) { return without_gil([&] { return log.lost_bytes(); }); },
+          "Number of bytes of the files that could not be used.");
+}
+
+}  // namespace trifinger::bindings

@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <nanobind/nanobind.h>
+#include <nanobind/stl/chrono.h>
+#include <nanobind/stl/vector.h>
+
+#include <chrono>
+
+#include "bindings.hpp"
+#include "conversion/errors.hpp"
+#include "conversion/text.hpp"
+#include "conversion/timeout.hpp"
+#include "session_info.hpp"
+#include "trifinger/core/session.hpp"
+#include "trifinger/core/status.hpp"
+
+namespace nb = nanobind;
+using namespace nanobind::literals;
+
+namespace trifinger::bindings {
+namespace {
+
+nb::object pid_or_none(const ipc::ProcessIdentity& process) {
+  return process.pid == 0 ? nb::none() : nb::cast(process.pid);
+}
+
+}  // namespace
+
+nb::object to_python(const SessionInfo& info) {
+  const double created = std::chrono::duration<double>(info.created.time_since_epoch()).count();
+  return nb::module_::import_("trifinger.session_info")
+      .attr("SessionInfo")(
+          "name"_a = info.name, "type"_a = info.type, "is_companion"_a = info.is_companion,
+          "session_id"_a = info.session_id, "is_real_time"_a = info.is_real_time,
+          "realtime_lacks"_a = nb::tuple(nb::cast(info.realtime_lacks)),
+          "period"_a = to_seconds(info.period), "created"_a = created, "host"_a = info.host,
+          "backend_pid"_a = info.backend.pid, "controller_pid"_a = pid_or_none(info.controller),
+          "backend_is_alive"_a = info.backend_is_alive,
+          "since_heartbeat"_a = to_seconds(info.since_heartbeat),
+          "phase"_a = to_str(name_of(info.phase)), "steps"_a = info.steps,
+          "fault"_a = to_python(std::optional(info.fault)), "fault_text"_a = info.fault_text);
+}
+
+nb::object to_python(const std::vector<Document>& documents) {
+  nb::dict texts;
+  for (const Document& document : documents) {
+    texts[to_text(document.name)] = to_text(document.text);
+  }
+  return texts;
+}
+
+void bind_session(nb::module_& m) {
+  nb::enum_<Status::Flag>(m, "Status", nb::is_flag(), nb::is_arithmetic(),
+                          "What happened in a step: bits of the field `flags` of its status.")
+      .value("ACTION_REPEATED", Status::kActionRepeated,
+             "The action for this step was missing; the previous one was applied again.")
+      .value("ACAUSAL", Status::kAcausal,
+             "The action was appended by someone who had already read y_t.")
+      .value("ACTION_REJECTED", Status::kActionRejected,
+             "The action could not be applied; a safe one was applied instead.")
+      .value("END", Status::kEnd,
+             "The last status of the session: no action was applied at this step.")
+      .value("SCHEDULER_LATE", Status::kSchedulerLate,
+             "The tick began late: the back-end did not get the processor in time.")
+      .value("DRIVER_LATE", Status::kDriverLate,
+             "The tick began late: calls of the driver used up the tick before.");
+
+  m.def(
+      "list_sessions",
+      [] {
+        nb::list sessions;
+        for (const SessionInfo& info : list_sessions()) sessions.append(to_python(info));
+        return sessions;
+      },
+      nb::sig("def list_sessions() -> list[trifinger.session_info.SessionInfo]"),
+      R"(The sessions on this machine, robots and companions, in the order of their names. Sessions
+whose back-end died are included.)");
+
+  m.def(
+      "recover",
+      [](const std::string& name, nb::handle timeout) {
+        in_slices(to_timeout(timeout), [&](Timeout slice) { recover(name, slice); });
+      },
+      "name"_a, "timeout"_a.none() = 5.0,
+      nb::sig("def recover(name: str, timeout: float | None = 5.0) -> None"),
+      R"(Clears the fault of the robot `name`; the next session begins. Call it only after somebody
+has looked at the robot.
+
+Raises SessionNotFound, TimedOut, or RobotStopped if the back-end is gone.)");
+}
+
+}  // namespace trifinger::bindings

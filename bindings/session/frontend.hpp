@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+#include <array>
+#include <atomic>
+#include <memory>
+#include <optional>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "conversion/element_type.hpp"
+#include "trifinger/core/frontend.hpp"
+
+namespace trifinger::bindings {
+
+class Interruption;
+
+/// The front-end for Python. All functions are called with the GIL held. They release it while they
+/// wait, so other threads can use the same object meanwhile.
+class PythonFrontend {
+ public:
+  struct Role {
+    bool controls{false};
+    bool is_inline{false};  ///< The robot runs in the waits of the thread that makes this object.
+  };
+
+  /// `checks` are those of the simulation that the front-end runs, if there is one.
+  PythonFrontend(UntypedFrontend frontend, Role role, nanobind::object checks = {});
+  PythonFrontend(const PythonFrontend&) = delete;
+  PythonFrontend& operator=(const PythonFrontend&) = delete;
+  ~PythonFrontend() { let_go(); }
+
+  /// @throws ControlHeld if another thread is appending, InvalidArgument for anything but an action
+  /// of this robot
+  TimeIndex append_desired_action(nanobind::handle action, nanobind::handle timeout);
+  TimeIndex append_desired_actions(nanobind::handle actions, nanobind::handle timeout);
+  /// The default action with `fields` filled in.
+  [[nodiscard]] nanobind::object new_action(const nanobind::kwargs& fields) const;
+
+  [[nodiscard]] nanobind::object get(Series series, TimeIndex t, nanobind::handle timeout) const;
+  [[nodiscard]] nanobind::object get_many(Series series, TimeIndex first, TimeIndex last,
+                                          nanobind::handle timeout) const;
+  [[nodiscard]] nanobind::object latest_observation(nanobind::handle timeout) const;
+  [[nodiscard]] nanobind::object get_latest_at(TimeIndex t, nanobind::handle timeout) const;
+  void wait_until_time_index(TimeIndex t, nanobind::handle timeout) const;
+  [[nodiscard]] TimeIndex current_time_index() const;
+  [[nodiscard]] std::pair<TimeIndex, TimeIndex> range(Series series) const;
+
+  void finish(nanobind::handle timeout) const;
+  void recover(nanobind::handle timeout) const;
+  [[nodiscard]] std::optional<Fault> fault() const;
+  [[nodiscard]] std::optional<TimingRecord> timing() const;
+  [[nodiscard]] std::unique_ptr<PythonFrontend> companion(const std::string& name) const;
+
+  [[nodiscard]] SessionInfo session_info() const;
+  [[nodiscard]] std::vector<Document> documents() const;
+  /// Returns the text for repr(): the session's name and progress. Never waits and never fails.
+  [[nodiscard]] nanobind::object text() const;
+  [[nodiscard]] nanobind::object dtype(Series series) const { return type_of(series).dtype(); }
+
+  /// Gives the session back, and tells threads that wait with this object.
+  /// @throws the exception that interrupted the robot on its way to rest, for example Ctrl-C
+  void close();
+  /// Ends a `with` block: finishes after a clean end, closes after an exception.
+  void exit(bool is_clean);
+
+  /// For the garbage collector.
+  int traverse(visitproc visit, void* arg) const noexcept {
+    Py_VISIT(checks_.ptr());
+    return 0;
+  }
+  void clear() noexcept { checks_.reset(); }
+
+ private:
+  // A waiting thread keeps this, even if the front-end is closed.
+  struct Handle {
+    explicit Handle(UntypedFrontend untyped) : frontend(std::move(untyped)) {}
+
+    std::atomic<bool> is_closed{false};
+    UntypedFrontend frontend;
+  };
+  class Appending;
+
+  [[nodiscard]] std::shared_ptr<Handle> open() const;
+  [[nodiscard]] const ElementType& type_of(Series series) const;
+  [[nodiscard]] bool is_own_thread() const noexcept {
+    return std::this_thread::get_id() == thread_;
+  }
+  void let_go() noexcept;
+  // Throws ControlHeld in another thread: only one thread moves an inline robot.
+  void require_own_thread() const;
+
+  Role role_;
+  std::thread::id thread_{std::this_thread::get_id()};
+  std::array<ElementType, 4> types_;  // by Series
+  NanCheck nan_check_;
+  bool is_appending_{false};
+  nanobind::object checks_;                     // Checks that the robot calls
+  std::shared_ptr<Interruption> interruption_;  // that of the checks; null without checks
+  std::shared_ptr<Handle> handle_;              // null once closed; replaced under the GIL only
+};
+
+}  // namespace trifinger::bindings

@@ -1,0 +1,247 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <nanobind/eigen/dense.h>
+#include <nanobind/nanobind.h>
+#include <nanobind/stl/map.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/shared_ptr.h>
+#include <nanobind/stl/unique_ptr.h>
+#include <nanobind/stl/vector.h>
+
+#include <cctype>
+#include <map>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "bindings.hpp"
+#include "conversion/array.hpp"
+#include "conversion/garbage.hpp"
+#include "conversion/gil.hpp"
+#include "conversion/text.hpp"
+#include "log/recorder.hpp"
+#include "session/checks.hpp"
+#include "simulation.hpp"
+#include "trifinger/joint/reasons.hpp"
+#include "trifinger/model/export.hpp"
+
+namespace nb = nanobind;
+using namespace nanobind::literals;
+
+namespace trifinger::bindings {
+namespace {
+
+using Values = Eigen::VectorXd;
+
+// Returns "OWN_CHECK" for "own_check".
+std::string constant_name(std::string_view name) {
+  std::string constant(name);
+  for (char& letter : constant) letter = static_cast<char>(std::toupper(letter));
+  return constant;
+}
+
+void bind_reasons(nb::module_& m) {
+  nb::enum_<Reason> reasons(
+      m, "Reason", nb::is_flag(), nb::is_arithmetic(),
+      "Why a joint did not get what was requested: bits of `reasons` in an applied action.");
+  for (const Reason reason : all_reasons()) {
+    reasons.value(constant_name(name_of(reason)).c_str(), reason,
+                  std::string(describe(reason)).c_str());
+  }
+}
+
+}  // namespace
+
+void bind_simulation(nb::module_& m) {
+  // NOLINTNEXTLINE(bugprone-unused-raii): its constructor registers the class.
+  nb::class_<Checks>(m, "_Checks", nb::type_slots(garbage_collected<Checks>()));
+  bind_reasons(m);
+  nb::class_<Variation>(m, "Variation",
+                        "How a simulation differs from its configuration in an episode. "
+                        "`Simulation.vary` explains the numbers.")
+      .def_ro("object_mass", &Variation::object_mass)
+      .def_ro("friction", &Variation::friction)
+      .def_prop_ro("pair_friction",
+                   [](const Variation& variation) {
+                     std::map<std::string, double> factors;
+                     for (const SurfacePair pair : all_surface_pairs()) {
+                       factors.emplace(name_of(pair), variation.pair_friction[pair]);
+                     }
+                     return factors;
+                   })
+      .def_ro("contact_time", &Variation::contact_time)
+      .def_ro("motor_gain", &Variation::motor_gain)
+      .def_ro("torque_delay", &Variation::torque_delay)
+      .def_ro("rotor_inertia", &Variation::rotor_inertia)
+      .def_ro("joint_damping", &Variation::joint_damping)
+      .def_ro("joint_friction", &Variation::joint_friction)
+      .def_ro("stop_margin", &Variation::stop_margin);
+  nb::class_<PythonSimulation>(
+      m, "Simulation", nb::type_slots(garbage_collected<PythonSimulation>()),
+      "A simulated robot in this process. Its back-end runs inside the waits of its front-end: no "
+      "threads,\ndeterministic, as fast as the physics. simulate() is the short form.\n\nEvery "
+      "session begins in the state that the last reset(), place_object(), set_object_velocity() "
+      "or\nrestore() has left. During a session they take effect at once.")
+      .def(
+          "__init__",
+          [](PythonSimulation* self, const std::string& config, const nb::dict& overrides) {
+            new (self) PythonSimulation(load_config(config, overrides));
+          },
+          "config"_a = "sim", "overrides"_a = nb::dict(),
+          nb::sig(
+              "def __init__(self, config: str = 'sim', overrides: dict[str, object] = {}) -> None"),
+          "`config` is the name of a configuration that comes with the package, or a file; "
+          "`overrides` changes "
+          "single\nvalues: {\"fingers.height\": 0.3, \"simulation.seed\": 7}.")
+      .def("__repr__",
+           [](const PythonSimulation& simulation) {
+             return "<Simulation of '" + simulation.name() + "'>";
+           })
+      .def("connect", &PythonSimulation::connect, nb::kw_only(), "strict"_a = true,
+           "Controls the robot in a new session. Raises ControlHeld while another front-end "
+           "controls it.")
+      .def("reset", &PythonSimulation::reset, "position"_a = nb::none(), "seed"_a = nb::none(),
+           "episode"_a = 0,
+           "Resets the simulation: joints at `position` [rad] (default: the configuration's), "
+           "objects as they\nare at the start of the configuration, random numbers of `episode` of "
+           "`seed` (default: the\nconfiguration's).")
+      .def("vary", &PythonSimulation::vary, "variation"_a,
+           "Makes the simulation differ from its configuration as `variation` says.")
+      .def(
+          "vary",
+          [](const PythonSimulation& simulation, double object_mass, double friction,
+             const std::map<std::string, double>& pair_friction, double contact_time,
+             double motor_gain, TimeIndex torque_delay, double rotor_inertia, double joint_damping,
+             double joint_friction, double stop_margin) {
+            Variation variation{.object_mass = object_mass,
+                                .friction = friction,
+                                .contact_time = contact_time,
+                                .motor_gain = motor_gain,
+                                .torque_delay = torque_delay,
+                                .rotor_inertia = rotor_inertia,
+                                .joint_damping = joint_damping,
+                                .joint_friction = joint_friction,
+                                .stop_margin = stop_margin};
+            for (const auto& [name, factor] : pair_friction) {
+              variation.pair_friction[surface_pair_from_name(name)] = factor;
+            }
+            simulation.vary(variation);
+          },
+          nb::kw_only(), "object_mass"_a = 1.0, "friction"_a = 1.0, "pair_friction"_a = nb::dict(),
+          "contact_time"_a = 1.0, "motor_gain"_a = 1.0, "torque_delay"_a = 0,
+          "rotor_inertia"_a = 1.0, "joint_damping"_a = 1.0, "joint_friction"_a = 0.0,
+          "stop_margin"_a = 1.0,
+          nb::sig("def vary(self, *, object_mass: float = 1.0, friction: float = 1.0, "
+                  "pair_friction: dict[str, float] = {}, contact_time: float = 1.0, "
+                  "motor_gain: float = 1.0, torque_delay: int = 0, rotor_inertia: float = 1.0, "
+                  "joint_damping: float = 1.0, joint_friction: float = 0.0, "
+                  "stop_margin: float = 1.0) -> None"),
+          "Makes the simulation differ from its configuration from now on. A reset does not change "
+          "this. Each\nnumber is a factor, except `torque_delay`, the steps until motors deliver a "
+          "torque, and\n`joint_friction`, the dry friction added in the joints [Nm]. "
+          "`pair_friction` has additional factors\nfor pairs of surfaces, for example "
+          "{\"tip_object\": 0.8}; docs/simulation.md names them.")
+      .def("place_object", &PythonSimulation::place_object, "name"_a, "position"_a,
+           "orientation"_a = std::vector<double>{1.0, 0.0, 0.0, 0.0},
+           "Places an object at rest: `position` x, y, z [m] and `orientation`, a quaternion w, x, "
+           "y, z.")
+      .def("set_object_velocity", &PythonSimulation::set_object_velocity, "name"_a, "linear"_a,
+           "angular"_a = std::vector<double>{0.0, 0.0, 0.0},
+           "Sets an object in motion from where it is, in the world frame: velocity of its centre "
+           "[m/s] and\nangular velocity [rad/s].")
+      .def("push_object", &PythonSimulation::push_object, "name"_a, "force"_a,
+           "Applies a force to an object's centre of mass [N], in the world frame. It acts from "
+           "the next step of\nthe session on until the next call, reset() or session.")
+      .def(
+          "object_velocity",
+          [](const PythonSimulation& simulation, const std::string& name) {
+            const ObjectVelocity velocity = simulation.object_velocity(name);
+            return std::pair(Eigen::Vector3d(velocity.linear.data()),
+                             Eigen::Vector3d(velocity.angular.data()));
+          },
+          "name"_a,
+          "The object's velocity now, without delay and noise: velocity of its centre [m/s] and "
+          "angular velocity [rad/s].")
+      .def(
+          "object_pose",
+          [](const PythonSimulation& simulation, const std::string& name) {
+            const ObjectPose pose = simulation.object_pose(name);
+            return std::pair(Eigen::Vector3d(pose.position.data()),
+                             Eigen::Vector4d(pose.orientation.data()));
+          },
+          "name"_a,
+          "The object's pose now, without delay and noise: position [m] and quaternion w, x, y, z.")
+      .def("save", &PythonSimulation::save,
+           "Saves the state: physics, safety chain, delays, random numbers.")
+      .def("restore", &PythonSimulation::restore, "state"_a,
+           "Continues from `state` exactly as the saved simulation continued, bit for bit.")
+      .def("state_before_divergence", &PythonSimulation::state_before_divergence,
+           "The last state before the simulation diverged; empty if it has not diverged.")
+      .def(
+          "configuration",
+          [](const PythonSimulation& simulation) {
+            const std::vector<double> values = simulation.configuration();
+            return Values(
+                Eigen::Map<const Values>(values.data(), static_cast<Eigen::Index>(values.size())));
+          },
+          "Positions and velocities of joints and objects, to draw the scene of mjcf(): MuJoCo's "
+          "qpos, then qvel.")
+      .def("add_check", &PythonSimulation::add_check, "function"_a,
+           nb::sig("def add_check(self, function: collections.abc.Callable[[Observation, Action], "
+                   "None]) -> None"),
+           "Adds a safety check of your own; call it between sessions. `function(observation, "
+           "action)` changes\nthe action in place. The robot's own limits are checked after it. An "
+           "exception ends the session with\na fault that has the exception's text. Ctrl-C is no "
+           "fault: KeyboardInterrupt reaches the program\nthat waits for the robot.")
+      .def(
+          "record",
+          [](const PythonSimulation& simulation, nb::handle folder, const std::string& precision) {
+            return simulation.record(to_path(folder), precision);
+          },
+          "folder"_a, nb::kw_only(), "precision"_a = "double",
+          nb::sig("def record(self, folder: str | os.PathLike[str], *, precision: str = 'double') "
+                  "-> Recorder"),
+          "Records every session from the next one on, without loss, into a file in `folder`. The "
+          "precision\n\"single\" takes half of the space.")
+      .def("mjcf", &PythonSimulation::mjcf, "The scene in MuJoCo's format.");
+
+  m.def(
+      "simulate",
+      [](const std::string& config, const nb::dict& overrides, bool strict, nb::handle record,
+         const nb::iterable& checks) {
+        PythonSimulation simulation(load_config(config, overrides));
+        for (const nb::handle check : checks) simulation.add_check(nb::borrow(check));
+        if (!record.is_none()) static_cast<void>(simulation.record(to_path(record), "double"));
+        return simulation.connect(strict);
+      },
+      "config"_a = "sim", "overrides"_a = nb::dict(), nb::kw_only(), "strict"_a = true,
+      "record"_a = nb::none(), "checks"_a = nb::tuple(),
+      nb::sig("def simulate(config: str = 'sim', overrides: dict[str, object] = {}, *, strict: "
+              "bool = True, record: str | os.PathLike[str] | None = None, "
+              "checks: collections.abc.Iterable[collections.abc.Callable[[Observation, Action], "
+              "None]] = ()) -> Frontend"),
+      "Starts a simulated robot in this process and controls it; see Simulation. `record` is the "
+      "folder for\na log. `checks` are safety checks of your own, see Simulation.add_check(). For "
+      "a robot that runs\nelsewhere, use connect().");
+
+  m.def(
+      "export_mjcf",
+      [](const std::string& config, const nb::dict& overrides) {
+        return export_mjcf(description_of(load_config(config, overrides)));
+      },
+      "config"_a = "sim", "overrides"_a = nb::dict(),
+      nb::sig("def export_mjcf(config: str = 'sim', overrides: dict[str, object] = {}) -> str"),
+      "The scene of a configuration in MuJoCo's format, with objects, cameras and lights.");
+  m.def(
+      "export_urdf",
+      [](const std::string& config, const nb::dict& overrides) {
+        return export_urdf(description_of(load_config(config, overrides)));
+      },
+      "config"_a = "sim", "overrides"_a = nb::dict(),
+      nb::sig("def export_urdf(config: str = 'sim', overrides: dict[str, object] = {}) -> str"),
+      "The robot of a configuration as URDF.");
+}
+
+}  // namespace trifinger::bindings
