@@ -9,7 +9,7 @@
 #include "log/text.hpp"
 #include "shared/terminal.hpp"
 #include "trifinger/log/log.hpp"
-#include "trifinger/log/tools.hpp"
+#include "trifinger/log/repair.hpp"
 
 namespace trifinger::apps {
 namespace {

@@ -9,7 +9,7 @@
 #include "commands.hpp"
 #include "log/text.hpp"
 #include "shared/choice.hpp"
-#include "trifinger/log/tools.hpp"
+#include "trifinger/log/copy.hpp"
 
 namespace trifinger::apps {
 namespace {

@@ -260,8 +260,7 @@ void print_for_people(const Log& log, const std::vector<SessionSummary>& session
   std::vector<Event> shown = log.events();
   const std::size_t all = shown.size();
   if (!events)
-    std::erase_if(shown,
-                  [](const Event& event) { return event.level < log::LogWriter::Level::kWarning; });
+    std::erase_if(shown, [](const Event& event) { return event.level < log::Level::kWarning; });
   if (all > 0) fmt::print("\n");
   if (all > 0) {
     sheet.heading("events", shown.size() == all ? std::to_string(all)
@@ -269,9 +268,9 @@ void print_for_people(const Log& log, const std::vector<SessionSummary>& session
   }
   for (const Event& event : shown) {
     sheet.line(date_text(event.time).substr(11, 8), fmt::format("{}: {}", event.source, event.text),
-               event.level >= log::LogWriter::Level::kError     ? Style::kBad
-               : event.level >= log::LogWriter::Level::kWarning ? Style::kWarning
-                                                                : Style::kPlain);
+               event.level >= log::Level::kError     ? Style::kBad
+               : event.level >= log::Level::kWarning ? Style::kWarning
+                                                     : Style::kPlain);
   }
 }
 

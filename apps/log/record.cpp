@@ -31,8 +31,8 @@
 namespace trifinger::apps {
 namespace {
 
-using Level = log::LogWriter::Level;
-using RecorderEvent = log::RecorderOptions::Event;
+using log::Level;
+using RecorderEvent = log::Event;
 
 struct RecordOptions {
   std::vector<std::string> names;

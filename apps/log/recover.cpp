@@ -7,7 +7,7 @@
 
 #include "commands.hpp"
 #include "log/text.hpp"
-#include "trifinger/log/tools.hpp"
+#include "trifinger/log/repair.hpp"
 
 namespace trifinger::apps {
 namespace {

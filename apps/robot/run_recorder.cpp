@@ -339,7 +339,7 @@ class RecorderInThread final : public RunRecorder {
     log::RecorderOptions options;
     options.folder = folder;
     options.is_follower = true;
-    options.on_event = [this](const log::RecorderOptions::Event& event) {
+    options.on_event = [this](const log::Event& event) {
       // The program itself reports what the robot does.
       if (event.source == "recorder") add(event.text);
     };

@@ -285,7 +285,7 @@ nb::object to_python(const log::Gap& gap) {
 }
 
 nb::object to_python(const log::Event& event) {
-  using Level = log::LogWriter::Level;
+  using log::Level;
   const char* const level = event.level >= Level::kError     ? "error"
                             : event.level >= Level::kWarning ? "warning"
                                                              : "info";

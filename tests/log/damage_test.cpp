@@ -14,7 +14,7 @@
 #include "log/recordings.hpp"
 #include "support/sanitizers.hpp"
 #include "trifinger/log/log.hpp"
-#include "trifinger/log/tools.hpp"
+#include "trifinger/log/repair.hpp"
 
 // Whatever is done to a file, everything that is read is true, and everything lost is reported.
 

@@ -12,7 +12,7 @@
 #include "recordings.hpp"
 #include "trifinger/log/log.hpp"
 #include "trifinger/log/log_writer.hpp"
-#include "trifinger/log/tools.hpp"
+#include "trifinger/log/repair.hpp"
 
 namespace trifinger::test {
 namespace {
@@ -106,7 +106,7 @@ void write_golden(const std::filesystem::path& path) {
   write_steps(writer, session, kGapLast + 1, kGoldenSteps);
   const auto readings = range(reading_at, 0, 10);
   writer.write_companion(session, 0, 0, readings.size(), readings.data());
-  writer.write_event(log::LogWriter::Level::kWarning, "recorder", "the disk is full",
+  writer.write_event(log::Level::kWarning, "recorder", "the disk is full",
                      kCreated + time_at(kGapFirst));
   const OddObservation last = observation_at(kGoldenSteps);
   writer.write_end(session, kGoldenSteps, &last, status_at(kGoldenSteps));

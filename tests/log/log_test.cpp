@@ -443,7 +443,7 @@ TEST(Log, TellsTheEventsInTheirOrder) {
   EXPECT_EQ(events[0].source, "odd");
   EXPECT_EQ(events[1].source, "other");
   EXPECT_EQ(events[1].text, "begins");
-  EXPECT_EQ(events[1].level, LogWriter::Level::kInfo);
+  EXPECT_EQ(events[1].level, Level::kInfo);
 }
 
 TEST(Log, IsReadByManyThreads) {

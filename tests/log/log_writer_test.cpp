@@ -28,6 +28,7 @@
 namespace trifinger::test {
 namespace {
 
+using log::Level;
 using log::LogWriter;
 using log::SessionHeader;
 using ::testing::Contains;
@@ -114,7 +115,7 @@ void write_session(LogWriter& writer, const SessionHeader& header) {
   insist([&] { writer.flush(); });
   insist([&] { writer.write_gap(session, 20, 24, "for a test"); });
   insist([&] { writer.write_companion_gap(session, 0, 10, 11, "for another"); });
-  writer.write_event(LogWriter::Level::kWarning, "odd", "a gap", 1'700'000'001'000'000'002);
+  writer.write_event(Level::kWarning, "odd", "a gap", 1'700'000'001'000'000'002);
   writer.write_steps(session, odd.steps(25, 15));
   writer.write_end(session, 40, odd.observations.data(), odd.statuses[0]);
   insist([&] {

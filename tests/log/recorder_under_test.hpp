@@ -98,7 +98,7 @@ class RecorderThread {
 
  private:
   log::RecorderOptions with_listener(log::RecorderOptions options) {
-    options.on_event = [this](const log::RecorderOptions::Event& event) {
+    options.on_event = [this](const log::Event& event) {
       const std::lock_guard lock(mutex_);
       events_.push_back(event);
     };
@@ -106,7 +106,7 @@ class RecorderThread {
   }
 
   mutable std::mutex mutex_;
-  std::vector<log::RecorderOptions::Event> events_;
+  std::vector<log::Event> events_;
   log::Recorder recorder_;
   std::exception_ptr failure_;
   std::atomic<bool> has_returned_{false};

@@ -185,8 +185,7 @@ inline void write_log(const std::filesystem::path& path, const std::vector<OddSe
   log::LogWriter writer(sink, options);
   for (const OddSession& session : sessions) {
     const std::size_t number = writer.begin_session(session.header);
-    writer.write_event(log::LogWriter::Level::kInfo, session.header.name, "begins",
-                       session.header.created);
+    writer.write_event(log::Level::kInfo, session.header.name, "begins", session.header.created);
     write_steps(writer, number, session, 0, session.steps(), block);
     write_end(writer, number, session);
   }

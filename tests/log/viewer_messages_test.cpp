@@ -15,8 +15,8 @@
 #include <tuple>
 #include <vector>
 
-#include "cdr_reader.hpp"
 #include "core/odd_robot.hpp"
+#include "format/cdr_reader.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/log/log_writer.hpp"
 #include "trifinger/mcap/reader.hpp"

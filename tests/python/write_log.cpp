@@ -122,7 +122,7 @@ void write(const std::filesystem::path& folder, const RobotTypes& types,
     std::memcpy(reading, &stamp, sizeof(stamp));
     writer.write_companion(session, 0, i, 1, reading);
   }
-  writer.write_event(log::LogWriter::Level::kWarning, "recorder", "the disk is nearly full",
+  writer.write_event(log::Level::kWarning, "recorder", "the disk is nearly full",
                      1'700'000'000'100'000'000);
   writer.write_end(session, steps, at(observations, types.observation, steps), statuses.back());
   writer.end_session(session, steps, {.code = Fault::Code::kActionLate, .time_index = steps},

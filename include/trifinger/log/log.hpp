@@ -19,7 +19,8 @@
 #include "trifinger/core/session.hpp"
 #include "trifinger/core/status.hpp"
 #include "trifinger/core/timing.hpp"
-#include "trifinger/log/log_writer.hpp"
+#include "trifinger/log/event.hpp"
+#include "trifinger/log/session_header.hpp"
 #include "trifinger/mcap/reader.hpp"
 
 namespace trifinger::log {
@@ -42,14 +43,6 @@ struct Gap {
   std::string reason;
 
   friend bool operator==(const Gap&, const Gap&) = default;
-};
-
-/// A message for people.
-struct Event {
-  std::int64_t time{0};  ///< Since 1970 [ns].
-  LogWriter::Level level{LogWriter::Level::kInfo};
-  std::string source;
-  std::string text;
 };
 
 /// Bytes of one file that could not be used.

@@ -4,52 +4,20 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
-#include <optional>
 #include <string>
 #include <string_view>
-#include <vector>
 
 #include "trifinger/base/time.hpp"
-#include "trifinger/core/document.hpp"
 #include "trifinger/core/fault.hpp"
-#include "trifinger/core/robot.hpp"
-#include "trifinger/core/session.hpp"
 #include "trifinger/core/status.hpp"
+#include "trifinger/log/event.hpp"
 #include "trifinger/log/message_layout.hpp"
+#include "trifinger/log/session_header.hpp"
+#include "trifinger/mcap/records.hpp"
+#include "trifinger/mcap/sink.hpp"
 #include "trifinger/mcap/writer.hpp"
 
 namespace trifinger::log {
-
-/// What a log says about a session at its beginning; see docs/log_format.md.
-struct SessionHeader {
-  std::string name;
-  std::uint64_t session_id{0};
-  bool is_real_time{false};
-  /// In real-time mode: see `SessionInfo`. Nothing if it was not recorded.
-  std::optional<std::vector<std::string>> realtime_lacks{};
-  Nanoseconds period{0};
-  std::int64_t created{0};  ///< Time since 1970 [ns].
-  /// Add this to times of the session to get times since 1970 [ns]. In real-time mode it is the
-  /// wall clock minus the monotonic clock. Otherwise it is the time of step 0, and step t is t
-  /// periods later.
-  std::int64_t time_offset{0};
-  std::string host;
-  std::int64_t backend_pid{0};
-  RobotTypes types;
-  struct Companion {
-    std::string name;  ///< For example "sim.object".
-    std::string type;
-    ElementDescription element;
-    TimeIndex first_index{0};  ///< Index of the first element in this file.
-  };
-  std::vector<Companion> companions;
-  std::vector<Document> documents;
-  TimeIndex first_index{0};  ///< Index of the first step in this file.
-
-  /// Makes the header from what a session says about itself.
-  [[nodiscard]] static SessionHeader of(const Session& robot,
-                                        const std::vector<Session>& companions);
-};
 
 struct LogOptions {
   Precision precision{Precision::kDouble};
@@ -107,8 +75,6 @@ class LogWriter {
   void write_companion_gap(std::size_t session, std::size_t companion, TimeIndex first,
                            TimeIndex last, std::string_view reason);
 
-  /// The values are those of rcl_interfaces/msg/Log.
-  enum class Level : std::uint8_t { kInfo = 20, kWarning = 30, kError = 40 };
   /// Writes a sentence for people. `time` is since 1970 [ns].
   void write_event(Level level, std::string_view source, std::string_view text, std::int64_t time);
 
@@ -125,8 +91,5 @@ class LogWriter {
   class Implementation;
   std::unique_ptr<Implementation> implementation_;
 };
-
-/// The time of the wall clock since 1970 [ns].
-[[nodiscard]] std::int64_t wall_time() noexcept;
 
 }  // namespace trifinger::log

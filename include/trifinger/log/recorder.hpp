@@ -15,7 +15,9 @@
 #include "trifinger/core/follower.hpp"
 #include "trifinger/core/session.hpp"
 #include "trifinger/ipc/process.hpp"
-#include "trifinger/log/log_writer.hpp"
+#include "trifinger/log/event.hpp"
+#include "trifinger/log/message_layout.hpp"
+#include "trifinger/mcap/records.hpp"
 #include "trifinger/mcap/sink.hpp"
 
 namespace trifinger::log {
@@ -52,14 +54,7 @@ struct RecorderOptions {
   /// not search for sessions.
   bool is_follower{false};
 
-  /// A message for people. It is also in the log.
-  struct Event {
-    std::int64_t time{0};  ///< Since 1970 [ns].
-    LogWriter::Level level{LogWriter::Level::kInfo};
-    std::string source;  ///< The robot concerned, or "recorder".
-    std::string text;    ///< A sentence.
-  };
-  /// Called by the thread of `run`. Must not throw.
+  /// Called by the thread of `run` for every event that goes into the log. Must not throw.
   std::function<void(const Event&)> on_event{};
 
   /// Makes a file, or continues one at byte `size`. Default: `mcap::FileSink`.

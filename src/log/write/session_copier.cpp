@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "session_recorder.hpp"
+#include "write/session_copier.hpp"
 
 #include <algorithm>
 #include <array>
@@ -43,8 +43,8 @@ constexpr std::string_view kOverwritten = "overwritten before it was recorded";
 
 }  // namespace
 
-SessionRecorder::SessionRecorder(const Session& robot, const std::vector<Session>& companions,
-                                 std::shared_ptr<std::atomic<TimeIndex>> next_step, Tell tell)
+SessionCopier::SessionCopier(const Session& robot, const std::vector<Session>& companions,
+                             std::shared_ptr<std::atomic<TimeIndex>> next_step, Tell tell)
     : session_(robot),
       tell_(std::move(tell)),
       robot_(robot),
@@ -67,7 +67,7 @@ SessionRecorder::SessionRecorder(const Session& robot, const std::vector<Session
   statuses_.resize(batch_ * sizeof(Status));
 }
 
-void SessionRecorder::go_on_at(const Position& position, bool is_same_recording) {
+void SessionCopier::go_on_at(const Position& position, bool is_same_recording) {
   has_time_ = true;
   is_fresh_ = !is_same_recording && !has_all_since(position.next_step);
   set_next(position.next_step);
@@ -80,40 +80,40 @@ void SessionRecorder::go_on_at(const Position& position, bool is_same_recording)
   is_done_ = position.is_closed;
 }
 
-void SessionRecorder::begin_after(std::int64_t time) noexcept {
+void SessionCopier::begin_after(std::int64_t time) noexcept {
   if (!header_.is_real_time && !has_time_) {
     header_.time_offset = std::max(header_.time_offset, time + header_.period.count());
   }
   has_time_ = true;
 }
 
-std::int64_t SessionRecorder::last_time() const noexcept {
+std::int64_t SessionCopier::last_time() const noexcept {
   if (header_.is_real_time) return 0;
   return header_.time_offset + next_step() * header_.period.count();
 }
 
 // relaxed: only this thread writes it.
-TimeIndex SessionRecorder::next_step() const noexcept {
+TimeIndex SessionCopier::next_step() const noexcept {
   return next_step_->load(std::memory_order_relaxed);
 }
 
-void SessionRecorder::set_next(TimeIndex step) noexcept {
+void SessionCopier::set_next(TimeIndex step) noexcept {
   // release: after this, the back-end may overwrite what was read.
   next_step_->store(step, std::memory_order_release);
 }
 
-void SessionRecorder::give_up() noexcept {
+void SessionCopier::give_up() noexcept {
   is_done_ = true;
   set_next(kEndless);
 }
 
-TimeIndex SessionRecorder::whole_steps() const {
+TimeIndex SessionCopier::whole_steps() const {
   // The status is written last in each step, but the end has a status without a step.
   return std::min({robot_.range(Series::kAppliedAction).second,
                    robot_.range(Series::kStatus).second, kEndless});
 }
 
-TimeIndex SessionRecorder::oldest_step() const {
+TimeIndex SessionCopier::oldest_step() const {
   // Every series has its own history, and one may be a step ahead of another.
   TimeIndex oldest = 0;
   for (const Series series :
@@ -123,7 +123,7 @@ TimeIndex SessionRecorder::oldest_step() const {
   return std::min(oldest, kEndless);
 }
 
-TimeIndex SessionRecorder::margin(const UntypedFrontend& series) const {
+TimeIndex SessionCopier::margin(const UntypedFrontend& series) const {
   const auto [oldest, end] = series.range(Series::kObservation);
   const TimeIndex history = end - oldest;
   // Without deadlines, a back-end can run through a whole history in no time.
@@ -132,7 +132,7 @@ TimeIndex SessionRecorder::margin(const UntypedFrontend& series) const {
   return std::clamp<TimeIndex>(kMargin / header_.period, 1, std::max<TimeIndex>(history / 4, 1));
 }
 
-double SessionRecorder::lag() const {
+double SessionCopier::lag() const {
   const auto [oldest, end] = robot_.range(Series::kStatus);
   // The history has not overwritten anything yet.
   if (oldest <= 0) return 0.0;
@@ -140,7 +140,7 @@ double SessionRecorder::lag() const {
                     1.0);
 }
 
-void SessionRecorder::pump(LogWriter& log, int file) {
+void SessionCopier::pump(LogWriter& log, int file) {
   if (is_done_) return;
   if (is_fresh_) {
     // Steps from before the recorder began are not a gap.
@@ -158,7 +158,7 @@ void SessionRecorder::pump(LogWriter& log, int file) {
     }
     number_ = log.begin_session(header_);
     if (file_ < 0) {
-      tell_(LogWriter::Level::kInfo, header_.name,
+      tell_(Level::kInfo, header_.name,
             "is recorded from step " + std::to_string(next_step()) + " on");
     }
     file_ = file;
@@ -173,7 +173,7 @@ void SessionRecorder::pump(LogWriter& log, int file) {
   if (fault) write_end(log, *fault);
 }
 
-void SessionRecorder::pump_steps(LogWriter& log, TimeIndex end) {
+void SessionCopier::pump_steps(LogWriter& log, TimeIndex end) {
   const RobotTypes& types = header_.types;
   while (next_step() < end) {
     if (next_step() < oldest_step()) {
@@ -200,7 +200,7 @@ void SessionRecorder::pump_steps(LogWriter& log, TimeIndex end) {
 }
 
 // Returns the number of steps that could still be read whole.
-std::size_t SessionRecorder::read_steps(TimeIndex first, std::size_t count) {
+std::size_t SessionCopier::read_steps(TimeIndex first, std::size_t count) {
   const RobotTypes& types = header_.types;
   for (std::size_t i = 0; i < count; ++i) {
     const TimeIndex t = first + static_cast<TimeIndex>(i);
@@ -222,17 +222,17 @@ std::size_t SessionRecorder::read_steps(TimeIndex first, std::size_t count) {
   return count;
 }
 
-void SessionRecorder::lose_steps(LogWriter& log, TimeIndex end) {
+void SessionCopier::lose_steps(LogWriter& log, TimeIndex end) {
   const TimeIndex first = next_step();
   const TimeIndex found =
       std::min(std::max(first + 1, oldest_step() + margin(robot_)), std::max(end, first + 1));
   log.write_gap(*number_, first, found - 1, kOverwritten);
   set_next(found);
   lost_steps_ += found - first;
-  tell_(LogWriter::Level::kError, kRecorder, loss_text("step", first, found - 1, header_.name));
+  tell_(Level::kError, kRecorder, loss_text("step", first, found - 1, header_.name));
 }
 
-void SessionRecorder::pump_companion(LogWriter& log, std::size_t index) {
+void SessionCopier::pump_companion(LogWriter& log, std::size_t index) {
   CompanionReader& companion = companions_[index];
   const std::size_t batch = companion.elements.size() / companion.element_size;
   const TimeIndex end = std::min(companion.series.range(Series::kObservation).second, kEndless);
@@ -263,12 +263,12 @@ void SessionRecorder::pump_companion(LogWriter& log, std::size_t index) {
                  end);
     log.write_companion_gap(*number_, index, first, again - 1, kOverwritten);
     companion.next = again;
-    tell_(LogWriter::Level::kError, kRecorder,
+    tell_(Level::kError, kRecorder,
           loss_text("element", first, again - 1, header_.companions[index].name));
   }
 }
 
-void SessionRecorder::write_end(LogWriter& log, const Fault& fault) {
+void SessionCopier::write_end(LogWriter& log, const Fault& fault) {
   const TimeIndex steps = whole_steps();
   if (!has_end_ && robot_.range(Series::kStatus).second > steps) {
     Status status;
@@ -288,8 +288,7 @@ void SessionRecorder::write_end(LogWriter& log, const Fault& fault) {
   const std::string text = session_.info().fault_text;
   log.end_session(*number_, steps, fault, text);
   is_done_ = true;
-  tell_(fault.needs_recovery() ? LogWriter::Level::kError : LogWriter::Level::kInfo, header_.name,
-        text);
+  tell_(fault.needs_recovery() ? Level::kError : Level::kInfo, header_.name, text);
 }
 
 }  // namespace trifinger::log

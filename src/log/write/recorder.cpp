@@ -17,16 +17,14 @@
 #include <set>
 #include <utility>
 
-#include "recording.hpp"
-#include "session_recorder.hpp"
-#include "session_watch.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/ipc/file_descriptor.hpp"
+#include "write/recording_files.hpp"
+#include "write/session_copier.hpp"
+#include "write/session_counter.hpp"
 
 namespace trifinger::log {
 namespace {
-
-using Level = LogWriter::Level;
 
 constexpr Nanoseconds kPollPeriod = std::chrono::milliseconds(20);
 // For histories that fill up within `kPollPeriod`.
@@ -58,7 +56,7 @@ struct Handed {
 // One robot and those of its sessions that are not in the log yet, oldest first.
 struct RecordedRobot {
   std::string name;
-  std::deque<std::unique_ptr<SessionRecorder>> sessions;
+  std::deque<std::unique_ptr<SessionCopier>> sessions;
   std::optional<Session> newest;
   std::uint64_t newest_id{0};
   bool is_known{false};       // earlier recordings were looked up
@@ -269,7 +267,7 @@ class Recorder::Implementation {
 
   void add(RecordedRobot& robot, const Session& session, const std::vector<Session>& companions,
            std::shared_ptr<std::atomic<TimeIndex>> next_step) {
-    auto recorder = std::make_unique<SessionRecorder>(
+    auto recorder = std::make_unique<SessionCopier>(
         session, companions, std::move(next_step),
         [this](Level level, std::string_view source, const std::string& text) {
           tell(level, source, text);
@@ -332,7 +330,7 @@ class Recorder::Implementation {
   void write() {
     for (RecordedRobot& robot : robots_) {
       while (!robot.sessions.empty()) {
-        SessionRecorder& session = *robot.sessions.front();
+        SessionCopier& session = *robot.sessions.front();
         pump(robot, session);
         if (!session.is_done()) break;
         robot.last_time = session.last_time();
@@ -345,7 +343,7 @@ class Recorder::Implementation {
     recording_.flush(trouble_since_.has_value());
   }
 
-  void pump(RecordedRobot& robot, SessionRecorder& session) {
+  void pump(RecordedRobot& robot, SessionCopier& session) {
     {
       const std::lock_guard lock(mutex_);
       written_ = session.shared_next_step();
@@ -365,7 +363,7 @@ class Recorder::Implementation {
   void write_events() {
     LogWriter& log = recording_.log();
     while (!events_.empty()) {
-      const RecorderOptions::Event& event = events_.front();
+      const Event& event = events_.front();
       if (log.open_chunk_size() > LogWriter::kMaxChunkSize / 2) log.flush();
       log.write_event(event.level, event.source, event.text, event.time);
       events_.pop_front();
@@ -412,7 +410,7 @@ class Recorder::Implementation {
 
   void watch_lag(RecordedRobot& robot) {
     if (robot.sessions.empty()) return;
-    const SessionRecorder& session = *robot.sessions.front();
+    const SessionCopier& session = *robot.sessions.front();
     const double lag = session.lag();
     if (lag >= kHurry) hurry_ = true;
     if (lag < kHarmlessLag) robot.is_behind = false;
@@ -426,8 +424,7 @@ class Recorder::Implementation {
   // --- other functions ---
 
   void tell(Level level, std::string_view source, const std::string& text) {
-    RecorderOptions::Event event{
-        .time = wall_time(), .level = level, .source = std::string(source), .text = text};
+    Event event{.time = wall_time(), .level = level, .source = std::string(source), .text = text};
     if (options_.on_event) options_.on_event(event);
     if (events_.size() >= kMaxEvents) events_.pop_front();
     events_.push_back(std::move(event));
@@ -534,9 +531,9 @@ class Recorder::Implementation {
 
   RecorderOptions options_;
   ipc::FileDescriptor wake_;
-  SessionWatch watch_;
-  std::deque<RecorderOptions::Event> events_;  // events that are not in the log yet
-  Recording recording_;
+  SessionCounter watch_;
+  std::deque<Event> events_;  // events that are not in the log yet
+  RecordingFiles recording_;
   std::deque<RecordedRobot> robots_;
   std::atomic<bool> stop_requested_{false};
   std::atomic<std::uint64_t> rounds_{0};

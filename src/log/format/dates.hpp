@@ -4,13 +4,21 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
+#include <cstdint>
 #include <ctime>
 #include <string>
 #include <string_view>
 
-#include "characters.hpp"
+#include "format/characters.hpp"
 
 namespace trifinger::log {
+
+// Returns the time of the wall clock since 1970 [ns].
+[[nodiscard]] inline std::int64_t wall_time() noexcept {
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(
+             std::chrono::system_clock::now().time_since_epoch())
+      .count();
+}
 
 // Formats a time with a format string of `strftime`.
 [[nodiscard]] inline std::string utc_text(std::chrono::system_clock::time_point time,

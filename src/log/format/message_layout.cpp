@@ -10,8 +10,8 @@
 #include <set>
 #include <utility>
 
-#include "characters.hpp"
-#include "format.hpp"
+#include "format/characters.hpp"
+#include "format/format.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace trifinger::log {

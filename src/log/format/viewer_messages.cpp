@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "viewer_messages.hpp"
+#include "format/viewer_messages.hpp"
 
 #include <algorithm>
 #include <charconv>
@@ -12,7 +12,7 @@
 #include <system_error>
 #include <utility>
 
-#include "cdr_text.hpp"
+#include "format/cdr_writer.hpp"
 
 namespace trifinger::log::detail {
 namespace {
@@ -151,13 +151,13 @@ class ViewerMessages::Message {
   }
 
  private:
-  static CdrText begun() {
-    CdrText message;
+  static CdrWriter begun() {
+    CdrWriter message;
     message.add(std::uint32_t{0});
     return message;
   }
 
-  CdrText message_{begun()};
+  CdrWriter message_{begun()};
   std::uint32_t count_{0};
 };
 
@@ -261,7 +261,7 @@ ViewerMessages::ViewerMessages(const SessionHeader& header, double rate)
 std::vector<ViewerMessage> ViewerMessages::still(std::int64_t time) const {
   std::vector<ViewerMessage> messages;
   if (has_description()) {
-    CdrText message;
+    CdrWriter message;
     message.add(std::string_view(description_));
     messages.push_back({kRobotDescription, time, message.take()});
   }
@@ -290,7 +290,7 @@ void ViewerMessages::see(std::size_t companion, std::int64_t arrival, std::int64
 
 std::vector<ViewerMessage> ViewerMessages::at(std::int64_t time, const std::byte* observation) {
   Message frames;
-  CdrText joints;
+  CdrWriter joints;
   std::vector<const Turning*> shown;
   for (const Turning& turning : turning_) {
     const double angle = number_at(observation, turning.offset);

@@ -9,8 +9,8 @@
 #include <string_view>
 #include <system_error>
 
-#include "format.hpp"
-#include "log_data.hpp"
+#include "format/format.hpp"
+#include "read/log_data.hpp"
 #include "trifinger/base/suggestion.hpp"
 #include "trifinger/core/errors.hpp"
 

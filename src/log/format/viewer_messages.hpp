@@ -10,7 +10,8 @@
 #include <string_view>
 #include <vector>
 
-#include "trifinger/log/log_writer.hpp"
+#include "trifinger/base/time.hpp"
+#include "trifinger/log/session_header.hpp"
 
 namespace trifinger::log::detail {
 

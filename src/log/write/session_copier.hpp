@@ -33,15 +33,14 @@ inline constexpr std::string_view kRecorder = "recorder";
 
 // Copies a session, its robot's steps and its companions' elements, from the shared memory to a
 // log. Keeps track of its position.
-class SessionRecorder {
+class SessionCopier {
  public:
-  using Tell =
-      std::function<void(LogWriter::Level level, std::string_view source, const std::string& text)>;
+  using Tell = std::function<void(Level level, std::string_view source, const std::string& text)>;
 
   // `tell` is called during `pump`. `next_step` always holds the first step that is still to be
   // read; other threads may read it. Throws Error if the session cannot be read.
-  SessionRecorder(const Session& robot, const std::vector<Session>& companions,
-                  std::shared_ptr<std::atomic<TimeIndex>> next_step, Tell tell);
+  SessionCopier(const Session& robot, const std::vector<Session>& companions,
+                std::shared_ptr<std::atomic<TimeIndex>> next_step, Tell tell);
 
   // Continues at `position`. Steps that the history has lost since then become a gap, but only if
   // the recording is the same.

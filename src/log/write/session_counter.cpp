@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "session_watch.hpp"
+#include "write/session_counter.hpp"
 
 #include <sys/inotify.h>
 #include <unistd.h>
@@ -19,7 +19,7 @@ constexpr std::string_view kSuffix = ".state";
 
 }  // namespace
 
-SessionWatch::SessionWatch(const std::vector<std::string>& robots)
+SessionCounter::SessionCounter(const std::vector<std::string>& robots)
     : file_([] { return ::inotify_init1(IN_CLOEXEC | IN_NONBLOCK); }) {
   for (const std::string& robot : robots) counts_[robot] = 0;
   // A new session is moved to its name, which also replaces the session before.
@@ -28,7 +28,7 @@ SessionWatch::SessionWatch(const std::vector<std::string>& robots)
   }
 }
 
-const std::map<std::string, int>& SessionWatch::look() {
+const std::map<std::string, int>& SessionCounter::look() {
   alignas(inotify_event) std::array<char, 4096> buffer;
   while (file_) {
     const ssize_t size = ::read(file_.get(), buffer.data(), buffer.size());

@@ -3,11 +3,8 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <optional>
-#include <string>
 #include <vector>
 
-#include "trifinger/base/time.hpp"
 #include "trifinger/log/log.hpp"
 
 namespace trifinger::log {
@@ -33,21 +30,5 @@ struct FileReport {
 /// has a summary. In a log, missing steps are recorded as gaps. Returns what is wrong with `file`.
 /// @throws mcap::FormatError, SystemError; then there is no new file
 FileReport recover(const std::filesystem::path& file, const std::filesystem::path& whole);
-
-/// Selects the part of a log that `copy` takes, and how it is written.
-struct CopyOptions {
-  /// The robot whose newest session gives the steps [first, last). From all other sessions, `copy`
-  /// takes what happened at that time.
-  std::string session;
-  std::optional<TimeIndex> first{};
-  std::optional<TimeIndex> last{};
-  Precision precision{Precision::kDouble};
-  mcap::Compression compression{mcap::Compression::kZstd};
-};
-
-/// Writes a part of `log`, or all of it, to the new file `copy`, with the sessions and documents
-/// that belong to it. From companions, `copy` also takes the newest elements from before the part.
-/// @throws InvalidArgument if nothing is left, SystemError; then there is no new file
-void copy(const Log& log, const std::filesystem::path& copy, const CopyOptions& options = {});
 
 }  // namespace trifinger::log

@@ -14,14 +14,14 @@
 #include <span>
 #include <utility>
 
-#include "cdr_text.hpp"
-#include "dates.hpp"
-#include "format.hpp"
-#include "random_id.hpp"
+#include "format/cdr_writer.hpp"
+#include "format/dates.hpp"
+#include "format/format.hpp"
+#include "format/viewer_messages.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/mcap/reader.hpp"
-#include "viewer_messages.hpp"
+#include "write/random_id.hpp"
 
 namespace trifinger::log {
 namespace {
@@ -128,38 +128,6 @@ struct WrittenSession {
 };
 
 }  // namespace
-
-std::int64_t wall_time() noexcept {
-  return std::chrono::duration_cast<Nanoseconds>(
-             std::chrono::system_clock::now().time_since_epoch())
-      .count();
-}
-
-SessionHeader SessionHeader::of(const Session& robot, const std::vector<Session>& companions) {
-  const SessionInfo info = robot.info();
-  SessionHeader header;
-  header.name = info.name;
-  header.session_id = info.session_id;
-  header.is_real_time = info.is_real_time;
-  if (info.is_real_time) header.realtime_lacks = info.realtime_lacks;
-  header.period = info.period;
-  header.created = std::chrono::duration_cast<Nanoseconds>(info.created.time_since_epoch()).count();
-  header.time_offset = header.created;
-  if (info.is_real_time) {
-    const auto monotonic = std::chrono::steady_clock::now().time_since_epoch();
-    header.time_offset = wall_time() - Nanoseconds(monotonic).count();
-  }
-  header.host = info.host;
-  header.backend_pid = info.backend.pid;
-  header.types = robot.description();
-  for (const Session& companion : companions) {
-    const RobotTypes& types = companion.description();
-    header.companions.push_back(
-        {.name = companion.info().name, .type = types.type, .element = types.observation});
-  }
-  header.documents = robot.documents();
-  return header;
-}
 
 class LogWriter::Implementation {
  public:
@@ -299,7 +267,7 @@ class LogWriter::Implementation {
   }
 
   void write_event(Level level, std::string_view source, std::string_view text, std::int64_t time) {
-    detail::CdrText message;
+    detail::CdrWriter message;
     message.add_time(time);
     message.add(static_cast<std::uint8_t>(level));
     message.add(source);

@@ -8,14 +8,14 @@
 #include <utility>
 #include <vector>
 
-#include "format.hpp"
+#include "format/format.hpp"
 
 namespace trifinger::log::detail {
 
 // Writes a CDR message (little endian) field by field: numbers, texts and lengths of arrays.
-class CdrText {
+class CdrWriter {
  public:
-  CdrText() { bytes_ = {std::byte{0}, std::byte{1}, std::byte{0}, std::byte{0}}; }
+  CdrWriter() { bytes_ = {std::byte{0}, std::byte{1}, std::byte{0}, std::byte{0}}; }
 
   template <class Number>
   void add(Number number) {

@@ -7,10 +7,10 @@
 #include <system_error>
 #include <utility>
 
-#include "characters.hpp"
-#include "dates.hpp"
-#include "extra_series.hpp"
-#include "format.hpp"
+#include "format/characters.hpp"
+#include "format/dates.hpp"
+#include "format/extra_series.hpp"
+#include "format/format.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/frontend.hpp"
@@ -282,9 +282,9 @@ void write_last(const Session& robot, const std::vector<Session>& companions,
   const SessionInfo info = robot.info();
   Snapshot(robot, companions, log, length).write();
   if (!info.fault_text.empty()) {
-    log.write_event(LogWriter::Level::kError, info.name, info.fault_text, wall_time());
+    log.write_event(Level::kError, info.name, info.fault_text, wall_time());
   }
-  log.write_event(LogWriter::Level::kInfo, info.name, event, wall_time());
+  log.write_event(Level::kInfo, info.name, event, wall_time());
   log.finish();
   sink.sync();
 }

@@ -10,7 +10,6 @@
 #include <string>
 #include <vector>
 
-#include "session_recorder.hpp"
 #include "trifinger/base/time.hpp"
 #include "trifinger/ipc/file_descriptor.hpp"
 #include "trifinger/ipc/process.hpp"
@@ -18,6 +17,7 @@
 #include "trifinger/log/recorder.hpp"
 #include "trifinger/mcap/reader.hpp"
 #include "trifinger/mcap/sink.hpp"
+#include "write/session_copier.hpp"
 
 namespace trifinger::log {
 
@@ -45,12 +45,12 @@ class RecordingLock {
 // The files of a recording. Chooses their names, decides when one ends and the next begins, removes
 // old ones, and finds where an earlier recorder stopped. Functions that the disk can make fail
 // throw SystemError; the next call tries again.
-class Recording {
+class RecordingFiles {
  public:
-  using Tell = SessionRecorder::Tell;
+  using Tell = SessionCopier::Tell;
 
   // Reads the folder. Throws AlreadyRecorded, InvalidArgument, SystemError.
-  Recording(const std::vector<std::string>& robots, const RecorderOptions& options, Tell tell);
+  RecordingFiles(const std::vector<std::string>& robots, const RecorderOptions& options, Tell tell);
 
   // Returns how far earlier recorders have recorded this session; nothing if they do not know it.
   [[nodiscard]] std::optional<Position> find(const std::string& robot,

@@ -8,7 +8,7 @@
 #include <string>
 #include <utility>
 
-#include "extra_series.hpp"
+#include "format/extra_series.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/status.hpp"
 

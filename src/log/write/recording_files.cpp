@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "recording.hpp"
+#include "write/recording_files.hpp"
 
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -15,19 +15,17 @@
 #include <string_view>
 #include <utility>
 
-#include "dates.hpp"
-#include "format.hpp"
-#include "random_id.hpp"
+#include "format/dates.hpp"
+#include "format/format.hpp"
 #include "trifinger/base/regular_file.hpp"
 #include "trifinger/ipc/file_lock.hpp"
 #include "trifinger/ipc/process.hpp"
 #include "trifinger/log/message_layout.hpp"
 #include "trifinger/mcap/reader.hpp"
+#include "write/random_id.hpp"
 
 namespace trifinger::log {
 namespace {
-
-using Level = LogWriter::Level;
 
 // With a look every 20 ms, a chunk is written at the fourth look, when its first step is 80 ms old.
 // Larger chunks make smaller files: with 80 steps a step takes 318 bytes, with 40 steps 322 bytes.
@@ -270,10 +268,10 @@ RecordingLock::~RecordingLock() {
   if (file_) ::unlink(path_.c_str());
 }
 
-// --- Recording ---
+// --- RecordingFiles ---
 
-Recording::Recording(const std::vector<std::string>& robots, const RecorderOptions& options,
-                     Tell tell)
+RecordingFiles::RecordingFiles(const std::vector<std::string>& robots,
+                               const RecorderOptions& options, Tell tell)
     : options_(options), tell_(std::move(tell)), name_(joined(robots)) {
   std::error_code error;
   std::filesystem::create_directories(options_.folder, error);
@@ -284,7 +282,7 @@ Recording::Recording(const std::vector<std::string>& robots, const RecorderOptio
   look_at(find_files());
 }
 
-std::vector<Recording::File> Recording::find_files() const {
+std::vector<RecordingFiles::File> RecordingFiles::find_files() const {
   std::vector<File> files;
   for (const auto& found : std::filesystem::directory_iterator(options_.folder)) {
     const std::string name = found.path().filename().string();
@@ -317,7 +315,7 @@ std::vector<Recording::File> Recording::find_files() const {
 }
 
 // Finds the recording that an earlier recorder left unfinished, if it is the newest one.
-void Recording::look_at(std::vector<File> files) {
+void RecordingFiles::look_at(std::vector<File> files) {
   earlier_ = std::move(files);
   // The recorders of empty files were killed before the first byte.
   std::erase_if(earlier_, [](const File& file) {
@@ -352,14 +350,14 @@ void Recording::look_at(std::vector<File> files) {
   } while (std::ranges::any_of(earlier_, is_taken));
 }
 
-void Recording::take_over(Unfinished unfinished) {
+void RecordingFiles::take_over(Unfinished unfinished) {
   take_name_of(unfinished.file, unfinished.reader->contents());
   unfinished_ = std::move(unfinished);
   was_cut_off_ = true;
 }
 
 // Makes the next files continue the recording of `file`.
-void Recording::take_name_of(const File& file, const mcap::Contents& contents) {
+void RecordingFiles::take_name_of(const File& file, const mcap::Contents& contents) {
   stem_ = file.stem;
   part_ = file.part;
   id_ = log_entry(contents, "recording");
@@ -373,7 +371,7 @@ void Recording::take_name_of(const File& file, const mcap::Contents& contents) {
   if (id_.empty()) id_ = random_id();
 }
 
-std::vector<std::uint64_t> Recording::open_sessions(const std::string& robot) const {
+std::vector<std::uint64_t> RecordingFiles::open_sessions(const std::string& robot) const {
   std::vector<std::uint64_t> open;
   if (!unfinished_) return open;
   for (const mcap::Metadata& record : unfinished_->reader->contents().metadata) {
@@ -387,13 +385,13 @@ std::vector<std::uint64_t> Recording::open_sessions(const std::string& robot) co
   return open;
 }
 
-bool Recording::is_unfinished(const std::filesystem::path& file) const {
+bool RecordingFiles::is_unfinished(const std::filesystem::path& file) const {
   return std::ranges::any_of(earlier_, [&](const File& known) {
     return known.path == file && known.stem == stem_ && was_cut_off_;
   });
 }
 
-bool Recording::join(const std::filesystem::path& path) {
+bool RecordingFiles::join(const std::filesystem::path& path) {
   if (was_cut_off_ || log_ != nullptr || earlier_.empty() || earlier_.front().path != path)
     return false;
   if (has_joined_) return true;
@@ -407,7 +405,8 @@ bool Recording::join(const std::filesystem::path& path) {
   return true;
 }
 
-std::optional<Position> Recording::find(const std::string& robot, std::uint64_t session_id) const {
+std::optional<Position> RecordingFiles::find(const std::string& robot,
+                                             std::uint64_t session_id) const {
   std::size_t searched = 0;
   for (const File& file : earlier_) {
     if (++searched > kMaxFilesToSearch) break;
@@ -430,12 +429,12 @@ std::optional<Position> Recording::find(const std::string& robot, std::uint64_t 
   return std::nullopt;
 }
 
-LogWriter& Recording::log() {
+LogWriter& RecordingFiles::log() {
   if (log_ == nullptr) open();
   return *log_;
 }
 
-void Recording::open() {
+void RecordingFiles::open() {
   require_room();
   if (unfinished_) {
     const Unfinished unfinished = std::move(*unfinished_);
@@ -457,7 +456,7 @@ void Recording::open() {
   open_new();
 }
 
-void Recording::open_new() {
+void RecordingFiles::open_new() {
   const RecorderOptions::OpenFile open = options_.open_file ? options_.open_file : open_file;
   std::unique_ptr<mcap::Sink> sink;
   std::filesystem::path path;
@@ -491,7 +490,7 @@ void Recording::open_new() {
   tell_(Level::kInfo, kRecorder, "records into " + path_.string());
 }
 
-void Recording::go_on(const Unfinished& unfinished) {
+void RecordingFiles::go_on(const Unfinished& unfinished) {
   const RecorderOptions::OpenFile open = options_.open_file ? options_.open_file : open_file;
   const mcap::Contents& contents = unfinished.reader->contents();
   std::unique_ptr<mcap::Sink> sink = open(unfinished.file.path, contents.complete_size);
@@ -515,7 +514,7 @@ void Recording::go_on(const Unfinished& unfinished) {
   tell_(Level::kWarning, kRecorder, text);
 }
 
-void Recording::flush(bool is_wanted) {
+void RecordingFiles::flush(bool is_wanted) {
   if (log_ == nullptr) return;
   const Instant time = now();
   if (log_->open_chunk_size() == 0) {
@@ -544,12 +543,12 @@ void Recording::flush(bool is_wanted) {
   remove_oldest();
 }
 
-void Recording::finish() {
+void RecordingFiles::finish() {
   if (log_ == nullptr && unfinished_) open();
   if (log_ != nullptr) finish_file();
 }
 
-void Recording::finish_file() {
+void RecordingFiles::finish_file() {
   log_->finish();
   log_.reset();
   chunk_begun_.reset();
@@ -561,7 +560,7 @@ void Recording::finish_file() {
   ++part_;
 }
 
-void Recording::sync() {
+void RecordingFiles::sync() {
   last_sync_ = now();
   if (sink_->size() == synced_size_) return;
   try {
@@ -574,7 +573,7 @@ void Recording::sync() {
 }
 
 // Throws SystemError if the disk has less room than should stay free.
-void Recording::require_room() {
+void RecordingFiles::require_room() {
   const Instant time = now();
   if (options_.keep_free == 0 || time - last_look_ < kLookPeriod) return;
   struct statvfs disk{};
@@ -589,7 +588,7 @@ void Recording::require_room() {
   last_look_ = time;
 }
 
-void Recording::remove_oldest() {
+void RecordingFiles::remove_oldest() {
   if (options_.max_total == 0) return;
   std::uint64_t total = sink_ != nullptr ? sink_->size() : 0;
   for (const File& file : finished_) total += file.size;
@@ -606,16 +605,16 @@ void Recording::remove_oldest() {
   }
 }
 
-std::uint64_t Recording::rotate_size() const noexcept {
+std::uint64_t RecordingFiles::rotate_size() const noexcept {
   return options_.max_total == 0 ? options_.rotate_size
                                  : std::min(options_.rotate_size, options_.max_total / 8);
 }
 
-std::filesystem::path Recording::path() const {
+std::filesystem::path RecordingFiles::path() const {
   return path_.empty() && !finished_.empty() ? finished_.back().path : path_;
 }
 
-std::uint64_t Recording::bytes() const noexcept {
+std::uint64_t RecordingFiles::bytes() const noexcept {
   return bytes_of_finished_ + (sink_ != nullptr ? sink_->size() - begun_at_ : 0);
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "log_data.hpp"
+#include "read/log_data.hpp"
 
 #include <algorithm>
 #include <charconv>
@@ -9,8 +9,8 @@
 #include <string_view>
 #include <utility>
 
-#include "cdr_reader.hpp"
-#include "format.hpp"
+#include "format/cdr_reader.hpp"
+#include "format/format.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/regular_file.hpp"
 
@@ -18,8 +18,7 @@ namespace trifinger::log::detail {
 namespace {
 
 // Other programs may write levels that we do not have.
-LogWriter::Level level_of(std::uint8_t number) {
-  using Level = LogWriter::Level;
+Level level_of(std::uint8_t number) {
   if (number >= static_cast<std::uint8_t>(Level::kError)) return Level::kError;
   return number >= static_cast<std::uint8_t>(Level::kWarning) ? Level::kWarning : Level::kInfo;
 }

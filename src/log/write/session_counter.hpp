@@ -11,9 +11,9 @@ namespace trifinger::log {
 
 // Counts the sessions that appear in the session folder, including those that disappear before
 // anybody can look at them.
-class SessionWatch {
+class SessionCounter {
  public:
-  explicit SessionWatch(const std::vector<std::string>& robots);
+  explicit SessionCounter(const std::vector<std::string>& robots);
 
   // False if the kernel cannot watch: then sessions have to be searched.
   [[nodiscard]] bool is_working() const noexcept { return static_cast<bool>(file_); }
