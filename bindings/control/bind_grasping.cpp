@@ -12,6 +12,7 @@
 #include "bindings.hpp"
 #include "conversion/array.hpp"
 #include "conversion/text.hpp"
+#include "docstrings.hpp"
 #include "simulation/simulation.hpp"
 #include "trifinger/control/grasp_controller.hpp"
 #include "trifinger/control/grasp_planner.hpp"
@@ -81,57 +82,39 @@ std::optional<SafetyLimits> limits_of(const RobotConfig& config) {
 }
 
 void bind_planner(nb::module_& m) {
-  nb::class_<Touch>(
-      m, "Touch",
-      "The place where one tip touches an object, in the object's frame. Cannot be changed.")
+  nb::class_<Touch>(m, "Touch", docs::Touch::Touch)
       .def(
           "__init__",
           [](Touch* self, const Vector3& point, const Vector3& normal) {
             new (self) Touch{point, normal};
           },
           "point"_a, "normal"_a)
-      .def_prop_ro("point", array_of(&Touch::point), "Point on the surface, from the centre [m].")
-      .def_prop_ro("normal", array_of(&Touch::normal),
-                   "Direction into the object, of unit length.");
+      .def_prop_ro("point", array_of(&Touch::point), docs::Touch::point)
+      .def_prop_ro("normal", array_of(&Touch::normal), docs::Touch::normal);
 
-  nb::class_<Approach>(m, "Approach",
-                       "The way of a tip to its touch. The centre of the tip's sphere passes these "
-                       "points, given in the world frame.")
-      .def_prop_ro("above", array_of(&Approach::above), "[m]")
-      .def_prop_ro("beside", array_of(&Approach::beside), "[m]");
-  m.def("approach_to", &approach_to, "touch"_a, "object"_a, "tip_radius"_a,
-        "The approach of a tip with radius `tip_radius` [m] to an object that rests at the pose "
-        "`object`.");
+  nb::class_<Approach>(m, "Approach", docs::Approach::Approach)
+      .def_prop_ro("above", array_of(&Approach::above), docs::Approach::above)
+      .def_prop_ro("beside", array_of(&Approach::beside), docs::Approach::beside);
+  m.def("approach_to", &approach_to, "touch"_a, "object"_a, "tip_radius"_a, docs::approach_to);
 
   using Config = GraspPlannerConfig;
   bind_settings(
-      nb::class_<Config>(m, "GraspPlannerConfig",
-                         "The candidates that a planner compares, and its requirements."),
-      Setting{"offsets", &Config::offsets,
-              "Candidate offsets to both sides of a face's middle [m]."},
-      Setting{"heights", &Config::heights, "Candidate heights above the object's centre [m]."},
-      Setting{"friction", &Config::friction, "Friction coefficient that the forces rely on."},
-      Setting{"friction_sides", &Config::friction_sides, "Sides of its friction pyramids, 3 to 8."},
-      Setting{"min_normal_force", &Config::min_normal_force, "[N]"},
-      Setting{"clearance", &Config::clearance,
-              "Distance that fingers keep, except at touching tips [m]."},
-      Setting{"limit_margin", &Config::limit_margin,
-              "Distance that joints keep from their soft limits [rad]."},
-      Setting{"largest_torque", &Config::largest_torque,
-              "Share of the motors' torque that carrying may need."});
+      nb::class_<Config>(m, "GraspPlannerConfig", docs::GraspPlannerConfig::GraspPlannerConfig),
+      Setting{"offsets", &Config::offsets, docs::GraspPlannerConfig::offsets},
+      Setting{"heights", &Config::heights, docs::GraspPlannerConfig::heights},
+      Setting{"friction", &Config::friction, docs::GraspPlannerConfig::friction},
+      Setting{"friction_sides", &Config::friction_sides, docs::GraspPlannerConfig::friction_sides},
+      Setting{"min_normal_force", &Config::min_normal_force,
+              docs::GraspPlannerConfig::min_normal_force},
+      Setting{"clearance", &Config::clearance, docs::GraspPlannerConfig::clearance},
+      Setting{"limit_margin", &Config::limit_margin, docs::GraspPlannerConfig::limit_margin},
+      Setting{"largest_torque", &Config::largest_torque, docs::GraspPlannerConfig::largest_torque});
 
-  nb::class_<PlannedGrasp>(m, "PlannedGrasp", "The result of a planner.")
-      .def_ro("touches", &PlannedGrasp::touches, "Touches of the three tips, finger 0 first.")
-      .def_ro(
-          "torque_share", &PlannedGrasp::torque_share,
-          "Largest share of a motor's torque that carrying the object needs anywhere on the way.");
+  nb::class_<PlannedGrasp>(m, "PlannedGrasp", docs::PlannedGrasp::PlannedGrasp)
+      .def_ro("touches", &PlannedGrasp::touches, docs::PlannedGrasp::touches)
+      .def_ro("torque_share", &PlannedGrasp::torque_share, docs::PlannedGrasp::torque_share);
 
-  nb::class_<GraspPlanner>(
-      m, "GraspPlanner",
-      "Chooses which finger touches which side face of a box, and where. The fingers reach the "
-      "whole way.\nOnly their tips touch anything, and they touch only the box. They carry it "
-      "within friction, with as\nlittle torque as possible. One object must not be used by several "
-      "threads at once.")
+  nb::class_<GraspPlanner>(m, "GraspPlanner", docs::GraspPlanner::GraspPlanner)
       .def(
           "__init__",
           [](GraspPlanner* self, const std::string& config, const nb::dict& overrides,
@@ -149,60 +132,46 @@ void bind_planner(nb::module_& m) {
       .def(
           "plan",
           [](GraspPlanner& planner, const std::vector<Motion>& way) { return planner.plan(way); },
-          "way"_a,
-          "The best grasp to lead the object along `way`, which begins where it is grasped. None "
-          "if there is\nnone. The object must stay as upright on the whole way as at its "
-          "beginning. The call takes some\nmilliseconds.");
+          "way"_a, docs::GraspPlanner::plan);
 }
 
 void bind_controller(nb::module_& m) {
   using Config = GraspControllerConfig;
   bind_settings(
       nb::class_<Config>(m, "GraspControllerConfig",
-                         "Settings of a `GraspController`. docs/control.md explains the gains."),
-      Setting{"object", &Config::object, "How stiffly the object is held."},
-      Setting{"tips", &Config::tips, "How stiffly each tip is held."},
-      Setting{"friction", &Config::friction,
-              "Friction coefficient that the holding forces rely on."},
-      Setting{"friction_sides", &Config::friction_sides, "Sides of its friction pyramids, 3 to 8."},
-      Setting{"slip_friction", &Config::slip_friction,
-              "Largest ratio of tangential to normal force of holding tips."},
+                         docs::GraspControllerConfig::GraspControllerConfig),
+      Setting{"object", &Config::object, docs::GraspControllerConfig::object},
+      Setting{"tips", &Config::tips, docs::GraspControllerConfig::tips},
+      Setting{"friction", &Config::friction, docs::GraspControllerConfig::friction},
+      Setting{"friction_sides", &Config::friction_sides,
+              docs::GraspControllerConfig::friction_sides},
+      Setting{"slip_friction", &Config::slip_friction, docs::GraspControllerConfig::slip_friction},
       Setting{"min_normal_force", &Config::min_normal_force,
-              "Smallest normal force of each holding tip [N]."},
+              docs::GraspControllerConfig::min_normal_force},
       Setting{"max_normal_force", &Config::max_normal_force,
-              "Largest normal force of each holding tip [N]."},
-      Setting{"touch_force", &Config::touch_force, "Force that counts as a touch [N]."},
+              docs::GraspControllerConfig::max_normal_force},
+      Setting{"touch_force", &Config::touch_force, docs::GraspControllerConfig::touch_force},
       Setting{"approach_speed", &Config::approach_speed,
-              "Average speed of the tips on the way [m/s]."},
-      Setting{"closing_speed", &Config::closing_speed,
-              "Speed of tips that search for the faces [m/s]."},
-      Setting{"penetration", &Config::penetration,
-              "Depth inside the object up to which the tips search for a face [m]."},
-      Setting{"closing_time", &Config::closing_time,
-              "Time in which all tips must have felt their faces [s]."},
-      Setting{"engage_time", &Config::engage_time, "Time in which a touch becomes a hold [s]."},
-      Setting{"roll_time", &Config::roll_time,
-              "Time constant with which targets follow rolling tips [s]."},
-      Setting{"slip_speed", &Config::slip_speed,
-              "Speed of a tip along its face above which it slips [m/s]."},
-      Setting{"lost_time", &Config::lost_time,
-              "Time without touch after which the object is lost [s]."},
-      Setting{"lost_distance", &Config::lost_distance,
-              "Distance from its target at which the object is lost [m]."});
+              docs::GraspControllerConfig::approach_speed},
+      Setting{"closing_speed", &Config::closing_speed, docs::GraspControllerConfig::closing_speed},
+      Setting{"penetration", &Config::penetration, docs::GraspControllerConfig::penetration},
+      Setting{"closing_time", &Config::closing_time, docs::GraspControllerConfig::closing_time},
+      Setting{"engage_time", &Config::engage_time, docs::GraspControllerConfig::engage_time},
+      Setting{"roll_time", &Config::roll_time, docs::GraspControllerConfig::roll_time},
+      Setting{"slip_speed", &Config::slip_speed, docs::GraspControllerConfig::slip_speed},
+      Setting{"lost_time", &Config::lost_time, docs::GraspControllerConfig::lost_time},
+      Setting{"lost_distance", &Config::lost_distance, docs::GraspControllerConfig::lost_distance});
 
-  nb::enum_<GraspPhase>(m, "GraspPhase", "The phase of a `GraspController`.")
-      .value("IDLE", GraspPhase::kIdle, "The tips stay where they are.")
-      .value("APPROACH", GraspPhase::kApproach, "The tips go to the object without touching it.")
-      .value("CLOSE", GraspPhase::kClose,
-             "The tips move towards the faces until all of them feel a touch.")
-      .value("ENGAGE", GraspPhase::kEngage, "The forces grow until they hold the object.")
-      .value("HOLD", GraspPhase::kHold, "The object follows the desired motion.")
-      .value("RELEASE", GraspPhase::kRelease, "The tips move off the faces, and then up.")
-      .value("LOST", GraspPhase::kLost,
-             "The object slipped away or was not at its place. The tips stay; release them.");
+  nb::enum_<GraspPhase>(m, "GraspPhase", docs::GraspPhase::GraspPhase)
+      .value("IDLE", GraspPhase::kIdle, docs::GraspPhase::kIdle)
+      .value("APPROACH", GraspPhase::kApproach, docs::GraspPhase::kApproach)
+      .value("CLOSE", GraspPhase::kClose, docs::GraspPhase::kClose)
+      .value("ENGAGE", GraspPhase::kEngage, docs::GraspPhase::kEngage)
+      .value("HOLD", GraspPhase::kHold, docs::GraspPhase::kHold)
+      .value("RELEASE", GraspPhase::kRelease, docs::GraspPhase::kRelease)
+      .value("LOST", GraspPhase::kLost, docs::GraspPhase::kLost);
 
-  nb::class_<JointState>(
-      m, "JointState", "Measurements of the nine joints, finger 0 first, from the base to the tip.")
+  nb::class_<JointState>(m, "JointState", docs::JointState::JointState)
       .def(
           "__init__",
           [](JointState* self, const Vector9& position, const Vector9& velocity,
@@ -210,37 +179,23 @@ void bind_controller(nb::module_& m) {
             new (self) JointState{position.value, velocity.value, torque.value};
           },
           "position"_a, "velocity"_a, "torque"_a)
-      .def_prop_ro("position", array_of(&JointState::position), "[rad]")
-      .def_prop_ro("velocity", array_of(&JointState::velocity), "[rad/s]")
-      .def_prop_ro("torque", array_of(&JointState::torque), "[Nm]");
+      .def_prop_ro("position", array_of(&JointState::position), docs::JointState::position)
+      .def_prop_ro("velocity", array_of(&JointState::velocity), docs::JointState::velocity)
+      .def_prop_ro("torque", array_of(&JointState::torque), docs::JointState::torque);
 
-  nb::class_<GraspState>(m, "GraspState",
-                         "The state of a `GraspController`: its phase and its forces.")
+  nb::class_<GraspState>(m, "GraspState", docs::GraspState::GraspState)
       .def_ro("phase", &GraspState::phase)
-      .def_ro("wanted", &GraspState::wanted,
-              "The wanted contact forces while the object is held, in the world frame.")
+      .def_ro("wanted", &GraspState::wanted, docs::GraspState::wanted)
       .def_prop_ro("normal_forces", array_of(&GraspState::normal_forces),
-                   "Forces with which the three tips press along their faces' normals [N], "
-                   "computed from the joints' torques.")
+                   docs::GraspState::normal_forces)
       .def_prop_ro("tangential_forces", array_of(&GraspState::tangential_forces),
-                   "Forces with which the three tips press across their faces' normals [N], "
-                   "computed from the joints' torques.")
-      .def_prop_ro("travel", array_of(&GraspState::travel),
-                   "How far each of the three tips has moved along its face by rolling and "
-                   "slipping, since all tips touched [m].")
-      .def_prop_ro("slip_speeds", array_of(&GraspState::slip_speeds),
-                   "Speeds of `travel`, low-pass filtered at 5 Hz [m/s].")
-      .def_ro("is_slipping", &GraspState::is_slipping,
-              "True if a tip moves along its face faster than tips roll.")
-      .def_ro("torque_share", &GraspState::torque_share,
-              "The largest ratio of a requested torque to its joint's limit. The safety checks cut "
-              "off everything above 1.");
+                   docs::GraspState::tangential_forces)
+      .def_prop_ro("travel", array_of(&GraspState::travel), docs::GraspState::travel)
+      .def_prop_ro("slip_speeds", array_of(&GraspState::slip_speeds), docs::GraspState::slip_speeds)
+      .def_ro("is_slipping", &GraspState::is_slipping, docs::GraspState::is_slipping)
+      .def_ro("torque_share", &GraspState::torque_share, docs::GraspState::torque_share);
 
-  nb::class_<GraspController>(
-      m, "GraspController",
-      "The paper's controller: it grasps an object with three tips, makes it follow a motion, and "
-      "releases\nit. Its equations are in docs/control.md. Call `update` once per step. One object "
-      "must not be used\nby several threads at once.")
+  nb::class_<GraspController>(m, "GraspController", docs::GraspController::GraspController)
       .def(
           "__init__",
           [](GraspController* self, const RigidBody& body, const std::string& config,
@@ -254,22 +209,17 @@ void bind_controller(nb::module_& m) {
                   "object] = {}, settings: GraspControllerConfig = ...) -> None"),
           "`body` is the object. `config` and `overrides` give the robot and its limits, as in "
           "`Kinematics`.")
-      .def("grasp", &GraspController::grasp, "touches"_a, "object"_a,
-           "Goes to the object, which rests at the pose `object`, and grasps it at three "
-           "`touches`, finger 0 first.")
-      .def("release", &GraspController::release, "Releases the object in any phase.")
+      .def("grasp", &GraspController::grasp, "touches"_a, "object"_a, docs::GraspController::grasp)
+      .def("release", &GraspController::release, docs::GraspController::release)
       .def(
           "update",
           [](GraspController& controller, double elapsed, const JointState& joints,
              const Motion& object, const Motion& desired) {
             return Array{controller.update(Seconds(elapsed), joints, object, desired)};
           },
-          "elapsed"_a, "joints"_a, "object"_a, "desired"_a,
-          "Returns the nine joint torques for the next step [Nm], `elapsed` [s] after the previous "
-          "step.\n`object` is the object's pose and motion. `desired` is its desired motion while "
-          "it is held; before\nthat, pass the pose where it rests.")
+          "elapsed"_a, "joints"_a, "object"_a, "desired"_a, docs::GraspController::update)
       .def_prop_ro("state", &GraspController::state, nb::rv_policy::copy,
-                   "The state after the last `update`.");
+                   docs::GraspController::state);
 }
 
 }  // namespace

@@ -12,6 +12,9 @@
 
 namespace trifinger::bindings {
 
+/// The enumerators of every `Precision`.
+inline constexpr std::array<std::string_view, 2> kPrecisions{"double", "single"};
+
 /// Returns the enumerator that has the same index in its enumeration as `word` in `words`.
 /// @throws InvalidArgument that names `what`, the value found and the values allowed
 template <class Enumeration, std::size_t kCount>

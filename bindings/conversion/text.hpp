@@ -28,6 +28,11 @@ namespace trifinger::bindings {
 /// Converts to a pathlib.Path.
 [[nodiscard]] nanobind::object to_python(const std::filesystem::path& path);
 
+/// Adds to the comment of C++'s headers what only Python's users need to know.
+[[nodiscard]] inline std::string also(const std::string& comment, const char* python) {
+  return comment + "\n\n" + python;
+}
+
 namespace detail {
 
 /// Returns false, without setting an error in Python, if `text` is no str or cannot become bytes.

@@ -27,6 +27,7 @@
 #include "conversion/gil.hpp"
 #include "conversion/text.hpp"
 #include "conversion/timeout.hpp"
+#include "docstrings.hpp"
 #include "simulation/simulation.hpp"
 #include "task.hpp"
 #include "trifinger/base/error.hpp"
@@ -112,7 +113,7 @@ void bind_description(nb::class_<T>& type, const Environment& (*environment_of)(
             return entries;
           },
           nb::sig("def entries(self) -> list[tuple[str, str, list[float], list[float]]]"),
-          "The parts of an observation: name, unit, bounds.")
+          also(docs::Environment::entries, R"(Each is name, unit, low and high.)").c_str())
       .def_prop_ro(
           "goal",
           [environment_of](const T& self) {
@@ -154,9 +155,9 @@ void bind_description(nb::class_<T>& type, const Environment& (*environment_of)(
 }
 
 void bind_episodes(nb::module_& m) {
-  nb::class_<Episodes> type(m, "Episodes", nb::type_slots(garbage_collected<Episodes>()),
-                            "What makes a decision process of a robot: starts, goals, "
-                            "observations, rewards. `trifinger.environments` uses it.");
+  nb::class_<Episodes> type(
+      m, "Episodes", nb::type_slots(garbage_collected<Episodes>()),
+      also(docs::Environment::Environment, R"(`trifinger.environments` uses it.)").c_str());
   type.def(
           "__init__",
           [](Episodes* self, const nb::object& task, const std::string& options,
@@ -185,8 +186,11 @@ void bind_episodes(nb::module_& m) {
           "seed"_a, "number"_a,
           nb::sig("def begin(self, seed: int, number: int) -> tuple[list[float], list[float], "
                   "list[float], list[float], Variation, int]"),
-          "Joints [rad], object's position [m], quaternion and velocity [m/s], variation, series "
-          "of random numbers.")
+          also(
+              docs::Environment::begin,
+              R"(Returns the joints [rad], the object's position [m], quaternion and velocity [m/s], the variation and
+the series of random numbers.)")
+              .c_str())
       .def(
           "check_robot",
           [](const Episodes& self, const std::string& configuration) {
@@ -282,7 +286,9 @@ void bind_episodes(nb::module_& m) {
           nb::sig("def observe(self, position: numpy.typing.ArrayLike, velocity: "
                   "numpy.typing.ArrayLike, object: tuple[numpy.typing.ArrayLike, "
                   "numpy.typing.ArrayLike] | None = None) -> tuple[float, bool, bool, bool]"),
-          "Reward, terminated, truncated, success; the arrays below change.");
+          also(docs::Environment::observe,
+               R"(Returns reward, terminated, truncated, success; the arrays below change.)")
+              .c_str());
   bind_description<Episodes>(
       type, [](const Episodes& self) -> const Environment& { return self.environment; });
   const auto array = [&type](const char* name, const char* signature, auto get) {
@@ -309,8 +315,9 @@ void bind_episodes(nb::module_& m) {
 
 void bind_batch(nb::module_& m) {
   nb::class_<EnvironmentBatch> type(m, "EnvironmentBatch",
-                                    "Many simulations of one decision process, on several threads. "
-                                    "`trifinger.environments.VectorEnvironment` uses it.");
+                                    also(docs::EnvironmentBatch::EnvironmentBatch,
+                                         R"(`trifinger.environments.VectorEnvironment` uses it.)")
+                                        .c_str());
   type.def(
           "__init__",
           [](EnvironmentBatch* self, const std::string& task, const std::string& options, int size,
@@ -329,7 +336,7 @@ void bind_batch(nb::module_& m) {
       .def("__len__", &EnvironmentBatch::size)
       .def_prop_ro("num_threads", &EnvironmentBatch::num_threads)
       .def("seed", &EnvironmentBatch::seed, "index"_a, "seed"_a, "episode"_a = 0,
-           "The next reset of this simulation begins this episode of `seed`.")
+           docs::EnvironmentBatch::seed)
       .def(
           "reset",
           [](EnvironmentBatch& self, std::optional<Marks> which) {
@@ -341,7 +348,7 @@ void bind_batch(nb::module_& m) {
           "which"_a.none() = nb::none(),
           nb::sig("def reset(self, which: numpy.typing.NDArray[numpy.bool_] | None = None) -> "
                   "None"),
-          "Begins an episode in all, or in those that are marked.")
+          docs::EnvironmentBatch::reset)
       .def(
           "step",
           [](EnvironmentBatch& self, const Actions& actions, const std::string& autoreset) {
@@ -353,7 +360,7 @@ void bind_batch(nb::module_& m) {
           "actions"_a, "autoreset"_a,
           nb::sig("def step(self, actions: numpy.typing.NDArray[numpy.float32], autoreset: str) "
                   "-> None"),
-          "Lets an action act in each; the arrays below change.");
+          also(docs::EnvironmentBatch::step, R"(The arrays below change.)").c_str());
   bind_description<EnvironmentBatch>(
       type, [](const EnvironmentBatch& self) -> const Environment& { return self.environment(); });
   const auto array = [&type](const char* name, const char* number, auto get, bool has_rows) {
@@ -395,18 +402,13 @@ void bind_batch(nb::module_& m) {
 }  // namespace
 
 void bind_environment(nb::module_& m) {
-  nb::class_<Random>(m, "Random",
-                     "The random numbers of an episode. They depend only on its seed and number, "
-                     "and are the same on every machine.")
-      .def("uniform", &Random::uniform, "low"_a, "high"_a,
-           "A number from `low` up to but not including `high`.")
-      .def("normal", &Random::normal, "A normally distributed number: mean 0, deviation 1.")
-      .def("integer", &Random::integer, "low"_a, "high"_a,
-           "An integer from `low` up to but not including `high`.");
+  nb::class_<Random>(m, "Random", docs::Random::Random)
+      .def("uniform", &Random::uniform, "low"_a, "high"_a, docs::Random::uniform)
+      .def("normal", &Random::normal, docs::Random::normal)
+      .def("integer", &Random::integer, "low"_a, "high"_a, docs::Random::integer);
   bind_episodes(m);
   bind_batch(m);
-  m.def(
-      "task_names", [] { return task_names(); }, "Names of the tasks of `trifinger.environments`.");
+  m.def("task_names", [] { return task_names(); }, docs::task_names);
   m.def(
       "default_environment_options",
       [](const std::string& task) { return write_options(default_options(task)); }, "task"_a,

@@ -23,6 +23,7 @@
 #include "conversion/array.hpp"
 #include "conversion/choice.hpp"
 #include "conversion/text.hpp"
+#include "docstrings.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/learning/policy.hpp"
 
@@ -43,7 +44,6 @@ using Numbers = std::vector<double>;
 // In the order of the enumerations.
 constexpr std::array<std::string_view, 3> kActivations{"identity", "relu", "tanh"};
 constexpr std::array<std::string_view, 2> kBoundings{"scale", "clip"};
-constexpr std::array<std::string_view, 2> kPrecisions{"double", "single"};
 
 Eigen::VectorXd to_vector(const Numbers& numbers) {
   return Eigen::Map<const Eigen::VectorXd>(numbers.data(),
@@ -111,10 +111,7 @@ nb::object call(Policy& policy, nb::handle observation) {
 
 void bind_policy(nb::module_& m) {
   const InputNormalization usual;
-  nb::class_<Policy>(
-      m, "Policy",
-      "A trained policy: it computes actions from observations, in C++. Its file is described in "
-      "docs/policies.md.\n\nOne policy must not be used by several threads at once.")
+  nb::class_<Policy>(m, "Policy", docs::Policy::Policy)
       .def(
           "__init__",
           [](Policy* self, nb::handle path, const std::string& precision) {
@@ -162,8 +159,7 @@ void bind_policy(nb::module_& m) {
       .def(
           "save", [](const Policy& policy, nb::handle path) { policy.save(to_path(path)); },
           "path"_a, nb::sig("def save(self, path: str | os.PathLike[str]) -> None"),
-          "Writes the file at `path` in one step: an old file stays whole until the new one "
-          "replaces it.")
+          docs::Policy::save)
       .def("__call__", &call, "observation"_a,
            nb::sig("def __call__(self, observation: numpy.typing.ArrayLike) -> "
                    "numpy.typing.NDArray[numpy.float64]"),
@@ -208,7 +204,7 @@ void bind_policy(nb::module_& m) {
           "Bounds of the outputs: low, high, and 'scale' or 'clip'. None if there are no bounds.")
       .def_prop_ro(
           "metadata", [](const Policy& policy) { return policy.network().metadata; },
-          "Facts for the program that runs the policy; a copy.");
+          docs::Network::metadata);
 }
 
 }  // namespace trifinger::bindings

@@ -18,6 +18,7 @@
 #include "conversion/series.hpp"
 #include "conversion/text.hpp"
 #include "conversion/timeout.hpp"
+#include "docstrings.hpp"
 #include "log.hpp"
 #include "session/session_info.hpp"
 
@@ -71,28 +72,22 @@ void bind_logged_session(nb::module_& m) {
   const auto all_steps = [](Series which) {
     return [which](PythonLoggedSession& session) { return session.series(which); };
   };
-  const auto dtype = [](Series which) {
-    return [which](const PythonLoggedSession& session) { return session.dtype(which); };
-  };
   const auto header = [](auto member) {
     return
         [member](const PythonLoggedSession& session) { return session.session().header().*member; };
   };
 
-  nb::class_<PythonLoggedSession>(
+  nb::class_<PythonLoggedSession> type(
       m, "LoggedSession",
-      R"(A session in a log. It belongs to a robot or to one of its companions. A companion has only
-observations and counts its own elements.
-
-    session = trifinger.Log("run.mcap").session("sim")
+      also(docs::LoggedSession::LoggedSession,
+           R"(    session = trifinger.Log("run.mcap").session("sim")
     session.observations["position"]             # all steps
     session.get_observations(1000, 2000)         # like those of a front-end
     session.get_observations(*session.between(1.5, 3.0), fields=("position",))
     for steps in session.chunks():               # a log larger than memory
-        steps.time_index, steps.observations, steps.applied_actions
-
-Any number of threads may read.)")
-      .def(
+        steps.time_index, steps.observations, steps.applied_actions)")
+          .c_str());
+  type.def(
           "__repr__",
           [](const PythonLoggedSession& session) {
             const log::LoggedSession& logged = session.session();
@@ -104,19 +99,19 @@ Any number of threads may read.)")
             return to_text(logged.is_companion() ? text + ">" : text + ", " + steps + ">");
           },
           nb::sig("def __repr__(self) -> str"))
-      .def_prop_ro("name",
-                   [](const PythonLoggedSession& session) { return session.session().name(); })
+      .def_prop_ro(
+          "name", [](const PythonLoggedSession& session) { return session.session().name(); },
+          docs::LoggedSession::name)
       .def_prop_ro(
           "type", [](const PythonLoggedSession& session) { return session.session().type(); },
-          R"(Type of the robot, for example "trifinger", or of the companion.)")
+          docs::LoggedSession::type)
       .def_prop_ro(
           "is_companion",
           [](const PythonLoggedSession& session) { return session.session().is_companion(); })
       .def_prop_ro("session_id", header(&log::SessionHeader::session_id))
       .def_prop_ro("is_real_time", header(&log::SessionHeader::is_real_time))
       .def_prop_ro("realtime_lacks", header(&log::SessionHeader::realtime_lacks),
-                   "In real-time mode: what the loop lacked to be a real-time thread, one sentence "
-                   "each. None if it was\nnot recorded.")
+                   docs::log::SessionHeader::realtime_lacks)
       .def_prop_ro(
           "period",
           [](const PythonLoggedSession& session) {
@@ -136,33 +131,29 @@ Any number of threads may read.)")
           [](const PythonLoggedSession& session) {
             return to_python(session.session().header().documents);
           },
-          nb::sig("def documents(self) -> dict[str, str]"),
-          R"(Texts that belong to the session, by name: "configuration.yml", "model.xml".)")
+          nb::sig("def documents(self) -> dict[str, str]"), docs::Session::documents)
       .def_prop_ro(
           "steps", [](const PythonLoggedSession& session) { return session.session().steps(); },
-          "Number of whole steps of the session. None if it was still running when the recording "
-          "ended.")
+          docs::LoggedSession::steps)
       .def_prop_ro(
           "fault",
           [](const PythonLoggedSession& session) {
             return to_python(std::optional(session.session().fault()));
           },
           nb::sig("def fault(self) -> trifinger.session_info.Fault | None"),
-          "Why the session ended; None if it was still running when the recording ended.")
+          docs::LoggedSession::fault)
       .def_prop_ro(
           "fault_text",
           [](const PythonLoggedSession& session) {
             return to_text(session.session().fault_text());
           },
-          nb::sig("def fault_text(self) -> str"), "The reason of `fault` as a sentence.")
+          nb::sig("def fault_text(self) -> str"), docs::LoggedSession::fault_text)
       .def_prop_ro(
           "gaps",
           [](const PythonLoggedSession& session) {
             return to_list(without_gil([&] { return session.session().gaps(); }));
           },
-          nb::sig("def gaps(self) -> list[trifinger.log_types.Gap]"),
-          R"(Steps that are missing in the log, because the recorder said so or because the file is
-damaged. Reads the whole log once.)")
+          nb::sig("def gaps(self) -> list[trifinger.log_types.Gap]"), docs::LoggedSession::gaps)
 
       .def_prop_ro(
           "observations", all_steps(Series::kObservation),
@@ -220,13 +211,10 @@ If the session ended in step N, the log has an observation and a status N, but n
            R"(For companions: returns the newest element that arrived at or before the robot's step
 `t`. None if none had arrived by then.)")
       .def("range", &PythonLoggedSession::range, "series"_a,
-           nb::sig("def range(self, series: str) -> tuple[int, int]"),
-           R"(The first step of `series` in the log, and the first step after the last one.)")
-      .def(
-          "between", &PythonLoggedSession::between, "begin"_a, "end"_a,
-          nb::sig("def between(self, begin: float, end: float) -> tuple[int, int]"),
-          R"(The range of the steps measured from `begin` to before `end`. Both are in seconds since
-the first step in the log.)")
+           nb::sig("def range(self, series: str) -> tuple[int, int]"), docs::LoggedSession::range)
+      .def("between", &PythonLoggedSession::between, "begin"_a, "end"_a,
+           nb::sig("def between(self, begin: float, end: float) -> tuple[int, int]"),
+           also(docs::LoggedSession::between, R"(Both are in seconds.)").c_str())
       .def(
           "timing",
           [](const PythonLoggedSession& session, TimeIndex first, nb::handle last) {
@@ -237,9 +225,7 @@ the first step in the log.)")
           "first"_a = 0, "last"_a = nb::none(),
           nb::sig("def timing(self, first: int = 0, last: int | None = None) -> TimingRecord | "
                   "None"),
-          R"(How well the session kept its time from step `first` to before `last`, including the
-status of its end. It equals Frontend.timing() if no step is missing. None outside real-time mode,
-or if the statuses have another version.)")
+          docs::LoggedSession::timing)
       .def(
           "read",
           [](const PythonLoggedSession& session, nb::handle first, nb::handle last,
@@ -250,11 +236,12 @@ or if the statuses have another version.)")
           nb::sig("def read(self, first: int | None = None, last: int | None = None, series: "
                   "collections.abc.Mapping[str, collections.abc.Sequence[str] | None] | "
                   "collections.abc.Sequence[str] | None = None) -> trifinger.log_types.Steps"),
-          R"(Reads the existing whole steps from `first` to before `last`. Reading several series at
-once takes no longer than reading one.
-
-`series` are names, "desired_action", "applied_action", "observation" and "status", or a dict of
-names and fields: `{"observation": ("position",), "status": None}`.)")
+          also(
+              docs::LoggedSession::read,
+              R"(Reading several series at once takes no longer than reading one. `series` are names,
+"desired_action", "applied_action", "observation" and "status", or a dict of names and fields:
+`{"observation": ("position",), "status": None}`.)")
+              .c_str())
       .def(
           "chunks",
           [](const PythonLoggedSession& session, std::size_t count, nb::handle first,
@@ -274,21 +261,13 @@ names and fields: `{"observation": ("position",), "status": None}`.)")
           [](const PythonLoggedSession& session) {
             return to_sessions(session.session().companions());
           },
-          nb::sig("def companions(self) -> list[LoggedSession]"))
+          nb::sig("def companions(self) -> list[LoggedSession]"), docs::LoggedSession::companions)
       .def(
           "companion",
           [](const PythonLoggedSession& session, const std::string& name) {
             return std::make_unique<PythonLoggedSession>(session.session().companion(name));
           },
-          "name"_a, R"(The companion `name` of this robot, for example "object".)")
-      .def_prop_ro("observation_dtype", dtype(Series::kObservation),
-                   nb::sig("def observation_dtype(self) -> numpy.dtype[Observation]"))
-      .def_prop_ro("action_dtype", dtype(Series::kDesiredAction),
-                   nb::sig("def action_dtype(self) -> numpy.dtype[Action]"))
-      .def_prop_ro("applied_action_dtype", dtype(Series::kAppliedAction),
-                   nb::sig("def applied_action_dtype(self) -> numpy.dtype[AppliedAction]"))
-      .def_prop_ro("status_dtype", dtype(Series::kStatus),
-                   nb::sig("def status_dtype(self) -> numpy.dtype[StatusElement]"))
+          "name"_a, docs::LoggedSession::companion)
       .def_prop_ro(
           "units",
           [](const PythonLoggedSession& session) {
@@ -328,6 +307,7 @@ example "observation.position[0]". Needs the extra "export".)")
               "| None = None, series: collections.abc.Mapping[str, collections.abc.Sequence[str] | "
               "None] | collections.abc.Sequence[str] | None = None) -> None"),
           "Writes the table of to_pandas() to a Parquet file, in parts.");
+  bind_dtypes(type);
 }
 
 }  // namespace
@@ -344,13 +324,12 @@ void bind_log(nb::module_& m) {
 
   nb::class_<Log>(
       m, "Log",
-      R"(A recording: a file, a list of its parts, or a folder, whose newest recording is taken.
-
-If the files are finished and whole, opening reads no messages. Damaged pieces are left out and
-named (`damage`, `lost_bytes`, and `gaps` of the sessions); everything else is read.
+      also(docs::Log::Log,
+           R"(`path` is a file, a list of its parts, or a folder, whose newest recording is taken.
 
 Raises Error if it is not a log or is one of a later version; InvalidArgument if a folder has no
 recording or the parts belong to several recordings; OSError.)")
+          .c_str())
       .def(
           "__init__",
           [](Log* place, nb::handle path) {
@@ -382,40 +361,31 @@ recording or the parts belong to several recordings; OSError.)")
             for (const std::filesystem::path& file : log.files()) files.append(to_python(file));
             return files;
           },
-          nb::sig("def files(self) -> list[pathlib.Path]"), "The files, in the order of the parts.")
-      .def_prop_ro("size", &Log::size, "Size of all files together [bytes].")
-      .def_prop_ro("is_finished", &Log::is_finished,
-                   "True if every file has the summary that is written at its end.")
-      .def_prop_ro(
-          "origin", &Log::origin,
-          R"(The program and machine that wrote the log: "trifinger_version", "host", "kernel",
-"created".)")
+          nb::sig("def files(self) -> list[pathlib.Path]"), docs::Log::files)
+      .def_prop_ro("size", &Log::size, docs::Log::size)
+      .def_prop_ro("is_finished", &Log::is_finished, docs::Log::is_finished)
+      .def_prop_ro("origin", &Log::origin, docs::Log::origin)
       .def_prop_ro(
           "sessions", [](const Log& log) { return to_sessions(log.sessions()); },
-          nb::sig("def sessions(self) -> list[LoggedSession]"),
-          "The sessions of robots, in the order in which they began.")
+          nb::sig("def sessions(self) -> list[LoggedSession]"), docs::Log::sessions)
       .def(
           "session",
           [](const Log& log, const std::string& name) {
             return std::make_unique<PythonLoggedSession>(log.session(name));
           },
-          "name"_a = "",
-          R"(The newest session with steps of the robot or companion `name`. With an empty name,
-that of the only robot in the log. Raises InvalidArgument with the existing names.)")
+          "name"_a = "", docs::Log::session)
       .def_prop_ro(
           "events",
           [](const Log& log) { return to_list(without_gil([&] { return log.events(); })); },
-          nb::sig("def events(self) -> list[trifinger.log_types.Event]"),
-          "Messages for people. This and the properties below read the whole log once.")
+          nb::sig("def events(self) -> list[trifinger.log_types.Event]"), docs::Log::events)
       .def_prop_ro(
           "damage",
           [](const Log& log) { return to_list(without_gil([&] { return log.damage(); })); },
-          nb::sig("def damage(self) -> list[trifinger.log_types.Damage]"),
-          "Pieces of the files that could not be read.")
+          nb::sig("def damage(self) -> list[trifinger.log_types.Damage]"), docs::Log::damage)
       .def_prop_ro(
           "lost_bytes",
           [](const Log& log) { return without_gil([&] { return log.lost_bytes(); }); },
-          "Number of bytes of the files that could not be used.");
+          docs::Log::lost_bytes);
 }
 
 }  // namespace trifinger::bindings

@@ -6,6 +6,8 @@
 #include "bindings.hpp"
 #include "conversion/gil.hpp"
 #include "conversion/text.hpp"
+#include "conversion/with.hpp"
+#include "docstrings.hpp"
 #include "trifinger/log/recorder_thread.hpp"
 
 namespace nb = nanobind;
@@ -13,17 +15,16 @@ namespace nb = nanobind;
 namespace trifinger::bindings {
 
 void bind_recorder(nb::module_& m) {
-  nb::class_<log::RecorderThread>(
+  nb::class_<log::RecorderThread> type(
       m, "Recorder",
-      "Records a robot of this process in a thread of its own. Nothing is lost, because the "
-      "simulation\nwaits for the recorder. The end of the program stops it.")
-      .def(
+      also(docs::RecorderThread::RecorderThread, R"(The end of the program stops it.)").c_str());
+  type.def(
           "stop",
           [](log::RecorderThread& recorder) {
             const GilRelease release;
             recorder.stop();
           },
-          "Writes what is left and finishes the file. Nothing is recorded after this.")
+          docs::RecorderThread::stop)
       .def_prop_ro(
           "file",
           [](const log::RecorderThread& recorder) -> nb::object {
@@ -31,17 +32,11 @@ void bind_recorder(nb::module_& m) {
             return file.empty() ? nb::none() : to_python(file);
           },
           nb::sig("def file(self) -> pathlib.Path | None"),
-          "The newest file; None before the first session.")
-      .def(
-          "__enter__", [](nb::handle self) { return nb::borrow(self); },
-          nb::sig("def __enter__(self) -> Recorder"))
-      .def(
-          "__exit__",
-          [](log::RecorderThread& recorder, const nb::args&) {
-            const GilRelease release;
-            recorder.stop();
-          },
-          nb::sig("def __exit__(self, *exception: object) -> None"));
+          "The newest file; None before the first session.");
+  bind_with(type, "Recorder", [](log::RecorderThread& recorder, bool /*is_clean*/) {
+    const GilRelease release;
+    recorder.stop();
+  });
 }
 
 }  // namespace trifinger::bindings

@@ -6,20 +6,14 @@
 #include <utility>
 #include <vector>
 
+#include "conversion/choice.hpp"
 #include "conversion/gil.hpp"
-#include "trifinger/base/error.hpp"
 
 namespace trifinger::bindings {
 namespace {
 
 // All recorders of this process; changed under the GIL only.
 std::vector<std::weak_ptr<log::RecorderThread>> recorders;
-
-log::Precision to_precision(const std::string& name) {
-  if (name == "double") return log::Precision::kDouble;
-  if (name == "single") return log::Precision::kSingle;
-  throw InvalidArgument("precision is '" + name + "', must be 'double' or 'single'");
-}
 
 }  // namespace
 
@@ -28,7 +22,7 @@ std::shared_ptr<log::RecorderThread> start_recorder(const std::string& robot,
                                                     const std::string& precision) {
   log::RecorderOptions options;
   options.folder = folder;
-  options.precision = to_precision(precision);
+  options.precision = choice<log::Precision>("precision", kPrecisions, precision);
   auto recorder = std::make_shared<log::RecorderThread>(robot, std::move(options));
   std::erase_if(recorders, [](const auto& other) { return other.expired(); });
   recorders.push_back(recorder);

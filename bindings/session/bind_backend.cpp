@@ -8,6 +8,7 @@
 #include "bindings.hpp"
 #include "conversion/text.hpp"
 #include "conversion/timeout.hpp"
+#include "conversion/with.hpp"
 #include "frontend.hpp"
 #include "running_backend.hpp"
 #include "trifinger/core/fake_robot.hpp"
@@ -16,14 +17,27 @@ namespace nb = nanobind;
 using namespace nanobind::literals;
 
 namespace trifinger::bindings {
+namespace {
+
+std::unique_ptr<FakeDriver> fake_driver(TimeIndex sensor_period, TimeIndex sensor_delay,
+                                        TimeIndex observation_fault_after,
+                                        TimeIndex action_fault_after) {
+  return std::make_unique<FakeDriver>(
+      FakeDriver::Options{.sensor_period = sensor_period,
+                          .sensor_delay = sensor_delay,
+                          .observation_fault_after = observation_fault_after,
+                          .action_fault_after = action_fault_after});
+}
+
+}  // namespace
 
 void bind_backend(nb::module_& m) {
-  nb::class_<RunningBackend>(
+  nb::class_<RunningBackend> type(
       m, "Backend",
       R"(A back-end in a thread of this process, offered to all processes under a name.
 
-It runs session after session until stop(), or until the end of its `with` block.)")
-      .def("__repr__",
+It runs session after session until stop(), or until the end of its `with` block.)");
+  type.def("__repr__",
            [](const RunningBackend& backend) {
              return "<Backend of '" + backend.name() + "'" +
                     (backend.is_running() ? ">" : ", stopped>");
@@ -37,26 +51,15 @@ It runs session after session until stop(), or until the end of its `with` block
           "timeout"_a = nb::none(), nb::sig("def wait(self, timeout: float | None = None) -> None"),
           "Waits until the back-end has ended, or until Ctrl-C is pressed.")
       .def("stop", &RunningBackend::stop,
-           "Ends the session, brings the robot to rest and gives the name back.")
-      .def(
-          "__enter__", [](nb::object self) { return self; },
-          nb::sig("def __enter__(self) -> Backend"))
-      .def(
-          "__exit__",
-          [](RunningBackend& backend, nb::handle, nb::handle, nb::handle) { backend.stop(); },
-          "type"_a.none(), "value"_a.none(), "traceback"_a.none(),
-          nb::sig("def __exit__(self, type: builtins.type[BaseException] | None, "
-                  "value: BaseException | None, traceback: types.TracebackType | None) -> None"));
+           "Ends the session, brings the robot to rest and gives the name back.");
+  bind_with(type, "Backend", [](RunningBackend& backend, bool /*is_clean*/) { backend.stop(); });
 
   m.def(
       "fake",
       [](bool strict, std::size_t history, TimeIndex sensor_period, TimeIndex sensor_delay,
          TimeIndex observation_fault_after, TimeIndex action_fault_after) {
-        auto driver = std::make_unique<FakeDriver>(
-            FakeDriver::Options{.sensor_period = sensor_period,
-                                .sensor_delay = sensor_delay,
-                                .observation_fault_after = observation_fault_after,
-                                .action_fault_after = action_fault_after});
+        auto driver =
+            fake_driver(sensor_period, sensor_delay, observation_fault_after, action_fault_after);
         return std::make_unique<PythonFrontend>(
             start_inline("fake", std::move(driver), {}, {.history = history}, {.strict = strict}),
             PythonFrontend::Role{.controls = true, .is_inline = true});
@@ -79,11 +82,8 @@ action has the field `setpoint`. An observation has the fields `setpoint` (the l
          std::uint32_t max_skipped_ticks, nb::handle first_action_timeout, std::size_t history,
          TimeIndex sensor_period, TimeIndex sensor_delay, TimeIndex observation_fault_after,
          TimeIndex action_fault_after) {
-        auto driver = std::make_unique<FakeDriver>(
-            FakeDriver::Options{.sensor_period = sensor_period,
-                                .sensor_delay = sensor_delay,
-                                .observation_fault_after = observation_fault_after,
-                                .action_fault_after = action_fault_after});
+        auto driver =
+            fake_driver(sensor_period, sensor_delay, observation_fault_after, action_fault_after);
         const BackendOptions options{.mode = real_time ? BackendOptions::Mode::kRealTime
                                                        : BackendOptions::Mode::kNonRealTime,
                                      .period = to_time(period),

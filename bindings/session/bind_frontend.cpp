@@ -12,6 +12,8 @@
 #include "conversion/series.hpp"
 #include "conversion/text.hpp"
 #include "conversion/timeout.hpp"
+#include "conversion/with.hpp"
+#include "docstrings.hpp"
 #include "frontend.hpp"
 #include "session_info.hpp"
 
@@ -51,43 +53,35 @@ void bind_frontend(nb::module_& m) {
     return [series](const PythonFrontend& frontend, TimeIndex first, TimeIndex last,
                     nb::handle timeout) { return frontend.get_many(series, first, last, timeout); };
   };
-  const auto dtype = [](Series series) {
-    return [series](const PythonFrontend& frontend) { return frontend.dtype(series); };
-  };
 
-  nb::class_<PythonFrontend>(
+  nb::class_<PythonFrontend> type(
       m, "Frontend", nb::type_slots(garbage_collected<PythonFrontend>()),
-      R"(The user's view of a running robot: append desired actions, read back what happened.
-
-Reading step t waits until the back-end has filled it in. A loop that reads y[t] and appends
-a[t+1] is therefore paced by the robot and needs no sleep of its own.
-
-`y.position` and `y["position"]` read a field of an Element. Ranges of steps `ys` are structured
+      also(
+          docs::Frontend::Frontend,
+          R"(`y.position` and `y["position"]` read a field of an Element. Ranges of steps `ys` are structured
 arrays of NumPy; `ys["position"]` is the field of all steps.
 
-Any number of threads may read; one thread appends. Every wait ends with the value, with TimedOut,
-with Ctrl-C, or with RobotStopped if the session has ended and the value will never come. `timeout`
-is in seconds; None waits as long as it takes. A handle that went through os.fork() raises
-InheritedHandle.
+`timeout` is in seconds; None waits as long as it takes. Waits end with Ctrl-C, too.
 
 A `with` block calls finish() at its end. If the block raises an exception, it calls close()
 instead.)")
-      .def("append_desired_action", &PythonFrontend::append_desired_action, "action"_a.none(),
-           "timeout"_a = nb::none(),
-           nb::sig("def append_desired_action(self, action: Action, timeout: float | None = None) "
-                   "-> int"),
-           R"(Appends `action` and returns the step for which it is scheduled. This is the next step
-or, if the user's loop is late, the first step that is still open. The first call starts step 0. The
-call waits only if the queue is full.
-
-Raises RobotStopped, TimedOut, AcausalAction if strict, InvalidArgument for anything but an action
-of this robot: see new_action.)")
+          .c_str());
+  type.def(
+          "append_desired_action", &PythonFrontend::append_desired_action, "action"_a.none(),
+          "timeout"_a = nb::none(),
+          nb::sig("def append_desired_action(self, action: Action, timeout: float | None = None) "
+                  "-> int"),
+          also(
+              docs::Frontend::append_desired_action,
+              R"(Raises InvalidArgument for anything but an action of this robot: see new_action.)")
+              .c_str())
       .def("append_desired_actions", &PythonFrontend::append_desired_actions, "actions"_a.none(),
            "timeout"_a = nb::none(),
            nb::sig("def append_desired_actions(self, actions: numpy.typing.NDArray[Action], "
                    "timeout: float | None = None) -> int"),
-           R"(Appends several actions, one per step: the elements of a one-dimensional array of
-`action_dtype`. Returns the step of the last one.)")
+           also(docs::Frontend::append_desired_actions,
+                R"(`actions` are a one-dimensional array of `action_dtype`.)")
+               .c_str())
       .def("new_action", &PythonFrontend::new_action, "fields"_a,
            nb::sig("def new_action(self, **fields: numpy.typing.ArrayLike) -> Action"),
            R"(Returns the robot's default action with `fields` filled in; a number fills the whole
@@ -95,20 +89,17 @@ field. The action can be changed and appended as often as you like.)")
       .def(
           "get_observation", get(Series::kObservation), "t"_a, "timeout"_a = nb::none(),
           nb::sig("def get_observation(self, t: int, timeout: float | None = None) -> Observation"),
-          R"(Returns y[t]; waits for it if `t` lies in the future.
-
-Raises HistoryLost if y[t] was already overwritten, RobotStopped if it will never come, TimedOut.)")
+          docs::Frontend::get_observation)
       .def("get_desired_action", get(Series::kDesiredAction), "t"_a, "timeout"_a = nb::none(),
            nb::sig("def get_desired_action(self, t: int, timeout: float | None = None) -> Action"),
-           R"(Returns a[t] as the back-end took it. This and the functions below raise like
-get_observation.)")
+           docs::Frontend::get_desired_action)
       .def("get_applied_action", get(Series::kAppliedAction), "t"_a, "timeout"_a = nb::none(),
            nb::sig("def get_applied_action(self, t: int, timeout: float | None = None) -> "
                    "AppliedAction"),
-           "Returns a'[t], the applied action.")
+           docs::Frontend::get_applied_action)
       .def("get_status", get(Series::kStatus), "t"_a, "timeout"_a = nb::none(),
            nb::sig("def get_status(self, t: int, timeout: float | None = None) -> StatusElement"),
-           "Returns the status that the back-end has written for step t.")
+           docs::Frontend::get_status)
       .def(
           "get_observations", get_many(Series::kObservation), "first"_a, "last"_a,
           "timeout"_a = nb::none(),
@@ -130,84 +121,55 @@ get_observation.)")
                    "-> numpy.typing.NDArray[StatusElement]"))
       .def("latest_observation", &PythonFrontend::latest_observation, "timeout"_a = nb::none(),
            nb::sig("def latest_observation(self, timeout: float | None = None) -> Observation"),
-           R"(Returns the newest observation, also before step 0: a user can look without acting.)")
+           docs::Frontend::latest_observation)
       .def("get_latest_at", &PythonFrontend::get_latest_at, "t"_a, "timeout"_a = nb::none(),
            nb::sig("def get_latest_at(self, t: int, timeout: float | None = None) -> Observation "
                    "| None"),
-           R"(For companions: returns the newest element that arrived at or before the robot's step
-`t`, and waits for that step. None if no element had arrived by then.)")
+           also(docs::Companion::get_latest_at, R"(Only companions have this.)").c_str())
       .def("wait_until_time_index", &PythonFrontend::wait_until_time_index, "t"_a,
            "timeout"_a = nb::none(),
            nb::sig("def wait_until_time_index(self, t: int, timeout: float | None = None) -> None"),
-           "Waits until y[t] exists.")
+           docs::Frontend::wait_until_time_index)
       .def("current_time_index", &PythonFrontend::current_time_index,
-           "Newest step whose observation exists; -1 before step 0.")
+           docs::Frontend::current_time_index)
       .def(
           "range",
           [](const PythonFrontend& frontend, const std::string& series) {
             return frontend.range(series_of(series));
           },
           "series"_a, nb::sig("def range(self, series: str) -> tuple[int, int]"),
-          R"(The first step of `series` that can still be read, and the first step not yet written,
-for example for `robot.get_observations(*robot.range("observation"))`. Series are "desired_action",
+          also(
+              docs::UntypedFrontend::range,
+              R"(Example: `robot.get_observations(*robot.range("observation"))`. Series are "desired_action",
 "applied_action", "observation" and "status".)")
-      .def(
-          "finish", &PythonFrontend::finish, "timeout"_a = nb::none(),
-          nb::sig("def finish(self, timeout: float | None = None) -> None"),
-          R"(Says that no further action will come. The session ends without a fault, after the last
-appended action. Returns when it has ended.)")
-      .def(
-          "recover", &PythonFrontend::recover, "timeout"_a = nb::none(),
-          nb::sig("def recover(self, timeout: float | None = None) -> None"),
-          R"(Clears the fault that ended the session and waits until the back-end has begun the next
-one. This handle remains stopped: connect again.)")
+              .c_str())
+      .def("finish", &PythonFrontend::finish, "timeout"_a = nb::none(),
+           nb::sig("def finish(self, timeout: float | None = None) -> None"),
+           docs::Frontend::finish)
+      .def("recover", &PythonFrontend::recover, "timeout"_a = nb::none(),
+           nb::sig("def recover(self, timeout: float | None = None) -> None"),
+           docs::Frontend::recover)
       .def(
           "fault", [](const PythonFrontend& frontend) { return to_python(frontend.fault()); },
-          nb::sig("def fault(self) -> trifinger.session_info.Fault | None"),
-          "Why the session ended; None while it runs.")
-      .def(
-          "timing", &PythonFrontend::timing,
-          R"(How well the session keeps its time, up to now or up to its end. None outside real-time
-mode and before the first whole step.)")
-      .def("companion", &PythonFrontend::companion, "name"_a,
-           "Reads the companion `name` of this robot, for example \"object\".")
+          nb::sig("def fault(self) -> trifinger.session_info.Fault | None"), docs::Frontend::fault)
+      .def("timing", &PythonFrontend::timing, docs::Frontend::timing)
+      .def("companion", &PythonFrontend::companion, "name"_a, docs::Frontend::companion)
       .def(
           "session_info",
           [](const PythonFrontend& frontend) { return to_python(frontend.session_info()); },
           nb::sig("def session_info(self) -> trifinger.session_info.SessionInfo"),
-          R"(Facts about the session for everybody: name, type, period, who takes part.)")
+          docs::SessionInfo::SessionInfo)
       .def(
           "documents",
           [](const PythonFrontend& frontend) { return to_python(frontend.documents()); },
-          nb::sig("def documents(self) -> dict[str, str]"),
-          R"(Texts that belong to the session, by name: "configuration.yml", "model.xml".)")
+          nb::sig("def documents(self) -> dict[str, str]"), docs::Session::documents)
       .def("close", &PythonFrontend::close,
            R"(Gives the session and its control back. If actions were appended and the session still
 runs, it ends ("detached").)")
-      .def_prop_ro("action_dtype", dtype(Series::kDesiredAction),
-                   nb::sig("def action_dtype(self) -> numpy.dtype[Action]"),
-                   "The layout of an action.")
-      .def_prop_ro("applied_action_dtype", dtype(Series::kAppliedAction),
-                   nb::sig("def applied_action_dtype(self) -> numpy.dtype[AppliedAction]"),
-                   "The layout of an applied action.")
-      .def_prop_ro("observation_dtype", dtype(Series::kObservation),
-                   nb::sig("def observation_dtype(self) -> numpy.dtype[Observation]"),
-                   "The layout of an observation.")
-      .def_prop_ro("status_dtype", dtype(Series::kStatus),
-                   nb::sig("def status_dtype(self) -> numpy.dtype[StatusElement]"),
-                   "The layout of a status, the same for every robot.")
-      .def("__repr__", &PythonFrontend::text, nb::sig("def __repr__(self) -> str"))
-      .def(
-          "__enter__", [](nb::object self) { return self; },
-          nb::sig("def __enter__(self) -> Frontend"))
-      .def(
-          "__exit__",
-          [](PythonFrontend& frontend, nb::handle type, nb::handle, nb::handle) {
-            frontend.exit(type.is_none());
-          },
-          "type"_a.none(), "value"_a.none(), "traceback"_a.none(),
-          nb::sig("def __exit__(self, type: builtins.type[BaseException] | None, "
-                  "value: BaseException | None, traceback: types.TracebackType | None) -> None"));
+      .def("__repr__", &PythonFrontend::text, nb::sig("def __repr__(self) -> str"));
+  bind_dtypes(type);
+  bind_with(type, "Frontend",
+            [](PythonFrontend& frontend, bool is_clean) { frontend.exit(is_clean); });
 
   m.def(
       "connect",
@@ -217,18 +179,18 @@ runs, it ends ("detached").)")
       "name"_a, nb::kw_only(), "strict"_a = false, "timeout"_a.none() = 5.0,
       nb::sig("def connect(name: str, *, strict: bool = False, timeout: float | None = 5.0) -> "
               "Frontend"),
-      R"(Takes control of the robot `name`, which runs in a back-end of its own (`trifinger run`).
-
-With `strict`, an action that comes after its step was read is an error (AcausalAction) instead of a
-mark in the status. `timeout` is how long to wait for a session that is about to begin.
-
-Raises SessionNotFound with the names of running robots, ControlHeld with the process that controls
-the robot, RobotStopped if a fault must first be cleared with recover().)");
+      also(
+          docs::connect,
+          R"(With `strict`, an action that comes after its step was read is an error (AcausalAction) instead of
+a mark in the status. `timeout` is how long to wait for a session that is about to begin [s].)")
+          .c_str());
 
   m.def(
       "observe",
       [](const std::string& name) { return attach(name, {.control = false}, nb::none()); },
-      "name"_a, "Observes the robot or companion `name` without controlling it.");
+      "name"_a,
+      also(docs::observe, R"(`name` may also be that of a companion, for example "sim.object".)")
+          .c_str());
 }
 
 }  // namespace trifinger::bindings

@@ -9,6 +9,7 @@
 #include "conversion/errors.hpp"
 #include "conversion/text.hpp"
 #include "conversion/timeout.hpp"
+#include "docstrings.hpp"
 #include "session_info.hpp"
 #include "trifinger/core/session.hpp"
 #include "trifinger/core/status.hpp"
@@ -49,20 +50,13 @@ nb::object to_python(const std::vector<Document>& documents) {
 }
 
 void bind_session(nb::module_& m) {
-  nb::enum_<Status::Flag>(m, "Status", nb::is_flag(), nb::is_arithmetic(),
-                          "What happened in a step: bits of the field `flags` of its status.")
-      .value("ACTION_REPEATED", Status::kActionRepeated,
-             "The action for this step was missing; the previous one was applied again.")
-      .value("ACAUSAL", Status::kAcausal,
-             "The action was appended by someone who had already read y_t.")
-      .value("ACTION_REJECTED", Status::kActionRejected,
-             "The action could not be applied; a safe one was applied instead.")
-      .value("END", Status::kEnd,
-             "The last status of the session: no action was applied at this step.")
-      .value("SCHEDULER_LATE", Status::kSchedulerLate,
-             "The tick began late: the back-end did not get the processor in time.")
-      .value("DRIVER_LATE", Status::kDriverLate,
-             "The tick began late: calls of the driver used up the tick before.");
+  nb::enum_<Status::Flag>(m, "Status", nb::is_flag(), nb::is_arithmetic(), docs::Status::Flag::Flag)
+      .value("ACTION_REPEATED", Status::kActionRepeated, docs::Status::Flag::kActionRepeated)
+      .value("ACAUSAL", Status::kAcausal, docs::Status::Flag::kAcausal)
+      .value("ACTION_REJECTED", Status::kActionRejected, docs::Status::Flag::kActionRejected)
+      .value("END", Status::kEnd, docs::Status::Flag::kEnd)
+      .value("SCHEDULER_LATE", Status::kSchedulerLate, docs::Status::Flag::kSchedulerLate)
+      .value("DRIVER_LATE", Status::kDriverLate, docs::Status::Flag::kDriverLate);
 
   m.def(
       "list_sessions",
@@ -72,8 +66,7 @@ void bind_session(nb::module_& m) {
         return sessions;
       },
       nb::sig("def list_sessions() -> list[trifinger.session_info.SessionInfo]"),
-      R"(The sessions on this machine, robots and companions, in the order of their names. Sessions
-whose back-end died are included.)");
+      docs::list_sessions);
 
   m.def(
       "recover",
@@ -81,11 +74,7 @@ whose back-end died are included.)");
         in_slices(to_timeout(timeout), [&](Timeout slice) { recover(name, slice); });
       },
       "name"_a, "timeout"_a.none() = 5.0,
-      nb::sig("def recover(name: str, timeout: float | None = 5.0) -> None"),
-      R"(Clears the fault of the robot `name`; the next session begins. Call it only after somebody
-has looked at the robot.
-
-Raises SessionNotFound, TimedOut, or RobotStopped if the back-end is gone.)");
+      nb::sig("def recover(name: str, timeout: float | None = 5.0) -> None"), docs::recover);
 }
 
 }  // namespace trifinger::bindings

@@ -14,6 +14,7 @@
 #include "conversion/element_type.hpp"
 #include "conversion/text.hpp"
 #include "conversion/timeout.hpp"
+#include "docstrings.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/time.hpp"
 #include "trifinger/core/timing.hpp"
@@ -37,17 +38,14 @@ LateCause cause_of(std::string_view name) {
 void bind_timing(nb::module_& m) {
   nb::class_<LatenessHistogram>(
       m, "LatenessHistogram",
-      R"(Counts times in bins whose width grows with the time: eight bins for each power of two. A
-quantile is therefore known to an eighth of its value, however many times were counted.)")
-      .def("count", &LatenessHistogram::count, "Number of counted times.")
+      also(docs::LatenessHistogram::LatenessHistogram, R"(Times are in seconds.)").c_str())
+      .def("count", &LatenessHistogram::count, docs::LatenessHistogram::count)
       .def(
           "quantile",
           [](const LatenessHistogram& histogram, double fraction) {
             return to_seconds(histogram.quantile(fraction));
           },
-          "fraction"_a,
-          "The time below which the share `fraction` of all times lies [s]; 0 if no time was "
-          "counted.")
+          "fraction"_a, docs::LatenessHistogram::quantile)
       .def(
           "counts",
           [](const LatenessHistogram& histogram) {
@@ -71,20 +69,21 @@ quantile is therefore known to an eighth of its value, however many times were c
           "The shortest time of each bin [s]. The last bin has no upper end.")
       .def(
           "max", [](const LatenessHistogram& histogram) { return to_seconds(histogram.max()); },
-          "The longest time [s].")
+          docs::LatenessHistogram::max)
       .def("__str__", [](const LatenessHistogram& histogram) { return describe(histogram); })
       .def("__repr__", [](const LatenessHistogram& histogram) {
         return "<LatenessHistogram: " + describe(histogram) + ">";
       });
 
-  nb::class_<LateStep>(m, "LateStep", "A step that was late.")
+  nb::class_<LateStep>(m, "LateStep",
+                       also(docs::LateStep::LateStep, R"(Times are in seconds.)").c_str())
       .def_ro("time_index", &LateStep::time_index)
       .def_prop_ro(
           "lateness", [](const LateStep& step) { return to_seconds(step.lateness); },
-          R"(How late the tick began [s]. If the user caused it, the time without a new action.)")
+          docs::LateStep::lateness)
       .def_prop_ro(
           "cause", [](const LateStep& step) { return std::string(name_of(step.cause)); },
-          R"(Who caused the late step: "user", "scheduler" or "driver".)")
+          also(docs::LateStep::cause, R"(One of "user", "scheduler" and "driver".)").c_str())
       .def("__repr__", [](const LateStep& step) {
         return "<LateStep " + std::to_string(step.time_index) + " by " +
                duration_text(step.lateness) + ", " + std::string(name_of(step.cause)) + ">";
@@ -92,40 +91,37 @@ quantile is therefore known to an eighth of its value, however many times were c
 
   nb::class_<TimingRecord>(
       m, "TimingRecord",
-      R"(How well a session in real time keeps its time; str() tells it in a sentence.
-
-A step is late because its action was missing ("user"), because the back-end was woken late or did
-not get the processor ("scheduler"), or because calls of the driver used up the tick before
-("driver").)")
+      also(
+          docs::TimingRecord::TimingRecord,
+          R"(str() tells it in a sentence. A step is late because its action was missing ("user"), because the
+back-end was woken late or did not get the processor ("scheduler"), or because calls of the driver
+used up the tick before ("driver").)")
+          .c_str())
       .def("lateness", &TimingRecord::lateness, nb::rv_policy::reference_internal,
-           "The `lateness_of` all steps.")
-      .def("steps", &TimingRecord::steps,
-           "Number of steps so far, including the one that ended the session.")
+           docs::TimingRecord::lateness)
+      .def("steps", &TimingRecord::steps, docs::TimingRecord::steps)
       .def(
           "late_steps",
           // No std::string: g++ 12 warns that it is used before it is set.
           [](const TimingRecord& timing, const std::optional<nb::str>& cause) {
             return cause ? timing.late_steps(cause_of(text_of(*cause))) : timing.late_steps();
           },
-          "cause"_a = nb::none(),
-          "Number of late steps: all of them, or those late because of `cause`.")
-      .def("success_rate", &TimingRecord::success_rate,
-           "The share of the newest 1000 steps that were in time: 1 if all of them were.")
+          "cause"_a = nb::none(), docs::TimingRecord::late_steps)
+      .def("success_rate", &TimingRecord::success_rate, docs::TimingRecord::success_rate)
       .def(
           "worst",
           [](const TimingRecord& timing) {
             const auto worst = timing.worst();
             return std::vector<LateStep>(worst.begin(), worst.end());
           },
-          R"(The worst late steps, the worst one first. In a row of steps with growing lateness only
-the last one is listed.)")
+          docs::TimingRecord::worst)
       .def("__str__", [](const TimingRecord& timing) { return describe(timing); })
       .def("__repr__",
            [](const TimingRecord& timing) { return "<TimingRecord: " + describe(timing) + ">"; });
 
   m.def(
       "duration_text", [](double seconds) { return duration_text(to_time(seconds)); }, "seconds"_a,
-      "Formats a time for people, for example \"12 µs\" and \"1.2 ms\".");
+      also(docs::duration_text, R"(`seconds` is the duration [s].)").c_str());
   m.def(
       "lateness_of",
       [](nb::handle statuses, double period) {
@@ -143,9 +139,9 @@ the last one is listed.)")
       "statuses"_a, "period"_a,
       nb::sig("def lateness_of(statuses: numpy.typing.NDArray[StatusElement], period: float) -> "
               "numpy.typing.NDArray[numpy.float64]"),
-      R"(How late each step was [s]: the time from the deadline to the beginning of the tick. If
-ticks were left out before it, the time counts from the deadline of the first of them. Zero without
-deadlines. `period` is the session's [s].)");
+      also(docs::lateness_of,
+           R"(Returns one number [s] for each of `statuses`. `period` is the session's [s].)")
+          .c_str());
 }
 
 }  // namespace trifinger::bindings

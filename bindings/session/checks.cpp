@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <cstring>
 #include <string>
-#include <string_view>
 #include <utility>
 
+#include "conversion/text.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/errors.hpp"
 
@@ -19,18 +19,12 @@ namespace {
 // Returns a text like "ValueError: too near".
 std::string message_of(const nb::python_error& error) {
   auto text = nb::cast<std::string>(error.type().attr("__name__"));
-  const nb::object message = nb::steal(PyObject_Str(error.value().ptr()));
-  if (!message.is_valid()) {
-    PyErr_Clear();
+  try {
+    const std::string says = text_of(error.value());
+    if (!says.empty()) text += ": " + says;
+  } catch (const nb::python_error&) {  // its __str__ fails
     return text;
   }
-  // Not every string of Python is UTF-8: a file's name may hold any byte.
-  const nb::object bytes =
-      nb::steal(PyUnicode_AsEncodedString(message.ptr(), "utf-8", "backslashreplace"));
-  if (!bytes.is_valid()) throw nb::python_error();
-  const std::string_view says(PyBytes_AS_STRING(bytes.ptr()),
-                              static_cast<std::size_t>(PyBytes_GET_SIZE(bytes.ptr())));
-  if (!says.empty()) text.append(": ").append(says);
   // `what()` would lose everything after a zero byte.
   std::ranges::replace(text, '\0', ' ');
   return text;

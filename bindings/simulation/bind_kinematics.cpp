@@ -11,6 +11,7 @@
 #include "conversion/array.hpp"
 #include "conversion/numpy.hpp"
 #include "conversion/text.hpp"
+#include "docstrings.hpp"
 #include "simulation.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/model/kinematics.hpp"
@@ -66,10 +67,7 @@ std::string_view name_of(Reach reach) {
 }  // namespace
 
 void bind_kinematics(nb::module_& m) {
-  nb::class_<Kinematics>(m, "Kinematics",
-                         "Kinematics and dynamics of the fingers, without contacts and objects. "
-                         "Everything is in the world\nframe: z up, origin on the table. One object "
-                         "must not be used by several threads at once: make one\nfor each.")
+  nb::class_<Kinematics>(m, "Kinematics", docs::Kinematics::Kinematics)
       .def(
           "__init__",
           [](Kinematics* self, const std::string& config, const nb::dict& overrides) {
@@ -80,9 +78,8 @@ void bind_kinematics(nb::module_& m) {
               "def __init__(self, config: str = 'sim', overrides: dict[str, object] = {}) -> None"),
           "`config` is the name of a configuration that comes with the package, or a file. "
           "`overrides` changes\nsingle values.")
-      .def_prop_ro("num_fingers", &Kinematics::num_fingers, "Number of fingers: 1 or 3.")
-      .def_prop_ro("num_joints", &Kinematics::num_joints,
-                   "Number of joints: three for each finger.")
+      .def_prop_ro("num_fingers", &Kinematics::num_fingers, docs::Kinematics::num_fingers)
+      .def_prop_ro("num_joints", &Kinematics::num_joints, docs::Kinematics::num_joints)
       .def(
           "tip_positions",
           [](Kinematics& kinematics, nb::handle position) {
@@ -93,8 +90,7 @@ void bind_kinematics(nb::module_& m) {
           "position"_a,
           nb::sig("def tip_positions(self, position: numpy.typing.ArrayLike) -> "
                   "numpy.typing.NDArray[numpy.float64]"),
-          "Centres of the tip spheres at the joint positions `position` [rad]: a row x, y, z for "
-          "each finger [m].")
+          also(docs::Kinematics::tip_positions, R"(The result has a row for each finger.)").c_str())
       .def(
           "tip_jacobian",
           [](Kinematics& kinematics, int finger, nb::handle position) {
@@ -104,7 +100,7 @@ void bind_kinematics(nb::module_& m) {
           "finger"_a, "position"_a,
           nb::sig("def tip_jacobian(self, finger: int, position: numpy.typing.ArrayLike) -> "
                   "numpy.typing.NDArray[numpy.float64]"),
-          "Derivative of one tip's position by all joints [m/rad]: 3 rows, `num_joints` columns.")
+          docs::Kinematics::tip_jacobian)
       .def(
           "tip_jacobians",
           [](Kinematics& kinematics, nb::handle position) {
@@ -114,8 +110,7 @@ void bind_kinematics(nb::module_& m) {
           "position"_a,
           nb::sig("def tip_jacobians(self, position: numpy.typing.ArrayLike) -> "
                   "numpy.typing.NDArray[numpy.float64]"),
-          "The Jacobians of all tips, one below the other [m/rad]: square, `num_joints` rows and "
-          "columns.")
+          docs::Kinematics::tip_jacobians)
       .def(
           "tip_accelerations",
           [](Kinematics& kinematics, nb::handle position, nb::handle velocity) {
@@ -128,8 +123,8 @@ void bind_kinematics(nb::module_& m) {
           "position"_a, "velocity"_a,
           nb::sig("def tip_accelerations(self, position: numpy.typing.ArrayLike, velocity: "
                   "numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]"),
-          "Accelerations of the tips when joints move with constant `velocity` [rad/s]: a row x, "
-          "y, z for each\nfinger [m/s^2].")
+          also(docs::Kinematics::tip_accelerations, R"(The result has a row for each finger.)")
+              .c_str())
       .def(
           "gravity_torques",
           [](Kinematics& kinematics, nb::handle position) {
@@ -139,7 +134,7 @@ void bind_kinematics(nb::module_& m) {
           "position"_a,
           nb::sig("def gravity_torques(self, position: numpy.typing.ArrayLike) -> "
                   "numpy.typing.NDArray[numpy.float64]"),
-          "Torques that hold the pose against gravity [Nm].")
+          docs::Kinematics::gravity_torques)
       .def(
           "bias_torques",
           [](Kinematics& kinematics, nb::handle position, nb::handle velocity) {
@@ -150,8 +145,7 @@ void bind_kinematics(nb::module_& m) {
           "position"_a, "velocity"_a,
           nb::sig("def bias_torques(self, position: numpy.typing.ArrayLike, velocity: "
                   "numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]"),
-          "Torques that keep joints at their `velocity` [rad/s] without acceleration, against "
-          "gravity, Coriolis\nand centrifugal forces [Nm]. Friction is not included.")
+          docs::Kinematics::bias_torques)
       .def(
           "mass_matrix",
           [](Kinematics& kinematics, nb::handle position) {
@@ -161,7 +155,7 @@ void bind_kinematics(nb::module_& m) {
           "position"_a,
           nb::sig("def mass_matrix(self, position: numpy.typing.ArrayLike) -> "
                   "numpy.typing.NDArray[numpy.float64]"),
-          "Inertia at the joints, including that of the rotors [kg m^2].")
+          docs::Kinematics::mass_matrix)
       .def(
           "inverse_kinematics",
           [](const Kinematics& kinematics, int finger, nb::handle tip, nb::handle near) {
@@ -177,10 +171,11 @@ void bind_kinematics(nb::module_& m) {
           nb::sig("def inverse_kinematics(self, finger: int, tip: numpy.typing.ArrayLike, "
                   "near: numpy.typing.ArrayLike | None = None) -> "
                   "tuple[numpy.typing.NDArray[numpy.float64], str]"),
-          "Joint positions of `finger` [rad] that bring its tip to `tip` [m], and whether it can "
-          "reach it:\n'yes', 'too_far', 'too_close' or 'outside_limits'. If it cannot, the result "
-          "is a pose within the\nhard limits whose tip is near the point. Among several poses the "
-          "result is the one nearest to `near`\n[rad]; default: the initial pose.");
+          also(
+              docs::Kinematics::inverse_kinematics,
+              R"(Returns the joint positions and 'yes', 'too_far', 'too_close' or 'outside_limits'. `near` is the
+initial pose by default.)")
+              .c_str());
 }
 
 }  // namespace trifinger::bindings

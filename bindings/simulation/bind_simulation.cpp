@@ -21,6 +21,7 @@
 #include "conversion/garbage.hpp"
 #include "conversion/gil.hpp"
 #include "conversion/text.hpp"
+#include "docstrings.hpp"
 #include "log/recorder.hpp"
 #include "session/checks.hpp"
 #include "simulation.hpp"
@@ -43,9 +44,7 @@ std::string constant_name(std::string_view name) {
 }
 
 void bind_reasons(nb::module_& m) {
-  nb::enum_<Reason> reasons(
-      m, "Reason", nb::is_flag(), nb::is_arithmetic(),
-      "Why a joint did not get what was requested: bits of `reasons` in an applied action.");
+  nb::enum_<Reason> reasons(m, "Reason", nb::is_flag(), nb::is_arithmetic(), docs::Reason::Reason);
   for (const Reason reason : all_reasons()) {
     reasons.value(constant_name(name_of(reason)).c_str(), reason,
                   std::string(describe(reason)).c_str());
@@ -100,8 +99,7 @@ void bind_simulation(nb::module_& m) {
              return "<Simulation of '" + simulation.name() + "'>";
            })
       .def("connect", &PythonSimulation::connect, nb::kw_only(), "strict"_a = true,
-           "Controls the robot in a new session. Raises ControlHeld while another front-end "
-           "controls it.")
+           docs::Simulation::connect)
       .def("reset", &PythonSimulation::reset, "position"_a = nb::none(), "seed"_a = nb::none(),
            "episode"_a = 0,
            "Resets the simulation: joints at `position` [rad] (default: the configuration's), "
@@ -145,15 +143,14 @@ void bind_simulation(nb::module_& m) {
           "{\"tip_object\": 0.8}; docs/simulation.md names them.")
       .def("place_object", &PythonSimulation::place_object, "name"_a, "position"_a,
            "orientation"_a = std::vector<double>{1.0, 0.0, 0.0, 0.0},
-           "Places an object at rest: `position` x, y, z [m] and `orientation`, a quaternion w, x, "
-           "y, z.")
+           also(docs::SimulatedRobot::place_object,
+                R"(The pose is `position` x, y, z [m] and `orientation`, a quaternion w, x, y, z.)")
+               .c_str())
       .def("set_object_velocity", &PythonSimulation::set_object_velocity, "name"_a, "linear"_a,
            "angular"_a = std::vector<double>{0.0, 0.0, 0.0},
-           "Sets an object in motion from where it is, in the world frame: velocity of its centre "
-           "[m/s] and\nangular velocity [rad/s].")
+           docs::SimulatedRobot::set_object_velocity)
       .def("push_object", &PythonSimulation::push_object, "name"_a, "force"_a,
-           "Applies a force to an object's centre of mass [N], in the world frame. It acts from "
-           "the next step of\nthe session on until the next call, reset() or session.")
+           docs::SimulatedRobot::push_object)
       .def(
           "object_velocity",
           [](const PythonSimulation& simulation, const std::string& name) {
@@ -161,9 +158,7 @@ void bind_simulation(nb::module_& m) {
             return std::pair(Eigen::Vector3d(velocity.linear.data()),
                              Eigen::Vector3d(velocity.angular.data()));
           },
-          "name"_a,
-          "The object's velocity now, without delay and noise: velocity of its centre [m/s] and "
-          "angular velocity [rad/s].")
+          "name"_a, docs::SimulatedRobot::object_velocity)
       .def(
           "object_pose",
           [](const PythonSimulation& simulation, const std::string& name) {
@@ -171,14 +166,11 @@ void bind_simulation(nb::module_& m) {
             return std::pair(Eigen::Vector3d(pose.position.data()),
                              Eigen::Vector4d(pose.orientation.data()));
           },
-          "name"_a,
-          "The object's pose now, without delay and noise: position [m] and quaternion w, x, y, z.")
-      .def("save", &PythonSimulation::save,
-           "Saves the state: physics, safety chain, delays, random numbers.")
-      .def("restore", &PythonSimulation::restore, "state"_a,
-           "Continues from `state` exactly as the saved simulation continued, bit for bit.")
+          "name"_a, docs::SimulatedRobot::object_pose)
+      .def("save", &PythonSimulation::save, docs::SimulatedRobot::save)
+      .def("restore", &PythonSimulation::restore, "state"_a, docs::SimulatedRobot::restore)
       .def("state_before_divergence", &PythonSimulation::state_before_divergence,
-           "The last state before the simulation diverged; empty if it has not diverged.")
+           docs::SimulatedRobot::state_before_divergence)
       .def(
           "configuration",
           [](const PythonSimulation& simulation) {
@@ -186,8 +178,7 @@ void bind_simulation(nb::module_& m) {
             return Values(
                 Eigen::Map<const Values>(values.data(), static_cast<Eigen::Index>(values.size())));
           },
-          "Positions and velocities of joints and objects, to draw the scene of mjcf(): MuJoCo's "
-          "qpos, then qvel.")
+          docs::SimulatedRobot::configuration)
       .def("add_check", &PythonSimulation::add_check, "function"_a,
            nb::sig("def add_check(self, function: collections.abc.Callable[[Observation, Action], "
                    "None]) -> None"),
@@ -222,9 +213,10 @@ void bind_simulation(nb::module_& m) {
               "bool = True, record: str | os.PathLike[str] | None = None, "
               "checks: collections.abc.Iterable[collections.abc.Callable[[Observation, Action], "
               "None]] = ()) -> Frontend"),
-      "Starts a simulated robot in this process and controls it; see Simulation. `record` is the "
-      "folder for\na log. `checks` are safety checks of your own, see Simulation.add_check(). For "
-      "a robot that runs\nelsewhere, use connect().");
+      also(docs::simulate,
+           R"(`record` is the folder for a log. `checks` are safety checks of your own, see
+Simulation.add_check().)")
+          .c_str());
 
   m.def(
       "export_mjcf",
@@ -233,7 +225,7 @@ void bind_simulation(nb::module_& m) {
       },
       "config"_a = "sim", "overrides"_a = nb::dict(),
       nb::sig("def export_mjcf(config: str = 'sim', overrides: dict[str, object] = {}) -> str"),
-      "The scene of a configuration in MuJoCo's format, with objects, cameras and lights.");
+      docs::export_mjcf);
   m.def(
       "export_urdf",
       [](const std::string& config, const nb::dict& overrides) {
@@ -241,7 +233,7 @@ void bind_simulation(nb::module_& m) {
       },
       "config"_a = "sim", "overrides"_a = nb::dict(),
       nb::sig("def export_urdf(config: str = 'sim', overrides: dict[str, object] = {}) -> str"),
-      "The robot of a configuration as URDF.");
+      docs::export_urdf);
 }
 
 }  // namespace trifinger::bindings

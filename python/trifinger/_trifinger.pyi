@@ -95,22 +95,24 @@ class Status(enum.IntFlag):
 
 def list_sessions() -> list[trifinger.session_info.SessionInfo]:
     """
-    The sessions on this machine, robots and companions, in the order of their names. Sessions
-    whose back-end died are included.
+    All sessions in the session folder, robots and companions, sorted by name. Sessions whose
+    back-end died are included; sessions that cannot be opened are left out.
     """
 
 def recover(name: str, timeout: float | None = 5.0) -> None:
     """
-    Clears the fault of the robot `name`; the next session begins. Call it only after somebody
-    has looked at the robot.
+    Clears the fault of the robot `name`, so that the next session begins. This is for an
+    operator who has looked at the robot.
 
-    Raises SessionNotFound, TimedOut, or RobotStopped if the back-end is gone.
+    Raises SessionNotFound, TimedOut, RobotStopped if the back-end is gone.
     """
 
 class LatenessHistogram:
     """
     Counts times in bins whose width grows with the time: eight bins for each power of two. A
     quantile is therefore known to an eighth of its value, however many times were counted.
+
+    Times are in seconds.
     """
 
     def count(self) -> int:
@@ -118,7 +120,7 @@ class LatenessHistogram:
 
     def quantile(self, fraction: float) -> float:
         """
-        The time below which the share `fraction` of all times lies [s]; 0 if no time was counted.
+        The time below which the share `fraction` of all times lies; zero if no time was counted.
         """
 
     def counts(self) -> list[int]:
@@ -129,14 +131,18 @@ class LatenessHistogram:
         """The shortest time of each bin [s]. The last bin has no upper end."""
 
     def max(self) -> float:
-        """The longest time [s]."""
+        """The longest time."""
 
     def __str__(self) -> str: ...
 
     def __repr__(self) -> str: ...
 
 class LateStep:
-    """A step that was late."""
+    """
+    A step that was late.
+
+    Times are in seconds.
+    """
 
     @property
     def time_index(self) -> int: ...
@@ -144,22 +150,28 @@ class LateStep:
     @property
     def lateness(self) -> float:
         """
-        How late the tick began [s]. If the user caused it, the time without a new action.
+        How late the tick began. If the user caused it, the time without a new action.
         """
 
     @property
     def cause(self) -> str:
-        """Who caused the late step: "user", "scheduler" or "driver"."""
+        """
+        Who caused it.
+
+        One of "user", "scheduler" and "driver".
+        """
 
     def __repr__(self) -> str: ...
 
 class TimingRecord:
     """
-    How well a session in real time keeps its time; str() tells it in a sentence.
+    How well a session in real time keeps its time: a summary of all its statuses, including the
+    last one. It is plain data of a fixed size. The back-end keeps one for everybody to read,
+    and a log gives the same.
 
-    A step is late because its action was missing ("user"), because the back-end was woken late or did
-    not get the processor ("scheduler"), or because calls of the driver used up the tick before
-    ("driver").
+    str() tells it in a sentence. A step is late because its action was missing ("user"), because the
+    back-end was woken late or did not get the processor ("scheduler"), or because calls of the driver
+    used up the tick before ("driver").
     """
 
     def lateness(self) -> LatenessHistogram:
@@ -178,8 +190,8 @@ class TimingRecord:
 
     def worst(self) -> list[LateStep]:
         """
-        The worst late steps, the worst one first. In a row of steps with growing lateness only
-        the last one is listed.
+        The worst late steps, the worst one first. In a row of steps with growing lateness only the
+        last one is listed.
         """
 
     def __str__(self) -> str: ...
@@ -187,13 +199,21 @@ class TimingRecord:
     def __repr__(self) -> str: ...
 
 def duration_text(seconds: float) -> str:
-    """Formats a time for people, for example "12 µs" and "1.2 ms"."""
+    """
+    The duration in words: "850 ns", "12 µs", "1.28 ms", "2 s". With a decimal point it has at
+    most three digits.
+
+    `seconds` is the duration [s].
+    """
 
 def lateness_of(statuses: numpy.typing.NDArray[StatusElement], period: float) -> numpy.typing.NDArray[numpy.float64]:
     """
-    How late each step was [s]: the time from the deadline to the beginning of the tick. If
-    ticks were left out before it, the time counts from the deadline of the first of them. Zero without
-    deadlines. `period` is the session's [s].
+    How late the step of `status` was: the time from the deadline to the beginning of the tick.
+    If ticks were left out before it, the time counts from the deadline of the first of them.
+    Zero without deadlines. Everything that is shown as "lateness" is this value; `TimingRecord`
+    keeps its quantiles and its maximum.
+
+    Returns one number [s] for each of `statuses`. `period` is the session's [s].
     """
 
 class Frontend:
@@ -203,13 +223,15 @@ class Frontend:
     Reading step t waits until the back-end has filled it in. A loop that reads y[t] and appends
     a[t+1] is therefore paced by the robot and needs no sleep of its own.
 
+    A front-end is not for real-time code: reads block and failures raise. Any number of threads
+    may read; one thread appends. Every wait ends with the value, with TimedOut, or with
+    RobotStopped if the session has ended and the value will never come. A handle that went
+    through fork() raises InheritedHandle.
+
     `y.position` and `y["position"]` read a field of an Element. Ranges of steps `ys` are structured
     arrays of NumPy; `ys["position"]` is the field of all steps.
 
-    Any number of threads may read; one thread appends. Every wait ends with the value, with TimedOut,
-    with Ctrl-C, or with RobotStopped if the session has ended and the value will never come. `timeout`
-    is in seconds; None waits as long as it takes. A handle that went through os.fork() raises
-    InheritedHandle.
+    `timeout` is in seconds; None waits as long as it takes. Waits end with Ctrl-C, too.
 
     A `with` block calls finish() at its end. If the block raises an exception, it calls close()
     instead.
@@ -217,18 +239,20 @@ class Frontend:
 
     def append_desired_action(self, action: Action, timeout: float | None = None) -> int:
         """
-        Appends `action` and returns the step for which it is scheduled. This is the next step
-        or, if the user's loop is late, the first step that is still open. The first call starts step 0. The
-        call waits only if the queue is full.
+        Appends `action` and returns the step for which it is scheduled. This is the next step or,
+        if the user's loop is late, the first step that is still open. The first call starts step 0.
+        The call waits only if the queue is full.
 
-        Raises RobotStopped, TimedOut, AcausalAction if strict, InvalidArgument for anything but an action
-        of this robot: see new_action.
+        Raises RobotStopped, TimedOut, AcausalAction if strict.
+
+        Raises InvalidArgument for anything but an action of this robot: see new_action.
         """
 
     def append_desired_actions(self, actions: numpy.typing.NDArray[Action], timeout: float | None = None) -> int:
         """
-        Appends several actions, one per step: the elements of a one-dimensional array of
-        `action_dtype`. Returns the step of the last one.
+        Appends several actions, one per step, and returns the step of the last one.
+
+        `actions` are a one-dimensional array of `action_dtype`.
         """
 
     def new_action(self, **fields: numpy.typing.ArrayLike) -> Action:
@@ -241,13 +265,14 @@ class Frontend:
         """
         Returns y[t]; waits for it if `t` lies in the future.
 
-        Raises HistoryLost if y[t] was already overwritten, RobotStopped if it will never come, TimedOut.
+        Raises HistoryLost if y[t] was already overwritten, RobotStopped if it will never come,
+        TimedOut.
         """
 
     def get_desired_action(self, t: int, timeout: float | None = None) -> Action:
         """
         Returns a[t] as the back-end took it. This and the functions below raise like
-        get_observation.
+        `get_observation`.
         """
 
     def get_applied_action(self, t: int, timeout: float | None = None) -> AppliedAction:
@@ -274,8 +299,10 @@ class Frontend:
 
     def get_latest_at(self, t: int, timeout: float | None = None) -> Observation | None:
         """
-        For companions: returns the newest element that arrived at or before the robot's step
-        `t`, and waits for that step. None if no element had arrived by then.
+        Returns the newest element that arrived at or before the robot's step `t`; waits for that
+        step. Returns None if no element had arrived by then.
+
+        Only companions have this.
         """
 
     def wait_until_time_index(self, t: int, timeout: float | None = None) -> None:
@@ -286,8 +313,9 @@ class Frontend:
 
     def range(self, series: str) -> tuple[int, int]:
         """
-        The first step of `series` that can still be read, and the first step not yet written,
-        for example for `robot.get_observations(*robot.range("observation"))`. Series are "desired_action",
+        The first index of `series` that can still be read, and the first index not yet written.
+
+        Example: `robot.get_observations(*robot.range("observation"))`. Series are "desired_action",
         "applied_action", "observation" and "status".
         """
 
@@ -295,12 +323,19 @@ class Frontend:
         """
         Says that no further action will come. The session ends without a fault, after the last
         appended action. Returns when it has ended.
+
+        Raises RobotStopped if the session ended for another reason, so that some actions may not
+        have been applied; TimedOut.
         """
 
     def recover(self, timeout: float | None = None) -> None:
         """
-        Clears the fault that ended the session and waits until the back-end has begun the next
-        one. This handle remains stopped: connect again.
+        Clears the fault that ended the session and waits until the back-end has begun the next one.
+        This handle remains stopped: connect again. Only the controller can call this;
+        `trifinger.recover(name)` is for everybody.
+
+        Raises InvalidArgument for a handle that only observes, RobotStopped if the back-end is
+        gone.
         """
 
     def fault(self) -> trifinger.session_info.Fault | None:
@@ -308,8 +343,8 @@ class Frontend:
 
     def timing(self) -> TimingRecord | None:
         """
-        How well the session keeps its time, up to now or up to its end. None outside real-time
-        mode and before the first whole step.
+        How well the session keeps its time, up to now or up to its end. None outside real-time mode
+        and before the first whole step.
         """
 
     def companion(self, name: str) -> Frontend:
@@ -317,12 +352,16 @@ class Frontend:
 
     def session_info(self) -> trifinger.session_info.SessionInfo:
         """
-        Facts about the session for everybody: name, type, period, who takes part.
+        Facts about a session for everybody: name, type, period, who takes part. Reading them does
+        not need a front-end.
         """
 
     def documents(self) -> dict[str, str]:
         """
-        Texts that belong to the session, by name: "configuration.yml", "model.xml".
+        The documents that explain the robot, by name: "configuration.yml", "model.xml". Companions
+        have none.
+
+        Raises IncompatibleSession if the file is damaged.
         """
 
     def close(self) -> None:
@@ -330,6 +369,8 @@ class Frontend:
         Gives the session and its control back. If actions were appended and the session still
         runs, it ends ("detached").
         """
+
+    def __repr__(self) -> str: ...
 
     @property
     def action_dtype(self) -> numpy.dtype[Action]:
@@ -347,8 +388,6 @@ class Frontend:
     def status_dtype(self) -> numpy.dtype[StatusElement]:
         """The layout of a status, the same for every robot."""
 
-    def __repr__(self) -> str: ...
-
     def __enter__(self) -> Frontend: ...
 
     def __exit__(self, type: type[BaseException] | None, value: BaseException | None, traceback: types.TracebackType | None) -> None: ...
@@ -357,15 +396,20 @@ def connect(name: str, *, strict: bool = False, timeout: float | None = 5.0) -> 
     """
     Takes control of the robot `name`, which runs in a back-end of its own (`trifinger run`).
 
-    With `strict`, an action that comes after its step was read is an error (AcausalAction) instead of a
-    mark in the status. `timeout` is how long to wait for a session that is about to begin.
+    Raises SessionNotFound with the names of running robots and how to start one, ControlHeld
+    that names the controlling process, IncompatibleSession if it is another robot, RobotStopped
+    if a fault must first be cleared with `recover`.
 
-    Raises SessionNotFound with the names of running robots, ControlHeld with the process that controls
-    the robot, RobotStopped if a fault must first be cleared with recover().
+    With `strict`, an action that comes after its step was read is an error (AcausalAction) instead of
+    a mark in the status. `timeout` is how long to wait for a session that is about to begin [s].
     """
 
 def observe(name: str) -> Frontend:
-    """Observes the robot or companion `name` without controlling it."""
+    """
+    Observes the robot `name` without controlling it.
+
+    `name` may also be that of a companion, for example "sim.object".
+    """
 
 class Backend:
     """
@@ -415,13 +459,18 @@ def run_fake(name: str, *, real_time: bool = False, period: float = 0.001, max_a
 
 class Recorder:
     """
-    Records a robot of this process in a thread of its own. Nothing is lost, because the simulation
-    waits for the recorder. The end of the program stops it.
+    Records a robot of this process in a thread of its own. Outside real-time mode nothing is
+    lost, because the robot waits for the recorder.
+
+    The end of the program stops it.
     """
 
     def stop(self) -> None:
         """
-        Writes what is left and finishes the file. Nothing is recorded after this.
+        Writes the available steps and finishes the file. Nothing is recorded after that, and no
+        back-end waits.
+
+        Raises OSError if the end could not be written.
         """
 
     @property
@@ -430,11 +479,12 @@ class Recorder:
 
     def __enter__(self) -> Recorder: ...
 
-    def __exit__(self, *exception: object) -> None: ...
+    def __exit__(self, type: type[BaseException] | None, value: BaseException | None, traceback: types.TracebackType | None) -> None: ...
 
 class Reason(enum.IntFlag):
     """
-    Why a joint did not get what was requested: bits of `reasons` in an applied action.
+    Why a joint did not get the action that was asked for. These are bits of `reasons` in an
+    applied action.
     """
 
     TORQUE_NOT_FINITE = 1
@@ -563,7 +613,9 @@ class Simulation:
 
     def connect(self, *, strict: bool = ...) -> Frontend:
         """
-        Controls the robot in a new session. Raises ControlHeld while another front-end controls it.
+        Controls the robot in a new session.
+
+        Raises ControlHeld while another front-end controls it.
         """
 
     def reset(self, position: Sequence[float] | None = ..., seed: int | None = ..., episode: int = ...) -> None:
@@ -590,29 +642,42 @@ class Simulation:
 
     def place_object(self, name: str, position: Sequence[float], orientation: Sequence[float] = ...) -> None:
         """
-        Places an object at rest: `position` x, y, z [m] and `orientation`, a quaternion w, x, y, z.
+        Places an object at rest at `pose`. The orientation is normalized.
+
+        Raises InvalidArgument that names the existing objects, or if the pose is not valid.
+
+        The pose is `position` x, y, z [m] and `orientation`, a quaternion w, x, y, z.
         """
 
     def set_object_velocity(self, name: str, linear: Sequence[float], angular: Sequence[float] = ...) -> None:
         """
-        Sets an object in motion from where it is, in the world frame: velocity of its centre [m/s] and
-        angular velocity [rad/s].
+        Sets an object in motion from where it is, in the world frame: velocity of its centre [m/s]
+        and angular velocity [rad/s].
+
+        Raises InvalidArgument that names the existing objects, or if a number is not finite.
         """
 
     def push_object(self, name: str, force: Sequence[float]) -> None:
         """
-        Applies a force to an object's centre of mass [N], in the world frame. It acts from the next step of
-        the session on until the next call, reset() or session.
+        Applies a force to an object's centre of mass [N], in the world frame, like a hand that
+        pushes. It acts from the next step on until the next call, `reset` or session.
+
+        Raises InvalidArgument that names the existing objects, or if the force is not finite.
         """
 
     def object_velocity(self, name: str) -> tuple[Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]]:
         """
-        The object's velocity now, without delay and noise: velocity of its centre [m/s] and angular velocity [rad/s].
+        The object's velocity now, without delay and noise: velocity of its centre [m/s] and angular
+        velocity [rad/s].
+
+        Raises InvalidArgument that names the existing objects.
         """
 
     def object_pose(self, name: str) -> tuple[Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], Annotated[NDArray[numpy.float64], dict(shape=(4), order='C')]]:
         """
         The object's pose now, without delay and noise: position [m] and quaternion w, x, y, z.
+
+        Raises InvalidArgument that names the existing objects.
         """
 
     def save(self) -> bytes:
@@ -621,16 +686,20 @@ class Simulation:
     def restore(self, state: bytes) -> None:
         """
         Continues from `state` exactly as the saved simulation continued, bit for bit.
+
+        Raises InvalidArgument if it was saved from another model or by another version.
         """
 
     def state_before_divergence(self) -> bytes:
         """
-        The last state before the simulation diverged; empty if it has not diverged.
+        The last state before the simulation diverged, for a report or another try. Empty if it has
+        not diverged. `trifinger run` saves it in `log_folder()`.
         """
 
     def configuration(self) -> Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C')]:
         """
-        Positions and velocities of joints and objects, to draw the scene of mjcf(): MuJoCo's qpos, then qvel.
+        Positions and velocities of joints and objects in MuJoCo's layout, to draw the scene:
+        `qpos`, then `qvel`.
         """
 
     def add_check(self, function: Callable[[Observation, Action], None]) -> None:
@@ -652,24 +721,40 @@ class Simulation:
 
 def simulate(config: str = 'sim', overrides: dict[str, object] = {}, *, strict: bool = True, record: str | os.PathLike[str] | None = None, checks: Iterable[Callable[[Observation, Action], None]] = ()) -> Frontend:
     """
-    Starts a simulated robot in this process and controls it; see Simulation. `record` is the folder for
-    a log. `checks` are safety checks of your own, see Simulation.add_check(). For a robot that runs
-    elsewhere, use connect().
+    Starts a simulated robot in this process and controls it strictly: an action that would be
+    late on a real robot raises. For a robot that runs elsewhere, use `connect`.
+
+    `record` is the folder for a log. `checks` are safety checks of your own, see
+    Simulation.add_check().
     """
 
 def export_mjcf(config: str = 'sim', overrides: dict[str, object] = {}) -> str:
     """
-    The scene of a configuration in MuJoCo's format, with objects, cameras and lights.
+    The whole scene in MuJoCo's own format, with objects, cameras and lights. It needs no other
+    file.
+
+    MuJoCo writes six digits, so a model that is read back agrees with the built one to about
+    1e-6 m.
+
+    Raises InvalidArgument if the description cannot be built.
     """
 
 def export_urdf(config: str = 'sim', overrides: dict[str, object] = {}) -> str:
-    """The robot of a configuration as URDF."""
+    """
+    The robot as URDF: links with the source's inertias, joints with limits, tips and cameras as
+    frames (cameras as `NAME_optical_frame`: x right, y down, z forward). It has no boundary and
+    needs no other file. Gravity points along the root link's -z, flipped or not.
+
+    Raises InvalidArgument if the description cannot be built.
+    """
 
 class Kinematics:
     """
-    Kinematics and dynamics of the fingers, without contacts and objects. Everything is in the world
-    frame: z up, origin on the table. One object must not be used by several threads at once: make one
-    for each.
+    Kinematics and dynamics of the fingers, without contacts and objects. Everything is in the
+    world frame: z up, origin on the table, whether or not the platform is flipped. Positions of
+    joints are in rad.
+
+    One object must not be used by several threads at once: make one for each.
     """
 
     def __init__(self, config: str = 'sim', overrides: dict[str, object] = {}) -> None:
@@ -688,7 +773,9 @@ class Kinematics:
 
     def tip_positions(self, position: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
         """
-        Centres of the tip spheres at the joint positions `position` [rad]: a row x, y, z for each finger [m].
+        Centres of all tip spheres: x, y, z for each finger [m].
+
+        The result has a row for each finger.
         """
 
     def tip_jacobian(self, finger: int, position: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
@@ -698,13 +785,16 @@ class Kinematics:
 
     def tip_jacobians(self, position: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
         """
-        The Jacobians of all tips, one below the other [m/rad]: square, `num_joints` rows and columns.
+        The Jacobians of all tips, one below the other [m/rad]: square, `num_joints` rows and
+        columns.
         """
 
     def tip_accelerations(self, position: numpy.typing.ArrayLike, velocity: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
         """
-        Accelerations of the tips when joints move with constant `velocity` [rad/s]: a row x, y, z for each
-        finger [m/s^2].
+        Accelerations of the tips when joints move with constant `velocity` [rad/s]: x, y, z for
+        each finger [m/s^2].
+
+        The result has a row for each finger.
         """
 
     def gravity_torques(self, position: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
@@ -712,8 +802,8 @@ class Kinematics:
 
     def bias_torques(self, position: numpy.typing.ArrayLike, velocity: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
         """
-        Torques that keep joints at their `velocity` [rad/s] without acceleration, against gravity, Coriolis
-        and centrifugal forces [Nm]. Friction is not included.
+        Torques that keep joints at their `velocity` [rad/s] without acceleration, against gravity,
+        Coriolis and centrifugal forces [Nm]. Friction is not included.
         """
 
     def mass_matrix(self, position: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
@@ -721,44 +811,44 @@ class Kinematics:
 
     def inverse_kinematics(self, finger: int, tip: numpy.typing.ArrayLike, near: numpy.typing.ArrayLike | None = None) -> tuple[numpy.typing.NDArray[numpy.float64], str]:
         """
-        Joint positions of `finger` [rad] that bring its tip to `tip` [m], and whether it can reach it:
-        'yes', 'too_far', 'too_close' or 'outside_limits'. If it cannot, the result is a pose within the
-        hard limits whose tip is near the point. Among several poses the result is the one nearest to `near`
-        [rad]; default: the initial pose.
+        Joint positions of `finger` that bring its tip to `tip` [m], and whether it can reach it. If
+        it cannot, they are a pose within the hard limits whose tip is near the point. Among up to
+        four poses it takes the one within the hard limits that is nearest to `near`.
+
+        Returns the joint positions and 'yes', 'too_far', 'too_close' or 'outside_limits'. `near` is the
+        initial pose by default.
         """
 
 class Pose:
-    """Position and orientation of a body. Cannot be changed."""
+    """Position and orientation of a body."""
 
-    def __init__(self, position: numpy.typing.ArrayLike = ..., orientation: numpy.typing.ArrayLike = ...) -> None:
-        """
-        `position` is that of the centre of mass [m]. `orientation` is the rotation from the body's frame, a
-        quaternion w, x, y, z of unit length.
-        """
+    def __init__(self, position: numpy.typing.ArrayLike = ..., orientation: numpy.typing.ArrayLike = ...) -> None: ...
 
     @property
     def position(self) -> numpy.typing.NDArray[numpy.float64]:
-        """Position of the centre of mass [m]."""
+        """Position of its centre of mass [m]."""
 
     @property
     def orientation(self) -> numpy.typing.NDArray[numpy.float64]:
-        """Rotation from the body's frame: a quaternion w, x, y, z."""
+        """
+        Rotation from the body's frame: a quaternion w, x, y, z of unit length.
+        """
 
 class Twist:
-    """Velocity and angular velocity of a body. Cannot be changed."""
+    """Velocity and angular velocity of a body."""
 
     def __init__(self, linear: numpy.typing.ArrayLike = ..., angular: numpy.typing.ArrayLike = ...) -> None: ...
 
     @property
     def linear(self) -> numpy.typing.NDArray[numpy.float64]:
-        """Velocity of the centre of mass [m/s]."""
+        """Velocity of its centre of mass [m/s]."""
 
     @property
     def angular(self) -> numpy.typing.NDArray[numpy.float64]:
         """[rad/s], not in the body's frame."""
 
 class Acceleration:
-    """Rate of change of a body's twist. Cannot be changed."""
+    """Rate of change of a body's twist."""
 
     def __init__(self, linear: numpy.typing.ArrayLike = ..., angular: numpy.typing.ArrayLike = ...) -> None: ...
 
@@ -771,7 +861,7 @@ class Acceleration:
         """[rad/s^2]"""
 
 class Motion:
-    """A body at one instant of a motion. Cannot be changed."""
+    """A body at one instant of a motion."""
 
     def __init__(self, pose: Pose = ..., twist: Twist = ..., acceleration: Acceleration = ...) -> None: ...
 
@@ -785,7 +875,7 @@ class Motion:
     def acceleration(self) -> Acceleration: ...
 
 class PointMotion:
-    """A point at one instant of a motion. Cannot be changed."""
+    """A point at one instant of a motion."""
 
     def __init__(self, position: numpy.typing.ArrayLike = ..., velocity: numpy.typing.ArrayLike = ..., acceleration: numpy.typing.ArrayLike = ...) -> None: ...
 
@@ -803,27 +893,32 @@ class PointMotion:
 
 def rotation_from_vector(vector: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
     """
-    The rotation about the direction of `vector` by its length [rad], as a quaternion w, x, y, z.
+    The rotation about the direction of `vector` by its length [rad]: the exponential map, as a
+    quaternion w, x, y, z.
     """
 
 def rotation_vector(rotation: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
     """
-    The shortest vector [rad] that `rotation_from_vector` turns into `rotation`. Its length is at most pi.
+    The shortest vector [rad] that `rotation_from_vector` turns into `rotation`: the logarithm.
+    Its length is at most pi.
     """
 
 def rotation_error(desired: numpy.typing.ArrayLike, actual: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
     """
-    The rotation that still turns `actual` into `desired` [rad], in the frame in which both are given.
+    The rotation that still turns `actual` into `desired` [rad], in the frame in which both are
+    given: `log(desired * actual^-1)`.
     """
 
 def moved(pose: Pose, twist: Twist, duration: float) -> Pose:
     """
-    The pose after moving from `pose` with a constant `twist` for `duration` [s], which may be negative.
+    The pose after moving from `pose` with a constant `twist` for `duration` [s], which may be
+    negative.
     """
 
 def point_of_body(body: Motion, point: numpy.typing.ArrayLike) -> PointMotion:
     """
-    The motion of a point that is fixed to a body. `point` is in the body's frame, from its centre [m].
+    The motion of a point that is fixed to a body. `point` is in the body's frame, from its
+    centre [m].
     """
 
 class Progress:
@@ -842,7 +937,10 @@ class Progress:
         """[1/s^2]"""
 
 def minimum_jerk(time: float, duration: float) -> Progress:
-    """The movement of least jerk from rest to rest; times in [s]."""
+    """
+    The movement of least jerk from rest to rest: `10 s^3 - 15 s^4 + 6 s^5`, where s is the
+    share of `duration` that has passed. It is complete if `duration` is not positive.
+    """
 
 class LineTrajectory:
     """A straight line with the least jerk."""
@@ -851,7 +949,7 @@ class LineTrajectory:
 
     @property
     def duration(self) -> float:
-        """[s]"""
+        """Time from the start to the end [s]."""
 
     def at(self, time: float) -> PointMotion:
         """
@@ -861,14 +959,15 @@ class LineTrajectory:
 
 class PoseTrajectory:
     """
-    A straight line, and a rotation about a fixed axis through the smaller angle, with least jerk.
+    A straight line, and a rotation about a fixed axis through the smaller angle, with least
+    jerk.
     """
 
     def __init__(self, start: Pose, end: Pose, duration: float) -> None: ...
 
     @property
     def duration(self) -> float:
-        """[s]"""
+        """Time from the start to the end [s]."""
 
     def at(self, time: float) -> Motion:
         """
@@ -883,13 +982,13 @@ class CircleTrajectory:
 
     def __init__(self, centre: numpy.typing.ArrayLike, radius: float = ..., start_angle: float = ..., turns: float = ..., period: float = ..., ramp_time: float = ...) -> None:
         """
-        `start_angle` is measured from x towards y [rad]. Negative `turns` go clockwise. `period` is the
-        time of one turn at full speed, `ramp_time` the time from rest to full speed and back to rest [s].
+        `start_angle` is measured from x towards y [rad]. Negative `turns` go clockwise. `period` is the time of one
+        turn at full speed [s], `ramp_time` that from rest to full speed and back.
         """
 
     @property
     def duration(self) -> float:
-        """[s]"""
+        """`|turns| * period + ramp_time` [s]."""
 
     def at(self, time: float) -> PointMotion:
         """
@@ -898,7 +997,9 @@ class CircleTrajectory:
         """
 
 class Wrench:
-    """A force and a moment. Cannot be changed."""
+    """
+    A force and a moment. The moment is about a point that is stated with each use.
+    """
 
     def __init__(self, force: numpy.typing.ArrayLike = ..., moment: numpy.typing.ArrayLike = ...) -> None: ...
 
@@ -908,11 +1009,11 @@ class Wrench:
 
     @property
     def moment(self) -> numpy.typing.NDArray[numpy.float64]:
-        """Moment about a point that is stated with each use [Nm]."""
+        """[Nm]"""
 
 class Contact:
     """
-    A point at which a tip touches an object and pushes, with friction and without adhesion. Cannot be changed.
+    A point at which a tip touches an object and pushes, with friction and without adhesion.
 
     A tip that does not touch is a contact whose `max_normal_force` is 0. It gets no force.
     """
@@ -937,22 +1038,23 @@ class Contact:
 
     @property
     def min_normal_force(self) -> float:
-        """[N]"""
+        """[N], not negative."""
 
     @property
     def max_normal_force(self) -> float:
-        """[N]"""
+        """[N], at least `min_normal_force`."""
 
 def contact_frame(normal: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
     """
-    A matrix whose columns are two tangents and `normal`, orthonormal and right-handed. The first
-    tangent is perpendicular to z, or to x if the normal is nearly along z.
+    A matrix whose columns are two tangents and `normal`, orthonormal and right-handed. The
+    first tangent is perpendicular to z, or to x if the normal is nearly along z.
     """
 
 def grasp_map(grasp: Sequence[Contact], centre: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
     """
-    The map from contact forces to the wrench on the object about `centre` [m]. It has 6 rows, force and
-    moment, and 9 columns, three for each of the three contacts.
+    The map from contact forces to the wrench on the object about `centre` [m]. It has 6 rows,
+    force and moment, and 9 columns, three for each of the three contacts. Its rank is 6 if the
+    contacts do not lie on one line.
     """
 
 def wrench_of(grasp: Sequence[Contact], centre: numpy.typing.ArrayLike, forces: numpy.typing.ArrayLike) -> Wrench:
@@ -962,8 +1064,11 @@ def wrench_of(grasp: Sequence[Contact], centre: numpy.typing.ArrayLike, forces: 
 
 class FrictionPyramid:
     """
-    A pyramid of 3 to 8 sides inside Coulomb's friction cone: a contact whose force lies in the pyramid
-    does not slip. With four sides it is the paper's pyramid.
+    A pyramid of 3 to 8 sides inside Coulomb's friction cone: a contact whose force lies in the
+    pyramid does not slip.
+
+    With four sides it is the paper's pyramid: `|tangential_i| <= friction / sqrt(2) * normal`
+    for both tangents. Its edges lie on the cone, so more sides use more of the cone.
     """
 
     def __init__(self, sides: int = ...) -> None: ...
@@ -973,18 +1078,20 @@ class FrictionPyramid:
 
     def side(self, i: int, friction: float) -> numpy.typing.NDArray[numpy.float64]:
         """
-        A vector that points inward from side `i`, in the contact frame. Its tangential part has length 1.
+        Points inward from side `i`, in the contact frame: forces with `side.dot(force) >= 0` are on
+        its inner side. Its tangential part has length 1.
         """
 
     def margin(self, force: numpy.typing.ArrayLike, friction: float) -> float:
         """
-        Tangential force that could be added to `force` [N] before it leaves the pyramid, in the direction
-        with the least room. Negative outside. `force` is in the contact frame.
+        Tangential force that could be added to `force` [N] before it leaves the pyramid, in the
+        direction with the least room. Negative outside. `force` is in the contact frame.
         """
 
 class TorqueLimits:
     """
-    The torques that the joints can give to press with the tips. Cannot be changed.
+    The torques that the joints can give to press with the tips. Row i of the Jacobian tells how
+    coordinate i of the contacts' positions changes when the joints move.
     """
 
     def __init__(self, jacobians: numpy.typing.ArrayLike, bias: numpy.typing.ArrayLike, limits: numpy.typing.ArrayLike) -> None: ...
@@ -992,8 +1099,8 @@ class TorqueLimits:
     @property
     def jacobians(self) -> numpy.typing.NDArray[numpy.float64]:
         """
-        Jacobians of the contacts in the frame of the grasp, 9 x 9 [m/rad]. For the world frame this is
-        `Kinematics.tip_jacobians`.
+        Jacobians of the contacts in the frame of the grasp, 9 x 9 [m/rad]. For the world frame this
+        is `Kinematics.tip_jacobians`.
         """
 
     @property
@@ -1004,10 +1111,10 @@ class TorqueLimits:
 
     @property
     def limits(self) -> numpy.typing.NDArray[numpy.float64]:
-        """[Nm]"""
+        """[Nm], not negative."""
 
 class ForceStatus(enum.Enum):
-    """Quality of a result of the force optimisation, best first."""
+    """Quality of a result of the force optimization, best first."""
 
     EXACT = 0
     """The forces make exactly the wanted wrench."""
@@ -1017,19 +1124,22 @@ class ForceStatus(enum.Enum):
 
     TORQUE_LIMITS_EXCEEDED = 2
     """
-    Even the smallest normal forces need more torque than the limits allow. The torque limits were ignored.
+    Even the smallest normal forces need more torque than the limits allow. The torque limits
+    were ignored. Friction and normal forces are within their limits, and the wrench is the
+    closest possible.
     """
 
     INVALID = 3
     """A number was not finite or out of its range. All forces are zero."""
 
 class ForceDistribution:
-    """A result of the force optimisation."""
+    """A result of the force optimization."""
 
     @property
     def forces(self) -> numpy.typing.NDArray[numpy.float64]:
         """
-        Forces of the tips on the object [N], in the frame of the grasp: three numbers for each of the three contacts.
+        Forces of the tips on the object [N], in the frame of the grasp: three numbers for each of
+        the three contacts.
         """
 
     @property
@@ -1043,8 +1153,20 @@ class ForceDistribution:
 
 class ForceOptimizer:
     """
-    Finds the contact forces that make a wanted wrench, with the paper's quadratic program and with
-    bounds on normal forces and joint torques. One object must not be used by several threads at once.
+    Finds the contact forces that make a wanted wrench, with the paper's quadratic program.
+
+        minimise    1/2 f' W f
+        subject to  G f = wrench                      (grasp map)
+                    f_i in the friction pyramid of contact i
+                    min_normal_force <= normal part of f_i <= max_normal_force
+                    |J' f + bias| <= limits           (where torque limits are given)
+
+    If the program has no solution, this minimizes `|G f - wrench|` instead. A small part of the
+    objective above is added, so that the solution is unique. To compare moments with forces, a
+    moment is divided by the contacts' mean distance (r.m.s.) from `centre`.
+
+    Memory is allocated only during construction, and `solve` always ends. One object must not
+    be used by several threads at once.
     """
 
     def __init__(self, friction_sides: int = ..., normal_weight: float = ..., tangential_weight: float = ...) -> None: ...
@@ -1056,7 +1178,7 @@ class ForceOptimizer:
         """
 
 class RigidBody:
-    """Mass and inertia of a rigid body. Cannot be changed."""
+    """Mass and inertia of a rigid body."""
 
     def __init__(self, mass: float, inertia: numpy.typing.ArrayLike) -> None: ...
 
@@ -1070,9 +1192,11 @@ class RigidBody:
 
 def rigid_body(shape: str, size: numpy.typing.ArrayLike, mass: float) -> RigidBody:
     """
-    Mass and inertia of an object whose mass is evenly spread: a 'box', a 'stick' along x, or a 'ball'.
-    `size` has the whole lengths x, y, z of a box, the length and diameter of a stick, or the diameter
-    of a ball [m].
+    Mass and inertia of an object whose mass is evenly spread: a box, a stick along x, or a
+    ball. Its size has the whole lengths x, y, z of a box, the length and diameter of a stick,
+    or the diameter of a ball [m].
+
+    `shape` is "box", "stick" or "ball".
     """
 
 def gravity() -> numpy.typing.NDArray[numpy.float64]:
@@ -1113,8 +1237,14 @@ class ObjectGains:
 
 def object_impedance(desired: Motion, pose: Pose, twist: Twist, body: RigidBody, gains: ObjectGains = ...) -> Wrench:
     """
-    The wrench about the object's centre that keeps the object on its way, in the world frame. It
-    includes the object's weight and inertia.
+    The wrench about the object's centre that keeps the object on its way, in the world frame:
+
+        force  = stiffness * dx + damping * dv + mass * (a - gravity)
+        moment = rotational_stiffness * dr + rotational_damping * dw + I alpha + w x I w
+
+    where `dx`, `dv`, `dw` are the errors of position, velocity and angular velocity (desired
+    minus actual), `dr` is the rotation error, and `a`, `alpha`, `w` belong to the desired
+    motion.
     """
 
 class TipGains:
@@ -1138,7 +1268,9 @@ class TipGains:
 
 def tip_impedance(desired: PointMotion, position: numpy.typing.ArrayLike, velocity: numpy.typing.ArrayLike, gains: TipGains = ...) -> numpy.typing.NDArray[numpy.float64]:
     """
-    The force that brings a tip to its desired position [N]. Add the force with which the tip should press.
+    The force that brings a tip to its desired position [N]: `stiffness * dx + damping * dv`.
+    Add the force with which the tip should press. The joint torques for a force are `J' force`
+    plus `Kinematics.bias_torques`.
     """
 
 class LowPassFilter:
@@ -1150,8 +1282,9 @@ class LowPassFilter:
 
     def update(self, sample: numpy.typing.ArrayLike, elapsed: float) -> numpy.typing.NDArray[numpy.float64]:
         """
-        Takes the next sample, `elapsed` [s] after the previous one, and returns the filtered signal. The
-        first sample passes unchanged. A sample with another number of values passes unchanged, too.
+        Takes the next sample, `elapsed` [s] after the previous one, and returns the filtered
+        signal. The first sample passes unchanged. A sample with another number of values passes
+        unchanged, too.
         """
 
     def reset(self) -> None:
@@ -1164,8 +1297,9 @@ class Derivative:
 
     def update(self, sample: numpy.typing.ArrayLike, elapsed: float) -> numpy.typing.NDArray[numpy.float64]:
         """
-        Takes the next sample, `elapsed` [s] after the previous one, and returns the rate [1/s]. The rate of
-        the first sample is zero, and so is that of a sample with another number of values.
+        Takes the next sample, `elapsed` [s] after the previous one, and returns the rate [1/s]. The
+        rate of the first sample is zero. A sample with no time since the previous one changes
+        nothing.
         """
 
     def reset(self) -> None:
@@ -1175,23 +1309,28 @@ class PoseEstimator:
     """
     Estimates the current pose and motion of an object from poses that are few, noisy and old.
 
-    The estimator needs a known motion, such as the one on which the object is led. It filters how far
-    the object deviates from that motion and predicts the deviation across the delay. Times [s] may
-    begin anywhere, but must have the same beginning in all calls.
+    The estimator needs a known motion, such as the one on which the object is led. It estimates
+    how far the object deviates from that motion, and how the deviation changes. The deviation
+    changes much more slowly than the object's pose. It can therefore be filtered strongly and
+    predicted across the delay. The filter is critically damped and follows a deviation of
+    constant rate without lag. If there is no known motion, leave it out: the known pose then
+    rests at the origin.
+
+    Times [s] may begin anywhere, but must have the same beginning in all calls.
     """
 
     def __init__(self, bandwidth: float = ...) -> None: ...
 
     def update(self, time: float, pose: Pose, known: Motion = ...) -> bool:
         """
-        Takes `pose`, measured at `time`, when the known motion was at `known`. Returns False if the pose
-        was ignored because it is not newer than the previous one or not finite.
+        Takes `pose`, measured at `time`, when the known motion was at `known`. Ignores a pose that
+        is not newer than the previous one or not finite, and then returns False.
         """
 
     def predict(self, time: float, known: Motion = ...) -> Motion:
         """
-        The pose and motion of the object at `time`, when the known motion is at `known`. Before the first
-        pose the result is `known`.
+        The pose and motion of the object at `time`, when the known motion is at `known`. Before the
+        first pose the result is `known`.
         """
 
     @property
@@ -1202,9 +1341,7 @@ class PoseEstimator:
         """Forgets all poses."""
 
 class Touch:
-    """
-    The place where one tip touches an object, in the object's frame. Cannot be changed.
-    """
+    """The place where one tip touches an object, in the object's frame."""
 
     def __init__(self, point: numpy.typing.ArrayLike, normal: numpy.typing.ArrayLike) -> None: ...
 
@@ -1218,7 +1355,8 @@ class Touch:
 
 class Approach:
     """
-    The way of a tip to its touch. The centre of the tip's sphere passes these points, given in the world frame.
+    The way of a tip to its touch. The centre of the tip's sphere passes these points, given in
+    the world frame.
     """
 
     @property
@@ -1231,7 +1369,8 @@ class Approach:
 
 def approach_to(touch: Touch, object: Pose, tip_radius: float) -> Approach:
     """
-    The approach of a tip with radius `tip_radius` [m] to an object that rests at the pose `object`.
+    The approach of a tip with radius `tip_radius` [m] to an object that rests at the pose
+    `object`.
     """
 
 class GraspPlannerConfig:
@@ -1310,9 +1449,10 @@ class PlannedGrasp:
 
 class GraspPlanner:
     """
-    Chooses which finger touches which side face of a box, and where. The fingers reach the whole way.
-    Only their tips touch anything, and they touch only the box. They carry it within friction, with as
-    little torque as possible. One object must not be used by several threads at once.
+    Chooses which finger touches which side face of a box, and where. The fingers reach the
+    whole way. Only their tips touch anything, and they touch only the box. They carry it within
+    friction, also during upward acceleration, with as little torque as possible. One object
+    must not be used by several threads at once.
     """
 
     def __init__(self, config: str = 'sim', overrides: dict[str, object] = {}, object: str = 'cube', settings: GraspPlannerConfig = ...) -> None:
@@ -1323,9 +1463,9 @@ class GraspPlanner:
 
     def plan(self, way: Sequence[Motion]) -> PlannedGrasp | None:
         """
-        The best grasp to lead the object along `way`, which begins where it is grasped. None if there is
-        none. The object must stay as upright on the whole way as at its beginning. The call takes some
-        milliseconds.
+        The best grasp to lead the object along `way`, which begins where it is grasped. None if
+        there is none. The object must stay as upright on the whole way as at its beginning. The
+        call takes some milliseconds and allocates memory.
         """
 
 class GraspControllerConfig:
@@ -1405,7 +1545,7 @@ class GraspControllerConfig:
 
     @property
     def penetration(self) -> float:
-        """Depth inside the object up to which the tips search for a face [m]."""
+        """Depth inside the object up to which tips search for a face [m]."""
 
     @penetration.setter
     def penetration(self, arg: float, /) -> None: ...
@@ -1512,19 +1652,22 @@ class GraspState:
     @property
     def normal_forces(self) -> numpy.typing.NDArray[numpy.float64]:
         """
-        Forces with which the three tips press along their faces' normals [N], computed from the joints' torques.
+        Forces with which the three tips press along their faces' normals [N], computed from the
+        joints' torques.
         """
 
     @property
     def tangential_forces(self) -> numpy.typing.NDArray[numpy.float64]:
         """
-        Forces with which the three tips press across their faces' normals [N], computed from the joints' torques.
+        Forces with which the three tips press across their faces' normals [N], computed from the
+        joints' torques.
         """
 
     @property
     def travel(self) -> numpy.typing.NDArray[numpy.float64]:
         """
-        How far each of the three tips has moved along its face by rolling and slipping, since all tips touched [m].
+        How far each of the three tips has moved along its face by rolling and slipping, since all
+        tips touched [m].
         """
 
     @property
@@ -1538,14 +1681,26 @@ class GraspState:
     @property
     def torque_share(self) -> float:
         """
-        The largest ratio of a requested torque to its joint's limit. The safety checks cut off everything above 1.
+        The largest ratio of a requested torque to its joint's limit. The safety checks cut off
+        everything above 1.
         """
 
 class GraspController:
     """
-    The paper's controller: it grasps an object with three tips, makes it follow a motion, and releases
-    it. Its equations are in docs/control.md. Call `update` once per step. One object must not be used
-    by several threads at once.
+    The paper's controller (docs/control.md): it grasps an object with three tips, makes it
+    follow a motion, and releases it.
+
+    The object's impedance gives the wrench that the object needs. The force optimization gives
+    the contact forces that make this wrench. The joint torques are
+
+        torque = J' (forces + tip impedance) + M J^-1 (a - dJ/dt dq) + bias + damping dq
+
+    where `a` is the desired acceleration of the tips. The last term compensates the damping
+    that the robot's safety checks add. A round tip rolls on its face. Each contact is therefore
+    at the measured tip, and the target of the tip's impedance follows it slowly.
+
+    Call `update` once per step. Memory is allocated only during construction. One object must
+    not be used by several threads at once.
     """
 
     def __init__(self, body: RigidBody, config: str = 'sim', overrides: dict[str, object] = {}, settings: GraspControllerConfig = ...) -> None:
@@ -1555,7 +1710,8 @@ class GraspController:
 
     def grasp(self, touches: Sequence[Touch], object: Pose) -> None:
         """
-        Goes to the object, which rests at the pose `object`, and grasps it at three `touches`, finger 0 first.
+        Goes to the object, which rests at the pose `object`, and grasps it at three `touches`,
+        finger 0 first.
         """
 
     def release(self) -> None:
@@ -1563,9 +1719,9 @@ class GraspController:
 
     def update(self, elapsed: float, joints: JointState, object: Motion, desired: Motion) -> numpy.typing.NDArray[numpy.float64]:
         """
-        Returns the nine joint torques for the next step [Nm], `elapsed` [s] after the previous step.
-        `object` is the object's pose and motion. `desired` is its desired motion while it is held; before
-        that, pass the pose where it rests.
+        Returns the nine joint torques for the next step [Nm], `elapsed` [s] after the previous
+        step. `object` is the object's pose and motion. `desired` is its desired motion while it is
+        held; before that, pass the pose where it rests.
         """
 
     @property
@@ -1574,9 +1730,10 @@ class GraspController:
 
 class Policy:
     """
-    A trained policy: it computes actions from observations, in C++. Its file is described in docs/policies.md.
+    A trained policy: it computes actions from observations, in C++ alone. docs/policies.md
+    describes its file.
 
-    One policy must not be used by several threads at once.
+    One policy must not be used by several threads at once: each needs its own.
     """
 
     def __init__(self, path: str | os.PathLike[str], *, precision: str = 'double') -> None:
@@ -1595,7 +1752,10 @@ class Policy:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """
-        Writes the file at `path` in one step: an old file stays whole until the new one replaces it.
+        Writes the file at `path` in one step: an old file stays whole until the new one replaces
+        it.
+
+        Raises InvalidArgument if the metadata are not UTF-8 or too long, OSError.
         """
 
     def __call__(self, observation: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
@@ -1629,32 +1789,53 @@ class Policy:
 
     @property
     def metadata(self) -> dict[str, str]:
-        """Facts for the program that runs the policy; a copy."""
+        """
+        Facts for the program that runs the policy. docs/policies.md lists the usual names.
+        """
 
 class Random:
     """
-    The random numbers of an episode. They depend only on its seed and number, and are the same on every machine.
+    The random numbers of one episode: Philox4x32-10 with `seed` as its key, and with `count`
+    and `episode` as its counter.
+
+    Only these three numbers decide which number comes next. A copy therefore continues exactly
+    like the original, and episodes may run in any order. The numbers are the same on every
+    machine, bit for bit.
     """
 
     def uniform(self, low: float, high: float) -> float:
-        """A number from `low` up to but not including `high`."""
+        """
+        A number from `low` up to but not including `high`. Their difference must be finite. Returns
+        `low` if they are equal.
+        """
 
     def normal(self) -> float:
-        """A normally distributed number: mean 0, deviation 1."""
+        """A normally distributed number with mean 0 and standard deviation 1."""
 
     def integer(self, low: int, high: int) -> int:
-        """An integer from `low` up to but not including `high`."""
+        """
+        An integer from `low` up to but not including `high`, each with exactly the same
+        probability. Returns `low` if there is no integer between them.
+        """
 
 class Episodes:
     """
-    What makes a decision process of a robot: starts, goals, observations, rewards. `trifinger.environments` uses it.
+    Makes a decision process of a robot: starts, goals, observations, rewards, ends. The same
+    functions serve a robot that is driven through a front-end and thousands of simulations.
+
+    An environment is constant. Threads may share one, each with its own episodes.
+
+    `trifinger.environments` uses it.
     """
 
     def __init__(self, task: object, options: str, config: str, overrides: dict[str, object]) -> None: ...
 
     def begin(self, seed: int, number: int) -> tuple[list[float], list[float], list[float], list[float], Variation, int]:
         """
-        Joints [rad], object's position [m], quaternion and velocity [m/s], variation, series of random numbers.
+        Draws the beginning of episode `number` of `seed`. The same arguments give the same episode.
+
+        Returns the joints [rad], the object's position [m], quaternion and velocity [m/s], the variation and
+        the series of random numbers.
         """
 
     def check_robot(self, configuration: str) -> None:
@@ -1669,11 +1850,21 @@ class Episodes:
         """Torques [Nm] and positions [rad] of the joints for one action."""
 
     def observe(self, position: numpy.typing.ArrayLike, velocity: numpy.typing.ArrayLike, object: tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike] | None = None) -> tuple[float, bool, bool, bool]:
-        """Reward, terminated, truncated, success; the arrays below change."""
+        """
+        Computes the observation after the actions that `episode` counts. The outcome is judged by
+        the goal that was shown before, which is written to `desired`. If a new goal begins now, it
+        is in `observation`.
+
+        Returns reward, terminated, truncated, success; the arrays below change.
+        """
 
     @property
     def entries(self) -> list[tuple[str, str, list[float], list[float]]]:
-        """The parts of an observation: name, unit, bounds."""
+        """
+        The parts of an observation, in the order of `Layout.DICTIONARY`.
+
+        Each is name, unit, low and high.
+        """
 
     @property
     def goal(self) -> tuple[str, str, list[float], list[float]]: ...
@@ -1710,7 +1901,14 @@ class Episodes:
 
 class EnvironmentBatch:
     """
-    Many simulations of one decision process, on several threads. `trifinger.environments.VectorEnvironment` uses it.
+    Many simulations of one decision process, each in an episode of its own. `Environment`
+    computes the decision process and `Simulator` the physics, on the threads of MuJoCo's
+    batches.
+
+    Each simulation gives the same results, bit for bit, as an `Environment` with a simulation
+    of its own. One batch must not be used by several threads at once.
+
+    `trifinger.environments.VectorEnvironment` uses it.
     """
 
     def __init__(self, task: str, options: str, size: int, num_threads: int, config: str, overrides: dict[str, object]) -> None: ...
@@ -1721,17 +1919,39 @@ class EnvironmentBatch:
     def num_threads(self) -> int: ...
 
     def seed(self, index: int, seed: int, episode: int = ...) -> None:
-        """The next reset of this simulation begins this episode of `seed`."""
+        """
+        Makes the next `reset` of simulation `index` begin this episode of `seed`. Each later reset
+        begins the next episode.
+
+        Raises InvalidArgument if there is no such simulation.
+        """
 
     def reset(self, which: numpy.typing.NDArray[numpy.bool_] | None = None) -> None:
-        """Begins an episode in all, or in those that are marked."""
+        """
+        Begins an episode in the simulations that `which` marks with a number other than 0, or in
+        all of them without marks.
+
+        Raises InvalidArgument if `which` has another size.
+        """
 
     def step(self, actions: numpy.typing.NDArray[numpy.float32], autoreset: str) -> None:
-        """Lets an action act in each; the arrays below change."""
+        """
+        Applies one action in each simulation. `actions` has one row of numbers per simulation, as
+        for `Environment.take_action`.
+
+        Raises InvalidArgument if there are too many or too few numbers, or one is not finite; then
+        nothing moves.
+
+        The arrays below change.
+        """
 
     @property
     def entries(self) -> list[tuple[str, str, list[float], list[float]]]:
-        """The parts of an observation: name, unit, bounds."""
+        """
+        The parts of an observation, in the order of `Layout.DICTIONARY`.
+
+        Each is name, unit, low and high.
+        """
 
     @property
     def goal(self) -> tuple[str, str, list[float], list[float]]: ...
@@ -1800,7 +2020,7 @@ class EnvironmentBatch:
     def fault(self) -> numpy.typing.NDArray[numpy.int32]: ...
 
 def task_names() -> list[str]:
-    """Names of the tasks of `trifinger.environments`."""
+    """Names of all tasks, for example "reach"."""
 
 def default_environment_options(task: str) -> str:
     """Default options of a task, as JSON."""
@@ -1828,7 +2048,8 @@ class StepsIterator:
 class LoggedSession:
     """
     A session in a log. It belongs to a robot or to one of its companions. A companion has only
-    observations and counts its own elements.
+    observations and counts its own elements. Copies refer to the same log. Any number of
+    threads may read.
 
         session = trifinger.Log("run.mcap").session("sim")
         session.observations["position"]             # all steps
@@ -1836,14 +2057,13 @@ class LoggedSession:
         session.get_observations(*session.between(1.5, 3.0), fields=("position",))
         for steps in session.chunks():               # a log larger than memory
             steps.time_index, steps.observations, steps.applied_actions
-
-    Any number of threads may read.
     """
 
     def __repr__(self) -> str: ...
 
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """Name of the session, "sim", or "sim.object" for a companion."""
 
     @property
     def type(self) -> str:
@@ -1861,8 +2081,8 @@ class LoggedSession:
     @property
     def realtime_lacks(self) -> list[str] | None:
         """
-        In real-time mode: what the loop lacked to be a real-time thread, one sentence each. None if it was
-        not recorded.
+        In real-time mode: what the loop lacked to be a real-time thread, one sentence each. None if
+        it was not recorded.
         """
 
     @property
@@ -1882,7 +2102,10 @@ class LoggedSession:
     @property
     def documents(self) -> dict[str, str]:
         """
-        Texts that belong to the session, by name: "configuration.yml", "model.xml".
+        The documents that explain the robot, by name: "configuration.yml", "model.xml". Companions
+        have none.
+
+        Raises IncompatibleSession if the file is damaged.
         """
 
     @property
@@ -1894,7 +2117,7 @@ class LoggedSession:
     @property
     def fault(self) -> trifinger.session_info.Fault | None:
         """
-        Why the session ended; None if it was still running when the recording ended.
+        Why the session ended; `None` if it was still running when the recording ended.
         """
 
     @property
@@ -1904,8 +2127,8 @@ class LoggedSession:
     @property
     def gaps(self) -> list[trifinger.log_types.Gap]:
         """
-        Steps that are missing in the log, because the recorder said so or because the file is
-        damaged. Reads the whole log once.
+        Elements that are missing in the range of the applied actions, because the recorder said so
+        or because the file is damaged. Reads the whole log once.
         """
 
     @property
@@ -1969,29 +2192,32 @@ class LoggedSession:
 
     def range(self, series: str) -> tuple[int, int]:
         """
-        The first step of `series` in the log, and the first step after the last one.
+        The first index of `series` in the log, and the first index after the last one. Observations
+        and statuses may have one more element than actions: that of the end.
         """
 
     def between(self, begin: float, end: float) -> tuple[int, int]:
         """
-        The range of the steps measured from `begin` to before `end`. Both are in seconds since
-        the first step in the log.
+        The range of the elements measured from `begin` to before `end`. Both count from the first
+        element in the log.
+
+        Both are in seconds.
         """
 
     def timing(self, first: int = 0, last: int | None = None) -> TimingRecord | None:
         """
-        How well the session kept its time from step `first` to before `last`, including the
-        status of its end. It equals Frontend.timing() if no step is missing. None outside real-time mode,
-        or if the statuses have another version.
+        How well the session kept its time from step `first` to before `last`, including the status
+        of its end. It equals the back-end's own record if no step is missing. None outside
+        real-time mode, or if the statuses have another version. Reads all statuses.
         """
 
     def read(self, first: int | None = None, last: int | None = None, series: Mapping[str, Sequence[str] | None] | Sequence[str] | None = None) -> trifinger.log_types.Steps:
         """
-        Reads the existing whole steps from `first` to before `last`. Reading several series at
-        once takes no longer than reading one.
+        Reads the existing whole steps from `first` to before `last`.
 
-        `series` are names, "desired_action", "applied_action", "observation" and "status", or a dict of
-        names and fields: `{"observation": ("position",), "status": None}`.
+        Reading several series at once takes no longer than reading one. `series` are names,
+        "desired_action", "applied_action", "observation" and "status", or a dict of names and fields:
+        `{"observation": ("position",), "status": None}`.
         """
 
     def chunks(self, count: int = 10000, first: int | None = None, last: int | None = None, series: Mapping[str, Sequence[str] | None] | Sequence[str] | None = None) -> Iterator[trifinger.log_types.Steps]:
@@ -2000,22 +2226,15 @@ class LoggedSession:
         """
 
     @property
-    def companions(self) -> list[LoggedSession]: ...
+    def companions(self) -> list[LoggedSession]:
+        """The companions of a robot."""
 
     def companion(self, name: str) -> LoggedSession:
-        """The companion `name` of this robot, for example "object"."""
+        """
+        One companion, by "object" or its full name.
 
-    @property
-    def observation_dtype(self) -> numpy.dtype[Observation]: ...
-
-    @property
-    def action_dtype(self) -> numpy.dtype[Action]: ...
-
-    @property
-    def applied_action_dtype(self) -> numpy.dtype[AppliedAction]: ...
-
-    @property
-    def status_dtype(self) -> numpy.dtype[StatusElement]: ...
+        Raises InvalidArgument with the existing names.
+        """
 
     @property
     def units(self) -> dict[str, dict[str, str]]:
@@ -2037,12 +2256,30 @@ class LoggedSession:
     def to_parquet(self, path: str | os.PathLike[str], first: int | None = None, last: int | None = None, series: Mapping[str, Sequence[str] | None] | Sequence[str] | None = None) -> None:
         """Writes the table of to_pandas() to a Parquet file, in parts."""
 
+    @property
+    def action_dtype(self) -> numpy.dtype[Action]:
+        """The layout of an action."""
+
+    @property
+    def applied_action_dtype(self) -> numpy.dtype[AppliedAction]:
+        """The layout of an applied action."""
+
+    @property
+    def observation_dtype(self) -> numpy.dtype[Observation]:
+        """The layout of an observation."""
+
+    @property
+    def status_dtype(self) -> numpy.dtype[StatusElement]:
+        """The layout of a status, the same for every robot."""
+
 class Log:
     """
-    A recording: a file, a list of its parts, or a folder, whose newest recording is taken.
+    A recording: one file, or all its parts.
 
-    If the files are finished and whole, opening reads no messages. Damaged pieces are left out and
-    named (`damage`, `lost_bytes`, and `gaps` of the sessions); everything else is read.
+    If the files are finished and whole, opening reads no messages. Damaged pieces are left out
+    and named (`damage`, `lost_bytes`, and `gaps` of the sessions); everything else is read.
+
+    `path` is a file, a list of its parts, or a folder, whose newest recording is taken.
 
     Raises Error if it is not a log or is one of a later version; InvalidArgument if a folder has no
     recording or the parts belong to several recordings; OSError.
@@ -2077,23 +2314,25 @@ class Log:
 
     def session(self, name: str = ...) -> LoggedSession:
         """
-        The newest session with steps of the robot or companion `name`. With an empty name,
-        that of the only robot in the log. Raises InvalidArgument with the existing names.
+        The newest session with steps of the robot or companion `name`. With an empty name, that of
+        the only robot in the log.
+
+        Raises InvalidArgument with the existing names.
         """
 
     @property
     def events(self) -> list[trifinger.log_types.Event]:
-        """
-        Messages for people. This and the properties below read the whole log once.
-        """
+        """Messages for people. Reads the whole log once."""
 
     @property
     def damage(self) -> list[trifinger.log_types.Damage]:
-        """Pieces of the files that could not be read."""
+        """Pieces of the files that could not be read. Reads the whole log once."""
 
     @property
     def lost_bytes(self) -> int:
-        """Number of bytes of the files that could not be used."""
+        """
+        Number of bytes of the files that could not be used. Reads the whole log once.
+        """
 
 def replay(log: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | Log | LoggedSession, *, robot: str = '', first: int | None = None, last: int | None = None, strict: bool = True) -> Frontend:
     """

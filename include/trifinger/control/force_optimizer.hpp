@@ -19,8 +19,8 @@ struct ForceOptimizerConfig {
 /// The torques that the joints can give to press with the tips. Row i of the Jacobian tells how
 /// coordinate i of the contacts' positions changes when the joints move.
 struct TorqueLimits {
-  /// Jacobians of the contacts in the frame of the grasp [m/rad]. For the world frame this is
-  /// `Kinematics::tip_jacobians`.
+  /// Jacobians of the contacts in the frame of the grasp, 9 x 9 [m/rad]. For the world frame this
+  /// is `Kinematics::tip_jacobians`.
   Eigen::Matrix<double, 3 * kContacts, kMaxJoints> jacobians;
   /// Torques that the joints need without any contact [Nm]: `Kinematics::bias_torques`.
   Eigen::Matrix<double, kMaxJoints, 1> bias;
@@ -38,10 +38,12 @@ enum class ForceStatus {
   kInvalid,  ///< A number was not finite or out of its range. All forces are zero.
 };
 
+/// A result of the force optimization.
 struct ForceDistribution {
-  ContactForces forces{
-      ContactForces::Zero()};  ///< Forces of the tips on the object [N], in the frame of the grasp.
-  Wrench wrench{};             ///< The wrench that the forces make.
+  /// Forces of the tips on the object [N], in the frame of the grasp: three numbers for each of the
+  /// three contacts.
+  ContactForces forces{ContactForces::Zero()};
+  Wrench wrench{};  ///< The wrench that the forces make.
   ForceStatus status{ForceStatus::kInvalid};
 
   explicit operator bool() const noexcept { return status == ForceStatus::kExact; }
@@ -69,7 +71,8 @@ class ForceOptimizer {
   ForceOptimizer& operator=(ForceOptimizer&&) noexcept;
   ~ForceOptimizer();
 
-  /// Distributes `wrench`, which is given about `centre` [m], over the contacts.
+  /// Distributes `wrench`, which is given about `centre` [m], over the three contacts. If that is
+  /// impossible, the result comes closest to it and its `status` says so.
   [[nodiscard]] ForceDistribution solve(const Grasp& grasp, const Eigen::Vector3d& centre,
                                         const Wrench& wrench) noexcept;
 

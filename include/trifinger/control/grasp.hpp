@@ -46,16 +46,17 @@ using Grasp = std::array<Contact, kContacts>;
 /// tangent is perpendicular to z, or to x if the normal is nearly along z.
 [[nodiscard]] Eigen::Matrix3d contact_frame(const Eigen::Vector3d& normal) noexcept;
 
-/// The map from contact forces to the wrench on the object about `centre` [m]. Its size is 6 x 9.
-/// Its rank is 6 if the contacts do not lie on one line.
+/// The map from contact forces to the wrench on the object about `centre` [m]. It has 6 rows, force
+/// and moment, and 9 columns, three for each of the three contacts. Its rank is 6 if the contacts
+/// do not lie on one line.
 [[nodiscard]] GraspMap grasp_map(const Grasp& grasp, const Eigen::Vector3d& centre) noexcept;
 
-/// The total wrench of `forces` [N] at the contacts, about `centre` [m].
+/// The total wrench of nine `forces` [N] at the three contacts, about `centre` [m].
 [[nodiscard]] Wrench wrench_of(const Grasp& grasp, const Eigen::Vector3d& centre,
                                const ContactForces& forces) noexcept;
 
-/// A pyramid inside Coulomb's friction cone: a contact whose force lies in the pyramid does not
-/// slip.
+/// A pyramid of 3 to 8 sides inside Coulomb's friction cone: a contact whose force lies in the
+/// pyramid does not slip.
 ///
 /// With four sides it is the paper's pyramid: `|tangential_i| <= friction / sqrt(2) * normal` for
 /// both tangents. Its edges lie on the cone, so more sides use more of the cone.

@@ -16,7 +16,9 @@ struct RigidBody {
   Eigen::Matrix3d inertia{Eigen::Matrix3d::Zero()};
 };
 
-/// Mass and inertia of an object whose mass is evenly spread.
+/// Mass and inertia of an object whose mass is evenly spread: a box, a stick along x, or a ball.
+/// Its size has the whole lengths x, y, z of a box, the length and diameter of a stick, or the
+/// diameter of a ball [m].
 [[nodiscard]] RigidBody rigid_body(const ObjectDescription& object) noexcept;
 
 /// Standard gravity as in MuJoCo's models [m/s^2], in the world frame.

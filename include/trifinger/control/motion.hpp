@@ -15,7 +15,7 @@ using Seconds = std::chrono::duration<double>;
 /// Position and orientation of a body.
 struct Pose {
   Eigen::Vector3d position{Eigen::Vector3d::Zero()};  ///< Position of its centre of mass [m].
-  /// Rotation from the body's frame; unit length.
+  /// Rotation from the body's frame: a quaternion w, x, y, z of unit length.
   Eigen::Quaterniond orientation{Eigen::Quaterniond::Identity()};
 };
 
@@ -45,7 +45,8 @@ struct PointMotion {
   Eigen::Vector3d acceleration{Eigen::Vector3d::Zero()};  ///< [m/s^2]
 };
 
-/// The rotation about the direction of `vector` by its length [rad]: the exponential map.
+/// The rotation about the direction of `vector` by its length [rad]: the exponential map, as a
+/// quaternion w, x, y, z.
 [[nodiscard]] Eigen::Quaterniond rotation_from_vector(const Eigen::Vector3d& vector) noexcept;
 
 /// The shortest vector [rad] that `rotation_from_vector` turns into `rotation`: the logarithm. Its
@@ -57,7 +58,8 @@ struct PointMotion {
 [[nodiscard]] Eigen::Vector3d rotation_error(const Eigen::Quaterniond& desired,
                                              const Eigen::Quaterniond& actual) noexcept;
 
-/// The pose after moving with a constant `twist` for `duration`, which may be negative.
+/// The pose after moving from `pose` with a constant `twist` for `duration` [s], which may be
+/// negative.
 [[nodiscard]] Pose moved(const Pose& pose, const Twist& twist, Seconds duration) noexcept;
 
 /// The motion of a point that is fixed to a body. `point` is in the body's frame, from its centre

@@ -13,7 +13,7 @@ namespace trifinger::control {
 /// across the delay. The filter is critically damped and follows a deviation of constant rate
 /// without lag. If there is no known motion, leave it out: the known pose then rests at the origin.
 ///
-/// Times may begin anywhere, but must have the same beginning in all calls.
+/// Times [s] may begin anywhere, but must have the same beginning in all calls.
 class PoseEstimator {
  public:
   /// `bandwidth` tells how fast the estimate follows [Hz].

@@ -29,7 +29,10 @@ class LineTrajectory {
   /// @throws InvalidArgument if a number is not finite or `duration` is not above zero.
   LineTrajectory(const Eigen::Vector3d& start, const Eigen::Vector3d& end, Seconds duration);
 
+  /// Time from the start to the end [s].
   [[nodiscard]] Seconds duration() const noexcept { return duration_; }
+  /// The motion at `time` since the beginning [s]. Before time 0 it rests at its start, and after
+  /// `duration` at its end.
   [[nodiscard]] PointMotion at(Seconds time) const noexcept;
 
  private:
@@ -45,7 +48,10 @@ class PoseTrajectory {
   /// `duration` is not above zero.
   PoseTrajectory(const Pose& start, const Pose& end, Seconds duration);
 
+  /// Time from the start to the end [s].
   [[nodiscard]] Seconds duration() const noexcept { return duration_; }
+  /// The motion at `time` since the beginning [s]. Before time 0 it rests at its start, and after
+  /// `duration` at its end.
   [[nodiscard]] Motion at(Seconds time) const noexcept;
 
  private:
@@ -55,13 +61,14 @@ class PoseTrajectory {
   Seconds duration_;
 };
 
+/// A circle and the speed on it.
 struct CircleConfig {
   Eigen::Vector3d centre{Eigen::Vector3d::Zero()};  ///< [m]
   double radius{0.05};                              ///< [m]
-  double start_angle{0.0};                          ///< From x towards y [rad].
+  double start_angle{0.0};                          ///< Angle from x towards y [rad].
   double turns{3.0};       ///< Any number but zero; negative means clockwise.
-  Seconds period{4.0};     ///< Time of one turn at full speed.
-  Seconds ramp_time{1.0};  ///< Time from rest to full speed, and from full speed to rest.
+  Seconds period{4.0};     ///< Time of one turn at full speed [s].
+  Seconds ramp_time{1.0};  ///< Time from rest to full speed, and from full speed to rest [s].
 };
 
 /// A horizontal circle that gains its speed smoothly and loses it at the end.
@@ -71,8 +78,10 @@ class CircleTrajectory {
   /// are too few for the ramps.
   explicit CircleTrajectory(const CircleConfig& config);
 
-  /// The duration is `|turns| * period + ramp_time`.
+  /// `|turns| * period + ramp_time` [s].
   [[nodiscard]] Seconds duration() const noexcept;
+  /// The motion at `time` since the beginning [s]. Before time 0 it rests at its start, and after
+  /// `duration` at its end.
   [[nodiscard]] PointMotion at(Seconds time) const noexcept;
 
  private:

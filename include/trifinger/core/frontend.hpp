@@ -251,8 +251,9 @@ class Companion {
 };
 
 /// Takes control of the robot `name`, which runs in a back-end of its own (`trifinger run`).
-/// @throws SessionNotFound with the names of running robots and how to start one; otherwise like
-/// Frontend
+/// @throws SessionNotFound with the names of running robots and how to start one, ControlHeld that
+/// names the controlling process, IncompatibleSession if it is another robot, RobotStopped if a
+/// fault must first be cleared with `recover`.
 template <Robot R>
 [[nodiscard]] Frontend<R> connect(const std::string& name, FrontendOptions options = {}) {
   return Frontend<R>(name, options);

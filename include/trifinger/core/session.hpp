@@ -35,7 +35,8 @@ enum class Series : std::uint8_t {
 };
 [[nodiscard]] std::string_view name_of(Series series) noexcept;
 
-/// Public information about a session. Reading it does not need a front-end.
+/// Facts about a session for everybody: name, type, period, who takes part. Reading them does not
+/// need a front-end.
 struct SessionInfo {
   enum class Phase : std::uint8_t { kPreparing, kHolding, kRunning, kEnded };
 
@@ -84,7 +85,8 @@ class Session {
   /// The layout of the elements of one series.
   [[nodiscard]] const ElementDescription& element(Series series) const;
 
-  /// The documents that explain the robot: configuration, model. Companions have none.
+  /// The documents that explain the robot, by name: "configuration.yml", "model.xml". Companions
+  /// have none.
   /// @throws IncompatibleSession if the file is damaged
   [[nodiscard]] std::vector<Document> documents() const;
   /// Names of the companions of this robot's session, for example "object". A companion has none.

@@ -9,10 +9,11 @@ namespace trifinger {
 
 /// What the back-end reports about one step; the same struct for every robot.
 struct Status {
+  /// What happened in a step: bits of the field `flags` of its status.
   enum Flag : std::uint32_t {
-    kActionRepeated =
-        1,         ///< The action for this step was missing; the previous one was applied again.
-    kAcausal = 2,  ///< The action was appended by someone who had already read y_t.
+    /// The action for this step was missing; the previous one was applied again.
+    kActionRepeated = 1,
+    kAcausal = 2,         ///< The action was appended by someone who had already read y_t.
     kActionRejected = 4,  ///< The action could not be applied; a safe one was applied instead.
     kEnd = 8,             ///< The last status of the session: no action was applied at this step.
     kSchedulerLate = 16,  ///< The tick began late: the back-end did not get the processor in time.

@@ -51,10 +51,13 @@ class LatenessHistogram {
 
   void add(Nanoseconds time) noexcept;
 
+  /// Number of counted times.
   [[nodiscard]] std::uint64_t count() const noexcept;
+  /// Number of times in `bin`.
   [[nodiscard]] std::uint64_t count_in(std::size_t bin) const noexcept { return counts_[bin]; }
   /// The time below which the share `fraction` of all times lies; zero if no time was counted.
   [[nodiscard]] Nanoseconds quantile(double fraction) const noexcept;
+  /// The longest time.
   [[nodiscard]] Nanoseconds max() const noexcept { return max_; }
 
  private:
@@ -67,7 +70,7 @@ struct LateStep {
   TimeIndex time_index{-1};
   /// How late the tick began. If the user caused it, the time without a new action.
   Nanoseconds lateness{0};
-  LateCause cause{LateCause::kNone};
+  LateCause cause{LateCause::kNone};  ///< Who caused it.
 };
 
 /// How well a session in real time keeps its time: a summary of all its statuses, including the
@@ -84,10 +87,12 @@ class TimingRecord {
 
   /// The `lateness_of` all steps.
   [[nodiscard]] const LatenessHistogram& lateness() const noexcept { return lateness_; }
+  /// Number of steps so far, including the one that ended the session.
   [[nodiscard]] std::uint64_t steps() const noexcept { return steps_; }
+  /// Number of late steps: all of them, or those late because of `cause`.
   [[nodiscard]] std::uint64_t late_steps() const noexcept;
   [[nodiscard]] std::uint64_t late_steps(LateCause cause) const noexcept;
-  /// The share of the newest `kRecentSteps` steps that were in time: 1 if all of them were.
+  /// The share of the newest 1000 steps that were in time: 1 if all of them were.
   [[nodiscard]] double success_rate() const noexcept;
   /// The worst late steps, the worst one first. In a row of steps with growing lateness only the
   /// last one is listed.

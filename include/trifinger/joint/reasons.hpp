@@ -8,8 +8,8 @@
 
 namespace trifinger {
 
-/// Why a joint did not get the action that was asked for. These are bits of
-/// `AppliedJointAction::reasons`.
+/// Why a joint did not get the action that was asked for. These are bits of `reasons`
+/// in an applied action.
 enum class Reason : std::uint64_t {
   // The action was rejected: the joint holds its last accepted target.
   kTorqueNotFinite = 1U << 0U,    ///< `torque` is NaN or infinite.

@@ -67,8 +67,8 @@ class EnvironmentBatch {
   /// begins the next episode.
   /// @throws InvalidArgument if there is no such simulation
   void seed(std::size_t index, std::uint64_t seed, std::uint64_t episode = 0);
-  /// Begins an episode in all simulations whose number in `which` is not 0. If `which` is empty,
-  /// begins one in all simulations.
+  /// Begins an episode in the simulations that `which` marks with a number other than 0, or in all
+  /// of them without marks.
   /// @throws InvalidArgument if `which` has another size
   void reset(std::span<const std::uint8_t> which = {});
   /// Applies one action in each simulation. `actions` has one row of numbers per simulation, as for

@@ -69,9 +69,10 @@ enum class Precision : std::uint8_t {
             ///< order.
 };
 
-/// A trained policy: it computes actions from observations, without Python.
+/// A trained policy: it computes actions from observations, in C++ alone. docs/policies.md
+/// describes its file.
 ///
-/// One policy must not be used by several threads at once: make a copy for each.
+/// One policy must not be used by several threads at once: each needs its own.
 class Policy {
  public:
   /// @throws InvalidArgument if sizes do not match or a number is not finite.

@@ -96,8 +96,8 @@ class SeriesReader {
   std::unique_ptr<Implementation> implementation_;
 };
 
-/// A session in a log, without types. It belongs to a robot or to one of its companions. A
-/// companion has only `kObservation` and counts its own elements. Copies refer to the same log. Any
+/// A session in a log. It belongs to a robot or to one of its companions. A
+/// companion has only observations and counts its own elements. Copies refer to the same log. Any
 /// number of threads may read.
 class LoggedSession {
  public:
@@ -173,7 +173,7 @@ class LoggedSession {
 /// A recording: one file, or all its parts.
 ///
 /// If the files are finished and whole, opening reads no messages. Damaged pieces are left out and
-/// named; everything else is read.
+/// named (`damage`, `lost_bytes`, and `gaps` of the sessions); everything else is read.
 class Log {
  public:
   /// Opens a file, or the newest recording in a folder with all its parts.
@@ -191,7 +191,7 @@ class Log {
   [[nodiscard]] std::uint64_t size() const noexcept;
   /// True if every file has the summary that is written at its end.
   [[nodiscard]] bool is_finished() const noexcept;
-  /// The program and machine that wrote the log: the record `trifinger.log` of docs/log_format.md.
+  /// The program and machine that wrote the log: "trifinger_version", "host", "kernel", "created".
   [[nodiscard]] const std::map<std::string, std::string>& origin() const noexcept;
 
   /// The sessions of robots, in the order in which they began.
@@ -201,11 +201,11 @@ class Log {
   /// @throws InvalidArgument with the existing names
   [[nodiscard]] LoggedSession session(const std::string& name = {}) const;
 
-  // Each of these functions reads the whole log once.
-
+  /// Messages for people. Reads the whole log once.
   [[nodiscard]] std::vector<Event> events() const;
+  /// Pieces of the files that could not be read. Reads the whole log once.
   [[nodiscard]] std::vector<Damage> damage() const;
-  /// Number of bytes of the files that could not be used.
+  /// Number of bytes of the files that could not be used. Reads the whole log once.
   [[nodiscard]] std::uint64_t lost_bytes() const;
 
  private:

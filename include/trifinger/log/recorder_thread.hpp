@@ -14,15 +14,17 @@
 namespace trifinger::log {
 
 /// Records a robot of this process in a thread of its own. Outside real-time mode nothing is lost,
-/// at any speed:
-///
-///     trifinger::Simulation<trifinger::TriFinger> simulation;
-///     auto recorder = std::make_shared<trifinger::log::RecorderThread>(
-///         "sim", trifinger::log::RecorderOptions{.folder = "logs"});
-///     simulation.follow(recorder);
+/// because the robot waits for the recorder.
 class RecorderThread final : public Follower {
  public:
-  /// Sets `options.is_follower`. @throws AlreadyRecorded, InvalidArgument, SystemError
+  /// Sets `options.is_follower`. The robot must be given the recorder:
+  ///
+  ///     trifinger::Simulation<trifinger::TriFinger> simulation;
+  ///     auto recorder = std::make_shared<trifinger::log::RecorderThread>(
+  ///         "sim", trifinger::log::RecorderOptions{.folder = "logs"});
+  ///     simulation.follow(recorder);
+  ///
+  /// @throws AlreadyRecorded, InvalidArgument, SystemError
   explicit RecorderThread(const std::string& robot, RecorderOptions options = {});
   /// Stops. If something cannot be written, it is lost, and no error is reported.
   ~RecorderThread() override;

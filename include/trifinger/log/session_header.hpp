@@ -19,7 +19,8 @@ struct SessionHeader {
   std::string name;
   std::uint64_t session_id{0};
   bool is_real_time{false};
-  /// In real-time mode: see `SessionInfo`. Nothing if it was not recorded.
+  /// In real-time mode: what the loop lacked to be a real-time thread, one sentence each. Nothing
+  /// if it was not recorded.
   std::optional<std::vector<std::string>> realtime_lacks{};
   Nanoseconds period{0};
   std::int64_t created{0};  ///< Time since 1970 [ns].

@@ -43,10 +43,10 @@ struct FingerPose {
 };
 
 /// Kinematics and dynamics of the fingers, without contacts and objects. Everything is in the world
-/// frame, z up, whether or not the platform is flipped.
+/// frame: z up, origin on the table, whether or not the platform is flipped.
+/// Positions of joints are in rad.
 ///
-/// Set a pose with `update`, then ask. Memory is allocated only during construction. One object
-/// must not be used by several threads at once: make one for each.
+/// One object must not be used by several threads at once: make one for each.
 class Kinematics {
  public:
   /// Starts in the initial pose.
@@ -57,16 +57,19 @@ class Kinematics {
   ~Kinematics();
 
   [[nodiscard]] const RobotDescription& description() const noexcept;
+  /// Number of fingers: 1 or 3.
   [[nodiscard]] int num_fingers() const noexcept;
+  /// Number of joints: three for each finger.
   [[nodiscard]] int num_joints() const noexcept;
 
-  /// Sets the pose for the other functions [rad]. `position` has `num_joints` values.
+  /// Sets the pose for the other functions: `num_joints` positions. Only the constructor allocates
+  /// memory.
   void update(const JointValues& position) noexcept;
 
   /// Centre of the tip sphere of one finger [m].
   [[nodiscard]] Eigen::Vector3d tip_position(int finger) const noexcept;
 
-  /// Centres of all tip spheres [m].
+  /// Centres of all tip spheres: x, y, z for each finger [m].
   [[nodiscard]] TipPositions tip_positions() const noexcept;
 
   /// Centres of all tip spheres with the joints at `position` [m], independent of `update`. Any
@@ -76,14 +79,14 @@ class Kinematics {
   /// Direction in which a finger extends from the centre: the angle from x towards y [rad].
   [[nodiscard]] double finger_azimuth(int finger) const noexcept;
 
-  /// Derivative of `tip_position(finger)` by all joints [m/rad]: 3 rows, `num_joints` columns.
+  /// Derivative of one tip's position by all joints [m/rad]: 3 rows, `num_joints` columns.
   [[nodiscard]] TipJacobian tip_jacobian(int finger) const noexcept;
 
   /// The Jacobians of all tips, one below the other [m/rad]: square, `num_joints` rows and columns.
   [[nodiscard]] JointMatrix tip_jacobians() const noexcept;
 
-  /// Accelerations of the tips when joints move with constant `velocity` [rad/s]: the time
-  /// derivative of the Jacobians, times the velocity [m/s^2].
+  /// Accelerations of the tips when joints move with constant `velocity` [rad/s]: x, y, z
+  /// for each finger [m/s^2].
   [[nodiscard]] TipPositions tip_accelerations(const JointValues& velocity) const noexcept;
 
   /// Torques that hold the pose against gravity [Nm].
@@ -96,8 +99,9 @@ class Kinematics {
   /// Inertia at the joints, including that of the rotors [kg m^2].
   [[nodiscard]] JointMatrix mass_matrix() const noexcept;
 
-  /// Joint positions of `finger` that bring its tip to `tip` [m], in closed form. Among up to four
-  /// poses it takes the one within the hard limits that is nearest to `near` [rad].
+  /// Joint positions of `finger` that bring its tip to `tip` [m], and whether it can reach it. If
+  /// it cannot, they are a pose within the hard limits whose tip is near the point. Among up to
+  /// four poses it takes the one within the hard limits that is nearest to `near`.
   [[nodiscard]] FingerPose inverse_kinematics(int finger, const Eigen::Vector3d& tip,
                                               const Eigen::Vector3d& near) const noexcept;
 

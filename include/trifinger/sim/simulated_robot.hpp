@@ -100,13 +100,15 @@ class SimulatedRobot final : public Driver<R> {
   /// pushes. It acts from the next step on until the next call, `reset` or session.
   /// @throws InvalidArgument that names the existing objects, or if the force is not finite
   void push_object(const std::string& name, const std::array<double, 3>& force);
-  /// Sets an object in motion from where it is: thrown, dropped with a spin, or rolling.
+  /// Sets an object in motion from where it is, in the world frame: velocity of its centre [m/s]
+  /// and angular velocity [rad/s].
   /// @throws InvalidArgument that names the existing objects, or if a number is not finite
   void set_object_velocity(const std::string& name, const ObjectVelocity& velocity);
-  /// The object's pose now, without delay and noise.
+  /// The object's pose now, without delay and noise: position [m] and quaternion w, x, y, z.
   /// @throws InvalidArgument that names the existing objects
   [[nodiscard]] ObjectPose object_pose(const std::string& name) const;
-  /// The object's velocity now, without delay and noise.
+  /// The object's velocity now, without delay and noise: velocity of its centre [m/s] and angular
+  /// velocity [rad/s].
   /// @throws InvalidArgument that names the existing objects
   [[nodiscard]] ObjectVelocity object_velocity(const std::string& name) const;
 
