@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 import trifinger
 from rows import Row
-from trifinger import program
+from trifinger.commands import program
 
 
 @dataclass(frozen=True)

@@ -101,7 +101,7 @@ def train(kind: Kind, seed: int) -> Run:
     """Trains in a process of its own, on one core."""
     folder = RUNS / f"{kind.name}_{seed}"
     shutil.rmtree(folder, ignore_errors=True)
-    program = "import sys; from trifinger.learning_commands import train; sys.exit(train())"
+    program = "import sys; from trifinger.commands.train import main; sys.exit(main())"
     words = ("reach", *kind.words, "--seed", str(seed), "--out", str(folder))
     begin = time.monotonic()
     folder.parent.mkdir(parents=True, exist_ok=True)

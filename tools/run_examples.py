@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import trifinger
-from trifinger import program
+from trifinger.commands import program
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = ROOT / "examples"

@@ -52,10 +52,10 @@ nb::list to_sessions(std::vector<LoggedSession> sessions) {
   return list;
 }
 
-// Returns a method that calls Python: trifinger.export.NAME(session, ...).
+// Returns a method that calls Python: trifinger.log.tables.NAME(session, ...).
 auto exported(const char* name) {
   return [name](nb::handle session, const nb::args& arguments, const nb::kwargs& options) {
-    return nb::module_::import_("trifinger.export").attr(name)(session, *arguments, **options);
+    return nb::module_::import_("trifinger.log.tables").attr(name)(session, *arguments, **options);
   };
 }
 
@@ -153,7 +153,7 @@ void bind_logged_session(nb::module_& m) {
           [](const PythonLoggedSession& session) {
             return to_list(without_gil([&] { return session.session().gaps(); }));
           },
-          nb::sig("def gaps(self) -> list[trifinger.log_types.Gap]"), docs::LoggedSession::gaps)
+          nb::sig("def gaps(self) -> list[trifinger.log.types.Gap]"), docs::LoggedSession::gaps)
 
       .def_prop_ro(
           "observations", all_steps(Series::kObservation),
@@ -235,7 +235,7 @@ If the session ended in step N, the log has an observation and a status N, but n
           "first"_a = nb::none(), "last"_a = nb::none(), "series"_a = nb::none(),
           nb::sig("def read(self, first: int | None = None, last: int | None = None, series: "
                   "collections.abc.Mapping[str, collections.abc.Sequence[str] | None] | "
-                  "collections.abc.Sequence[str] | None = None) -> trifinger.log_types.Steps"),
+                  "collections.abc.Sequence[str] | None = None) -> trifinger.log.types.Steps"),
           also(
               docs::LoggedSession::read,
               R"(Reading several series at once takes no longer than reading one. `series` are names,
@@ -253,7 +253,7 @@ If the session ended in step N, the log has an observation and a status N, but n
           nb::sig("def chunks(self, count: int = 10000, first: int | None = None, last: int | None "
                   "= None, series: collections.abc.Mapping[str, collections.abc.Sequence[str] | "
                   "None] | collections.abc.Sequence[str] | None = None) -> "
-                  "collections.abc.Iterator[trifinger.log_types.Steps]"),
+                  "collections.abc.Iterator[trifinger.log.types.Steps]"),
           "Reads like read(), but `count` rows at a time, for a log larger than memory.")
 
       .def_prop_ro(
@@ -319,7 +319,7 @@ void bind_log(nb::module_& m) {
           "__iter__", [](nb::object self) { return self; },
           nb::sig("def __iter__(self) -> StepsIterator"))
       .def("__next__", &PythonSteps::next,
-           nb::sig("def __next__(self) -> trifinger.log_types.Steps"));
+           nb::sig("def __next__(self) -> trifinger.log.types.Steps"));
   bind_logged_session(m);
 
   nb::class_<Log>(
@@ -377,11 +377,11 @@ recording or the parts belong to several recordings; OSError.)")
       .def_prop_ro(
           "events",
           [](const Log& log) { return to_list(without_gil([&] { return log.events(); })); },
-          nb::sig("def events(self) -> list[trifinger.log_types.Event]"), docs::Log::events)
+          nb::sig("def events(self) -> list[trifinger.log.types.Event]"), docs::Log::events)
       .def_prop_ro(
           "damage",
           [](const Log& log) { return to_list(without_gil([&] { return log.damage(); })); },
-          nb::sig("def damage(self) -> list[trifinger.log_types.Damage]"), docs::Log::damage)
+          nb::sig("def damage(self) -> list[trifinger.log.types.Damage]"), docs::Log::damage)
       .def_prop_ro(
           "lost_bytes",
           [](const Log& log) { return without_gil([&] { return log.lost_bytes(); }); },

@@ -19,7 +19,7 @@ namespace {
 
 constexpr std::size_t kBlock = 1U << 16U;  // rows between checks for Ctrl-C
 
-nb::object types() { return nb::module_::import_("trifinger.log_types"); }
+nb::object types() { return nb::module_::import_("trifinger.log.types"); }
 
 std::vector<std::string> to_fields(nb::handle fields) {
   if (fields.is_none()) return {};

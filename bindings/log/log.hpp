@@ -68,7 +68,7 @@ class PythonLoggedSession {
 
 /// Converts one path or several.
 [[nodiscard]] std::vector<std::filesystem::path> to_paths(nanobind::handle path);
-/// Converts entries of a log to the classes of trifinger.log_types.
+/// Converts entries of a log to the classes of trifinger.log.types.
 [[nodiscard]] nanobind::object to_python(const log::Gap& gap);
 [[nodiscard]] nanobind::object to_python(const log::Event& event);
 [[nodiscard]] nanobind::object to_python(const log::Damage& damage);

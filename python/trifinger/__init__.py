@@ -59,7 +59,7 @@ from trifinger.errors import (
     SessionNotFound,
     TimedOut,
 )
-from trifinger.log_types import Damage, Event, Gap, Steps
+from trifinger.log.types import Damage, Event, Gap, Steps
 from trifinger.session_info import Fault, SessionInfo
 
 __all__ = [

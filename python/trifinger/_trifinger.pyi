@@ -17,7 +17,7 @@ import numpy.typing
 from numpy.typing import NDArray
 import pandas
 
-import trifinger.log_types
+import trifinger.log.types
 import trifinger.session_info
 
 
@@ -2043,7 +2043,7 @@ class StepsIterator:
 
     def __iter__(self) -> StepsIterator: ...
 
-    def __next__(self) -> trifinger.log_types.Steps: ...
+    def __next__(self) -> trifinger.log.types.Steps: ...
 
 class LoggedSession:
     """
@@ -2125,7 +2125,7 @@ class LoggedSession:
         """The reason of `fault` as a sentence."""
 
     @property
-    def gaps(self) -> list[trifinger.log_types.Gap]:
+    def gaps(self) -> list[trifinger.log.types.Gap]:
         """
         Elements that are missing in the range of the applied actions, because the recorder said so
         or because the file is damaged. Reads the whole log once.
@@ -2211,7 +2211,7 @@ class LoggedSession:
         real-time mode, or if the statuses have another version. Reads all statuses.
         """
 
-    def read(self, first: int | None = None, last: int | None = None, series: Mapping[str, Sequence[str] | None] | Sequence[str] | None = None) -> trifinger.log_types.Steps:
+    def read(self, first: int | None = None, last: int | None = None, series: Mapping[str, Sequence[str] | None] | Sequence[str] | None = None) -> trifinger.log.types.Steps:
         """
         Reads the existing whole steps from `first` to before `last`.
 
@@ -2220,7 +2220,7 @@ class LoggedSession:
         `{"observation": ("position",), "status": None}`.
         """
 
-    def chunks(self, count: int = 10000, first: int | None = None, last: int | None = None, series: Mapping[str, Sequence[str] | None] | Sequence[str] | None = None) -> Iterator[trifinger.log_types.Steps]:
+    def chunks(self, count: int = 10000, first: int | None = None, last: int | None = None, series: Mapping[str, Sequence[str] | None] | Sequence[str] | None = None) -> Iterator[trifinger.log.types.Steps]:
         """
         Reads like read(), but `count` rows at a time, for a log larger than memory.
         """
@@ -2321,11 +2321,11 @@ class Log:
         """
 
     @property
-    def events(self) -> list[trifinger.log_types.Event]:
+    def events(self) -> list[trifinger.log.types.Event]:
         """Messages for people. Reads the whole log once."""
 
     @property
-    def damage(self) -> list[trifinger.log_types.Damage]:
+    def damage(self) -> list[trifinger.log.types.Damage]:
         """Pieces of the files that could not be read. Reads the whole log once."""
 
     @property

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import itertools
 import os
@@ -60,31 +59,6 @@ class View:
                     f"the {name} of a picture is {getattr(self, name)} pixels, must be from 16 to "
                     f"{LARGEST}"
                 )
-
-
-def add_view_options(parser: argparse.ArgumentParser, default: View | None = None) -> None:
-    """Adds --camera, --width and --height to a command; `view_of` reads them."""
-    view = default or View()
-    parser.add_argument(
-        "--camera",
-        default=view.camera,
-        metavar="NAME|AZIMUTH,ELEVATION",
-        help=f"{', '.join(CAMERAS)}, a camera of the model such as camera60, or two angles in "
-        f"degrees; default: {view.camera}",
-    )
-    for name in ("width", "height"):
-        parser.add_argument(
-            f"--{name}",
-            type=int,
-            default=getattr(view, name),
-            metavar="PIXELS",
-            help=f"{name} of pictures; default: {getattr(view, name)}",
-        )
-
-
-def view_of(arguments: argparse.Namespace) -> View:
-    """The view that the options of `add_view_options` chose; raises InvalidArgument."""
-    return View(arguments.camera, arguments.width, arguments.height)
 
 
 class Sight:

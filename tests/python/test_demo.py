@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 import trifinger
-from trifinger import program
+from trifinger.commands import program
 
 
 @pytest.mark.release
@@ -18,7 +18,7 @@ def test_the_demo_lifts_the_cube_and_leaves_a_log_and_pictures(
     for stale in ("report.json", "trace.csv"):
         (tmp_path / stale).write_text("of another demo")
     result = subprocess.run(
-        [sys.executable, "-m", "trifinger.demo", *mode, "--output", str(tmp_path)],
+        [sys.executable, "-m", "trifinger.commands.demo", *mode, "--output", str(tmp_path)],
         capture_output=True,
         text=True,
         timeout=100,

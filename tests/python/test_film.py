@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 import trifinger
 from conftest import StartProgram
-from trifinger import film
-from trifinger.film import Trace, find_session
+from trifinger.commands import film
+from trifinger.commands.film import find_session
+from trifinger.log.manipulation import Trace
 
 pytestmark = pytest.mark.release  # these tests need the program
 
@@ -130,7 +131,7 @@ def test_says_what_drawing_lacks(tmp_path: Path) -> None:
     record_alone(tmp_path)
     # In a process of its own: which library draws is settled when MuJoCo is imported.
     program = (
-        "import os, sys; os.environ['MUJOCO_GL'] = 'egl'; from trifinger import film\n"
+        "import os, sys; os.environ['MUJOCO_GL'] = 'egl'; from trifinger.commands import film\n"
         "sys.modules['mujoco.egl'] = None; sys.exit(film.main(sys.argv[1:]))"
     )
     done = subprocess.run(

@@ -380,7 +380,7 @@ def test_csv_and_parquet_read_back_the_same(
 ) -> None:
     pandas = pytest.importorskip("pandas")
     pytest.importorskip("pyarrow")
-    monkeypatch.setattr("trifinger.export.ROWS", rows)
+    monkeypatch.setattr("trifinger.log.tables.ROWS", rows)
     session = written.log.session()
     session.to_csv(tmp_path / "a.csv")
     session.to_parquet(tmp_path / "a.parquet")

@@ -18,7 +18,7 @@ import pytest
 import trifinger
 from conftest import PROGRAM, StartProgram
 from test_log import Written, write_log
-from trifinger import plot
+from trifinger.log.plot import curves, panels, plot
 
 pytestmark = pytest.mark.release  # these tests need the program
 
@@ -286,8 +286,8 @@ def test_a_page_needs_nothing_but_itself_and_has_every_step(
 def test_a_page_of_a_long_log_keeps_every_peak(
     written: Written, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("trifinger.plot_page.MOST_STRETCHES", 50)
-    plot.plot(written.log, tmp_path / "page.html")
+    monkeypatch.setattr("trifinger.log.plot.page.MOST_STRETCHES", 50)
+    plot(written.log, tmp_path / "page.html")
     page = Page((tmp_path / "page.html").read_text())
     assert "50 stretches of up to 12 steps" in page.text
     session = written.log.session()
@@ -306,7 +306,7 @@ def test_a_page_of_a_long_log_keeps_every_peak(
 
 def test_a_page_says_what_it_needs(written: Written, tmp_path: Path) -> None:
     text = (
-        "import sys\nsys.modules['plotly'] = None\nfrom trifinger.plot import main\n"
+        "import sys\nsys.modules['plotly'] = None\nfrom trifinger.commands.plot import main\n"
         f"sys.exit(main([{str(written.path)!r}, '-o', 'a.html']))"
     )
     done = subprocess.run(
@@ -349,9 +349,9 @@ def test_lateness_is_the_same_number_in_every_command(
     loop = json.loads(run("info", "--json", folder))["sessions"][0]["loop"]
     assert loop["lateness_max"] == kept.lateness().max()
     assert loop["lateness_p99"] == kept.lateness().quantile(0.99)
-    plot.plot(log, tmp_path / "page.html", "late")
+    plot(log, tmp_path / "page.html", "late")
     assert f"lateness {expected}" in Page((tmp_path / "page.html").read_text()).text
-    assert f"lateness {expected}" in plot.title_of(plot.read(session))[1]
+    assert f"lateness {expected}" in panels.title_of(curves.read(session))[1]
     each = trifinger.lateness_of(session.get_statuses(*session.range("status")), session.period)
     assert len(each) == kept.steps()
     assert each.max() == pytest.approx(kept.lateness().max(), abs=1e-12)

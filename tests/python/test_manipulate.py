@@ -7,7 +7,7 @@ from pathlib import Path
 import av
 import pytest
 from conftest import BUILD, StartProgram
-from trifinger import film
+from trifinger.commands import film
 
 pytestmark = pytest.mark.release  # these tests need the program
 

@@ -18,7 +18,8 @@ import trifinger
 from gymnasium.vector import AutoresetMode
 from stable_baselines3 import DDPG
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
-from trifinger import evaluation, learning_commands
+from trifinger import evaluation
+from trifinger.commands import evaluate, train
 from trifinger.environments import Environment, Options, VectorEnvironment
 from trifinger.errors import InvalidArgument
 from trifinger.stable_baselines import FingerReplayBuffer, QuickDDPG, Rows
@@ -407,7 +408,7 @@ def test_a_mistake_is_named(words, said, capsys, tmp_path, monkeypatch):
     folder = tmp_path / "work"
     folder.mkdir()
     monkeypatch.chdir(folder)
-    assert learning_commands.train(words) == 2
+    assert train.main(words) == 2
     assert said in capsys.readouterr().err
     assert not list(folder.iterdir())
 
@@ -415,7 +416,7 @@ def test_a_mistake_is_named(words, said, capsys, tmp_path, monkeypatch):
 @pytest.mark.parametrize("words", [["--episodes", "9"], ["--shared"], ["--set", "gamma=0.5"]])
 def test_a_training_goes_on_as_it_was_begun(words, undisturbed, capsys):
     with pytest.raises(SystemExit):
-        learning_commands.train(["--resume", str(undisturbed), *words])
+        train.main(["--resume", str(undisturbed), *words])
     assert "no other options" in capsys.readouterr().err
 
 
@@ -430,9 +431,9 @@ def test_an_interrupted_training_goes_on_from_the_command_line(tmp_path, capsys,
     with monkeypatch.context() as patched:
         patched.setattr(Training, "save_curve", interrupt)
         words = ["reach", "--shared", "--episodes", "100", "--out", str(folder), *settings]
-        assert learning_commands.train(words) == 130
+        assert train.main(words) == 130
     assert f"--resume {folder} goes on" in capsys.readouterr().err
-    assert learning_commands.train(["--resume", str(folder)]) == 0
+    assert train.main(["--resume", str(folder)]) == 0
     assert "episode 100 of 100: " in capsys.readouterr().err
 
 
@@ -449,7 +450,7 @@ def test_lines_say_how_a_training_goes_and_a_file_has_no_bar(tmp_path, capsys):
     folder = tmp_path / "run"
     settings = [f"--set={name}={value}" for name, value in SHORT.items()]
     words = ["reach", "--shared", "--episodes", "4", "--out", str(folder), *settings]
-    assert learning_commands.train(words) == 0
+    assert train.main(words) == 0
     done = capsys.readouterr()
     assert "episode 4 of 4: " in done.err
     for name in ("steps_per_action", "position_noise", "object_delay", "friction", "learning_rate"):
@@ -463,7 +464,7 @@ def test_lines_say_how_a_training_goes_and_a_file_has_no_bar(tmp_path, capsys):
 
 
 def test_a_folder_keeps_the_training_that_it_has(undisturbed, capsys):
-    assert learning_commands.train(["reach", "--out", str(undisturbed)]) == 2
+    assert train.main(["reach", "--out", str(undisturbed)]) == 2
     assert "--resume" in capsys.readouterr().err
     with pytest.raises(InvalidArgument, match="another plan"):
         Training(short_plan(seed=9), undisturbed)
@@ -483,8 +484,8 @@ def test_says_what_to_install(missing):
     program = f"""
 import sys
 sys.modules["{missing}"] = None
-from trifinger import learning_commands
-sys.exit(learning_commands.train(["reach"]))
+from trifinger.commands import train
+sys.exit(train.main(["reach"]))
 """
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=False
@@ -495,14 +496,14 @@ sys.exit(learning_commands.train(["reach"]))
 
 def test_evaluate_says_how_near_a_policy_comes(undisturbed, capsys):
     policy = str(undisturbed / "reach.policy")
-    assert learning_commands.evaluate([policy, "--episodes", "4", "--json"]) == 0
+    assert evaluate.main([policy, "--episodes", "4", "--json"]) == 0
     summary = json.loads(capsys.readouterr().out)
     assert summary["episodes"] == 4
     assert summary["lower_quartile"] <= summary["median"] <= summary["upper_quartile"]
-    assert learning_commands.evaluate([policy, "--episodes", "4"]) == 0
+    assert evaluate.main([policy, "--episodes", "4"]) == 0
     assert f"{100 * summary['median']:.2f} cm" in capsys.readouterr().out
-    assert learning_commands.evaluate([policy, "--task", "finger_reach", "--json"]) == 0
-    assert learning_commands.evaluate([policy, "--episodes", "0"]) == 2
+    assert evaluate.main([policy, "--task", "finger_reach", "--json"]) == 0
+    assert evaluate.main([policy, "--episodes", "0"]) == 2
 
 
 def test_a_plan_is_what_was_written(tmp_path):

@@ -92,9 +92,10 @@ def test_names_no_folder_of_the_machine_that_built_it(installation: Installation
 
 
 def test_holds_the_package_alone(installation: Installation) -> None:
-    files = {path.name for path in (installation.packages / "trifinger").iterdir()}
-    for file in (SOURCES / "python" / "trifinger").glob("*.py*"):
-        assert file.name in files
+    sources = SOURCES / "python" / "trifinger"
+    for file in sources.rglob("*.*"):
+        if file.suffix != ".pyc":
+            assert (installation.packages / "trifinger" / file.relative_to(sources)).is_file()
     assert {path.name for path in installation.packages.iterdir()} == {
         *("trifinger", "trifinger.libs", f"trifinger-{VERSION}.dist-info"),
         *("mujoco", "numpy", "numpy.libs"),

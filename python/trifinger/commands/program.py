@@ -6,4 +6,4 @@ from pathlib import Path
 
 def path() -> str:
     """The path of the program."""
-    return str(Path(__file__).with_name("trifinger"))
+    return str(Path(__file__).parents[1] / "trifinger")

@@ -20,9 +20,13 @@ from pathlib import Path
 import numpy as np
 
 import trifinger
-from trifinger import command, extras, plot, program
-from trifinger.film import Scene, Trace, save_report
-from trifinger.picture import View, add_view_options, view_of
+from trifinger import extras
+from trifinger.commands import command_line, program
+from trifinger.commands.command_line import add_view_options, view_of
+from trifinger.log.film import Scene
+from trifinger.log.manipulation import Trace, save_report
+from trifinger.log.plot import plot
+from trifinger.picture import View
 
 NAME = "demo"
 HOLD_TIME = 3.0  # [s]
@@ -118,7 +122,7 @@ def draw(log: trifinger.Log, folder: Path, view: View) -> Iterator[Path]:
     session, trace = log.session(NAME), Trace(folder)
     save_report(trace, folder / "report.png")
     yield folder / "report.png"
-    plot.plot(log, folder / "plot.png")
+    plot(log, folder / "plot.png")
     yield folder / "plot.png"
     save_scene(session, trace, folder / "scene.png", view)
     yield folder / "scene.png"
@@ -189,7 +193,7 @@ def main() -> int:
     )
     add_view_options(parser, VIEW)
     arguments = parser.parse_args()
-    return command.run(lambda: run(arguments))
+    return command_line.run(lambda: run(arguments))
 
 
 if __name__ == "__main__":

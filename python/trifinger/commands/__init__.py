@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The commands of `trifinger` that are written in Python, a file for each."""

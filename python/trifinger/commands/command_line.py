@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What the command lines of all commands share."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+
+from trifinger.errors import Error, InvalidArgument
+from trifinger.picture import CAMERAS, View
+
+
+def run(work: Callable[[], int | None]) -> int:
+    """Does the work of a command and returns its exit status; prints an error as one sentence."""
+    try:
+        return work() or 0
+    except (Error, OSError) as error:
+        print(f"trifinger: {error}", file=sys.stderr)
+        return 2 if isinstance(error, InvalidArgument) else 1
+    except KeyboardInterrupt:
+        return 130
+
+
+def add_log_options(parser: argparse.ArgumentParser) -> None:
+    """Adds the log and the part of it that a command reads: LOG, --from and --to."""
+    parser.add_argument("log", help="a file, or a folder: the newest recording in it")
+    parser.add_argument(
+        "--from", dest="from_", type=float, metavar="SECONDS", help="begin, since the first step"
+    )
+    parser.add_argument("--to", type=float, metavar="SECONDS", help="end, since the first step")
+
+
+def add_view_options(parser: argparse.ArgumentParser, default: View | None = None) -> None:
+    """Adds --camera, --width and --height to a command; `view_of` reads them."""
+    view = default or View()
+    parser.add_argument(
+        "--camera",
+        default=view.camera,
+        metavar="NAME|AZIMUTH,ELEVATION",
+        help=f"{', '.join(CAMERAS)}, a camera of the model such as camera60, or two angles in "
+        f"degrees; default: {view.camera}",
+    )
+    for name in ("width", "height"):
+        parser.add_argument(
+            f"--{name}",
+            type=int,
+            default=getattr(view, name),
+            metavar="PIXELS",
+            help=f"{name} of pictures; default: {getattr(view, name)}",
+        )
+
+
+def view_of(arguments: argparse.Namespace) -> View:
+    """The view that the options of `add_view_options` chose; raises InvalidArgument."""
+    return View(arguments.camera, arguments.width, arguments.height)

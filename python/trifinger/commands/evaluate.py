@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""`trifinger evaluate`."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from trifinger import extras
+from trifinger._trifinger import Policy
+from trifinger.commands import command_line
+from trifinger.errors import InvalidArgument
+from trifinger.progress import Progress
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """`trifinger evaluate`."""
+    parser = argparse.ArgumentParser(
+        prog="trifinger evaluate",
+        description="Let a policy act in simulations, and say how near it comes to its goals.",
+    )
+    parser.add_argument("policy", type=Path, help="a file that `trifinger train` wrote")
+    parser.add_argument("--task", help="default: the task that the file names")
+    parser.add_argument("--episodes", type=int, default=50)
+    parser.add_argument(
+        "--seed", type=int, default=1_000_000, help="of the first episode; each later one adds 1"
+    )
+    parser.add_argument(
+        "--json", action="store_true", help="print JSON: distances in m, success from 0 to 1"
+    )
+    arguments = parser.parse_args(words)
+
+    def run() -> None:
+        extras.require("learning", "gymnasium")
+        from trifinger import evaluation
+
+        policy = Policy(arguments.policy)
+        task = arguments.task or policy.metadata.get("task")
+        if not task:
+            raise InvalidArgument(f"{arguments.policy} does not say its task: --task is needed")
+        if arguments.episodes < 1:
+            raise InvalidArgument(f"--episodes is {arguments.episodes}, must be at least 1")
+        print(f"{task}: {policy.metadata.get('options', 'its own options')}", file=sys.stderr)
+        with Progress("episodes") as progress:
+            result = evaluation.evaluate(
+                policy, task, arguments.episodes, arguments.seed, progress.update
+            )
+        print(result.summary().to_json() if arguments.json else result.summary())
+
+    return command_line.run(run)

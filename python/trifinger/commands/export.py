@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""`trifinger log export`."""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from trifinger._trifinger import Log, LoggedSession
+from trifinger.commands import program
+from trifinger.commands.command_line import add_log_options, run
+from trifinger.errors import InvalidArgument
+from trifinger.log.steps import ROWS, step_range
+from trifinger.log.tables import SERIES, parts_of, write_csv, write_parquet
+from trifinger.progress import shown
+
+WRITERS = {"csv": write_csv, "parquet": write_parquet}
+
+
+def sessions_of(log: Log, name: str | None) -> list[LoggedSession]:
+    """All sessions and companions, or only those called `name`."""
+    all_sessions = [one for session in log.sessions for one in [session, *session.companions]]
+    if name is None:
+        return all_sessions
+    log.session(name)  # raises with the names there are
+    return [session for session in all_sessions if session.name == name]
+
+
+def names_of(sessions: Sequence[LoggedSession]) -> list[str]:
+    """Names for the files of sessions: "sim", and "sim.2" for the second session of that name."""
+    names: list[str] = []
+    for i, session in enumerate(sessions):
+        number = 1 + sum(before.name == session.name for before in sessions[:i])
+        names.append(session.name if number == 1 else f"{session.name}.{number}")
+    return names
+
+
+def export(arguments: argparse.Namespace) -> int:
+    """Writes a file for each session and companion; returns the exit status."""
+    if arguments.format == "mcap":
+        words = [program.path(), "log", "cut", arguments.log]
+        words += ["-o", str(arguments.output or f"{Path(arguments.log).stem}.copy.mcap")]
+        for option in ("robot", "from_", "to"):
+            if (value := getattr(arguments, option)) is not None:
+                words += [f"--{option.rstrip('_')}", str(value)]
+        return subprocess.run(words, check=False).returncode
+
+    log = Log(arguments.log)
+    output = arguments.output or Path()
+    kind = output.suffix.removeprefix(".")
+    if kind in WRITERS:
+        if arguments.format not in (None, kind):
+            raise InvalidArgument(f"--format is {arguments.format}, but {output} ends in .{kind}")
+        _export_session(log.session(arguments.robot or ""), output, WRITERS[kind], arguments)
+        return 0
+    output.mkdir(parents=True, exist_ok=True)
+    stem = Path(arguments.log).resolve().stem
+    sessions = sessions_of(log, arguments.robot)
+    kind = arguments.format or "csv"
+    for session, name in zip(sessions, names_of(sessions), strict=True):
+        _export_session(session, output / f"{stem}.{name}.{kind}", WRITERS[kind], arguments)
+    return 0
+
+
+def _export_session(
+    session: LoggedSession, path: Path, write: Callable[..., None], arguments: argparse.Namespace
+) -> None:
+    series = None if session.is_companion else arguments.series
+    first, last = step_range(session, arguments.from_, arguments.to)
+    # A file that is not complete never gets the final name.
+    part = path.with_name(f".{path.name}.part")
+    begin, end = session.range("observation")
+    begin, end = (begin if first is None else first), (end if last is None else last)
+    parts = parts_of(session, first, last, series)
+    try:
+        write(session, part, shown(parts, path.name, -(-(end - begin) // ROWS)))
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+    print(f"{path} written.", flush=True)
+
+
+def parse(words: Sequence[str] | None) -> argparse.Namespace:
+    """The arguments of the command line."""
+    parser = argparse.ArgumentParser(
+        prog="trifinger log export",
+        description="Write the sessions and companions of a log as tables: a row per step.",
+        epilog="Examples:\n  trifinger log export run.mcap -o run.csv\n"
+        "  trifinger log export run.mcap --format parquet -o tables",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add_log_options(parser)
+    parser.add_argument(
+        "--format",
+        choices=[*WRITERS, "mcap"],
+        help="default: the ending of the output, or csv; parquet needs pyarrow; mcap is a copy",
+    )
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        help="a file (.csv, .parquet) for the newest session, or a folder for all sessions",
+    )
+    parser.add_argument("--robot", metavar="NAME", help="only the robot or companion of this name")
+    parser.add_argument(
+        "--series", nargs="+", choices=list(SERIES), help="only these series; default: all"
+    )
+    return parser.parse_args(words)
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """`trifinger log export`."""
+    arguments = parse(words)
+    return run(lambda: export(arguments))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""`trifinger train`.
+
+Optional packages are imported only when the command runs, so a missing one is a one-line error.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from contextlib import closing
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from trifinger import extras
+from trifinger._trifinger import task_names
+from trifinger.commands import command_line
+from trifinger.commands.command_line import add_view_options, view_of
+from trifinger.errors import Error, InvalidArgument
+
+if TYPE_CHECKING:
+    from tqdm import tqdm
+
+    from trifinger.training import Plan
+
+ALGORITHMS = ("ddpg", "td3", "sac", "ppo")
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """`trifinger train`."""
+    arguments = parse(words)
+    return command_line.run(lambda: train(arguments))
+
+
+def parse(words: Sequence[str] | None) -> argparse.Namespace:
+    """The arguments of the command line."""
+    parser = argparse.ArgumentParser(
+        prog="trifinger train",
+        description="Train a policy in simulation. --resume goes on after Ctrl-C or a kill.",
+        epilog="Examples:\n  trifinger train reach --shared\n  trifinger train --resume reach",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("task", nargs="?", help=", ".join(task_names()))
+    parser.add_argument("--algorithm", choices=ALGORITHMS, help="default: ddpg")
+    parser.add_argument("--shared", action="store_true", help="one policy shared by the fingers")
+    parser.add_argument("--episodes", type=int, help="default: 700; for push by PPO 30000")
+    parser.add_argument("--seed", type=int, help="default: 1")
+    parser.add_argument("--out", type=Path, metavar="FOLDER", help="default: the task's name")
+    parser.add_argument("--resume", type=Path, metavar="FOLDER", help="continue its training")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="a field of trifinger.training.Recipe or trifinger.environments.Options",
+    )
+    add_view_options(parser)
+    arguments = parser.parse_args(words)
+    if (arguments.task is None) == (arguments.resume is None):
+        parser.error("either a task or --resume is needed")
+    others = (arguments.algorithm, arguments.episodes, arguments.seed, arguments.out)
+    if arguments.resume and (
+        arguments.shared or arguments.set or any(one is not None for one in others)
+    ):
+        parser.error("--resume goes on as the training was begun: it takes no other options")
+    return arguments
+
+
+def begin(arguments: argparse.Namespace) -> tuple[Plan, Path]:
+    """The plan of a training and its folder; raises InvalidArgument."""
+    from trifinger.training import Plan, parse_setting
+
+    if arguments.resume:
+        return Plan.of_folder(arguments.resume), arguments.resume
+    numbers = {name: getattr(arguments, name) for name in ("episodes", "seed")}
+    plan = Plan.of(
+        arguments.task,
+        arguments.algorithm or "ddpg",
+        is_shared=arguments.shared,
+        settings=dict(map(parse_setting, arguments.set)),
+        **{name: number for name, number in numbers.items() if number is not None},
+    )
+    folder = arguments.out or Path(arguments.task)
+    if folder.exists() and any(folder.iterdir()):
+        raise InvalidArgument(
+            f"{folder} is not empty; --resume {folder} goes on with a training in it"
+        )
+    return plan, folder
+
+
+def train(arguments: argparse.Namespace) -> None:
+    """Trains to the end, and draws what there is to see of the policy."""
+    extras.require("learning")
+    from tqdm import tqdm
+
+    from trifinger.training import Training
+
+    view = view_of(arguments)
+    plan, folder = begin(arguments)
+    # On a terminal, a bar shows the progress below all other lines.
+    bar = tqdm(total=plan.episodes, unit=" episodes", disable=None, dynamic_ncols=True)
+    say = partial(tqdm.write, file=sys.stderr)
+    begun = Training(plan, folder, say, partial(show, bar), Training.save_curve)
+    with bar, closing(begun) as training:
+        try:
+            summary = training.run()
+        except KeyboardInterrupt:
+            say(f"--resume {folder} goes on.")
+            raise
+        show(bar, plan.episodes)
+        try:
+            training.save_figures(view)
+        except (Error, ImportError) as error:
+            say(f"no figures or film: {error}")
+    print(summary)
+    print(f"{training.policy_path} written.")
+
+
+def show(bar: tqdm[Any], episodes: int) -> None:
+    """Shows how many episodes have ended. The rate is only of episodes of this process."""
+    if bar.n == 0:
+        bar.initial = episodes
+    bar.update(episodes - bar.n)

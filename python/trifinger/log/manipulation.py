@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What `trifinger manipulate` has written about a manipulation, and a plot of it."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from trifinger.errors import Error
+from trifinger.log.plot.matplotlib_figure import entitle
+from trifinger.log.plot.panels import COLOURS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from numpy.typing import NDArray
+
+    Array = NDArray[Any]
+
+PHASES = {
+    "grasp": "#F3EBD3",
+    "lead": "#E3EEF6",
+    "follow": "#DCEFE4",
+    "hold": "#ECE6F2",
+    "lower": "#DCEFE4",
+    "release": "#F3EBD3",
+}
+
+
+class Trace:
+    """The table and the report that `trifinger manipulate` writes."""
+
+    def __init__(self, folder: Path) -> None:
+        """Reads them from `folder`; raises Error if they are not there."""
+        self.folder = folder
+        try:
+            with (folder / "trace.csv").open(newline="") as file:
+                rows = list(csv.DictReader(file))
+            self.report = json.loads((folder / "report.json").read_text())
+            self.phases = [row.pop("phase") for row in rows]
+            self.columns = {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
+            self.times = self.columns["step"] * self.report["period"]
+        except FileNotFoundError as error:
+            raise Error(
+                f"{error.filename} is missing: `trifinger manipulate` leaves it in its --output"
+            ) from error
+        except (ValueError, TypeError, LookupError) as error:
+            raise Error(f"{folder} has no report of `trifinger manipulate`: {error!r}") from error
+
+    def group(self, name: str, parts: Iterable[str]) -> Array:
+        """Columns such as normal_0 to normal_2, as the columns of one array."""
+        return np.stack([self.columns[f"{name}_{part}"] for part in parts], axis=1)
+
+    def spans(self) -> Iterator[tuple[str, float, float]]:
+        """Yields each phase with the times at which it begins and ends [s]."""
+        begin = 0
+        for i in range(1, len(self.phases) + 1):
+            if i == len(self.phases) or self.phases[i] != self.phases[begin]:
+                yield self.phases[begin], self.times[begin], self.times[min(i, len(self.times) - 1)]
+                begin = i
+
+    def steps(self, count: int) -> list[int]:
+        """Steps to show; most of them are from phases in which the fingers move."""
+        moving = np.array([phase not in ("look", "plan", "hold") for phase in self.phases])
+        weights = np.cumsum(np.where(moving, 1.0, 0.15))
+        wanted = np.linspace(weights[0], weights[-1], count + 1)[1:]
+        return [int(self.columns["step"][np.searchsorted(weights, w)]) for w in wanted - 1e-9]
+
+
+def rotation_errors(desired: Array, found: Array) -> Array:
+    """Angles between the rotations of two arrays of quaternions in rows [degrees]."""
+    cosines = np.abs(np.einsum("ij,ij->i", desired, found))
+    angles: Array = np.degrees(2.0 * np.arccos(np.clip(cosines, 0.0, 1.0)))
+    return angles
+
+
+def save_report(trace: Trace, path: Path) -> None:
+    """Saves a plot of the manipulation: pose of the object, its error, and forces of the tips."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(12.0, 11.0), layout="constrained")
+    parts: list[Axes] = list(figure.subplots(5, 1, sharex=True))
+    known = ~np.isin(trace.phases, ("look", "plan"))
+    draw_position(parts[0], trace, known)
+    draw_error(parts[1], trace)
+    draw_forces(parts[2], trace, known, "normal", "what the tips press with")
+    draw_forces(parts[3], trace, known, "tangential", "what they rub")
+    draw_torque(parts[4], trace)
+    draw_phases(parts, trace)
+    parts[0].set_xlim(trace.times[0], trace.times[-1])
+    parts[4].set_xlabel("time since the first step [s]")
+    report = trace.report
+    outcome = "" if report["is_done"] else f": {report['failure']}"
+    figure.suptitle(
+        f"{report['task']}{outcome}: {1e3 * report['position_rms']:.2f} mm, "
+        f"{np.degrees(report['orientation_rms']):.2f}° rms against the poses seen",
+        x=0.01,
+        ha="left",
+        fontsize=13,
+        fontweight="bold",
+    )
+    figure.savefig(path, dpi=110)
+
+
+def draw_position(axes: Axes, trace: Trace, known: Array) -> None:
+    """Draws where the object should be and where it is thought to be."""
+    desired, estimated = trace.group("desired", "xyz"), trace.group("estimated", "xyz")
+    for i, name in enumerate("xyz"):
+        line: dict[str, Any] = {"color": COLOURS[i]}
+        wanted = np.where(known, 1e2 * desired[:, i], np.nan)
+        axes.plot(trace.times, wanted, linewidth=3.6, alpha=0.3, **line)
+        found = np.where(known, 1e2 * estimated[:, i], np.nan)
+        axes.plot(trace.times, found, linewidth=1.0, label=name, **line)
+    entitle(axes, "position of the object: desired (broad), estimated", "cm")
+
+
+def draw_error(axes: Axes, trace: Trace) -> None:
+    """Draws the errors of position and angle while the object is led."""
+    led = np.isin(trace.phases, ("lead", "follow", "hold", "lower"))
+    way = trace.group("estimated", "xyz") - trace.group("desired", "xyz")
+    quaternions = ("qw", "qx", "qy", "qz")
+    angle = rotation_errors(
+        trace.group("desired", quaternions), trace.group("estimated", quaternions)
+    )
+    for values, label, colour in (
+        (1e3 * np.linalg.norm(way, axis=1), "position [mm]", COLOURS[0]),
+        (angle, "angle [°]", COLOURS[1]),
+    ):
+        shown = np.where(led, values, np.nan)
+        axes.plot(trace.times, shown, color=colour, linewidth=1.0, label=label)
+    axes.set_ylim(bottom=0)
+    entitle(axes, "error, as estimated")
+
+
+def draw_forces(axes: Axes, trace: Trace, known: Array, field: str, title: str) -> None:
+    """Draws a force of each finger."""
+    for i, finger in enumerate(("0", "120", "240")):
+        values = np.where(known, trace.columns[f"{field}_{i}"], np.nan)
+        axes.plot(trace.times, values, color=COLOURS[i], linewidth=0.8, label=f"finger {finger}")
+    axes.set_ylim(bottom=0)
+    entitle(axes, title, "N")
+
+
+def draw_torque(axes: Axes, trace: Trace) -> None:
+    """Draws how much of the motors' torque is used."""
+    share = 100 * trace.columns["torque_share"]
+    axes.plot(trace.times, share, color=COLOURS[0], linewidth=0.8)
+    axes.axhline(100, color=COLOURS[1], linewidth=1.0, linestyle="--")
+    axes.set_ylim(0, max(110.0, 1.05 * float(share.max())))
+    entitle(axes, "largest torque asked for, of what the motors give", "%")
+
+
+def draw_phases(parts: Sequence[Axes], trace: Trace) -> None:
+    """Draws the phases below all lines, with their names in the first panel, and the legends."""
+    spans = [span for span in trace.spans() if span[0] in PHASES]
+    for axes in parts:
+        for phase, begin, end in spans:
+            axes.axvspan(begin, end, color=PHASES[phase], linewidth=0, zorder=0)
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.grid(color="#FFFFFF", linewidth=0.6)
+        axes.set_axisbelow(True)
+        if axes.get_legend_handles_labels()[0]:
+            low, high = axes.get_ylim()
+            axes.set_ylim(top=high + 0.22 * (high - low))  # room for phases and legend
+            where: Any = "center left" if axes is parts[0] else "upper right"
+            axes.legend(loc=where, ncols=3, fontsize=8, edgecolor="none")
+    low, high = parts[0].get_ylim()
+    top = high - 0.04 * (high - low)
+    for phase, begin, end in spans:
+        if end - begin > 0.4:
+            place: dict[str, Any] = {"ha": "center", "va": "top", "fontsize": 8, "color": "#555555"}
+            parts[0].text((begin + end) / 2, top, phase, **place)

@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Plots of sessions of any robot, as a picture or as a page in which one can zoom."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from trifinger import extras
+from trifinger._trifinger import Log
+from trifinger.errors import InvalidArgument
+from trifinger.log.steps import step_range
+
+
+def plot(
+    log: Log,
+    path: Path,
+    robot: str = "",
+    begin: float | None = None,
+    end: float | None = None,
+) -> None:
+    """Draws the newest session of `robot` into a file: .png, .svg, .pdf, or a page as .html."""
+    if path.suffix not in (".png", ".svg", ".pdf", ".html"):
+        raise InvalidArgument(f"{path} must end in .png, .svg, .pdf or .html")
+    session = log.session(robot)
+    steps = step_range(session, begin, end)
+    if path.suffix == ".html":
+        from trifinger.log.plot.page import page
+
+        path.write_text(page(log, session, *steps), encoding="utf-8")
+        return
+    extras.require("plot", "matplotlib")
+    from trifinger.log.plot.matplotlib_figure import draw
+
+    draw(log, session, *steps).savefig(path, dpi=120)

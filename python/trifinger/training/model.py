@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The models of Stable-Baselines3 that learn by a plan."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+from stable_baselines3 import PPO, SAC, TD3
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.noise import ActionNoise
+from stable_baselines3.common.utils import LinearSchedule
+from stable_baselines3.common.vec_env import VecEnv
+
+from trifinger.environments import VectorEnvironment
+from trifinger.errors import InvalidArgument
+from trifinger.stable_baselines import Array
+from trifinger.training.ddpg import QuickDDPG
+from trifinger.training.plan import Plan
+from trifinger.training.replay import FingerReplayBuffer
+
+MODELS: dict[str, type[BaseAlgorithm]] = {"ddpg": QuickDDPG, "td3": TD3, "sac": SAC, "ppo": PPO}
+
+
+def make_model(plan: Plan, rows: VecEnv, total: int) -> BaseAlgorithm:
+    """The model that learns by a plan, with all its settings; `total` is its number of actions."""
+    recipe = plan.recipe
+    common: dict[str, Any] = {
+        "learning_rate": LinearSchedule(recipe.learning_rate, recipe.final_learning_rate, 1.0),
+        "gamma": recipe.gamma,
+        "batch_size": recipe.batch_size,
+        "seed": plan.seed,
+        "device": "cpu",
+    }
+    network: dict[str, Any] = {
+        "net_arch": list(recipe.layers),
+        "optimizer_kwargs": {"fused": True},  # saves a tenth of the time of a gradient step
+    }
+    if recipe.algorithm == "ppo":
+        network |= {"log_std_init": math.log(recipe.initial_noise)}
+        model: BaseAlgorithm = PPO(
+            "MlpPolicy",
+            rows,
+            n_steps=recipe.rollout,
+            n_epochs=recipe.epochs,
+            policy_kwargs=network,
+            **common,
+        )
+    else:
+        common |= {
+            "policy_kwargs": network,
+            "buffer_size": min(recipe.buffer_size, total),
+            "learning_starts": recipe.random_actions * rows.num_envs,
+            "train_freq": 1,
+            "gradient_steps": recipe.gradient_steps,
+        }
+        if recipe.relabelled > 0:
+            common |= {
+                "replay_buffer_class": FingerReplayBuffer,
+                "replay_buffer_kwargs": relabelling_of(plan),
+            }
+        if recipe.algorithm in ("ddpg", "td3"):
+            calls, (size,) = total // rows.num_envs, rows.action_space.shape or (0,)
+            common["action_noise"] = FallingNoise(recipe.noise, recipe.final_noise, calls, size)
+        model = MODELS[recipe.algorithm]("MlpPolicy", rows, **common)
+    return model
+
+
+def relabelling_of(plan: Plan) -> dict[str, Any]:
+    """The arguments of FingerReplayBuffer for a plan."""
+    if plan.task not in ("reach", "finger_reach") or not plan.options.per_finger:
+        raise InvalidArgument("relabelled is for reaches, with per_finger=True")
+    shown = dataclasses.replace(plan.options, observation="dictionary")
+    space = VectorEnvironment(plan.task, 1, options=shown).single_observation_space["goal"]  # type: ignore[index]
+    return {
+        "relabelled": plan.recipe.relabelled,
+        "reward_scale": plan.recipe.reward_scale,
+        "goal_low": space.low[:3],
+        "goal_high": space.high[:3],
+    }
+
+
+class FallingNoise(ActionNoise):
+    """Normal noise; its standard deviation falls linearly during `calls` calls, then stays."""
+
+    def __init__(self, begin: float, end: float, calls: int, size: int) -> None:
+        super().__init__()
+        self._begin, self._end, self._calls, self._size = begin, end, calls, size
+        self._count = 0
+
+    def __call__(self) -> Array:
+        """Draws the noise for an action."""
+        share = min(self._count / self._calls, 1.0)
+        self._count += 1
+        deviation = self._begin + share * (self._end - self._begin)
+        # Stable-Baselines3 uses the global generator, too; its state is in the checkpoints.
+        return np.random.normal(0.0, deviation, self._size).astype(np.float32)  # noqa: NPY002

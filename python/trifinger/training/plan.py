@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""All settings of a training: how a policy learns, and for how long."""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal, Self, get_args
+
+# This import comes first because its error says what to install.
+from trifinger.environments import Options
+from trifinger.errors import InvalidArgument
+
+Algorithm = Literal["ddpg", "td3", "sac", "ppo"]
+PLAN = "plan.json"  # the file in the folder of a training
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Recipe:
+    """Settings of how a policy learns."""
+
+    algorithm: Algorithm = "ddpg"
+    is_shared: bool = False
+    """Whether the fingers share one policy."""
+    num_envs: int = 1
+    """Number of robots that learn at once; a single one uses the interface of real robots."""
+    gamma: float = 0.9
+    learning_rate: float = 1e-3
+    final_learning_rate: float = 1e-4
+    """Learning rate at the end; it falls linearly from `learning_rate`."""
+    batch_size: int = 128
+    gradient_steps: int = 1
+    """Gradient steps after each action of all robots; PPO does not use this."""
+    layers: tuple[int, ...] = (256, 256)
+    noise: float = 0.2
+    final_noise: float = 0.02
+    """Standard deviation of noise on actions of DDPG and TD3 at the end; it falls linearly from
+    `noise`."""
+    reward_scale: float = 10.0
+    """Factor on the reward of the task. The reward of `approach` is added to the product; PPO
+    divides the sum by the standard deviation of its returns."""
+    relabelled: float = 0.0
+    """Share of the goals that are replaced by positions that were reached. If it is above zero,
+    batches are put together finger by finger. Only for reaches."""
+    approach: float = 0.0
+    """Reward for a tip that comes nearer to where it could push the object to its goal [1/m]. An
+    object that comes nearer to its goal gets twice as much."""
+    random_actions: int = 100
+    """Random actions of each robot before it learns; PPO does not use this."""
+    buffer_size: int = 1_000_000
+    """Largest number of transitions that are stored."""
+    rollout: int = 100
+    """Actions of each robot between two updates of PPO."""
+    epochs: int = 10
+    """How often an update of PPO goes through the actions of a rollout."""
+    initial_noise: float = 1.0
+    """Standard deviation of actions of PPO at the start; PPO learns the later ones."""
+
+    @classmethod
+    def of(cls, task: str, algorithm: Algorithm, *, is_shared: bool = False) -> Self:
+        """A recipe that is known to learn the task, or else a starting point for experiments."""
+        known = get_args(Algorithm)
+        if algorithm not in known:
+            raise InvalidArgument(f"there is no algorithm '{algorithm}', only {', '.join(known)}")
+        common: dict[str, Any] = {"algorithm": algorithm, "is_shared": is_shared}
+        if algorithm == "ppo":
+            common |= {"learning_rate": 3e-4, "final_learning_rate": 3e-5}
+            if task in ("reach", "finger_reach"):
+                return cls(**common, num_envs=16, batch_size=160)
+            common |= {"gamma": 0.99, "reward_scale": 1.0, "approach": 60.0, "initial_noise": 0.6}
+            return cls(**common, num_envs=64, rollout=128, batch_size=1024, epochs=5)
+        if task in ("reach", "finger_reach") and is_shared:
+            return cls(**common, batch_size=80, final_learning_rate=2e-5, relabelled=0.2)
+        if task in ("reach", "finger_reach"):
+            return cls(**common, batch_size=64, relabelled=0.8)
+        return cls(**common, num_envs=8, gamma=0.98, batch_size=256, learning_rate=3e-4)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Plan:
+    """All settings of a training; the same plan gives the same policy."""
+
+    task: str
+    recipe: Recipe
+    options: Options
+    episodes: int = 700
+    """Number of episodes of all robots together, if each has its full length."""
+    seed: int = 1
+    evaluation_interval: int = 50
+    """Episodes between two evaluations."""
+    checkpoint_interval: int = 25
+    """Episodes between two checkpoints."""
+
+    @classmethod
+    def of(
+        cls,
+        task: str,
+        algorithm: Algorithm,
+        *,
+        is_shared: bool = False,
+        settings: Mapping[str, Any] | None = None,
+        **more: Any,
+    ) -> Self:
+        """The plan of Recipe.of(); `settings` are other values for fields of Recipe and Options.
+
+        `more` are fields of the plan itself, as in `episodes=100`.
+        """
+        recipe = Recipe.of(task, algorithm, is_shared=is_shared)
+        settings = dict(settings or {})
+        names = {field.name for field in dataclasses.fields(Recipe)}
+        known = names | {field.name for field in dataclasses.fields(Options)}
+        for name in sorted(settings.keys() - known):
+            raise InvalidArgument.of_name("setting", name, known)
+        changes = {name: settings.pop(name) for name in names & settings.keys()}
+        for name, value in changes.items():
+            _check_type(name, value, getattr(recipe, name))
+        recipe = dataclasses.replace(recipe, **changes)
+        if recipe.is_shared or recipe.relabelled > 0:
+            settings = {"per_finger": True} | settings
+        if (task, algorithm) == ("push", "ppo"):
+            settings = {"duration": 6.0} | settings
+            more = {"episodes": 30_000} | more
+        options = Options.of(task)
+        for name, value in settings.items():
+            _check_type(name, value, getattr(options, name, value))
+        # There are about a hundred evaluations at most, so that they take little of the time.
+        episodes = more.get("episodes", 700)
+        more.setdefault("evaluation_interval", max(50, episodes // 100))
+        more.setdefault("checkpoint_interval", max(25, episodes // 100))
+        plan = cls(task=task, recipe=recipe, options=Options.of(task, **settings), **more)
+        if recipe.approach > 0 and task in ("reach", "finger_reach"):
+            raise InvalidArgument("approach is for tasks with an object")
+        if plan.episodes < 1:
+            raise InvalidArgument(f"episodes is {plan.episodes}, must be at least 1")
+        return plan
+
+    def to_json(self) -> str:
+        """The plan as JSON, as the folder of a run holds it."""
+        return json.dumps(dataclasses.asdict(self), indent=2)
+
+    @classmethod
+    def of_folder(cls, folder: Path) -> Self:
+        """The plan of the training in a folder."""
+        if not (folder / PLAN).is_file():
+            raise InvalidArgument(f"there is no training in {folder}")
+        return cls.from_json((folder / PLAN).read_text())
+
+    @classmethod
+    def from_json(cls, text: str) -> Self:
+        """The plan from the text that to_json() returned."""
+        fields = json.loads(text)
+        recipe = fields.pop("recipe")
+        recipe["layers"] = tuple(recipe["layers"])
+        options = Options.from_json(json.dumps(fields.pop("options")))
+        return cls(recipe=Recipe(**recipe), options=options, **fields)
+
+
+def parse_setting(word: str) -> tuple[str, Any]:
+    """Key and value of KEY=VALUE; the value is a literal of Python or else a word."""
+    name, equals, text = word.partition("=")
+    if not equals:
+        raise InvalidArgument(f"'{word}' is no KEY=VALUE")
+    try:
+        return name, ast.literal_eval(text)
+    except (SyntaxError, ValueError):
+        return name, text
+
+
+def _check_type(name: str, value: Any, usual: Any) -> None:
+    kinds = (int, float) if type(usual) is float else (type(usual),)
+    if type(value) not in kinds:
+        raise InvalidArgument(f"{name} is {value!r}, must be like {usual!r}")

@@ -1,0 +1,318 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""A training from its beginning, or from its newest checkpoint, to its end."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import io
+import os
+import pickle
+import random
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, Self
+
+# This import comes first because its error says what to install.
+from trifinger.stable_baselines import Rows, Vector
+
+# isort: split
+import numpy as np
+import torch
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
+from stable_baselines3.common.vec_env import VecNormalize
+from torch.utils.tensorboard import SummaryWriter
+
+from trifinger import policy_file
+from trifinger.environments import Environment, VectorEnvironment, policy_metadata
+from trifinger.errors import InvalidArgument
+from trifinger.evaluation import (
+    SHOWN_EPISODES,
+    Array,
+    Evaluator,
+    Summary,
+    save_curve,
+    save_policy_film,
+    save_ways,
+)
+from trifinger.picture import View
+from trifinger.training.model import MODELS, make_model
+from trifinger.training.plan import PLAN, Plan, Recipe
+
+CHECKPOINT = "checkpoint"
+CURVE = "curve.csv"
+# Name of the figure of paths to the goals as seen from above, by task.
+WAYS = {"reach": "tips.png", "finger_reach": "tips.png", "push": "object.png"}
+FIGURE_AFTER = 200  # the paper's figure shows this episode between the first and the last
+
+
+class Training:
+    """A training in a folder; if the folder has a checkpoint of its plan, it goes on from there."""
+
+    def __init__(
+        self,
+        plan: Plan,
+        folder: Path,
+        say: Callable[[str], None] = lambda _: None,
+        show_progress: Callable[[int], None] = lambda _: None,
+        after_evaluation: Callable[[Training], None] = lambda _: None,
+    ) -> None:
+        """`say` gets lines for people; `show_progress` often gets the number of ended episodes.
+
+        `after_evaluation` is called when `curve` has a new entry; act() is then the policy that was
+        evaluated. Raises InvalidArgument if the folder has a training with another plan.
+        """
+        self.plan, self.folder, self._say, self._show_progress = plan, folder, say, show_progress
+        self._after_evaluation = after_evaluation
+        if (folder / PLAN).exists() and Plan.from_json((folder / PLAN).read_text()) != plan:
+            raise InvalidArgument(f"{folder} has a training by another plan")
+        self.curve: list[tuple[int, Summary]] = []
+        self._ways: dict[str, Array] = {}
+        self._next_checkpoint = 0
+        recipe = plan.recipe
+        # A set number keeps sums the same. One thread is enough for the batches of a single robot.
+        torch.set_num_threads(_threads(recipe))
+        self._rows = Rows(
+            _environments(plan),
+            is_per_finger=plan.options.per_finger,
+            is_shared=recipe.is_shared,
+            reward_scale=recipe.reward_scale,
+            approach=recipe.approach,
+            gamma=recipe.gamma,
+        )
+        self._normalizer = (
+            VecNormalize(self._rows, gamma=recipe.gamma) if recipe.algorithm == "ppo" else None
+        )
+        self._evaluator = Evaluator(plan.task, plan.options)
+        self._total = plan.episodes * self._evaluator.episode_actions * self._rows.rows
+        self._model = make_model(plan, self._normalizer or self._rows, self._total)
+        # Each robot begins with episode 0 of its seed.
+        self._begin(np.zeros(recipe.num_envs, np.int64))
+        folder.mkdir(parents=True, exist_ok=True)
+        _replace(folder / PLAN, plan.to_json().encode())
+        self._restore()
+        board = _Board(folder / "tensorboard", self._model.num_timesteps)
+        self._model.set_logger(Logger(str(folder), [board]))
+
+    @classmethod
+    def resume(cls, folder: Path, *callbacks: Callable[[Any], None]) -> Self:
+        """The training in a folder, which goes on after its newest checkpoint."""
+        return cls(Plan.of_folder(folder), folder, *callbacks)
+
+    def run(self) -> Summary:
+        """Trains to the end, writes policy and curve, and returns the last evaluation.
+
+        Ctrl-C raises KeyboardInterrupt; resume() then goes on after the newest checkpoint.
+        """
+        self._say(self.plan.to_json())
+        remaining = self._total - self._model.num_timesteps
+        if remaining > 0:
+            self._started = (time.monotonic(), self._model.num_timesteps)
+            self._model.learn(
+                remaining,
+                callback=_BetweenRollouts(self._look),
+                reset_num_timesteps=False,
+                log_interval=4 * self._rows.rows,
+            )
+            self._evaluate("end")
+            self._save()
+        _replace(self.folder / CURVE, _curve_file(self.curve))
+        metadata = policy_metadata(self.plan.task, self.plan.options)
+        policy_file.export(self._model, self.policy_path, metadata=metadata)
+        return self.curve[-1][1]
+
+    def save_curve(self) -> None:
+        """Draws the learning curve into the folder."""
+        save_curve({self.plan.task: self.curve}, self.folder / "curve.png")
+
+    def save_figures(self, view: View | None = None) -> None:
+        """Draws the learning curve, paths to the goals and a film of the policy into the folder."""
+        task = self.plan.task
+        self.save_curve()
+        if task in WAYS:
+            save_ways(self._ways, self.folder / WAYS[task])
+        film = self.folder / "film.mp4"
+        save_policy_film(self.act, task, self.plan.options, film, self._rows.rows, view)
+
+    @property
+    def policy_path(self) -> Path:
+        """The file of the policy; it exists after the training."""
+        return self.folder / f"{self.plan.task}.policy"
+
+    @property
+    def episodes(self) -> int:
+        """Number of episodes that have ended."""
+        return int(self._rows.episodes.sum())
+
+    @property
+    def episode_actions(self) -> int:
+        """Number of actions in an episode that is not terminated early."""
+        return self._evaluator.episode_actions
+
+    def act(self, observations: Array, *, with_noise: bool = False) -> Array:
+        """Actions of the policy; with `with_noise`, SAC and PPO draw them as in training."""
+        actions, _ = self._model.predict(
+            self._normalized(observations), deterministic=not with_noise
+        )
+        return actions
+
+    def close(self) -> None:
+        """Closes the environments."""
+        self._rows.close()
+
+    def _begin(self, episodes: Array) -> None:
+        self._model._last_obs = self._normalized(self._rows.begin(self.plan.seed, episodes))
+        self._model._last_episode_starts = np.ones(self._rows.num_envs, bool)
+
+    # Observations in the form that the networks get.
+    def _normalized(self, observations: Array) -> Array:
+        if self._normalizer is None:
+            return observations
+        # It returns a dictionary only for a dictionary, but its annotation does not say so.
+        normalized: Array = self._normalizer.normalize_obs(observations)  # type: ignore[assignment]
+        return normalized
+
+    # Called between rollouts, when all transitions are stored and all gradient steps are done.
+    def _look(self) -> None:
+        episodes = self.episodes
+        self._show_progress(episodes)
+        interval = self.plan.evaluation_interval
+        if not self.curve or episodes // interval > self.curve[-1][0] // interval:
+            name = "begin" if not self.curve else None
+            if len(self._ways) == 1 and episodes >= FIGURE_AFTER:
+                name = f"after {episodes} episodes"
+            self._evaluate(name)
+        if episodes >= self._next_checkpoint:
+            self._next_checkpoint = episodes + self.plan.checkpoint_interval
+            self._save()
+
+    def _evaluate(self, name: str | None) -> None:
+        evaluation = self._evaluator(self.act, self._rows.rows)
+        summary = evaluation.summary()
+        self.curve.append((self.episodes, summary))
+        if name:
+            self._ways[name] = evaluation.ways[:SHOWN_EPISODES].astype(np.float32)
+        for field in ("median", "success"):
+            self._model.logger.record(f"evaluation/{field}", getattr(summary, field))
+        self._model.logger.dump(self._model.num_timesteps)
+        begin, first = self._started
+        done = self._model.num_timesteps
+        spent = time.monotonic() - begin
+        left = (
+            f", {spent / (done - first) * (self._total - done):.0f} s left"
+            if spent and done > first
+            else ""
+        )
+        self._say(
+            f"episode {self.episodes} of {self.plan.episodes}: "
+            f"{100 * summary.median:.2f} cm, success {100 * summary.success:.0f} %{left}"
+        )
+        self._after_evaluation(self)
+
+    def _save(self) -> None:
+        model = self._model
+        saved = io.BytesIO()
+        model.save(saved)
+        state = {
+            "model": saved.getvalue(),
+            "buffer": getattr(model, "replay_buffer", None),
+            "normalizer": self._normalizer,
+            "episodes": self._rows.episodes,
+            "curve": self.curve,
+            "ways": self._ways,
+            "next_checkpoint": self._next_checkpoint,
+            "random": (random.getstate(), np.random.get_state(), torch.get_rng_state()),  # noqa: NPY002
+            "random_actions": model.action_space.np_random,
+        }
+        # The whole state is one file, replaced in one step: a kill leaves the old or the new file.
+        _replace(self.folder / CHECKPOINT, pickle.dumps(state))
+        _replace(self.folder / CURVE, _curve_file(self.curve))
+
+    def _restore(self) -> None:
+        path = self.folder / CHECKPOINT
+        if not path.exists():
+            return
+        # Loading a pickle can run code; the file is as trusted as the rest of the folder.
+        state = pickle.loads(path.read_bytes())  # noqa: S301
+        if self._normalizer is not None:
+            self._normalizer = state["normalizer"]
+            self._normalizer.set_venv(self._rows)
+        environment = self._normalizer or self._rows
+        model = MODELS[self.plan.recipe.algorithm].load(
+            io.BytesIO(state["model"]), env=environment, device="cpu", force_reset=False
+        )
+        if state["buffer"] is not None:
+            setattr(model, "replay_buffer", state["buffer"])  # noqa: B010  (not all algorithms have one)
+        self._model = model
+        self._begin(state["episodes"])
+        self.curve, self._ways = state["curve"], state["ways"]
+        self._next_checkpoint = state["next_checkpoint"]
+        python, numpy, pytorch = state["random"]
+        random.setstate(python)
+        np.random.set_state(numpy)  # noqa: NPY002
+        torch.set_rng_state(pytorch)
+        model.action_space._np_random = state["random_actions"]
+
+
+class _BetweenRollouts(BaseCallback):
+    def __init__(self, look: Callable[[], None]) -> None:
+        super().__init__()
+        self._look = look
+
+    def _on_rollout_start(self) -> None:
+        self._look()
+
+    def _on_step(self) -> bool:
+        return True
+
+
+class _Board(TensorBoardOutputFormat):
+    # Drops what a killed run logged after its last checkpoint.
+    def __init__(self, folder: Path, first_step: int) -> None:
+        self.writer = SummaryWriter(str(folder), purge_step=first_step)
+        self._is_closed = False
+
+
+def _environments(plan: Plan) -> Vector:
+    mode = AutoresetMode.SAME_STEP
+    if plan.recipe.num_envs == 1:
+        return SyncVectorEnv(
+            [lambda: Environment(plan.task, options=plan.options)], autoreset_mode=mode
+        )
+    return VectorEnvironment(
+        plan.task,
+        plan.recipe.num_envs,
+        options=plan.options,
+        num_threads=_threads(plan.recipe),
+        autoreset_mode=mode,
+    )
+
+
+def _threads(recipe: Recipe) -> int:
+    return 1 if recipe.num_envs == 1 else min(2, len(os.sched_getaffinity(0)))
+
+
+def _curve_file(curve: Sequence[tuple[int, Summary]]) -> bytes:
+    text = io.StringIO()
+    names = [field.name for field in dataclasses.fields(Summary) if field.name != "episodes"]
+    writer = csv.writer(text)
+    writer.writerow(["episode", *names])
+    writer.writerows([episode, *(getattr(one, name) for name in names)] for episode, one in curve)
+    return text.getvalue().encode()
+
+
+def _replace(path: Path, content: bytes) -> None:
+    partial = path.with_suffix(path.suffix + ".partial")
+    with partial.open("wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+    partial.replace(path)
+    folder = os.open(path.parent, os.O_RDONLY)
+    try:
+        os.fsync(folder)
+    finally:
+        os.close(folder)
