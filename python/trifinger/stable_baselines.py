@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Adapters that let Stable-Baselines3 train on the environments of this package."""
+"""Lets Stable-Baselines3 train on the environments of this package."""
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, NamedTuple, cast
+from typing import Any
 
 # This import comes first because its error says what to install.
 from trifinger.environments import Environment, VectorEnvironment
@@ -19,14 +19,7 @@ from trifinger.errors import InvalidArgument
 from trifinger.extras import sentence
 
 try:
-    import torch
-    from stable_baselines3 import DDPG
-    from stable_baselines3.common.buffers import ReplayBuffer
-    from stable_baselines3.common.noise import ActionNoise
-    from stable_baselines3.common.policies import BasePolicy
-    from stable_baselines3.common.type_aliases import ReplayBufferSamples
-    from stable_baselines3.common.vec_env import VecEnv, VecNormalize
-    from stable_baselines3.td3.policies import TD3Policy
+    from stable_baselines3.common.vec_env import VecEnv
 except ModuleNotFoundError as error:
     raise ModuleNotFoundError(sentence("learning", str(error.name)), name=error.name) from error
 
@@ -34,8 +27,6 @@ Array = npt.NDArray[Any]
 Vector = gymnasium.vector.VectorEnv[Any, Any, Any]
 
 JOINTS = 3  # joints of a finger
-FINGER = 9  # numbers of a finger in observations of a reach: positions, velocities, goal
-GOAL = slice(6, 9)  # place of the goal in the numbers of a finger
 PUSHED_FROM = 0.045  # from a pushing tip to the middle of a cube, nearly that of a ball [m]
 
 
@@ -220,185 +211,6 @@ def _of_step(name: str, info: dict[str, Any], ended: Array) -> Array:
     if "final_info" in info:
         values[ended] = info["final_info"][name][ended]
     return values
-
-
-class FallingNoise(ActionNoise):
-    """Normal noise; its standard deviation falls linearly during `calls` calls, then stays."""
-
-    def __init__(self, begin: float, end: float, calls: int, size: int) -> None:
-        super().__init__()
-        self._begin, self._end, self._calls, self._size = begin, end, calls, size
-        self._count = 0
-
-    def __call__(self) -> Array:
-        """Draws the noise for an action."""
-        share = min(self._count / self._calls, 1.0)
-        self._count += 1
-        deviation = self._begin + share * (self._end - self._begin)
-        # Stable-Baselines3 uses the global generator, too; its state is in the checkpoints.
-        return np.random.normal(0.0, deviation, self._size).astype(np.float32)  # noqa: NPY002
-
-
-class FingerReplayBuffer(ReplayBuffer):
-    """Stores transitions of a reach; sample() puts rows together finger by finger.
-
-    Each finger of a row gets the transition of any finger at any time. Its goal is the original
-    one or, for the share `relabelled`, a position that the finger came to later in the episode.
-    Such a row could have happened: fingers that do not touch do not influence each other, all
-    fingers are rotated copies of one, and the reward is the mean over the fingers. Options need
-    per_finger=True.
-    """
-
-    def __init__(
-        self,
-        buffer_size: int,
-        *arguments: Any,
-        relabelled: float,
-        reward_scale: float,
-        goal_low: Array,
-        goal_high: Array,
-        **more: Any,
-    ) -> None:
-        super().__init__(buffer_size, *arguments, **more)
-        shape = self.observations.shape
-        self._fingers = shape[2] // FINGER
-        self._relabelled, self._reward_scale = relabelled, reward_scale
-        self._middle = (np.asarray(goal_low) + goal_high) / 2
-        self._half = (np.asarray(goal_high) - goal_low) / 2
-        # Positions that the tips reached, scaled like goals.
-        self._achieved = np.zeros((*shape[:2], self._fingers, 3), np.float32)
-        # For each place in the buffer, the last place of its episode.
-        self._last = np.zeros(shape[0], np.int64)
-        self._first = 0
-
-    def add(
-        self,
-        obs: Array,
-        next_obs: Array,
-        action: Array,
-        reward: Array,
-        done: Array,
-        infos: list[dict[str, Any]],
-    ) -> None:
-        """Adds a transition of each environment; all episodes must begin and end together."""
-        place = self.pos
-        achieved = np.stack([info["achieved_goal"] for info in infos])
-        achieved = achieved.reshape(len(infos), self._fingers, 3)
-        self._achieved[place] = np.clip((achieved - self._middle) / self._half, -1.0, 1.0)
-        self._first = min(self._first, place)
-        self._last[self._first : place + 1] = place
-        super().add(obs, next_obs, action, reward, done, infos)
-        if done.any():
-            self._first = self.pos
-
-    def sample(self, batch_size: int, env: VecNormalize | None = None) -> ReplayBufferSamples:
-        """Draws a batch. Raises InvalidArgument if `env` asks to normalise it."""
-        if env is not None:
-            raise InvalidArgument("batches of fingers are not normalised")
-        size = (batch_size, self._fingers)
-        draw = np.random.randint
-        place = draw(0, self.size(), size)
-        row = draw(0, self.n_envs, size)
-        finger = draw(0, self._fingers, size)
-        later = draw(place, self._last[place] + 1)
-        blocks = (*self.observations.shape[:2], self._fingers, -1)
-        seen = self.observations.reshape(blocks)[place, row, finger]
-        next_seen = self.next_observations.reshape(blocks)[place, row, finger]
-        actions = self.actions.reshape(blocks)[place, row, finger]
-        chosen = np.random.random(size) < self._relabelled  # noqa: NPY002
-        goal = np.where(chosen[..., None], self._achieved[later, row, finger], seen[..., GOAL])
-        seen[..., GOAL] = next_seen[..., GOAL] = goal
-        way = (goal - self._achieved[place, row, finger]) * self._half
-        rewards = -self._reward_scale * np.linalg.norm(way, axis=-1).mean(axis=1, keepdims=True)
-        # Time or a fault truncates a reach, which never terminates: so no transition is the last.
-        arrays = (seen, actions, next_seen, np.zeros_like(rewards), rewards)
-        return ReplayBufferSamples(
-            *(
-                torch.from_numpy(array.reshape(batch_size, -1).astype(np.float32))
-                for array in arrays
-            )
-        )
-
-
-class _SteadyPolicy(TD3Policy):
-    # Linear layers work the same in training and evaluation, so there is no mode to set.
-    def set_training_mode(self, mode: bool) -> None:
-        pass
-
-
-class QuickDDPG(DDPG):
-    """DDPG that computes the same gradient steps as the library in two thirds of the time.
-
-    The library spends more time on overhead than our small networks take. The overhead is noise on
-    the target's actions and gradients of the critic for the actor's loss, which DDPG does not use,
-    and calls from module to module. This class calls one layer directly after the other.
-    """
-
-    policy_aliases: ClassVar[dict[str, type[BasePolicy]]] = {"MlpPolicy": _SteadyPolicy}
-
-    def _create_aliases(self) -> None:
-        super()._create_aliases()
-        self._networks = _Networks(
-            *map(_Network, (self.actor, self.actor_target, self.critic, self.critic_target))
-        )
-
-    def _excluded_save_params(self) -> list[str]:
-        return [*super()._excluded_save_params(), "_networks"]
-
-    def train(self, gradient_steps: int, batch_size: int = 100) -> None:
-        """Does the gradient steps between two actions."""
-        self._update_learning_rate([self.actor.optimizer, self.critic.optimizer])
-        actor, actor_target, critic, critic_target = self._networks
-        buffer = cast(ReplayBuffer, self.replay_buffer)
-        for _ in range(gradient_steps):
-            self._n_updates += 1
-            data = buffer.sample(batch_size)
-            with torch.no_grad():
-                actions = actor_target(data.next_observations).tanh()
-                value = critic_target(torch.cat([data.next_observations, actions], 1))
-                value = data.rewards + (1 - data.dones) * self.gamma * value
-            estimate = critic(torch.cat([data.observations, data.actions], 1))
-            critic_loss = torch.nn.functional.mse_loss(estimate, value)
-            _descend(self.critic.optimizer, critic.parameters, critic_loss)
-            actions = actor(data.observations).tanh()
-            actor_loss = -critic(torch.cat([data.observations, actions], 1)).mean()
-            _descend(self.actor.optimizer, actor.parameters, actor_loss)
-            with torch.no_grad():
-                torch._foreach_lerp_(
-                    critic_target.parameters + actor_target.parameters,
-                    critic.parameters + actor.parameters,
-                    self.tau,
-                )
-        self.logger.record("train/actor_loss", actor_loss.item())
-        self.logger.record("train/critic_loss", critic_loss.item())
-
-
-class _Network:
-    # The linear layers of a module of the library, with ReLU between them.
-    def __init__(self, module: torch.nn.Module) -> None:
-        self.parameters: list[torch.Tensor] = list(module.parameters())
-        self._layers = list(zip(self.parameters[::2], self.parameters[1::2], strict=True))
-
-    def __call__(self, values: torch.Tensor) -> torch.Tensor:
-        linear = torch.nn.functional.linear
-        for weight, bias in self._layers[:-1]:
-            values = linear(values, weight, bias).relu_()
-        return linear(values, *self._layers[-1])
-
-
-class _Networks(NamedTuple):
-    actor: _Network
-    actor_target: _Network
-    critic: _Network
-    critic_target: _Network
-
-
-def _descend(
-    optimizer: torch.optim.Optimizer, parameters: list[torch.Tensor], loss: torch.Tensor
-) -> None:
-    for parameter, gradient in zip(parameters, torch.autograd.grad(loss, parameters), strict=True):
-        parameter.grad = gradient
-    optimizer.step()
 
 
 def turned_to_first(points: Array) -> Array:

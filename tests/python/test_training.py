@@ -22,8 +22,11 @@ from trifinger import evaluation
 from trifinger.commands import evaluate, train
 from trifinger.environments import Environment, Options, VectorEnvironment
 from trifinger.errors import InvalidArgument
-from trifinger.stable_baselines import FingerReplayBuffer, QuickDDPG, Rows
-from trifinger.training import CHECKPOINT, CURVE, MODELS, PLAN, Plan, Training
+from trifinger.stable_baselines import Rows
+from trifinger.training import CHECKPOINT, CURVE, PLAN, Plan, Training
+from trifinger.training.ddpg import QuickDDPG
+from trifinger.training.model import MODELS
+from trifinger.training.replay import FingerReplayBuffer
 
 pytestmark = pytest.mark.release  # these tests take too long under sanitizers
 
@@ -113,7 +116,7 @@ def assert_same_training(folder, other):
 
 
 STEP = ("trifinger.environments", "Environment.step")
-TRAIN = ("trifinger.stable_baselines", "QuickDDPG.train")
+TRAIN = ("trifinger.training.ddpg", "QuickDDPG.train")
 
 
 @pytest.mark.parametrize(("place", "count"), [(STEP, 5), (STEP, 17), (STEP, 40), (TRAIN, 23)])
