@@ -30,6 +30,12 @@ import trifinger
 from rows import Row
 from trifinger.commands import program
 
+# Options of a robot that outlives long breaks of its controller.
+PATIENCE = (
+    *("--set", "backend.late_action.max_repeats=1000000"),
+    *("--set", "backend.max_skipped_ticks=1000000"),
+)
+
 
 @dataclass(frozen=True)
 class Effort:
@@ -69,42 +75,40 @@ def control_loop(robot: Any, steps: int) -> float:
 
 
 @contextlib.contextmanager
-def back_end(robot: str, *options: str) -> Iterator[str]:
-    """Runs a back-end in a process of its own. Yields its name."""
-    name = f"benchmark-{os.getpid()}"
-    with subprocess.Popen(
-        [program.path(), "run", robot, "--name", name, *options],
-        stdout=subprocess.DEVNULL,
-    ) as process:
+def started(is_ready: Callable[[], bool], *words: str) -> Iterator[int]:
+    """Runs `trifinger` in a process of its own. Yields its process id once it is ready."""
+    with subprocess.Popen([program.path(), *words], stdout=subprocess.DEVNULL) as process:
         try:
-            while name not in (session.name for session in trifinger.list_sessions()):
-                process.poll()
-                if process.returncode is not None:
-                    raise SystemExit(f"`trifinger run {robot}` ended with an error")
+            while not is_ready():
+                if process.poll() is not None:
+                    raise SystemExit(f"`trifinger {' '.join(words)}` ended with an error")
                 time.sleep(0.01)
-            yield name
+            yield process.pid
         finally:
             process.terminate()
             process.wait()
 
 
 @contextlib.contextmanager
-def recorder(name: str, folder: str, *options: str) -> Iterator[int]:
+def back_end(robot: str, *options: str) -> Iterator[str]:
+    """Runs a back-end in a process of its own. Yields its name."""
+    name = f"benchmark-{os.getpid()}"
+
+    def is_listed() -> bool:
+        return name in (session.name for session in trifinger.list_sessions())
+
+    with started(is_listed, "run", robot, "--name", name, *options):
+        yield name
+
+
+def recorder(name: str, folder: str, *options: str) -> contextlib.AbstractContextManager[int]:
     """Runs a recorder in a process of its own. Yields its process id once its file has begun."""
     before = set(Path(folder).glob("*.mcap"))
-    with subprocess.Popen(
-        [program.path(), "record", name, "--to", folder, *options], stdout=subprocess.DEVNULL
-    ) as process:
-        try:
-            while set(Path(folder).glob("*.mcap")) == before:
-                process.poll()
-                if process.returncode is not None:
-                    raise SystemExit("`trifinger record` ended with an error")
-                time.sleep(0.01)
-            yield process.pid
-        finally:
-            process.terminate()
-            process.wait()
+
+    def has_begun() -> bool:
+        return set(Path(folder).glob("*.mcap")) != before
+
+    return started(has_begun, "record", name, "--to", folder, *options)
 
 
 def loop_row(measure: str, samples: list[float], reach: float, reference: Row) -> Row:
@@ -153,11 +157,7 @@ def recorder_rows(effort: Effort) -> list[Row]:
     with (
         tempfile.TemporaryDirectory() as folder,
         # Nobody sends actions while a recorder starts or ends.
-        back_end(
-            "sim",
-            *("--set", "backend.late_action.max_repeats=1000000"),
-            *("--set", "backend.max_skipped_ticks=1000000"),
-        ) as name,
+        back_end("sim", *PATIENCE) as name,
         trifinger.connect(name) as robot,
     ):
         action = robot.new_action(position=robot.latest_observation().position)

@@ -8,6 +8,7 @@ soon as they are measured. After Ctrl-C, or if a measure fails, the rows of the 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import os
 import platform
@@ -127,8 +128,8 @@ def with_figures(text: str, tables: dict[str, Sequence[Row]]) -> str:
     return text
 
 
-def main() -> int:
-    """Measures, prints and writes what the command line asks for."""
+def parse() -> argparse.Namespace:
+    """The arguments of the command line."""
     parser = argparse.ArgumentParser(
         prog="./run bench",
         description=__doc__,
@@ -152,42 +153,63 @@ def main() -> int:
             parser.error(f"there is no measure '{name}'; there are {', '.join(names)}")
     if arguments.write and (arguments.quick or arguments.measures):
         parser.error("--write is for whole runs: neither with --quick nor with measures")
+    return arguments
 
-    wanted = set(arguments.measures or names)
-    wanted |= {measure.reference for measure in MEASURES if measure.name in wanted}
-    chosen = [measure for measure in MEASURES if measure.name in wanted]
-    tables: dict[str, list[Row]] = {measure.table: [] for measure in MEASURES}
-    rows: list[Row] = []
+
+def measure_all(
+    arguments: argparse.Namespace, rows: list[Row], tables: dict[str, list[Row]]
+) -> list[str]:
+    """Measures what the command line asks for; adds each row to `rows` and its table at once.
+
+    Returns the names of the measures that failed.
+    """
+    measures = chosen(arguments.measures)
     failures: list[str] = []
-    display = Display(len(chosen))
-    try:
-        with folders():
-            for measure in chosen:
-                display.begin(measure)
-                own = tables[measure.table]
+    display = Display(len(measures))
+    with contextlib.ExitStack() as stack:
+        stack.callback(display.clear)
+        stack.enter_context(folders())
+        for measure in measures:
+            display.begin(measure)
 
-                def take(row: Row, own: list[Row] = own) -> None:
-                    display.row(row)
-                    rows.append(row)
-                    own.append(row)
-                    if arguments.json:
-                        write_json(rows, arguments.json)
+            def take(row: Row, table: list[Row] = tables[measure.table]) -> None:
+                display.row(row)
+                rows.append(row)
+                table.append(row)
+                if arguments.json:
+                    write_json(rows, arguments.json)
 
-                try:
-                    run(
-                        measure,
-                        quick=arguments.quick,
-                        rows=rows,
-                        on_row=take,
-                        on_progress=display.progress,
-                    )
-                except MeasureError as failure:
-                    display.clear()
-                    print(failure, flush=True)
-                    failures.append(measure.name)
+            try:
+                run(
+                    measure,
+                    quick=arguments.quick,
+                    rows=rows,
+                    on_row=take,
+                    on_progress=display.progress,
+                )
+            except MeasureError as failure:
                 display.clear()
+                print(failure, flush=True)
+                failures.append(measure.name)
+            display.clear()
+    return failures
+
+
+def chosen(names: Sequence[str]) -> list[Measure]:
+    """The measures of these names, or all, with those that they are compared with."""
+    wanted = set(names) or {measure.name for measure in MEASURES}
+    wanted |= {measure.reference for measure in MEASURES if measure.name in wanted}
+    return [measure for measure in MEASURES if measure.name in wanted]
+
+
+def main() -> int:
+    """Measures, prints and writes what the command line asks for."""
+    arguments = parse()
+    rows: list[Row] = []
+    tables: dict[str, list[Row]] = {measure.table: [] for measure in MEASURES}
+    try:
+        failures = measure_all(arguments, rows, tables)
     except KeyboardInterrupt:
-        display.clear()
         print(f"interrupted after {len(rows)} rows, which are above", file=sys.stderr)
         return 130
     missed = [row.measure for row in rows if not row.holds]

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import trifinger
 from measuring import Measure, folders, run
-from python_measures import back_end, recorder
+from python_measures import PATIENCE, back_end, recorder
 from rows import Row
 
 # A controller at 1 kHz. It runs until it is killed, whatever happens to its robot.
@@ -70,13 +70,7 @@ def memory(minutes: float) -> bool:
     window = minutes / 30 * 60
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory())
-        name = stack.enter_context(
-            back_end(
-                "sim",
-                *("--set", "backend.late_action.max_repeats=1000000"),
-                *("--set", "backend.max_skipped_ticks=1000000"),
-            )
-        )
+        name = stack.enter_context(back_end("sim", *PATIENCE))
         controller = stack.enter_context(subprocess.Popen([sys.executable, "-c", CONTROLLER, name]))
         stack.callback(controller.terminate)
         # Each window has a file of its own, so that all windows see the same.

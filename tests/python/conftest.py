@@ -33,6 +33,26 @@ with trifinger.run_fake(sys.argv[1], **eval(sys.argv[2])):
 """
 
 
+def output_of(
+    *command: str | Path,
+    env: dict[str, str] | None = None,
+    cwd: Path | None = None,
+    succeeds: bool = True,
+) -> str:
+    """Runs a command, which succeeds or fails as expected, and returns what it said."""
+    done = subprocess.run(
+        command,
+        cwd=cwd,
+        env=env,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode == 0) == succeeds, f"{command}\n{done.stdout}"
+    return done.stdout
+
+
 class Child:
     """A process that has printed "ready"; it ends when its input ends."""
 

@@ -3,13 +3,12 @@
 
 import re
 import shutil
-import subprocess
 import sysconfig
 import tomllib
 from pathlib import Path
 
 import pytest
-from conftest import BUILD
+from conftest import BUILD, output_of
 
 pytestmark = pytest.mark.release
 
@@ -27,17 +26,7 @@ def run(
     path: str = ENVIRONMENT["PATH"],
 ) -> str:
     """Runs a command and returns what it said."""
-    done = subprocess.run(
-        command,
-        cwd=cwd,
-        env=ENVIRONMENT | {"PATH": path},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        check=False,
-    )
-    assert (done.returncode == 0) == succeeds, f"{command}\n{done.stdout}"
-    return done.stdout
+    return output_of(*command, env=ENVIRONMENT | {"PATH": path}, cwd=cwd, succeeds=succeeds)
 
 
 @pytest.fixture(scope="module")

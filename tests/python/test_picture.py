@@ -45,9 +45,8 @@ def seen_pixels(model, data, sight, view, is_cleared):
     return np.bincount(numbers[numbers >= 0].ravel(), minlength=model.ngeom)
 
 
-@pytest.mark.parametrize("scene", SCENES)
-@pytest.mark.parametrize("camera", [*CAMERAS, "120,-15"])
-def test_robot_and_objects_fill_the_picture(scene, camera):
+def seen(scene, camera):
+    """A scene in its start pose, with a camera."""
     import mujoco
 
     model = mujoco.MjModel.from_xml_string(mjcf_of(scene))
@@ -56,6 +55,15 @@ def test_robot_and_objects_fill_the_picture(scene, camera):
     mujoco.mj_forward(model, data)
     view = View(camera)
     sight = Sight(model, view)
+    return model, data, view, sight
+
+
+@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("camera", [*CAMERAS, "120,-15"])
+def test_robot_and_objects_fill_the_picture(scene, camera):
+    import mujoco
+
+    model, data, view, sight = seen(scene, camera)
     place = mujoco.MjvScene(model, maxgeom=1000)
     options = mujoco.MjvOption()
     mujoco.mjv_updateScene(
@@ -78,14 +86,7 @@ def test_robot_and_objects_fill_the_picture(scene, camera):
 @pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("camera", CAMERAS)
 def test_neither_frame_nor_wall_hides_the_scene(scene, camera):
-    import mujoco
-
-    model = mujoco.MjModel.from_xml_string(mjcf_of(scene))
-    data = mujoco.MjData(model)
-    data.qpos[:] = model.key_qpos[0]
-    mujoco.mj_forward(model, data)
-    view = View(camera)
-    sight = Sight(model, view)
+    model, data, view, sight = seen(scene, camera)
     surround = model.geom_group == SURROUND_GROUP
     assert surround.sum() > 20
     drawn = seen_pixels(model, data, sight, view, is_cleared=True)

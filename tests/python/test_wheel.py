@@ -4,7 +4,6 @@
 import fcntl
 import os
 import re
-import subprocess
 import sys
 import sysconfig
 import tomllib
@@ -12,7 +11,7 @@ import venv
 from pathlib import Path
 
 import pytest
-from conftest import BUILD
+from conftest import BUILD, output_of
 from make_wheel import make_wheel
 
 pytestmark = pytest.mark.release
@@ -25,11 +24,7 @@ PACKAGES = Path(sysconfig.get_path("purelib"))
 
 def pip(*arguments: str | Path) -> None:
     """Runs pip without a network: what it needs is here already."""
-    command = [sys.executable, "-m", "pip", "--disable-pip-version-check", *arguments]
-    done = subprocess.run(
-        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False
-    )
-    assert done.returncode == 0, done.stdout
+    output_of(sys.executable, "-m", "pip", "--disable-pip-version-check", *arguments)
 
 
 @pytest.fixture(scope="module")
@@ -62,21 +57,12 @@ class Installation:
 
     def run(self, *command: str | Path, succeeds: bool = True) -> str:
         """Runs a command in the activated environment and returns what it said."""
-        done = subprocess.run(
-            command,
-            cwd=self.folder,
-            env={
-                "PATH": f"{self.scripts}:/usr/bin:/bin",
-                "LC_ALL": "C.UTF-8",
-                "TRIFINGER_SESSION_DIR": str(self.sessions),
-            },
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            check=False,
-        )
-        assert (done.returncode == 0) == succeeds, f"{command}\n{done.stdout}"
-        return done.stdout
+        environment = {
+            "PATH": f"{self.scripts}:/usr/bin:/bin",
+            "LC_ALL": "C.UTF-8",
+            "TRIFINGER_SESSION_DIR": str(self.sessions),
+        }
+        return output_of(*command, env=environment, cwd=self.folder, succeeds=succeeds)
 
 
 @pytest.fixture(scope="module")
