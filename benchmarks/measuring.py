@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Measures in separate processes and folders, and removes the folders afterwards."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os
@@ -59,7 +57,7 @@ def run(
     quick: bool,
     rows: Sequence[Row],
     on_row: Callable[[Row], None],
-    on_progress: Callable[[int, int], None],
+    on_progress: Callable[[float], None],
 ) -> None:
     """Runs a measure in a process of its own. Yields each row as soon as it is measured.
 
@@ -87,7 +85,7 @@ def run(
                 case {"process": found}:
                     state = found
                 case {"done": done, "total": total}:
-                    on_progress(done, total)
+                    on_progress(done / total)
                 case {"row": row}:
                     on_row(Row(**{**row, "process": state}))
         process.wait()

@@ -7,8 +7,6 @@ The rows are the ones measured before. Prints JSON, one object per line: what th
 the machine, its progress, its rows.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import ctypes

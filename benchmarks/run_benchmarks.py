@@ -5,10 +5,7 @@ Each measure has a process of its own. Its rows are printed, and written to the 
 soon as they are measured. After Ctrl-C, or if a measure fails, the rows of the others remain.
 """
 
-from __future__ import annotations
-
 import argparse
-import contextlib
 import json
 import os
 import platform
@@ -21,6 +18,7 @@ from pathlib import Path
 
 from measuring import Measure, MeasureError, folders, run
 from rows import Row, markdown
+from trifinger.progress import Progress
 
 README = Path(__file__).with_name("README.md")
 
@@ -53,49 +51,6 @@ MEASURES = (
     Measure("dead_backend", "deaths"),
     Measure("kills", "deaths"),
 )
-
-
-class Display:
-    """Shows which measure is running and, on a terminal, its progress."""
-
-    def __init__(self, count: int) -> None:
-        self._count = count
-        self._number = 0
-        self._title = ""
-        self._begin = 0.0
-        self._is_terminal = sys.stdout.isatty()
-
-    def begin(self, measure: Measure) -> None:
-        """Call this when the next measure begins."""
-        self._number += 1
-        self._title = f"[{self._number:2}/{self._count}] {measure.name}"
-        self._begin = time.monotonic()
-        if self._is_terminal:
-            self._show(self._title)
-        else:
-            print(self._title, flush=True)
-
-    def progress(self, done: int, total: int) -> None:
-        """Call this with the share of its work that the measure has done."""
-        if self._is_terminal:
-            seconds = time.monotonic() - self._begin
-            self._show(f"{self._title}: {done} of {total}, {seconds:.0f} s")
-
-    def row(self, row: Row) -> None:
-        """Call this with a row that the measure has finished."""
-        self.clear()
-        print(row.text(), flush=True)
-        if self._is_terminal:
-            self._show(self._title)
-
-    def clear(self) -> None:
-        """Call this when no measure is running."""
-        if self._is_terminal:
-            print("\r\x1b[K", end="", flush=True)
-
-    @staticmethod
-    def _show(text: str) -> None:
-        print(f"\r\x1b[K{text}", end="", flush=True)
 
 
 def write_json(rows: Sequence[Row], path: Path) -> None:
@@ -165,33 +120,31 @@ def measure_all(
     """
     measures = chosen(arguments.measures)
     failures: list[str] = []
-    display = Display(len(measures))
-    with contextlib.ExitStack() as stack:
-        stack.callback(display.clear)
-        stack.enter_context(folders())
-        for measure in measures:
-            display.begin(measure)
+    with folders():
+        for number, measure in enumerate(measures, 1):
+            print(f"[{number:2}/{len(measures)}] {measure.name}", flush=True)
+            with Progress(measure.name) as progress:
 
-            def take(row: Row, table: list[Row] = tables[measure.table]) -> None:
-                display.row(row)
-                rows.append(row)
-                table.append(row)
-                if arguments.json:
-                    write_json(rows, arguments.json)
+                def take(row: Row, measure: Measure = measure, line: Progress = progress) -> None:
+                    line.clear()
+                    print(row.text(), flush=True)
+                    rows.append(row)
+                    tables[measure.table].append(row)
+                    if arguments.json:
+                        write_json(rows, arguments.json)
 
-            try:
-                run(
-                    measure,
-                    quick=arguments.quick,
-                    rows=rows,
-                    on_row=take,
-                    on_progress=display.progress,
-                )
-            except MeasureError as failure:
-                display.clear()
-                print(failure, flush=True)
-                failures.append(measure.name)
-            display.clear()
+                try:
+                    run(
+                        measure,
+                        quick=arguments.quick,
+                        rows=rows,
+                        on_row=take,
+                        on_progress=progress.update,
+                    )
+                except MeasureError as failure:
+                    progress.clear()
+                    print(failure, flush=True)
+                    failures.append(measure.name)
     return failures
 
 

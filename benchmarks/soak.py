@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The parts of `./run soak` that are not tests: kills of any process, and memory over time."""
 
-from __future__ import annotations
-
 import argparse
 import statistics
 import subprocess
@@ -126,7 +124,7 @@ def kills() -> bool:
                 quick=False,
                 rows=rows,
                 on_row=rows.append,
-                on_progress=lambda done, total: print(f"[{done}/{total}]", flush=True),
+                on_progress=lambda share: print(f"{100 * share:.0f} %", flush=True),
             )
     for row in rows:
         print(row.text())

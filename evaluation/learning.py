@@ -6,8 +6,6 @@ by what margin the table holds; the exit status is 0 if it does. `./run evaluate
 `push` judge the tasks with a cube, and `./run bench` measures times.
 """
 
-from __future__ import annotations
-
 import argparse
 import csv
 import os

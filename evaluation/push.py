@@ -5,8 +5,6 @@ Writes docs/results/push.md with its figures. A training that was killed is cont
 training is only judged again.
 """
 
-from __future__ import annotations
-
 import argparse
 import shutil
 import sys
@@ -19,8 +17,9 @@ from pathlib import Path
 
 import numpy as np
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+from trifinger.arrays import Array
 from trifinger.environments import Options
-from trifinger.evaluation import SEED, Array, Evaluation, Evaluator, Summary, save_curve
+from trifinger.evaluation import SEED, Evaluation, Evaluator, Summary, save_curve
 from trifinger.training import Plan, Training
 
 from learning import processor

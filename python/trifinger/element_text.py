@@ -48,7 +48,7 @@ def text_of(element: Element) -> str:
     units = UNITS.get(element.dtype) or {}
     parts = [
         f"{name}={_values(value)}" + (f" {unit}" if (unit := units.get(name, "")) else "")
-        for name, value in _fields(element)
+        for name, value in fields_of(element)
     ]
     name = type(element).__name__
     line = f"{name}({', '.join(parts)})"
@@ -57,13 +57,13 @@ def text_of(element: Element) -> str:
     return f"{name}(\n" + "".join(f"  {part},\n" for part in parts) + ")"
 
 
-def _fields(element: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
-    for name in element.dtype.names:
-        value = element[name]
-        if element.dtype[name].names is None:
-            yield prefix + name, value
+def fields_of(elements: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yields name and value of each field of an element or of an array; names are "left.angle"."""
+    for name in elements.dtype.names:
+        if elements.dtype[name].names is None:
+            yield prefix + name, elements[name]
         else:
-            yield from _fields(value, f"{prefix}{name}.")
+            yield from fields_of(elements[name], f"{prefix}{name}.")
 
 
 def _values(value: Any) -> str:

@@ -8,21 +8,19 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
 
 # This import comes first because its error says what to install.
+from trifinger.arrays import Array
 from trifinger.environments import Environment, Options, VectorEnvironment
 
 # isort: split
 import numpy as np
-import numpy.typing as npt
 from gymnasium.vector import AutoresetMode
 
 from trifinger._trifinger import Policy
 from trifinger.errors import InvalidArgument
 from trifinger.picture import FILM_RATE, View, save_film
 
-Array = npt.NDArray[Any]
 # Takes rows of observations and returns rows of actions.
 Act = Callable[[Array], Array]
 # Called with the share of the work that is done, from 0 to 1.

@@ -20,14 +20,9 @@ MODULES = {
 """Modules to import for each extra."""
 
 
-def missing(extra: str) -> list[str]:
-    """Returns the modules of an extra that cannot be imported."""
-    return [module for module in MODULES[extra] if util.find_spec(module) is None]
-
-
 def require(extra: str, *modules: str) -> None:
     """Raises Error with what to install if some of these modules (default: all) are missing."""
-    lacking = [module for module in missing(extra) if module in modules or not modules]
+    lacking = [one for one in modules or MODULES[extra] if util.find_spec(one) is None]
     if lacking:
         raise Error(sentence(extra, *lacking))
 

@@ -16,7 +16,6 @@ one to take.
 
 import contextlib
 import operator
-import types
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Generic, NamedTuple, Self, TypeVar
@@ -160,12 +159,7 @@ class DecisionProcess(ABC, Generic[State_co]):
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        value: BaseException | None,
-        traceback: types.TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         try:
             if kind is None:
                 self.finish()

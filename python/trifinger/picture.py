@@ -15,12 +15,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from trifinger import extras
+from trifinger.arrays import Array
 from trifinger.errors import Error, InvalidArgument
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
-    Array = NDArray[Any]
+    from numpy.typing import ArrayLike
 
 
 DRAWING_PACKAGES = ("libegl1", "libgl1-mesa-dri", "libopengl0")  # on Debian, without a screen

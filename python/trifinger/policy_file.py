@@ -8,14 +8,12 @@ Neither PyTorch nor Stable-Baselines3 is imported: their objects are read by the
 
 from __future__ import annotations
 
-import importlib
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from trifinger import extras
 from trifinger._trifinger import Policy
 from trifinger.errors import InvalidArgument
 
@@ -28,7 +26,6 @@ Layer = tuple["ArrayLike", "ArrayLike", str]
 ACTIVATIONS = {"ReLU": "relu", "Tanh": "tanh"}
 # Modules that change nothing when a policy is only evaluated.
 WITHOUT_EFFECT = {"Dropout", "Flatten", "Identity"}
-ALGORITHMS = {"a2c": "A2C", "ddpg": "DDPG", "ppo": "PPO", "sac": "SAC", "td3": "TD3"}
 
 
 def write(
@@ -114,7 +111,7 @@ def export(
     else:
         raise InvalidArgument(
             f"a {type(model).__name__} is no model of Stable-Baselines3 that has an actor: "
-            f"{', '.join(ALGORITHMS.values())}"
+            "A2C, DDPG, PPO, SAC, TD3"
         )
     _check_observations(actor)
     mean, variance = _statistics(normalizer, actor.observation_space)
@@ -133,17 +130,6 @@ def export(
         bounding="scale" if layers[-1][2] == "tanh" else "clip",
         metadata=metadata,
     )
-
-
-def load_model(path: str | os.PathLike[str], algorithm: str) -> Any:
-    """Loads a model that Stable-Baselines3 saved; `algorithm` is "ddpg", "td3", "sac" and so on."""
-    if algorithm not in ALGORITHMS:
-        raise InvalidArgument(
-            f"there is no algorithm '{algorithm}', only {', '.join(sorted(ALGORITHMS))}"
-        )
-    extras.require("learning", "stable_baselines3", "torch")
-    package = importlib.import_module("stable_baselines3")
-    return getattr(package, ALGORITHMS[algorithm]).load(os.fspath(path), device="cpu")
 
 
 def _numbers(name: str, numbers: ArrayLike | None) -> list[float] | None:

@@ -25,6 +25,10 @@ class Progress:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self.clear()
+
+    def clear(self) -> None:
+        """Removes the line until the next update, so that something else can be printed."""
         if self._is_shown:
             print("\r\033[K", end="", file=sys.stderr, flush=True)
 

@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Lets Stable-Baselines3 train on the environments of this package."""
 
-from __future__ import annotations
-
 from typing import Any
 
 # This import comes first because its error says what to install.
+from trifinger.arrays import Array
 from trifinger.environments import Environment, VectorEnvironment
 
 # isort: split
@@ -23,7 +22,6 @@ try:
 except ModuleNotFoundError as error:
     raise ModuleNotFoundError(sentence("learning", str(error.name)), name=error.name) from error
 
-Array = npt.NDArray[Any]
 Vector = gymnasium.vector.VectorEnv[Any, Any, Any]
 
 JOINTS = 3  # joints of a finger

@@ -14,8 +14,6 @@
 docs/environments.md has the rest. Tasks for `VectorEnvironment` are written in C++.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import ClassVar

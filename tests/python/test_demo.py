@@ -9,6 +9,8 @@ import pytest
 import trifinger
 from trifinger.commands import program
 
+DEMO = "import sys; from trifinger.commands.demo import main; sys.exit(main())"
+
 
 @pytest.mark.release
 @pytest.mark.parametrize("mode", [[], ["--non-real-time"]], ids=["real-time", "non-real-time"])
@@ -18,7 +20,7 @@ def test_the_demo_lifts_the_cube_and_leaves_a_log_and_pictures(
     for stale in ("report.json", "trace.csv"):
         (tmp_path / stale).write_text("of another demo")
     result = subprocess.run(
-        [sys.executable, "-m", "trifinger.commands.demo", *mode, "--output", str(tmp_path)],
+        [sys.executable, "-c", DEMO, *mode, "--output", str(tmp_path)],
         capture_output=True,
         text=True,
         timeout=100,

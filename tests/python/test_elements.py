@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 import trifinger
 from conftest import StartChild
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 
 NOT_ACTIONS: dict[str, Callable[[trifinger.Frontend], object]] = {
     "a number": lambda _: 1.0,

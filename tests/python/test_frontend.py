@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 import trifinger
 from conftest import StartChild
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 
 def append(robot: trifinger.Frontend, count: int, start: float = 0.0) -> int:

@@ -15,8 +15,7 @@ import numpy as np
 import pytest
 import trifinger
 from conftest import BUILD
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 SERIES = ("desired_action", "applied_action", "observation", "status")
 STEPS = 600
@@ -380,7 +379,7 @@ def test_csv_and_parquet_read_back_the_same(
 ) -> None:
     pandas = pytest.importorskip("pandas")
     pytest.importorskip("pyarrow")
-    monkeypatch.setattr("trifinger.log.tables.ROWS", rows)
+    monkeypatch.setattr("trifinger.log.steps.ROWS", rows)
     session = written.log.session()
     session.to_csv(tmp_path / "a.csv")
     session.to_parquet(tmp_path / "a.parquet")

@@ -53,7 +53,8 @@ def python_programs(tmp_path: Path) -> dict[str, str]:
     for verb in ("plot", "export"):
         program = folder / f"trifinger-log-{verb}"
         program.write_text(
-            f"#!{sys.executable}\nimport sys\nfrom trifinger.{verb} import main\nsys.exit(main())\n"
+            f"#!{sys.executable}\n"
+            f"import sys\nfrom trifinger.commands.{verb} import main\nsys.exit(main())\n"
         )
         program.chmod(0o755)
     return {**os.environ, "PATH": f"{folder}:{os.environ['PATH']}"}

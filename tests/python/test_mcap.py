@@ -16,8 +16,7 @@ import lz4.frame
 import pytest
 import zstandard
 from conftest import BUILD
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.reader import McapReader, NonSeekingReader, SeekingReader

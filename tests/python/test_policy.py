@@ -295,14 +295,6 @@ def test_names_what_cannot_be_part_of_a_policy(network: Any, said: str) -> None:
         policy_file.layers_of(network(Linear(np.random.default_rng(5), 2, 2)))
 
 
-def test_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "stable_baselines3", None)
-    with pytest.raises(trifinger.Error, match=r"stable_baselines3 is missing: \./run setup"):
-        policy_file.load_model("model.zip", "sac")
-    with pytest.raises(trifinger.InvalidArgument, match="'dqn', only a2c, ddpg, ppo, sac, td3"):
-        policy_file.load_model("model.zip", "dqn")
-
-
 def test_says_that_something_is_no_model(tmp_path: Path) -> None:
     with pytest.raises(trifinger.InvalidArgument, match="a str is no model of Stable-Baselines3"):
         policy_file.export("model.zip", tmp_path / "a.policy")
@@ -413,7 +405,7 @@ def test_loads_a_saved_model_and_takes_its_normalizer_beside_it(tmp_path: Path) 
     environment_ = environment()
     model = package.TD3("MlpPolicy", environment_, seed=1, device="cpu")
     model.save(tmp_path / "model.zip")
-    loaded = policy_file.load_model(tmp_path / "model.zip", "td3")
+    loaded = package.TD3.load(tmp_path / "model.zip", device="cpu")
     expected = policy_file.export(model, tmp_path / "a.policy")
     policy = policy_file.export(loaded, tmp_path / "b.policy", normalizer=environment_)
     observation = np.arange(10.0)

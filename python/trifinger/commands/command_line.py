@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What the command lines of all commands share."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Callable

@@ -5,8 +5,6 @@ The back-end runs at 1 kHz and records itself. The controller is `trifinger mani
 runs in its own process. A folder keeps the log, a picture of the scene, plots, and the report.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import json
@@ -194,7 +192,3 @@ def main() -> int:
     add_view_options(parser, VIEW)
     arguments = parser.parse_args()
     return command_line.run(lambda: run(arguments))
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """`trifinger evaluate`."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Sequence

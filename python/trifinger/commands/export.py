@@ -1,11 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """`trifinger log export`."""
 
-from __future__ import annotations
-
 import argparse
 import subprocess
-import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -13,11 +10,10 @@ from trifinger._trifinger import Log, LoggedSession
 from trifinger.commands import program
 from trifinger.commands.command_line import add_log_options, run
 from trifinger.errors import InvalidArgument
-from trifinger.log.steps import ROWS, step_range
-from trifinger.log.tables import SERIES, parts_of, write_csv, write_parquet
-from trifinger.progress import shown
+from trifinger.log.steps import step_range
+from trifinger.log.tables import SERIES, to_csv, to_parquet
 
-WRITERS = {"csv": write_csv, "parquet": write_parquet}
+WRITERS = {"csv": to_csv, "parquet": to_parquet}
 
 
 def sessions_of(log: Log, name: str | None) -> list[LoggedSession]:
@@ -72,11 +68,8 @@ def _export_session(
     first, last = step_range(session, arguments.from_, arguments.to)
     # A file that is not complete never gets the final name.
     part = path.with_name(f".{path.name}.part")
-    begin, end = session.range("observation")
-    begin, end = (begin if first is None else first), (end if last is None else last)
-    parts = parts_of(session, first, last, series)
     try:
-        write(session, part, shown(parts, path.name, -(-(end - begin) // ROWS)))
+        write(session, part, first, last, series)
         part.replace(path)
     finally:
         part.unlink(missing_ok=True)
@@ -115,7 +108,3 @@ def main(words: Sequence[str] | None = None) -> int:
     """`trifinger log export`."""
     arguments = parse(words)
     return run(lambda: export(arguments))
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,10 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """`trifinger film`."""
 
-from __future__ import annotations
-
 import argparse
-import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -111,7 +108,3 @@ def main(words: Sequence[str] | None = None) -> int:
             print(f"{path} written.", flush=True)
 
     return run(work)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,10 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """`trifinger log plot`."""
 
-from __future__ import annotations
-
 import argparse
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -44,7 +41,3 @@ def main(words: Sequence[str] | None = None) -> int:
         print(f"{path} written.")
 
     return run(work)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

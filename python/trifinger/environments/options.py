@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Options of environments, and the robots and policies that they make."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from typing import Any, Self

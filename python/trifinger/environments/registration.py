@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Registration of all tasks with Gymnasium."""
 
-from __future__ import annotations
-
 import functools
 from typing import Any
 

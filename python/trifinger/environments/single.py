@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A task on one robot, simulated or real."""
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 from collections.abc import Callable
@@ -13,11 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from trifinger import _trifinger, mappings
-from trifinger._trifinger import Frontend, Simulation
-from trifinger._trifinger import Observation as Observed
+from trifinger._trifinger import Frontend, Observation as Observed, Simulation
+from trifinger.arrays import Array
 from trifinger.environments.options import Options, default_options, overrides_of
 from trifinger.environments.task_environment import (
-    Array,
     Info,
     Observation,
     TaskEnvironment,
@@ -248,19 +245,9 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
         return copied(self._newest())
 
     def _info(self, **more: Any) -> Info:
-        core = self._core
-        info: Info = {
-            "is_success": False,
-            "achieved_goal": core.achieved.copy(),
-            "desired_goal": core.desired.copy(),
-            "fault": 0,
-        }
+        info: Info = {"is_success": False, "fault": 0} | self._measures()
         if self._object:
-            info["distance"] = float(core.distance[0])
-        else:
-            fingers = core.num_joints // 3
-            info["distance"] = core.distance[:fingers].copy()
-            info["finger_rewards"] = core.finger_rewards[:fingers].copy()
+            info["distance"] = float(info["distance"])
         return info | more
 
     # Moves a connected robot to where the episode begins.

@@ -1,18 +1,16 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What all environments of a task have in common."""
 
-from __future__ import annotations
-
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
+from trifinger.arrays import Array
 from trifinger.environments.options import Options
 from trifinger.errors import InvalidArgument
 
-Array = npt.NDArray[Any]
 Observation = Array | dict[str, Array]
 Info = dict[str, Any]
 
@@ -85,6 +83,23 @@ class TaskEnvironment:
 
     def _newest(self) -> Observation:
         return self._views(self._core.observation, self._core.achieved, self._core.desired)
+
+    # What single and vector environments tell, as of now or of the `final_` state of episodes.
+    def _measures(self, part: Literal["", "final_"] = "") -> Info:
+        core = self._core
+        info = {
+            f"{goal}_goal": getattr(core, f"{part}{goal}").copy()
+            for goal in ("achieved", "desired")
+        }
+        distance = getattr(core, f"{part}distance")
+        if core.object_name:
+            return info | {"distance": distance[..., 0].copy()}
+        fingers = core.num_joints // 3
+        rewards = getattr(core, f"{part}finger_rewards")
+        return info | {
+            "distance": distance[..., :fingers].copy(),
+            "finger_rewards": rewards[..., :fingers].copy(),
+        }
 
     def _reward_of(self, achieved: npt.ArrayLike, desired: npt.ArrayLike) -> Any:
         rows = [

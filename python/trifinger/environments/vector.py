@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Many simulations of a task at once."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, Literal
 
@@ -13,9 +11,9 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
 from trifinger import _trifinger
+from trifinger.arrays import Array
 from trifinger.environments.options import Options, overrides_of
 from trifinger.environments.task_environment import (
-    Array,
     Info,
     Observation,
     TaskEnvironment,
@@ -61,7 +59,6 @@ class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, 
         self.render_mode = None
         self._mode: str = self.metadata["autoreset_mode"].value
         self._copy = copy
-        self._has_object = bool(self._core.object_name)
         self._has_begun = False
         self._has_ended = np.zeros(num_envs, bool)
         self.single_observation_space = self._observation_space()
@@ -168,17 +165,7 @@ class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, 
 
     def _info(self, mask: Array, part: Literal["", "final_"] = "") -> Info:
         core = self._core
-        info: Info = {
-            "is_success": getattr(core, f"{part}success").astype(bool),
-            "achieved_goal": getattr(core, f"{part}achieved").copy(),
-            "desired_goal": getattr(core, f"{part}desired").copy(),
-            "fault": core.fault.copy(),
-        }
-        distance = getattr(core, f"{part}distance")
-        if self._has_object:
-            info["distance"] = distance[:, 0].copy()
-        else:
-            fingers = core.num_joints // 3
-            info["distance"] = distance[:, :fingers].copy()
-            info["finger_rewards"] = getattr(core, f"{part}finger_rewards")[:, :fingers].copy()
+        info = self._measures(part)
+        info["is_success"] = getattr(core, f"{part}success").astype(bool)
+        info["fault"] = core.fault.copy()
         return info | {f"_{name}": mask.copy() for name in info}

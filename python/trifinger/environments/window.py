@@ -1,21 +1,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The window of environments with render_mode="human"."""
 
-from __future__ import annotations
-
 import os
 import sys
 import threading
 import time
-from typing import Any
 
-import numpy.typing as npt
-
+from trifinger.arrays import Array
 from trifinger.errors import InvalidArgument
 from trifinger.extras import sentence
 from trifinger.picture import Sight, View, draw_marks
-
-Array = npt.NDArray[Any]
 
 
 class Window:

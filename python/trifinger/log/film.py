@@ -5,26 +5,20 @@ The scene is drawn only from the log: joints as measured, objects as seen. Measu
 are noisy, so each is the mean of several.
 """
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from trifinger import picture
 from trifinger._trifinger import LoggedSession
+from trifinger.arrays import Array
 from trifinger.errors import InvalidArgument
 from trifinger.log.manipulation import Trace, save_report
 from trifinger.picture import Painter, View
 from trifinger.progress import shown
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[Any]
 
 STRIP_IMAGES = 8
 SMOOTHING = 5  # poses of an object in a mean

@@ -11,15 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from trifinger.arrays import Array
 from trifinger.errors import Error
 from trifinger.log.plot.matplotlib_figure import entitle
 from trifinger.log.plot.panels import COLOURS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from numpy.typing import NDArray
-
-    Array = NDArray[Any]
 
 PHASES = {
     "grasp": "#F3EBD3",

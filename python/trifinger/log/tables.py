@@ -12,21 +12,21 @@ import contextlib
 import csv
 import importlib
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from trifinger import extras
 from trifinger._trifinger import LoggedSession
-from trifinger.log.steps import ROWS
+from trifinger.element_text import fields_of
+from trifinger.log.steps import SeriesChoice, parts_of
 from trifinger.log.types import Steps
 
 if TYPE_CHECKING:
     import pandas
     from numpy.typing import NDArray
 
-SeriesChoice = Mapping[str, Sequence[str] | None] | Sequence[str] | None
 
 SERIES = {
     "observation": "observations",
@@ -41,18 +41,6 @@ def _needed(module: str) -> Any:
     return importlib.import_module(module)
 
 
-def numbers_of(elements: NDArray[Any], prefix: str) -> Iterator[tuple[str, str, NDArray[Any]]]:
-    """Yields field, name and values of each number of elements, such as "a.b" and "a.b[0]"."""
-    dtype = elements.dtype
-    if dtype.names is None:
-        for index in np.ndindex(elements.shape[1:]):
-            suffix = "".join(f"[{i}]" for i in index)
-            yield prefix, prefix + suffix, elements[(slice(None), *index)]
-        return
-    for name in dtype.names:
-        yield from numbers_of(elements[name], f"{prefix}.{name}" if prefix else name)
-
-
 def columns_of(session: LoggedSession, steps: Steps) -> Iterator[tuple[str, str, NDArray[Any]]]:
     """Yields name, unit and values of each column of the table."""
     yield "element" if session.is_companion else "time_index", "", steps.time_index
@@ -63,10 +51,12 @@ def columns_of(session: LoggedSession, steps: Steps) -> Iterator[tuple[str, str,
         if elements is None:
             continue
         # The elements of a companion are its observations; it has no other series.
-        prefix = "" if session.is_companion else series
-        for field, name, values in numbers_of(elements, prefix):
-            unit = units[series].get(field.removeprefix(f"{series}."), "")
-            yield name, unit, values
+        prefix = "" if session.is_companion else f"{series}."
+        for field, values in fields_of(elements):
+            unit = units[series].get(field, "")
+            for index in np.ndindex(values.shape[1:]):
+                suffix = "".join(f"[{i}]" for i in index)
+                yield prefix + field + suffix, unit, values[(slice(None), *index)]
 
 
 def to_pandas(
@@ -82,12 +72,12 @@ def to_pandas(
     )
 
 
-def parts_of(
+def _parts(
     session: LoggedSession, first: int | None, last: int | None, series: SeriesChoice
 ) -> Iterator[Steps]:
-    """Yields the steps in parts; if there are none, one part that has the columns but no rows."""
+    # If there are no steps, one part has the columns but no rows.
     is_empty = True
-    for steps in session.chunks(ROWS, first, last, series):
+    for steps in parts_of(session, first, last, series):
         is_empty = False
         yield steps
     if is_empty:
@@ -112,14 +102,9 @@ def to_csv(
     series: SeriesChoice = None,
 ) -> None:
     """Writes the session as comma-separated values; a missing number is "nan"."""
-    write_csv(session, path, parts_of(session, first, last, series))
-
-
-def write_csv(session: LoggedSession, path: str | os.PathLike[str], parts: Iterable[Steps]) -> None:
-    """Writes parts of a session into a file of comma-separated values."""
     with open(path, "w", newline="", encoding="utf-8") as file:  # noqa: PTH123
         writer = csv.writer(file, lineterminator="\n")
-        for i, steps in enumerate(parts):
+        for i, steps in enumerate(_parts(session, first, last, series)):
             columns = list(columns_of(session, steps))
             if i == 0:
                 writer.writerow([name for name, _, _ in columns])
@@ -134,18 +119,11 @@ def to_parquet(
     series: SeriesChoice = None,
 ) -> None:
     """Writes the session as a Parquet file; units are in the metadata of the fields."""
-    write_parquet(session, path, parts_of(session, first, last, series))
-
-
-def write_parquet(
-    session: LoggedSession, path: str | os.PathLike[str], parts: Iterable[Steps]
-) -> None:
-    """Writes parts of a session into a Parquet file."""
     make_writer = _needed("pyarrow.parquet").ParquetWriter
     arrow = _needed("pyarrow")
     with contextlib.ExitStack() as stack:
         writer = None
-        for steps in parts:
+        for steps in _parts(session, first, last, series):
             columns = list(columns_of(session, steps))
             arrays = [arrow.array(np.ascontiguousarray(values)) for _, _, values in columns]
             fields = [

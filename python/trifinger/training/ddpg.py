@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """DDPG without the overhead that small networks do not need."""
 
-from __future__ import annotations
-
 from typing import ClassVar, NamedTuple, cast
 
 import torch

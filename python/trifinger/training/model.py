@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The models of Stable-Baselines3 that learn by a plan."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from typing import Any
@@ -14,9 +12,9 @@ from stable_baselines3.common.noise import ActionNoise
 from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecEnv
 
+from trifinger.arrays import Array
 from trifinger.environments import VectorEnvironment
 from trifinger.errors import InvalidArgument
-from trifinger.stable_baselines import Array
 from trifinger.training.ddpg import QuickDDPG
 from trifinger.training.plan import Plan
 from trifinger.training.replay import FingerReplayBuffer

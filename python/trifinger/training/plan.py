@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """All settings of a training: how a policy learns, and for how long."""
 
-from __future__ import annotations
-
 import ast
 import dataclasses
 import json

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A memory of transitions that makes more of the reaches of single fingers."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -11,8 +9,8 @@ from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.type_aliases import ReplayBufferSamples
 from stable_baselines3.common.vec_env import VecNormalize
 
+from trifinger.arrays import Array
 from trifinger.errors import InvalidArgument
-from trifinger.stable_baselines import Array
 
 FINGER = 9  # numbers of a finger in observations of a reach: positions, velocities, goal
 GOAL = slice(6, 9)  # place of the goal in the numbers of a finger

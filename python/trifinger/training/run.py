@@ -27,11 +27,11 @@ from stable_baselines3.common.vec_env import VecNormalize
 from torch.utils.tensorboard import SummaryWriter
 
 from trifinger import policy_file
+from trifinger.arrays import Array
 from trifinger.environments import Environment, VectorEnvironment, policy_metadata
 from trifinger.errors import InvalidArgument
 from trifinger.evaluation import (
     SHOWN_EPISODES,
-    Array,
     Evaluator,
     Summary,
     save_curve,

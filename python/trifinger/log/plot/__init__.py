@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Plots of sessions of any robot, as a picture or as a page in which one can zoom."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from trifinger import extras

@@ -6,23 +6,16 @@ smallest and the largest number of each stretch of steps are kept, so that no pe
 may be larger than memory.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from trifinger._trifinger import LoggedSession, Status, TimingRecord, lateness_of
-from trifinger.log.steps import ROWS
+from trifinger.arrays import Array
+from trifinger.element_text import fields_of
+from trifinger.log.steps import parts_of
 from trifinger.log.types import Steps
-from trifinger.progress import shown
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[Any]
 
 BINS = 1600  # bins of time in a panel
 
@@ -94,19 +87,6 @@ class Curves:
         return self.timing is not None and self.timing.lateness().max() > 0
 
 
-def numbers_of(elements: Array, prefix: str = "") -> Iterator[tuple[str, Array]]:
-    """Yields name and values of each field of real numbers; nested names are like "left.angle".
-
-    Counters, stamps and bits are left out.
-    """
-    for name in elements.dtype.names or ():
-        values = elements[name]
-        if values.dtype.names is not None:
-            yield from numbers_of(values, f"{prefix}{name}.")
-        elif values.dtype.kind == "f":
-            yield prefix + name, values
-
-
 def add_fields(curves: Curves, steps: Steps, rows: Array, starts: Array) -> None:
     """Adds the numbers of some steps; those of bin `rows[i]` begin at `starts[i]`."""
     for series, elements in (
@@ -115,9 +95,10 @@ def add_fields(curves: Curves, steps: Steps, rows: Array, starts: Array) -> None
         ("applied_action", steps.applied_actions),
     ):
         if elements is not None:
-            for name, values in numbers_of(elements):
-                envelope = curves.fields.setdefault((series, name), Envelope(curves.bins))
-                envelope.add(rows, starts, values)
+            for name, values in fields_of(elements):
+                if values.dtype.kind == "f":  # neither counters nor stamps nor bits
+                    envelope = curves.fields.setdefault((series, name), Envelope(curves.bins))
+                    envelope.add(rows, starts, values)
 
 
 def mark_steps(curves: Curves, statuses: Array, seconds: Array) -> None:
@@ -154,8 +135,7 @@ def read(
     curves.lateness = Envelope(curves.bins)
     before = begin
     before_seconds = 0.0
-    parts = session.chunks(ROWS, begin, end)
-    for steps in shown(parts, f"reading '{session.name}'", -(-(end - begin) // ROWS)):
+    for steps in parts_of(session, begin, end):
         times = steps.times.astype(np.int64)
         if not curves.steps:
             curves.begin = int(times[0])

@@ -8,20 +8,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from trifinger._trifinger import Log, LoggedSession, duration_text
+from trifinger.log.plot import panels
 from trifinger.log.plot.curves import Curves
-from trifinger.log.plot.panels import (
-    BAD,
-    COLOURS,
-    MARKS,
-    Contents,
-    Panel,
-    contents_of,
-    groups_of,
-    histogram_of,
-    names_of_groups,
-    time_unit,
-    title_of,
-)
+from trifinger.log.plot.panels import BAD, COLOURS, MARKS, Contents, Panel
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -77,8 +66,8 @@ def entitle(axes: Axes, title: str, unit: str = "") -> None:
 
 def draw_row(parts: Sequence[Axes], curves: Curves, panel: Panel) -> None:
     """Draws all numbers of a field; many numbers are in several panels side by side."""
-    groups = groups_of(panel.columns)
-    names = names_of_groups(curves, panel)
+    groups = panel.groups
+    names = panels.names_of_groups(curves, panel)
     for i, (axes, numbers, name) in enumerate(zip(parts, groups, names, strict=True)):
         draw_panel(axes, curves, panel, numbers)
         entitle(axes, panel.name + name, panel.unit if i == 0 else "")
@@ -91,7 +80,7 @@ def draw_lateness(trace: Axes, histogram: Axes, curves: Curves) -> None:
     assert curves.timing is not None  # noqa: S101
     lateness = curves.timing.lateness()
     x, y = curves.lateness.line(curves.times, 0)
-    factor, unit = time_unit(lateness.max())
+    factor, unit = panels.time_unit(lateness.max())
     quantiles = (
         (lateness.quantile(0.5), COLOURS[2], "p50"),
         (lateness.quantile(0.99), COLOURS[1], "p99"),
@@ -103,7 +92,7 @@ def draw_lateness(trace: Axes, histogram: Axes, curves: Curves) -> None:
     entitle(trace, "lateness", unit)
     decorate(trace, curves)
 
-    counts, edges = histogram_of(lateness)
+    counts, edges = panels.histogram_of(lateness)
     histogram.stairs(counts, edges * factor, fill=True, color=COLOURS[5])
     histogram.set_xscale("log")
     histogram.set_yscale("log")
@@ -134,12 +123,14 @@ def draw_troubles(axes: Axes, contents: Contents) -> None:
     entitle(axes, "what went wrong")
 
 
-def draw_head(axes: Axes, curves: Curves, panels: Sequence[Panel]) -> None:
+def draw_head(axes: Axes, contents: Contents) -> None:
     """Draws name and facts on the left, and the legend on the right."""
     from matplotlib.lines import Line2D
 
     axes.axis("off")
-    headline, facts = title_of(curves)
+    curves = contents.curves
+    own = [panel for source, panel in contents.rows if source is curves]
+    headline, facts = panels.title_of(curves)
     place: dict[str, Any] = {"transform": axes.transAxes, "va": "center"}
     axes.text(0.0, 0.75, headline, fontsize=15, fontweight="bold", **place)
     axes.text(0.0, 0.38, facts, fontsize=9, color="#555555", **place)
@@ -148,12 +139,12 @@ def draw_head(axes: Axes, curves: Curves, panels: Sequence[Panel]) -> None:
         text = textwrap.shorten(curves.session.fault_text, 190)
         axes.text(0.0, 0.08, text, fontsize=9, color=BAD, **place)
     handles = []
-    if any(panel.desired is not None and panel.desired.has_numbers() for panel in panels):
+    if any(panel.desired is not None and panel.desired.has_numbers() for panel in own):
         handles += [
             Line2D([], [], color="#777777", linewidth=3.6, alpha=0.4, label="desired"),
             Line2D([], [], color="#444444", linewidth=1.0, label="measured (torque: applied)"),
         ]
-    most = max((len(groups_of(panel.columns)[0]) for panel in panels), default=1)
+    most = max((len(panel.groups[0]) for panel in own), default=1)
     if most > 1:
         handles += [
             Line2D([], [], color=COLOURS[i % len(COLOURS)], label=str(i)) for i in range(most)
@@ -178,7 +169,7 @@ def draw_rows(figure: Figure, grid: GridSpec, contents: Contents) -> list[Axes]:
     over_time: list[Axes] = []
     row = 1
     for source, panel in contents.rows:
-        width = 12 // len(groups_of(panel.columns))
+        width = 12 // len(panel.groups)
         parts: list[Axes] = []
         for begin in range(0, 12, width):
             place = grid[row, begin : begin + width]
@@ -201,15 +192,14 @@ def draw(log: Log, session: LoggedSession, first: int | None, last: int | None) 
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
-    contents = contents_of(log, session, first, last)
+    contents = panels.contents_of(log, session, first, last)
     curves, kinds = contents.curves, len(contents.kinds)
     heights = [0.75] + [1.6] * (len(contents.rows) + curves.has_lateness)
     heights += [0.35 + 0.22 * kinds] * (kinds > 0)
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(12.0, sum(heights) + 0.3 * len(heights)), layout="constrained")
         grid = figure.add_gridspec(len(heights), 12, height_ratios=heights)
-        panels = [panel for source, panel in contents.rows if source is curves]
-        draw_head(figure.add_subplot(grid[0, :]), curves, panels)
+        draw_head(figure.add_subplot(grid[0, :]), contents)
         over_time = draw_rows(figure, grid, contents)
         margin = 0.01 * max(curves.duration, 1e-6)
         for axes in over_time:

@@ -7,8 +7,6 @@ part again from these numbers, as the smallest and the largest number of as many
 screen shows. So no peak is ever lost, and a log of hours does not make a larger page.
 """
 
-from __future__ import annotations
-
 import html
 from pathlib import Path
 

@@ -1,22 +1,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The numbers of the lines of a page, packed."""
 
-from __future__ import annotations
-
 import base64
 import gzip
 import json
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from trifinger.arrays import Array
 from trifinger.log.plot.curves import Curves, Envelope
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[Any]
 
 
 @dataclass

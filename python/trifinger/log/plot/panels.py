@@ -1,22 +1,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What a plot shows, on a page as in a picture: panels, names, marks and colours."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from trifinger._trifinger import LatenessHistogram, Log, LoggedSession
+from trifinger.arrays import Array
 from trifinger.errors import InvalidArgument
 from trifinger.log.plot.curves import BINS, Curves, Envelope, companions_of, read
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[Any]
 
 # Okabe and Ito's colours, which people with any colour vision can tell apart.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#777777", "#000000")
@@ -54,9 +47,13 @@ class Panel:
         return [(kind, envelope) for kind, envelope in kinds if envelope is not None]
 
     @property
-    def columns(self) -> int:
-        """How many numbers the panel shows."""
-        return max(one.columns for one in (self.measured, self.desired, self.applied) if one)
+    def groups(self) -> list[range]:
+        """Numbers that are drawn together: fingers of three joints, legs, or all."""
+        columns = max(one.columns for one in (self.measured, self.desired, self.applied) if one)
+        for size in (3, 4, 2):
+            if columns > 4 and columns % size == 0 and columns // size <= 4:
+                return [range(i, i + size) for i in range(0, columns, size)]
+        return [range(columns)]
 
 
 @dataclass(frozen=True)
@@ -112,21 +109,13 @@ def panels_of(curves: Curves) -> list[Panel]:
 
 def names_of_groups(curves: Curves, panel: Panel) -> list[str]:
     """Names of a panel's parts, to append to its own, as in ", finger 0"; "" for a single part."""
-    groups = groups_of(panel.columns)
+    groups = panel.groups
     if len(groups) == 1:
         return [""]
     names = GROUPS.get(curves.session.type, ())
     if len(names) != len(groups):
         return [f", {numbers.start} to {numbers.stop - 1}" for numbers in groups]
     return [f", {name}" for name in names]
-
-
-def groups_of(columns: int) -> list[range]:
-    """Groups of numbers that are drawn together: fingers of three joints, legs, or all."""
-    for size in (3, 4, 2):
-        if columns > 4 and columns % size == 0 and columns // size <= 4:
-            return [range(i, i + size) for i in range(0, columns, size)]
-    return [range(columns)]
 
 
 def title_of(curves: Curves) -> tuple[str, str]:

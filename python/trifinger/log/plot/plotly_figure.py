@@ -1,26 +1,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The figure of a page, drawn by Plotly, without the numbers of its lines."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from trifinger.log.plot import panels
 from trifinger.log.plot.curves import Curves, Envelope
 from trifinger.log.plot.page_numbers import Numbers
-from trifinger.log.plot.panels import (
-    BAD,
-    COLOURS,
-    MARKS,
-    Contents,
-    Panel,
-    groups_of,
-    histogram_of,
-    names_of_groups,
-    time_unit,
-)
+from trifinger.log.plot.panels import BAD, COLOURS, MARKS, Contents, Panel
 
 ROW = 190  # height of a row [pixel]
 GAP = 62  # between rows [pixel]
@@ -40,7 +29,7 @@ class PlotlyFigure:
         specs: list[list[dict[str, int] | None]] = []
         titles: list[str] = []
         for source, panel in contents.rows:
-            span = 12 // len(groups_of(panel.columns))
+            span = 12 // len(panel.groups)
             specs.append([{"colspan": span} if i % span == 0 else None for i in range(12)])
             titles += _titles(source, panel)
         heights = [ROW] * len(contents.rows)
@@ -83,7 +72,7 @@ class PlotlyFigure:
         row = 1
         for source, panel in contents.rows:
             self._add_panel(row, source, panel)
-            over_time += [(row, 1 + i) for i in range(0, 12, 12 // len(groups_of(panel.columns)))]
+            over_time += [(row, 1 + i) for i in range(0, 12, 12 // len(panel.groups))]
             row += 1
         if curves.has_lateness:
             self._add_lateness(row, curves)
@@ -107,7 +96,7 @@ class PlotlyFigure:
         self.numbers.add(len(self.figure.data) - 1, axis, *source)
 
     def _add_panel(self, row: int, curves: Curves, panel: Panel) -> None:
-        groups = groups_of(panel.columns)
+        groups = panel.groups
         for i, group in enumerate(groups):
             place = (row, 1 + i * (12 // len(groups)))
             for kind, envelope in panel.drawn():
@@ -156,8 +145,8 @@ class PlotlyFigure:
         self.figure.update_yaxes(
             rangemode="tozero", tickformat="~s", ticksuffix="s", row=row, col=1
         )
-        counts, edges = histogram_of(lateness)
-        factor, unit = time_unit(lateness.max())
+        counts, edges = panels.histogram_of(lateness)
+        factor, unit = panels.time_unit(lateness.max())
         self.figure.add_trace(
             self.go.Scatter(
                 x=np.repeat(edges, 2)[1:-1] * factor,
@@ -256,4 +245,4 @@ class PlotlyFigure:
 
 def _titles(source: Curves, panel: Panel) -> list[str]:
     unit = f" [{panel.unit}]" if panel.unit else ""
-    return [f"{panel.name}{name}{unit}" for name in names_of_groups(source, panel)]
+    return [f"{panel.name}{name}{unit}" for name in panels.names_of_groups(source, panel)]
