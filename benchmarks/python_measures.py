@@ -109,19 +109,21 @@ def recorder(name: str, folder: str, *options: str) -> contextlib.AbstractContex
     return started(has_begun, "record", name, "--to", folder, *options)
 
 
+def beside_cpp(measure: str, samples: list[float], unit: str, cpp: Row, **more: Any) -> Row:
+    """Makes a row that is compared with its measure in C++, by the ratio of the two."""
+    named: dict[str, Any] = {
+        "reference": "the same from C++",
+        "reference_value": cpp.value,
+        "ratio": statistics.median(samples) / cpp.value,
+    }
+    return Row.of(measure, samples, unit, **named | more)
+
+
 def loop_row(measure: str, samples: list[float], reach: float, reference: Row) -> Row:
-    """Measures the steps per second, compared with C++."""
-    value = statistics.median(samples)
-    return Row.of(
-        measure,
-        samples,
-        "steps/s",
-        reference="the same from C++",
-        reference_value=reference.value,
-        ratio=value / reference.value,
-        reach=f">= {reach / 1000:g} k steps/s",
-        holds=value >= reach,
-    )
+    """Makes a row of the steps per second."""
+    holds = statistics.median(samples) >= reach
+    reach_text = f">= {reach / 1000:g} k steps/s"
+    return beside_cpp(measure, samples, "steps/s", reference, reach=reach_text, holds=holds)
 
 
 def inline_loop(effort: Effort) -> list[Row]:
@@ -224,20 +226,10 @@ def log(effort: Effort) -> list[Row]:
             if len(rows.observations) != steps:
                 raise SystemExit("steps are missing in the log")
     del samples[0]
-    value = statistics.median(samples)
+    holds = statistics.median(samples) <= 0.15
     reference = effort.reference("log: 60 s at 1 kHz into arrays, C++")
-    return [
-        Row.of(
-            "log: 60 s at 1 kHz into NumPy",
-            samples,
-            "s",
-            reference="the same from C++",
-            reference_value=reference.value,
-            ratio=value / reference.value,
-            reach="<= 0.15 s",
-            holds=value <= 0.15,
-        )
-    ]
+    measure = "log: 60 s at 1 kHz into NumPy"
+    return [beside_cpp(measure, samples, "s", reference, reach="<= 0.15 s", holds=holds)]
 
 
 def environment(effort: Effort) -> list[Row]:
@@ -256,18 +248,10 @@ def environment(effort: Effort) -> list[Row]:
         samples.append(len(actions) / (time.perf_counter() - begin))
     reference = effort.reference("environment, reach at 50 Hz, C++")
     ratio = reference.value / statistics.median(samples)
-    return [
-        Row.of(
-            "environment, reach at 50 Hz, Python",
-            samples,
-            "actions/s",
-            reference="the same from C++; the ratio is that of the times",
-            reference_value=reference.value,
-            ratio=ratio,
-            reach="<= 1.3x",
-            holds=ratio <= 1.3,
-        )
-    ]
+    note = "the same from C++; the ratio is that of the times"
+    more = {"reference": note, "ratio": ratio, "reach": "<= 1.3x", "holds": ratio <= 1.3}
+    measure = "environment, reach at 50 Hz, Python"
+    return [beside_cpp(measure, samples, "actions/s", reference, **more)]
 
 
 MEASURES: dict[str, Callable[[Effort], list[Row]]] = {

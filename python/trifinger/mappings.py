@@ -26,14 +26,6 @@ import numpy.typing as npt
 from trifinger._trifinger import Action, Frontend, Observation
 from trifinger.errors import InvalidArgument, RobotStopped
 
-__all__ = [
-    "Approximation",
-    "AugmentedState",
-    "DecisionProcess",
-    "StateAugmentation",
-    "hold_position",
-]
-
 
 class AugmentedState(NamedTuple):
     """State of `StateAugmentation`: an observation, and the action that was already chosen."""

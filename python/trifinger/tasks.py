@@ -21,10 +21,8 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from trifinger._trifinger import Random
+from trifinger._trifinger import Random as Random
 from trifinger.environment_options import OptionFields
-
-__all__ = ["Random", "Start", "Task", "View"]
 
 Array = npt.NDArray[np.float64]
 

@@ -20,19 +20,12 @@ try:
 except ModuleNotFoundError as error:
     raise ModuleNotFoundError(sentence("learning", "gymnasium"), name=error.name) from error
 
-from trifinger.environments.options import Options, policy_metadata
-from trifinger.environments.registration import TASKS, register
-from trifinger.environments.single import Environment, GoalEnvironment
-from trifinger.environments.vector import VectorEnvironment
-
-__all__ = [
-    "TASKS",
-    "Environment",
-    "GoalEnvironment",
-    "Options",
-    "VectorEnvironment",
-    "policy_metadata",
-    "register",
-]
+from trifinger.environments.options import Options as Options, policy_metadata as policy_metadata
+from trifinger.environments.registration import TASKS as TASKS, register as register
+from trifinger.environments.single import (
+    Environment as Environment,
+    GoalEnvironment as GoalEnvironment,
+)
+from trifinger.environments.vector import VectorEnvironment as VectorEnvironment
 
 register()

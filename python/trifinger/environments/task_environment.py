@@ -109,11 +109,11 @@ class TaskEnvironment:
         return float(rewards[0]) if np.ndim(achieved) == 1 else rewards
 
 
-def copied(value: Observation) -> Observation:
-    """A copy of an observation, which C++ does not overwrite."""
+def copied(value: Observation, rows: Any = ...) -> Observation:
+    """A copy of an observation, or of some rows of it, which C++ does not overwrite."""
     if isinstance(value, dict):
-        return {name: part.copy() for name, part in value.items()}
-    return value.copy()
+        return {name: part[rows].copy() for name, part in value.items()}
+    return np.array(value[rows])
 
 
 def seed_of(environment: Any) -> int:

@@ -142,11 +142,7 @@ class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, 
             final = self._views(core.final_observation, core.final_achieved, core.final_desired)
             last = np.full(self.num_envs, None, object)
             for index in np.flatnonzero(ended):
-                last[index] = (
-                    {name: part[index].copy() for name, part in final.items()}
-                    if isinstance(final, dict)
-                    else final[index].copy()
-                )
+                last[index] = copied(final, index)
             info["final_info"] = self._info(ended, "final_")
             info["fault"] = np.where(ended, 0, info["fault"])
             info["final_obs"] = last

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from trifinger._trifinger import LoggedSession, Status, TimingRecord, lateness_of
+from trifinger._trifinger import LatenessHistogram, LoggedSession, Status, TimingRecord, lateness_of
 from trifinger.arrays import Array
 from trifinger.element_text import fields_of
 from trifinger.log.steps import parts_of
@@ -82,9 +82,10 @@ class Curves:
         return (self.end - self.begin) * 1e-9
 
     @property
-    def has_lateness(self) -> bool:
-        """Whether the log says how late the steps were."""
-        return self.timing is not None and self.timing.lateness().max() > 0
+    def late(self) -> LatenessHistogram | None:
+        """How late the steps were; None if the log does not say, or if no step was late."""
+        lateness = None if self.timing is None else self.timing.lateness()
+        return None if lateness is None or lateness.max() == 0 else lateness
 
 
 def add_fields(curves: Curves, steps: Steps, rows: Array, starts: Array) -> None:

@@ -7,7 +7,7 @@ import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from trifinger._trifinger import Log, LoggedSession, duration_text
+from trifinger._trifinger import LatenessHistogram, Log, LoggedSession, duration_text
 from trifinger.log.plot import panels
 from trifinger.log.plot.curves import Curves
 from trifinger.log.plot.panels import BAD, COLOURS, MARKS, Contents, Panel
@@ -75,17 +75,13 @@ def draw_row(parts: Sequence[Axes], curves: Curves, panel: Panel) -> None:
             axes.tick_params(labelleft=False)
 
 
-def draw_lateness(trace: Axes, histogram: Axes, curves: Curves) -> None:
+def draw_lateness(
+    trace: Axes, histogram: Axes, curves: Curves, lateness: LatenessHistogram
+) -> None:
     """Draws the lateness of the steps over time and as a histogram."""
-    assert curves.timing is not None  # noqa: S101
-    lateness = curves.timing.lateness()
     x, y = curves.lateness.line(curves.times, 0)
     factor, unit = panels.time_unit(lateness.max())
-    quantiles = (
-        (lateness.quantile(0.5), COLOURS[2], "p50"),
-        (lateness.quantile(0.99), COLOURS[1], "p99"),
-        (lateness.max(), BAD, "max"),
-    )
+    quantiles = panels.quantiles_of(lateness)
     trace.plot(x, y * factor, color=COLOURS[0], linewidth=0.8)
     trace.axhline(quantiles[1][0] * factor, color=COLOURS[1], linewidth=1.0, linestyle="--")
     trace.set_ylim(bottom=0)
@@ -177,9 +173,9 @@ def draw_rows(figure: Figure, grid: GridSpec, contents: Contents) -> list[Axes]:
         draw_row(parts, source, panel)
         over_time += parts
         row += 1
-    if curves.has_lateness:
+    if curves.late is not None:
         over_time.append(figure.add_subplot(grid[row, :8]))
-        draw_lateness(over_time[-1], figure.add_subplot(grid[row, 8:]), curves)
+        draw_lateness(over_time[-1], figure.add_subplot(grid[row, 8:]), curves, curves.late)
         row += 1
     if contents.kinds:
         over_time.append(figure.add_subplot(grid[row, :]))
@@ -194,7 +190,7 @@ def draw(log: Log, session: LoggedSession, first: int | None, last: int | None) 
 
     contents = panels.contents_of(log, session, first, last)
     curves, kinds = contents.curves, len(contents.kinds)
-    heights = [0.75] + [1.6] * (len(contents.rows) + curves.has_lateness)
+    heights = [0.75] + [1.6] * (len(contents.rows) + (curves.late is not None))
     heights += [0.35 + 0.22 * kinds] * (kinds > 0)
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(12.0, sum(heights) + 0.3 * len(heights)), layout="constrained")

@@ -146,6 +146,15 @@ def time_unit(seconds: float) -> tuple[float, str]:
     return 1.0, "s"
 
 
+def quantiles_of(lateness: LatenessHistogram) -> list[tuple[float, str, str]]:
+    """Value, colour and name of each quantile that is marked."""
+    return [
+        (lateness.quantile(0.5), COLOURS[2], "p50"),
+        (lateness.quantile(0.99), COLOURS[1], "p99"),
+        (lateness.max(), BAD, "max"),
+    ]
+
+
 def histogram_of(lateness: LatenessHistogram) -> tuple[Array, Array]:
     """Steps per bin, from the first to the last bin that is not empty, and the bins' edges."""
     counts = np.array(lateness.counts())

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from trifinger._trifinger import LatenessHistogram
 from trifinger.log.plot import panels
 from trifinger.log.plot.curves import Curves, Envelope
 from trifinger.log.plot.page_numbers import Numbers
@@ -26,30 +27,26 @@ class PlotlyFigure:
         self.numbers = Numbers()
         self._shown: set[str] = set()
         curves, kinds = contents.curves, len(contents.kinds)
-        specs: list[list[dict[str, int] | None]] = []
-        titles: list[str] = []
+        rows = []  # widths and titles of the panels in each row, and its height
         for source, panel in contents.rows:
-            span = 12 // len(panel.groups)
-            specs.append([{"colspan": span} if i % span == 0 else None for i in range(12)])
-            titles += _titles(source, panel)
-        heights = [ROW] * len(contents.rows)
-        if curves.has_lateness:
-            specs.append([{"colspan": 8}, *[None] * 7, {"colspan": 4}, *[None] * 3])
-            assert curves.timing is not None  # noqa: S101
-            titles += ["lateness", f"steps by lateness: {curves.timing.lateness()}"]
-            heights.append(ROW)
+            widths = [12 // len(panel.groups)] * len(panel.groups)
+            rows.append((widths, _titles(source, panel), ROW))
+        if curves.late is not None:
+            rows.append(([8, 4], ["lateness", f"steps by lateness: {curves.late}"], ROW))
         if kinds:
-            specs.append([{"colspan": 12}, *[None] * 11])
-            titles.append("what went wrong")
-            heights.append(40 + 22 * kinds)
+            rows.append(([12], ["what went wrong"], 40 + 22 * kinds))
+        heights = [height for _, _, height in rows]
         self.height = sum(heights) + GAP * len(heights) + 40
         self.figure = make_subplots(
-            rows=len(specs),
+            rows=len(rows),
             cols=12,
-            specs=specs,
-            subplot_titles=titles,
+            specs=[
+                [cell for width in widths for cell in ({"colspan": width}, *[None] * (width - 1))]
+                for widths, _, _ in rows
+            ],
+            subplot_titles=[title for _, titles, _ in rows for title in titles],
             row_heights=heights,
-            vertical_spacing=GAP / self.height if len(specs) > 1 else 0,
+            vertical_spacing=GAP / self.height if len(rows) > 1 else 0,
             horizontal_spacing=0.012,
         )
         self._draw(contents)
@@ -74,8 +71,8 @@ class PlotlyFigure:
             self._add_panel(row, source, panel)
             over_time += [(row, 1 + i) for i in range(0, 12, 12 // len(panel.groups))]
             row += 1
-        if curves.has_lateness:
-            self._add_lateness(row, curves)
+        if curves.late is not None:
+            self._add_lateness(row, curves, curves.late)
             over_time.append((row, 1))
             row += 1
         if contents.kinds:
@@ -130,9 +127,7 @@ class PlotlyFigure:
                 [self.figure.get_subplot(row, column).yaxis.plotly_name for column in columns]
             )
 
-    def _add_lateness(self, row: int, curves: Curves) -> None:
-        assert curves.timing is not None  # noqa: S101
-        lateness = curves.timing.lateness()
+    def _add_lateness(self, row: int, curves: Curves, lateness: LatenessHistogram) -> None:
         hover = "%{y:.3s}s<extra>lateness</extra>"
         self._add_line(
             (row, 1),
@@ -164,11 +159,7 @@ class PlotlyFigure:
             type="log", title_text=f"lateness [{unit}]", title_standoff=4, row=row, col=9
         )
         self.figure.update_yaxes(type="log", row=row, col=9)
-        for value, colour in (
-            (lateness.quantile(0.5), COLOURS[2]),
-            (lateness.quantile(0.99), COLOURS[1]),
-            (lateness.max(), BAD),
-        ):
+        for value, colour, _ in panels.quantiles_of(lateness):
             if value > 0:
                 line = {"color": colour, "width": 1.2, "dash": "dash"}
                 self.figure.add_vline(value * factor, line=line, row=row, col=9)
