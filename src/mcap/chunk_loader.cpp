@@ -81,4 +81,17 @@ bool ChunkLoader::parse() {
   return true;
 }
 
+bool ChunkLoader::has_messages(std::uint16_t channel, const MessageIndex& index) const {
+  const auto place_of = [this](const Message& message) { return offset_of(message); };
+  for (std::size_t i = 0; i < index.entries.size() / sizeof(MessageIndexEntry); ++i) {
+    const MessageIndexEntry entry = entry_of(index, i);
+    const auto message = std::ranges::lower_bound(messages_, entry.offset, {}, place_of);
+    if (message == messages_.end() || offset_of(*message) != entry.offset ||
+        message->channel_id != channel || message->log_time != entry.log_time) {
+      return false;
+    }
+  }
+  return true;
+}
+
 }  // namespace trifinger::mcap

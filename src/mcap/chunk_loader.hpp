@@ -30,6 +30,8 @@ class ChunkLoader {
     return static_cast<std::uint64_t>(message.data.data() - records_.data()) - kMessageHeaderSize -
            kRecordHeaderSize;
   }
+  // True if all entries of the index are messages of `channel` in the chunk.
+  [[nodiscard]] bool has_messages(std::uint16_t channel, const MessageIndex& index) const;
   // The content of a schema or channel.
   struct DefinitionRecord {
     Opcode opcode;

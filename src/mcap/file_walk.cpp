@@ -3,19 +3,18 @@
 
 #include <algorithm>
 #include <cstring>
-#include <iterator>
 #include <limits>
 #include <set>
 #include <string_view>
+
+#include "damage_list.hpp"
+#include "memory_use.hpp"
 
 namespace trifinger::mcap {
 namespace {
 
 // Messages outside of chunks are returned in runs of at most this size [bytes].
 constexpr std::uint64_t kMaxRunSize = std::uint64_t{1} << 20;
-// Further damage is merged into one entry, because a hostile file could need any amount of memory.
-constexpr std::size_t kMaxNumDamages = 1000;
-
 constexpr std::string_view kNonsense = "A record makes no sense.";
 constexpr std::string_view kTooLong =
     "A record is longer than what is left: it was cut off, or its length is damaged.";
@@ -23,32 +22,6 @@ constexpr std::string_view kWrongIndex = "A message index does not fit its chunk
 
 std::uint64_t end_of(const ChunkPlace& place) noexcept {
   return place.offset + place.length + place.index_length;
-}
-
-// Approximate memory of one node of a map or list [bytes].
-constexpr std::uint64_t kNodeSize = 128;
-
-std::uint64_t memory_of(const Entries& entries) {
-  std::uint64_t size = 0;
-  for (const auto& [key, value] : entries) size += key.size() + value.size() + kNodeSize;
-  return size;
-}
-
-std::uint64_t memory_of(const Schema& schema) {
-  return schema.name.size() + schema.encoding.size() + schema.data.size() + 2 * kNodeSize;
-}
-
-std::uint64_t memory_of(const Channel& channel) {
-  return channel.topic.size() + channel.message_encoding.size() + memory_of(channel.metadata) +
-         2 * kNodeSize;
-}
-
-std::uint64_t memory_of(const Metadata& metadata) {
-  return metadata.name.size() + memory_of(metadata.entries) + kNodeSize;
-}
-
-std::uint64_t memory_of(const Attachment& attachment) {
-  return attachment.name.size() + attachment.media_type.size() + attachment.data.size() + kNodeSize;
 }
 
 }  // namespace
@@ -279,25 +252,6 @@ void FileWalk::settle_chunk() {
   }
 }
 
-bool FileWalk::is_right_index(const std::pair<std::uint16_t, std::uint64_t>& index) {
-  const auto [channel, offset] = index;
-  const auto header = window_.header_at(offset, window_.size());
-  const auto decoded =
-      header ? decode_message_index(window_.content_at(offset, *header)) : std::nullopt;
-  if (!decoded) return false;
-  const auto messages = loader_.messages();
-  const auto offset_of = [this](const Message& message) { return loader_.offset_of(message); };
-  for (std::size_t i = 0; i < decoded->entries.size() / sizeof(MessageIndexEntry); ++i) {
-    const MessageIndexEntry entry = entry_of(*decoded, i);
-    const auto message = std::ranges::lower_bound(messages, entry.offset, {}, offset_of);
-    if (message == messages.end() || offset_of(*message) != entry.offset ||
-        message->channel_id != channel || message->log_time != entry.log_time) {
-      return false;
-    }
-  }
-  return true;
-}
-
 FileWalk::MessageCounts FileWalk::count_messages() const {
   MessageCounts counts;
   for (const Message& message : loader_.messages()) ++counts[message.channel_id];
@@ -473,6 +427,17 @@ void FileWalk::adopt(ChunkPlace place) {
   contents_.chunks.push_back(std::move(place));
 }
 
+void FileWalk::add_damage(std::uint64_t offset, std::uint64_t size, std::string reason) {
+  mcap::add_damage(contents_.damage, {.offset = offset, .size = size, .reason = std::move(reason)});
+}
+
+bool FileWalk::is_right_index(const std::pair<std::uint16_t, std::uint64_t>& index) {
+  const auto header = window_.header_at(index.second, window_.size());
+  const auto decoded =
+      header ? decode_message_index(window_.content_at(index.second, *header)) : std::nullopt;
+  return decoded && loader_.has_messages(index.first, *decoded);
+}
+
 std::string FileWalk::load(const ChunkPlace& place) {
   std::string reason = loader_.load(place);
   for (const ChunkLoader::DefinitionRecord& record : loader_.definitions()) {
@@ -513,30 +478,6 @@ std::string FileWalk::define_in(std::map<std::uint16_t, T>& known, const T& defi
            " is defined anew, otherwise than before.";
   }
   return {};
-}
-
-// ---- damage and memory ----
-
-void FileWalk::add_damage(std::uint64_t offset, std::uint64_t size, std::string reason) {
-  auto& damage = contents_.damage;
-  const auto next = std::ranges::upper_bound(damage, offset, {}, &Damage::offset);
-  if (next != damage.begin()) {
-    Damage& before = *std::prev(next);
-    if (before.offset + before.size == offset && before.reason == reason) {
-      before.size += size;
-      return;
-    }
-  }
-  if (damage.size() < kMaxNumDamages) {
-    damage.insert(next, {.offset = offset, .size = size, .reason = std::move(reason)});
-    return;
-  }
-  Damage& neighbour = next == damage.begin() ? *next : *std::prev(next);
-  const std::uint64_t begin = std::min(neighbour.offset, offset);
-  const std::uint64_t end = std::max(neighbour.offset + neighbour.size, offset + size);
-  neighbour = {.offset = begin,
-               .size = end - begin,
-               .reason = "There is much damage from here on; some is not named."};
 }
 
 bool FileWalk::keep(std::uint64_t memory) noexcept {

@@ -4,13 +4,13 @@
 #include <algorithm>
 #include <cstring>
 #include <limits>
-#include <map>
 #include <utility>
 #include <vector>
 
 #include "buffer.hpp"
 #include "compression.hpp"
 #include "encoding.hpp"
+#include "summary_encoding.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/mcap/reader.hpp"
 
@@ -19,39 +19,6 @@ namespace {
 
 // Schemas and channels are repeated in every chunk whose number is a multiple of this.
 constexpr std::size_t kRepeatDefinitions = 100;
-
-// A schema or channel in its encoded form.
-struct Definition {
-  Buffer record{};
-  int num_copies{0};  // number of chunks that contain it
-};
-
-struct SchemaEntry {
-  Schema schema;
-  Definition definition{};
-};
-
-struct ChannelEntry {
-  Channel channel;
-  Definition definition{};
-  std::uint64_t message_count{0};            // messages in closed chunks
-  std::vector<MessageIndexEntry> entries{};  // entries of the open chunk
-  bool is_sorted{true};
-};
-
-struct AttachmentEntry {
-  RecordPlace place;
-  std::uint64_t log_time;
-  std::uint64_t create_time;
-  std::uint64_t data_size;
-  std::string name;
-  std::string media_type;
-};
-
-struct MetadataEntry {
-  RecordPlace place;
-  std::string name;
-};
 
 AttachmentEntry entry_for(const Attachment& attachment, RecordPlace place) {
   return {.place = place,
@@ -109,27 +76,27 @@ class Writer::Implementation {
 
   std::uint16_t add_schema(std::string_view name, std::string_view encoding,
                            std::string_view data) {
-    for (const auto& [id, entry] : schemas_) {
+    for (const auto& [id, entry] : records_.schemas) {
       const Schema& schema = entry.schema;
       if (schema.name == name && schema.encoding == encoding && schema.data == data) return id;
     }
-    insert(Schema{.id = next_id(schemas_, "schemas"),
+    insert(Schema{.id = next_id(records_.schemas, "schemas"),
                   .name = std::string(name),
                   .encoding = std::string(encoding),
                   .data = std::string(data)});
-    return schemas_.rbegin()->first;
+    return records_.schemas.rbegin()->first;
   }
 
   std::uint16_t add_channel(Channel channel) {
-    for (const auto& [id, entry] : channels_) {
+    for (const auto& [id, entry] : records_.channels) {
       channel.id = id;
       if (channel == entry.channel) return id;
     }
-    if (channel.schema_id != 0 && !schemas_.contains(channel.schema_id)) {
+    if (channel.schema_id != 0 && !records_.schemas.contains(channel.schema_id)) {
       throw InvalidArgument("the channel of '" + channel.topic + "' wants schema " +
                             std::to_string(channel.schema_id) + ", which was not added");
     }
-    channel.id = next_id(channels_, "channels");
+    channel.id = next_id(records_.channels, "channels");
     insert(channel);
     return channel.id;
   }
@@ -158,14 +125,14 @@ class Writer::Implementation {
     if (!has_messages_) return;
     output_.clear();
     // The list is extended before the file is written, because nothing may throw afterwards.
-    chunks_.push_back(encode_chunk());
+    records_.chunks.push_back(encode_chunk());
     try {
       append_output();
     } catch (...) {
-      chunks_.pop_back();
+      records_.chunks.pop_back();
       throw;
     }
-    for (auto& [id, entry] : channels_) {
+    for (auto& [id, entry] : records_.channels) {
       entry.message_count += entry.entries.size();
       entry.entries.clear();
       entry.is_sorted = true;
@@ -178,19 +145,21 @@ class Writer::Implementation {
     flush();
     output_.clear();
     Encoder(output_).metadata(metadata);
-    add_record(metadata_, MetadataEntry{.place = place_of_output(), .name = metadata.name});
+    add_record(records_.metadata, MetadataEntry{.place = place_of_output(), .name = metadata.name});
   }
 
   void write(const Attachment& attachment) {
     flush();
     output_.clear();
     Encoder(output_).attachment(attachment);
-    add_record(attachments_, entry_for(attachment, place_of_output()));
+    add_record(records_.attachments, entry_for(attachment, place_of_output()));
   }
 
   void finish() {
     flush();
-    encode_end();
+    output_.clear();
+    encode_data_end(output_, has_data_checksum_ ? data_checksum_ : 0U);
+    encode_summary(output_, records_, sink_.size());
     append_output();
     is_finished_ = true;
   }
@@ -214,26 +183,27 @@ class Writer::Implementation {
     for (const auto& [id, schema] : contents.schemas) insert(schema);
     for (const auto& [id, channel] : contents.channels) insert(channel);
     for (const auto& [id, count] : contents.channel_message_counts) {
-      if (const auto entry = channels_.find(id); entry != channels_.end()) {
+      if (const auto entry = records_.channels.find(id); entry != records_.channels.end()) {
         entry->second.message_count = count;
       }
     }
-    chunks_ = contents.chunks;
+    records_.chunks = contents.chunks;
     for (std::size_t i = 0; i < contents.metadata.size(); ++i) {
-      metadata_.push_back(
+      records_.metadata.push_back(
           {.place = contents.metadata_places.at(i), .name = contents.metadata[i].name});
     }
     for (std::size_t i = 0; i < contents.attachments.size(); ++i) {
-      attachments_.push_back(entry_for(contents.attachments[i], contents.attachment_places.at(i)));
+      records_.attachments.push_back(
+          entry_for(contents.attachments[i], contents.attachment_places.at(i)));
     }
     if (contents.missing_indexes.empty()) return;
-    if (chunks_.empty())
+    if (records_.chunks.empty())
       throw InvalidArgument("message indexes are missing, but there is no chunk");
     for (const auto& [id, entries] : contents.missing_indexes) {
-      chunks_.back().indexes.emplace_back(id, sink_.size() + output_.size());
+      records_.chunks.back().indexes.emplace_back(id, sink_.size() + output_.size());
       Encoder(output_).message_index(id, entries);
     }
-    chunks_.back().index_length += output_.size();
+    records_.chunks.back().index_length += output_.size();
     append_output();
   }
 
@@ -242,20 +212,20 @@ class Writer::Implementation {
   void insert(const Schema& schema) {
     SchemaEntry entry{.schema = schema};
     Encoder(entry.definition.record).schema(schema);
-    schemas_.emplace(schema.id, std::move(entry));
+    records_.schemas.emplace(schema.id, std::move(entry));
   }
 
   void insert(const Channel& channel) {
     ChannelEntry entry{.channel = channel};
     Encoder(entry.definition.record).channel(channel);
-    channels_.emplace(channel.id, std::move(entry));
+    records_.channels.emplace(channel.id, std::move(entry));
   }
 
   ChannelEntry& find_channel(std::uint16_t id) {
     // Many messages of one channel often follow each other.
     if (newest_channel_ != nullptr && newest_channel_->channel.id == id) return *newest_channel_;
-    const auto entry = channels_.find(id);
-    if (entry == channels_.end()) {
+    const auto entry = records_.channels.find(id);
+    if (entry == records_.channels.end()) {
       throw InvalidArgument("there is no channel " + std::to_string(id));
     }
     newest_channel_ = &entry->second;
@@ -270,19 +240,19 @@ class Writer::Implementation {
   // Ensures that the open chunk or an earlier one contains the channel and its schema.
   void define(ChannelEntry& entry) {
     if (chunk_.size() == 0) {
-      const bool repeats = chunks_.size() % kRepeatDefinitions == 0;
+      const bool repeats = records_.chunks.size() % kRepeatDefinitions == 0;
       const auto repeat = [&](Definition& definition) {
         // One copy is not enough, because its chunk may become damaged.
         if (definition.num_copies == 1 || (repeats && definition.num_copies > 0)) {
           append_definition(definition);
         }
       };
-      for (auto& [id, schema] : schemas_) repeat(schema.definition);
-      for (auto& [id, channel] : channels_) repeat(channel.definition);
+      for (auto& [id, schema] : records_.schemas) repeat(schema.definition);
+      for (auto& [id, channel] : records_.channels) repeat(channel.definition);
     }
     if (entry.definition.num_copies > 0) return;
-    if (const auto schema = schemas_.find(entry.channel.schema_id);
-        schema != schemas_.end() && schema->second.definition.num_copies == 0) {
+    if (const auto schema = records_.schemas.find(entry.channel.schema_id);
+        schema != records_.schemas.end() && schema->second.definition.num_copies == 0) {
       append_definition(schema->second.definition);
     }
     append_definition(entry.definition);
@@ -339,7 +309,7 @@ class Writer::Implementation {
     encoder.end(record);
     place.length = output_.size();
 
-    for (auto& [id, entry] : channels_) {
+    for (auto& [id, entry] : records_.channels) {
       if (entry.entries.empty()) continue;
       if (!entry.is_sorted) {
         sort_by_time(entry.entries);
@@ -352,133 +322,12 @@ class Writer::Implementation {
     return place;
   }
 
-  // Encodes everything after the last chunk into `output_`.
-  void encode_end() {
-    output_.clear();
-    Encoder encoder(output_);
-    std::size_t record = encoder.begin(Opcode::kDataEnd);
-    encoder.number(has_data_checksum_ ? data_checksum_ : 0U);
-    encoder.end(record);
-
-    const std::uint64_t file_size = sink_.size();
-    const std::size_t summary = output_.size();
-    Buffer offsets;
-    // Adds all records of one kind, if there are any, and the offset of their group.
-    const auto group = [&](Opcode opcode, const auto& entries, const auto& encode) {
-      const std::size_t begin = output_.size();
-      for (const auto& entry : entries) encode(entry);
-      if (output_.size() == begin) return;
-      Encoder offset(offsets);
-      const std::size_t offset_record = offset.begin(Opcode::kSummaryOffset);
-      offset.number(static_cast<std::uint8_t>(opcode));
-      offset.number(std::uint64_t{file_size + begin});
-      offset.number(std::uint64_t{output_.size() - begin});
-      offset.end(offset_record);
-    };
-    const auto encode_definition = [&](const auto& entry) {
-      encoder.bytes(entry.second.definition.record.view());
-    };
-    group(Opcode::kSchema, schemas_, encode_definition);
-    group(Opcode::kChannel, channels_, encode_definition);
-    group(Opcode::kStatistics, std::array{0}, [&](int) { encode_statistics(encoder); });
-    group(Opcode::kChunkIndex, chunks_, [&](const ChunkPlace& place) {
-      if (place.is_chunk) encode_chunk_index(encoder, place);
-    });
-    group(Opcode::kAttachmentIndex, attachments_, [&](const AttachmentEntry& entry) {
-      record = encoder.begin(Opcode::kAttachmentIndex);
-      encoder.number(entry.place.offset);
-      encoder.number(entry.place.length);
-      encoder.number(entry.log_time);
-      encoder.number(entry.create_time);
-      encoder.number(entry.data_size);
-      encoder.string(entry.name);
-      encoder.string(entry.media_type);
-      encoder.end(record);
-    });
-    group(Opcode::kMetadataIndex, metadata_, [&](const MetadataEntry& entry) {
-      record = encoder.begin(Opcode::kMetadataIndex);
-      encoder.number(entry.place.offset);
-      encoder.number(entry.place.length);
-      encoder.string(entry.name);
-      encoder.end(record);
-    });
-    const std::uint64_t summary_offset_start = file_size + output_.size();
-    encoder.bytes(offsets.view());
-
-    record = encoder.begin(Opcode::kFooter);
-    encoder.number(file_size + summary);
-    encoder.number(summary_offset_start);
-    // The checksum covers the footer up to the checksum itself, including the footer's length.
-    encoder.number(std::uint32_t{0});
-    encoder.end(record);
-    const std::size_t end = output_.size() - sizeof(std::uint32_t);
-    const std::uint32_t summary_checksum = checksum(output_.view().subspan(summary, end - summary));
-    std::memcpy(output_.data() + end, &summary_checksum, sizeof(summary_checksum));
-    encoder.bytes(kMagic);
-  }
-
-  void encode_statistics(Encoder& encoder) const {
-    std::uint64_t message_count = 0;
-    std::uint32_t num_used = 0;
-    for (const auto& [id, entry] : channels_) {
-      message_count += entry.message_count;
-      if (entry.message_count > 0) ++num_used;
-    }
-    std::uint64_t first_time = 0;
-    std::uint64_t last_time = 0;
-    std::uint32_t chunk_count = 0;
-    bool is_first = true;
-    for (const ChunkPlace& place : chunks_) {
-      if (place.is_chunk) ++chunk_count;
-      if (place.last_time == 0) continue;  // a chunk without messages
-      first_time = is_first ? place.first_time : std::min(first_time, place.first_time);
-      last_time = std::max(last_time, place.last_time);
-      is_first = false;
-    }
-    const std::size_t record = encoder.begin(Opcode::kStatistics);
-    encoder.number(message_count);
-    encoder.number(static_cast<std::uint16_t>(schemas_.size()));
-    encoder.number(static_cast<std::uint32_t>(channels_.size()));
-    encoder.number(static_cast<std::uint32_t>(attachments_.size()));
-    encoder.number(static_cast<std::uint32_t>(metadata_.size()));
-    encoder.number(chunk_count);
-    encoder.number(first_time);
-    encoder.number(last_time);
-    encoder.number(num_used * 10U);
-    for (const auto& [id, entry] : channels_) {
-      if (entry.message_count == 0) continue;
-      encoder.number(id);
-      encoder.number(entry.message_count);
-    }
-    encoder.end(record);
-  }
-
-  static void encode_chunk_index(Encoder& encoder, const ChunkPlace& place) {
-    const std::string_view compression = name_of(place.compression);
-    const std::size_t record = encoder.begin(Opcode::kChunkIndex);
-    encoder.number(place.first_time);
-    encoder.number(place.last_time);
-    encoder.number(place.offset);
-    encoder.number(place.length);
-    encoder.number(static_cast<std::uint32_t>(place.indexes.size() * 10));
-    for (const auto& [id, offset] : place.indexes) {
-      encoder.number(id);
-      encoder.number(offset);
-    }
-    encoder.number(place.index_length);
-    encoder.string(compression);
-    encoder.number(place.length - chunk_header_size(place.compression));
-    encoder.number(place.uncompressed_size);
-    encoder.end(record);
-  }
-
   Sink& sink_;
   WriterOptions options_;
   Compressor compressor_;
   bool is_finished_{false};
 
-  std::map<std::uint16_t, SchemaEntry> schemas_;
-  std::map<std::uint16_t, ChannelEntry> channels_;
+  WrittenRecords records_;
   ChannelEntry* newest_channel_{nullptr};
 
   Buffer chunk_;  // records of the open chunk
@@ -486,10 +335,7 @@ class Writer::Implementation {
   std::uint64_t first_time_{0};
   std::uint64_t last_time_{0};
 
-  Buffer output_;  // bytes that go to the sink next
-  std::vector<ChunkPlace> chunks_;
-  std::vector<MetadataEntry> metadata_;
-  std::vector<AttachmentEntry> attachments_;
+  Buffer output_;                 // bytes that go to the sink next
   bool has_data_checksum_{true};  // false: the beginning of the file is not known
   std::uint32_t data_checksum_{0};
 };
