@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "core/odd_robot.hpp"
-#include "format/cdr_reader.hpp"
+#include "format/cdr.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/log/log_writer.hpp"
 #include "trifinger/mcap/reader.hpp"

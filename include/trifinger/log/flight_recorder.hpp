@@ -48,8 +48,8 @@ struct FlightRecorderOptions {
 
 /// Writes a log after every session that ends with a fault: `NAME_2026-11-20_09-05-12_fault.mcap`.
 ///
-/// Until the fault it does nothing: the history of the session is the recording. It follows a
-/// back-end, which never waits for it.
+/// It does nothing until the fault, because the history of the session has the last seconds. It
+/// follows a back-end, which never waits for it.
 class FlightRecorder final : public Follower {
  public:
   explicit FlightRecorder(FlightRecorderOptions options);

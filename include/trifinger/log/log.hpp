@@ -91,7 +91,8 @@ class SeriesReader {
  private:
   friend class LoggedSession;
   class Implementation;
-  explicit SeriesReader(std::unique_ptr<Implementation> implementation);
+  SeriesReader(std::shared_ptr<detail::LogData> log, const detail::Stream& stream,
+               const std::vector<Column>& columns, TimeIndex first, TimeIndex last);
 
   std::unique_ptr<Implementation> implementation_;
 };

@@ -30,12 +30,12 @@ struct LogOptions {
   double viewer_rate{8.0};
 };
 
-/// Writes sessions into one file. It knows the format, but does not know where the elements come
-/// from or how many files there are.
+/// Writes sessions into one file, in the format of a log. The caller knows where the elements come
+/// from and how many files there are.
 ///
-/// If the sink throws SystemError, nothing is lost, like with `mcap::Writer`: the same call tries
-/// again. `write_steps` and `write_companion` do not throw as long as there is room in the open
-/// chunk. When they throw, some of the elements may have been written.
+/// If the sink throws SystemError, nothing is lost: the same call tries again. `write_steps` and
+/// `write_companion` do not throw as long as there is room in the open chunk. When they throw, some
+/// of the elements may have been written.
 class LogWriter {
  public:
   /// Begins a file. `sink` must be empty and outlive the writer.

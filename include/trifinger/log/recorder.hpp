@@ -93,13 +93,14 @@ struct RecorderState {
 /// stopped. Steps that the history has lost are recorded as a gap.
 ///
 /// A recorder may follow a back-end in its own process. Then it loses nothing outside real-time
-/// mode either, because the back-end waits for it.
+/// mode either, because the back-end waits for it. `RecorderThread` is such a recorder with a
+/// thread of its own.
 class Recorder final : public Follower {
  public:
   /// Takes the right to record `robots` into the folder. `run` searches for sessions.
   ///
-  /// If another recorder's process of `until_process_ends` has ended, that recorder keeps the right
-  /// until it has finished its file. This constructor waits for it, at most 10 s.
+  /// Another recorder keeps the right until it has finished its file. If it is about to finish,
+  /// because the process of its `until_process_ends` has ended, this waits for it, at most 10 s.
   /// @throws AlreadyRecorded, InvalidArgument, SystemError
   Recorder(const std::vector<std::string>& robots, RecorderOptions options);
   ~Recorder() override;

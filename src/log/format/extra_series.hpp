@@ -7,7 +7,7 @@
 
 #include "trifinger/core/session.hpp"
 
-namespace trifinger::log {
+namespace trifinger::log::detail {
 
 // Series of observations measured outside of a session's steps. Logs of the flight recorder hold
 // them as companions.
@@ -23,4 +23,4 @@ inline constexpr std::array kExtraSeries{Series::kHolding, Series::kStopping};
                              [&](Series series) { return type == extra_type(robot_type, series); });
 }
 
-}  // namespace trifinger::log
+}  // namespace trifinger::log::detail

@@ -10,11 +10,15 @@
 #include <set>
 #include <utility>
 
-#include "format/characters.hpp"
 #include "format/format.hpp"
+#include "format/ros_messages.hpp"
+#include "format/text.hpp"
 #include "trifinger/base/error.hpp"
 
 namespace trifinger::log {
+
+using namespace detail;
+
 namespace {
 
 static_assert(std::endian::native == std::endian::little, "messages are copies of memory");
@@ -141,7 +145,7 @@ class DefinitionWriter {
     names_.insert(type);
     std::set<std::string_view> names;
     const std::string text = fields(type, inner, begin, depth, names);
-    used_ += std::string(80, '=') + "\nMSG: " + std::string(kPackage) + "/" + type + "\n" + text;
+    used_ += used_type(std::string(kPackage) + "/" + type, text);
   }
 
   [[nodiscard]] std::string line(const FieldDescription& field, std::string_view name) const {

@@ -3,9 +3,11 @@
 
 #include <chrono>
 
-#include "format/dates.hpp"
+#include "format/text.hpp"
 
 namespace trifinger::log {
+
+using namespace detail;
 
 SessionHeader SessionHeader::of(const Session& robot, const std::vector<Session>& companions) {
   const SessionInfo info = robot.info();

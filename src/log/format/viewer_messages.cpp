@@ -12,7 +12,7 @@
 #include <system_error>
 #include <utility>
 
-#include "format/cdr_writer.hpp"
+#include "format/cdr.hpp"
 
 namespace trifinger::log::detail {
 namespace {
@@ -25,52 +25,6 @@ constexpr std::string_view kWorld = "world";
 constexpr std::size_t kMaxFrames = 1000;
 // Limit for elements of a companion whose steps may never come.
 constexpr std::size_t kMaxSeen = 1000;
-
-constexpr std::string_view kFramesDefinition =
-    "geometry_msgs/TransformStamped[] transforms\n"
-    "================================================================================\n"
-    "MSG: geometry_msgs/TransformStamped\n"
-    "std_msgs/Header header\n"
-    "string child_frame_id\n"
-    "geometry_msgs/Transform transform\n"
-    "================================================================================\n"
-    "MSG: std_msgs/Header\n"
-    "builtin_interfaces/Time stamp\n"
-    "string frame_id\n"
-    "================================================================================\n"
-    "MSG: builtin_interfaces/Time\n"
-    "int32 sec\n"
-    "uint32 nanosec\n"
-    "================================================================================\n"
-    "MSG: geometry_msgs/Transform\n"
-    "geometry_msgs/Vector3 translation\n"
-    "geometry_msgs/Quaternion rotation\n"
-    "================================================================================\n"
-    "MSG: geometry_msgs/Vector3\n"
-    "float64 x\n"
-    "float64 y\n"
-    "float64 z\n"
-    "================================================================================\n"
-    "MSG: geometry_msgs/Quaternion\n"
-    "float64 x\n"
-    "float64 y\n"
-    "float64 z\n"
-    "float64 w\n";
-
-constexpr std::string_view kJointStatesDefinition =
-    "std_msgs/Header header\n"
-    "string[] name\n"
-    "float64[] position\n"
-    "float64[] velocity\n"
-    "float64[] effort\n"
-    "================================================================================\n"
-    "MSG: std_msgs/Header\n"
-    "builtin_interfaces/Time stamp\n"
-    "string frame_id\n"
-    "================================================================================\n"
-    "MSG: builtin_interfaces/Time\n"
-    "int32 sec\n"
-    "uint32 nanosec\n";
 
 // Rounds to 0.03 mm at the length of an arm: too fine to be seen, and with few bits to compress.
 double rounded(double value) noexcept {
@@ -123,13 +77,13 @@ std::optional<std::size_t> offset_of(const ElementDescription& element, std::str
 
 }  // namespace
 
-const std::array<ViewerTopic, kNumViewerTopics>& viewer_topics() noexcept {
-  static constexpr std::array<ViewerTopic, kNumViewerTopics> kTopics{
-      {{"robot_description", "std_msgs/msg/String", "string data\n"},
-       {"tf_static", "tf2_msgs/msg/TFMessage", kFramesDefinition},
-       {"tf", "tf2_msgs/msg/TFMessage", kFramesDefinition},
-       {"joint_states", "sensor_msgs/msg/JointState", kJointStatesDefinition}}};
-  return kTopics;
+const std::array<ViewerTopic, kNumViewerTopics>& viewer_topics() {
+  static const std::array<ViewerTopic, kNumViewerTopics> topics{
+      {{"robot_description", &text_type()},
+       {"tf_static", &frames_type()},
+       {"tf", &frames_type()},
+       {"joint_states", &joint_states_type()}}};
+  return topics;
 }
 
 // A message with transforms, one after the other. Their number is set at the end.

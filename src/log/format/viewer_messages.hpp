@@ -10,6 +10,7 @@
 #include <string_view>
 #include <vector>
 
+#include "format/ros_messages.hpp"
 #include "trifinger/base/time.hpp"
 #include "trifinger/log/session_header.hpp"
 
@@ -18,8 +19,7 @@ namespace trifinger::log::detail {
 // A kind of message for 3D viewers, on the topic "/NAME/TOPIC" of a robot.
 struct ViewerTopic {
   std::string_view name;
-  std::string_view type;
-  std::string_view definition;
+  const MessageType* type;
 };
 inline constexpr std::size_t kNumViewerTopics = 4;
 enum ViewerTopicIndex : std::uint8_t {
@@ -28,7 +28,7 @@ enum ViewerTopicIndex : std::uint8_t {
   kMovingFrames,
   kJointStates
 };
-[[nodiscard]] const std::array<ViewerTopic, kNumViewerTopics>& viewer_topics() noexcept;
+[[nodiscard]] const std::array<ViewerTopic, kNumViewerTopics>& viewer_topics();
 
 struct ViewerMessage {
   ViewerTopicIndex topic{};

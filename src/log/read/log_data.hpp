@@ -6,60 +6,20 @@
 #include <deque>
 #include <filesystem>
 #include <map>
-#include <memory>
 #include <mutex>
 #include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
+#include "read/channel_reader.hpp"
+#include "read/log_files.hpp"
+#include "read/session_table.hpp"
+#include "trifinger/log/event.hpp"
 #include "trifinger/log/log.hpp"
-#include "trifinger/log/message_layout.hpp"
+#include "trifinger/mcap/reader.hpp"
 
 namespace trifinger::log::detail {
-
-struct SessionRecord;
-struct Stream;
-
-/// How the messages of a channel are read.
-struct ChannelReader {
-  enum class Role : std::uint8_t { kOther, kEvent, kStep, kEnd, kCompanion };
-
-  Role role{Role::kOther};
-  std::string topic;
-  std::string session;  // name of the robot or companion
-  RobotTypes types;     // for a companion: its type and its observation
-  ElementDescription status;
-  std::optional<MessageLayout> layout;
-  bool has_wrong_message{false};
-
-  // Stream of the previous message: the next message usually belongs to the same one.
-  std::uint64_t session_id{0};
-  Stream* stream{nullptr};
-
-  [[nodiscard]] bool is_of_stream() const noexcept { return layout.has_value(); }
-};
-
-/// The messages of one robot's session, or of one of its companions.
-struct Stream {
-  std::string name;  // for instance "sim" or "sim.object"
-  bool is_companion{false};
-  SessionRecord* session{nullptr};
-  const ChannelReader* channel{nullptr};  // one of the channels with its messages; nullptr if none
-  std::vector<Gap> gaps;                  // gaps that the log records
-};
-
-/// A session with its companions. Its address never changes.
-struct SessionRecord {
-  SessionHeader header;
-  std::optional<TimeIndex> steps;
-  TimeIndex observations{0};  // known once the session has ended
-  Fault fault;
-  std::string fault_text;
-  Stream robot;
-  std::deque<Stream> companions;
-  std::size_t order{0};  // position among all sessions
-};
 
 /// Messages of one stream in one chunk, with consecutive indices.
 struct Run {
@@ -84,23 +44,11 @@ struct StreamMessage {
   }
 };
 
-/// Returns the robot's step at which the element in this message of a companion arrived.
-[[nodiscard]] TimeIndex arrival_of(const mcap::Message& message) noexcept;
-
-/// Returns the damage of a file of `size` bytes.
-[[nodiscard]] std::vector<Damage> damage_of(const std::filesystem::path& file, std::uint64_t size,
-                                            const mcap::Contents& contents);
-/// Returns the number of damaged bytes; each byte counts once. `damage` is all damage of one file.
-[[nodiscard]] std::uint64_t lost_bytes_of(const std::vector<Damage>& damage, std::uint64_t size);
-
 /// All files of a log as one: chunks are numbered through all parts. Reads chunks and remembers
 /// what was in them. Finds chunks by bisection, which works because the indices of a stream only
 /// rise. Callers must hold `mutex`.
 class LogData {
  public:
-  // What to do with files of several recordings.
-  enum class Several : std::uint8_t { kRefuse, kTakeNewest };
-
   LogData(const std::vector<std::filesystem::path>& parts, Several several);
   LogData(const LogData&) = delete;
   LogData& operator=(const LogData&) = delete;
@@ -114,7 +62,9 @@ class LogData {
   [[nodiscard]] const std::map<std::string, std::string>& origin() const noexcept {
     return origin_;
   }
-  [[nodiscard]] const std::deque<SessionRecord>& sessions() const noexcept { return sessions_; }
+  [[nodiscard]] const std::deque<SessionRecord>& sessions() const noexcept {
+    return sessions_.sessions();
+  }
   [[nodiscard]] std::vector<Event> events();
   [[nodiscard]] std::vector<Damage> damage();
   [[nodiscard]] std::uint64_t lost_bytes();
@@ -128,7 +78,7 @@ class LogData {
   /// Reads chunk `n` and calls `visit(StreamMessage)`, until it returns false.
   template <class Visit>
   void visit(std::size_t n, const Visit& visit) {
-    File& file = files_[chunks_[n].file];
+    LogFile& file = files_[chunks_[n].file];
     for (const mcap::Message& message : load(n)) {
       ChannelReader* const channel = channel_of(file, message.channel_id);
       if (channel == nullptr) continue;
@@ -171,57 +121,21 @@ class LogData {
   [[nodiscard]] std::vector<Gap> gaps(const Stream& stream);
 
  private:
-  struct File {
-    explicit File(const std::filesystem::path& its_path);
-    [[nodiscard]] std::int64_t part() const;
-    [[nodiscard]] std::string recording() const;
-    [[nodiscard]] std::string created() const;
-
-    std::filesystem::path path;
-    std::uint64_t size{0};
-    mcap::Reader reader;
-    std::map<std::string, std::string> origin;
-    std::map<std::uint16_t, ChannelReader> channels;
-    std::vector<ChannelReader*> channels_by_id;
-    // The chunk that was read last.
-    std::optional<std::size_t> loaded;
-    std::span<const mcap::Message> messages;
-  };
   struct Chunk {
     std::size_t file;
     std::size_t index;
     bool is_known{false};
     std::vector<Run> runs;
   };
-  class Entries;
-
-  void open(const std::vector<std::filesystem::path>& parts, Several several);
-  void leave_newest_recording();
   // Returns false if the messages are ours but cannot be read.
-  bool add_channel(File& file, const mcap::Channel& channel);
-  void read_record(const File& file, const mcap::Metadata& record);
-  void read_session(const Entries& entries);
-  void read_end(const Entries& entries);
-  void read_gap(const Entries& entries);
-  void find_documents(const File& file);
-  // Assigns channels to the streams. Returns false if that takes a look at the messages.
-  [[nodiscard]] bool guess_channels();
-  void ignore(const File& file, const std::string& reason);
-
-  [[nodiscard]] SessionRecord* find_session(const std::string& name, std::uint64_t session_id);
-  SessionRecord& add_session(SessionHeader header);
-  [[nodiscard]] SessionRecord& session_of(const std::string& name, std::uint64_t session_id);
-  static Stream& add_companion(SessionRecord& session, const std::string& name);
-  [[nodiscard]] static Stream* find_stream(SessionRecord& session, const std::string& name);
-  [[nodiscard]] Stream& stream_of(const ChannelReader& channel, std::uint64_t session_id);
-  [[nodiscard]] static bool accepts(const Stream& stream, const ChannelReader& channel);
-  static void bind(Stream& stream, const ChannelReader& channel);
+  bool add_channel(LogFile& file, const mcap::Channel& channel);
+  void ignore(const LogFile& file, const std::string& reason);
 
   [[nodiscard]] std::span<const mcap::Message> load(std::size_t n);
   void look_into(std::size_t n, std::span<const mcap::Message> messages);
   void add_event(std::size_t n, const mcap::Message& message);
-  [[nodiscard]] ChannelReader* channel_of(File& file, std::uint16_t id);
-  [[nodiscard]] std::optional<StreamMessage> identify(File& file, ChannelReader& channel,
+  [[nodiscard]] ChannelReader* channel_of(LogFile& file, std::uint16_t id);
+  [[nodiscard]] std::optional<StreamMessage> identify(LogFile& file, ChannelReader& channel,
                                                       const mcap::Message& message);
   [[nodiscard]] TimeIndex first_index(const Stream& stream);
   // Appends the missing elements [first, last] to `gaps`, with the reasons that the log gives.
@@ -238,25 +152,22 @@ class LogData {
         if (is_wanted(run)) return true;
         answer = false;
         is_own = true;
-      } else if (!is_own && is_ordered_ && run.stream->session != stream.session &&
-                 run.stream->session->header.name == stream.session->header.name) {
-        answer = run.stream->session->order > stream.session->order;
+      } else if (const int order = sessions_.compare(*run.stream, stream); !is_own && order != 0) {
+        answer = order > 0;
       }
     }
     return answer;
   }
 
+  std::vector<Damage> damage_;  // in addition to the damage that the readers found
+  std::vector<LogFile> files_;
   std::vector<std::filesystem::path> paths_;
-  std::vector<File> files_;
   std::vector<Chunk> chunks_;
   std::uint64_t size_{0};
   std::map<std::string, std::string> origin_;
-  std::deque<SessionRecord> sessions_;
-  // True if the sessions of each robot are known to be in the order of the file.
-  bool is_ordered_{true};
+  SessionTable sessions_;
   std::map<std::size_t, std::vector<Event>> events_by_chunk_;
-  std::vector<Damage> damage_;  // in addition to the damage that the readers found
-  std::size_t num_known_{0};    // number of chunks that were read
+  std::size_t num_known_{0};  // number of chunks that were read
 };
 
 }  // namespace trifinger::log::detail

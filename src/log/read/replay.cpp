@@ -13,6 +13,9 @@
 #include "trifinger/core/status.hpp"
 
 namespace trifinger::log {
+
+using namespace detail;
+
 namespace {
 
 constexpr std::uint64_t kMaxSize = std::uint64_t{4} << 30U;

@@ -14,6 +14,9 @@
 #include "trifinger/log/log_writer.hpp"
 
 namespace trifinger::log {
+
+using namespace detail;
+
 namespace {
 
 using Bytes = std::vector<std::byte>;
@@ -47,6 +50,13 @@ class CompanionPart {
   std::int64_t time_{0};
   bool has_element_{false};
 };
+
+// Returns the time of the first step from `t` on.
+std::int64_t time_of(const LoggedSession& session, TimeIndex t) {
+  std::int64_t time = std::numeric_limits<std::int64_t>::max();
+  (void)session.read({}, t).read(1, {.times = &time});
+  return time;
+}
 
 // Copies the steps [first, last) of a session and everything that belongs to them.
 class SessionPart {
@@ -148,15 +158,6 @@ class SessionPart {
     writer.end_session(number, steps, session_.fault(), session_.fault_text());
   }
 
- public:
-  // Returns the time of the first step from `t` on.
-  static std::int64_t time_of(const LoggedSession& session, TimeIndex t) {
-    std::int64_t time = std::numeric_limits<std::int64_t>::max();
-    (void)session.read({}, t).read(1, {.times = &time});
-    return time;
-  }
-
- private:
   LoggedSession session_;
   TimeIndex first_;
   TimeIndex last_;
@@ -182,8 +183,8 @@ std::vector<SessionPart> parts_of(const Log& log, const CopyOptions& options) {
     throw InvalidArgument("nothing is left of '" + chosen.name() + "': the log has the steps " +
                           std::to_string(begin) + " to " + std::to_string(end - 1));
   }
-  const std::int64_t begin_time = SessionPart::time_of(chosen, first);
-  const std::int64_t end_time = SessionPart::time_of(chosen, last);
+  const std::int64_t begin_time = time_of(chosen, first);
+  const std::int64_t end_time = time_of(chosen, last);
   for (const LoggedSession& session : log.sessions()) {
     if (session.header().session_id == chosen.header().session_id &&
         session.name() == chosen.name()) {

@@ -7,7 +7,7 @@
 
 #include "trifinger/mcap/sink.hpp"
 
-namespace trifinger::log {
+namespace trifinger::log::detail {
 
 // A new file. The destructor removes it unless `finish` was called.
 class NewFile {
@@ -33,4 +33,4 @@ class NewFile {
   bool is_finished_{false};
 };
 
-}  // namespace trifinger::log
+}  // namespace trifinger::log::detail

@@ -9,12 +9,16 @@
 #include <optional>
 #include <string>
 
+#include "format/records.hpp"
 #include "read/log_data.hpp"
 #include "repair/new_file.hpp"
 #include "trifinger/mcap/reader.hpp"
 #include "trifinger/mcap/writer.hpp"
 
 namespace trifinger::log {
+
+using namespace detail;
+
 namespace {
 
 // Reports on a file. Call this when all chunks have been read.
@@ -23,8 +27,8 @@ FileReport report_of(const std::filesystem::path& file, const mcap::Contents& co
   FileReport report{.size = std::filesystem::file_size(file),
                     .messages = messages,
                     .is_finished = contents.is_finished};
-  report.damage = detail::damage_of(file, report.size, contents);
-  report.lost_bytes = detail::lost_bytes_of(report.damage, report.size);
+  report.damage = damage_of(file, report.size, contents);
+  report.lost_bytes = lost_bytes_of(report.damage, report.size);
   return report;
 }
 
@@ -101,31 +105,26 @@ class Recovery {
 
 // Writes gaps for everything that is missing in the log `file` and has no gap there yet.
 void write_gaps(const std::filesystem::path& file, mcap::Writer& writer) {
-  std::unique_ptr<detail::LogData> data;
+  std::unique_ptr<LogData> data;
   try {
-    data = std::make_unique<detail::LogData>(std::vector{file}, detail::LogData::Several::kRefuse);
+    data = std::make_unique<LogData>(std::vector{file}, Several::kRefuse);
   } catch (const mcap::FormatError&) {
     return;  // another MCAP file, or a log so damaged that it has no sessions
   }
   const std::scoped_lock lock(data->mutex);
-  const auto write = [&](const detail::Stream& stream) {
+  const auto write = [&](const Stream& stream) {
     for (const Gap& gap : data->gaps(stream)) {
       const auto covers = [&gap](const Gap& written) {
         return written.first <= gap.first && gap.last <= written.last;
       };
       if (std::ranges::any_of(stream.gaps, covers)) continue;
-      const std::uint64_t session_id = stream.session->header.session_id;
-      writer.write(mcap::Metadata{"trifinger.gap",
-                                  {{"name", stream.name},
-                                   {"session_id", std::to_string(session_id)},
-                                   {"first", std::to_string(gap.first)},
-                                   {"last", std::to_string(gap.last)},
-                                   {"reason", gap.reason}}});
+      writer.write(gap_record(stream.name, stream.session->header.session_id, gap.first, gap.last,
+                              gap.reason));
     }
   };
-  for (const detail::SessionRecord& session : data->sessions()) {
+  for (const SessionRecord& session : data->sessions()) {
     write(session.robot);
-    for (const detail::Stream& companion : session.companions) write(companion);
+    for (const Stream& companion : session.companions) write(companion);
   }
 }
 

@@ -7,10 +7,9 @@
 #include <system_error>
 #include <utility>
 
-#include "format/characters.hpp"
-#include "format/dates.hpp"
 #include "format/extra_series.hpp"
 #include "format/format.hpp"
+#include "format/text.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/frontend.hpp"
@@ -20,6 +19,9 @@
 #include "trifinger/mcap/sink.hpp"
 
 namespace trifinger::log {
+
+using namespace detail;
+
 namespace {
 
 // Reads element `i`. False if it does not exist or is not whole.

@@ -14,42 +14,25 @@
 #include <span>
 #include <utility>
 
-#include "format/cdr_writer.hpp"
-#include "format/dates.hpp"
+#include "format/cdr.hpp"
 #include "format/format.hpp"
+#include "format/records.hpp"
+#include "format/ros_messages.hpp"
+#include "format/text.hpp"
 #include "format/viewer_messages.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/mcap/reader.hpp"
-#include "write/random_id.hpp"
 
 namespace trifinger::log {
+
+using namespace detail;
+
 namespace {
 
 constexpr std::string_view kLibrary = "trifinger " TRIFINGER_VERSION;
 constexpr std::string_view kSchemaEncoding = "ros2msg";
 constexpr std::string_view kMessageEncoding = "cdr";
-
-constexpr std::string_view kEventType = "rcl_interfaces/msg/Log";
-constexpr std::string_view kEventDefinition =
-    "byte DEBUG=10\n"
-    "byte INFO=20\n"
-    "byte WARN=30\n"
-    "byte ERROR=40\n"
-    "byte FATAL=50\n"
-    "builtin_interfaces/Time stamp\n"
-    "uint8 level\n"
-    "string name\n"
-    "string msg\n"
-    "string file\n"
-    "string function\n"
-    "uint32 line\n"
-    "================================================================================\n"
-    "MSG: builtin_interfaces/Time\n"
-    "int32 sec\n"
-    "uint32 nanosec\n";
-
-using Entries = std::map<std::string, std::string>;
 
 std::string host_name() {
   std::array<char, 256> name{};
@@ -61,17 +44,6 @@ std::string kernel_version() {
   utsname name{};
   if (::uname(&name) != 0) return "unknown";
   return std::string(name.sysname) + " " + name.release;
-}
-
-std::string hexadecimal(std::span<const std::byte> bytes) {
-  constexpr std::string_view kDigits = "0123456789abcdef";
-  std::string text;
-  for (const std::byte byte : bytes) {
-    const auto value = std::to_integer<unsigned>(byte);
-    text += kDigits[value / 16];
-    text += kDigits[value % 16];
-  }
-  return text;
 }
 
 std::uint64_t log_time(std::int64_t time) noexcept {
@@ -108,8 +80,8 @@ struct WrittenSession {
   WrittenStream step;
   WrittenStream end;
   std::vector<WrittenStream> companions;
-  detail::ViewerMessages viewer;
-  std::array<std::uint16_t, detail::kNumViewerTopics> viewer_channels{};
+  ViewerMessages viewer;
+  std::array<std::uint16_t, kNumViewerTopics> viewer_channels{};
   std::vector<std::byte> no_observation;
   bool is_announced{false};
   bool is_shown{false};        // true: viewers have its description
@@ -137,9 +109,10 @@ class LogWriter::Implementation {
         writer_(make_writer(sink, options, contents)) {
     if (contents != nullptr) {
       for (const mcap::Metadata& record : contents->metadata) {
-        if (record.name == "trifinger.log") is_begun_ = true;
-        if (record.name == "trifinger.session") {
-          announced_.emplace(entry(record, "name"), entry(record, "session_id"));
+        if (record.name == kLogRecord) is_begun_ = true;
+        if (record.name == kSessionRecord) {
+          announced_.emplace(entry_of(record.entries, "name"),
+                             entry_of(record.entries, "session_id"));
         }
       }
       for (const mcap::Attachment& attachment : contents->attachments) {
@@ -154,14 +127,14 @@ class LogWriter::Implementation {
                {"part", std::to_string(options.part)},
                {"recording", options.recording.empty() ? random_id() : options.recording},
                {"precision", std::string(name_of(precision_))}};
-    event_channel_ = add_channel("/events", kEventType, kEventDefinition, {});
+    event_channel_ = add_channel("/events", event_type().name, event_type().definition, {});
   }
 
   // Writes the first record of the file. The constructor does not, because it may have to be
   // repeated.
   void begin() {
     if (is_begun_) return;
-    writer_.write(mcap::Metadata{"trifinger.log", origin_});
+    writer_.write(mcap::Metadata{kLogRecord, origin_});
     is_begun_ = true;
   }
 
@@ -242,32 +215,18 @@ class LogWriter::Implementation {
                    std::string_view fault_text) {
     const WrittenSession& session = at(number);
     const TimeIndex observations = session.observations < 0 ? steps : session.observations;
-    writer_.write(mcap::Metadata{"trifinger.end",
-                                 {{"name", session.header.name},
-                                  {"session_id", std::to_string(session.header.session_id)},
-                                  {"steps", std::to_string(steps)},
-                                  {"observations", std::to_string(observations)},
-                                  {"fault_code", std::to_string(static_cast<int>(fault.code))},
-                                  {"fault", std::string(name_of(fault.code))},
-                                  {"fault_detail", std::to_string(fault.detail)},
-                                  {"fault_time_index", std::to_string(fault.time_index)},
-                                  {"fault_text", std::string(fault_text)}}});
+    writer_.write(end_record(session.header, steps, observations, fault, fault_text));
     // Released now, because sessions may come and go for days.
     sessions_[number].reset();
   }
 
   void write_gap(std::size_t number, const std::string& name, TimeIndex first, TimeIndex last,
                  std::string_view reason) {
-    writer_.write(mcap::Metadata{"trifinger.gap",
-                                 {{"name", name},
-                                  {"session_id", std::to_string(at(number).header.session_id)},
-                                  {"first", std::to_string(first)},
-                                  {"last", std::to_string(last)},
-                                  {"reason", std::string(reason)}}});
+    writer_.write(gap_record(name, at(number).header.session_id, first, last, reason));
   }
 
   void write_event(Level level, std::string_view source, std::string_view text, std::int64_t time) {
-    detail::CdrWriter message;
+    CdrWriter message;
     message.add_time(time);
     message.add(static_cast<std::uint8_t>(level));
     message.add(source);
@@ -324,8 +283,7 @@ class LogWriter::Implementation {
   void show_still(WrittenSession& session, std::uint64_t time) {
     if (session.is_shown) return;
     session.is_shown = true;
-    std::vector<detail::ViewerMessage> messages =
-        session.viewer.still(static_cast<std::int64_t>(time));
+    std::vector<ViewerMessage> messages = session.viewer.still(static_cast<std::int64_t>(time));
     std::vector<Document>& known = shown_documents_[session.header.name];
     if (known == session.header.documents) return;
     known = session.header.documents;
@@ -336,8 +294,8 @@ class LogWriter::Implementation {
     }
   }
 
-  void show(const WrittenSession& session, std::vector<detail::ViewerMessage> messages) {
-    for (detail::ViewerMessage& message : messages) {
+  void show(const WrittenSession& session, std::vector<ViewerMessage> messages) {
+    for (ViewerMessage& message : messages) {
       viewer_size_ += message.data.size();
       viewer_messages_.push_back({.channel = session.viewer_channels[message.topic],
                                   .time = log_time(message.time),
@@ -367,11 +325,6 @@ class LogWriter::Implementation {
                                     .max_chunk_size = kMaxChunkSize};
     if (contents == nullptr) return {sink, std::move(its_options)};
     return {sink, std::move(its_options), *contents};
-  }
-
-  static std::string entry(const mcap::Metadata& record, const std::string& key) {
-    const auto found = record.entries.find(key);
-    return found == record.entries.end() ? std::string() : found->second;
   }
 
   std::uint16_t add_channel(std::string_view topic, std::string_view type,
@@ -419,11 +372,11 @@ class LogWriter::Implementation {
 
   void add_viewer_channels(WrittenSession& session) {
     const std::string& name = session.header.name;
-    for (std::size_t i = 0; i < detail::kNumViewerTopics; ++i) {
-      const detail::ViewerTopic& topic = detail::viewer_topics()[i];
+    for (std::size_t i = 0; i < kNumViewerTopics; ++i) {
+      const ViewerTopic& topic = viewer_topics()[i];
       session.viewer_channels[i] =
-          add_channel("/" + name + "/" + std::string(topic.name), topic.type, topic.definition,
-                      {{"role", "viewer"}, {"robot", name}});
+          add_channel("/" + name + "/" + std::string(topic.name), topic.type->name,
+                      topic.type->definition, {{"role", "viewer"}, {"robot", name}});
     }
   }
 
@@ -444,33 +397,7 @@ class LogWriter::Implementation {
       documents_[name] = document.text;
     }
     const std::string id = std::to_string(header.session_id);
-    if (!announced_.contains({header.name, id})) {
-      std::string companions;
-      std::string first_indices;
-      for (const SessionHeader::Companion& companion : header.companions) {
-        const std::string separator = companions.empty() ? "" : " ";
-        companions += separator + companion.name;
-        first_indices += separator + std::to_string(companion.first_index);
-      }
-      mcap::Metadata record{"trifinger.session",
-                            {{"name", header.name},
-                             {"type", header.types.type},
-                             {"session_id", id},
-                             {"is_real_time", header.is_real_time ? "1" : "0"},
-                             {"period", std::to_string(header.period.count())},
-                             {"created", std::to_string(header.created)},
-                             {"host", header.host},
-                             {"backend_pid", std::to_string(header.backend_pid)},
-                             {"time_offset", std::to_string(header.time_offset)},
-                             {"companions", companions},
-                             {"companion_first_indices", first_indices},
-                             {"first_index", std::to_string(header.first_index)}}};
-      if (header.realtime_lacks) {
-        std::string& lacks = record.entries["realtime_lacks"];
-        for (const std::string& sentence : *header.realtime_lacks) lacks += sentence + "\n";
-      }
-      writer_.write(record);
-    }
+    if (!announced_.contains({header.name, id})) writer_.write(session_record(header));
     session.is_announced = true;
   }
 

@@ -9,21 +9,24 @@
 #include <array>
 #include <atomic>
 #include <cerrno>
-#include <condition_variable>
 #include <deque>
 #include <limits>
 #include <mutex>
 #include <optional>
-#include <set>
 #include <utility>
 
+#include "format/text.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/ipc/file_descriptor.hpp"
 #include "write/recording_files.hpp"
 #include "write/session_copier.hpp"
 #include "write/session_counter.hpp"
+#include "write/session_inbox.hpp"
 
 namespace trifinger::log {
+
+using namespace detail;
+
 namespace {
 
 constexpr Nanoseconds kPollPeriod = std::chrono::milliseconds(20);
@@ -34,24 +37,14 @@ constexpr double kHurry = 0.125;
 constexpr Nanoseconds kSlowPeriod = std::chrono::milliseconds(100);
 constexpr double kWorryingLag = 0.5;
 constexpr double kHarmlessLag = 0.25;
-// Sessions that have ended stay in memory while they wait for the disk, at most this many.
-constexpr std::size_t kMaxWaiting = 16;
 constexpr std::size_t kMaxEvents = 1000;
 // The total change of a slewed clock reaches this value eventually, too.
 constexpr Nanoseconds kWallClockChange = std::chrono::milliseconds(100);
-constexpr Nanoseconds kMaxWaitOfBackend = std::chrono::seconds(1);
 
 std::string seconds_text(Nanoseconds time) {
   const auto tenths = std::chrono::duration_cast<std::chrono::milliseconds>(time).count() / 100;
   return std::to_string(tenths / 10) + "." + std::to_string(tenths % 10) + " s";
 }
-
-// A session that the back-end of this process has handed over.
-struct Handed {
-  Session robot;
-  std::vector<Session> companions;
-  std::shared_ptr<std::atomic<TimeIndex>> next_step;
-};
 
 // One robot and those of its sessions that are not in the log yet, oldest first.
 struct RecordedRobot {
@@ -65,31 +58,10 @@ struct RecordedRobot {
 
   // Number of sessions that have appeared, including ours. `missed`: reported as missed.
   int appeared{-1};
-  int before_watch{0};
+  int before_counter{0};
   int found{0};
   int missed{0};
 };
-
-// Throws if a robot's name cannot be part of a file's name.
-void require_names(const std::vector<std::string>& robots) {
-  if (robots.empty()) throw InvalidArgument("a recorder needs the name of a robot");
-  std::set<std::string> seen;
-  for (const std::string& name : robots) {
-    const auto is_allowed = [](char c) {
-      return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
-             c == '_' || c == '-';
-    };
-    if (name.empty() || name.front() == '-' || !std::ranges::all_of(name, is_allowed)) {
-      throw InvalidArgument("'" + name + "' is not the name of a robot" +
-                            (name.find('.') == std::string::npos
-                                 ? ""
-                                 : "; companions are recorded with their robot"));
-    }
-    if (!seen.insert(name).second) {
-      throw InvalidArgument("robot '" + name + "' is named twice");
-    }
-  }
-}
 
 void drain(const ipc::FileDescriptor& file) noexcept {
   std::uint64_t count = 0;
@@ -103,7 +75,7 @@ class Recorder::Implementation {
   Implementation(const std::vector<std::string>& robots, RecorderOptions options)
       : options_(std::move(options)),
         wake_([] { return ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK); }),
-        watch_(options_.is_follower ? std::vector<std::string>() : robots),
+        counter_(options_.is_follower ? std::vector<std::string>() : robots),
         recording_(robots, options_,
                    [this](Level level, std::string_view source, const std::string& text) {
                      tell(level, source, text);
@@ -151,33 +123,11 @@ class Recorder::Implementation {
     return state;
   }
 
-  // --- called by the back-end's thread ---
-
   void begin_session(const Session& robot, const std::vector<Session>& companions) {
-    auto next_step = std::make_shared<std::atomic<TimeIndex>>(0);
-    {
-      std::unique_lock lock(mutex_);
-      const auto has_room = [this] { return is_over_ || inbox_.size() < kMaxWaiting; };
-      // Outside real-time mode the back-end waits, so that nothing is lost. In real time it must
-      // not.
-      if (!has_room() && !robot.info().is_real_time) {
-        inbox_has_room_.wait_for(lock, kMaxWaitOfBackend, has_room);
-      }
-      if (is_over_ || !has_room()) {
-        if (!is_over_) ++dropped_;
-        next_step->store(std::numeric_limits<TimeIndex>::max(), std::memory_order_relaxed);
-      } else {
-        inbox_.push_back({robot, companions, next_step});
-      }
-    }
-    followed_ = std::move(next_step);
+    inbox_.put(robot, companions);
     wake();
   }
-
-  [[nodiscard]] TimeIndex next_step() const noexcept {
-    // acquire: after this, steps that were read may be overwritten.
-    return followed_ == nullptr ? 0 : followed_->load(std::memory_order_acquire);
-  }
+  [[nodiscard]] TimeIndex next_step() const noexcept { return inbox_.next_step(); }
 
  private:
   // --- finding sessions ---
@@ -189,15 +139,16 @@ class Recorder::Implementation {
     }
     const bool is_time = now() >= next_slow_look_;
     if (is_time) next_slow_look_ = now() + kSlowPeriod;
-    const std::map<std::string, int> counts = watch_.look();
+    const std::map<std::string, int> counts = counter_.count();
     for (RecordedRobot& robot : robots_) {
       const int count = counts.at(robot.name);
-      if (count == robot.appeared && (watch_.is_working() || !is_time)) continue;
+      if (count == robot.appeared && (counter_.is_working() || !is_time)) continue;
       const bool is_first = robot.appeared < 0;
       if (find_session(robot)) robot.appeared = count;
-      // A session that existed before the watch causes no event.
-      if (is_first && robot.found > 0 && watch_.look().at(robot.name) == 0) robot.before_watch = 1;
-      const int missed = count + robot.before_watch - robot.found - robot.missed;
+      // A session that existed before the counter is not counted.
+      if (is_first && robot.found > 0 && counter_.count().at(robot.name) == 0)
+        robot.before_counter = 1;
+      const int missed = count + robot.before_counter - robot.found - robot.missed;
       if (missed > 0 && robot.appeared == count) {
         robot.missed += missed;
         tell(Level::kError, kRecorder,
@@ -243,24 +194,15 @@ class Recorder::Implementation {
   }
 
   void take_handed_over() {
-    std::deque<Handed> handed;
-    std::size_t dropped = 0;
-    {
-      const std::lock_guard lock(mutex_);
-      RecordedRobot& robot = robots_.front();
-      while (!inbox_.empty() && robot.sessions.size() + handed.size() < kMaxWaiting) {
-        handed.push_back(std::move(inbox_.front()));
-        inbox_.pop_front();
-      }
-      dropped = std::exchange(dropped_, 0);
+    RecordedRobot& robot = robots_.front();
+    const SessionInbox::Taken taken = inbox_.take(
+        SessionInbox::kMaxWaiting - std::min(SessionInbox::kMaxWaiting, robot.sessions.size()));
+    for (const HandedSession& session : taken.sessions) {
+      add(robot, session.robot, session.companions, session.next_step);
     }
-    inbox_has_room_.notify_all();
-    for (Handed& session : handed) {
-      add(robots_.front(), session.robot, session.companions, session.next_step);
-    }
-    if (dropped > 0) {
+    if (taken.dropped > 0) {
       tell(Level::kError, kRecorder,
-           std::to_string(dropped) + " sessions of " + robots_.front().name +
+           std::to_string(taken.dropped) + " sessions of " + robot.name +
                " are not in the log: the disk is too slow");
     }
   }
@@ -288,7 +230,7 @@ class Recorder::Implementation {
       }
     }
     if (recorder->is_done()) return;
-    if (robot.sessions.size() >= kMaxWaiting) {
+    if (robot.sessions.size() >= SessionInbox::kMaxWaiting) {
       robot.sessions.pop_front();
       tell(Level::kError, kRecorder,
            "a session of " + robot.name + " is not in the log: too many wait to be written");
@@ -321,9 +263,9 @@ class Recorder::Implementation {
     if (trouble_since_ && now() < next_attempt_) return;
     try {
       write();
-      recover();
+      end_trouble();
     } catch (const SystemError& error) {
-      suffer(error);
+      begin_trouble(error);
     }
   }
 
@@ -370,7 +312,7 @@ class Recorder::Implementation {
     }
   }
 
-  void suffer(const SystemError& error) {
+  void begin_trouble(const SystemError& error) {
     next_attempt_ = now() + kSlowPeriod;
     if (trouble_since_ && trouble_ == error.what()) return;
     trouble_ = error.what();
@@ -383,7 +325,7 @@ class Recorder::Implementation {
         "cannot write: " + trouble_ + "; tries again as long as the history holds what is missing");
   }
 
-  void recover() {
+  void end_trouble() {
     if (!trouble_since_) return;
     const std::int64_t lost = lost_steps() - lost_before_trouble_;
     tell(Level::kWarning, kRecorder,
@@ -398,11 +340,11 @@ class Recorder::Implementation {
   void write_end() {
     write();
     // Sessions that were handed over may still be waiting.
-    while (options_.is_follower && has_handed_over()) {
+    while (options_.is_follower && !inbox_.is_empty()) {
       look_for_sessions();
       write();
     }
-    recover();
+    end_trouble();
     if (recording_.is_open()) write_events();
     recording_.finish();
     update_state();
@@ -464,7 +406,7 @@ class Recorder::Implementation {
   void wait() {
     period_ = hurry_ ? kMinPollPeriod : std::min(2 * period_, kPollPeriod);
     std::array<pollfd, 2> files{{{.fd = wake_.get(), .events = POLLIN, .revents = 0},
-                                 {.fd = watch_.descriptor(), .events = POLLIN, .revents = 0}}};
+                                 {.fd = counter_.descriptor(), .events = POLLIN, .revents = 0}}};
     const timespec time{.tv_sec = 0, .tv_nsec = period_.count()};
     if (::ppoll(files.data(), files.size(), &time, nullptr) > 0 && files[0].revents != 0) {
       drain(wake_);
@@ -482,11 +424,6 @@ class Recorder::Implementation {
       for (const auto& session : robot.sessions) lost += session->lost_steps();
     }
     return lost;
-  }
-
-  bool has_handed_over() const {
-    const std::lock_guard lock(mutex_);
-    return !inbox_.empty();
   }
 
   void update_state() {
@@ -512,28 +449,18 @@ class Recorder::Implementation {
 
   // From now on the back-end never waits for this recorder.
   void leave() noexcept {
-    {
-      const std::lock_guard lock(mutex_);
-      is_over_ = true;
-      for (const Handed& session : inbox_) give_up(session);
-      inbox_.clear();
-    }
+    inbox_.close();
     for (RecordedRobot& robot : robots_) {
       for (const auto& session : robot.sessions) session->give_up();
     }
-    inbox_has_room_.notify_all();
-  }
-
-  static void give_up(const Handed& session) noexcept {
-    // relaxed: no step was read.
-    session.next_step->store(std::numeric_limits<TimeIndex>::max(), std::memory_order_relaxed);
   }
 
   RecorderOptions options_;
   ipc::FileDescriptor wake_;
-  SessionCounter watch_;
+  SessionCounter counter_;
   std::deque<Event> events_;  // events that are not in the log yet
   RecordingFiles recording_;
+  SessionInbox inbox_;
   std::deque<RecordedRobot> robots_;
   std::atomic<bool> stop_requested_{false};
   std::atomic<std::uint64_t> rounds_{0};
@@ -554,18 +481,10 @@ class Recorder::Implementation {
   // The mutex guards the following members.
   RecorderState state_;
   std::shared_ptr<const std::atomic<TimeIndex>> written_;  // session being written
-  std::deque<Handed> inbox_;
-  std::size_t dropped_{0};
-  bool is_over_{false};
-  std::condition_variable inbox_has_room_;
-
-  std::shared_ptr<std::atomic<TimeIndex>> followed_;  // used by the back-end's thread only
 };
 
-Recorder::Recorder(const std::vector<std::string>& robots, RecorderOptions options) {
-  require_names(robots);
-  implementation_ = std::make_unique<Implementation>(robots, std::move(options));
-}
+Recorder::Recorder(const std::vector<std::string>& robots, RecorderOptions options)
+    : implementation_(std::make_unique<Implementation>(robots, std::move(options))) {}
 Recorder::~Recorder() = default;
 
 void Recorder::run() { implementation_->run(); }

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "write/recording_files.hpp"
 
-#include <fcntl.h>
 #include <sys/stat.h>
 #include <sys/statvfs.h>
 #include <unistd.h>
@@ -11,20 +10,18 @@
 #include <cerrno>
 #include <charconv>
 #include <cstdio>
-#include <cstring>
+#include <set>
 #include <string_view>
 #include <utility>
 
-#include "format/dates.hpp"
 #include "format/format.hpp"
-#include "trifinger/base/regular_file.hpp"
-#include "trifinger/ipc/file_lock.hpp"
-#include "trifinger/ipc/process.hpp"
-#include "trifinger/log/message_layout.hpp"
+#include "format/records.hpp"
+#include "format/text.hpp"
+#include "trifinger/base/error.hpp"
 #include "trifinger/mcap/reader.hpp"
-#include "write/random_id.hpp"
+#include "trifinger/mcap/records.hpp"
 
-namespace trifinger::log {
+namespace trifinger::log::detail {
 namespace {
 
 // With a look every 20 ms, a chunk is written at the fourth look, when its first step is 80 ms old.
@@ -56,7 +53,28 @@ std::string file_name(const std::string& stem, int part) {
   return stem + number.data() + std::string(kLogSuffix);
 }
 
+// Throws if a robot's name cannot be part of a file's name.
+void require_names(const std::vector<std::string>& robots) {
+  if (robots.empty()) throw InvalidArgument("a recorder needs the name of a robot");
+  std::set<std::string> seen;
+  for (const std::string& name : robots) {
+    const auto is_allowed = [](char c) {
+      return is_lower(c) || is_upper(c) || is_digit(c) || c == '_' || c == '-';
+    };
+    if (name.empty() || name.front() == '-' || !std::ranges::all_of(name, is_allowed)) {
+      throw InvalidArgument("'" + name + "' is not the name of a robot" +
+                            (name.find('.') == std::string::npos
+                                 ? ""
+                                 : "; companions are recorded with their robot"));
+    }
+    if (!seen.insert(name).second) {
+      throw InvalidArgument("robot '" + name + "' is named twice");
+    }
+  }
+}
+
 std::string joined(const std::vector<std::string>& robots) {
+  require_names(robots);
   std::string name;
   for (const std::string& robot : robots) name += (name.empty() ? "" : "+") + robot;
   if (name.size() > kMaxName) {
@@ -66,209 +84,15 @@ std::string joined(const std::vector<std::string>& robots) {
   return name;
 }
 
-std::string entry(const std::map<std::string, std::string>& entries, const std::string& key) {
-  const auto found = entries.find(key);
-  return found == entries.end() ? std::string() : found->second;
-}
-
 // Returns what the file says about itself under `key`.
 std::string log_entry(const mcap::Contents& contents, const std::string& key) {
   for (const mcap::Metadata& record : contents.metadata) {
-    if (record.name == "trifinger.log") return entry(record.entries, key);
+    if (record.name == kLogRecord) return entry_of(record.entries, key);
   }
   return {};
 }
 
-TimeIndex index_of(std::string_view text) noexcept {
-  TimeIndex index = 0;
-  std::from_chars(text.data(), text.data() + text.size(), index);
-  return index;
-}
-
-std::vector<std::string> words(std::string_view text) {
-  std::vector<std::string> found;
-  while (!text.empty()) {
-    const std::string_view word = text.substr(0, text.find(' '));
-    found.emplace_back(word);
-    text.remove_prefix(std::min(text.size(), word.size() + 1));
-  }
-  return found;
-}
-
-// Finds, in one file, the position up to which a session was recorded.
-class PositionSearch {
- public:
-  PositionSearch(mcap::Reader& reader, std::string robot, std::uint64_t session_id)
-      : reader_(reader), robot_(std::move(robot)), session_id_(session_id) {}
-
-  std::optional<Position> run() {
-    if (!read_metadata()) return std::nullopt;
-    // The newest messages are enough. Chunks before the session's record do not contain the
-    // session.
-    for (std::size_t i = reader_.contents().chunks.size(); i-- > 0 && !is_complete();) {
-      if (reader_.contents().chunks[i].offset < begin_) break;
-      if (const auto messages = reader_.read_chunk(i)) {
-        for (const mcap::Message& message : *messages) look_at(message);
-      }
-    }
-    return position_;
-  }
-
- private:
-  [[nodiscard]] bool is_ours(const mcap::Metadata& record) const {
-    return entry(record.entries, "session_id") == std::to_string(session_id_);
-  }
-
-  bool read_metadata() {
-    const mcap::Contents& contents = reader_.contents();
-    bool is_known = false;
-    for (std::size_t i = 0; i < contents.metadata.size(); ++i) {
-      const mcap::Metadata& record = contents.metadata[i];
-      if (!is_ours(record)) continue;
-      const std::string name = entry(record.entries, "name");
-      if (record.name == "trifinger.session" && name == robot_) {
-        is_known = true;
-        begin_ = contents.metadata_places[i].offset;
-        position_.time_offset = index_of(entry(record.entries, "time_offset"));
-        reach(name, index_of(entry(record.entries, "first_index")));
-        const auto companions = words(entry(record.entries, "companions"));
-        const auto first = words(entry(record.entries, "companion_first_indices"));
-        for (std::size_t k = 0; k < companions.size(); ++k) {
-          reach(companions[k], k < first.size() ? index_of(first[k]) : 0);
-        }
-      }
-      if (record.name == "trifinger.gap") reach(name, index_of(entry(record.entries, "last")) + 1);
-      if (record.name == "trifinger.end" && name == robot_) position_.is_closed = true;
-    }
-    // Only channels that have messages need a search.
-    for (const auto& [id, channel] : contents.channels) {
-      const auto count = contents.channel_message_counts.find(id);
-      if (count == contents.channel_message_counts.end() || count->second == 0) continue;
-      const std::string role = entry(channel.metadata, "role");
-      if ((role == "step" || role == "companion") &&
-          is_session_of_robot(entry(channel.metadata, "session"))) {
-        wanted_.push_back(id);
-      }
-    }
-    return is_known;
-  }
-
-  [[nodiscard]] bool is_session_of_robot(const std::string& name) const {
-    return name == robot_ || name.starts_with(robot_ + ".");
-  }
-  [[nodiscard]] bool is_complete() const noexcept { return position_.is_closed || wanted_.empty(); }
-
-  void look_at(const mcap::Message& message) {
-    const auto& channels = reader_.contents().channels;
-    const auto channel = channels.find(message.channel_id);
-    if (channel == channels.end()) return;
-    const auto& metadata = channel->second.metadata;
-    const std::string name = entry(metadata, "session");
-    const std::string role = entry(metadata, "role");
-    MessageHead head;
-    if (!is_session_of_robot(name) || message.data.size() < kCdrHeaderSize + sizeof(head)) return;
-    std::memcpy(&head, message.data.data() + kCdrHeaderSize, sizeof(head));
-    if (head.session_id != session_id_) return;
-    if (role == "end") {
-      position_.has_end = true;
-      return;
-    }
-    reach(name, head.index + 1);
-    std::erase(wanted_, message.channel_id);
-  }
-
-  void reach(const std::string& name, TimeIndex next) {
-    TimeIndex& known = name == robot_ ? position_.next_step : position_.next_elements[name];
-    known = std::max(known, next);
-  }
-
-  mcap::Reader& reader_;
-  std::string robot_;
-  std::uint64_t session_id_;
-  std::uint64_t begin_{0};
-  std::vector<std::uint16_t> wanted_;  // channels without any message found so far
-  Position position_;
-};
-
-// Says who holds a lock, as stored in the lock's file. Messages and waiting processes use it;
-// everything else works without it.
-struct LockOwner {
-  ipc::ProcessIdentity recorder;
-  ipc::ProcessIdentity robot;  // the recorder ends with this process, if there is one
-
-  static LockOwner read(const ipc::FileDescriptor& file) noexcept {
-    LockOwner owner;
-    if (::pread(file.get(), &owner, sizeof(owner), 0) != sizeof(owner)) return {};
-    return owner;
-  }
-  void write(const ipc::FileDescriptor& file) const noexcept {
-    static_cast<void>(::pwrite(file.get(), this, sizeof(*this), 0));
-  }
-  [[nodiscard]] bool is_known() const noexcept { return recorder.pid != 0; }
-  [[nodiscard]] bool is_finishing() const noexcept {
-    return (robot.pid != 0 && robot.is_ending()) || (is_known() && recorder.is_ending());
-  }
-};
-
-[[noreturn]] void throw_recorded(const std::filesystem::path& folder, const std::string& robot,
-                                 const LockOwner& owner) {
-  throw AlreadyRecorded("robot '" + robot + "' is recorded into " + folder.string() + " by " +
-                        (owner.is_known() ? ipc::describe(owner.recorder) : "another process") +
-                        "; choose another folder, or stop that one");
-}
-
-[[noreturn]] void throw_unfinished(const std::filesystem::path& folder, const std::string& robot,
-                                   const LockOwner& owner) {
-  throw AlreadyRecorded(
-      "robot '" + robot + "' is recorded into " + folder.string() + " by " +
-      ipc::describe(owner.recorder) +
-      ", whose back-end is gone and which does not finish; choose another folder, or end it with "
-      "'kill -9 " +
-      std::to_string(owner.recorder.pid) + "'");
-}
-
-std::unique_ptr<mcap::Sink> open_file(const std::filesystem::path& path,
-                                      std::optional<std::uint64_t> size) {
-  return std::make_unique<mcap::FileSink>(size ? mcap::FileSink::resume(path, *size)
-                                               : mcap::FileSink::create(path));
-}
-
 }  // namespace
-
-// --- RecordingLock ---
-
-RecordingLock::RecordingLock(const std::filesystem::path& folder, const std::string& robot,
-                             const std::optional<ipc::ProcessIdentity>& robot_process)
-    : path_(folder / ("." + robot + ".recorder")) {
-  constexpr mode_t kMode = S_IRUSR | S_IWUSR | S_IRGRP | S_IROTH;
-  const ipc::LockPatience patience;
-  while (true) {
-    file_ = ipc::FileDescriptor(
-        [this] { return open_regular_file(path_, O_RDWR | O_CREAT, NamedBy::kProgram, kMode); });
-    if (!ipc::try_lock(file_)) {
-      const LockOwner owner = LockOwner::read(file_);
-      if (patience.wait(owner.is_finishing())) continue;
-      if (owner.is_finishing()) throw_unfinished(folder, robot, owner);
-      throw_recorded(folder, robot, owner);
-    }
-    // The previous owner may have removed the file between our two calls.
-    struct stat ours{};
-    struct stat named{};
-    if (::fstat(file_.get(), &ours) == 0 && ::lstat(path_.c_str(), &named) == 0 &&
-        ours.st_ino == named.st_ino && ours.st_dev == named.st_dev) {
-      break;
-    }
-  }
-  LockOwner{ipc::ProcessIdentity::of_this_process(), robot_process.value_or(ipc::ProcessIdentity{})}
-      .write(file_);
-}
-
-RecordingLock::~RecordingLock() {
-  // The lock is still held here, so the file that is removed is ours.
-  if (file_) ::unlink(path_.c_str());
-}
-
-// --- RecordingFiles ---
 
 RecordingFiles::RecordingFiles(const std::vector<std::string>& robots,
                                const RecorderOptions& options, Tell tell)
@@ -279,7 +103,7 @@ RecordingFiles::RecordingFiles(const std::vector<std::string>& robots,
   for (const std::string& robot : robots) {
     locks_.emplace_back(options_.folder, robot, options_.until_process_ends);
   }
-  look_at(find_files());
+  find_unfinished(find_files());
 }
 
 std::vector<RecordingFiles::File> RecordingFiles::find_files() const {
@@ -315,7 +139,7 @@ std::vector<RecordingFiles::File> RecordingFiles::find_files() const {
 }
 
 // Finds the recording that an earlier recorder left unfinished, if it is the newest one.
-void RecordingFiles::look_at(std::vector<File> files) {
+void RecordingFiles::find_unfinished(std::vector<File> files) {
   earlier_ = std::move(files);
   // The recorders of empty files were killed before the first byte.
   std::erase_if(earlier_, [](const File& file) {
@@ -375,12 +199,10 @@ std::vector<std::uint64_t> RecordingFiles::open_sessions(const std::string& robo
   std::vector<std::uint64_t> open;
   if (!unfinished_) return open;
   for (const mcap::Metadata& record : unfinished_->reader->contents().metadata) {
-    if (entry(record.entries, "name") != robot) continue;
-    std::uint64_t id = 0;
-    const std::string text = entry(record.entries, "session_id");
-    std::from_chars(text.data(), text.data() + text.size(), id);
-    if (record.name == "trifinger.session") open.push_back(id);
-    if (record.name == "trifinger.end") std::erase(open, id);
+    if (entry_of(record.entries, "name") != robot) continue;
+    const auto id = number_of<std::uint64_t>(entry_of(record.entries, "session_id")).value_or(0);
+    if (record.name == kSessionRecord) open.push_back(id);
+    if (record.name == kEndRecord) std::erase(open, id);
   }
   return open;
 }
@@ -405,20 +227,17 @@ bool RecordingFiles::join(const std::filesystem::path& path) {
   return true;
 }
 
-std::optional<Position> RecordingFiles::find(const std::string& robot,
-                                             std::uint64_t session_id) const {
+std::optional<RecordedPosition> RecordingFiles::find(const std::string& robot,
+                                                     std::uint64_t session_id) const {
   std::size_t searched = 0;
   for (const File& file : earlier_) {
     if (++searched > kMaxFilesToSearch) break;
     try {
-      if (unfinished_ && unfinished_->file.path == file.path) {
-        auto position = PositionSearch(*unfinished_->reader, robot, session_id).run();
-        if (!position) continue;
-        position->file = file.path;
-        return position;
-      }
-      mcap::Reader reader(file.path);
-      auto position = PositionSearch(reader, robot, session_id).run();
+      const bool is_open = unfinished_ && unfinished_->file.path == file.path;
+      mcap::Reader* reader = is_open ? unfinished_->reader.get() : nullptr;
+      std::optional<mcap::Reader> own;
+      if (reader == nullptr) reader = &own.emplace(file.path);
+      auto position = find_position(*reader, robot, session_id);
       if (!position) continue;
       position->file = file.path;
       return position;
@@ -457,24 +276,19 @@ void RecordingFiles::open() {
 }
 
 void RecordingFiles::open_new() {
-  const RecorderOptions::OpenFile open = options_.open_file ? options_.open_file : open_file;
   std::unique_ptr<mcap::Sink> sink;
   std::filesystem::path path;
   while (sink == nullptr) {
     path = options_.folder / file_name(stem_, part_);
     try {
-      sink = open(path, std::nullopt);
+      sink = open_file(path, std::nullopt);
     } catch (const SystemError& error) {
       if (error.error_number() != EEXIST) throw;
       ++part_;
     }
   }
   try {
-    log_ = std::make_unique<LogWriter>(*sink, LogOptions{.precision = options_.precision,
-                                                         .compression = options_.compression,
-                                                         .level = options_.level,
-                                                         .recording = id_,
-                                                         .part = part_});
+    log_ = std::make_unique<LogWriter>(*sink, log_options());
   } catch (...) {
     // No byte was written, so the next attempt creates the file again.
     sink.reset();
@@ -482,36 +296,45 @@ void RecordingFiles::open_new() {
     std::filesystem::remove(path, ignored);
     throw;
   }
-  sink_ = std::move(sink);
-  path_ = std::move(path);
-  begun_at_ = 0;
-  file_begun_ = last_sync_ = now();
-  synced_size_ = 0;
+  begin_file(std::move(sink), path, 0);
   tell_(Level::kInfo, kRecorder, "records into " + path_.string());
 }
 
 void RecordingFiles::go_on(const Unfinished& unfinished) {
-  const RecorderOptions::OpenFile open = options_.open_file ? options_.open_file : open_file;
   const mcap::Contents& contents = unfinished.reader->contents();
-  std::unique_ptr<mcap::Sink> sink = open(unfinished.file.path, contents.complete_size);
-  log_ = std::make_unique<LogWriter>(*sink,
-                                     LogOptions{.precision = options_.precision,
-                                                .compression = options_.compression,
-                                                .level = options_.level,
-                                                .recording = id_,
-                                                .part = part_},
-                                     contents);
-  sink_ = std::move(sink);
-  path_ = unfinished.file.path;
-  begun_at_ = contents.complete_size;
-  file_begun_ = last_sync_ = now();
-  synced_size_ = 0;
+  std::unique_ptr<mcap::Sink> sink = open_file(unfinished.file.path, contents.complete_size);
+  log_ = std::make_unique<LogWriter>(*sink, log_options(), contents);
+  begin_file(std::move(sink), unfinished.file.path, contents.complete_size);
   std::string text = "goes on with " + path_.string() + ", which another recorder has left";
   if (unfinished.file.size > contents.complete_size) {
     text += "; " + std::to_string(unfinished.file.size - contents.complete_size) +
             " bytes at its end were half written";
   }
   tell_(Level::kWarning, kRecorder, text);
+}
+
+std::unique_ptr<mcap::Sink> RecordingFiles::open_file(const std::filesystem::path& path,
+                                                      std::optional<std::uint64_t> size) const {
+  if (options_.open_file) return options_.open_file(path, size);
+  return std::make_unique<mcap::FileSink>(size ? mcap::FileSink::resume(path, *size)
+                                               : mcap::FileSink::create(path));
+}
+
+LogOptions RecordingFiles::log_options() const {
+  return {.precision = options_.precision,
+          .compression = options_.compression,
+          .level = options_.level,
+          .recording = id_,
+          .part = part_};
+}
+
+void RecordingFiles::begin_file(std::unique_ptr<mcap::Sink> sink, const std::filesystem::path& path,
+                                std::uint64_t size) {
+  sink_ = std::move(sink);
+  path_ = path;
+  begun_at_ = size;
+  file_begun_ = last_sync_ = now();
+  synced_size_ = 0;
 }
 
 void RecordingFiles::flush(bool is_wanted) {
@@ -618,4 +441,4 @@ std::uint64_t RecordingFiles::bytes() const noexcept {
   return bytes_of_finished_ + (sink_ != nullptr ? sink_->size() - begun_at_ : 0);
 }
 
-}  // namespace trifinger::log
+}  // namespace trifinger::log::detail

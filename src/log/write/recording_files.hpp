@@ -4,43 +4,23 @@
 #include <cstdint>
 #include <deque>
 #include <filesystem>
-#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "trifinger/base/time.hpp"
-#include "trifinger/ipc/file_descriptor.hpp"
-#include "trifinger/ipc/process.hpp"
 #include "trifinger/log/log_writer.hpp"
 #include "trifinger/log/recorder.hpp"
 #include "trifinger/mcap/reader.hpp"
 #include "trifinger/mcap/sink.hpp"
+#include "write/recorded_position.hpp"
+#include "write/recording_lock.hpp"
 #include "write/session_copier.hpp"
 
-namespace trifinger::log {
+namespace trifinger::log::detail {
 
 [[nodiscard]] inline Instant now() noexcept { return std::chrono::steady_clock::now(); }
-
-// The right to record one robot into one folder. It lasts as long as the object.
-class RecordingLock {
- public:
-  // `robot_process`: the process with which the recorder ends, if there is one. If the present
-  // owner's own such process is gone, that owner is about to finish, and the constructor waits for
-  // it. Throws AlreadyRecorded, SystemError.
-  RecordingLock(const std::filesystem::path& folder, const std::string& robot,
-                const std::optional<ipc::ProcessIdentity>& robot_process);
-  RecordingLock(RecordingLock&&) noexcept = default;
-  RecordingLock& operator=(RecordingLock&&) = delete;
-  RecordingLock(const RecordingLock&) = delete;
-  RecordingLock& operator=(const RecordingLock&) = delete;
-  ~RecordingLock();
-
- private:
-  std::filesystem::path path_;
-  ipc::FileDescriptor file_;
-};
 
 // The files of a recording. Chooses their names, decides when one ends and the next begins, removes
 // old ones, and finds where an earlier recorder stopped. Functions that the disk can make fail
@@ -53,8 +33,8 @@ class RecordingFiles {
   RecordingFiles(const std::vector<std::string>& robots, const RecorderOptions& options, Tell tell);
 
   // Returns how far earlier recorders have recorded this session; nothing if they do not know it.
-  [[nodiscard]] std::optional<Position> find(const std::string& robot,
-                                             std::uint64_t session_id) const;
+  [[nodiscard]] std::optional<RecordedPosition> find(const std::string& robot,
+                                                     std::uint64_t session_id) const;
   // Returns the sessions of the robot that have no end in the continued recording.
   [[nodiscard]] std::vector<std::uint64_t> open_sessions(const std::string& robot) const;
   // True if the recording of `file` was cut off and is continued now.
@@ -96,11 +76,17 @@ class RecordingFiles {
   };
 
   [[nodiscard]] std::vector<File> find_files() const;
-  void look_at(std::vector<File> files);
+  void find_unfinished(std::vector<File> files);
   void take_over(Unfinished unfinished);
   void take_name_of(const File& file, const mcap::Contents& contents);
   void open();
   void open_new();
+  [[nodiscard]] std::unique_ptr<mcap::Sink> open_file(const std::filesystem::path& path,
+                                                      std::optional<std::uint64_t> size) const;
+  [[nodiscard]] LogOptions log_options() const;
+  // Takes a file that has `size` bytes.
+  void begin_file(std::unique_ptr<mcap::Sink> sink, const std::filesystem::path& path,
+                  std::uint64_t size);
   void go_on(const Unfinished& unfinished);
   void finish_file();
   void sync();
@@ -134,4 +120,4 @@ class RecordingFiles {
   Instant last_look_;  // last look at the disk
 };
 
-}  // namespace trifinger::log
+}  // namespace trifinger::log::detail

@@ -8,7 +8,7 @@
 
 #include "trifinger/core/errors.hpp"
 
-namespace trifinger::log {
+namespace trifinger::log::detail {
 namespace {
 
 // Chunks are closed above this size: large enough to compress well.
@@ -67,7 +67,7 @@ SessionCopier::SessionCopier(const Session& robot, const std::vector<Session>& c
   statuses_.resize(batch_ * sizeof(Status));
 }
 
-void SessionCopier::go_on_at(const Position& position, bool is_same_recording) {
+void SessionCopier::go_on_at(const RecordedPosition& position, bool is_same_recording) {
   has_time_ = true;
   is_fresh_ = !is_same_recording && !has_all_since(position.next_step);
   set_next(position.next_step);
@@ -291,4 +291,4 @@ void SessionCopier::write_end(LogWriter& log, const Fault& fault) {
   tell_(fault.needs_recovery() ? Level::kError : Level::kInfo, header_.name, text);
 }
 
-}  // namespace trifinger::log
+}  // namespace trifinger::log::detail

@@ -3,9 +3,7 @@
 
 #include <atomic>
 #include <cstdint>
-#include <filesystem>
 #include <functional>
-#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -14,25 +12,18 @@
 
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/core/session.hpp"
+#include "trifinger/log/event.hpp"
 #include "trifinger/log/log_writer.hpp"
+#include "trifinger/log/session_header.hpp"
+#include "write/recorded_position.hpp"
 
-namespace trifinger::log {
-
-// The position up to which an earlier recorder has recorded a session.
-struct Position {
-  std::filesystem::path file;  // the newest file that knows the session
-  TimeIndex next_step{0};
-  std::map<std::string, TimeIndex> next_elements;  // by companion
-  std::int64_t time_offset{0};
-  bool has_end{false};    // y_N and its status are in the log
-  bool is_closed{false};  // the log has everything, including the end
-};
+namespace trifinger::log::detail {
 
 // Source of events that come from the recorder itself and not from a robot.
 inline constexpr std::string_view kRecorder = "recorder";
 
-// Copies a session, its robot's steps and its companions' elements, from the shared memory to a
-// log. Keeps track of its position.
+// Copies one session from memory to a log: the robot's steps, the companions' elements and the end.
+// Knows how far it is.
 class SessionCopier {
  public:
   using Tell = std::function<void(Level level, std::string_view source, const std::string& text)>;
@@ -44,7 +35,7 @@ class SessionCopier {
 
   // Continues at `position`. Steps that the history has lost since then become a gap, but only if
   // the recording is the same.
-  void go_on_at(const Position& position, bool is_same_recording);
+  void go_on_at(const RecordedPosition& position, bool is_same_recording);
   // True if the history still holds everything from `step` on.
   [[nodiscard]] bool has_all_since(TimeIndex step) const { return oldest_step() <= step; }
   [[nodiscard]] const SessionHeader& header() const noexcept { return header_; }
@@ -114,4 +105,4 @@ class SessionCopier {
   std::vector<std::byte> statuses_;
 };
 
-}  // namespace trifinger::log
+}  // namespace trifinger::log::detail

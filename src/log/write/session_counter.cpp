@@ -11,7 +11,7 @@
 
 #include "trifinger/core/session.hpp"
 
-namespace trifinger::log {
+namespace trifinger::log::detail {
 namespace {
 
 constexpr std::string_view kPrefix = "trifinger.";
@@ -28,7 +28,7 @@ SessionCounter::SessionCounter(const std::vector<std::string>& robots)
   }
 }
 
-const std::map<std::string, int>& SessionCounter::look() {
+const std::map<std::string, int>& SessionCounter::count() {
   alignas(inotify_event) std::array<char, 4096> buffer;
   while (file_) {
     const ssize_t size = ::read(file_.get(), buffer.data(), buffer.size());
@@ -50,4 +50,4 @@ const std::map<std::string, int>& SessionCounter::look() {
   return counts_;
 }
 
-}  // namespace trifinger::log
+}  // namespace trifinger::log::detail

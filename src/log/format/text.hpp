@@ -6,12 +6,19 @@
 #include <chrono>
 #include <cstdint>
 #include <ctime>
+#include <random>
 #include <string>
 #include <string_view>
 
-#include "format/characters.hpp"
+namespace trifinger::log::detail {
 
-namespace trifinger::log {
+// ---- classes of ASCII characters, whatever the locale ----
+
+[[nodiscard]] constexpr bool is_lower(char c) noexcept { return c >= 'a' && c <= 'z'; }
+[[nodiscard]] constexpr bool is_upper(char c) noexcept { return c >= 'A' && c <= 'Z'; }
+[[nodiscard]] constexpr bool is_digit(char c) noexcept { return c >= '0' && c <= '9'; }
+
+// ---- times and names ----
 
 // Returns the time of the wall clock since 1970 [ns].
 [[nodiscard]] inline std::int64_t wall_time() noexcept {
@@ -45,4 +52,12 @@ inline constexpr std::string_view kDatePattern = "0000-00-00_00-00-00";
   });
 }
 
-}  // namespace trifinger::log
+// Returns 64 random bits in hexadecimal. They tell one recording from all others.
+[[nodiscard]] inline std::string random_id() {
+  std::random_device random;
+  std::string id;
+  for (int i = 0; i < 16; ++i) id += "0123456789abcdef"[random() % 16];
+  return id;
+}
+
+}  // namespace trifinger::log::detail
