@@ -36,7 +36,7 @@ TEST_F(RecorderOfChangedClocks, fault_55_TellsTheNewOffsetAndKeepsTheTimeOfTheSt
                    .max_action_repeats = 1'000'000'000,
                    .max_skipped_ticks = 1'000'000'000});
   const BackendThread thread(backend);
-  RecorderThread recorder({"robot"}, {.folder = logs_.path(), .keep_free = 0});
+  RecorderUnderTest recorder({"robot"}, {.folder = logs_.path(), .keep_free = 0});
   Frontend<FakeRobot> robot(host);
   robot.append_desired_action({});
   recorder.wait_for_step(20);

@@ -166,7 +166,7 @@ TEST_F(FlightRecorderTest, KeepsTheOrderlyStopAndWhatWasBeforeStepZero) {
   EXPECT_EQ(last.stamp.arrival_time, logged.get_status(0).time);
 }
 
-TEST_F(FlightRecorderTest, LeavesNothingBehindACleanEnd) {
+TEST_F(FlightRecorderTest, LeavesNothingAfterACleanEnd) {
   run_session(50, false);
   EXPECT_THAT(recorder_.write(), IsEmpty());
   EXPECT_THAT(files_in(folder_.path()), IsEmpty());

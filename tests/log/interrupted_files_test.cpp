@@ -63,10 +63,10 @@ TEST(InterruptedFiles, fault_23_CostARecorderNothing) {
   Frontend<FakeRobot> robot(backend.host());
   robot.append_desired_action({});
   for (int round = 1; round <= 2; ++round) {  // the second round continues after the first
-    RecorderThread recorder({"robot"}, {.folder = logs.path(),
-                                        .rotate_size = 100'000,
-                                        .keep_free = 0,
-                                        .sync_period = std::chrono::milliseconds(10)});
+    RecorderUnderTest recorder({"robot"}, {.folder = logs.path(),
+                                           .rotate_size = 100'000,
+                                           .keep_free = 0,
+                                           .sync_period = std::chrono::milliseconds(10)});
     recorder.wait_for_step(round * 1000);
     recorder.stop();
     EXPECT_EQ(recorder.count_events("cannot"), 0U) << recorder.all_events();

@@ -207,16 +207,7 @@ TEST(Log, KnowsTheLatestReadingAtEveryStep) {
 TEST(Log, NamesWhatIsMissing) {
   const Folder folder;
   const OddSession written = random_session(3, 100);
-  {
-    mcap::FileSink sink = mcap::FileSink::create(folder / "a.mcap");
-    LogWriter writer(sink, {});
-    const std::size_t number = writer.begin_session(written.header);
-    test::write_steps(writer, number, written, 0, 30);
-    writer.write_gap(number, 30, 39, "the disk was full");
-    test::write_steps(writer, number, written, 40, 100);
-    test::write_end(writer, number, written);
-    writer.finish();
-  }
+  test::write_log_with_gap(folder / "a.mcap", written, 30, 39);
   const LoggedSession session = Log(folder / "a.mcap").session();
   EXPECT_THAT(session.gaps(), ElementsAre(Gap{30, 39, "the disk was full"}));
   const test::FoundSteps found = test::read_steps(session);

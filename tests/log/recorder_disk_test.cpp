@@ -65,7 +65,7 @@ class RecorderDisk : public ::testing::Test {
   std::uint64_t rotate_size_{std::uint64_t{1} << 30U};
   std::optional<FakeBackend> backend_;
   std::optional<Frontend<FakeRobot>> robot_;
-  std::optional<RecorderThread> recorder_;
+  std::optional<RecorderUnderTest> recorder_;
 };
 
 // GoogleTest wants both bases.
@@ -221,7 +221,7 @@ int record_on_full_disk(const std::filesystem::path& folder, const Spoil& spoil,
   const FakeBackend backend("robot", {.history = 131072}, kRealTime);
   Frontend<FakeRobot> robot(backend.host());
   robot.append_desired_action({});
-  RecorderThread recorder({"robot"}, options_for(folder));
+  RecorderUnderTest recorder({"robot"}, options_for(folder));
   recorder.wait_for_step(10);
   spoil();
   recorder.wait_for_event("cannot write: ");

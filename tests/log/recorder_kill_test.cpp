@@ -117,7 +117,7 @@ TEST_F(RecorderKill, fault_20_AgainAndAgainCostsNothing) {
     }
   }
   // The last recorder gets everything.
-  RecorderThread last({"robot"}, {.folder = logs_.path(), .keep_free = 0});
+  RecorderUnderTest last({"robot"}, {.folder = logs_.path(), .keep_free = 0});
   const TimeIndex end = robot.current_time_index();
   last.wait_for_step(end);
   last.stop();
@@ -188,7 +188,7 @@ TEST_F(RecorderKill, fault_20_IsToldIfASessionEndsBeforeTheNextRecorderComes) {
   const bool has_ended = !cut_off.newest().ends.empty();
   static_cast<void>(find_robot());
   while (Session::open("robot").info().session_id == id) std::this_thread::yield();
-  RecorderThread recorder({"robot"}, {.folder = logs_.path(), .keep_free = 0});
+  RecorderUnderTest recorder({"robot"}, {.folder = logs_.path(), .keep_free = 0});
   recorder.wait_for_step(20);
   recorder.stop();
   const Recorded log(logs_.path());
@@ -207,7 +207,8 @@ TEST_F(RecorderKill, fault_20_TogetherWithTheBackendLeavesWhatTheMemoryHolds) {
   robot.wait_until_time_index(robot.current_time_index() + 100);
   backend->kill();
   const TimeIndex steps = robot.session().info().steps;
-  RecorderThread recorder({"robot"}, {.folder = logs_.path(), .keep_free = 0, .until_end = true});
+  RecorderUnderTest recorder({"robot"},
+                             {.folder = logs_.path(), .keep_free = 0, .until_end = true});
   recorder.join();
   const Recorded log(logs_.path());
   EXPECT_EQ(static_cast<TimeIndex>(log.first().steps.size()), steps);

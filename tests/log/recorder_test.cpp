@@ -61,7 +61,7 @@ class RecorderTest : public ::testing::Test {
 
 TEST_F(RecorderTest, HasTheNumbersThatTheSeriesHave) {
   constexpr TimeIndex kSteps = 1000;
-  RecorderThread recorder({"robot"}, options());
+  RecorderUnderTest recorder({"robot"}, options());
   const FakeBackend backend("robot", {.history = 4096});
   auto robot = connect<FakeRobot>("robot");
   step(robot, kSteps);
@@ -96,7 +96,7 @@ TEST_F(RecorderTest, HasTheNumbersThatTheSeriesHave) {
 }
 
 TEST_F(RecorderTest, IsThereBeforeTheRobot) {
-  RecorderThread recorder({"robot"}, options());
+  RecorderUnderTest recorder({"robot"}, options());
   const FakeBackend backend("robot");
   auto robot = connect<FakeRobot>("robot");
   step(robot, 100);
@@ -110,7 +110,7 @@ TEST_F(RecorderTest, BeginsWithWhatTheHistoryHoldsOfASessionThatRuns) {
   const FakeBackend backend("robot", {.history = 64, .queue = 64});
   auto robot = connect<FakeRobot>("robot");
   step(robot, 200);
-  RecorderThread recorder({"robot"}, options());
+  RecorderUnderTest recorder({"robot"}, options());
   recorder.wait_for_step(200);
   recorder.stop();
   const Recorded::Session session = recorded().newest();
@@ -122,7 +122,7 @@ TEST_F(RecorderTest, BeginsWithWhatTheHistoryHoldsOfASessionThatRuns) {
 }
 
 TEST_F(RecorderTest, FollowsOneSessionAfterTheOther) {
-  RecorderThread recorder({"robot"}, options());
+  RecorderUnderTest recorder({"robot"}, options());
   const FakeBackend backend("robot");
   for (int i = 1; i <= 5; ++i) {
     auto robot = connect<FakeRobot>("robot");
@@ -147,7 +147,7 @@ TEST_F(RecorderTest, FollowsOneSessionAfterTheOther) {
 
 TEST_F(RecorderTest, AsAFollowerLosesNothingOfASimulationAsFastAsItCan) {
   constexpr TimeIndex kSteps = 50'000;
-  RecorderThread recorder({"robot"}, follower_options());
+  RecorderUnderTest recorder({"robot"}, follower_options());
   const FakeBackend backend("robot", {.history = 256, .queue = 256}, kPatient, &*recorder);
   auto robot = connect<FakeRobot>("robot");
   step(robot, kSteps);
@@ -164,7 +164,7 @@ TEST_F(RecorderTest, AsAFollowerLosesNothingOfASimulationAsFastAsItCan) {
 
 TEST_F(RecorderTest, AsAFollowerMissesNoSessionHoweverShort) {
   constexpr std::size_t kSessions = 200;
-  RecorderThread recorder({"robot"}, follower_options());
+  RecorderUnderTest recorder({"robot"}, follower_options());
   {
     const FakeBackend backend("robot", {.history = 16, .queue = 16}, kPatient, &*recorder);
     for (std::size_t i = 0; i < kSessions; ++i) {
@@ -186,7 +186,7 @@ TEST_F(RecorderTest, SaysHowManySessionsItHasMissed) {
   Disk disk;
   RecorderOptions slow = options();
   slow.open_file = disk.opener();
-  RecorderThread recorder({"robot"}, slow);
+  RecorderUnderTest recorder({"robot"}, slow);
   const FakeBackend backend("robot");
   {
     auto robot = connect<FakeRobot>("robot");
@@ -212,7 +212,7 @@ TEST_F(RecorderTest, SaysHowManySessionsItHasMissed) {
 }
 
 TEST_F(RecorderTest, RecordsSeveralRobotsWithTheirCompanionsIntoOneFile) {
-  RecorderThread recorder({"left", "right"}, options());
+  RecorderUnderTest recorder({"left", "right"}, options());
   const FakeBackend left("left");
   const FakeBackend right("right");
   auto left_robot = connect<FakeRobot>("left");
@@ -232,7 +232,7 @@ TEST_F(RecorderTest, RecordsSeveralRobotsWithTheirCompanionsIntoOneFile) {
 }
 
 TEST_F(RecorderTest, NamesFilesAfterRobotTimeAndPart) {
-  RecorderThread recorder({"robot"}, options());
+  RecorderUnderTest recorder({"robot"}, options());
   const FakeBackend backend("robot");
   recorder.wait_until([](const auto& state) { return !state.file.empty(); });
   recorder.stop();
@@ -246,7 +246,7 @@ TEST_F(RecorderTest, RotatesBySizeWithoutLosingAStep) {
   RecorderOptions small = follower_options();
   small.rotate_size = 200'000;
   constexpr TimeIndex kSteps = 100'000;
-  RecorderThread recorder({"robot"}, small);
+  RecorderUnderTest recorder({"robot"}, small);
   const FakeBackend backend("robot", {}, kPatient, &*recorder);
   auto robot = connect<FakeRobot>("robot");
   step(robot, kSteps);
@@ -271,7 +271,7 @@ TEST_F(RecorderTest, RotatesBySizeWithoutLosingAStep) {
 TEST_F(RecorderTest, RotatesByTime) {
   RecorderOptions brief = options();
   brief.rotate_time = std::chrono::milliseconds(1);
-  RecorderThread recorder({"robot"}, brief);
+  RecorderUnderTest recorder({"robot"}, brief);
   const FakeBackend backend("robot", {}, kRealTime);
   auto robot = connect<FakeRobot>("robot");
   robot.append_desired_action({});
@@ -287,7 +287,7 @@ TEST_F(RecorderTest, RemovesItsOldestFilesToStayBelowALimit) {
   write_file(logs_ / "robot_2020-01-01_00-00-00_000.mcap", read_file("/dev/null"));
   write_file(logs_ / "robot_2020-01-01_00-00-00_001.mcap", Bytes(5'000'000, 'x'));  // not ours
   constexpr TimeIndex kSteps = 400'000;
-  RecorderThread recorder({"robot"}, limited);
+  RecorderUnderTest recorder({"robot"}, limited);
   const FakeBackend backend("robot", {}, kPatient, &*recorder);
   auto robot = connect<FakeRobot>("robot");
   step(robot, kSteps);
@@ -308,7 +308,7 @@ TEST_F(RecorderTest, RemovesItsOldestFilesToStayBelowALimit) {
 TEST_F(RecorderTest, LeavesFreeOnTheDiskWhatItIsToldTo) {
   RecorderOptions greedy = options();
   greedy.keep_free = std::uint64_t{1} << 60U;
-  RecorderThread recorder({"robot"}, greedy);
+  RecorderUnderTest recorder({"robot"}, greedy);
   const FakeBackend backend("robot");
   recorder.wait_until([](const auto& state) {
     return state.trouble.find("free on the disk") != std::string::npos;
@@ -385,11 +385,11 @@ TEST_F(RecorderTest, RefusesNamesThatRobotsCannotHave) {
   }
 }
 
-TEST_F(RecorderTest, fault_66_GoesOnWithTheRecordingBehindACleanEnd) {
+TEST_F(RecorderTest, fault_66_GoesOnWithTheRecordingAfterACleanEnd) {
   const FakeBackend backend("robot");
   auto robot = connect<FakeRobot>("robot");
   for (int i = 1; i <= 3; ++i) {
-    RecorderThread recorder({"robot"}, options());
+    RecorderUnderTest recorder({"robot"}, options());
     step(robot, 100);
     recorder.wait_for_step(100 * i);
     recorder.stop();
@@ -404,11 +404,11 @@ TEST_F(RecorderTest, fault_66_GoesOnWithTheRecordingBehindACleanEnd) {
   EXPECT_EQ(log.newest().companions.at("robot.sensor").size(), 75);
 }
 
-TEST_F(RecorderTest, BeginsAnotherRecordingIfTheHistoryHasLostWhatComesBehindACleanEnd) {
+TEST_F(RecorderTest, BeginsAnotherRecordingIfTheHistoryHasLostWhatComesAfterACleanEnd) {
   const FakeBackend backend("robot", {.history = 64, .queue = 64});
   auto robot = connect<FakeRobot>("robot");
   for (int i = 1; i <= 2; ++i) {
-    RecorderThread recorder({"robot"}, options());
+    RecorderUnderTest recorder({"robot"}, options());
     step(robot, 10);
     recorder.wait_for_step(robot.current_time_index());
     recorder.stop();
@@ -428,7 +428,7 @@ TEST_F(RecorderTest, DoesNotRecordAnEndedSessionTwice) {
     step(robot, 10);
   }  // ends the session; the next one begins
   for (int i = 0; i < 2; ++i) {
-    RecorderThread recorder({"robot"}, options());
+    RecorderUnderTest recorder({"robot"}, options());
     recorder.wait_until([](const auto& state) { return state.robots[0].session_id != 0; });
     recorder.stop();
   }
@@ -448,7 +448,7 @@ TEST_F(RecorderTest, SaysThatABackendWasKilledAndGoesOnWithTheNext) {
     return 0;
   };
   ChildProcess first(run_backend);
-  RecorderThread recorder({"robot"}, options());
+  RecorderUnderTest recorder({"robot"}, options());
   recorder.wait_for_step(10);
   const std::uint64_t id = recorder->state().robots[0].session_id;
   first.kill();
@@ -469,7 +469,7 @@ TEST_F(RecorderTest, SaysThatABackendWasKilledAndGoesOnWithTheNext) {
 TEST_F(RecorderTest, EndsWithTheBackendIfThatIsWanted) {
   RecorderOptions until_end = options();
   until_end.until_end = true;
-  RecorderThread recorder({"robot"}, until_end);
+  RecorderUnderTest recorder({"robot"}, until_end);
   {
     const FakeBackend backend("robot");
     auto robot = connect<FakeRobot>("robot");
@@ -486,7 +486,7 @@ TEST_F(RecorderTest, EndsWithAProcessIfThatIsWanted) {
   RecorderOptions until_exit = options();
   until_exit.until_process_ends = ipc::ProcessIdentity{.pid = child.pid(), .start_time = 0};
   // The identity of an ended process with an equal number.
-  RecorderThread recorder({"robot"}, until_exit);
+  RecorderUnderTest recorder({"robot"}, until_exit);
   recorder.join();
 }
 
@@ -495,7 +495,7 @@ TEST_F(RecorderTest, FlushesTheDisksOwnMemoryNowAndThen) {
   RecorderOptions eager = options();
   eager.open_file = disk.opener();
   eager.sync_period = std::chrono::milliseconds(1);
-  RecorderThread recorder({"robot"}, eager);
+  RecorderUnderTest recorder({"robot"}, eager);
   const FakeBackend backend("robot", {}, kRealTime);
   auto robot = connect<FakeRobot>("robot");
   robot.append_desired_action({});
@@ -512,7 +512,7 @@ TEST_F(RecorderTest, fault_71_RecordsStepsOfAnyIndex) {
     Backend backend(driver, host, kRealTime);
     const BackendThread thread(backend);
     Frontend<FakeRobot> robot(host);
-    RecorderThread recorder({"robot" + std::to_string(bits)}, options());
+    RecorderUnderTest recorder({"robot" + std::to_string(bits)}, options());
     recorder.wait_until([](const auto& state) { return state.robots[0].session_id != 0; });
     robot.append_desired_action({.setpoint = 1.0});
     recorder.wait_for_step(first + 1000);
@@ -540,7 +540,7 @@ TEST_F(RecorderTest, fault_71_RecordsStepsOfAnyIndex) {
 TEST_F(RecorderTest, StartsAnotherFileIfSomebodyTakesItsFileAway) {
   RecorderOptions eager = options();
   eager.sync_period = std::chrono::milliseconds(1);
-  RecorderThread recorder({"robot"}, eager);
+  RecorderUnderTest recorder({"robot"}, eager);
   const FakeBackend backend("robot", {}, kRealTime);
   auto robot = connect<FakeRobot>("robot");
   robot.append_desired_action({});

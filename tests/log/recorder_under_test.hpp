@@ -28,9 +28,9 @@
 namespace trifinger::test {
 
 /// A recorder that runs in its own thread, and its events.
-class RecorderThread {
+class RecorderUnderTest {
  public:
-  RecorderThread(const std::vector<std::string>& robots, log::RecorderOptions options)
+  RecorderUnderTest(const std::vector<std::string>& robots, log::RecorderOptions options)
       : recorder_(robots, with_listener(std::move(options))), thread_([this] {
           try {
             recorder_.run();
@@ -40,9 +40,9 @@ class RecorderThread {
           // release: the failure was stored before.
           has_returned_.store(true, std::memory_order_release);
         }) {}
-  RecorderThread(const RecorderThread&) = delete;
-  RecorderThread& operator=(const RecorderThread&) = delete;
-  ~RecorderThread() {
+  RecorderUnderTest(const RecorderUnderTest&) = delete;
+  RecorderUnderTest& operator=(const RecorderUnderTest&) = delete;
+  ~RecorderUnderTest() {
     if (!thread_.joinable()) return;
     recorder_.request_stop();
     thread_.join();

@@ -192,6 +192,19 @@ inline void write_log(const std::filesystem::path& path, const std::vector<OddSe
   writer.finish();
 }
 
+/// Writes a log of one session without the steps `first` to `last`.
+inline void write_log_with_gap(const std::filesystem::path& path, const OddSession& session,
+                               TimeIndex first, TimeIndex last) {
+  mcap::FileSink sink = mcap::FileSink::create(path);
+  log::LogWriter writer(sink, {});
+  const std::size_t number = writer.begin_session(session.header);
+  write_steps(writer, number, session, 0, first);
+  writer.write_gap(number, first, last, "the disk was full");
+  write_steps(writer, number, session, last + 1, session.steps());
+  write_end(writer, number, session);
+  writer.finish();
+}
+
 template <class T>
 bool same_bytes(const T& one, const T& other) {
   return std::memcmp(&one, &other, sizeof(T)) == 0;

@@ -206,16 +206,7 @@ TEST(Copy, TakesAPartInWhichEveryReadingIsKnown) {
 TEST(Copy, KeepsGapsAndTheEnd) {
   const Folder folder;
   const OddSession written = random_session(1, 100);
-  {
-    mcap::FileSink sink = mcap::FileSink::create(folder / "a.mcap");
-    LogWriter writer(sink, {});
-    const std::size_t number = writer.begin_session(written.header);
-    test::write_steps(writer, number, written, 0, 30);
-    writer.write_gap(number, 30, 49, "the disk was full");
-    test::write_steps(writer, number, written, 50, 100);
-    test::write_end(writer, number, written);
-    writer.finish();
-  }
+  test::write_log_with_gap(folder / "a.mcap", written, 30, 49);
   copy(Log(folder / "a.mcap"), folder / "b.mcap", {.session = "odd", .first = 40, .last = 1000});
   const LoggedSession session = Log(folder / "b.mcap").session();
   EXPECT_THAT(session.gaps(), ElementsAre(Gap{40, 49, "the disk was full"}));

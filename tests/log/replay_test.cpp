@@ -184,7 +184,7 @@ TYPED_TEST(ReplayTest, AnswersEveryUserWithWhatWasRecordedAndFlagsWhereHeDiffers
   }
 }
 
-TYPED_TEST(ReplayTest, EndsBehindTheLastStepWithoutAFaultAndCanBeginAgain) {
+TYPED_TEST(ReplayTest, EndsAfterTheLastStepWithoutAFaultAndCanBeginAgain) {
   const Replay replay(this->session());
   {
     auto robot = replay.connect<typename TypeParam::Robot>();

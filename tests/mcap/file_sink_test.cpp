@@ -59,7 +59,7 @@ TEST_F(FileSinkTest, GoesOnAtAGivenPlace) {
   EXPECT_EQ(text_of(path_), "whole again");
 }
 
-TEST_F(FileSinkTest, RefusesToGoOnBehindTheEnd) {
+TEST_F(FileSinkTest, RefusesToGoOnAfterTheEnd) {
   std::ofstream(path_) << "short";
   EXPECT_THROW(static_cast<void>(FileSink::resume(path_, 6)), InvalidArgument);
   EXPECT_EQ(text_of(path_), "short");
