@@ -3,9 +3,8 @@
 
     run_clang_tidy.py BUILD_FOLDER JOBS [analyser]
 
-Files are checked as they are compiled: CMake joins several into one, so that their headers are read
-once. With `analyser`, clang's static analyser checks all files except tests instead. It needs a
-database in which files are not joined, and takes as long as all the checks of .clang-tidy.
+With `analyser`, clang's static analyser checks all files except tests instead, which takes as long
+as all the checks of .clang-tidy.
 
 A file that passed is remembered by a hash of everything that can change the outcome: clang-tidy's
 version and configuration, the compile command, the file, and all headers of this repository that it
@@ -35,7 +34,6 @@ ANALYSER = (
     "-clang-analyzer-optin.performance.Padding,-clang-analyzer-security.PointerSub"
 )
 INCLUDE = re.compile(rb'^\s*#\s*include\s*"([^"]+)"', re.MULTILINE)
-JOINED = re.compile(r"/Unity/unity_\d+_cxx\.cxx$")
 
 
 @cache
@@ -88,14 +86,7 @@ def main(build: Path, jobs: int, *, analyse: bool) -> int:
         # In tests, most of its findings are false, and they take four fifths of the time.
         ours = {file for file in ours if not file.startswith(str(ROOT / "tests"))}
     database = json.loads((build / "compile_commands.json").read_text())
-    if analyse and any(JOINED.search(entry["file"]) for entry in database):
-        print("the analyser reads files one by one: configure with -DTRIFINGER_JOIN_FILES=OFF")
-        return 1
-    entries = {
-        entry["file"]: entry
-        for entry in database
-        if entry["file"] in ours or (not analyse and JOINED.search(entry["file"]))
-    }
+    entries = {entry["file"]: entry for entry in database if entry["file"] in ours}
     configs = [path for path in tracked_files() if path.name == ".clang-tidy"]
     config = b"".join((ROOT / path).read_bytes() for path in configs)
     version = subprocess.run([CLANG_TIDY, "--version"], check=True, capture_output=True).stdout

@@ -31,8 +31,7 @@ def pip(*arguments: str | Path) -> None:
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A wheel of this tree, compiled as the release build was, so that ccache has all objects."""
     same = re.findall(
-        r"^(CMAKE_CXX_COMPILER(?:_LAUNCHER)?"
-        r"|TRIFINGER_(?:WARNINGS_AS_ERRORS|JOIN_FILES)):\w+=(.+)$",
+        r"^(CMAKE_CXX_COMPILER(?:_LAUNCHER)?|TRIFINGER_WARNINGS_AS_ERRORS):\w+=(.+)$",
         (BUILD / "CMakeCache.txt").read_text(),
         re.MULTILINE,
     )

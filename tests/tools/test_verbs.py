@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Tests of ./run: what its steps print and keep, what it counts, and how it ends."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from verbs import counting, steps
+from verbs.counting import Count
+from verbs.main import VERBS
+from verbs.steps import StepFailed, Steps
+
+ROOT = Path(__file__).parents[2]
+PYTHON = sys.executable
+
+
+@pytest.fixture(autouse=True)
+def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Logs and results go to a temporary folder."""
+    monkeypatch.setattr(steps, "ROOT", tmp_path)
+    monkeypatch.setattr(steps, "LOGS", tmp_path / "build" / "logs")
+    monkeypatch.setattr(counting, "RESULTS", tmp_path / "results")
+    monkeypatch.setattr(Steps, "failures", [])
+
+
+def run(*arguments: str) -> "subprocess.CompletedProcess[str]":
+    return subprocess.run([ROOT / "run", *arguments], capture_output=True, text=True, check=False)
+
+
+def test_a_step_prints_one_line_and_keeps_its_output(capsys: pytest.CaptureFixture[str]) -> None:
+    step = Steps("group").run("some step", ["echo", "words"])
+    (line,) = capsys.readouterr().out.splitlines()
+    assert line.split()[:3] == ["some", "step", "ok"]
+    assert step.log.name == "group-some-step.log"
+    assert step.log.read_text() == "words\n"
+
+
+def test_a_step_that_fails_shows_its_end_and_its_reasons(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    script = "print('\\n'.join(map(str, range(100)))); print('a.cpp:1:1: error: no'); exit(3)"
+    with pytest.raises(StepFailed):
+        Steps("g").run("s", [PYTHON, "-c", script])
+    shown = capsys.readouterr().out
+    assert "FAILED" in shown
+    assert "| 99" in shown
+    assert "| 9\n" not in shown
+    assert Steps.failures == ["g, s: build/logs/g-s.log", "  a.cpp:1:1: error: no"]
+
+
+def test_variables_reach_the_command() -> None:
+    assert Steps("g").run("s", ["sh", "-c", "echo $WORD"], WORD="tree").last_line() == "tree"
+
+
+def test_steps_beside_others_end_with_all_their_processes(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    all_steps = Steps("g")
+    # The shell and its child both keep the pipe open.
+    step = all_steps.begin("s", ["bash", "-c", f"exec 3>{pipe}; sleep 1000 & wait"])
+    with pipe.open() as reader:
+        Steps.stop()
+        assert reader.read() == ""  # the end of the pipe: nobody holds it any more
+    all_steps.end(step)
+    assert not step.succeeded
+
+
+def test_counts_what_pytest_says(capsys: pytest.CaptureFixture[str]) -> None:
+    count = Count()
+    line = "=== 2 failed, 30 passed, 1 skipped, 4 errors in 1.50s ==="
+    count.pytest(Steps("g"), "s", ["echo", line])
+    assert (count.passed, count.failed) == (30, 6)
+    assert line in capsys.readouterr().out
+
+
+def test_counts_the_tests_of_processes_and_those_that_left_no_result(tmp_path: Path) -> None:
+    folder = tmp_path / "results" / "dev"
+    folder.mkdir(parents=True)
+    counts = {"a": (10, 0, 1), "b": (5, 2, 0)}  # tests, failures, disabled
+    for name, (tests, failures, disabled) in counts.items():
+        suites = f'<testsuites tests="{tests}" failures="{failures}" disabled="{disabled}"/>'
+        (folder / f"{name}.xml").write_text(suites)
+    (folder / "python.xml").write_text('<testsuites name="pytest tests"/>')
+    count = Count()
+    all_steps = Steps("dev")
+    # Two processes failed: b, and one that crashed without leaving a file.
+    line = "33% tests passed, 2 tests failed out of 3"
+    count.end_ctest(all_steps, count.begin_ctest(all_steps, "s", "dev", ["echo", line]), "dev")
+    assert (count.passed, count.failed) == (9 + 3, 2 + 1)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["tset"], "there is no verb 'tset'; did you mean 'test'?"),
+        (["build", "relese"], "there is no preset 'relese'; did you mean 'release'?"),
+        (["evaluate", "x"], "there is no experiment 'x'; there are control, environments"),
+        (["soak", "kils"], "there is no part 'kils'; did you mean 'kills'?"),
+        (["evaluate"], "evaluate: missing a required argument: 'experiment'"),
+        (["clean", "dev"], "clean: too many positional arguments"),
+    ],
+)
+def test_wrong_use_is_answered_before_anything_happens(arguments: list[str], sentence: str) -> None:
+    done = run(*arguments)
+    assert done.returncode == 2
+    assert f"./run: {sentence}" in done.stderr
+
+
+@pytest.mark.parametrize("arguments", [[], ["help"], ["--help"], ["-h"], ["test", "--help"]])
+def test_help_names_all_verbs(arguments: list[str]) -> None:
+    done = run(*arguments)
+    assert done.returncode == 0
+    lines = [line.split()[0] for line in done.stdout.splitlines() if line[:3].strip()]
+    assert set(VERBS) <= {*lines, "help"}
+
+
+def test_an_old_python_is_told_which_one_is_needed() -> None:
+    script = (
+        "import sys; sys.version_info = (3, 9, 2); sys.version = '3.9.2 (old)'\n"
+        f"exec(compile(open({str(ROOT / 'run')!r}).read(), 'run', 'exec'))"
+    )
+    done = subprocess.run(
+        [PYTHON, "-c", script, "test"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 1
+    assert "Python 3.11 or later is needed, python3 is 3.9.2" in done.stderr
+
+
+def test_sigterm_ends_what_runs(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    script = f"""
+import sys
+sys.path.insert(0, {str(ROOT / "tools")!r})
+from pathlib import Path
+from verbs import main, steps
+steps.LOGS = Path({str(tmp_path)!r})
+command = ["sh", "-c", "exec sleep 1000 >{pipe}"]
+main.VERBS["test"] = lambda: steps.Steps("g").run("s", command) and 0
+sys.exit(main.main(["test"]))
+"""
+    with subprocess.Popen([PYTHON, "-c", script]) as program:
+        with pipe.open() as reader:
+            program.send_signal(signal.SIGTERM)
+            assert reader.read() == ""  # the command has ended
+        assert program.wait() == 128 + signal.SIGTERM

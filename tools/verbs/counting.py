@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Counts tests while their steps run."""
+
+import re
+import xml.etree.ElementTree as ET
+
+from .steps import ROOT, Command, Step, Steps
+
+RESULTS = ROOT / "build" / "results"  # PRESET/*.xml: the result of every test
+
+
+class Count:
+    """How many tests have passed and failed."""
+
+    def __init__(self) -> None:
+        """Begins at zero."""
+        self.passed = 0
+        self.failed = 0
+
+    def pytest(self, steps: Steps, label: str, command: Command, **variables: str) -> Step:
+        """Runs pytest as a step, prints its last line and adds its numbers."""
+        step = steps.check(label, command, **variables)
+        line = step.last_line(r"^=+ .*(passed|failed|error).* in [0-9.]+s")
+        for number, word in re.findall(r"(\d+) (passed|failed|error)", line):
+            self._add(**{"passed" if word == "passed" else "failed": int(number)})
+        if line:
+            print(f"    {line}")
+        return step
+
+    def begin_ctest(self, steps: Steps, label: str, preset: str, command: Command) -> Step:
+        """Starts ctest as a step beside others; a hang ends after half an hour."""
+        folder = RESULTS / preset
+        folder.mkdir(parents=True, exist_ok=True)
+        limit = ["timeout", "--foreground", "--kill-after=1m", "30m"]
+        variables = {"GTEST_BRIEF": "1", "TRIFINGER_TEST_RESULTS": str(folder)}
+        return steps.begin(label, [*limit, *command], **variables)
+
+    def end_ctest(self, steps: Steps, step: Step, preset: str) -> None:
+        """Waits for ctest and adds the numbers of its tests.
+
+        ctest counts processes. The number of tests comes from the files that the processes write.
+        """
+        steps.end(step)
+        line = step.last_line("% tests passed, ")
+        numbers = re.search(r"(\d+) tests failed out of (\d+)", line)
+        failed_processes, processes = map(int, numbers.groups()) if numbers else (0, 0)
+        files = (RESULTS / preset).glob("*.xml")
+        suites = [ET.parse(file).getroot() for file in files]  # noqa: S314, our own files
+        suites = [suite for suite in suites if "disabled" in suite.attrib]  # not those of pytest
+        tests = sum(int(suite.attrib["tests"]) - int(suite.attrib["disabled"]) for suite in suites)
+        failed = sum(int(suite.attrib["failures"]) for suite in suites)
+        # A process without a file counts as one test; it has failed if it crashed.
+        tests += processes - len(suites)
+        failed += failed_processes - sum(int(suite.attrib["failures"]) > 0 for suite in suites)
+        self._add(passed=tests - failed, failed=failed)
+        print(f"    {tests} tests in {processes} processes, {failed} failed")
+
+    def _add(self, passed: int = 0, failed: int = 0) -> None:
+        self.passed += passed
+        self.failed += failed

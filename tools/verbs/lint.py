@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Checks format, names, types, layers and documents."""
+
+from tracked_files import tracked_files
+
+from .build import LARGE_PAGES, configure, jobs
+from .counting import Count
+from .setup import PROGRAMS, PYTHON
+from .steps import Step, Steps
+
+
+def lint(count: Count) -> bool:
+    """Runs all checks, also after one failed, and says whether all passed.
+
+    Raises:
+        StepFailed: if CMake cannot list the files for clang-tidy
+    """
+    configure("lint")
+    steps = Steps("lint")
+    mypy = steps.begin("mypy", [PYTHON, "-m", "mypy", "python/trifinger", "tools", "evaluation"])
+    clang_format = [f"{PROGRAMS}/clang-format", "--dry-run", "-Werror"]
+    checks = [
+        steps.check("clang-format", [*clang_format, *map(str, tracked_files(".hpp", ".cpp"))]),
+        steps.check("ruff check", [PYTHON, "-m", "ruff", "check"]),
+        steps.check("ruff format", [PYTHON, "-m", "ruff", "format", "--check"]),
+        steps.check("layers", [PYTHON, "tools/check_layers.py"]),
+        steps.check("paths in documents", [PYTHON, "tools/check_docs.py"]),
+        steps.check("licence lines", [PYTHON, "tools/check_licence.py"]),
+        count.pytest(steps, "tests of these tools", [PYTHON, "-m", "pytest", "tests/tools"]),
+        clang_tidy(steps),
+    ]
+    steps.end(mypy)
+    return all(step.succeeded for step in [*checks, mypy])
+
+
+def clang_tidy(steps: Steps, *mode: str) -> Step:
+    """Runs clang-tidy over the files that are new or changed; `mode` may be `analyser`."""
+    tool = [PYTHON, "tools/run_clang_tidy.py", "build/lint", str(jobs()), *mode]
+    step = steps.check(" ".join(["clang-tidy", *mode]), tool, **LARGE_PAGES)
+    print(f"    {step.last_line()}")
+    return step

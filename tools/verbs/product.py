@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Builds what users get and runs it: demo, examples, wheel, benchmarks, evaluations."""
+
+import os
+import sys
+from typing import NoReturn
+
+from .build import build, configure, uses
+from .setup import PROGRAMS, PYTHON, setup
+from .steps import ROOT, Steps
+
+
+def become(*command: str, **variables: str) -> NoReturn:
+    """Replaces this program by a command."""
+    sys.stdout.flush()
+    os.chdir(ROOT)
+    os.execve(command[0], command, {**os.environ, **variables})
+
+
+def demo(*arguments: str) -> NoReturn:
+    """Lifts a cube."""
+    setup()
+    build("release", "apps/all", "bindings/all")
+    become(f"{PROGRAMS}/trifinger", "demo", *arguments)
+
+
+def examples(*names: str) -> NoReturn:
+    """Runs the examples in both languages."""
+    setup()
+    build("release", "apps/all", "bindings/all", "examples/all")
+    become(PYTHON, "tools/run_examples.py", "build/release/examples", *names)
+
+
+def wheel() -> None:
+    """Makes a wheel and says how to install it."""
+    setup()
+    # This option is that of build/release, so that ccache has all objects.
+    option = "TRIFINGER_WARNINGS_AS_ERRORS=ON"
+    step = Steps("release").run("wheel", [PYTHON, "tools/make_wheel.py", "build/wheels", option])
+    path = step.last_line()
+    print(f"    {path}, {(ROOT / path).stat().st_size / 2**20:.1f} MiB")
+    print(f"To install it with all that the demo needs: pip install '{path}[demo]'")
+
+
+def bench(*measures: str) -> NoReturn:
+    """Measures speed and latency."""
+    setup()
+    configure("release", "-DTRIFINGER_BUILD_BENCHMARKS=ON")
+    build("release", "apps/all", "bindings/all", "benchmarks/all")
+    become(PYTHON, "benchmarks/run_benchmarks.py", *measures, **uses("release"))
+
+
+EVALUATIONS = {
+    "control": "build/release/evaluation/evaluate_control",
+    "environments": "evaluation/evaluate_environments.py",
+    "learning": "evaluation/learning.py",
+    "push": "evaluation/push.py",
+}
+
+
+def evaluate(experiment: str, *arguments: str) -> NoReturn:
+    """Repeats the experiment whose results are in docs/results."""
+    setup()
+    program = EVALUATIONS[experiment]
+    if program.endswith(".py"):
+        build("release", "bindings/all")
+        become(PYTHON, program, *arguments, **uses("release"))
+    build("release", "evaluate_control")
+    become(program, *arguments)

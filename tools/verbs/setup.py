@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Installs what is missing: packages of Debian, and a virtual environment in .venv."""
+
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import tomllib
+
+from .steps import ROOT, StepFailed, Steps
+
+VENV = ROOT / ".venv"
+PROGRAMS = f"{VENV}/bin"
+PYTHON = f"{PROGRAMS}/python"
+PINS = VENV / "pins"  # what has been installed there
+
+# Needed besides git and python3.
+DEBIAN_PACKAGES = (
+    *("g++", "cmake", "ninja-build", "ccache", "python3-dev", "python3-venv"),
+    *("libeigen3-dev", "libyaml-cpp-dev", "libspdlog-dev", "libfmt-dev", "libcli11-dev"),
+    *("libzstd-dev", "liblz4-dev", "libdeflate-dev", "pkgconf", "nlohmann-json3-dev"),
+    *("libgtest-dev", "libgmock-dev", "librapidcheck-dev", "libbenchmark-dev"),
+    *("clang-14", "libclang-rt-14-dev"),  # the builds dev and fuzz
+    *("libegl1", "libgl1-mesa-dri", "libopengl0"),  # pictures without a screen
+    "rt-tests",  # cyclictest, with which lateness is compared
+)
+
+
+def setup() -> None:
+    """Installs what is missing, which takes no time if nothing is.
+
+    Raises:
+        StepFailed: if a package cannot be installed
+    """
+    steps = Steps("setup")
+    _install_debian_packages(steps)
+    if shutil.which("ccache"):  # the build folders share objects: paths are relative to this one
+        os.environ["CMAKE_CXX_COMPILER_LAUNCHER"] = "ccache"
+        os.environ.update(CCACHE_BASEDIR=str(ROOT), CCACHE_DEPEND="1")
+    _make_virtual_environment(steps)
+    _link_package(steps)
+
+
+def _is_installed(package: str) -> bool:
+    query = ["dpkg-query", "-W", "-f", "${Status}", package]
+    answer = subprocess.run(query, capture_output=True, text=True)
+    return answer.stdout.endswith("ok installed")
+
+
+def _install_debian_packages(steps: Steps) -> None:
+    missing = [package for package in DEBIAN_PACKAGES if not _is_installed(package)]
+    if not missing:
+        return
+    install = ["apt-get", "install", "--yes", "--no-install-recommends", *missing]
+    as_root = []
+    if os.geteuid() != 0:
+        if not shutil.which("sudo"):
+            print("As root, run:", *install, file=sys.stderr)
+            raise StepFailed
+        print("Installing with sudo:", *missing, flush=True)
+        subprocess.run(["sudo", "-v"], check=True)  # asks for the password
+        as_root = ["sudo", "DEBIAN_FRONTEND=noninteractive"]
+    os.environ["DEBIAN_FRONTEND"] = "noninteractive"
+    steps.run("package lists", [*as_root, "apt-get", "update"])
+    steps.run(f"{len(missing)} system packages", [*as_root, *install])
+
+
+def python_packages() -> list[str]:
+    """Returns all packages in pyproject.toml as requirements for pip."""
+    pyproject = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    project = pyproject["project"]
+    groups = [
+        pyproject["build-system"]["requires"],
+        project["dependencies"],
+        *project["optional-dependencies"].values(),
+    ]
+    return sorted({package for group in groups for package in group})
+
+
+def _make_virtual_environment(steps: Steps) -> None:
+    packages = python_packages()
+    # A virtual environment contains absolute paths, so one that was moved or copied is made again.
+    place = f"{ROOT} Python {platform.python_version()}"
+    installed = PINS.read_text().splitlines() if PINS.exists() else []
+    if installed[:1] != [place]:
+        steps.run("virtual environment", ["python3", "-m", "venv", "--clear", str(VENV)])
+        installed = []
+    if installed[1:] != packages:
+        pip = [PYTHON, "-m", "pip", "install", "--disable-pip-version-check"]
+        steps.run("Python packages", [*pip, *packages])
+        PINS.unlink(missing_ok=True)  # hard links to the old file keep the old content
+        PINS.write_text("\n".join([place, *packages, ""]))
+
+
+def _link_package(steps: Steps) -> None:
+    """Lets .venv use the package in build/release as if it were installed."""
+    launcher = VENV / "bin" / "trifinger"
+    tool = ROOT / "tools" / "link_into_venv.py"
+    sources = [tool, ROOT / "pyproject.toml", *(ROOT / "python" / "scripts").iterdir()]
+    if not launcher.exists() or launcher.stat().st_mtime < max(
+        source.stat().st_mtime for source in sources
+    ):
+        steps.run("link to the package", [PYTHON, str(tool), "build/release/python"])

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Runs the long versions of the tests, about an hour on two processors beside compiling."""
+
+import re
+from collections.abc import Callable, Sequence
+
+from .build import build, configure, uses
+from .counting import Count
+from .lint import clang_tidy
+from .setup import PYTHON, setup
+from .steps import Step, StepFailed, Steps
+from .test import fuzz_reader, python_tests
+
+STEPS = Steps("soak")
+
+
+def soak(parts: Sequence[str]) -> int:
+    """Runs these parts, or all, also after one failed."""
+    setup()
+    passed = []
+    for part in parts or PARTS:
+        print(part)
+        try:
+            passed.append(PARTS[part]())
+        except StepFailed:
+            passed.append(False)
+    return 0 if all(passed) else 1
+
+
+def print_figures(step: Step) -> bool:
+    """Prints the figures of a step, without the usual lines of test programs; says if it passed."""
+    usual = re.compile(r"^(\[|Running main|Note: |$)")
+    figures = [line for line in step.output.splitlines() if not usual.match(line)]
+    print(*(f"    {line}" for line in figures[-40:]), sep="\n")
+    return step.succeeded
+
+
+def long_tests(preset: str, programs: str, tests: str) -> bool:
+    """Runs the long versions of the tests that match, in programs that begin with their layer."""
+
+    def run(program: str) -> bool:
+        path = f"build/{preset}/tests/{program.split('_')[0]}/{program}_test"
+        command = ["timeout", "--foreground", "1h", path, "--gtest_brief=1"]
+        label = f"{preset}: {program}, {tests}"
+        return print_figures(
+            STEPS.check(label, [*command, f"--gtest_filter={tests}"], TRIFINGER_SOAK="1")
+        )
+
+    return all([run(program) for program in programs.split()])  # noqa: C419, all of them
+
+
+def python_soak(part: str) -> bool:
+    """Runs a part of benchmarks/soak.py."""
+    return print_figures(STEPS.check(part, [PYTHON, "benchmarks/soak.py", part], **uses("release")))
+
+
+def kills() -> bool:
+    """Kills any process at any instant: expects 0 hangs and 0 lost steps."""
+    build("release")
+    return all(
+        [python_soak("kills"), long_tests("release", "core core_kill_at_instruction log", "*Kill*")]
+    )
+
+
+def tests() -> bool:
+    """Runs all other tests of faults: 10^8 reads of a ring, 10^7 wakes, 10^7 hostile actions.
+
+    It also runs those tests of the bindings in the release build that `./run test` runs only under
+    sanitizers.
+    """
+    build("release")
+    programs = "ipc realtime core mcap mcap_damage log log_damage config joint sim"
+    return all(
+        [
+            python_tests(Count(), "release", "-m", "not release"),
+            long_tests("release", programs, "*fault_*-*Kill*:*HostileQueue*"),
+        ]
+    )
+
+
+def fuzz() -> bool:
+    """Feeds hostile bytes to the reader of logs and, under AddressSanitizer, to a session."""
+    fuzzer = STEPS.check("fuzzer of the MCAP reader", fuzz_reader(seconds=600))
+    build("dev", "tests/core/all", "tests/sim/all")
+    return (
+        long_tests("dev", "core sim", "*HostileQueue*:*Tampered*:*fault_29_*") and fuzzer.succeeded
+    )
+
+
+def analyser() -> bool:
+    """Runs clang's analyser, which takes too long for `./run lint`."""
+    configure("lint")
+    return clang_tidy(STEPS, "analyser").succeeded
+
+
+def memory() -> bool:
+    """Runs a robot with recorder and controller for half an hour: its memory must not grow."""
+    build("release")
+    return python_soak("memory")
+
+
+PARTS: dict[str, Callable[[], bool]] = {
+    "analyser": analyser,
+    "kills": kills,
+    "tests": tests,
+    "fuzz": fuzz,
+    "memory": memory,
+}

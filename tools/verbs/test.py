@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Runs lint, then each test in the build that says most about it."""
+
+import platform
+import shutil
+import subprocess
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from .build import build, jobs, uses
+from .counting import RESULTS, Count
+from .lint import lint
+from .setup import PYTHON, setup
+from .steps import StepFailed, Steps, duration
+
+
+def test() -> int:
+    """Runs all stages, also after one failed, and prints a summary."""
+    begin = time.monotonic()
+    setup()
+    shutil.rmtree(RESULTS, ignore_errors=True)
+    RESULTS.mkdir(parents=True)
+    stages: list[tuple[str, Callable[[Count], bool]]] = [
+        ("lint", lint),
+        ("AddressSanitizer and UBSan", test_with_address_sanitizer),
+        ("ThreadSanitizer, a fuzzer beside it", test_with_thread_sanitizer),
+        ("release build", test_release),
+        ("every fault has its test", test_every_fault),
+    ]
+    count = Count()
+    summary = []
+    all_passed = True
+    for title, stage in stages:
+        print(title)
+        stage_begin = time.monotonic()
+        failed_before = count.failed
+        try:
+            passed = stage(count)
+        except StepFailed:
+            passed = False
+        if not passed and count.failed == failed_before:
+            count.failed += 1  # for example, when something does not compile
+        all_passed &= passed
+        verdict = "ok    " if passed else "FAILED"
+        summary.append(f"  {title:40} {verdict}  {duration(time.monotonic() - stage_begin)}")
+    print("\nsummary", *summary, sep="\n")
+    if Steps.failures:
+        print("", *Steps.failures, sep="\n")
+    print(f"{count.passed} passed, {count.failed} failed in {duration(time.monotonic() - begin)}")
+    return 0 if all_passed else 1
+
+
+def python_tests(count: Count, preset: str, *arguments: str, **variables: str) -> bool:
+    """Runs the Python tests that `arguments` of pytest select, and says whether they passed.
+
+    Each process makes the fixtures of a file again, so few files should be split between processes.
+    Two modes of pytest do that, worksteal and loadfile. worksteal goes on when a process has
+    crashed or its watchdog, faulthandler_timeout, has ended it; loadfile may wait for ever. If all
+    processes hang, pytest is interrupted after 20 minutes, reports what has failed so far, and is
+    killed a minute later.
+    """
+    limit = ["timeout", "--foreground", "--signal=INT", "--kill-after=1m", "20m"]
+    results = f"--junitxml={RESULTS / preset / 'python.xml'}"
+    pytest = [PYTHON, "-m", "pytest", "-n", str(jobs()), "--dist", "worksteal", results]
+    command = [*limit, *pytest, *arguments, "tests/python"]
+    return count.pytest(
+        Steps(preset), "Python tests", command, **uses(preset), **variables
+    ).succeeded
+
+
+def cpp_tests(count: Count, preset: str, label: str, *command: str) -> bool:
+    """Runs ctest and says whether all tests passed."""
+    steps = Steps(preset)
+    step = count.begin_ctest(steps, label, preset, command)
+    count.end_ctest(steps, step, preset)
+    return step.succeeded
+
+
+def test_with_address_sanitizer(count: Count) -> bool:
+    """Runs all C++ tests, and the Python tests that need no release build."""
+    build("dev", "tests/all", "bindings/all")
+    # The sanitizer keeps its shadow memory of large blocks and does not map it again for each.
+    options = f"clear_shadow_mmap_threshold={2**30}"
+    ctest = ["env", f"ASAN_OPTIONS={options}", "ctest", "--preset", "dev", "-LE", "examples"]
+    passed = cpp_tests(count, "dev", "C++ tests", *ctest)
+    # Python itself is not instrumented and frees little at its end, so only the C++ tests look for
+    # leaks. libstdc++ must be loaded before the runtime looks for the functions that it wraps.
+    # --capture=sys keeps pytest from hiding the runtime's reports.
+    variables = {
+        "LD_PRELOAD": " ".join(preloaded_libraries()),
+        "ASAN_OPTIONS": f"{options}:detect_leaks=0",
+        "UBSAN_OPTIONS": "print_stacktrace=1",
+        "PYTHONMALLOC": "malloc",
+    }
+    return python_tests(count, "dev", "-m", "not release", "--capture=sys", **variables) and passed
+
+
+def preloaded_libraries() -> list[str]:
+    """Returns the libraries that Python loads first, to run under AddressSanitizer."""
+    folder = answer("clang++-14", "--print-runtime-dir")
+    return [
+        f"{folder}/libclang_rt.asan-{platform.machine()}.so",
+        answer("g++", "-print-file-name=libstdc++.so"),
+    ]
+
+
+def answer(*command: str) -> str:
+    """Returns the line that a command prints."""
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
+
+
+def test_with_thread_sanitizer(count: Count) -> bool:
+    """Runs the C++ tests of the layers up to core, with a fuzzer beside them."""
+    fuzzer_steps = Steps("fuzz")
+    fuzzer = fuzzer_steps.begin(
+        "fuzzer of the MCAP reader", fuzz_reader(seconds=15)
+    )  # one processor
+    try:
+        build("tsan", "tests/ipc/all", "tests/realtime/all", "tests/core/all")
+        ctest = [*fixed_addresses(), "ctest", "--preset", "tsan"]
+        passed = cpp_tests(count, "tsan", "C++ tests of ipc, realtime, core", *ctest)
+    finally:
+        fuzzer_steps.end(fuzzer)
+    return passed and fuzzer.succeeded
+
+
+def fixed_addresses() -> list[str]:
+    """Returns how to begin a command that runs under ThreadSanitizer.
+
+    The runtime of g++ 12 and clang 14 finds no room for its shadow memory if addresses have more
+    than 28 random bits.
+    """
+    bits = Path("/proc/sys/vm/mmap_rnd_bits")
+    return ["setarch", "-R"] if bits.exists() and int(bits.read_text()) > 28 else []
+
+
+def fuzz_reader(seconds: int) -> list[str]:
+    """Returns the command that builds and runs the fuzzer of the MCAP reader.
+
+    The corpus is kept, and the next run starts with it.
+    """
+    folder = "build/fuzz/reader"
+    limits = "-max_len=20000 -rss_limit_mb=2048 -timeout=10"
+    script = f"""
+        mkdir -p {folder}/corpus
+        cmake --preset fuzz
+        cmake --build --preset fuzz --parallel 1
+        build/fuzz/tests/mcap/fuzzer_seeds {folder}/seeds
+        build/fuzz/tests/mcap/reader_fuzzer -max_total_time={seconds} {limits} \
+            -artifact_prefix={folder}/ {folder}/corpus {folder}/seeds
+    """
+    return ["bash", "-e", "-c", script]
+
+
+def test_release(count: Count) -> bool:
+    """Runs the programs, the examples, and what a sanitizer hinders."""
+    targets = ["apps", "bindings", "examples", "benchmarks", "tests/python"]
+    build("release", *(f"{target}/all" for target in targets), "tests_without_sanitizer")
+    # Both run at once, because many Python tests only wait for a robot in real time.
+    steps = Steps("release")
+    ctest = ["ctest", "--preset", "release", "-L", "^examples$|_without_sanitizer$"]
+    step = count.begin_ctest(steps, "C++ tests that need no sanitizer", "release", ctest)
+    passed = python_tests(count, "release", "-m", "release")
+    count.end_ctest(steps, step, "release")
+    return passed and step.succeeded
+
+
+def test_every_fault(count: Count) -> bool:  # noqa: ARG001
+    """Compares the results with the fault matrix."""
+    step = Steps("faults").check("fault matrix", [PYTHON, "tools/fault_matrix.py"])
+    for line in step.output.splitlines():
+        if line.startswith("not run"):
+            print(f"    {line}")
+    return step.succeeded
