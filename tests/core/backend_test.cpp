@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <memory>
 #include <stdexcept>
 #include <vector>
@@ -75,6 +76,23 @@ TEST(Backend, EndsWithWhatItsOwnerThrowsBetweenSessions) {
   Frontend<FakeRobot>(host).finish();
   EXPECT_THAT([&] { thread.stop(); },
               testing::ThrowsMessage<std::runtime_error>("the disk is full"));
+}
+
+TEST(BackendThread, TellsWhenTheBackendHasEnded) {
+  FakeDriver driver;
+  SessionHost host = SessionHost::anonymous();
+  Backend backend(driver, host);
+  std::atomic<bool> was_told{false};
+  BackendThread thread(backend, {.demand = Demand::kOff}, [&] {
+    was_told = true;
+    was_told.notify_all();
+  });
+  EXPECT_FALSE(thread.wait_for_end(Timeout::zero()));
+  backend.request_stop();
+  was_told.wait(false);
+  EXPECT_TRUE(thread.wait_for_end(Timeout::zero()));
+  EXPECT_TRUE(thread.wait_for_end(kForever));
+  thread.stop();
 }
 
 }  // namespace

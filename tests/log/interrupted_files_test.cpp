@@ -9,6 +9,7 @@
 #include <random>
 #include <span>
 
+#include "core/named_robot.hpp"
 #include "log/recorder_under_test.hpp"
 #include "log/recordings.hpp"
 #include "support/session_folder.hpp"
@@ -59,7 +60,7 @@ TEST(InterruptedFiles, fault_23_CostARecorderNothing) {
   const SessionFolder sessions;
   const Folder logs;
   const InterruptedFiles interruptions;
-  const FakeBackend backend("robot", {.history = 131072}, kRealTime);
+  const NamedRobot backend("robot", {.history = 131072}, kRealTime);
   Frontend<FakeRobot> robot(backend.host());
   robot.append_desired_action({});
   for (int round = 1; round <= 2; ++round) {  // the second round continues after the first

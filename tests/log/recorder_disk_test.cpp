@@ -14,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/named_robot.hpp"
 #include "log/recorder_under_test.hpp"
 #include "log/recordings.hpp"
 #include "support/child_process.hpp"
@@ -63,7 +64,7 @@ class RecorderDisk : public ::testing::Test {
   Folder logs_;
   Disk disk_;
   std::uint64_t rotate_size_{std::uint64_t{1} << 30U};
-  std::optional<FakeBackend> backend_;
+  std::optional<NamedRobot> backend_;
   std::optional<Frontend<FakeRobot>> robot_;
   std::optional<RecorderUnderTest> recorder_;
 };
@@ -218,7 +219,7 @@ constexpr int kNotPermitted = 77;
 template <class Spoil, class Repair>
 int record_on_full_disk(const std::filesystem::path& folder, const Spoil& spoil,
                         const Repair& repair) {
-  const FakeBackend backend("robot", {.history = 131072}, kRealTime);
+  const NamedRobot backend("robot", {.history = 131072}, kRealTime);
   Frontend<FakeRobot> robot(backend.host());
   robot.append_desired_action({});
   RecorderUnderTest recorder({"robot"}, options_for(folder));

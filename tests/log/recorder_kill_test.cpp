@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/named_robot.hpp"
 #include "log/recorder_under_test.hpp"
 #include "log/recordings.hpp"
 #include "support/child_process.hpp"
@@ -36,7 +37,7 @@ constexpr BackendOptions kAtOneKilohertz{.mode = BackendOptions::Mode::kRealTime
 
 // Their parent ends both processes.
 int run_robot(std::size_t history) {
-  const FakeBackend backend("robot", {.history = history}, kAtOneKilohertz);
+  const NamedRobot backend("robot", {.history = history}, kAtOneKilohertz);
   Frontend<FakeRobot> robot(backend.host());
   while (true) robot.wait_until_time_index(robot.append_desired_action({}) + 10);
 }
@@ -169,7 +170,7 @@ TEST_F(RecorderKill, fault_20_LeavesAGapWhereTheHistoryIsShorterThanTheAbsence) 
 
 TEST_F(RecorderKill, fault_20_IsToldIfASessionEndsBeforeTheNextRecorderComes) {
   ChildProcess backend([] {
-    const FakeBackend fake("robot", {}, kAtOneKilohertz);
+    const NamedRobot fake("robot", {}, kAtOneKilohertz);
     while (true) {
       Frontend<FakeRobot> robot(fake.host());
       const TimeIndex t = robot.append_desired_action({});

@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/named_robot.hpp"
 #include "log/recorder_under_test.hpp"
 #include "log/recordings.hpp"
 #include "session_memory.hpp"
@@ -62,7 +63,7 @@ class RecorderTest : public ::testing::Test {
 TEST_F(RecorderTest, HasTheNumbersThatTheSeriesHave) {
   constexpr TimeIndex kSteps = 1000;
   RecorderUnderTest recorder({"robot"}, options());
-  const FakeBackend backend("robot", {.history = 4096});
+  const NamedRobot backend("robot", {.history = 4096});
   auto robot = connect<FakeRobot>("robot");
   step(robot, kSteps);
   const Companion<FakeSensorReading> sensor(robot.companion("sensor"));
@@ -97,7 +98,7 @@ TEST_F(RecorderTest, HasTheNumbersThatTheSeriesHave) {
 
 TEST_F(RecorderTest, IsThereBeforeTheRobot) {
   RecorderUnderTest recorder({"robot"}, options());
-  const FakeBackend backend("robot");
+  const NamedRobot backend("robot", {});
   auto robot = connect<FakeRobot>("robot");
   step(robot, 100);
   recorder.wait_for_step(100);
@@ -107,7 +108,7 @@ TEST_F(RecorderTest, IsThereBeforeTheRobot) {
 }
 
 TEST_F(RecorderTest, BeginsWithWhatTheHistoryHoldsOfASessionThatRuns) {
-  const FakeBackend backend("robot", {.history = 64, .queue = 64});
+  const NamedRobot backend("robot", {.history = 64, .queue = 64});
   auto robot = connect<FakeRobot>("robot");
   step(robot, 200);
   RecorderUnderTest recorder({"robot"}, options());
@@ -123,7 +124,7 @@ TEST_F(RecorderTest, BeginsWithWhatTheHistoryHoldsOfASessionThatRuns) {
 
 TEST_F(RecorderTest, FollowsOneSessionAfterTheOther) {
   RecorderUnderTest recorder({"robot"}, options());
-  const FakeBackend backend("robot");
+  const NamedRobot backend("robot", {});
   for (int i = 1; i <= 5; ++i) {
     auto robot = connect<FakeRobot>("robot");
     step(robot, 10 * i);
@@ -148,7 +149,7 @@ TEST_F(RecorderTest, FollowsOneSessionAfterTheOther) {
 TEST_F(RecorderTest, AsAFollowerLosesNothingOfASimulationAsFastAsItCan) {
   constexpr TimeIndex kSteps = 50'000;
   RecorderUnderTest recorder({"robot"}, follower_options());
-  const FakeBackend backend("robot", {.history = 256, .queue = 256}, kPatient, &*recorder);
+  const NamedRobot backend("robot", {.history = 256, .queue = 256}, kPatient, &*recorder);
   auto robot = connect<FakeRobot>("robot");
   step(robot, kSteps);
   robot.finish();
@@ -166,7 +167,7 @@ TEST_F(RecorderTest, AsAFollowerMissesNoSessionHoweverShort) {
   constexpr std::size_t kSessions = 200;
   RecorderUnderTest recorder({"robot"}, follower_options());
   {
-    const FakeBackend backend("robot", {.history = 16, .queue = 16}, kPatient, &*recorder);
+    const NamedRobot backend("robot", {.history = 16, .queue = 16}, kPatient, &*recorder);
     for (std::size_t i = 0; i < kSessions; ++i) {
       auto robot = connect<FakeRobot>("robot");
       step(robot, 1);
@@ -187,7 +188,7 @@ TEST_F(RecorderTest, SaysHowManySessionsItHasMissed) {
   RecorderOptions slow = options();
   slow.open_file = disk.opener();
   RecorderUnderTest recorder({"robot"}, slow);
-  const FakeBackend backend("robot");
+  const NamedRobot backend("robot", {});
   {
     auto robot = connect<FakeRobot>("robot");
     step(robot, 1);
@@ -213,8 +214,8 @@ TEST_F(RecorderTest, SaysHowManySessionsItHasMissed) {
 
 TEST_F(RecorderTest, RecordsSeveralRobotsWithTheirCompanionsIntoOneFile) {
   RecorderUnderTest recorder({"left", "right"}, options());
-  const FakeBackend left("left");
-  const FakeBackend right("right");
+  const NamedRobot left("left", {});
+  const NamedRobot right("right", {});
   auto left_robot = connect<FakeRobot>("left");
   auto right_robot = connect<FakeRobot>("right");
   step(left_robot, 100);
@@ -233,7 +234,7 @@ TEST_F(RecorderTest, RecordsSeveralRobotsWithTheirCompanionsIntoOneFile) {
 
 TEST_F(RecorderTest, NamesFilesAfterRobotTimeAndPart) {
   RecorderUnderTest recorder({"robot"}, options());
-  const FakeBackend backend("robot");
+  const NamedRobot backend("robot", {});
   recorder.wait_until([](const auto& state) { return !state.file.empty(); });
   recorder.stop();
   EXPECT_THAT(recorded().files.at(0).filename().string(),
@@ -247,7 +248,7 @@ TEST_F(RecorderTest, RotatesBySizeWithoutLosingAStep) {
   small.rotate_size = 200'000;
   constexpr TimeIndex kSteps = 100'000;
   RecorderUnderTest recorder({"robot"}, small);
-  const FakeBackend backend("robot", {}, kPatient, &*recorder);
+  const NamedRobot backend("robot", {}, kPatient, &*recorder);
   auto robot = connect<FakeRobot>("robot");
   step(robot, kSteps);
   robot.finish();
@@ -272,7 +273,7 @@ TEST_F(RecorderTest, RotatesByTime) {
   RecorderOptions brief = options();
   brief.rotate_time = std::chrono::milliseconds(1);
   RecorderUnderTest recorder({"robot"}, brief);
-  const FakeBackend backend("robot", {}, kRealTime);
+  const NamedRobot backend("robot", {}, kRealTime);
   auto robot = connect<FakeRobot>("robot");
   robot.append_desired_action({});
   recorder.wait_until(
@@ -288,7 +289,7 @@ TEST_F(RecorderTest, RemovesItsOldestFilesToStayBelowALimit) {
   write_file(logs_ / "robot_2020-01-01_00-00-00_001.mcap", Bytes(5'000'000, 'x'));  // not ours
   constexpr TimeIndex kSteps = 400'000;
   RecorderUnderTest recorder({"robot"}, limited);
-  const FakeBackend backend("robot", {}, kPatient, &*recorder);
+  const NamedRobot backend("robot", {}, kPatient, &*recorder);
   auto robot = connect<FakeRobot>("robot");
   step(robot, kSteps);
   robot.finish();
@@ -309,7 +310,7 @@ TEST_F(RecorderTest, LeavesFreeOnTheDiskWhatItIsToldTo) {
   RecorderOptions greedy = options();
   greedy.keep_free = std::uint64_t{1} << 60U;
   RecorderUnderTest recorder({"robot"}, greedy);
-  const FakeBackend backend("robot");
+  const NamedRobot backend("robot", {});
   recorder.wait_until([](const auto& state) {
     return state.trouble.find("free on the disk") != std::string::npos;
   });
@@ -385,8 +386,8 @@ TEST_F(RecorderTest, RefusesNamesThatRobotsCannotHave) {
   }
 }
 
-TEST_F(RecorderTest, fault_66_GoesOnWithTheRecordingAfterACleanEnd) {
-  const FakeBackend backend("robot");
+TEST_F(RecorderTest, fault_66_GoesOnWithTheRecordingBehindACleanEnd) {
+  const NamedRobot backend("robot", {});
   auto robot = connect<FakeRobot>("robot");
   for (int i = 1; i <= 3; ++i) {
     RecorderUnderTest recorder({"robot"}, options());
@@ -404,8 +405,8 @@ TEST_F(RecorderTest, fault_66_GoesOnWithTheRecordingAfterACleanEnd) {
   EXPECT_EQ(log.newest().companions.at("robot.sensor").size(), 75);
 }
 
-TEST_F(RecorderTest, BeginsAnotherRecordingIfTheHistoryHasLostWhatComesAfterACleanEnd) {
-  const FakeBackend backend("robot", {.history = 64, .queue = 64});
+TEST_F(RecorderTest, BeginsAnotherRecordingIfTheHistoryHasLostWhatComesBehindACleanEnd) {
+  const NamedRobot backend("robot", {.history = 64, .queue = 64});
   auto robot = connect<FakeRobot>("robot");
   for (int i = 1; i <= 2; ++i) {
     RecorderUnderTest recorder({"robot"}, options());
@@ -422,7 +423,7 @@ TEST_F(RecorderTest, BeginsAnotherRecordingIfTheHistoryHasLostWhatComesAfterACle
 }
 
 TEST_F(RecorderTest, DoesNotRecordAnEndedSessionTwice) {
-  const FakeBackend backend("robot", {}, {.first_action_timeout = kForever});
+  const NamedRobot backend("robot", {}, {.first_action_timeout = kForever});
   {
     auto robot = connect<FakeRobot>("robot");
     step(robot, 10);
@@ -453,7 +454,7 @@ TEST_F(RecorderTest, SaysThatABackendWasKilledAndGoesOnWithTheNext) {
   const std::uint64_t id = recorder->state().robots[0].session_id;
   first.kill();
   recorder.wait_until([](const auto& state) { return !state.robots[0].is_recording; });
-  const FakeBackend second("robot");
+  const NamedRobot second("robot", {});
   auto robot = connect<FakeRobot>("robot");
   step(robot, 20);
   recorder.wait_for_step(20);
@@ -471,7 +472,7 @@ TEST_F(RecorderTest, EndsWithTheBackendIfThatIsWanted) {
   until_end.until_end = true;
   RecorderUnderTest recorder({"robot"}, until_end);
   {
-    const FakeBackend backend("robot");
+    const NamedRobot backend("robot", {});
     auto robot = connect<FakeRobot>("robot");
     step(robot, 10);
     recorder.wait_for_step(10);
@@ -496,7 +497,7 @@ TEST_F(RecorderTest, FlushesTheDisksOwnMemoryNowAndThen) {
   eager.open_file = disk.opener();
   eager.sync_period = std::chrono::milliseconds(1);
   RecorderUnderTest recorder({"robot"}, eager);
-  const FakeBackend backend("robot", {}, kRealTime);
+  const NamedRobot backend("robot", {}, kRealTime);
   auto robot = connect<FakeRobot>("robot");
   robot.append_desired_action({});
   recorder.wait_until([&](const auto&) { return disk.syncs() >= 3; });
@@ -541,7 +542,7 @@ TEST_F(RecorderTest, StartsAnotherFileIfSomebodyTakesItsFileAway) {
   RecorderOptions eager = options();
   eager.sync_period = std::chrono::milliseconds(1);
   RecorderUnderTest recorder({"robot"}, eager);
-  const FakeBackend backend("robot", {}, kRealTime);
+  const NamedRobot backend("robot", {}, kRealTime);
   auto robot = connect<FakeRobot>("robot");
   robot.append_desired_action({});
   recorder.wait_for_step(10);

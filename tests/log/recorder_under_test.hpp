@@ -19,8 +19,6 @@
 
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/backend.hpp"
-#include "trifinger/core/fake_robot.hpp"
-#include "trifinger/core/frontend.hpp"
 #include "trifinger/log/message_layout.hpp"
 #include "trifinger/log/recorder.hpp"
 #include "trifinger/mcap/reader.hpp"
@@ -324,28 +322,6 @@ class Disk {
   std::condition_variable changed_;
   bool is_held_{false};
   bool is_waiting_{false};
-};
-
-/// A fake robot with a sensor. Its back-end runs in a thread of this process.
-class FakeBackend {
- public:
-  explicit FakeBackend(const std::string& name, const SessionOptions& session = {},
-                       const BackendOptions& options = {}, Follower* follower = nullptr)
-      : host_(SessionHost::named(name, session)), backend_(driver_, host_, options) {
-    if (follower != nullptr) backend_.follow(*follower);
-    thread_.emplace(backend_);
-    // The session exists when this returns.
-    const Frontend<FakeRobot> looker(host_, {.control = false});
-    static_cast<void>(looker.latest_observation());
-  }
-
-  [[nodiscard]] const SessionHost& host() const noexcept { return host_; }
-
- private:
-  FakeDriver driver_{{.sensor_period = 4, .sensor_delay = 2}};
-  SessionHost host_;
-  Backend backend_;
-  std::optional<BackendThread> thread_;
 };
 
 /// One step per period, whatever the user does: time passes by itself.

@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <atomic>
 #include <chrono>
 #include <cstdint>
-#include <exception>
 #include <functional>
+#include <future>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -131,15 +130,19 @@ class Backend {
 /// Runs a back-end in a thread of its own as long as the object lives.
 class BackendThread {
  public:
-  /// @throws Error if `realtime` requires a setting that the machine refuses
+  /// Calls `on_end`, if given, in the thread when the back-end has ended for any reason. It must
+  /// not throw. @throws Error if `realtime` requires a setting that the machine refuses
   explicit BackendThread(Backend& backend,
-                         const RealtimeOptions& realtime = {.demand = Demand::kOff});
+                         const RealtimeOptions& realtime = {.demand = Demand::kOff},
+                         std::function<void()> on_end = {});
   BackendThread(const BackendThread&) = delete;
   BackendThread& operator=(const BackendThread&) = delete;
   /// Stops the back-end in an orderly way and waits for it.
   ~BackendThread();
 
-  /// Stops and waits like the destructor. @throws what ended `Backend::run`
+  /// Waits until the back-end has ended. False if it still runs after `timeout`.
+  [[nodiscard]] bool wait_for_end(Timeout timeout) const;
+  /// Stops the back-end in an orderly way and waits for it. @throws what ended `Backend::run`
   void stop();
 
   /// The settings that the machine refused, one sentence each.
@@ -148,8 +151,8 @@ class BackendThread {
  private:
   Backend& backend_;
   std::vector<std::string> refused_;
-  std::exception_ptr failure_;
-  std::thread thread_;
+  std::shared_future<void> end_;
+  std::jthread thread_;
 };
 
 }  // namespace trifinger
