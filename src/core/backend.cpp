@@ -14,7 +14,10 @@
 
 #include "followers.hpp"
 #include "loop.hpp"
-#include "session_memory.hpp"
+#include "session_layout.hpp"
+#include "session_mapping.hpp"
+#include "session_place.hpp"
+#include "session_writer.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/ipc/file_lock.hpp"
 #include "trifinger/ipc/fork.hpp"
@@ -345,7 +348,7 @@ class Backend::Implementation {
   [[nodiscard]] bool was_recovered() const noexcept {
     const auto requests =
         run_->writers.robot->action_header().requests.load(std::memory_order_acquire);
-    return (requests & layout::kRecover) != 0;
+    return (requests & detail::kRecover) != 0;
   }
 
   void wait_for_recovery() {

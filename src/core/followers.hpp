@@ -4,7 +4,8 @@
 #include <limits>
 #include <vector>
 
-#include "session_memory.hpp"
+#include "session_place.hpp"
+#include "session_writer.hpp"
 #include "trifinger/core/follower.hpp"
 
 namespace trifinger::detail {

@@ -8,7 +8,9 @@
 #include <thread>
 #include <vector>
 
-#include "session_memory.hpp"
+#include "session_directory.hpp"
+#include "session_layout.hpp"
+#include "session_mapping.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/ipc/file_lock.hpp"
@@ -26,7 +28,7 @@ constexpr Nanoseconds kSlice = std::chrono::milliseconds(100);
 // Each session has its own files, so there is no event to wait for between two sessions.
 constexpr auto kPollPeriod = std::chrono::milliseconds(1);
 
-void send_request(layout::ActionHeader& header, layout::Request what) noexcept {
+void send_request(detail::ActionHeader& header, detail::Request what) noexcept {
   // release: whoever sees the request also sees the actions appended before.
   header.requests.fetch_or(what, std::memory_order_release);
   header.event.fetch_add(1, std::memory_order_seq_cst);
@@ -36,7 +38,7 @@ void send_request(layout::ActionHeader& header, layout::Request what) noexcept {
 // Tells in the action file what a thread of the controller waits for, as long as it waits.
 class WaitSlot {
  public:
-  WaitSlot(layout::ActionHeader* header, const Wanted& wanted) noexcept {
+  WaitSlot(detail::ActionHeader* header, const Wanted& wanted) noexcept {
     if (header == nullptr) return;
     for (auto& slot : header->wait_slots) {
       std::uint64_t expected = 0;
@@ -73,7 +75,7 @@ class UntypedFrontend::Implementation {
         inline_backend_(inline_backend),
         thread_(std::this_thread::get_id()) {
     if (!action_) return;
-    const layout::RingPlace& queue = header().queue;
+    const detail::RingPlace& queue = header().queue;
     queue_ = ipc::Ring(action_->data() + queue.offset, queue.shape);
     queue_entry_.resize((queue.shape.element_size + 7) / 8);
   }
@@ -85,7 +87,7 @@ class UntypedFrontend::Implementation {
       action_header()->controller_pid.store(0, std::memory_order_release);
     } else {
       // This is needed after the end, too: a controller that leaves without it counts as dead.
-      request(layout::kDetach);
+      request(detail::kDetach);
       run_inline_to_end();
     }
   }
@@ -111,7 +113,7 @@ class UntypedFrontend::Implementation {
       const bool is_acausal = t <= handed_out_.load(std::memory_order_relaxed);
       if (is_acausal && options_.strict) throw AcausalAction(t);
 
-      queue_entry_[0] = is_acausal ? layout::QueueFlags::kAcausal : 0;
+      queue_entry_[0] = is_acausal ? detail::QueueFlags::kAcausal : 0;
       std::memcpy(queue_entry_.data() + 1, action, queue_.shape().element_size - 8);
       queue_.write(t, queue_entry_.data(), std::memory_order_seq_cst);
       last_appended_ = t;
@@ -270,7 +272,7 @@ class UntypedFrontend::Implementation {
     require_own();
     require_control();
     if (!mapping_->has_ended()) {
-      request(layout::kFinish);
+      request(detail::kFinish);
       wait([this] { return mapping_->has_ended(); }, {Wanted::kAnything, 0}, timeout,
            [] { return std::string("the end of the session"); });
       run_inline_to_end();
@@ -294,7 +296,7 @@ class UntypedFrontend::Implementation {
       return;
     }
     require_control();
-    request(layout::kRecover);
+    request(detail::kRecover);
     Deadline slice(kSlice);
     while (true) {
       try {
@@ -331,9 +333,9 @@ class UntypedFrontend::Implementation {
   void set_interrupt(std::function<void()> interrupt) { interrupt_ = std::move(interrupt); }
 
  private:
-  [[nodiscard]] const layout::StateHeader& header() const noexcept { return mapping_->header(); }
-  [[nodiscard]] layout::ActionHeader* action_header() const noexcept {
-    return action_ ? reinterpret_cast<layout::ActionHeader*>(action_->data()) : nullptr;
+  [[nodiscard]] const detail::StateHeader& header() const noexcept { return mapping_->header(); }
+  [[nodiscard]] detail::ActionHeader* action_header() const noexcept {
+    return action_ ? reinterpret_cast<detail::ActionHeader*>(action_->data()) : nullptr;
   }
   [[nodiscard]] const RobotTypes& description() const noexcept { return mapping_->description(); }
 
@@ -366,7 +368,7 @@ class UntypedFrontend::Implementation {
     throw HistoryLost(t, std::max(t + 1, range(series).first));
   }
 
-  void request(layout::Request what) const noexcept { send_request(*action_header(), what); }
+  void request(detail::Request what) const noexcept { send_request(*action_header(), what); }
 
   // Brings the robot of an inline back-end to rest. If a later session has begun, the loop below
   // stops as soon as that session waits for an action.
@@ -509,23 +511,23 @@ std::optional<ipc::SharedMemory> take_control(const SessionMapping& mapping) {
     if (error.error_number() == ENOENT) return std::nullopt;
     throw;
   }
-  const layout::RingPlace& place = mapping.header().queue;
+  const detail::RingPlace& place = mapping.header().queue;
   // Somebody has truncated the file. The back-end notices that, too.
   if (action->size() < place.offset + place.shape.size()) return std::nullopt;
-  auto& header = *reinterpret_cast<layout::ActionHeader*>(action->data());
+  auto& header = *reinterpret_cast<detail::ActionHeader*>(action->data());
   // The claim lets one process at a time pass. Its holder sees a lock and the name of the process
   // that holds this lock.
   if (!ipc::try_lock(action->file(), ipc::Lock::kClaim)) return std::nullopt;
   if (!ipc::try_lock(action->file())) {
     // The handle that ended the session still lives. The next session is about to begin.
     if (mapping.has_ended()) return std::nullopt;
-    const ipc::ProcessIdentity holder = detail::controller_of(header);
+    const ipc::ProcessIdentity holder = header.controller();
     if (holder.is_known_dead()) {
       // A child that a bare fork(2) made keeps the lock of its dead parent. Only the next session
       // can be controlled. If this session has begun, the back-end ends it by itself.
       if (mapping.header().phase.load(std::memory_order_acquire) <
-          static_cast<std::uint32_t>(layout::Phase::kRunning)) {
-        send_request(header, layout::kDetach);
+          static_cast<std::uint32_t>(detail::Phase::kRunning)) {
+        send_request(header, detail::kDetach);
       }
       return std::nullopt;
     }
@@ -539,7 +541,7 @@ std::optional<ipc::SharedMemory> take_control(const SessionMapping& mapping) {
   // If it died while writing that action, nothing is left: our first action replaces it.
   const TimeIndex first = mapping.header().first_index;
   if (mapping.has_ended() || queue.sequence_in_slot(first) >= ipc::Ring::sequence_of(first) ||
-      (header.requests.load(std::memory_order_relaxed) & layout::kEndRequests) != 0) {
+      (header.requests.load(std::memory_order_relaxed) & detail::kEndRequests) != 0) {
     return std::nullopt;
   }
   const auto self = ipc::ProcessIdentity::of_this_process();

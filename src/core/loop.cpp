@@ -24,7 +24,7 @@ std::int32_t in_milliseconds(Nanoseconds time) noexcept {
 }
 
 // One more byte is needed for the zero that ends the text.
-static_assert(FixedText::kCapacity < sizeof(layout::StateHeader::fault_text));
+static_assert(FixedText::kCapacity < sizeof(StateHeader::fault_text));
 
 // True if the driver ends the session early: by a fault or an interruption.
 bool breaks_off(const DriverReport& report) noexcept {
@@ -84,7 +84,7 @@ Progress Loop::prepare(const Tick& now) noexcept {
   if (report.state == DriverReport::State::kBusy) return Progress::kStepped;
   stage_ = Stage::kHolding;
   holding_since_ = now.time;
-  set_phase(layout::Phase::kHolding);
+  set_phase(Phase::kHolding);
   return hold(now);
 }
 
@@ -106,7 +106,7 @@ Progress Loop::hold(const Tick& now) noexcept {
   if (sequence == ipc::Ring::sequence_of(time_index_)) {
     stage_ = Stage::kRunning;
     first_tick_ = now.number;
-    set_phase(layout::Phase::kRunning);
+    set_phase(Phase::kRunning);
     publish_companions(now, time_index_);
     // Ticks skipped before step 0 do not count for step 0.
     Tick first = now;
@@ -114,7 +114,7 @@ Progress Loop::hold(const Tick& now) noexcept {
     return run(first);
   }
   if (const Fault request = end_request()) return end(request.code, request.detail);
-  if ((requests_before & layout::kFinish) != 0) return end(Fault::Code::kFinished, 0);
+  if ((requests_before & kFinish) != 0) return end(Fault::Code::kFinished, 0);
   if (!is_real_time()) return Progress::kWaiting;
 
   if (options_.first_action_timeout != kForever &&
@@ -157,7 +157,7 @@ Progress Loop::run(const Tick& now) noexcept {
   if (const Fault request = end_request()) return end(request.code, request.detail);
 
   // The request is read before the queue: every action appended before finish() must be found.
-  const bool finish_requested = (requests() & layout::kFinish) != 0;
+  const bool finish_requested = (requests() & kFinish) != 0;
   Take take = take_action();
   if (take == Take::kMissing && finish_requested) return end(Fault::Code::kFinished, 0);
   if (take == Take::kMissing && !is_real_time()) {
@@ -265,7 +265,7 @@ Loop::Take Loop::take_action() noexcept {
   if (queue.read(time_index_, queue_entry_.data()) != ipc::ReadResult::kDone) return Take::kDamaged;
   // The driver gets this copy. Later changes of the queue by its writer have no effect.
   std::memcpy(desired_.data(), queue_entry_.data() + 1, queue.shape().element_size - 8);
-  if ((queue_entry_[0] & layout::QueueFlags::kAcausal) != 0) status_.flags |= Status::kAcausal;
+  if ((queue_entry_[0] & QueueFlags::kAcausal) != 0) status_.flags |= Status::kAcausal;
   // release: the slot is now free for the writer.
   writer_.header().next_action.store(time_index_ + 1, std::memory_order_release);
   return Take::kTaken;
@@ -284,7 +284,7 @@ Loop::Take Loop::close_index() noexcept {
 Fault Loop::end_request() const noexcept {
   // relaxed: no other data depends on these flags.
   if (stop_requested_.load(std::memory_order_relaxed)) return {.code = Fault::Code::kStopped};
-  if ((requests() & layout::kDetach) != 0) return {.code = Fault::Code::kDetached};
+  if ((requests() & kDetach) != 0) return {.code = Fault::Code::kDetached};
   if (controller_died_.load(std::memory_order_relaxed)) {
     return {.code = Fault::Code::kControllerDied};
   }
@@ -302,7 +302,7 @@ void Loop::note_lateness(const Tick& now) noexcept {
   if (is_late) status_.flags |= now.driver_overran ? Status::kDriverLate : Status::kSchedulerLate;
 }
 
-void Loop::set_phase(layout::Phase phase) noexcept {
+void Loop::set_phase(Phase phase) noexcept {
   for (const auto& companion : companions_) companion->set_phase(phase);
   writer_.set_phase(phase);
 }
@@ -392,10 +392,10 @@ Progress Loop::end(Fault::Code code, std::int32_t detail) noexcept {
 void Loop::cut() noexcept {
   // The current step: there are as many whole steps as statuses. The loop owns the series and may
   // return from its call at any time, so this end has no status of its own.
-  const layout::StateHeader& header = writer_.header();
-  const bool has_begun = header.phase.load(std::memory_order_relaxed) ==
-                         static_cast<std::uint32_t>(layout::Phase::kRunning);
-  const auto& steps = header.ends[static_cast<std::size_t>(Series::kStatus)];
+  const StateHeader& header = writer_.header();
+  const bool has_begun =
+      header.phase.load(std::memory_order_relaxed) == static_cast<std::uint32_t>(Phase::kRunning);
+  const auto& steps = header.ends[index_of(Series::kStatus)];
   cut_fault_ = {.code = Fault::Code::kDriverHangs,
                 .detail = 0,
                 .time_index = has_begun ? steps.load(std::memory_order_relaxed) : -1};
@@ -415,7 +415,7 @@ Fault Loop::fault() const noexcept {
 
 bool Loop::has_work() const noexcept {
   return writer_.queue().sequence_in_slot(time_index_) >= ipc::Ring::sequence_of(time_index_) ||
-         (requests() & layout::kEndRequests) != 0 || writer_.is_damaged() ||
+         (requests() & kEndRequests) != 0 || writer_.is_damaged() ||
          stop_requested_.load(std::memory_order_relaxed) ||
          controller_died_.load(std::memory_order_relaxed);
 }

@@ -5,7 +5,9 @@
 #include <cstdint>
 #include <vector>
 
-#include "session_memory.hpp"
+#include "session_layout.hpp"
+#include "session_place.hpp"
+#include "session_writer.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/status.hpp"
 #include "trifinger/core/timing.hpp"
@@ -67,7 +69,7 @@ class Loop {
   Take close_index() noexcept;
   [[nodiscard]] Fault end_request() const noexcept;
   void note_lateness(const Tick& now) noexcept;
-  void set_phase(layout::Phase phase) noexcept;
+  void set_phase(Phase phase) noexcept;
   void publish_observation() noexcept;
   void record_timing() noexcept;
   void publish_companions(const Tick& now, TimeIndex time_index) noexcept;

@@ -7,7 +7,10 @@
 #include <thread>
 #include <utility>
 
-#include "session_memory.hpp"
+#include "session_directory.hpp"
+#include "session_layout.hpp"
+#include "session_mapping.hpp"
+#include "session_place.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/ipc/file_lock.hpp"
 #include "trifinger/ipc/futex.hpp"
@@ -16,23 +19,7 @@ namespace trifinger {
 namespace {
 
 std::shared_ptr<detail::Directory> session_directory() {
-  return std::make_shared<detail::FolderDirectory>(session_folder());
-}
-
-// Names of the sessions in the folder, for robots and companions.
-std::vector<std::string> session_names() {
-  constexpr std::string_view kPrefix = "trifinger.";
-  constexpr std::string_view kSuffix = ".state";
-  std::vector<std::string> names;
-  std::error_code ignored;
-  for (const auto& entry : std::filesystem::directory_iterator(session_folder(), ignored)) {
-    const std::string file = entry.path().filename().string();
-    if (!file.starts_with(kPrefix) || !file.ends_with(kSuffix)) continue;
-    if (file.size() <= kPrefix.size() + kSuffix.size()) continue;
-    names.push_back(file.substr(kPrefix.size(), file.size() - kPrefix.size() - kSuffix.size()));
-  }
-  std::ranges::sort(names);
-  return names;
+  return detail::directory_in(session_folder());
 }
 
 // How to end the back-end of a robot whose session cannot be opened. Empty if it has no back-end.
@@ -139,7 +126,7 @@ std::optional<ipc::ProcessIdentity> find_backend(const std::string& name) {
 
 SessionInfo Session::info() const {
   mapping_->require_own();
-  const layout::StateHeader& header = mapping_->header();
+  const detail::StateHeader& header = mapping_->header();
   SessionInfo info;
   info.name = mapping_->name();
   info.type = mapping_->description().type;
@@ -153,7 +140,7 @@ SessionInfo Session::info() const {
       std::chrono::duration_cast<std::chrono::system_clock::duration>(
           Nanoseconds(header.created_time)));
   info.host = mapping_->host();
-  info.backend = detail::backend_of(header);
+  info.backend = header.backend();
   info.backend_is_alive = mapping_->backend_is_alive();
   info.phase = static_cast<SessionInfo::Phase>(header.phase.load(std::memory_order_acquire));
   const Series counted = info.is_companion ? Series::kObservation : Series::kAppliedAction;
@@ -173,9 +160,9 @@ SessionInfo Session::info() const {
     try {
       const ipc::SharedMemory action = mapping_->directory()->open(
           detail::action_file(mapping_->name(), header.session_id), ipc::Access::kReadOnly);
-      if (action.size() >= sizeof(layout::ActionHeader) && ipc::is_locked_by_other(action.file())) {
-        const auto controller =
-            detail::controller_of(*reinterpret_cast<const layout::ActionHeader*>(action.data()));
+      if (action.size() >= sizeof(detail::ActionHeader) && ipc::is_locked_by_other(action.file())) {
+        const ipc::ProcessIdentity controller =
+            reinterpret_cast<const detail::ActionHeader*>(action.data())->controller();
         // A child that a bare fork(2) made keeps the lock of its dead parent.
         if (!controller.is_known_dead()) info.controller = controller;
       }
@@ -209,7 +196,7 @@ Session Session::companion(const std::string& name) const {
 
 std::vector<SessionInfo> list_sessions() {
   std::vector<SessionInfo> sessions;
-  for (const std::string& name : session_names()) {
+  for (const std::string& name : detail::session_names(session_folder())) {
     try {
       sessions.push_back(Session::open(name).info());
     } catch (const Error&) {
@@ -231,13 +218,13 @@ void recover(const std::string& name, Timeout timeout) {
   try {
     const ipc::SharedMemory action =
         mapping.directory()->open(detail::action_file(name, stopped_id), ipc::Access::kReadWrite);
-    if (action.size() < sizeof(layout::ActionHeader)) {
+    if (action.size() < sizeof(detail::ActionHeader)) {
       throw Error("the queue of robot '" + name +
                   "' was cut off; stop its back-end and start it again");
     }
-    auto& header = *reinterpret_cast<layout::ActionHeader*>(action.data());
+    auto& header = *reinterpret_cast<detail::ActionHeader*>(action.data());
     // release: the request carries no data; the back-end acquires.
-    header.requests.fetch_or(layout::kRecover, std::memory_order_release);
+    header.requests.fetch_or(detail::kRecover, std::memory_order_release);
     header.event.fetch_add(1, std::memory_order_seq_cst);
     ipc::futex_wake_all(header.event);
   } catch (const SystemError& error) {
@@ -263,8 +250,8 @@ SessionHost& SessionHost::operator=(SessionHost&&) noexcept = default;
 SessionHost::~SessionHost() = default;
 
 SessionHost SessionHost::anonymous(SessionOptions options, const std::string& name) {
-  return SessionHost(std::make_unique<detail::SessionPlace>(
-      std::make_shared<detail::ProcessDirectory>(), name, std::move(options)));
+  return SessionHost(std::make_unique<detail::SessionPlace>(detail::directory_of_process(), name,
+                                                            std::move(options)));
 }
 
 SessionHost SessionHost::named(const std::string& name, SessionOptions options) {

@@ -5,13 +5,17 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <string>
+#include <string_view>
 
+#include "trifinger/base/time.hpp"
 #include "trifinger/core/session.hpp"
+#include "trifinger/ipc/process.hpp"
 #include "trifinger/ipc/ring.hpp"
 
 // The bytes of a session, shared by all processes. Both files begin with a header; rings and texts
 // follow at the offsets that the header gives. A change of anything here is a new kLayoutVersion.
-namespace trifinger::layout {
+namespace trifinger::detail {
 
 inline constexpr std::uint64_t kStateMagic = 0x3154532d52474654;   // "TFGR-ST1"
 inline constexpr std::uint64_t kActionMagic = 0x3143412d52474654;  // "TFGR-AC1"
@@ -19,6 +23,14 @@ inline constexpr std::uint32_t kLayoutVersion = 5;
 
 inline constexpr std::size_t kNumSeries = 6;
 inline constexpr std::size_t kNumWaitSlots = 8;
+
+[[nodiscard]] constexpr std::size_t index_of(Series series) noexcept {
+  return static_cast<std::size_t>(series);
+}
+// True for the series of a robot that have one element per step, at the step's index.
+[[nodiscard]] constexpr bool is_indexed_by_step(Series series) noexcept {
+  return series != Series::kHolding && series != Series::kStopping;
+}
 
 enum class Phase : std::uint32_t {
   kPreparing,  // the driver is not ready to hold
@@ -43,9 +55,23 @@ struct DocumentPlace {
   TextPlace text;
 };
 
-// Written by the back-end alone; everybody else maps it read-only.
-struct StateHeader {
-  // Constant once the file is published.
+// The hash of a session's type and of the fields of its series, FNV-1a with 64 bits. It shows a
+// mismatch in one comparison.
+[[nodiscard]] inline std::uint64_t description_hash(
+    std::string_view type, const std::array<std::string, kNumSeries>& fields) noexcept {
+  std::uint64_t hash = 0xcbf29ce484222325;
+  const auto add = [&hash](std::string_view text) {
+    for (const char character : text) {
+      hash = (hash ^ static_cast<unsigned char>(character)) * 0x100000001b3;
+    }
+  };
+  add(type);
+  for (const std::string& text : fields) add(text);
+  return hash;
+}
+
+// The part of a state file's header that is constant once the file is published.
+struct StateConstants {
   std::uint64_t magic;
   std::uint32_t layout_version;
   std::uint32_t is_real_time;
@@ -71,6 +97,14 @@ struct StateHeader {
   TextPlace documents;       // DocumentPlaces
   TextPlace realtime_lacks;  // sentences, each followed by a newline
 
+  [[nodiscard]] ipc::ProcessIdentity backend() const noexcept {
+    return {
+        .pid = backend_pid, .start_time = backend_start_time, .number_space = backend_number_space};
+  }
+};
+
+// Written by the back-end alone; everybody else maps it read-only.
+struct StateHeader : StateConstants {
   // The word on which readers sleep, and the ends of the series.
   alignas(64) std::atomic<std::uint32_t> event;
   std::atomic<std::uint32_t> phase;
@@ -115,8 +149,31 @@ struct ActionHeader {
   alignas(64) std::atomic<std::uint32_t> event;  // the word on which the back-end sleeps
   std::atomic<std::uint32_t> requests;           // set of Request
 
-  // Steps for which threads of the controller wait; see WaitSlot.
+  // Steps for which threads of the controller wait: `Wanted` words, 0 if nobody uses the slot.
   alignas(64) std::array<std::atomic<std::uint64_t>, kNumWaitSlots> wait_slots;
+
+  [[nodiscard]] ipc::ProcessIdentity controller() const noexcept {
+    // acquire: what was stored before the number belongs to it.
+    const std::int64_t pid = controller_pid.load(std::memory_order_acquire);
+    return {.pid = pid,
+            .start_time = controller_start_time.load(std::memory_order_relaxed),
+            .number_space = controller_number_space.load(std::memory_order_relaxed)};
+  }
+};
+
+// A step or event for which a thread of the controller waits, as a word in the action file.
+struct Wanted {
+  enum Kind : std::uint64_t { kObservation = 0, kStep = 1, kQueueSpace = 2, kAnything = 3 };
+
+  Kind kind;
+  TimeIndex time_index;
+
+  [[nodiscard]] constexpr std::uint64_t word() const noexcept {
+    return (static_cast<std::uint64_t>(time_index + 2) << 2U) | kind;
+  }
+  [[nodiscard]] static constexpr Wanted from(std::uint64_t word) noexcept {
+    return {static_cast<Kind>(word & 3U), static_cast<TimeIndex>(word >> 2U) - 2};
+  }
 };
 
 // Flags of an entry of the queue. An entry is a word of flags, then the action.
@@ -124,4 +181,4 @@ struct QueueFlags {
   static constexpr std::uint64_t kAcausal = 1;
 };
 
-}  // namespace trifinger::layout
+}  // namespace trifinger::detail

@@ -377,8 +377,8 @@ class TamperedSession : public BadInput {
     write_file(path("copy.state"), copy_);
     return message_of<IncompatibleSession>([] { return Session::open("copy"); });
   }
-  [[nodiscard]] layout::StateHeader& header() {
-    return *reinterpret_cast<layout::StateHeader*>(copy_.data());
+  [[nodiscard]] detail::StateHeader& header() {
+    return *reinterpret_cast<detail::StateHeader*>(copy_.data());
   }
 
   test::NamedRobot robot_;
@@ -404,7 +404,7 @@ TEST_F(TamperedSession, fault_30_EveryWayInSaysWhichVersionWasFoundAndWhichIsRea
   };
   for (const Bytes& original : {state_, sensor_}) {
     for (const std::uint32_t version :
-         {0U, layout::kLayoutVersion - 1, layout::kLayoutVersion + 1, 77U, ~0U}) {
+         {0U, detail::kLayoutVersion - 1, detail::kLayoutVersion + 1, 77U, ~0U}) {
       copy_ = original;
       header().layout_version = version;
       write_file(path("copy.state"), copy_);
@@ -414,7 +414,7 @@ TEST_F(TamperedSession, fault_30_EveryWayInSaysWhichVersionWasFoundAndWhichIsRea
                       return 0;
                     }),
                     AllOf(HasSubstr("'copy'"), HasSubstr("is version " + std::to_string(version)),
-                          HasSubstr("reads version " + std::to_string(layout::kLayoutVersion)),
+                          HasSubstr("reads version " + std::to_string(detail::kLayoutVersion)),
                           HasSubstr("install the same version")))
             << name;
       }
@@ -512,7 +512,7 @@ TEST_F(TamperedSession, NeverCrashesWhoReadsADamagedHeader) {
     const std::size_t changes = 1 + random() % 4;
     for (std::size_t change = 0; change < changes; ++change) {
       // Spare the magic and the version: otherwise the rest would not be examined.
-      const std::size_t position = 12 + random() % (sizeof(layout::StateHeader) - 12);
+      const std::size_t position = 12 + random() % (sizeof(detail::StateHeader) - 12);
       copy_[position] = static_cast<char>(random() % 2 == 0 ? random() : 0);
     }
     write_file(path("copy.state"), copy_);
@@ -528,10 +528,10 @@ TEST_F(TamperedSession, NeverCrashesWhoReadsRandomBytes) {
   write_file(path("copy.lock"), Bytes(1, 'x'));
   std::mt19937 random(4);
   for (int i = 0; i < 300; ++i) {
-    copy_ = Bytes(sizeof(layout::StateHeader) + random() % 5000);
+    copy_ = Bytes(sizeof(detail::StateHeader) + random() % 5000);
     for (char& byte : copy_) byte = static_cast<char>(random());
-    header().magic = layout::kStateMagic;
-    header().layout_version = layout::kLayoutVersion;
+    header().magic = detail::kStateMagic;
+    header().layout_version = detail::kLayoutVersion;
     header().file_size = copy_.size();
     write_file(path("copy.state"), copy_);
     use("copy");

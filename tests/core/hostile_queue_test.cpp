@@ -156,15 +156,15 @@ TEST(ControllerDied, IsTrueOnlyOnceActionsAreApplied) {
   SessionHost host = SessionHost::named("robot");
   const auto writers = host.place().begin(driver, false, test::kPeriod);
   detail::SessionWriter& robot = *writers.robot;
-  robot.set_phase(layout::Phase::kHolding);
+  robot.set_phase(detail::Phase::kHolding);
   EXPECT_FALSE(robot.controller_died()) << "nobody came";
 
   const Intruder controller;
   controller.header().controller_pid = 4711;  // its lock is free, so it has died
   EXPECT_FALSE(robot.controller_died()) << "the next one may take its place";
-  robot.set_phase(layout::Phase::kRunning);
+  robot.set_phase(detail::Phase::kRunning);
   EXPECT_TRUE(robot.controller_died());
-  controller.header().requests |= layout::kDetach;
+  controller.header().requests |= detail::kDetach;
   EXPECT_FALSE(robot.controller_died()) << "it said good-bye";
 }
 

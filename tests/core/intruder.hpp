@@ -10,8 +10,9 @@
 #include <random>
 
 #include "core/transports.hpp"
+#include "session_directory.hpp"
 #include "session_layout.hpp"
-#include "session_memory.hpp"
+#include "session_mapping.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/core/session.hpp"
@@ -32,12 +33,12 @@ template <class Action>
 class Intruder {
  public:
   Intruder()
-      : mapping_(std::make_shared<detail::FolderDirectory>(session_folder()), "robot"),
+      : mapping_(detail::directory_in(session_folder()), "robot"),
         memory_(ipc::SharedMemory::open(action_path(), ipc::Access::kReadWrite)),
         queue_(memory_.data() + mapping_.header().queue.offset, mapping_.header().queue.shape) {}
 
-  [[nodiscard]] layout::ActionHeader& header() const noexcept {
-    return *reinterpret_cast<layout::ActionHeader*>(memory_.data());
+  [[nodiscard]] detail::ActionHeader& header() const noexcept {
+    return *reinterpret_cast<detail::ActionHeader*>(memory_.data());
   }
   [[nodiscard]] const ipc::Ring& queue() const noexcept { return queue_; }
   /// Makes `action` the action for step `t`.

@@ -94,7 +94,7 @@ TEST_F(LeftBehind, fault_18_TheNumberOfADeadBackendMayBelongToALivingProcess) {
   {
     ipc::SharedMemory memory =
         ipc::SharedMemory::open(folder_.path() / "trifinger.robot.state", ipc::Access::kReadWrite);
-    reinterpret_cast<layout::StateHeader*>(memory.data())->backend_pid = ::getpid();
+    reinterpret_cast<detail::StateHeader*>(memory.data())->backend_pid = ::getpid();
   }
   EXPECT_FALSE(Session::open("robot").info().backend_is_alive);
   EXPECT_THAT(message_of<SessionNotFound>([] { return connect<FakeRobot>("robot"); }),

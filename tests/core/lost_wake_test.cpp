@@ -8,7 +8,8 @@
 
 #include "core/transports.hpp"
 #include "session_layout.hpp"
-#include "session_memory.hpp"
+#include "session_place.hpp"
+#include "session_writer.hpp"
 #include "support/session_folder.hpp"
 #include "trifinger/core/fake_robot.hpp"
 #include "trifinger/core/frontend.hpp"
@@ -27,11 +28,11 @@ class LostWake : public ::testing::Test {
   LostWake()
       : host_(SessionHost::named("robot")),
         writers_(host_.place().begin(driver_, false, kPeriod)),
-        robot_((writers_.robot->set_phase(layout::Phase::kHolding), host_)) {}
+        robot_((writers_.robot->set_phase(detail::Phase::kHolding), host_)) {}
 
   // Returns when a thread of the controller is about to sleep.
   void wait_for_sleeper() const {
-    const layout::ActionHeader& header = writers_.robot->action_header();
+    const detail::ActionHeader& header = writers_.robot->action_header();
     const Deadline deadline(kLong);
     const auto sleeps = [&] {
       return std::ranges::any_of(header.wait_slots, [](const auto& slot) {

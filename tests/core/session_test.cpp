@@ -93,12 +93,12 @@ class DamagedDocuments : public ::testing::Test {
     bytes_.assign(std::istreambuf_iterator<char>(file), {});
   }
 
-  [[nodiscard]] layout::StateHeader& header() {
-    return *reinterpret_cast<layout::StateHeader*>(bytes_.data());
+  [[nodiscard]] detail::StateHeader& header() {
+    return *reinterpret_cast<detail::StateHeader*>(bytes_.data());
   }
-  [[nodiscard]] layout::DocumentPlace& document(std::size_t i) {
+  [[nodiscard]] detail::DocumentPlace& document(std::size_t i) {
     auto* const places = bytes_.data() + header().documents.offset;
-    return reinterpret_cast<layout::DocumentPlace*>(places)[i];
+    return reinterpret_cast<detail::DocumentPlace*>(places)[i];
   }
   [[nodiscard]] std::string message() const {
     std::filesystem::remove(folder_.path() / "trifinger.copy.state");
@@ -128,8 +128,8 @@ TEST_F(DamagedDocuments, OnTopOfEachOtherAskForNoMoreMemoryThanTheFileHas) {
   // A list in the place of the actions, in which each document is the whole file.
   constexpr std::size_t kCount = 20;
   header().documents = {.offset = header().rings[0].offset,
-                        .size = kCount * sizeof(layout::DocumentPlace)};
-  const layout::TextPlace everything{.offset = 0, .size = bytes_.size()};
+                        .size = kCount * sizeof(detail::DocumentPlace)};
+  const detail::TextPlace everything{.offset = 0, .size = bytes_.size()};
   for (std::size_t i = 0; i < kCount; ++i) document(i) = {everything, everything, everything};
   EXPECT_THAT(message(), HasSubstr("larger than the file"));
 }

@@ -338,10 +338,10 @@ TEST_F(Rescue, LeavesOutElementsThatAreHalfWritten) {
   // Damages the memory like a back-end that was writing the slots of two steps.
   const auto path = sessions_.path() / "trifinger.robot.state";
   test::Bytes bytes = test::read_file(path);
-  const auto& header = *reinterpret_cast<const layout::StateHeader*>(bytes.data());
+  const auto& header = *reinterpret_cast<const trifinger::detail::StateHeader*>(bytes.data());
   const TimeIndex end = header.ends[3];
   const auto damage = [&](Series series, TimeIndex t) {
-    const layout::RingPlace& ring = header.rings[static_cast<std::size_t>(series)];
+    const trifinger::detail::RingPlace& ring = header.rings[static_cast<std::size_t>(series)];
     const auto slot = static_cast<std::uint64_t>(t) % ring.shape.capacity;
     bytes[ring.offset + slot * ring.shape.slot_size()] |= 1;
   };

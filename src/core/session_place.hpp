@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "session_directory.hpp"
+#include "session_writer.hpp"
+#include "trifinger/base/time.hpp"
+#include "trifinger/core/driver.hpp"
+#include "trifinger/core/session.hpp"
+#include "trifinger/ipc/fork.hpp"
+#include "trifinger/ipc/shared_memory.hpp"
+
+namespace trifinger::detail {
+
+// The right to make sessions under one name.
+class SessionPlace {
+ public:
+  // Throws RobotOwned, InvalidArgument.
+  SessionPlace(std::shared_ptr<Directory> directory, std::string name, SessionOptions options);
+  SessionPlace(const SessionPlace&) = delete;
+  SessionPlace& operator=(const SessionPlace&) = delete;
+  ~SessionPlace();
+
+  struct Writers {
+    std::unique_ptr<SessionWriter> robot;
+    std::vector<std::unique_ptr<SessionWriter>> companions;
+  };
+  // Begins the next session and its companions. `realtime_lacks`, see SessionInfo, counts only in
+  // real-time mode. The first call takes the memory of two sessions. Each later session reuses the
+  // memory of the last but one, unless others still use it. Throws SystemError, or RobotOwned if
+  // the name was lost meanwhile.
+  [[nodiscard]] Writers begin(const UntypedDriver& driver, bool is_real_time, Nanoseconds period,
+                              const std::vector<std::string>& realtime_lacks = {});
+  // Later sessions begin as if they had run for ages: their step 0 has this index.
+  void begin_at(TimeIndex first_index) noexcept { first_index_ = first_index; }
+
+  [[nodiscard]] const std::shared_ptr<Directory>& directory() const noexcept { return directory_; }
+  [[nodiscard]] const std::string& name() const noexcept { return name_; }
+
+ private:
+  // Throws RobotOwned. `is_ours`: we had the name before, and the state file is our session's.
+  void take_name(bool is_ours);
+  // The process that runs a robot of this name, even if its lock was removed. Nothing if none is
+  // found.
+  [[nodiscard]] std::optional<std::string> find_owner() const;
+  // True if a child of a dead back-end keeps the lock.
+  [[nodiscard]] bool is_left_by_the_dead() const;
+  // True if the back-end that has the name is being killed.
+  [[nodiscard]] bool is_left_by_the_dying() const;
+  [[noreturn]] void throw_owned(const std::string& owner) const;
+
+  std::shared_ptr<Directory> directory_;
+  std::string name_;
+  SessionOptions options_;
+  TimeIndex first_index_{0};
+  std::optional<ipc::SharedMemory> lock_;
+  bool has_reserve_{false};
+  ipc::ForkGuard fork_;
+};
+
+}  // namespace trifinger::detail
