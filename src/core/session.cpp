@@ -4,16 +4,15 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstdlib>
-#include <thread>
 #include <utility>
 
+#include "frontend_state.hpp"
 #include "session_directory.hpp"
 #include "session_layout.hpp"
 #include "session_mapping.hpp"
 #include "session_place.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/ipc/file_lock.hpp"
-#include "trifinger/ipc/futex.hpp"
 
 namespace trifinger {
 namespace {
@@ -208,40 +207,23 @@ std::vector<SessionInfo> list_sessions() {
 }
 
 void recover(const std::string& name, Timeout timeout) {
-  const Deadline deadline(timeout);
   const Session stopped = Session::open(name);
   const detail::SessionMapping& mapping = *stopped.mapping();
-  if (!mapping.has_ended() && mapping.backend_is_alive()) return;
   if (!mapping.backend_is_alive()) mapping.throw_stopped();
-
-  const std::uint64_t stopped_id = mapping.header().session_id;
+  if (!mapping.has_ended()) return;
   try {
-    const ipc::SharedMemory action =
-        mapping.directory()->open(detail::action_file(name, stopped_id), ipc::Access::kReadWrite);
+    const ipc::SharedMemory action = mapping.directory()->open(
+        detail::action_file(name, mapping.header().session_id), ipc::Access::kReadWrite);
     if (action.size() < sizeof(detail::ActionHeader)) {
       throw Error("the queue of robot '" + name +
                   "' was cut off; stop its back-end and start it again");
     }
-    auto& header = *reinterpret_cast<detail::ActionHeader*>(action.data());
-    // release: the request carries no data; the back-end acquires.
-    header.requests.fetch_or(detail::kRecover, std::memory_order_release);
-    header.event.fetch_add(1, std::memory_order_seq_cst);
-    ipc::futex_wake_all(header.event);
+    detail::send_request(*reinterpret_cast<detail::ActionHeader*>(action.data()), detail::kRecover);
   } catch (const SystemError& error) {
     // The queue is gone: the next session is about to begin.
     if (error.error_number() != ENOENT) throw;
   }
-  while (Session::open(name).info().session_id == stopped_id) {
-    if (deadline.passed()) {
-      std::string text = "robot '";
-      text += name;
-      text += "' has not begun a new session after its fault; 'trifinger stop ";
-      text += name;
-      throw TimedOut(text += "' ends its back-end");
-    }
-    // The next session is another file, so there is no event to wait for.
-    std::this_thread::sleep_for(std::chrono::milliseconds(1));
-  }
+  detail::wait_for_next_session(mapping, timeout);
 }
 
 SessionHost::SessionHost(std::unique_ptr<detail::SessionPlace> place) : place_(std::move(place)) {}

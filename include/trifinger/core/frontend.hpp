@@ -17,6 +17,9 @@
 namespace trifinger {
 
 class Backend;
+namespace detail {
+struct FrontendState;
+}
 
 /// Options for taking part in a session.
 struct FrontendOptions {
@@ -83,10 +86,9 @@ class UntypedFrontend {
   void set_interrupt(std::function<void()> interrupt);
 
  private:
-  class Implementation;
-  explicit UntypedFrontend(std::unique_ptr<Implementation> implementation);
+  explicit UntypedFrontend(std::unique_ptr<detail::FrontendState> state);
 
-  std::unique_ptr<Implementation> implementation_;
+  std::unique_ptr<detail::FrontendState> state_;
 };
 
 /// @throws IncompatibleSession with the first difference if `session` does not belong to the robot

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cstdint>
@@ -10,57 +9,53 @@
 #include <optional>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "session_layout.hpp"
 #include "session_mapping.hpp"
 #include "trifinger/base/time.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/errors.hpp"
+#include "trifinger/core/session.hpp"
 #include "trifinger/ipc/fork.hpp"
 #include "trifinger/ipc/futex.hpp"
+#include "trifinger/ipc/ring.hpp"
 #include "trifinger/ipc/shared_memory.hpp"
 
 namespace trifinger::detail {
 
 // Each session has its own files, so there is no event to wait for between two sessions.
 inline constexpr auto kPollPeriod = std::chrono::milliseconds(1);
+// Waits check the other side's health and call the interrupt at least this often.
+inline constexpr Nanoseconds kSlice = std::chrono::milliseconds(100);
 
-// What a front-end holds of a session: the mapped files, and the ways to wait. If the back-end is
-// in another thread or process, a wait sleeps; if it is inline, the wait runs it.
-class SessionHandle {
- public:
-  // `action` is the action file of a front-end in control. `inline_backend` is null if another
-  // thread runs the back-end.
-  SessionHandle(std::shared_ptr<const SessionMapping> mapping,
-                std::optional<ipc::SharedMemory> action, Backend* inline_backend)
-      : mapping_(std::move(mapping)),
-        action_(std::move(action)),
-        inline_backend_(inline_backend),
-        thread_(std::this_thread::get_id()) {}
+// A session, and its action file if the front-end controls it.
+struct Part {
+  std::shared_ptr<const SessionMapping> mapping;
+  std::optional<ipc::SharedMemory> action{};
+};
 
-  [[nodiscard]] const std::shared_ptr<const SessionMapping>& mapping() const noexcept {
-    return mapping_;
-  }
-  [[nodiscard]] const StateHeader& header() const noexcept { return mapping_->header(); }
-  // Null for a front-end that only observes.
+// What a front-end knows, and how it waits. If the back-end is in another thread or process, a wait
+// sleeps; if the back-end is inline, the wait runs it.
+struct FrontendState {
+  // `backend` is null if another thread runs the back-end.
+  explicit FrontendState(Part part, bool is_strict = false, Backend* backend = nullptr,
+                         std::shared_ptr<void> its_owner = nullptr);
+  FrontendState(const FrontendState&) = delete;
+  FrontendState& operator=(const FrontendState&) = delete;
+  // Gives control back.
+  ~FrontendState();
+
+  [[nodiscard]] const StateHeader& header() const noexcept { return mapping->header(); }
+  // Null for a handle that only observes.
   [[nodiscard]] ActionHeader* action_header() const noexcept {
-    return action_ ? reinterpret_cast<ActionHeader*>(action_->data()) : nullptr;
+    return action ? reinterpret_cast<ActionHeader*>(action->data()) : nullptr;
   }
-  [[nodiscard]] Backend* inline_backend() const noexcept { return inline_backend_; }
-  // Waits call `interrupt` at least every 100 ms.
-  void set_interrupt(std::function<void()> interrupt) { interrupt_ = std::move(interrupt); }
-  [[nodiscard]] const std::function<void()>& interrupt() const noexcept { return interrupt_; }
-
-  [[nodiscard]] bool is_inherited() const noexcept { return fork_.is_inherited(); }
   // Throws InheritedHandle in a forked child.
   void require_own() const;
-  // Throws RobotStopped or, in the thread of an inline back-end, what the interrupt throws.
+  // Throws InvalidArgument for a handle that only observes.
+  void require_control() const;
   [[noreturn]] void throw_stopped() const;
-  // True once a wait has found that the back-end died.
-  [[nodiscard]] bool backend_died() const noexcept {
-    // relaxed: no other data depends on this flag.
-    return backend_died_.load(std::memory_order_relaxed);
-  }
 
   // Waits until `ready()`. `wanted` tells the back-end when to wake us. `what` names the awaited
   // thing, for the error if it does not come. Throws TimedOut, ActionMissing, RobotStopped.
@@ -69,25 +64,30 @@ class SessionHandle {
   // Brings the robot of an inline back-end to rest.
   void run_inline_to_end() const noexcept;
 
+  std::shared_ptr<void> owner;  // destroyed last, because it contains the inline back-end
+  std::shared_ptr<const SessionMapping> mapping;
+  Session session{mapping};
+  std::optional<ipc::SharedMemory> action;
+  bool is_strict;
+  Backend* inline_backend;
+  std::thread::id thread{std::this_thread::get_id()};
+  std::function<void()> interrupt;
+  ipc::ForkGuard fork;
+  ipc::Ring queue;
+  std::vector<std::uint64_t> queue_entry;
+  TimeIndex last_appended{-1};
+  mutable std::atomic<TimeIndex> handed_out{-1};  // newest step whose observation the user knows
+  mutable std::atomic<bool> backend_died{false};
+
  private:
   template <class Ready, class What>
   void run_inline(const Ready& ready, Timeout timeout, const What& what) const;
   template <class Ready>
   void throw_if_backend_died(const Ready& ready) const;
   void look_for_interrupted_step() const;
-
-  // Waits check the other side's health and call the interrupt at least this often.
-  static constexpr Nanoseconds kSlice = std::chrono::milliseconds(100);
-
-  std::shared_ptr<const SessionMapping> mapping_;
-  std::optional<ipc::SharedMemory> action_;
-  Backend* inline_backend_;
-  std::thread::id thread_;
-  std::function<void()> interrupt_;
-  ipc::ForkGuard fork_;
-  mutable std::atomic<bool> backend_died_{false};
 };
 
+void send_request(ActionHeader& header, Request what) noexcept;
 // Waits until the back-end has begun the session after `ended`. Throws TimedOut, RobotStopped, and
 // what `interrupt` throws.
 void wait_for_next_session(const SessionMapping& ended, Timeout timeout,
@@ -119,9 +119,9 @@ class WaitSlot {
 };
 
 template <class Ready, class What>
-void SessionHandle::wait(const Ready& ready, const Wanted& wanted, Timeout timeout,
+void FrontendState::wait(const Ready& ready, const Wanted& wanted, Timeout timeout,
                          const What& what) const {
-  if (inline_backend_ != nullptr && std::this_thread::get_id() == thread_) {
+  if (inline_backend != nullptr && std::this_thread::get_id() == thread) {
     run_inline(ready, timeout, what);
     return;
   }
@@ -130,14 +130,14 @@ void SessionHandle::wait(const Ready& ready, const Wanted& wanted, Timeout timeo
   while (true) {
     // seq_cst: the wait slot comes after it, see SessionWriter::announce.
     const std::uint32_t event = header().event.load(std::memory_order_seq_cst);
-    const bool has_ended = mapping_->has_ended();
+    const bool has_ended = mapping->has_ended();
     if (ready()) return;
     if (has_ended) throw_stopped();
     if (deadline.passed()) {
       // A caller that looks often and never waits long must learn of the death, too.
       throw_if_backend_died(ready);
       if (ready()) return;
-      if (mapping_->has_ended()) continue;
+      if (mapping->has_ended()) continue;
       throw TimedOut(what() + " did not come in time");
     }
     {
@@ -148,33 +148,33 @@ void SessionHandle::wait(const Ready& ready, const Wanted& wanted, Timeout timeo
     }
     if (!slice.passed()) continue;
     slice = Deadline(kSlice);
-    if (interrupt_) interrupt_();
+    if (interrupt) interrupt();
     throw_if_backend_died(ready);
   }
 }
 
 template <class Ready>
-void SessionHandle::throw_if_backend_died(const Ready& ready) const {
+void FrontendState::throw_if_backend_died(const Ready& ready) const {
   // A back-end releases its lock after its last word, so check once more for that word.
-  if (mapping_->backend_is_alive() || mapping_->has_ended() || ready()) return;
-  // relaxed: see backend_died. An append has no time to look itself.
-  backend_died_.store(true, std::memory_order_relaxed);
+  if (mapping->backend_is_alive() || mapping->has_ended() || ready()) return;
+  // relaxed: see append_desired_action, which has no time to look itself.
+  backend_died.store(true, std::memory_order_relaxed);
   throw_stopped();
 }
 
 template <class Ready, class What>
-void SessionHandle::run_inline(const Ready& ready, Timeout timeout, const What& what) const {
+void FrontendState::run_inline(const Ready& ready, Timeout timeout, const What& what) const {
   // Reading the clock costs as much as a step of a small robot.
   constexpr int kStepsPerLook = 64;
   const Deadline deadline(timeout);
-  Instant last_interrupt{};
+  Instant last_call{};
   int steps = 0;
   while (true) {
-    const bool has_ended = mapping_->has_ended();
+    const bool has_ended = mapping->has_ended();
     if (has_ended) look_for_interrupted_step();
     if (ready()) return;
     if (has_ended) throw_stopped();
-    const Progress progress = inline_backend_->advance();
+    const Progress progress = inline_backend->advance();
     if (progress == Progress::kWaiting && !ready()) {
       throw ActionMissing(what() + " needs an action that has not been appended: step " +
                           std::to_string(header().next_action.load(std::memory_order_relaxed)));
@@ -182,9 +182,9 @@ void SessionHandle::run_inline(const Ready& ready, Timeout timeout, const What& 
     if (progress != Progress::kHeldUp && ++steps % kStepsPerLook != 0) continue;
     if (deadline.passed() && !ready()) throw TimedOut(what() + " did not come in time");
     const Instant now = std::chrono::steady_clock::now();
-    if (interrupt_ && now - last_interrupt >= kSlice) {
-      last_interrupt = now;
-      interrupt_();
+    if (interrupt && now - last_call >= kSlice) {
+      last_call = now;
+      interrupt();
     }
   }
 }

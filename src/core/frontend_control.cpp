@@ -1,0 +1,134 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <atomic>
+#include <cstddef>
+#include <cstring>
+#include <string>
+
+#include "frontend_state.hpp"
+#include "session_layout.hpp"
+#include "session_mapping.hpp"
+#include "trifinger/base/error.hpp"
+#include "trifinger/base/time.hpp"
+#include "trifinger/core/backend.hpp"
+#include "trifinger/core/errors.hpp"
+#include "trifinger/core/fault.hpp"
+#include "trifinger/core/frontend.hpp"
+#include "trifinger/core/session.hpp"
+#include "trifinger/core/status.hpp"
+#include "trifinger/ipc/futex.hpp"
+
+namespace trifinger {
+namespace {
+
+using detail::Wanted;
+
+// True if the action appended for `t` was applied; false if it came too late. The back-end has
+// already passed `t`.
+bool was_taken(const UntypedFrontend& frontend, const detail::FrontendState& state, TimeIndex t) {
+  Status status;
+  try {
+    // The user's timeout does not apply: the action is on its way, and the back-end is just now
+    // doing the tick that decides.
+    frontend.get(Series::kStatus, t, &status, kForever);
+  } catch (const HistoryLost&) {
+    return false;
+  }
+  if ((status.flags & Status::kEnd) != 0) state.throw_stopped();
+  return (status.flags & Status::kActionRepeated) == 0;
+}
+
+void wait_for_queue_space(const detail::FrontendState& state, TimeIndex taken, Timeout timeout) {
+  state.wait([&] { return state.header().next_action.load(std::memory_order_acquire) > taken; },
+             {Wanted::kQueueSpace, taken}, timeout,
+             [] { return std::string("a free place in the queue of actions"); });
+}
+
+}  // namespace
+
+TimeIndex UntypedFrontend::append_desired_action(const void* action, Timeout timeout) {
+  state_->require_own();
+  state_->require_control();
+  detail::FrontendState& state = *state_;
+  const detail::StateHeader& header = state.header();
+  while (true) {
+    // relaxed: no other data depends on this flag.
+    const bool has_died = state.backend_died.load(std::memory_order_relaxed);
+    if (has_died || state.mapping->has_ended()) state.throw_stopped();
+    // acquire: the slots of indices taken before are free.
+    const TimeIndex open = header.next_action.load(std::memory_order_acquire);
+    const TimeIndex t = std::max(state.last_appended + 1, open);
+    const auto capacity = static_cast<TimeIndex>(state.queue.shape().capacity);
+    if (t - open >= capacity) {
+      wait_for_queue_space(state, t - capacity, timeout);
+      continue;
+    }
+    // relaxed: this thread set it, or a thread whose read has no fixed order with this append.
+    const bool is_acausal = t <= state.handed_out.load(std::memory_order_relaxed);
+    if (is_acausal && state.is_strict) throw AcausalAction(t);
+
+    state.queue_entry[0] = is_acausal ? detail::QueueFlags::kAcausal : 0;
+    std::memcpy(state.queue_entry.data() + 1, action, state.queue.shape().element_size - 8);
+    state.queue.write(t, state.queue_entry.data(), std::memory_order_seq_cst);
+    state.last_appended = t;
+    auto& event = state.action_header()->event;
+    // release, because the slot was written before: a back-end that has seen the new word finds
+    // the action. A back-end that has not found the action can only sleep on the old word.
+    event.store(event.load(std::memory_order_relaxed) + 1, std::memory_order_release);
+    // seq_cst: either the back-end found the action before it went to sleep, or we see that it
+    // sleeps.
+    if (header.backend_waits.load(std::memory_order_seq_cst) != 0) ipc::futex_wake_all(event);
+    // seq_cst: a back-end that closes t says so before it looks for the action once more. If t is
+    // not closed here, the back-end will find the action.
+    if (header.is_real_time == 0 || header.next_action.load(std::memory_order_seq_cst) <= t ||
+        was_taken(*this, state, t)) {
+      return t;
+    }
+  }
+}
+
+TimeIndex UntypedFrontend::append_desired_actions(const void* actions, std::size_t count,
+                                                  Timeout timeout) {
+  if (count == 0) throw InvalidArgument("a burst needs at least one action");
+  const std::size_t size = state_->mapping->description().action.size();
+  TimeIndex t = -1;
+  for (std::size_t i = 0; i < count; ++i) {
+    t = append_desired_action(static_cast<const std::byte*>(actions) + i * size, timeout);
+  }
+  return t;
+}
+
+void UntypedFrontend::finish(Timeout timeout) {
+  state_->require_own();
+  state_->require_control();
+  const detail::SessionMapping& mapping = *state_->mapping;
+  if (!mapping.has_ended()) {
+    detail::send_request(*state_->action_header(), detail::kFinish);
+    state_->wait([&mapping] { return mapping.has_ended(); }, {Wanted::kAnything, 0}, timeout,
+                 [] { return std::string("the end of the session"); });
+    state_->run_inline_to_end();
+  }
+  // The session may have ended before the request, for a reason that left some actions unused.
+  const Fault fault = mapping.fault();
+  const bool is_as_good =
+      fault.code == Fault::Code::kExhausted && state_->last_appended < fault.time_index;
+  if (fault.code != Fault::Code::kFinished && !is_as_good) state_->throw_stopped();
+}
+
+void UntypedFrontend::recover(Timeout timeout) {
+  state_->require_own();
+  if (state_->inline_backend != nullptr) {
+    state_->inline_backend->recover();
+    return;
+  }
+  const detail::SessionMapping& mapping = *state_->mapping;
+  if (!mapping.has_ended()) {
+    if (!mapping.backend_is_alive()) mapping.throw_stopped();
+    return;
+  }
+  state_->require_control();
+  detail::send_request(*state_->action_header(), detail::kRecover);
+  detail::wait_for_next_session(mapping, timeout, state_->interrupt);
+}
+
+}  // namespace trifinger

@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "frontend_state.hpp"
+
+#include <cerrno>
+#include <utility>
+
+#include "trifinger/base/error.hpp"
+
+namespace trifinger::detail {
+
+FrontendState::FrontendState(Part part, bool its_strictness, Backend* backend,
+                             std::shared_ptr<void> its_owner)
+    : owner(std::move(its_owner)),
+      mapping(std::move(part.mapping)),
+      action(std::move(part.action)),
+      is_strict(its_strictness),
+      inline_backend(backend) {
+  if (!action) return;
+  const RingPlace& place = header().queue;
+  queue = ipc::Ring(action->data() + place.offset, place.shape);
+  queue_entry.resize((place.shape.element_size + 7) / 8);
+}
+
+FrontendState::~FrontendState() {
+  if (!action || fork.is_inherited()) return;
+  if (last_appended < 0) {
+    // release: the lock is given back later, together with the file.
+    action_header()->controller_pid.store(0, std::memory_order_release);
+  } else {
+    // This is needed after the end, too: a controller that leaves without it counts as dead.
+    send_request(*action_header(), kDetach);
+    run_inline_to_end();
+  }
+}
+
+void FrontendState::require_own() const {
+  if (!fork.is_inherited()) return;
+  throw InheritedHandle("this handle of '" + mapping->name() +
+                        "' was made before fork(); connect again in the child process");
+}
+
+void FrontendState::require_control() const {
+  if (action) return;
+  throw InvalidArgument("this handle of '" + mapping->name() +
+                        "' only observes; use connect() to control the robot");
+}
+
+void FrontendState::throw_stopped() const {
+  look_for_interrupted_step();
+  mapping->throw_stopped();
+}
+
+void FrontendState::look_for_interrupted_step() const {
+  // If the user's own code has ended an inline session within a step, the interrupt reports that
+  // first.
+  if (inline_backend != nullptr && interrupt) interrupt();
+}
+
+void FrontendState::run_inline_to_end() const noexcept {
+  if (inline_backend == nullptr) return;
+  // If a later session has begun, this stops as soon as that session waits for an action.
+  for (auto progress = Progress::kStepped;
+       progress == Progress::kStepped || progress == Progress::kHeldUp;) {
+    progress = inline_backend->advance();
+  }
+}
+
+void send_request(ActionHeader& header, Request what) noexcept {
+  // release: whoever sees the request also sees the actions appended before.
+  header.requests.fetch_or(what, std::memory_order_release);
+  header.event.fetch_add(1, std::memory_order_seq_cst);
+  ipc::futex_wake_all(header.event);
+}
+
+void wait_for_next_session(const SessionMapping& ended, Timeout timeout,
+                           const std::function<void()>& interrupt) {
+  const Deadline deadline(timeout);
+  while (true) {
+    try {
+      const SessionMapping current(ended.directory(), ended.name());
+      if (current.header().session_id != ended.header().session_id) return;
+      if (!current.backend_is_alive()) ended.throw_stopped();
+    } catch (const SystemError& error) {
+      if (error.error_number() != ENOENT) throw;
+      ended.throw_stopped();
+    }
+    if (deadline.passed()) {
+      throw TimedOut("robot '" + ended.name() +
+                     "' has not begun a new session after its fault; 'trifinger stop " +
+                     ended.name() + "' ends its back-end");
+    }
+    if (interrupt) interrupt();
+    std::this_thread::sleep_for(kPollPeriod);
+  }
+}
+
+}  // namespace trifinger::detail
