@@ -13,6 +13,7 @@ namespace {
 
 constexpr std::array<std::string_view, 10> kScalarNames{
     "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "float32", "float64"};
+constexpr std::array<std::size_t, 10> kScalarSizes{1, 1, 2, 2, 4, 4, 8, 8, 4, 8};  // [bytes]
 
 // One line of ElementDescription::text(): "NAME TYPE[SHAPE] UNIT". Shape and unit are optional.
 FieldDescription parse_field(std::string_view line) {
@@ -64,23 +65,7 @@ std::string_view name_of(ScalarType type) noexcept {
 }
 
 std::size_t size_of(ScalarType type) noexcept {
-  switch (type) {
-    case ScalarType::kInt8:
-    case ScalarType::kUint8:
-      return 1;
-    case ScalarType::kInt16:
-    case ScalarType::kUint16:
-      return 2;
-    case ScalarType::kInt32:
-    case ScalarType::kUint32:
-    case ScalarType::kFloat32:
-      return 4;
-    case ScalarType::kInt64:
-    case ScalarType::kUint64:
-    case ScalarType::kFloat64:
-      return 8;
-  }
-  return 0;
+  return kScalarSizes[static_cast<std::size_t>(type)];
 }
 
 std::size_t FieldDescription::count() const noexcept {

@@ -1,46 +1,25 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "trifinger/core/fault.hpp"
 
+#include <array>
+#include <cstdint>
+
+#include "trifinger/base/text.hpp"
 #include "trifinger/core/errors.hpp"
 
 namespace trifinger {
 
 std::string_view name_of(Fault::Code code) noexcept {
-  switch (code) {
-    case Fault::Code::kNone:
-      return "none";
-    case Fault::Code::kFinished:
-      return "finished";
-    case Fault::Code::kDetached:
-      return "detached";
-    case Fault::Code::kControllerDied:
-      return "controller_died";
-    case Fault::Code::kStopped:
-      return "stopped";
-    case Fault::Code::kExhausted:
-      return "exhausted";
-    case Fault::Code::kFirstActionLate:
-      return "first_action_late";
-    case Fault::Code::kActionLate:
-      return "action_late";
-    case Fault::Code::kBackendLate:
-      return "backend_late";
-    case Fault::Code::kActionsRejected:
-      return "actions_rejected";
-    case Fault::Code::kMemoryDamaged:
-      return "memory_damaged";
-    case Fault::Code::kDriver:
-      return "driver";
-    case Fault::Code::kDriverHangs:
-      return "driver_hangs";
-    case Fault::Code::kBackendDied:
-      return "backend_died";
-    case Fault::Code::kMeasurementStale:
-      return "measurement_stale";
-    case Fault::Code::kMachineSuspended:
-      return "machine_suspended";
-  }
-  return "unknown";
+  // Clean ends are numbered from 0, faults from 16.
+  static constexpr std::array<std::string_view, 6> kEnds{
+      "none", "finished", "detached", "controller_died", "stopped", "exhausted"};
+  static constexpr std::array<std::string_view, 10> kFaults{
+      "first_action_late", "action_late",      "backend_late", "actions_rejected",
+      "memory_damaged",    "driver",           "driver_hangs", "backend_died",
+      "measurement_stale", "machine_suspended"};
+  constexpr auto kFirstFault = static_cast<std::int32_t>(Fault::Code::kFirstActionLate);
+  const auto number = static_cast<std::int32_t>(code);
+  return number < kFirstFault ? name_in(kEnds, number) : name_in(kFaults, number - kFirstFault);
 }
 
 std::string describe(const Fault& fault, std::string_view driver_text) {

@@ -61,7 +61,7 @@ TimeIndex Followers::FollowedCompanion::first_element_at(TimeIndex step) const n
 bool Followers::blocks(TimeIndex next_step, TimeIndex t) const noexcept {
   return t - next_step >= capacity_ ||
          std::ranges::any_of(companions_, [next_step](const FollowedCompanion& companion) {
-           return !companion.has_room_behind(companion.first_element_at(next_step));
+           return !companion.has_room_from(companion.first_element_at(next_step));
          });
 }
 

@@ -47,8 +47,8 @@ class Followers {
     TimeIndex first_unread{0};  // first element not read by some follower, as far as we know
 
     // The driver decides how many elements a step adds. Half of the history is kept free for them.
-    [[nodiscard]] bool has_room() const noexcept { return has_room_behind(first_unread); }
-    [[nodiscard]] bool has_room_behind(TimeIndex unread) const noexcept {
+    [[nodiscard]] bool has_room() const noexcept { return has_room_from(first_unread); }
+    [[nodiscard]] bool has_room_from(TimeIndex unread) const noexcept {
       return writer->end_of(Series::kObservation) - unread <= capacity / 2;
     }
     [[nodiscard]] TimeIndex first_element_at(TimeIndex step) const noexcept;

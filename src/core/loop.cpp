@@ -179,7 +179,10 @@ Progress Loop::run(const Tick& now) noexcept {
   } else {
     status_.action_repeats = 0;
   }
+  return apply_action();
+}
 
+Progress Loop::apply_action() noexcept {
   const DriverReport report =
       call_driver([&] { return driver_.apply_action(desired_.data(), applied_.data()); });
   if (breaks_off(report)) return end(report);

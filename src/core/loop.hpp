@@ -65,6 +65,8 @@ class Loop {
   Progress rest() noexcept;
 
   bool measure(const Tick& now) noexcept;
+  // Applies the desired action and completes the step.
+  Progress apply_action() noexcept;
   Take take_action() noexcept;
   Take close_index() noexcept;
   [[nodiscard]] Fault end_request() const noexcept;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "trifinger/core/session.hpp"
 
-#include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cstdlib>
 #include <utility>
@@ -11,6 +11,7 @@
 #include "session_layout.hpp"
 #include "session_mapping.hpp"
 #include "session_place.hpp"
+#include "trifinger/base/text.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/ipc/file_lock.hpp"
 
@@ -60,35 +61,15 @@ std::string not_found_text(const std::string& name) {
 }  // namespace
 
 std::string_view name_of(Series series) noexcept {
-  switch (series) {
-    case Series::kDesiredAction:
-      return "desired_action";
-    case Series::kAppliedAction:
-      return "applied_action";
-    case Series::kObservation:
-      return "observation";
-    case Series::kStatus:
-      return "status";
-    case Series::kHolding:
-      return "holding";
-    case Series::kStopping:
-      return "stopping";
-  }
-  return "unknown";
+  static constexpr std::array<std::string_view, detail::kNumSeries> kNames{
+      "desired_action", "applied_action", "observation", "status", "holding", "stopping"};
+  return name_in(kNames, series);
 }
 
 std::string_view name_of(SessionInfo::Phase phase) noexcept {
-  switch (phase) {
-    case SessionInfo::Phase::kPreparing:
-      return "preparing";
-    case SessionInfo::Phase::kHolding:
-      return "holding";
-    case SessionInfo::Phase::kRunning:
-      return "running";
-    case SessionInfo::Phase::kEnded:
-      return "ended";
-  }
-  return "unknown";
+  static constexpr std::array<std::string_view, 4> kNames{"preparing", "holding", "running",
+                                                          "ended"};
+  return name_in(kNames, phase);
 }
 
 std::filesystem::path session_folder() {

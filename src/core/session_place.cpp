@@ -100,20 +100,22 @@ std::optional<std::string> SessionPlace::find_owner() const {
   return owner;
 }
 
-bool SessionPlace::is_left_by_the_dead() const {
+std::optional<ipc::ProcessIdentity> SessionPlace::last_backend() const {
   try {
-    return SessionMapping(directory_, name_).header().backend().is_known_dead();
+    return SessionMapping(directory_, name_).header().backend();
   } catch (const Error&) {
-    return false;
+    return std::nullopt;
   }
 }
 
+bool SessionPlace::is_left_by_the_dead() const {
+  const auto backend = last_backend();
+  return backend && backend->is_known_dead();
+}
+
 bool SessionPlace::is_left_by_the_dying() const {
-  try {
-    return SessionMapping(directory_, name_).header().backend().is_ending();
-  } catch (const Error&) {
-    return false;
-  }
+  const auto backend = last_backend();
+  return backend && backend->is_ending();
 }
 
 void SessionPlace::throw_owned(const std::string& owner) const {

@@ -12,6 +12,7 @@
 #include "trifinger/core/driver.hpp"
 #include "trifinger/core/session.hpp"
 #include "trifinger/ipc/fork.hpp"
+#include "trifinger/ipc/process.hpp"
 #include "trifinger/ipc/shared_memory.hpp"
 
 namespace trifinger::detail {
@@ -47,6 +48,8 @@ class SessionPlace {
   // The process that runs a robot of this name, even if its lock was removed. Nothing if none is
   // found.
   [[nodiscard]] std::optional<std::string> find_owner() const;
+  // The back-end of the session that can be found, if there is one.
+  [[nodiscard]] std::optional<ipc::ProcessIdentity> last_backend() const;
   // True if a child of a dead back-end keeps the lock.
   [[nodiscard]] bool is_left_by_the_dead() const;
   // True if the back-end that has the name is being killed.

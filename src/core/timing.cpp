@@ -2,10 +2,12 @@
 #include "trifinger/core/timing.hpp"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <functional>
 #include <numeric>
 
+#include "trifinger/base/text.hpp"
 #include "trifinger/core/fault.hpp"
 
 namespace trifinger {
@@ -26,17 +28,8 @@ Nanoseconds late_by(const Status& status, LateCause cause, Nanoseconds period) n
 }  // namespace
 
 std::string_view name_of(LateCause cause) noexcept {
-  switch (cause) {
-    case LateCause::kNone:
-      return "none";
-    case LateCause::kUser:
-      return "user";
-    case LateCause::kScheduler:
-      return "scheduler";
-    case LateCause::kDriver:
-      return "driver";
-  }
-  return "unknown";
+  static constexpr std::array<std::string_view, 4> kNames{"none", "user", "scheduler", "driver"};
+  return name_in(kNames, cause);
 }
 
 LateCause late_cause(const Status& status) noexcept {

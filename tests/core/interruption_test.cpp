@@ -37,11 +37,7 @@ TEST(Interruption, fault_23_MakesNoStepEarlyAndLosesNone) {
   const SessionFolder folder;
   FakeDriver driver;
   SessionHost host = SessionHost::named("robot");
-  Backend backend(driver, host,
-                  {.mode = BackendOptions::Mode::kRealTime,
-                   .period = kPeriod,
-                   .max_action_repeats = 1'000'000'000,
-                   .max_skipped_ticks = 1'000'000'000});
+  Backend backend(driver, host, kTolerantDeadlines);
   const std::int64_t before = Interruptions::count();
   Interruptions interruptions;
   const BackendThread thread(backend);

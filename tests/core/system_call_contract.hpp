@@ -106,11 +106,7 @@ class GuardedBackend {
     CallLog log;
     DriverUnderTest driver(Traits::make_driver(), {.on_observation = on_observation}, log);
     SessionHost host = SessionHost::named("robot");
-    Backend backend(driver, host,
-                    {.mode = BackendOptions::Mode::kRealTime,
-                     .period = kPeriod,
-                     .max_action_repeats = 1'000'000'000,
-                     .max_skipped_ticks = 1'000'000'000});
+    Backend backend(driver, host, kTolerantDeadlines);
     const BackendThread thread(backend, {.demand = Demand::kTry});
     while (true) ::pause();
   }

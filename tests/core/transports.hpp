@@ -46,6 +46,12 @@ inline constexpr Nanoseconds kPeriod = std::chrono::milliseconds(1);
           .injection = injection};
 }
 
+/// Deadlines that end no session, however late the user and the back-end are.
+inline constexpr BackendOptions kTolerantDeadlines{.mode = BackendOptions::Mode::kRealTime,
+                                                   .period = kPeriod,
+                                                   .max_action_repeats = 1'000'000'000,
+                                                   .max_skipped_ticks = 1'000'000'000};
+
 /// A timeout so long that only a fault of ours can use it up.
 inline constexpr Timeout kLong = std::chrono::seconds(120);
 
@@ -101,32 +107,42 @@ class Rig {
   SharedValue<CallLog> log_;
 };
 
+/// A rig whose back-end is in the user's process.
+template <class Traits>
+class RigWithBackend : public Rig<Traits> {
+ public:
+  explicit RigWithBackend(const Plan& plan)
+      : Rig<Traits>(plan),
+        driver_(this->make_driver()),
+        host_(this->prepared(SessionHost::anonymous(plan.session))),
+        backend_(*driver_, host_, plan.backend, this->clock_) {}
+
+  void request_stop() { backend_.request_stop(); }
+
+ private:
+  std::unique_ptr<UntypedDriver> driver_;
+
+ protected:
+  SessionHost host_;
+  Backend backend_;
+};
+
 /// The user's waits run the back-end.
 struct Inline {
   static constexpr std::string_view kName = "Inline";
   static constexpr bool kIsInline = true;
 
   template <class Traits>
-  class Rig : public test::Rig<Traits> {
+  class Rig : public RigWithBackend<Traits> {
    public:
     using Robot = typename Traits::Robot;
 
-    explicit Rig(const Plan& plan = {})
-        : test::Rig<Traits>(plan),
-          driver_(this->make_driver()),
-          host_(this->prepared(SessionHost::anonymous(plan.session))),
-          backend_(*driver_, host_, plan.backend, this->clock_) {}
+    explicit Rig(const Plan& plan = {}) : RigWithBackend<Traits>(plan) {}
 
     [[nodiscard]] Frontend<Robot> connect(FrontendOptions options = {.strict = true}) {
-      return Frontend<Robot>(backend_, this->with_long_timeout(options));
+      return Frontend<Robot>(this->backend_, this->with_long_timeout(options));
     }
     [[nodiscard]] Frontend<Robot> observe() { return connect({.control = false}); }
-    void request_stop() { backend_.request_stop(); }
-
-   private:
-    std::unique_ptr<UntypedDriver> driver_;
-    SessionHost host_;
-    Backend backend_;
   };
 };
 
@@ -136,30 +152,21 @@ struct InProcess {
   static constexpr bool kIsInline = false;
 
   template <class Traits>
-  class Rig : public test::Rig<Traits> {
+  class Rig : public RigWithBackend<Traits> {
    public:
     using Robot = typename Traits::Robot;
 
-    explicit Rig(const Plan& plan = {})
-        : test::Rig<Traits>(plan),
-          driver_(this->make_driver()),
-          host_(this->prepared(SessionHost::anonymous(plan.session))),
-          backend_(*driver_, host_, plan.backend, this->clock_),
-          thread_(backend_) {}
+    explicit Rig(const Plan& plan = {}) : RigWithBackend<Traits>(plan), thread_(this->backend_) {}
     Rig(const Rig&) = delete;
     Rig& operator=(const Rig&) = delete;
     ~Rig() { this->clock_.run_free(); }
 
     [[nodiscard]] Frontend<Robot> connect(FrontendOptions options = {.strict = true}) {
-      return Frontend<Robot>(host_, this->with_long_timeout(options));
+      return Frontend<Robot>(this->host_, this->with_long_timeout(options));
     }
     [[nodiscard]] Frontend<Robot> observe() { return connect({.control = false}); }
-    void request_stop() { backend_.request_stop(); }
 
    private:
-    std::unique_ptr<UntypedDriver> driver_;
-    SessionHost host_;
-    Backend backend_;
     BackendThread thread_;
   };
 };

@@ -56,7 +56,7 @@ class StoppedUser : public ::testing::Test {
   // A user in a separate process appends the actions of steps 0 to 4 and is stopped. When it
   // continues, `then(robot)` returns whether it finds what it should.
   template <class Then>
-  void stop_behind_step_4(std::uint32_t max_action_repeats, const Then& then) {
+  void stop_after_step_4(std::uint32_t max_action_repeats, const Then& then) {
     rig_.emplace(with_deadlines(max_action_repeats));
     observer_.emplace(rig_->observe());
     rig_->tick();
@@ -87,7 +87,7 @@ class StoppedUser : public ::testing::Test {
 
 TEST_F(StoppedUser, fault_03_FindsTheRobotStoppedAndLearnsWhichActionWasLate) {
   const Fault late{.code = Fault::Code::kActionLate, .detail = 2, .time_index = 7};
-  stop_behind_step_4(2, [&](auto& robot) {
+  stop_after_step_4(2, [&](auto& robot) {
     return fault_of([&] { return robot.append_desired_action({}); }) == late;
   });
   rig_->tick(8);
@@ -97,7 +97,7 @@ TEST_F(StoppedUser, fault_03_FindsTheRobotStoppedAndLearnsWhichActionWasLate) {
 }
 
 TEST_F(StoppedUser, fault_03_GoesOnWhereItsRobotIsIfThatHasRepeatedItsAction) {
-  stop_behind_step_4(1000, [](auto& robot) { return robot.append_desired_action({}) == 50; });
+  stop_after_step_4(1000, [](auto& robot) { return robot.append_desired_action({}) == 50; });
   rig_->tick(50);
   go_on();
   const auto timing = observer_->timing();

@@ -13,6 +13,14 @@ namespace trifinger {
 /// True if `text` is valid UTF-8.
 [[nodiscard]] bool is_utf8(std::string_view text) noexcept;
 
+/// The name of the enumerator `value` in `names`, which begins with that of 0; otherwise "unknown".
+template <class Enum, std::size_t N>
+[[nodiscard]] constexpr std::string_view name_in(const std::array<std::string_view, N>& names,
+                                                 Enum value) noexcept {
+  const auto i = static_cast<std::size_t>(value);
+  return i < N ? names[i] : "unknown";
+}
+
 /// A sentence with its own fixed memory, for code that must not use the heap, such as a driver in
 /// the loop.
 ///
