@@ -3,19 +3,15 @@
 #include <fmt/core.h>
 #include <sched.h>
 
-#include <atomic>
 #include <chrono>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
-#include <exception>
 #include <filesystem>
-#include <future>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
-#include <thread>
 #include <utility>
 #include <vector>
 
@@ -55,60 +51,6 @@ struct RunOptions {
   RealtimeOptions realtime;
   bool no_memory_lock{false};
   bool let_cpus_sleep{false};
-};
-
-// The back-end in a thread of its own. When the back-end returns, for any reason, it notifies
-// `Signals`.
-class LoopThread {
- public:
-  // Throws Error if the machine refuses what is required.
-  LoopThread(Backend& backend, const RealtimeOptions& realtime) : backend_(backend) {
-    std::promise<Refused> entered;
-    std::future<Refused> refused = entered.get_future();
-    thread_ = std::jthread([this, realtime, entered = std::move(entered)]() mutable {
-      run(realtime, std::move(entered));
-      // release: the failure was stored before.
-      has_ended_.store(true, std::memory_order_release);
-      Signals::notify();
-    });
-    refused_ = refused.get();
-  }
-  LoopThread(const LoopThread&) = delete;
-  LoopThread& operator=(const LoopThread&) = delete;
-  // Brings the robot to rest and waits until the loop has ended.
-  ~LoopThread() { backend_.request_stop(); }
-
-  // Returns what the machine refused, one sentence each.
-  [[nodiscard]] const std::vector<std::string>& refused() const noexcept { return refused_; }
-  [[nodiscard]] bool has_ended() const noexcept {
-    return has_ended_.load(std::memory_order_acquire);
-  }
-  // Returns what ended the loop before it was asked to; nothing if all went well. Call this at the
-  // end.
-  [[nodiscard]] std::exception_ptr failure() const noexcept { return failure_; }
-
- private:
-  using Refused = std::vector<std::string>;
-
-  void run(const RealtimeOptions& realtime, std::promise<Refused> entered) noexcept {
-    try {
-      entered.set_value(enter_realtime(realtime));
-    } catch (...) {
-      entered.set_exception(std::current_exception());
-      return;
-    }
-    try {
-      backend_.run();
-    } catch (...) {
-      failure_ = std::current_exception();
-    }
-  }
-
-  Backend& backend_;
-  Refused refused_;
-  std::exception_ptr failure_;
-  std::atomic<bool> has_ended_{false};
-  std::jthread thread_;  // last member, because the thread uses the others
 };
 
 // Reports on the robot to the user: a line for each event, and on a terminal one line that is
@@ -325,7 +267,7 @@ int run(const RunOptions& options) {
   if (options.record) recorder = RunRecorder::start(name, *options.record, robot.backend, backend);
   RunReporter reporter(name, host);
   reporter.print(timing_text(robot.backend));
-  LoopThread loop(backend, realtime);
+  BackendThread loop(backend, realtime, Signals::notify);
   for (const std::string& sentence : loop.refused()) reporter.print(sentence, Style::kWarning);
 
   const auto report = [&](bool is_stopping) {
@@ -347,7 +289,7 @@ int run(const RunOptions& options) {
     }
   };
   bool is_stopping = false;
-  while (!loop.has_ended()) {
+  while (!loop.wait_for_end(Timeout::zero())) {
     if (const std::optional<int> signal = signals.wait(kRefresh)) {
       if (is_stopping) Signals::die_of(*signal);
       is_stopping = true;
@@ -374,12 +316,12 @@ int run(const RunOptions& options) {
                                "folder, until a back-end of this name is started",
                                missing, options.record->string(), name, options.record->string()),
                    Style::kBad);
-    leave_memory_behind(loop.failure() == nullptr ? kIncomplete
-                                                  : run_and_report("trifinger", [&loop]() -> int {
-                                                      std::rethrow_exception(loop.failure());
-                                                    }));
+    leave_memory_behind(run_and_report("trifinger", [&loop] {
+      loop.stop();
+      return static_cast<int>(kIncomplete);
+    }));
   }
-  if (loop.failure() != nullptr) std::rethrow_exception(loop.failure());
+  loop.stop();
   reporter.print("stopped");
   return kDone;
 }

@@ -4,7 +4,6 @@
 #include <nanobind/nanobind.h>
 
 #include <chrono>
-#include <future>
 #include <new>
 #include <set>
 #include <utility>
@@ -50,14 +49,8 @@ struct RunningBackend::Parts {
   Parts(const std::string& name, std::unique_ptr<UntypedDriver> driver,
         const BackendOptions& backend_options, const SessionOptions& session_options)
       : robot(std::move(driver), SessionHost::named(name, session_options), backend_options),
-        end(std::async(std::launch::async, [this] { robot.backend.run(); })) {}
-  Parts(const Parts&) = delete;
-  Parts& operator=(const Parts&) = delete;
-  ~Parts() { robot.backend.request_stop(); }
+        thread(robot.backend) {}
 
-  [[nodiscard]] bool has_ended_within(Timeout timeout) const {
-    return end.wait_for(timeout) == std::future_status::ready;
-  }
   [[nodiscard]] bool has_session() const {
     try {
       static_cast<void>(robot.host.open());
@@ -68,7 +61,7 @@ struct RunningBackend::Parts {
   }
 
   Robot robot;
-  std::shared_future<void> end;  // its destructor waits for the thread
+  BackendThread thread;
 };
 
 RunningBackend::RunningBackend(const std::string& name, std::unique_ptr<UntypedDriver> driver,
@@ -79,7 +72,7 @@ RunningBackend::RunningBackend(const std::string& name, std::unique_ptr<UntypedD
     const GilRelease release;
     auto parts = std::make_shared<Parts>(name, std::move(driver), backend_options, session_options);
     while (!parts->has_session()) {
-      if (parts->has_ended_within(kPollPeriod)) parts->end.get();
+      if (parts->thread.wait_for_end(kPollPeriod)) parts->thread.stop();  // throws what ended it
     }
     parts_ = std::move(parts);
   }
@@ -110,23 +103,19 @@ void RunningBackend::wait(Timeout timeout) const {
   const std::shared_ptr<Parts> parts = own_parts();
   if (parts == nullptr) return;
   in_slices(timeout, [&](Timeout slice) {
-    if (!parts->has_ended_within(slice)) {
+    if (!parts->thread.wait_for_end(slice)) {
       throw TimedOut("the back-end of '" + name_ + "' still runs");
     }
-    parts->end.get();
+    parts->thread.stop();  // throws what ended it
   });
 }
 
 void RunningBackend::stop() {
-  std::shared_ptr<Parts> parts = own_parts();
-  if (parts == nullptr) return;
-  parts_.reset();
+  if (own_parts() == nullptr) return;
+  std::shared_ptr<Parts> stopping = std::exchange(parts_, nullptr);
   const GilRelease release;
-  parts->robot.backend.request_stop();
-  const std::shared_future<void> end = parts->end;
-  end.wait();
-  parts.reset();  // gives the name back
-  end.get();
+  const std::shared_ptr<Parts> parts = std::move(stopping);  // its end gives the name back
+  parts->thread.stop();
 }
 
 void stop_backends_at_exit() {
