@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "trifinger/joint/safety.hpp"
+#include "trifinger/joint/safety_report.hpp"
 
 #include <algorithm>
 #include <array>
