@@ -18,13 +18,6 @@
 namespace trifinger::control {
 namespace {
 
-struct DeleteModel {
-  void operator()(mjModel* model) const noexcept { mj_deleteModel(model); }
-};
-struct DeleteData {
-  void operator()(mjData* data) const noexcept { mj_deleteData(data); }
-};
-
 void check(const GraspPlannerConfig& config) {
   require_positive("friction", config.friction);
   require_not_negative("min_normal_force", config.min_normal_force);
@@ -99,8 +92,8 @@ struct GraspPlanner::State {
         body(rigid_body(object)),
         optimizer({.friction_sides = config.friction_sides}),
         // The model is copied because the copy gets margins.
-        model(mj_copyModel(nullptr, robot.mujoco())),
-        data(mj_makeData(model.get())) {
+        model(robot.copy()),
+        data(robot.make_data()) {
     check(config);
     if (robot.num_fingers() != kContacts)
       throw InvalidArgument("a grasp needs a robot with three fingers");
@@ -271,8 +264,8 @@ struct GraspPlanner::State {
   ObjectDescription object;
   RigidBody body;
   ForceOptimizer optimizer;
-  std::unique_ptr<mjModel, DeleteModel> model;
-  std::unique_ptr<mjData, DeleteData> data;
+  RobotModel::Compiled model;
+  RobotModel::Data data;
   std::vector<int> finger_of_geom;
 };
 

@@ -8,11 +8,13 @@
 #include <utility>
 
 #include "make_task.hpp"
-#include "text.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/text_of.hpp"
 
 namespace trifinger::learning {
 namespace {
+
+using trifinger::detail::text_of;
 
 // Bounds of the observed values. The safety checks brake joints that are faster.
 constexpr double kMaxVelocity = 10.0;   // [rad/s]
@@ -90,12 +92,13 @@ struct Environment::Implementation {
         num_joints(workspace.low.size()),
         episode_actions(std::llround(options.duration / action_time)) {
     if (episode_actions < 1) {
-      throw InvalidArgument(text("duration is ", options.duration,
-                                 " s, must be at least that of an action, ", action_time, " s"));
+      throw InvalidArgument(text_of("duration is ", options.duration,
+                                    " s, must be at least that of an action, ", action_time, " s"));
     }
     if (options.per_finger && !task->has_goals_of_fingers()) {
-      throw InvalidArgument(text("per_finger is for tasks with a goal for each finger, the task '",
-                                 its_task.name, "' has none"));
+      throw InvalidArgument(
+          text_of("per_finger is for tasks with a goal for each finger, the task '", its_task.name,
+                  "' has none"));
     }
     list_entries();
     list_flat();
@@ -250,7 +253,7 @@ std::vector<std::string> Environment::flat_names() const {
   std::vector<std::string> names;
   for (const Entry& entry : implementation_->entries) {
     for (std::size_t i = 0; i < entry.low.size(); ++i) {
-      names.push_back(text(entry.name, "[", i, "]"));
+      names.push_back(text_of(entry.name, "[", i, "]"));
     }
   }
   std::vector<std::string> ordered;

@@ -9,13 +9,15 @@
 #include <numbers>
 #include <utility>
 
-#include "text.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/suggestion.hpp"
+#include "trifinger/base/text_of.hpp"
 #include "trifinger/sim/variation.hpp"
 
 namespace trifinger::learning {
 namespace {
+
+using trifinger::detail::text_of;
 
 using Json = nlohmann::ordered_json;
 using PairRanges = OfSurfacePairs<std::optional<Range<double>>>;
@@ -113,7 +115,8 @@ void check(std::string_view name, const T& value, const About& about) {
     if (about.least == -kInfinity) return;
     const auto number = static_cast<double>(value);
     if (number >= about.least && number <= about.most) return;
-    throw InvalidArgument(text(name, " is ", value, ", must be ", about.least, " to ", about.most));
+    throw InvalidArgument(
+        text_of(name, " is ", value, ", must be ", about.least, " to ", about.most));
   }
 }
 template <class T>
@@ -122,12 +125,12 @@ void check(std::string_view name, const Range<T>& range, const About& about) {
   const auto high = static_cast<double>(range.high);
   // Written so that NaN fails.
   if (low >= about.least && low <= high && high <= about.most) return;
-  throw InvalidArgument(text(name, " is ", range.low, " to ", range.high, ", must lie within ",
-                             about.least, " to ", about.most, ", the smaller one first"));
+  throw InvalidArgument(text_of(name, " is ", range.low, " to ", range.high, ", must lie within ",
+                                about.least, " to ", about.most, ", the smaller one first"));
 }
 void check(std::string_view name, const PairRanges& ranges, const About& about) {
   for (const SurfacePair pair : all_surface_pairs()) {
-    if (ranges[pair]) check(text(name, " of ", name_of(pair)), *ranges[pair], about);
+    if (ranges[pair]) check(text_of(name, " of ", name_of(pair)), *ranges[pair], about);
   }
 }
 
@@ -157,8 +160,8 @@ void read(std::string_view name, const Json& json, const About& about, T& value)
     const auto word = json.get<std::string>();
     const auto place = std::ranges::find(about.words, std::string_view(word));
     if (place == about.words.end()) {
-      throw InvalidArgument(text(name, " is '", word, "', must be ",
-                                 quoted_list({about.words.begin(), about.words.end()}, "or")));
+      throw InvalidArgument(text_of(name, " is '", word, "', must be ",
+                                    quoted_list({about.words.begin(), about.words.end()}, "or")));
     }
     value = static_cast<T>(place - about.words.begin());
   } else {
@@ -184,7 +187,7 @@ std::string type_of(const T& /*value*/, const About& about) {
   if constexpr (std::is_enum_v<T>) {
     std::string words;
     for (const std::string_view word : about.words) {
-      words += text(words.empty() ? "\"" : ", \"", word, "\"");
+      words += text_of(words.empty() ? "\"" : ", \"", word, "\"");
     }
     return "Literal[" + words + "]";
   } else if constexpr (std::is_same_v<T, bool>) {
@@ -198,7 +201,7 @@ std::string type_of(const T& /*value*/, const About& about) {
 template <class T>
 std::string type_of(const Range<T>& range, const About& about) {
   const std::string type = type_of(range.low, about);
-  return text("tuple[", type, ", ", type, "]");
+  return text_of("tuple[", type, ", ", type, "]");
 }
 std::string type_of(const PairRanges& /*ranges*/, const About& /*about*/) {
   return "Mapping[str, tuple[float, float]]";
@@ -259,13 +262,13 @@ EnvironmentOptions read_options(std::string_view json) {
     try {
       read(name, *found, about, value);
     } catch (const Json::exception&) {
-      throw InvalidArgument(text(name, " is ", found->dump(), ", which is of another type"));
+      throw InvalidArgument(text_of(name, " is ", found->dump(), ", which is of another type"));
     }
     object.erase(found);
   });
   if (object.empty()) return options;
-  throw InvalidArgument(text("there is no option '", object.items().begin().key(), "'; there are ",
-                             quoted_list(names, "and")));
+  throw InvalidArgument(text_of("there is no option '", object.items().begin().key(),
+                                "'; there are ", quoted_list(names, "and")));
 }
 
 }  // namespace trifinger::learning

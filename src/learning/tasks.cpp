@@ -8,12 +8,14 @@
 #include <sstream>
 
 #include "make_task.hpp"
-#include "text.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/suggestion.hpp"
+#include "trifinger/base/text_of.hpp"
 
 namespace trifinger::learning {
 namespace {
+
+using trifinger::detail::text_of;
 
 class Tasks {
  public:
@@ -25,7 +27,7 @@ class Tasks {
   void add(TaskDescription task) {
     const std::lock_guard lock(mutex_);
     if (std::ranges::find(tasks_, task.name, &TaskDescription::name) != tasks_.end()) {
-      throw InvalidArgument(text("there is a task '", task.name, "' already"));
+      throw InvalidArgument(text_of("there is a task '", task.name, "' already"));
     }
     tasks_.push_back(std::move(task));
   }
@@ -35,8 +37,8 @@ class Tasks {
     const auto found = std::ranges::find(tasks_, name, &TaskDescription::name);
     if (found != tasks_.end()) return *found;
     const std::vector<std::string> known = names_locked();
-    throw InvalidArgument(text("there is no task '", name, "'; there are ",
-                               quoted_list({known.begin(), known.end()}, "and")));
+    throw InvalidArgument(text_of("there is no task '", name, "'; there are ",
+                                  quoted_list({known.begin(), known.end()}, "and")));
   }
 
   [[nodiscard]] std::vector<std::string> names() const {
@@ -95,9 +97,9 @@ std::vector<std::string> config_overrides(const TaskDescription& task,
 std::unique_ptr<const Task> make_task(const TaskDescription& description,
                                       const RobotDescription& robot) {
   if (description.num_fingers != num_fingers(robot)) {
-    throw InvalidArgument(text("the task '", description.name, "' is for a robot with ",
-                               description.num_fingers, " fingers, this one has ",
-                               num_fingers(robot)));
+    throw InvalidArgument(text_of("the task '", description.name, "' is for a robot with ",
+                                  description.num_fingers, " fingers, this one has ",
+                                  num_fingers(robot)));
   }
   auto task = description.make(robot);
   const std::string_view object = task->object_name();
@@ -106,13 +108,13 @@ std::unique_ptr<const Task> make_task(const TaskDescription& description,
         return candidate.name == object;
       });
   if (!has_object) {
-    throw InvalidArgument(text("the task '", description.name, "' needs an object called '", object,
-                               "' in the robot's configuration"));
+    throw InvalidArgument(text_of("the task '", description.name, "' needs an object called '",
+                                  object, "' in the robot's configuration"));
   }
   const std::size_t goal_size = task->goal().low.size();
   if (goal_size == 0 || goal_size > kMaxGoal) {
-    throw InvalidArgument(text("goals of the task '", description.name, "' have ", goal_size,
-                               " numbers, must have 1 to ", kMaxGoal));
+    throw InvalidArgument(text_of("goals of the task '", description.name, "' have ", goal_size,
+                                  " numbers, must have 1 to ", kMaxGoal));
   }
   return task;
 }

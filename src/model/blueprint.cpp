@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace trifinger::model {
+namespace trifinger::detail {
 namespace {
 
 constexpr double kLinkLength = 0.16;
@@ -366,4 +366,4 @@ std::vector<Ring> boundary_rings(const RobotDescription& description) {
   return {{0.195, 0, 0.195, 0.030}, {0.195, 0.030, 0.278, 0.175}};
 }
 
-}  // namespace trifinger::model
+}  // namespace trifinger::detail

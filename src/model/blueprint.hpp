@@ -9,7 +9,7 @@
 #include "trifinger/model/robot_description.hpp"
 
 // The parts that the MuJoCo model and the URDF file are both made of.
-namespace trifinger::model {
+namespace trifinger::detail {
 
 enum class Paint { kShell, kDark, kMotor, kTip, kFinger, kProfile, kGroove, kBracket, kWall };
 
@@ -93,4 +93,4 @@ struct Ring {
 };
 [[nodiscard]] std::vector<Ring> boundary_rings(const RobotDescription& description);
 
-}  // namespace trifinger::model
+}  // namespace trifinger::detail

@@ -17,9 +17,9 @@
 namespace trifinger {
 namespace {
 
-using model::Form;
-using model::Role;
-using model::Solid;
+using detail::Form;
+using detail::Role;
+using detail::Solid;
 
 // An exact half turn about x produces some -0. URDF files need not show them.
 double tidy(double value) { return value == 0 ? 0.0 : value; }
@@ -72,7 +72,7 @@ class UrdfWriter {
          << "  <link name=\"base_link\"/>\n";
     empty_link("platform");
     fixed_joint("base_to_platform_joint", "base_link", "platform",
-                model::platform_in_world(description_));
+                detail::platform_in_world(description_));
     for (int i = 0; i < num_fingers(description_); ++i) finger(i);
     if (description_.cameras)
       for (const CameraFigures& figures : camera_figures()) camera(figures);
@@ -108,16 +108,16 @@ class UrdfWriter {
     frames_ << "fixed " << parent << ' ' << child << ' ' << pose_text(pose) << '\n';
   }
 
-  void inertial(const model::Inertia& inertia) {
+  void inertial(const detail::Inertia& inertia) {
     const auto& [xx, yy, zz, xy, xz, yz] = inertia.moment;
-    out_ << "    <inertial>\n      <origin xyz=\"" << triple(model::vector(inertia.centre))
+    out_ << "    <inertial>\n      <origin xyz=\"" << triple(detail::vector(inertia.centre))
          << "\"/>\n      <mass value=\"" << inertia.mass << "\"/>\n      <inertia ixx=\"" << xx
          << "\" iyy=\"" << yy << "\" izz=\"" << zz << "\" ixy=\"" << xy << "\" ixz=\"" << xz
          << "\" iyz=\"" << yz << "\"/>\n    </inertial>\n";
   }
 
   void shape(const char* tag, const Eigen::Isometry3d& pose, const std::string& geometry,
-             const model::Colour& colour) {
+             const detail::Colour& colour) {
     out_ << "    <" << tag << ">\n  ";
     origin(pose);
     out_ << "      <geometry>" << geometry << "</geometry>\n";
@@ -132,23 +132,23 @@ class UrdfWriter {
   }
 
   void solid(const Solid& solid, int finger) {
-    const model::Colour colour = model::colour(solid.paint, description_.variant, finger);
+    const detail::Colour colour = detail::colour(solid.paint, description_.variant, finger);
     if (solid.role != Role::kTouches) solid_as("visual", solid, colour);
     if (solid.role != Role::kLooks && content_ == UrdfContent::kRobot)
       solid_as("collision", solid, colour);
   }
 
   void sphere(const char* tag, const Eigen::Vector3d& centre, double radius,
-              const model::Colour& colour) {
+              const detail::Colour& colour) {
     std::ostringstream text;
     text.imbue(std::locale::classic());
     text << "<sphere radius=\"" << radius << "\"/>";
     shape(tag, Eigen::Isometry3d(Eigen::Translation3d(centre)), text.str(), colour);
   }
 
-  void solid_as(const char* tag, const Solid& solid, const model::Colour& colour) {
-    const Eigen::Vector3d from = model::vector(solid.from);
-    const Eigen::Vector3d to = model::vector(solid.to);
+  void solid_as(const char* tag, const Solid& solid, const detail::Colour& colour) {
+    const Eigen::Vector3d from = detail::vector(solid.from);
+    const Eigen::Vector3d to = detail::vector(solid.to);
     if (solid.form == Form::kSphere) {
       sphere(tag, from, solid.radius, colour);
       return;
@@ -174,8 +174,8 @@ class UrdfWriter {
   }
 
   void finger(int index) {
-    const model::Finger& finger = model::finger_blueprint(description_);
-    const std::string suffix = model::finger_suffix(description_, index);
+    const detail::Finger& finger = detail::finger_blueprint(description_);
+    const std::string suffix = detail::finger_suffix(description_, index);
     const VariantFigures& limits = figures(description_);
     const ActuatorParameters drive = actuator(description_);
     const std::vector<std::string> joints = joint_names(description_);
@@ -186,22 +186,22 @@ class UrdfWriter {
     for (const Solid& part : finger.base) solid(part, index);
     out_ << "  </link>\n";
     fixed_joint("platform_to_" + parent + "_joint", "platform", parent,
-                model::base_in_platform(description_, index));
+                detail::base_in_platform(description_, index));
 
     for (std::size_t j = 0; j < kJointsPerFinger; ++j) {
-      const model::Link& link = finger.links[j];
+      const detail::Link& link = finger.links[j];
       const std::string child = links[j] + suffix;
       out_ << "  <link name=\"" << child << "\">\n";
       inertial(link.inertia);
       for (const Solid& part : link.solids) solid(part, index);
       out_ << "  </link>\n";
       const std::size_t joint = static_cast<std::size_t>(index * kJointsPerFinger) + j;
-      const Eigen::Isometry3d pose(Eigen::Translation3d(model::vector(link.origin)));
+      const Eigen::Isometry3d pose(Eigen::Translation3d(detail::vector(link.origin)));
       joint_head(joints[joint], "revolute", parent, child, pose);
       frames_ << "turning " << parent << ' ' << child << ' ' << pose_text(pose) << ' '
-              << triple(model::vector(link.axis)) << ' ' << joints[joint] << ' '
+              << triple(detail::vector(link.axis)) << ' ' << joints[joint] << ' '
               << sources_.joint_field << '[' << joint << "]\n";
-      out_ << "    <axis xyz=\"" << triple(model::vector(link.axis)) << "\"/>\n"
+      out_ << "    <axis xyz=\"" << triple(detail::vector(link.axis)) << "\"/>\n"
            << "    <limit lower=\"" << limits.hard_lower[j] << "\" upper=\"" << limits.hard_upper[j]
            << "\" effort=\"" << drive.torque_limit << "\" velocity=\"" << drive.no_load_speed
            << "\"/>\n"
@@ -214,21 +214,21 @@ class UrdfWriter {
     }
 
     const std::string tip = tip_names(description_)[static_cast<std::size_t>(index)];
-    const Solid ball{Form::kSphere,     {0, 0, 0},          {},
-                     limits.tip_radius, model::Paint::kTip, Role::kBoth};
+    const Solid ball{Form::kSphere,     {0, 0, 0},           {},
+                     limits.tip_radius, detail::Paint::kTip, Role::kBoth};
     out_ << "  <link name=\"" << tip << "\">\n";
     inertial(finger.tip);
     solid(ball, index);
     for (const Solid& part : finger.tip_solids) solid(part, index);
     out_ << "  </link>\n";
     fixed_joint("finger_lower_to_tip_joint" + suffix, parent, tip,
-                Eigen::Isometry3d(Eigen::Translation3d(model::vector(finger.tip_origin))));
+                Eigen::Isometry3d(Eigen::Translation3d(detail::vector(finger.tip_origin))));
   }
 
   void camera(const CameraFigures& figures) {
     const std::string frame = std::string(figures.name) + "_optical_frame";
     Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-    pose.translation() = model::vector(figures.position);
+    pose.translation() = detail::vector(figures.position);
     pose.linear() =
         Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(figures.rotation.data());
     empty_link(frame);
@@ -240,7 +240,7 @@ class UrdfWriter {
                      .from = {0, 0, -0.015},
                      .to = {0.5, 0.5, 0.015},
                      .radius = 0,
-                     .paint = model::Paint::kShell,
+                     .paint = detail::Paint::kShell,
                      .role = Role::kBoth};
     out_ << "  <link name=\"table\">\n";
     solid(slab, 0);
@@ -249,12 +249,12 @@ class UrdfWriter {
   }
 
   void object(const ObjectDescription& object) {
-    const Eigen::Vector3d size = model::vector(object.size);
+    const Eigen::Vector3d size = detail::vector(object.size);
     Solid body{.form = Form::kBox,
                .from = {},
                .to = {size.x() / 2, size.y() / 2, size.z() / 2},
                .radius = 0,
-               .paint = model::Paint::kFinger,
+               .paint = detail::Paint::kFinger,
                .role = Role::kBoth};
     if (object.shape == ObjectShape::kStick) {
       body.form = Form::kCapsule;

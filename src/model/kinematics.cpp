@@ -15,10 +15,6 @@
 namespace trifinger {
 namespace {
 
-struct DeleteData {
-  void operator()(mjData* data) const noexcept { mj_deleteData(data); }
-};
-
 // Removes everything but the fingers, because nothing else enters the kinematics.
 RobotDescription fingers_only(RobotDescription description) {
   description.objects.clear();
@@ -99,7 +95,7 @@ struct Kinematics::State {
   explicit State(RobotDescription wanted)
       : description(std::move(wanted)),
         model(fingers_only(description)),
-        data(mj_makeData(model.mujoco())),
+        data(model.make_data()),
         form(closed_form(description.variant)) {
     const VariantFigures& limits = figures(description);
     for (int j = 0; j < kJointsPerFinger; ++j) {
@@ -111,19 +107,19 @@ struct Kinematics::State {
     for (int finger = 0; finger < model.num_fingers(); ++finger) {
       const auto i = static_cast<std::size_t>(finger);
       // This turn makes y point along the finger for every variant.
-      Eigen::Isometry3d along = model::base_in_platform(description, finger);
+      Eigen::Isometry3d along = detail::base_in_platform(description, finger);
       along.linear() =
-          Eigen::AngleAxisd(model::finger_azimuth(description, finger) - std::numbers::pi / 2,
+          Eigen::AngleAxisd(detail::finger_azimuth(description, finger) - std::numbers::pi / 2,
                             Eigen::Vector3d::UnitZ())
               .toRotationMatrix();
-      finger_from_world[i] = (model::platform_in_world(description) * along).inverse();
+      finger_from_world[i] = (detail::platform_in_world(description) * along).inverse();
       chains[i] = chain_to(model, i);
     }
   }
 
   RobotDescription description;
   RobotModel model;
-  std::unique_ptr<mjData, DeleteData> data;
+  RobotModel::Data data;
   ClosedForm form;
   Eigen::Vector3d initial, lower, upper;
   std::array<Eigen::Isometry3d, kMaxFingers> finger_from_world;

@@ -4,10 +4,10 @@
 #include <algorithm>
 #include <cmath>
 #include <set>
-#include <sstream>
 
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/suggestion.hpp"
+#include "trifinger/base/text_of.hpp"
 
 namespace trifinger {
 namespace {
@@ -103,9 +103,7 @@ constexpr VariantFigures kOneSingle{
 
 template <typename... Parts>
 [[noreturn]] void reject(const Parts&... parts) {
-  std::ostringstream text;
-  (text << ... << parts);
-  throw InvalidArgument(text.str());
+  throw InvalidArgument(detail::text_of(parts...));
 }
 
 void require_in(std::string_view what, double value, double lowest, double highest) {

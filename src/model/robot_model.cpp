@@ -11,11 +11,12 @@
 namespace trifinger {
 
 void RobotModel::Delete::operator()(mjModel_* model) const noexcept { mj_deleteModel(model); }
+void RobotModel::Delete::operator()(mjData_* data) const noexcept { mj_deleteData(data); }
 
 RobotModel::RobotModel(RobotDescription description, Detail detail)
     : description_(std::move(description)), detail_(detail) {
-  const model::Spec spec = model::make_spec(description_, detail_);
-  model_ = model::compile(spec.get());
+  const detail::Spec spec = detail::make_spec(description_, detail_);
+  model_ = detail::compile(spec.get());
   const mjModel* compiled = model_.get();
 
   for (const std::string& name : tip_names(description_)) {
@@ -24,7 +25,7 @@ RobotModel::RobotModel(RobotDescription description, Detail detail)
   }
   for (int geom = 0; geom < static_cast<int>(compiled->ngeom); ++geom)
     surfaces_.push_back(
-        model::surface_of(compiled->geom_contype[geom], compiled->geom_priority[geom]));
+        detail::surface_of(compiled->geom_contype[geom], compiled->geom_priority[geom]));
   initial_position_.assign(compiled->key_qpos, compiled->key_qpos + num_joints());
   for (const ObjectDescription& object : description_.objects) {
     const int joint = mj_name2id(compiled, mjOBJ_JOINT, object.name.c_str());
@@ -38,6 +39,18 @@ RobotModel::RobotModel(RobotDescription description, Detail detail)
 RobotModel::RobotModel(RobotModel&&) noexcept = default;
 RobotModel& RobotModel::operator=(RobotModel&&) noexcept = default;
 RobotModel::~RobotModel() = default;
+
+RobotModel::Compiled RobotModel::copy() const {
+  Compiled copied(mj_copyModel(nullptr, model_.get()));
+  if (copied == nullptr) throw Error("MuJoCo has no memory for the model");
+  return copied;
+}
+
+RobotModel::Data RobotModel::make_data() const {
+  Data data(mj_makeData(model_.get()));
+  if (data == nullptr) throw Error("MuJoCo has no memory for the scene");
+  return data;
+}
 
 const ObjectAddress& RobotModel::object(const std::string& name) const {
   const auto found = std::ranges::find(objects_, name, &ObjectAddress::name);
@@ -56,8 +69,8 @@ std::vector<std::string> RobotModel::camera_names() const {
 }
 
 std::string export_mjcf(const RobotDescription& description, Detail detail) {
-  const model::Spec spec = model::make_spec(description, detail);
-  (void)model::compile(spec.get());
+  const detail::Spec spec = detail::make_spec(description, detail);
+  (void)detail::compile(spec.get());
   char error[500] = "";
   std::string xml(1 << 20, '\0');
   const int result =

@@ -10,7 +10,7 @@
 #include "blueprint.hpp"
 #include "trifinger/base/error.hpp"
 
-namespace trifinger::model {
+namespace trifinger::detail {
 namespace {
 
 // Bit masks of MuJoCo that say who can touch whom. Pairs that cannot meet are excluded: links and
@@ -732,7 +732,7 @@ class Builder {
   }
 
   static std::optional<Surface> surface_of(const Touching& touching) {
-    return model::surface_of(touching.geom->contype, touching.geom->priority);
+    return detail::surface_of(touching.geom->contype, touching.geom->priority);
   }
 
   void add_initial_key() {
@@ -807,4 +807,4 @@ RobotModel::Compiled compile(mjSpec* spec) {
   return model;
 }
 
-}  // namespace trifinger::model
+}  // namespace trifinger::detail

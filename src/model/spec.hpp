@@ -8,7 +8,7 @@
 
 #include "trifinger/model/robot_model.hpp"
 
-namespace trifinger::model {
+namespace trifinger::detail {
 
 struct DeleteSpec {
   void operator()(mjSpec* spec) const noexcept { mj_deleteSpec(spec); }
@@ -25,4 +25,4 @@ using Spec = std::unique_ptr<mjSpec, DeleteSpec>;
 // Throws Error with MuJoCo's own words. After `validate`, a refusal is a bug of ours.
 [[nodiscard]] RobotModel::Compiled compile(mjSpec* spec);
 
-}  // namespace trifinger::model
+}  // namespace trifinger::detail

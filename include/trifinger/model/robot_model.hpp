@@ -8,6 +8,7 @@
 
 #include "trifinger/model/robot_description.hpp"
 
+struct mjData_;
 struct mjModel_;
 
 namespace trifinger {
@@ -39,8 +40,10 @@ class RobotModel {
  public:
   struct Delete {
     void operator()(mjModel_* model) const noexcept;
+    void operator()(mjData_* data) const noexcept;
   };
   using Compiled = std::unique_ptr<mjModel_, Delete>;
+  using Data = std::unique_ptr<mjData_, Delete>;
 
   /// @throws InvalidArgument if the description cannot be built.
   explicit RobotModel(RobotDescription description = {}, Detail detail = Detail::kPhysics);
@@ -52,6 +55,12 @@ class RobotModel {
 
   /// The `mjModel`, for those who include MuJoCo's own header. It is valid as long as this object.
   [[nodiscard]] const mjModel_* mujoco() const noexcept { return model_.get(); }
+  /// A copy of the `mjModel`, for those who change it.
+  /// @throws Error if there is no memory for it
+  [[nodiscard]] Compiled copy() const;
+  /// The `mjData` of one simulation of this model or of a copy, with all joints at zero.
+  /// @throws Error if there is no memory for it
+  [[nodiscard]] Data make_data() const;
 
   [[nodiscard]] int num_fingers() const noexcept { return static_cast<int>(tip_geoms_.size()); }
   [[nodiscard]] int num_joints() const noexcept { return num_fingers() * kJointsPerFinger; }
