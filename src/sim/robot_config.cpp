@@ -9,8 +9,8 @@
 #include <set>
 #include <utility>
 
-#include "text.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/text_of.hpp"
 #include "trifinger/joint/read_limits.hpp"
 
 namespace trifinger {
@@ -18,7 +18,7 @@ namespace {
 
 using config::Node;
 using config::Range;
-using sim::text_of;
+using detail::text_of;
 
 constexpr std::string_view kSuffix = ".yml";
 constexpr std::string_view kDocument = "configuration.yml";
@@ -153,7 +153,7 @@ BackendOptions read_backend(const Node& section, SessionOptions& session) {
   const Node period = section.at("period", "s");
   options.period = std::chrono::round<Nanoseconds>(
       std::chrono::duration<double>(period.as<double>({.unit = "s", .min = 1e-4, .max = 0.1})));
-  if (options.period % std::chrono::milliseconds(1) != Nanoseconds::zero()) {
+  if (options.period % kPhysicsStep != Nanoseconds::zero()) {
     period.fail("is " + text_of(in_seconds(options.period)) +
                 " s, must be a whole number of milliseconds in a simulation");
   }
@@ -271,10 +271,8 @@ std::string object_text(const ObjectDescription& object) {
   const std::size_t lengths = object.shape == ObjectShape::kBox     ? 3
                               : object.shape == ObjectShape::kStick ? 2
                                                                     : 1;
-  for (std::size_t i = 0; i < lengths; ++i) {
-    text += (i > 0 ? " x " : "") + text_of(object.size[i]);
-  }
-  return text + " m and " + text_of(object.mass) + " kg";
+  for (std::size_t i = 0; i < lengths; ++i) text += text_of(i > 0 ? " x " : "", object.size[i]);
+  return text + text_of(" m and ", object.mass, " kg");
 }
 
 // Returns the values of a configuration that matter to a controller, by key; objects by name.

@@ -5,11 +5,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
 #include <cstring>
 #include <span>
 #include <string>
 #include <string_view>
-#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -45,8 +46,10 @@ ElementDescription describe_objects(const RobotModel& model) {
   return ElementDescription(std::move(fields));
 }
 
-struct DeleteData {
-  void operator()(mjData* data) const noexcept { mj_deleteData(data); }
+// Every saved state begins with this header.
+struct Header {
+  std::uint64_t magic{kStateMagic};
+  std::uint64_t model{0};
 };
 
 // Components of the state that a step changes. The other components are inputs that are never set
@@ -72,477 +75,367 @@ std::vector<Document> model_documents(const RobotDescription& description) {
 }
 
 template <class R>
-class SimulatedRobot<R>::Implementation {
- public:
-  explicit Implementation(Options options)
-      : simulator_(std::move(options)),
-        data_(mj_makeData(model().mujoco())),
-        stop_(this->options().stop, this->options().period),
-        companion_{CompanionDescription{.name = kObjectCompanion,
-                                        .type = "object_observation",
-                                        .element = describe_objects(model())}} {
-    if (data_ == nullptr) throw Error("MuJoCo has no memory for the scene");
-    begin_state_.resize(state_size());
-    spare_state_.resize(state_size());
-    reset(initial_position(), Random{.seed = this->options().seed});
-  }
-
-  DriverReport prepare() noexcept {
-    read_state(begin_state_);
-    simulator_.begin(state_);
-    has_safety_fault_ = false;
-    return DriverReport::ready();
-  }
-
-  DriverReport get_latest_observation(Observation& observation) noexcept {
-    simulator_.observe(*data_, state_);
-    observation = state_.observation;
-    return DriverReport::ready();
-  }
-
-  DriverReport apply_action(const Action& desired, AppliedAction& applied) noexcept {
-    memory_before_step_ = state_.memory;
-    keep_state_before_step();
-    const DriverReport report = simulator_.step(desired, mujoco(), *data_, state_, applied);
-    const bool has_diverged = report.fault_code == kDiverged;
-    has_safety_fault_ = report.fault_code != 0 && !has_diverged;
-    if (has_diverged) keep_state_before_divergence();
-    if (report.action_rejected) {
-      const RejectedCommand rejected = simulator_.safety().find_rejected(desired, applied);
-      rejection_text_ = describe(rejected, joint_names_[rejected.joint],
-                                 simulator_.safety().limits()[rejected.joint]);
-    }
-    return report;
-  }
-
-  [[nodiscard]] std::string_view fault_text(std::int32_t fault_code) const noexcept {
-    if (fault_code == kDiverged) return "the simulation diverged";
-    if (fault_code == fault_code_of({.fault = SafetyFault::kOwnCheck})) return state_.thrown.view();
-    return fault_text_of(fault_code);
-  }
-  [[nodiscard]] std::string_view rejection_text() const noexcept { return rejection_text_.view(); }
-
-  DriverReport hold(const Observation& observation, Action& action) noexcept {
-    action = hold_position(observation);
-    // Without these torques the fingers would sink until the position controller carries their
-    // weight.
-    simulator_.gravity_torques(mujoco(), *data_, action.torque);
-    return DriverReport::ready();
-  }
-
-  // The observation belongs to the previous period: it is the session's last one, or the newest
-  // that the loop has measured since.
-  DriverReport stop(TimeIndex step) noexcept {
-    Action action;
-    if (!stop_.next(step, state_.observation, action)) return DriverReport::ready();
-    if (step == 0 && has_safety_fault_) {
-      // The fault that ended the session may not be detected again.
-      stop_.give_up(step);
-      action = {};
-    }
-    // These torques carry the weight under which the fingers would sink, as in `hold`.
-    if (!std::isnan(action.position[0])) {
-      simulator_.gravity_torques(mujoco(), *data_, action.torque);
-    }
-    AppliedAction applied;
-    const SafetyReport report = simulator_.safety().apply(
-        action, state_.observation, options().period, state_.memory.safety, applied);
-    if (report.fault != SafetyFault::kNone) stop_.give_up(step);
-    // A simulation that has diverged cannot come to rest.
-    return simulator_.move(applied.torque, mujoco(), *data_, state_) ? DriverReport::busy()
-                                                                     : DriverReport::ready();
-  }
-
-  std::span<const CompanionDescription> companions() const noexcept {
-    return {companion_.data(), num_objects() > 0 ? 1U : 0U};
-  }
-
-  bool get_companion_element(TimeIndex time_index, void* element) noexcept {
-    const auto* const received = simulator_.receive_poses(time_index, *data_, state_);
-    if (received == nullptr) return false;
-    const Stamp stamp{.arrival_index = time_index < 0 ? -1 : received->arrival_index,
-                      .capture_index = received->capture_index};
-    auto* target = static_cast<std::byte*>(element);
-    std::memcpy(target, &stamp, sizeof(stamp));
-    std::memcpy(target + sizeof(stamp), received->objects.data(),
-                received->objects.size() * sizeof(ObjectPose));
-    return true;
-  }
-
-  void reset(const Joints& position, const Random& random) noexcept {
-    const TimeIndex now = state_.memory.step;
-    simulator_.reset(position, random, mujoco(), *data_, state_);
-    simulator_.move_to_step(now, state_);
-    begin_here();
-  }
-
-  void reset_at(const Joints& position, const Random& random) {
-    simulator_.check(position);
-    reset(position, random);
-  }
-
-  void vary(const Variation& variation) {
-    variation.validate();
-    vary_model(variation);
-    state_.memory.variation = variation;
-    begin_here();
-  }
-
-  [[nodiscard]] const Joints& initial_position() const noexcept {
-    return simulator_.initial_position();
-  }
-
-  void place_object(const std::string& name, const ObjectPose& pose) {
-    const ObjectAddress& object = model().object(name);
-    double square = 0.0;
-    for (const double value : pose.orientation) square += value * value;
-    constexpr double kSmallestSquare = 1e-12;
-    bool is_pose = std::isfinite(square) && square > kSmallestSquare;
-    for (const double value : pose.position) is_pose = is_pose && std::isfinite(value);
-    require(is_pose, "object '" + name +
-                         "' cannot be placed: its pose is not finite, or its "
-                         "quaternion is zero");
-    simulator_.place(object, pose, *data_, state_);
-    begin_here();
-  }
-
-  void push_object(const std::string& name, const std::array<double, 3>& force) {
-    const ObjectAddress& object = model().object(name);
-    for (const double value : force) {
-      require(std::isfinite(value), "the force on object '" + name + "' is not finite");
-    }
-    constexpr std::ptrdiff_t kWrench = 6;  // The force, then the moment.
-    std::ranges::copy(force, data_->xfrc_applied + kWrench * object.body);
-  }
-
-  [[nodiscard]] ObjectPose object_pose(const std::string& name) const {
-    return simulator_.object_pose(model().object(name), *data_);
-  }
-
-  void set_object_velocity(const std::string& name, const ObjectVelocity& velocity) {
-    const ObjectAddress& object = model().object(name);
-    for (const auto& part : {velocity.linear, velocity.angular}) {
-      for (const double value : part) {
-        require(std::isfinite(value), "the velocity of object '" + name + "' is not finite");
-      }
-    }
-    simulator_.set_velocity(object, velocity, *data_);
-    begin_here();
-  }
-
-  [[nodiscard]] ObjectVelocity object_velocity(const std::string& name) const {
-    return simulator_.object_velocity(model().object(name), *data_);
-  }
-
-  [[nodiscard]] SimulationState save() const {
-    SimulationState state(state_size());
-    write_state(state);
-    return state;
-  }
-
-  void restore(std::span<const std::byte> state) {
-    Header header{};
-    if (state.size() >= sizeof(header)) std::memcpy(&header, state.data(), sizeof(header));
-    require(header.magic == kStateMagic,
-            "this is not the saved state of a simulation, or one of another version");
-    require(header.model == header_.model && state.size() == state_size(),
-            "this state was saved from another model: another robot, other objects, or another "
-            "object_period or object_delay");
-    Memory memory;
-    std::memcpy(&memory, state.data() + sizeof(Header) + scratch().size_bytes(), sizeof(memory));
-    memory.variation.validate();
-    vary_model(memory.variation);
-    const TimeIndex now = state_.memory.step;
-    read_state(state);
-    // A damaged state must not lead to an index outside the ring.
-    state_.memory.pending_count =
-        std::min<std::uint64_t>(state_.memory.pending_count, state_.captures.size());
-    simulator_.move_to_step(now, state_);
-    begin_here();
-  }
-
-  [[nodiscard]] const SimulationState& state_before_divergence() const noexcept {
-    return state_before_divergence_;
-  }
-  [[nodiscard]] const Options& options() const noexcept { return simulator_.options(); }
-  [[nodiscard]] const RobotModel& model() const noexcept { return simulator_.model(); }
-  [[nodiscard]] SafetyChain<R>& safety() noexcept { return simulator_.safety(); }
-  [[nodiscard]] std::vector<double> configuration() const {
-    std::vector<double> values(data_->qpos, data_->qpos + mujoco().nq);
-    values.insert(values.end(), data_->qvel, data_->qvel + mujoco().nv);
-    return values;
-  }
-
- private:
-  using Memory = typename Simulator<R>::Memory;
-  using Capture = typename Simulator<R>::Capture;
-
-  // Every saved state begins with this header.
-  struct Header {
-    std::uint64_t magic{0};
-    std::uint64_t model{0};
-  };
-
-  // Returns the model that is simulated: the description's own model, or a varied copy.
-  [[nodiscard]] const mjModel& mujoco() const noexcept {
-    return varied_ != nullptr ? *varied_ : *model().mujoco();
-  }
-
-  [[nodiscard]] std::size_t num_objects() const noexcept { return model().objects().size(); }
-
-  // Varies the model. The state of the physics does not change.
-  void vary_model(const Variation& variation) {
-    if (variation == state_.memory.variation) return;
-    RobotModel::Compiled varied = simulator_.make_varied_model(variation);
-    mj_getState(&mujoco(), data_.get(), scratch().data(), kWholeState);
-    simulator_.vary(variation, *varied, *data_);
-    varied_ = std::move(varied);
-    mj_setState(&mujoco(), data_.get(), scratch().data(), kWholeState);
-  }
-
-  // Call this after the owner has moved the robot: the next session begins here. In a session that
-  // continues, the next action must not be judged by an observation from before.
-  void begin_here() noexcept {
-    simulator_.observe(*data_, state_);
-    write_state(begin_state_);
-  }
-
-  // Returns a hash (FNV-1a) of the model and of the other options that set the layout of saved
-  // states.
-  [[nodiscard]] std::uint64_t fingerprint() const {
-    std::uint64_t hash = 0xcbf29ce484222325;
-    const auto add = [&hash](const auto* bytes, std::size_t size) {
-      for (const std::byte byte : std::as_bytes(std::span(bytes, size))) {
-        hash = (hash ^ std::to_integer<std::uint64_t>(byte)) * 0x100000001b3;
-      }
-    };
-    const mjModel* const original = model().mujoco();
-    std::vector<std::byte> bytes(static_cast<std::size_t>(mj_sizeModel(original)));
-    mj_saveModel(original, nullptr, bytes.data(), static_cast<int>(bytes.size()));
-    add(bytes.data(), bytes.size());
-    add(&options().object_period, 1);
-    add(&options().object_delay, 1);
-    return hash;
-  }
-
-  // Returns the size of a saved state: header, physics, memory, poses under way.
-  [[nodiscard]] std::size_t state_size() const noexcept {
-    return sizeof(Header) + scratch().size_bytes() + sizeof(Memory) +
-           state_.captures.size() * (2 * sizeof(TimeIndex) + num_objects() * sizeof(ObjectPose));
-  }
-
-  void write_state(std::span<std::byte> state) const noexcept {
-    mj_getState(&mujoco(), data_.get(), scratch().data(), kWholeState);
-    write_state(state, scratch(), state_.memory);
-  }
-
-  void write_state(std::span<std::byte> state, std::span<const double> physics,
-                   const Memory& memory) const noexcept {
-    std::byte* target = state.data();
-    const auto write = [&target](const void* source, std::size_t size) {
-      // Without objects there is nothing to copy, and the address may be null.
-      if (size > 0) std::memcpy(target, source, size);
-      target += size;
-    };
-    write(&header_, sizeof(header_));
-    write(physics.data(), physics.size_bytes());
-    write(&memory, sizeof(memory));
-    for (const Capture& capture : state_.captures) {
-      write(&capture.capture_index, sizeof(TimeIndex));
-      write(&capture.arrival_index, sizeof(TimeIndex));
-      write(capture.objects.data(), capture.objects.size() * sizeof(ObjectPose));
-    }
-  }
-
-  void read_state(std::span<const std::byte> state) noexcept {
-    const std::byte* source = state.data() + sizeof(Header);
-    const auto read = [&source](void* target, std::size_t size) {
-      // Without objects there is nothing to copy, and the address may be null.
-      if (size > 0) std::memcpy(target, source, size);
-      source += size;
-    };
-    read(scratch().data(), scratch().size_bytes());
-    mj_setState(&mujoco(), data_.get(), scratch().data(), kWholeState);
-    data_->warning[mjWARN_BADQACC].number = 0;
-    read(&state_.memory, sizeof(Memory));
-    for (Capture& capture : state_.captures) {
-      read(&capture.capture_index, sizeof(TimeIndex));
-      read(&capture.arrival_index, sizeof(TimeIndex));
-      read(capture.objects.data(), capture.objects.size() * sizeof(ObjectPose));
-    }
-  }
-
-  // Does what mj_getState does, but 20 times faster: mj_getState checks every possible component in
-  // every step.
-  void keep_state_before_step() noexcept {
-    double* target = before_step_.data();
-    for (const std::span<const double> part : changed_by_step_) {
-      target = std::ranges::copy(part, target).out;
-    }
-  }
-
-  // Returns where the components of kChangedByStep are, in their order.
-  [[nodiscard]] std::vector<std::span<const double>> parts_changed_by_step() const {
-    const mjModel& model = mujoco();
-    const auto part = [](const double* values, auto count) {
-      return std::span(values, static_cast<std::size_t>(count));
-    };
-    std::vector<std::span<const double>> parts{part(&data_->time, 1),
-                                               part(data_->qpos, model.nq),
-                                               part(data_->qvel, model.nv),
-                                               part(data_->act, model.na),
-                                               part(data_->qacc_warmstart, model.nv),
-                                               part(data_->ctrl, model.nu)};
-    std::size_t size = 0;
-    for (const auto& values : parts) size += values.size();
-    if (size != state_size_of(this->model(), kChangedByStep)) {
-      throw Error("this version of MuJoCo has a state that the simulation does not know");
-    }
-    return parts;
-  }
-
-  void keep_state_before_divergence() noexcept {
-    // The loop calls this, so it must not allocate.
-    if (state_before_divergence_.empty()) state_before_divergence_.swap(spare_state_);
-    mj_getState(&mujoco(), data_.get(), after_step_.data(), kChangedByStep);
-    mj_setState(&mujoco(), data_.get(), before_step_.data(), kChangedByStep);
-    mj_getState(&mujoco(), data_.get(), scratch().data(), kWholeState);
-    mj_setState(&mujoco(), data_.get(), after_step_.data(), kChangedByStep);
-    write_state(state_before_divergence_, scratch(), memory_before_step_);
-  }
-
-  [[nodiscard]] std::span<double> scratch() const noexcept { return scratch_; }
-
-  Simulator<R> simulator_;
-  std::unique_ptr<mjData, DeleteData> data_;
-  RobotModel::Compiled varied_;
-  typename Simulator<R>::State state_ = simulator_.make_state();
-  OrderlyStop<R> stop_;
-  bool has_safety_fault_{false};  // a safety check has ended the session
-  std::vector<std::string> joint_names_ = joint_names(options().description);
-  FixedText rejection_text_;
-  std::array<CompanionDescription, 1> companion_;
-  Header header_{.magic = kStateMagic, .model = fingerprint()};
-
-  SimulationState begin_state_;
-  Memory memory_before_step_;
-  SimulationState state_before_divergence_;
-  SimulationState spare_state_;  // memory for `state_before_divergence_`
-  std::vector<double> before_step_ = std::vector<double>(state_size_of(model(), kChangedByStep));
-  std::vector<std::span<const double>> changed_by_step_ = parts_changed_by_step();
-  std::vector<double> after_step_ = std::vector<double>(before_step_.size());
-  mutable std::vector<double> scratch_ = std::vector<double>(state_size_of(model(), kWholeState));
-};
-
-template <class R>
 SimulatedRobot<R>::SimulatedRobot(Options options)
-    : implementation_(std::make_unique<Implementation>(std::move(options))) {}
-template <class R>
-SimulatedRobot<R>::~SimulatedRobot() = default;
+    : simulator_(std::move(options)),
+      data_(model().make_data()),
+      state_(simulator_.make_state()),
+      stop_(this->options().stop, this->options().period),
+      joint_names_(joint_names(this->options().description)),
+      fingerprint_(fingerprint()),
+      before_step_(state_size_of(model(), kChangedByStep)),
+      changed_by_step_(parts_changed_by_step()),
+      after_step_(before_step_.size()),
+      physics_(state_size_of(model(), kWholeState)) {
+  if (!model().objects().empty()) {
+    companions_.push_back({.name = kObjectCompanion,
+                           .type = "object_observation",
+                           .element = describe_objects(model())});
+  }
+  begin_state_.resize(state_size());
+  spare_state_.resize(state_size());
+  reset();
+}
 
 template <class R>
 DriverReport SimulatedRobot<R>::prepare(TimeIndex) noexcept {
-  return implementation_->prepare();
+  read_state(begin_state_);
+  simulator_.begin(state_);
+  has_safety_fault_ = false;
+  return DriverReport::ready();
 }
+
 template <class R>
 DriverReport SimulatedRobot<R>::get_latest_observation(Observation& observation) noexcept {
-  return implementation_->get_latest_observation(observation);
+  simulator_.observe(*data_, state_);
+  observation = state_.observation;
+  return DriverReport::ready();
 }
+
 template <class R>
 DriverReport SimulatedRobot<R>::apply_action(const Action& desired,
                                              AppliedAction& applied) noexcept {
-  return implementation_->apply_action(desired, applied);
+  memory_before_step_ = state_.memory;
+  keep_state_before_step();
+  const DriverReport report = simulator_.step(desired, mujoco(), *data_, state_, applied);
+  const bool has_diverged = report.fault_code == kDiverged;
+  has_safety_fault_ = report.fault_code != 0 && !has_diverged;
+  if (has_diverged) keep_state_before_divergence();
+  if (report.action_rejected) {
+    const RejectedCommand rejected = simulator_.safety().find_rejected(desired, applied);
+    rejection_text_ = describe(rejected, joint_names_[rejected.joint],
+                               simulator_.safety().limits()[rejected.joint]);
+  }
+  return report;
 }
+
 template <class R>
 DriverReport SimulatedRobot<R>::hold(const Observation& observation, Action& action) noexcept {
-  return implementation_->hold(observation, action);
+  action = hold_position(observation);
+  // Without these torques the fingers would sink until the position controller carries their
+  // weight.
+  simulator_.gravity_torques(mujoco(), *data_, action.torque);
+  return DriverReport::ready();
 }
+
+// The observation belongs to the previous period: it is the session's last one, or the newest that
+// the loop has measured since.
 template <class R>
 DriverReport SimulatedRobot<R>::stop(TimeIndex step) noexcept {
-  return implementation_->stop(step);
+  Action action;
+  if (!stop_.next(step, state_.observation, action)) return DriverReport::ready();
+  if (step == 0 && has_safety_fault_) {
+    // The fault that ended the session may not be detected again.
+    stop_.give_up(step);
+    action = {};
+  }
+  // These torques carry the weight under which the fingers would sink, as in `hold`.
+  if (!std::isnan(action.position[0])) {
+    simulator_.gravity_torques(mujoco(), *data_, action.torque);
+  }
+  AppliedAction applied;
+  const SafetyReport report = simulator_.safety().apply(
+      action, state_.observation, options().period, state_.memory.safety, applied);
+  if (report.fault != SafetyFault::kNone) stop_.give_up(step);
+  // A simulation that has diverged cannot come to rest.
+  return simulator_.move(applied.torque, mujoco(), *data_, state_) ? DriverReport::busy()
+                                                                   : DriverReport::ready();
 }
+
 template <class R>
 std::span<const CompanionDescription> SimulatedRobot<R>::companions() const noexcept {
-  return implementation_->companions();
+  return companions_;
 }
+
 template <class R>
 bool SimulatedRobot<R>::get_companion_element(std::size_t, TimeIndex time_index,
                                               void* element) noexcept {
-  return implementation_->get_companion_element(time_index, element);
+  const auto* const received = simulator_.receive_poses(time_index, *data_, state_);
+  if (received == nullptr) return false;
+  const Stamp stamp{.arrival_index = time_index < 0 ? -1 : received->arrival_index,
+                    .capture_index = received->capture_index};
+  auto* target = static_cast<std::byte*>(element);
+  std::memcpy(target, &stamp, sizeof(stamp));
+  std::memcpy(target + sizeof(stamp), received->objects.data(),
+              received->objects.size() * sizeof(ObjectPose));
+  return true;
 }
+
 template <class R>
 std::string_view SimulatedRobot<R>::fault_text(std::int32_t fault_code) const noexcept {
-  return implementation_->fault_text(fault_code);
+  if (fault_code == kDiverged) return "the simulation diverged";
+  if (fault_code == fault_code_of({.fault = SafetyFault::kOwnCheck})) return state_.thrown.view();
+  return fault_text_of(fault_code);
 }
+
 template <class R>
 std::string_view SimulatedRobot<R>::rejection_text() const noexcept {
-  return implementation_->rejection_text();
+  return rejection_text_.view();
 }
-template <class R>
-auto SimulatedRobot<R>::options() const noexcept -> const Options& {
-  return implementation_->options();
-}
-template <class R>
-const RobotModel& SimulatedRobot<R>::model() const noexcept {
-  return implementation_->model();
-}
-template <class R>
-SafetyChain<R>& SimulatedRobot<R>::safety() noexcept {
-  return implementation_->safety();
-}
-template <class R>
-auto SimulatedRobot<R>::initial_position() const noexcept -> const Joints& {
-  return implementation_->initial_position();
-}
+
 template <class R>
 void SimulatedRobot<R>::reset() {
-  implementation_->reset(initial_position(), Random{.seed = options().seed});
+  reset(initial_position(), Random{.seed = options().seed});
 }
+
 template <class R>
 void SimulatedRobot<R>::reset(const Joints& position, const Random& random) {
-  implementation_->reset_at(position, random);
+  simulator_.check(position);
+  const TimeIndex now = state_.memory.step;
+  simulator_.reset(position, random, mujoco(), *data_, state_);
+  simulator_.move_to_step(now, state_);
+  begin_here();
 }
+
 template <class R>
 void SimulatedRobot<R>::vary(const Variation& variation) {
-  implementation_->vary(variation);
+  variation.validate();
+  vary_model(variation);
+  state_.memory.variation = variation;
+  begin_here();
 }
+
 template <class R>
 void SimulatedRobot<R>::place_object(const std::string& name, const ObjectPose& pose) {
-  implementation_->place_object(name, pose);
+  const ObjectAddress& object = model().object(name);
+  double square = 0.0;
+  for (const double value : pose.orientation) square += value * value;
+  constexpr double kSmallestSquare = 1e-12;
+  bool is_pose = std::isfinite(square) && square > kSmallestSquare;
+  for (const double value : pose.position) is_pose = is_pose && std::isfinite(value);
+  require(is_pose, "object '" + name +
+                       "' cannot be placed: its pose is not finite, or its quaternion is zero");
+  simulator_.place(object, pose, *data_, state_);
+  begin_here();
 }
 
 template <class R>
 void SimulatedRobot<R>::push_object(const std::string& name, const std::array<double, 3>& force) {
-  implementation_->push_object(name, force);
+  const ObjectAddress& object = model().object(name);
+  for (const double value : force) {
+    require(std::isfinite(value), "the force on object '" + name + "' is not finite");
+  }
+  constexpr std::ptrdiff_t kWrench = 6;  // The force, then the moment.
+  std::ranges::copy(force, data_->xfrc_applied + kWrench * object.body);
 }
+
 template <class R>
 void SimulatedRobot<R>::set_object_velocity(const std::string& name,
                                             const ObjectVelocity& velocity) {
-  implementation_->set_object_velocity(name, velocity);
+  const ObjectAddress& object = model().object(name);
+  for (const auto& part : {velocity.linear, velocity.angular}) {
+    for (const double value : part) {
+      require(std::isfinite(value), "the velocity of object '" + name + "' is not finite");
+    }
+  }
+  simulator_.set_velocity(object, velocity, *data_);
+  begin_here();
 }
-template <class R>
-ObjectVelocity SimulatedRobot<R>::object_velocity(const std::string& name) const {
-  return implementation_->object_velocity(name);
-}
+
 template <class R>
 ObjectPose SimulatedRobot<R>::object_pose(const std::string& name) const {
-  return implementation_->object_pose(name);
+  return simulator_.object_pose(model().object(name), *data_);
 }
+
+template <class R>
+ObjectVelocity SimulatedRobot<R>::object_velocity(const std::string& name) const {
+  return simulator_.object_velocity(model().object(name), *data_);
+}
+
 template <class R>
 SimulationState SimulatedRobot<R>::save() const {
-  return implementation_->save();
+  SimulationState state(state_size());
+  write_state(state);
+  return state;
 }
+
 template <class R>
 void SimulatedRobot<R>::restore(std::span<const std::byte> state) {
-  implementation_->restore(state);
+  Header header{.magic = 0};
+  if (state.size() >= sizeof(header)) std::memcpy(&header, state.data(), sizeof(header));
+  require(header.magic == kStateMagic,
+          "this is not the saved state of a simulation, or one of another version");
+  require(header.model == fingerprint_ && state.size() == state_size(),
+          "this state was saved from another model: another robot, other objects, or another "
+          "object_period or object_delay");
+  Memory memory;
+  std::memcpy(&memory, state.data() + sizeof(Header) + std::span(physics_).size_bytes(),
+              sizeof(memory));
+  memory.variation.validate();
+  vary_model(memory.variation);
+  const TimeIndex now = state_.memory.step;
+  read_state(state);
+  // A damaged state must not lead to an index outside the ring.
+  state_.memory.pending_count =
+      std::min<std::uint64_t>(state_.memory.pending_count, state_.captures.size());
+  simulator_.move_to_step(now, state_);
+  begin_here();
 }
-template <class R>
-const SimulationState& SimulatedRobot<R>::state_before_divergence() const noexcept {
-  return implementation_->state_before_divergence();
-}
+
 template <class R>
 std::vector<double> SimulatedRobot<R>::configuration() const {
-  return implementation_->configuration();
+  std::vector<double> values(data_->qpos, data_->qpos + mujoco().nq);
+  values.insert(values.end(), data_->qvel, data_->qvel + mujoco().nv);
+  return values;
+}
+
+template <class R>
+const mjModel& SimulatedRobot<R>::mujoco() const noexcept {
+  return varied_ != nullptr ? *varied_ : *model().mujoco();
+}
+
+// Varies the model. The state of the physics does not change.
+template <class R>
+void SimulatedRobot<R>::vary_model(const Variation& variation) {
+  const Variation& now = state_.memory.variation;
+  if (variation == now) return;
+  mj_getState(&mujoco(), data_.get(), physics_.data(), kWholeState);
+  if (varied_ == nullptr || !variation.varies_same_pairs_as(now)) {
+    varied_ = simulator_.make_varied_model(variation);
+  }
+  simulator_.vary(variation, *varied_, *data_);
+  mj_setState(&mujoco(), data_.get(), physics_.data(), kWholeState);
+}
+
+// Call this after the owner has moved the robot: the next session begins here. In a session that
+// continues, the next action must not be judged by an observation from before.
+template <class R>
+void SimulatedRobot<R>::begin_here() noexcept {
+  simulator_.observe(*data_, state_);
+  write_state(begin_state_);
+}
+
+// Returns a hash (FNV-1a) of the model and of the other options that set the layout of saved
+// states.
+template <class R>
+std::uint64_t SimulatedRobot<R>::fingerprint() const {
+  std::uint64_t hash = 0xcbf29ce484222325;
+  const auto add = [&hash](const auto* bytes, std::size_t size) {
+    for (const std::byte byte : std::as_bytes(std::span(bytes, size))) {
+      hash = (hash ^ std::to_integer<std::uint64_t>(byte)) * 0x100000001b3;
+    }
+  };
+  const mjModel* const original = model().mujoco();
+  std::vector<std::byte> bytes(static_cast<std::size_t>(mj_sizeModel(original)));
+  mj_saveModel(original, nullptr, bytes.data(), static_cast<int>(bytes.size()));
+  add(bytes.data(), bytes.size());
+  add(&options().object_period, 1);
+  add(&options().object_delay, 1);
+  return hash;
+}
+
+// Returns the size of a saved state: header, physics, memory, poses under way.
+template <class R>
+std::size_t SimulatedRobot<R>::state_size() const noexcept {
+  return sizeof(Header) + std::span(physics_).size_bytes() + sizeof(Memory) +
+         state_.captures.size() *
+             (2 * sizeof(TimeIndex) + model().objects().size() * sizeof(ObjectPose));
+}
+
+template <class R>
+void SimulatedRobot<R>::write_state(std::span<std::byte> state) const noexcept {
+  mj_getState(&mujoco(), data_.get(), physics_.data(), kWholeState);
+  write_state(state, physics_, state_.memory);
+}
+
+template <class R>
+void SimulatedRobot<R>::write_state(std::span<std::byte> state, std::span<const double> physics,
+                                    const Memory& memory) const noexcept {
+  std::byte* target = state.data();
+  const auto write = [&target](const void* source, std::size_t size) {
+    // Without objects there is nothing to copy, and the address may be null.
+    if (size > 0) std::memcpy(target, source, size);
+    target += size;
+  };
+  const Header header{.model = fingerprint_};
+  write(&header, sizeof(header));
+  write(physics.data(), physics.size_bytes());
+  write(&memory, sizeof(memory));
+  for (const auto& capture : state_.captures) {
+    write(&capture.capture_index, sizeof(TimeIndex));
+    write(&capture.arrival_index, sizeof(TimeIndex));
+    write(capture.objects.data(), capture.objects.size() * sizeof(ObjectPose));
+  }
+}
+
+template <class R>
+void SimulatedRobot<R>::read_state(std::span<const std::byte> state) noexcept {
+  const std::byte* source = state.data() + sizeof(Header);
+  const auto read = [&source](void* target, std::size_t size) {
+    // Without objects there is nothing to copy, and the address may be null.
+    if (size > 0) std::memcpy(target, source, size);
+    source += size;
+  };
+  read(physics_.data(), std::span(physics_).size_bytes());
+  mj_setState(&mujoco(), data_.get(), physics_.data(), kWholeState);
+  data_->warning[mjWARN_BADQACC].number = 0;
+  read(&state_.memory, sizeof(Memory));
+  for (auto& capture : state_.captures) {
+    read(&capture.capture_index, sizeof(TimeIndex));
+    read(&capture.arrival_index, sizeof(TimeIndex));
+    read(capture.objects.data(), capture.objects.size() * sizeof(ObjectPose));
+  }
+}
+
+// Returns where the components of kChangedByStep are, in their order.
+template <class R>
+std::vector<std::span<const double>> SimulatedRobot<R>::parts_changed_by_step() const {
+  const mjModel& model = mujoco();
+  const auto part = [](const double* values, auto count) {
+    return std::span(values, static_cast<std::size_t>(count));
+  };
+  std::vector<std::span<const double>> parts{part(&data_->time, 1),
+                                             part(data_->qpos, model.nq),
+                                             part(data_->qvel, model.nv),
+                                             part(data_->act, model.na),
+                                             part(data_->qacc_warmstart, model.nv),
+                                             part(data_->ctrl, model.nu)};
+  std::size_t size = 0;
+  for (const auto& values : parts) size += values.size();
+  if (size != before_step_.size()) {
+    throw Error("this version of MuJoCo has a state that the simulation does not know");
+  }
+  return parts;
+}
+
+// Does what mj_getState does, but 20 times faster: mj_getState checks every possible component in
+// every step.
+template <class R>
+void SimulatedRobot<R>::keep_state_before_step() noexcept {
+  double* target = before_step_.data();
+  for (const std::span<const double> part : changed_by_step_) {
+    target = std::ranges::copy(part, target).out;
+  }
+}
+
+template <class R>
+void SimulatedRobot<R>::keep_state_before_divergence() noexcept {
+  // The loop calls this, so it must not allocate.
+  if (state_before_divergence_.empty()) state_before_divergence_.swap(spare_state_);
+  mj_getState(&mujoco(), data_.get(), after_step_.data(), kChangedByStep);
+  mj_setState(&mujoco(), data_.get(), before_step_.data(), kChangedByStep);
+  mj_getState(&mujoco(), data_.get(), physics_.data(), kWholeState);
+  mj_setState(&mujoco(), data_.get(), after_step_.data(), kChangedByStep);
+  write_state(state_before_divergence_, physics_, memory_before_step_);
 }
 
 template class SimulatedRobot<TriFinger>;

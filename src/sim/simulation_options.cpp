@@ -8,16 +8,14 @@
 #include <string>
 #include <utility>
 
-#include "physics_step.hpp"
-#include "text.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/text_of.hpp"
 
 namespace trifinger {
 namespace {
 
 using detail::require;
-using sim::kPhysicsStep;
-using sim::text_of;
+using detail::text_of;
 
 // Our own bounds for the gains that users may ask for; the sources have none. They are well inside
 // the stable range at 1 kHz for the lightest link.

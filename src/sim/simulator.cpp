@@ -10,15 +10,13 @@
 #include <type_traits>
 #include <utility>
 
-#include "physics_step.hpp"
-#include "text.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/text_of.hpp"
 
 namespace trifinger {
 namespace {
 
-using sim::kPhysicsStep;
-using sim::text_of;
+using detail::text_of;
 
 // MuJoCo writes warnings to a file in the working directory. Here the counters in mjData show them,
 // and they become faults.
@@ -57,32 +55,7 @@ double mixed_time(const mjModel& model, int first, int second) noexcept {
   return model.geom_priority[first] > model.geom_priority[second] ? one : other;
 }
 
-void require_positive(const char* name, double value, bool may_be_zero) {
-  if (std::isfinite(value) && (value > 0.0 || (may_be_zero && value == 0.0))) return;
-  throw InvalidArgument(std::string(name) + " is " + text_of(value) + ", must be " +
-                        (may_be_zero ? "at least" : "more than") + " 0");
-}
-
 }  // namespace
-
-void Variation::validate() const {
-  require_positive("object_mass", object_mass, false);
-  require_positive("friction", friction, true);
-  for (const SurfacePair pair : all_surface_pairs()) {
-    const std::string name = "pair_friction of " + std::string(name_of(pair));
-    require_positive(name.c_str(), pair_friction[pair], true);
-  }
-  require_positive("contact_time", contact_time, false);
-  require_positive("motor_gain", motor_gain, false);
-  if (torque_delay < 0 || torque_delay > kMaxTorqueDelay) {
-    throw InvalidArgument("torque_delay is " + std::to_string(torque_delay) +
-                          " steps, must be 0 to " + std::to_string(kMaxTorqueDelay));
-  }
-  require_positive("rotor_inertia", rotor_inertia, true);
-  require_positive("joint_damping", joint_damping, true);
-  require_positive("joint_friction", joint_friction, true);
-  require_positive("stop_margin", stop_margin, true);
-}
 
 template <class R>
 Simulator<R>::Simulator(SimulationOptions<R> options)
@@ -179,14 +152,10 @@ RobotModel::Compiled Simulator<R>::make_varied_model(const Variation& variation)
   RobotDescription description = options_.description;
   auto& friction = description.contact.friction;
   for (const SurfacePair pair : all_surface_pairs()) {
-    if (variation.pair_friction[pair] == 1.0) continue;
-    friction[pair] = sliding_friction(description.contact, pair);
+    if (variation.varies(pair)) friction[pair] = sliding_friction(description.contact, pair);
   }
   const bool has_all = friction == options_.description.contact.friction;
-  RobotModel::Compiled varied(
-      mj_copyModel(nullptr, has_all ? model_.mujoco() : RobotModel(description).mujoco()));
-  if (varied == nullptr) throw Error("MuJoCo has no memory for the model");
-  return varied;
+  return has_all ? model_.copy() : RobotModel(description).copy();
 }
 
 template <class R>

@@ -4,15 +4,16 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <memory>
 #include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "trifinger/base/random.hpp"
+#include "trifinger/base/text.hpp"
 #include "trifinger/core/document.hpp"
 #include "trifinger/core/driver.hpp"
+#include "trifinger/joint/orderly_stop.hpp"
 #include "trifinger/joint/safety.hpp"
 #include "trifinger/joint/types.hpp"
 #include "trifinger/model/robot_model.hpp"
@@ -58,7 +59,6 @@ class SimulatedRobot final : public Driver<R> {
 
   /// @throws InvalidArgument
   explicit SimulatedRobot(Options options = {});
-  ~SimulatedRobot() override;
 
   using Driver<R>::apply_action;
   using Driver<R>::get_latest_observation;
@@ -76,14 +76,16 @@ class SimulatedRobot final : public Driver<R> {
   [[nodiscard]] std::string_view fault_text(std::int32_t fault_code) const noexcept override;
   [[nodiscard]] std::string_view rejection_text() const noexcept override;
 
-  [[nodiscard]] const Options& options() const noexcept;
-  [[nodiscard]] const RobotModel& model() const noexcept;
+  [[nodiscard]] const Options& options() const noexcept { return simulator_.options(); }
+  [[nodiscard]] const RobotModel& model() const noexcept { return simulator_.model(); }
   /// The checks between desired and applied actions. Add your own checks here, before the first
   /// session.
-  [[nodiscard]] SafetyChain<R>& safety() noexcept;
+  [[nodiscard]] SafetyChain<R>& safety() noexcept { return simulator_.safety(); }
 
   /// Joint positions at the beginning of every session, unless `reset` sets others [rad].
-  [[nodiscard]] const Joints& initial_position() const noexcept;
+  [[nodiscard]] const Joints& initial_position() const noexcept {
+    return simulator_.initial_position();
+  }
   /// Resets the simulation: initial pose, initial poses and velocities of the objects, and the
   /// seed.
   void reset();
@@ -119,15 +121,54 @@ class SimulatedRobot final : public Driver<R> {
   void restore(std::span<const std::byte> state);
   /// The last state before the simulation diverged, for a report or another try. Empty if it has
   /// not diverged. `trifinger run` saves it in `log_folder()`.
-  [[nodiscard]] const SimulationState& state_before_divergence() const noexcept;
+  [[nodiscard]] const SimulationState& state_before_divergence() const noexcept {
+    return state_before_divergence_;
+  }
 
   /// Positions and velocities of joints and objects in MuJoCo's layout, to draw the scene: `qpos`,
   /// then `qvel`.
   [[nodiscard]] std::vector<double> configuration() const;
 
  private:
-  class Implementation;
-  std::unique_ptr<Implementation> implementation_;
+  using Memory = typename Simulator<R>::Memory;
+
+  // The model that is simulated: the description's own, or a varied copy.
+  [[nodiscard]] const mjModel_& mujoco() const noexcept;
+  void vary_model(const Variation& variation);
+  void begin_here() noexcept;
+
+  // Saved states.
+  [[nodiscard]] std::uint64_t fingerprint() const;
+  [[nodiscard]] std::size_t state_size() const noexcept;
+  void write_state(std::span<std::byte> state) const noexcept;
+  void write_state(std::span<std::byte> state, std::span<const double> physics,
+                   const Memory& memory) const noexcept;
+  void read_state(std::span<const std::byte> state) noexcept;
+
+  // The state before a step, in case that the simulation diverges.
+  [[nodiscard]] std::vector<std::span<const double>> parts_changed_by_step() const;
+  void keep_state_before_step() noexcept;
+  void keep_state_before_divergence() noexcept;
+
+  Simulator<R> simulator_;
+  RobotModel::Data data_;
+  RobotModel::Compiled varied_;
+  typename Simulator<R>::State state_;
+  OrderlyStop<R> stop_;
+  bool has_safety_fault_{false};  // A safety check has ended the session.
+  std::vector<std::string> joint_names_;
+  FixedText rejection_text_;
+  std::vector<CompanionDescription> companions_;
+
+  std::uint64_t fingerprint_;
+  SimulationState begin_state_;  // Every session begins here.
+  Memory memory_before_step_;
+  std::vector<double> before_step_;
+  std::vector<std::span<const double>> changed_by_step_;
+  std::vector<double> after_step_;
+  SimulationState state_before_divergence_;
+  SimulationState spare_state_;          // Memory for `state_before_divergence_`.
+  mutable std::vector<double> physics_;  // MuJoCo's part of a state that is saved or restored.
 };
 
 extern template class SimulatedRobot<TriFinger>;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <optional>
 
@@ -11,6 +12,9 @@
 #include "trifinger/model/robot_description.hpp"
 
 namespace trifinger {
+
+/// One step of the physics.
+inline constexpr Nanoseconds kPhysicsStep = std::chrono::milliseconds(1);
 
 /// The limits of the real robot of this variant, from its figures.
 /// @throws InvalidArgument if R has another number of joints than the arrangement
@@ -29,7 +33,7 @@ struct SimulationOptions {
   OrderlyStopOptions<R::kJoints> stop{};
   /// Seed of all random numbers. The same seed gives the same series.
   std::uint64_t seed{0};
-  /// Length of a step: a whole number of milliseconds, because a step of the physics takes 1 ms.
+  /// Length of a step: a whole number of `kPhysicsStep`, that is of milliseconds.
   Nanoseconds period{std::chrono::milliseconds(1)};
   TimeIndex object_period{10};           ///< Steps between two poses of the objects.
   TimeIndex object_delay{0};             ///< Steps from the capture of a pose to its arrival.

@@ -1,12 +1,22 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <cstdint>
+#include <tuple>
 
 #include "trifinger/base/time.hpp"
 #include "trifinger/model/robot_description.hpp"
 
 namespace trifinger {
+
+struct Variation;
+
+/// A row of `Variation::fields()`.
+template <class T>
+struct VariationField {
+  const char* name;
+  T Variation::* value;
+  bool may_be_zero{true};  ///< No value may be below 0.
+};
 
 /// How one simulated robot differs from its description, for what nobody knows exactly about a real
 /// robot.
@@ -25,8 +35,30 @@ struct Variation {
   double joint_friction{0.0};  ///< Dry friction added to every joint's own, at least 0 [Nm].
   double stop_margin{1.0};     ///< Factor on the distance from hard limits to stops, at least 0.
 
+  /// One row for each value. Checking and Python loop over them.
+  [[nodiscard]] static constexpr auto fields() noexcept {
+    using Number = VariationField<double>;
+    return std::tuple{
+        Number{"object_mass", &Variation::object_mass, false},
+        Number{"friction", &Variation::friction},
+        VariationField<OfSurfacePairs<double>>{"pair_friction", &Variation::pair_friction},
+        Number{"contact_time", &Variation::contact_time, false},
+        Number{"motor_gain", &Variation::motor_gain, false},
+        VariationField<TimeIndex>{"torque_delay", &Variation::torque_delay},
+        Number{"rotor_inertia", &Variation::rotor_inertia},
+        Number{"joint_damping", &Variation::joint_damping},
+        Number{"joint_friction", &Variation::joint_friction},
+        Number{"stop_margin", &Variation::stop_margin}};
+  }
+
   /// @throws InvalidArgument that names the value found and the values allowed
   void validate() const;
+
+  /// True if this pair of surfaces has a friction of its own.
+  [[nodiscard]] bool varies(SurfacePair pair) const noexcept { return pair_friction[pair] != 1.0; }
+  /// True if the same pairs have a friction of their own in `other`. A model made for one of the
+  /// two then serves both.
+  [[nodiscard]] bool varies_same_pairs_as(const Variation& other) const noexcept;
 
   friend bool operator==(const Variation&, const Variation&) = default;
 };
