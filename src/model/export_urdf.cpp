@@ -53,6 +53,8 @@ Eigen::Vector3d roll_pitch_yaw(const Eigen::Matrix3d& rotation) {
           std::atan2(rotation(1, 0), rotation(0, 0))};
 }
 
+enum class UrdfContent { kRobot, kScene };
+
 // Writes the URDF file, and separately the lines that say where the links are.
 class UrdfWriter {
  public:
@@ -285,18 +287,18 @@ class UrdfWriter {
 
 }  // namespace
 
-std::string export_urdf(const RobotDescription& description, UrdfContent content) {
+std::string export_urdf(const RobotDescription& description) {
   validate(description);
-  UrdfWriter writer(description, content);
+  UrdfWriter writer(description, UrdfContent::kRobot);
   writer.write();
   return writer.urdf();
 }
 
-std::string export_frames(const RobotDescription& description, const FrameSources& sources) {
+ViewerScene export_scene(const RobotDescription& description, const FrameSources& sources) {
   validate(description);
   UrdfWriter writer(description, UrdfContent::kScene, sources);
   writer.write();
-  return writer.frames();
+  return {.urdf = writer.urdf(), .frames = writer.frames()};
 }
 
 }  // namespace trifinger

@@ -87,7 +87,24 @@ Chain chain_to(const RobotModel& model, std::size_t finger) {
   return chain;
 }
 
-double wrapped(double angle) { return std::remainder(angle, 2 * std::numbers::pi); }
+// Returns the angle of the same direction that lies within the limits, or least beyond them. Among
+// several it is the one nearest to `near`.
+double equivalent_angle(double angle, double near, double lower, double upper) {
+  constexpr double kTurn = 2 * std::numbers::pi;
+  const double wrapped = std::remainder(angle, kTurn);
+  double chosen = wrapped;
+  double chosen_cost = std::numeric_limits<double>::infinity();
+  for (const double turn : {-kTurn, 0.0, kTurn}) {
+    const double candidate = wrapped + turn;
+    const double excess = std::max({0.0, lower - candidate, candidate - upper});
+    const double cost = 1e3 * excess + std::abs(candidate - near);
+    if (cost < chosen_cost) {
+      chosen_cost = cost;
+      chosen = candidate;
+    }
+  }
+  return chosen;
+}
 
 }  // namespace
 
@@ -264,30 +281,17 @@ FingerPose Kinematics::inverse_kinematics(int finger, const Eigen::Vector3d& tip
   double best_distance = std::numeric_limits<double>::infinity();
   double best_excess = std::numeric_limits<double>::infinity();
   Eigen::Vector3d best = near;
-  for (const double side :
-       {-1.0, 1.0}) {  // The finger hangs below or rises above its joint-0 axis.
-    for (const double knee : {-1.0, 1.0}) {  // The knee bends one way or the other.
+  // The finger hangs below or rises above its joint-0 axis.
+  for (const double side : {-1.0, 1.0}) {
+    // The knee bends one way or the other.
+    for (const double knee : {-1.0, 1.0}) {
       const double height = side * depth;
       Eigen::Vector3d pose;
       pose[0] = std::atan2(local.x(), local.z()) - std::atan2(form.aside, height);
       pose[2] = knee * std::acos(cosine);
       pose[1] = form.joint1_sign * (std::atan2(forward, -height) - pose[2] / 2);
-      for (int j = 0; j < 3; ++j) {
-        // Among equivalent angles, one inside the limits is preferred, then the nearest one.
-        double angle = wrapped(pose[j]);
-        double chosen = angle;
-        double chosen_cost = std::numeric_limits<double>::infinity();
-        for (const double turn : {-2 * std::numbers::pi, 0.0, 2 * std::numbers::pi}) {
-          const double candidate = angle + turn;
-          const double excess =
-              std::max({0.0, state_->lower[j] - candidate, candidate - state_->upper[j]});
-          const double cost = 1e3 * excess + std::abs(candidate - near[j]);
-          if (cost < chosen_cost) {
-            chosen_cost = cost;
-            chosen = candidate;
-          }
-        }
-        pose[j] = chosen;
+      for (int j = 0; j < kJointsPerFinger; ++j) {
+        pose[j] = equivalent_angle(pose[j], near[j], state_->lower[j], state_->upper[j]);
       }
       const Eigen::Vector3d inside = pose.cwiseMax(state_->lower).cwiseMin(state_->upper);
       const double excess = (pose - inside).cwiseAbs().maxCoeff();

@@ -67,11 +67,11 @@ std::size_t state_size_of(const RobotModel& model, int components) {
 }  // namespace
 
 std::vector<Document> model_documents(const RobotDescription& description) {
+  ViewerScene scene =
+      export_scene(description, {.joint_field = "position", .object_companion = kObjectCompanion});
   return {{"model.xml", "application/xml", export_mjcf(description)},
-          {"robot.urdf", "application/xml", export_urdf(description, UrdfContent::kScene)},
-          {"frames.txt", "text/plain",
-           export_frames(description,
-                         {.joint_field = "position", .object_companion = kObjectCompanion})}};
+          {"robot.urdf", "application/xml", std::move(scene.urdf)},
+          {"frames.txt", "text/plain", std::move(scene.frames)}};
 }
 
 template <class R>

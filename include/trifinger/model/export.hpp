@@ -17,20 +17,12 @@ namespace trifinger {
 [[nodiscard]] std::string export_mjcf(const RobotDescription& description,
                                       Detail detail = Detail::kPictures);
 
-/// The contents of a URDF file.
-enum class UrdfContent {
-  kRobot,  ///< Only the robot, for planners and other simulations.
-  /// For viewers: also the table, fixed to the root, and the objects, on floating joints. It has no
-  /// shapes for collisions.
-  kScene,
-};
-
-/// The robot as URDF: links with the source's inertias, joints with limits, tips and cameras as
-/// frames (cameras as `NAME_optical_frame`: x right, y down, z forward). It has no boundary and
-/// needs no other file. Gravity points along the root link's -z, flipped or not.
+/// The robot as URDF, for planners and other simulations: links with the source's inertias, joints
+/// with limits, tips and cameras as frames (cameras as `NAME_optical_frame`: x right, y down, z
+/// forward). It has no boundary and needs no other file. Gravity points along the root link's -z,
+/// flipped or not.
 /// @throws InvalidArgument if the description cannot be built.
-[[nodiscard]] std::string export_urdf(const RobotDescription& description,
-                                      UrdfContent content = UrdfContent::kRobot);
+[[nodiscard]] std::string export_urdf(const RobotDescription& description);
 
 /// The logged numbers that move the frames.
 struct FrameSources {
@@ -38,10 +30,19 @@ struct FrameSources {
   std::string object_companion;  ///< It has OBJECT.position [m] and OBJECT.orientation (w x y z).
 };
 
-/// Says as lines of text where the links of the scene's URDF are. Programs that know nothing about
-/// the robot can follow these lines; docs/log_format.md has the format.
+/// A scene for viewers.
+struct ViewerScene {
+  /// The robot, the table, fixed to the root, and the objects, on floating joints. It has no shapes
+  /// for collisions.
+  std::string urdf;
+  /// Says as lines of text where the links of `urdf` are. Programs that know nothing about the
+  /// robot can follow these lines; docs/log_format.md has the format.
+  std::string frames;
+};
+
+/// The scene for viewers of sessions and logs.
 /// @throws InvalidArgument if the description cannot be built.
-[[nodiscard]] std::string export_frames(const RobotDescription& description,
-                                        const FrameSources& sources);
+[[nodiscard]] ViewerScene export_scene(const RobotDescription& description,
+                                       const FrameSources& sources);
 
 }  // namespace trifinger
