@@ -12,10 +12,13 @@
 #include <vector>
 
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/text_of.hpp"
 #include "trifinger/sim/object_observation.hpp"
 
 namespace trifinger::learning {
 namespace {
+
+using trifinger::detail::text_of;
 
 // Layout of an element of a companion with a ball.
 struct BallObservation {
@@ -90,23 +93,63 @@ class Process {
   TimeIndex repeated_{0};
 };
 
+// Computes actions with a policy that one finger may share with the others.
+class Actor {
+ public:
+  // Throws InvalidArgument if the policy does not fit the environment.
+  Actor(const Environment& environment, Policy& policy, std::size_t num_joints)
+      : policy_(policy),
+        sharing_(environment.observation_size() / policy.num_inputs()),
+        input_(environment.observation_size()),
+        output_(num_joints),
+        numbers_(num_joints) {
+    if (environment.options().layout != Layout::kFlat) {
+      throw InvalidArgument("policies run on flat observations; this one was trained on others");
+    }
+    const std::size_t inputs = policy.num_inputs();
+    const std::size_t outputs = policy.num_outputs();
+    if (sharing_ * inputs != input_.size() || sharing_ * outputs != output_.size()) {
+      throw InvalidArgument(text_of(
+          "the policy has ", inputs, " inputs and ", outputs, " outputs; the environment has ",
+          input_.size(), " numbers in an observation and ", output_.size(), " in an action"));
+    }
+  }
+
+  template <class Action>
+  [[nodiscard]] Action act(const Environment& environment, std::span<const float> observation,
+                           Episode& episode) {
+    const std::size_t inputs = policy_.num_inputs();
+    const std::size_t outputs = policy_.num_outputs();
+    std::ranges::copy(observation, input_.begin());
+    bool is_done = true;
+    for (std::size_t part = 0; part < sharing_; ++part) {
+      is_done = policy_.evaluate(std::span(input_).subspan(part * inputs, inputs),
+                                 std::span(output_).subspan(part * outputs, outputs)) &&
+                is_done;
+    }
+    std::ranges::transform(output_, numbers_.begin(),
+                           [](double number) { return static_cast<float>(number); });
+    Action action;
+    if (!is_done || !environment.take_action(numbers_, episode, action.torque, action.position)) {
+      throw Error("the policy has given a number that is not finite");
+    }
+    return action;
+  }
+
+ private:
+  Policy& policy_;
+  std::size_t sharing_;
+  std::vector<double> input_;
+  std::vector<double> output_;
+  std::vector<float> numbers_;
+};
+
 }  // namespace
 
 template <class R>
 void run_policy(Frontend<R>& robot, const Environment& environment, Policy& policy,
                 const PolicyRunOptions& options) {
-  const std::size_t inputs = policy.num_inputs();
-  const std::size_t outputs = policy.num_outputs();
-  const std::size_t sharing = environment.observation_size() / inputs;
-  if (environment.options().layout != Layout::kFlat) {
-    throw InvalidArgument("policies run on flat observations; this one was trained on others");
-  }
-  if (sharing * inputs != environment.observation_size() || sharing * outputs != R::kJoints) {
-    throw InvalidArgument(
-        "the policy has " + std::to_string(inputs) + " inputs and " + std::to_string(outputs) +
-        " outputs; the environment has " + std::to_string(environment.observation_size()) +
-        " numbers in an observation and " + std::to_string(R::kJoints) + " in an action");
-  }
+  Actor actor(environment, policy, R::kJoints);
   const ObjectAt object_at = object_of(robot, environment.object_name());
   const auto must_stop = [&] {
     return options.stop != nullptr && options.stop->load(std::memory_order_relaxed);
@@ -115,9 +158,6 @@ void run_policy(Frontend<R>& robot, const Environment& environment, Policy& poli
   std::vector<float> observation(environment.observation_size());
   std::vector<double> achieved(environment.goal_size());
   std::vector<double> desired(environment.goal_size());
-  std::vector<double> input(observation.size());
-  std::vector<double> output(R::kJoints);
-  std::vector<float> numbers(R::kJoints);
   Process<R> process(robot, environment.options());
   Episode episode;
   const auto look = [&](const typename R::Observation& y) {
@@ -145,20 +185,7 @@ void run_policy(Frontend<R>& robot, const Environment& environment, Policy& poli
     report.outcome = look(y);
     const auto has_ended = [&] { return report.outcome.terminated || report.outcome.truncated; };
     while (!has_ended() && !must_stop()) {
-      std::ranges::copy(observation, input.begin());
-      bool is_done = true;
-      for (std::size_t part = 0; part < sharing; ++part) {
-        is_done = policy.evaluate(std::span(input).subspan(part * inputs, inputs),
-                                  std::span(output).subspan(part * outputs, outputs)) &&
-                  is_done;
-      }
-      typename R::Action action;
-      std::ranges::transform(output, numbers.begin(),
-                             [](double number) { return static_cast<float>(number); });
-      if (!is_done || !environment.take_action(numbers, episode, action.torque, action.position)) {
-        throw Error("the policy has given a number that is not finite");
-      }
-      y = process.step(action);
+      y = process.step(actor.template act<typename R::Action>(environment, observation, episode));
       report.outcome = look(y);
       report.total_reward += report.outcome.reward;
     }

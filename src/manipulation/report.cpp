@@ -3,6 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <span>
+#include <vector>
 
 namespace trifinger::manipulation {
 namespace {
@@ -36,42 +39,65 @@ class Mean {
   int count_{0};
 };
 
-}  // namespace
+using Steps = std::span<const TraceStep>;
 
-Report make_report(const Trace& trace, const std::vector<SeenPose>& poses) {
-  Report report;
-  report.is_done = trace.end == Phase::kDone;
-  report.failure = trace.failure;
-  report.grasps = trace.grasps;
-  const auto& steps = trace.steps;
+bool is_hold(const TraceStep& step) { return step.phase == Phase::kHold; }
+
+// Returns the steps of the last try, from lifting the object to putting it down.
+Steps last_try(const std::vector<TraceStep>& steps) {
   // The last try begins with the last step of the phase kGrasp.
-  auto last_try = steps.begin();
-  for (auto step = steps.begin(); step != steps.end(); ++step) {
-    if (step->phase == Phase::kGrasp) last_try = step;
-  }
+  const auto grasp = std::find_if(steps.rbegin(), steps.rend(), [](const TraceStep& step) {
+    return step.phase == Phase::kGrasp;
+  });
+  const auto from = grasp == steps.rend() ? steps.begin() : grasp.base() - 1;
   const auto begin =
-      std::find_if(last_try, steps.end(), [](const TraceStep& step) { return counts(step.phase); });
+      std::find_if(from, steps.end(), [](const TraceStep& step) { return counts(step.phase); });
   const auto end =
       std::find_if(begin, steps.end(), [](const TraceStep& step) { return !counts(step.phase); });
-  if (begin == end) return report;
+  return {begin, end};
+}
 
-  const auto is_hold = [](const TraceStep& step) { return step.phase == Phase::kHold; };
-  const auto hold_begin = std::find_if(begin, end, is_hold);
-  const auto hold_end = std::find_if_not(hold_begin, end, is_hold);
-  const auto edge = static_cast<TimeIndex>(kEndOfHold / trace.period);
-  const TimeIndex first_second = hold_begin == end ? 0 : hold_begin->step + edge;
-  const TimeIndex last_second =
-      hold_begin == end ? 0 : std::max((hold_end - 1)->step + 1 - edge, first_second);
+// Averages a value over the first and the last second of holding.
+class Drift {
+ public:
+  Drift(Steps steps, Seconds period) {
+    const auto begin = std::ranges::find_if(steps, is_hold);
+    if (begin == steps.end()) return;
+    const auto end = std::find_if_not(begin, steps.end(), is_hold);
+    const auto edge = static_cast<TimeIndex>(kEndOfHold / period);
+    first_second_ = begin->step + edge;
+    last_second_ = std::max((end - 1)->step + 1 - edge, first_second_);
+  }
 
-  const double table = begin->desired.position.z();
+  void add(const TraceStep& at, const Eigen::Vector3d& value) {
+    if (!is_hold(at)) return;
+    if (at.step < first_second_) first_.add(value);
+    if (at.step >= last_second_) last_.add(value);
+  }
+
+  // Zero if the object was not held long enough.
+  [[nodiscard]] Eigen::Vector3d value() const {
+    if (first_.is_empty() || last_.is_empty()) return Eigen::Vector3d::Zero();
+    return last_.value() - first_.value();
+  }
+
+ private:
+  TimeIndex first_second_{0};
+  TimeIndex last_second_{0};
+  Mean first_;
+  Mean last_;
+};
+
+// Compares the object's poses with the desired ones.
+void judge_poses(Steps steps, const std::vector<SeenPose>& poses, Drift drift, Report& report) {
+  const double table = steps.front().desired.position.z();
   double position_sum = 0.0;
   double orientation_sum = 0.0;
-  Mean first_mean;
-  Mean last_mean;
-  auto at = begin;
+  auto at = steps.begin();
   for (const SeenPose& seen : poses) {
-    at = std::find_if(at, end, [&](const TraceStep& step) { return step.step >= seen.step; });
-    if (at == end) break;
+    at = std::find_if(at, steps.end(),
+                      [&](const TraceStep& step) { return step.step >= seen.step; });
+    if (at == steps.end()) break;
     if (at->step != seen.step) continue;
     const double distance = (seen.pose.position - at->desired.position).norm();
     const double angle =
@@ -82,51 +108,59 @@ Report make_report(const Trace& trace, const std::vector<SeenPose>& poses) {
     report.orientation_max = std::max(report.orientation_max, angle);
     report.height = std::max(report.height, seen.pose.position.z() - table);
     ++report.num_poses;
-    if (!is_hold(*at)) continue;
-    if (at->step < first_second) first_mean.add(seen.pose.position);
-    if (at->step >= last_second) last_mean.add(seen.pose.position);
+    drift.add(*at, seen.pose.position);
   }
   const auto count = static_cast<double>(std::max<std::size_t>(report.num_poses, 1));
   report.position_rms = std::sqrt(position_sum / count);
   report.orientation_rms = std::sqrt(orientation_sum / count);
+  report.hold_drift = drift.value().norm();
+}
 
+// Sums up forces, travel of the tips and torques.
+void judge_grasp(Steps steps, Seconds period, Drift drift, Report& report) {
   std::vector<double> friction;
-  Mean first_travel;
-  Mean last_travel;
   double normal_sum = 0.0;
   std::size_t exact = 0;
   double torque_share = 0.0;
-  report.normal_force_min = begin->normal_forces.minCoeff();
-  for (auto step = begin; step != end; ++step) {
-    report.normal_force_min = std::min(report.normal_force_min, step->normal_forces.minCoeff());
-    report.normal_force_max = std::max(report.normal_force_max, step->normal_forces.maxCoeff());
-    normal_sum += step->normal_forces.mean();
+  report.normal_force_min = steps.front().normal_forces.minCoeff();
+  for (const TraceStep& step : steps) {
+    report.normal_force_min = std::min(report.normal_force_min, step.normal_forces.minCoeff());
+    report.normal_force_max = std::max(report.normal_force_max, step.normal_forces.maxCoeff());
+    normal_sum += step.normal_forces.mean();
     report.tangential_force_max =
-        std::max(report.tangential_force_max, step->tangential_forces.maxCoeff());
+        std::max(report.tangential_force_max, step.tangential_forces.maxCoeff());
     friction.push_back(
-        step->tangential_forces.cwiseQuotient(step->normal_forces.cwiseMax(1e-3)).maxCoeff());
-    report.travel_max = std::max(report.travel_max, step->travel.maxCoeff());
-    if (step->is_slipping) report.slip_time += trace.period;
-    torque_share = std::max(torque_share, step->torque_share);
-    if (step->status == control::ForceStatus::kExact) ++exact;
-    if (!is_hold(*step)) continue;
-    if (step->step < first_second) first_travel.add(step->travel);
-    if (step->step >= last_second) last_travel.add(step->travel);
+        step.tangential_forces.cwiseQuotient(step.normal_forces.cwiseMax(1e-3)).maxCoeff());
+    report.travel_max = std::max(report.travel_max, step.travel.maxCoeff());
+    if (step.is_slipping) report.slip_time += period;
+    torque_share = std::max(torque_share, step.torque_share);
+    if (step.status == control::ForceStatus::kExact) ++exact;
+    drift.add(step, step.travel);
   }
-  // If the object was not held long enough, there is no drift.
-  if (!first_mean.is_empty() && !last_mean.is_empty()) {
-    report.hold_drift = (last_mean.value() - first_mean.value()).norm();
-    report.hold_slip = (last_travel.value() - first_travel.value()).cwiseAbs().maxCoeff();
-  }
-  const auto length = static_cast<double>(end - begin);
+  const auto length = static_cast<double>(steps.size());
+  report.hold_slip = drift.value().cwiseAbs().maxCoeff();
   report.normal_force_mean = normal_sum / length;
   report.friction_used = quantile(friction, 0.999);
   report.torque_margin = 1.0 - torque_share;
   report.exact_wrenches = static_cast<double>(exact) / length;
+}
+
+}  // namespace
+
+Report make_report(const Trace& trace, const std::vector<SeenPose>& poses) {
+  Report report;
+  report.is_done = trace.end == Phase::kDone;
+  report.failure = trace.failure;
+  report.grasps = trace.grasps;
+  const Steps steps = last_try(trace.steps);
+  if (steps.empty()) return report;
+  const Drift drift(steps, trace.period);
+  judge_poses(steps, poses, drift, report);
+  judge_grasp(steps, trace.period, drift, report);
 
   std::vector<double> cycles;
-  cycles.reserve(steps.size());
-  for (const TraceStep& step : steps) cycles.push_back(step.cycle_time.count());
+  cycles.reserve(trace.steps.size());
+  for (const TraceStep& step : trace.steps) cycles.push_back(step.cycle_time.count());
   report.cycle_p50 = quantile(cycles, 0.5);
   report.cycle_p999 = quantile(cycles, 0.999);
   return report;

@@ -74,6 +74,30 @@ Pose pose_of(const ObjectPose& object) {
           .orientation = Eigen::Quaterniond(q[0], q[1], q[2], q[3]).normalized()};
 }
 
+// Hands a new pose of the object to the manipulation and to the trace.
+void see_object(const Companion<CubeObservation>& object, TimeIndex t, std::size_t most,
+                Manipulation& manipulation, Trace& trace) {
+  const auto seen = object.get_latest_at(t);
+  if (!seen) return;
+  const TimeIndex captured = seen->stamp.capture_index;
+  if (!trace.seen.empty() && captured <= trace.seen.back().step) return;
+  const Pose pose = pose_of(seen->cube);
+  manipulation.see(captured, pose);
+  if (trace.seen.size() < most) trace.seen.push_back({captured, pose});
+}
+
+// Gives the manipulation the plan that it waits for. In real time the loop goes on meanwhile.
+void plan(BackgroundPlanner& planner, bool is_real_time, Manipulation& manipulation) {
+  if (!planner.is_busy()) {
+    planner.ask(manipulation.resting_pose());
+    if (is_real_time) return;
+    planner.wait();
+  } else if (!planner.is_ready()) {
+    return;
+  }
+  manipulation.begin(planner.take());
+}
+
 TraceStep traced(TimeIndex step, const Manipulation& manipulation, Seconds cycle_time) {
   const control::GraspState& grasp = manipulation.grasp();
   return {.step = step,
@@ -113,14 +137,7 @@ Trace run(Frontend<TriFinger>& robot, const RobotDescription& description,
   Phase phase = manipulation.phase();
   while (!manipulation.has_ended()) {
     const auto begin = Clock::now();
-    if (const auto seen = object.get_latest_at(t)) {
-      const TimeIndex captured = seen->stamp.capture_index;
-      if (trace.seen.empty() || captured > trace.seen.back().step) {
-        const Pose pose = pose_of(seen->cube);
-        manipulation.see(captured, pose);
-        if (trace.seen.size() < most) trace.seen.push_back({captured, pose});
-      }
-    }
+    see_object(object, t, most, manipulation, trace);
     TriFinger::Action action;
     const JointValues& torques = manipulation.update(t, joints_of(y));
     JointValues::Map(action.torque.data(), torques.size()) = torques;
@@ -131,17 +148,7 @@ Trace run(Frontend<TriFinger>& robot, const RobotDescription& description,
       manipulation.stop();
     if (options.stop != nullptr && options.stop->load(std::memory_order_relaxed))
       manipulation.stop();
-    if (manipulation.phase() == Phase::kPlan) {
-      if (!planner.is_busy()) {
-        planner.ask(manipulation.resting_pose());
-        if (!session.is_real_time) {
-          planner.wait();
-          manipulation.begin(planner.take());
-        }
-      } else if (planner.is_ready()) {
-        manipulation.begin(planner.take());
-      }
-    }
+    if (manipulation.phase() == Phase::kPlan) plan(planner, session.is_real_time, manipulation);
     if (manipulation.phase() != phase) {
       phase = manipulation.phase();
       if (options.on_phase) options.on_phase(manipulation);
