@@ -13,6 +13,8 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <tuple>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -27,6 +29,7 @@
 #include "simulation.hpp"
 #include "trifinger/joint/reasons.hpp"
 #include "trifinger/model/export.hpp"
+#include "trifinger/sim/variation.hpp"
 
 namespace nb = nanobind;
 using namespace nanobind::literals;
@@ -51,32 +54,85 @@ void bind_reasons(nb::module_& m) {
   }
 }
 
+// Calls `use` with each row of `Variation::fields()`.
+template <class Use>
+void for_each_value(const Use& use) {
+  std::apply([&use](const auto&... row) { (use(row), ...); }, Variation::fields());
+}
+
+using Factors = std::map<std::string, double>;
+using FactorsField = VariationField<OfSurfacePairs<double>>;
+
+void bind_variation(nb::module_& m) {
+  nb::class_<Variation> variation(
+      m, "Variation",
+      "How a simulation differs from its configuration in an episode. `Simulation.vary` explains "
+      "the numbers.");
+  for_each_value([&variation]<class Row>(const Row& row) {
+    if constexpr (std::is_same_v<Row, FactorsField>) {
+      variation.def_prop_ro(row.name, [value = row.value](const Variation& self) {
+        Factors factors;
+        for (const SurfacePair pair : all_surface_pairs()) {
+          factors.emplace(name_of(pair), (self.*value)[pair]);
+        }
+        return factors;
+      });
+    } else {
+      variation.def_ro(row.name, row.value);
+    }
+  });
+}
+
+std::string signature_of_vary() {
+  std::string text = "def vary(self, *";
+  const auto add = [&text](const char* name, const char* type, const nb::object& value) {
+    text += std::string(", ") + name + ": " + type + " = " + nb::repr(value).c_str();
+  };
+  for_each_value([&]<class T>(const VariationField<T>& row) {
+    if constexpr (std::is_same_v<T, double>) {
+      add(row.name, "float", nb::float_(Variation{}.*row.value));
+    } else if constexpr (std::is_same_v<T, TimeIndex>) {
+      add(row.name, "int", nb::int_(Variation{}.*row.value));
+    } else {
+      add(row.name, "dict[str, float]", nb::dict());
+    }
+  });
+  return text + ") -> None";
+}
+
+Variation to_variation(const nb::kwargs& given) {
+  Variation variation;
+  std::size_t num_known = 0;
+  const auto read = [&](const char* name, auto& value) {
+    if (!given.contains(name)) return;
+    ++num_known;
+    if (nb::try_cast(given[name], value)) return;
+    throw nb::type_error((std::string("vary(): ") + name + " is of a wrong type").c_str());
+  };
+  for_each_value([&]<class Row>(const Row& row) {
+    if constexpr (std::is_same_v<Row, FactorsField>) {
+      Factors factors;
+      read(row.name, factors);
+      for (const auto& [pair, factor] : factors) {
+        (variation.*row.value)[surface_pair_from_name(pair)] = factor;
+      }
+    } else {
+      read(row.name, variation.*row.value);
+    }
+  });
+  if (num_known != given.size()) {
+    throw nb::type_error("vary() got a name that no variation has; see its signature");
+  }
+  return variation;
+}
+
 }  // namespace
 
 void bind_simulation(nb::module_& m) {
   // NOLINTNEXTLINE(bugprone-unused-raii): its constructor registers the class.
   nb::class_<Checks>(m, "_Checks", nb::type_slots(garbage_collected<Checks>()));
   bind_reasons(m);
-  nb::class_<Variation>(m, "Variation",
-                        "How a simulation differs from its configuration in an episode. "
-                        "`Simulation.vary` explains the numbers.")
-      .def_ro("object_mass", &Variation::object_mass)
-      .def_ro("friction", &Variation::friction)
-      .def_prop_ro("pair_friction",
-                   [](const Variation& variation) {
-                     std::map<std::string, double> factors;
-                     for (const SurfacePair pair : all_surface_pairs()) {
-                       factors.emplace(name_of(pair), variation.pair_friction[pair]);
-                     }
-                     return factors;
-                   })
-      .def_ro("contact_time", &Variation::contact_time)
-      .def_ro("motor_gain", &Variation::motor_gain)
-      .def_ro("torque_delay", &Variation::torque_delay)
-      .def_ro("rotor_inertia", &Variation::rotor_inertia)
-      .def_ro("joint_damping", &Variation::joint_damping)
-      .def_ro("joint_friction", &Variation::joint_friction)
-      .def_ro("stop_margin", &Variation::stop_margin);
+  bind_variation(m);
   nb::class_<PythonSimulation>(
       m, "Simulation", nb::type_slots(garbage_collected<PythonSimulation>()),
       "A simulated robot in this process. Its back-end runs inside the waits of its front-end: no "
@@ -109,33 +165,10 @@ void bind_simulation(nb::module_& m) {
            "Makes the simulation differ from its configuration as `variation` says.")
       .def(
           "vary",
-          [](const PythonSimulation& simulation, double object_mass, double friction,
-             const std::map<std::string, double>& pair_friction, double contact_time,
-             double motor_gain, TimeIndex torque_delay, double rotor_inertia, double joint_damping,
-             double joint_friction, double stop_margin) {
-            Variation variation{.object_mass = object_mass,
-                                .friction = friction,
-                                .contact_time = contact_time,
-                                .motor_gain = motor_gain,
-                                .torque_delay = torque_delay,
-                                .rotor_inertia = rotor_inertia,
-                                .joint_damping = joint_damping,
-                                .joint_friction = joint_friction,
-                                .stop_margin = stop_margin};
-            for (const auto& [name, factor] : pair_friction) {
-              variation.pair_friction[surface_pair_from_name(name)] = factor;
-            }
-            simulation.vary(variation);
+          [](const PythonSimulation& simulation, const nb::kwargs& values) {
+            simulation.vary(to_variation(values));
           },
-          nb::kw_only(), "object_mass"_a = 1.0, "friction"_a = 1.0, "pair_friction"_a = nb::dict(),
-          "contact_time"_a = 1.0, "motor_gain"_a = 1.0, "torque_delay"_a = 0,
-          "rotor_inertia"_a = 1.0, "joint_damping"_a = 1.0, "joint_friction"_a = 0.0,
-          "stop_margin"_a = 1.0,
-          nb::sig("def vary(self, *, object_mass: float = 1.0, friction: float = 1.0, "
-                  "pair_friction: dict[str, float] = {}, contact_time: float = 1.0, "
-                  "motor_gain: float = 1.0, torque_delay: int = 0, rotor_inertia: float = 1.0, "
-                  "joint_damping: float = 1.0, joint_friction: float = 0.0, "
-                  "stop_margin: float = 1.0) -> None"),
+          nb::sig(signature_of_vary().c_str()),
           "Makes the simulation differ from its configuration from now on. A reset does not change "
           "this. Each\nnumber is a factor, except `torque_delay`, the steps until motors deliver a "
           "torque, and\n`joint_friction`, the dry friction added in the joints [Nm]. "

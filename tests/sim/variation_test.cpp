@@ -6,6 +6,7 @@
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
+#include <initializer_list>
 #include <limits>
 #include <memory>
 #include <vector>
@@ -213,6 +214,22 @@ TEST(Variation, StaysWhateverIsResetAndGoesIntoSavedStates) {
   EXPECT_EQ(first.position, second.position);
   EXPECT_EQ(first.orientation, second.orientation);
   EXPECT_EQ(robot.latest_observation().position, other_robot.latest_observation().position);
+}
+
+TEST(Variation, LeavesNothingOfTheOneBefore) {
+  Variation pairs{.friction = 0.5, .stop_margin = 2.0};
+  pairs.pair_friction[SurfacePair::kObjectTable] = 0.3;
+  const Variation variation{.object_mass = 2.0, .joint_damping = 3.0};
+  const auto result = [](std::initializer_list<Variation> all) {
+    const Simulation<TriFinger> simulation;
+    for (const Variation& one : all) simulation.robot().vary(one);
+    auto robot = simulation.connect();
+    static_cast<void>(wait(robot, simulation, 100));
+    return simulation.robot().save();
+  };
+  const SimulationState expected = result({variation});
+  EXPECT_EQ(result({{.friction = 0.1, .contact_time = 2.0}, variation}), expected);
+  EXPECT_EQ(result({pairs, variation}), expected);
 }
 
 TEST(Variation, OfNothingChangesNothing) {
