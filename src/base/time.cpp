@@ -17,7 +17,8 @@ std::string duration_text(Nanoseconds duration) {
   if (count < 999.5) return text("%.0f ns", count);
   if (count < 999.5e3) return text("%.0f µs", count / 1e3);
   if (count < 999.5e6) return text("%.3g ms", count / 1e6);
-  return text("%.3g s", count / 1e9);
+  if (count < 999.5e9) return text("%.3g s", count / 1e9);
+  return text("%.0f s", count / 1e9);
 }
 
 }  // namespace trifinger

@@ -55,6 +55,8 @@ TEST(DurationText, HasTheUnitThatLeavesFewDigits) {
   EXPECT_EQ(text(1.284e-3), "1.28 ms");
   EXPECT_EQ(text(0.9996), "1 s");
   EXPECT_EQ(text(2.0), "2 s");
+  EXPECT_EQ(text(999.9), "1000 s");
+  EXPECT_EQ(text(5400.0), "5400 s");
 }
 
 }  // namespace
