@@ -79,6 +79,21 @@ std::filesystem::path find_in(const std::filesystem::path& folder, const std::st
   throw ConfigError(location, text);
 }
 
+// Adds to the sections inside `own` what they lack and those of `base` have.
+void fill_inner_sections(Element& own, Element& base) {
+  for (Entry& entry : base.entries) {
+    if (entry.value.kind != Element::Kind::kSection) continue;
+    Entry* const inner = own.find(entry.key);
+    if (inner == nullptr) {
+      own.add(std::move(entry));
+    } else if (inner->value.kind == Element::Kind::kSection) {
+      for (Entry& one : entry.value.entries) {
+        if (inner->value.find(one.key) == nullptr) inner->value.add(std::move(one));
+      }
+    }
+  }
+}
+
 // Adds to `root` the sections that it lacks and the extended file has. Repeats this until a file
 // extends no other one.
 void resolve_extends(Element& root, const std::filesystem::path& name, const Folders& folders) {
@@ -105,7 +120,12 @@ void resolve_extends(Element& root, const std::filesystem::path& name, const Fol
     root.remove(kExtends);
     // The `extends` of the base file comes along and is handled in the next turn.
     for (Entry& entry : base.entries) {
-      if (root.find(entry.key) == nullptr) root.add(std::move(entry));
+      Entry* const own = root.find(entry.key);
+      if (own == nullptr) {
+        root.add(std::move(entry));
+      } else if (own->value.kind == Element::Kind::kSection) {
+        fill_inner_sections(own->value, entry.value);
+      }
     }
     chain.push_back(std::move(base_path));
   }

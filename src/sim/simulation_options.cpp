@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
-#include <limits>
 #include <string>
 #include <utility>
 
@@ -17,56 +16,43 @@ namespace {
 using detail::require;
 using detail::text_of;
 
-// Our own bounds for the gains that users may ask for; the sources have none. They are well inside
-// the stable range at 1 kHz for the lightest link.
-constexpr double kMaxKp = 50.0;
-constexpr double kMaxKd = 0.5;
-
 // Our own choice: a little more than the motors reach against the safety damping [rad/s].
 constexpr FingerJoints kMaxVelocity{5.0, 5.0, 8.0};
-// Limit for real joints: what a motor without load reaches, plus half of that for impacts on the
-// arm [rad/s].
-constexpr double kMaxPositionRate = 65.0;
-// Our own choice: a velocity that is wrong by 1 rad/s for a tenth of a second, or a joint whose
-// position stays exactly the same while its torque varies by half of its maximum.
-constexpr double kMaxVelocityError = 1.0;   // [rad/s]
-constexpr double kVelocityErrorTime = 0.1;  // [s]
-constexpr double kStuckTime = 0.1;          // [s]
+// Our own choice: a joint is stuck that stays exactly the same while its torque varies by this
+// share of its maximum.
 constexpr double kStuckShare = 0.5;
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
+template <class R>
+void require_joints(const RobotDescription& description) {
+  require(num_joints(description) == static_cast<int>(R::kJoints),
+          text_of("a robot of type '", R::kType, "' has ", R::kJoints,
+                  " joints, this description has ", num_joints(description)));
+}
 
 }  // namespace
 
 template <class R>
 JointLimits<R::kJoints> default_limits(const RobotDescription& description) {
-  require(num_joints(description) == static_cast<int>(R::kJoints),
-          "a robot of type '" + std::string(R::kType) + "' has " + std::to_string(R::kJoints) +
-              " joints, this description has " + std::to_string(num_joints(description)));
+  require_joints<R>(description);
   const VariantFigures& figures = trifinger::figures(description);
   JointLimits<R::kJoints> limits;
   for (std::size_t i = 0; i < R::kJoints; ++i) {
     const std::size_t joint = i % kJointsPerFinger;
-    limits[i] = {.max_torque = figures.actuator.torque_limit,
-                 .safety_kd = figures.safety_kd[joint],
-                 .soft_lower = figures.soft_lower[joint],
-                 .soft_upper = figures.soft_upper[joint],
-                 .hard_lower = figures.hard_lower[joint],
-                 .hard_upper = figures.hard_upper[joint],
-                 .default_kp = figures.kp[joint],
-                 .default_kd = figures.kd[joint],
-                 .max_kp = kMaxKp,
-                 .max_kd = kMaxKd,
-                 .max_velocity = kMaxVelocity[joint],
-                 .braking = figures.braking[joint],
-                 .max_torque_rate = kInfinity,
-                 .continuous_torque = figures.actuator.continuous_torque,
-                 .thermal_time = figures.actuator.thermal_time,
-                 .max_position_rate = kMaxPositionRate,
-                 .max_velocity_error = kMaxVelocityError,
-                 .velocity_error_time = kVelocityErrorTime,
-                 .stuck_torque = kStuckShare * figures.actuator.torque_limit,
-                 .stuck_time = kStuckTime};
+    JointLimit& limit = limits[i];
+    for (const JointLimitField& field : JointLimit::fields()) limit.*field.value = field.usual;
+    limit.max_torque = figures.actuator.torque_limit;
+    limit.safety_kd = figures.safety_kd[joint];
+    limit.soft_lower = figures.soft_lower[joint];
+    limit.soft_upper = figures.soft_upper[joint];
+    limit.hard_lower = figures.hard_lower[joint];
+    limit.hard_upper = figures.hard_upper[joint];
+    limit.default_kp = figures.kp[joint];
+    limit.default_kd = figures.kd[joint];
+    limit.max_velocity = kMaxVelocity[joint];
+    limit.braking = figures.braking[joint];
+    limit.continuous_torque = figures.actuator.continuous_torque;
+    limit.thermal_time = figures.actuator.thermal_time;
+    limit.stuck_torque = kStuckShare * figures.actuator.torque_limit;
   }
   return limits;
 }
@@ -83,10 +69,8 @@ void SimulationOptions<R>::validate() const {
             "an object cannot be called '" + object.name +
                 "': names are letters, digits and '_', and 'stamp' is taken");
   }
+  require_joints<R>(description);
   const auto used = limits ? *limits : default_limits<R>(description);
-  require(num_joints(description) == static_cast<int>(R::kJoints),
-          "a robot of type '" + std::string(R::kType) + "' has " + std::to_string(R::kJoints) +
-              " joints, this description has " + std::to_string(num_joints(description)));
   trifinger::validate(used);
   stop.validate(used);
   require(period >= kPhysicsStep && period % kPhysicsStep == Nanoseconds::zero(),

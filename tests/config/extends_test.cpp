@@ -56,6 +56,17 @@ TEST_F(Extends, ReplacesASectionAsAWhole) {
       EndsWith("sim.yml:3:3: safety.safety_kd is missing"));
 }
 
+TEST_F(Extends, FillsTheSectionsInsideASection) {
+  (void)write("base.yml", "safety:\n  kd: 0.1\n  jump: {rate: 1, time: 2}\n  still: {time: 3}\n");
+  const File file =
+      File::load(write("sim.yml", "extends: base.yml\nsafety:\n  kd: 0.2\n  jump:\n    rate: 4\n"));
+  const config::Node safety = file.root().section("safety");
+  EXPECT_EQ(safety.required<double>("kd"), 0.2);
+  EXPECT_EQ(safety.section("jump").required<double>("rate"), 4.0);
+  EXPECT_EQ(safety.section("jump").required<double>("time"), 2.0);
+  EXPECT_EQ(safety.section("still").required<double>("time"), 3.0);
+}
+
 TEST_F(Extends, NamesTheFileThatHoldsTheMistake) {
   (void)write("base.yml", "fingers:\n  height: tall\n");
   const File file = File::load(write("sim.yml", "extends: base.yml\n"));

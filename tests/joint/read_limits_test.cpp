@@ -5,10 +5,14 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <iomanip>
 #include <limits>
+#include <sstream>
 #include <string>
+#include <string_view>
 #include <vector>
 
+#include "joint/limits_of_tests.hpp"
 #include "support/config_message.hpp"
 #include "trifinger/config/file.hpp"
 
@@ -20,80 +24,70 @@ using test::message_of;
 using testing::Each;
 using testing::ElementsAre;
 
-constexpr const char* kSafety =
-    "safety:\n"
-    "  max_torque: 0.36\n"
-    "  safety_kd: [0.09, 0.09, 0.05]\n"
-    "  soft_lower: [-1.6, -1.2, -3.0]\n"
-    "  soft_upper: [1.0, 1.6, 3.0]\n"
-    "  hard_lower: [-2.0, -1.4, -3.2]\n"
-    "  hard_upper: [1.6, 1.8, 3.2]\n"
-    "  default_kp: [7, 7, 6.5]\n"
-    "  default_kd: [0.01, 0.015, 0.02]\n"
-    "  max_kp: 50\n"
-    "  max_kd: 0.5\n"
-    "  max_velocity: 10\n"
-    "  braking: 5\n"
-    "  max_torque_rate: .inf\n"
-    "  continuous_torque: 0.3\n"
-    "  thermal_time: 20\n"
-    "  plausibility:\n"
-    "    max_position_rate: 60\n"
-    "    max_velocity_error: [1, 2, 3]\n"
-    "    velocity_error_time: 0.1\n"
-    "    stuck_torque: 0.2\n"
-    "    stuck_time: .inf\n";
+// A list that names a value of each joint.
+template <std::size_t N>
+std::string list_of(const JointLimits<N>& limits, double JointLimit::* value) {
+  std::ostringstream text;
+  text << std::setprecision(std::numeric_limits<double>::max_digits10);
+  for (const JointLimit& limit : limits) {
+    text << (text.tellp() == 0 ? "[" : ", ");
+    if (limit.*value == test::kOff) {
+      text << ".inf";
+    } else {
+      text << limit.*value;
+    }
+  }
+  return text.str() + "]";
+}
+
+// A section with the values of `some_limits`, except for the one called `missing`.
+std::string safety_without(std::string_view missing) {
+  const JointLimits<3> limits = test::some_limits<3>();
+  std::string outer = "safety:\n";
+  std::string inner = "  plausibility:\n";
+  for (const JointLimitField& field : JointLimit::fields()) {
+    if (field.name == missing) continue;
+    const std::string line = std::string(field.name) + ": " + list_of(limits, field.value) + "\n";
+    if (const std::size_t dot = line.find('.'); dot < field.name.size()) {
+      inner += "    " + line.substr(dot + 1);
+    } else {
+      outer += "  " + line;
+    }
+  }
+  return outer + inner;
+}
 
 template <std::size_t N>
 JointLimits<N> limits_with(const std::vector<std::string>& overrides = {}) {
   return read_joint_limits<N>(
-      File::parse(kSafety, "robot.yml", overrides).root().section("safety"));
+      File::parse(safety_without(""), "robot.yml", overrides).root().section("safety"));
 }
 
 TEST(ReadJointLimits, RepeatsTheNumbersOfOneFinger) {
-  const JointLimits<9> limits = limits_with<9>();
+  const JointLimits<9> limits =
+      limits_with<9>({"safety.max_torque=0.36", "safety.safety_kd=[0.09, 0.09, 0.05]"});
   EXPECT_THAT(values_of(limits, &JointLimit::max_torque), Each(0.36));
   EXPECT_THAT(values_of(limits, &JointLimit::safety_kd),
               ElementsAre(0.09, 0.09, 0.05, 0.09, 0.09, 0.05, 0.09, 0.09, 0.05));
-  EXPECT_THAT(values_of(limits_with<3>(), &JointLimit::soft_lower), ElementsAre(-1.6, -1.2, -3.0));
 }
 
 TEST(ReadJointLimits, FillsEveryFieldFromTheKeyOfItsName) {
-  const JointLimit limit = limits_with<3>()[2];
-  const File file = File::parse(kSafety, "robot.yml");
+  const JointLimits<3> expected = test::some_limits<3>();
+  const JointLimits<3> limits = limits_with<3>();
   for (const JointLimitField& field : JointLimit::fields()) {
-    std::string key(field.name);
-    config::Node section = file.root().section("safety");
-    if (const std::size_t dot = key.find('.'); dot != std::string::npos) {
-      section = section.section(key.substr(0, dot));
-      key.erase(0, dot + 1);
-    }
-    const config::Node node = section.at(key, field.unit);
-    const config::Range any{.allow_infinite = true};
-    const double written =
-        node.is_list() ? node.as<std::vector<double>>(any).back() : node.as<double>(any);
-    EXPECT_EQ(limit.*field.value, written) << field.name;
+    EXPECT_EQ(values_of(limits, field.value), values_of(expected, field.value)) << field.name;
   }
-  EXPECT_EQ(limit.hard_upper, 3.2);
-  EXPECT_EQ(limit.max_velocity_error, 3.0);
+  const std::vector<std::string> error{"safety.plausibility.max_velocity_error=[1, 2, 3]"};
+  EXPECT_EQ(limits_with<3>(error)[2].max_velocity_error, 3.0);
 }
 
 TEST(ReadJointLimits, fault_59_HasNoDefaultForAnyMember) {
-  const std::string whole = kSafety;
-  std::size_t members = 0;
-  for (std::size_t begin = whole.find('\n') + 1; begin < whole.size();
-       begin = whole.find('\n', begin) + 1) {
-    const std::string line = whole.substr(begin, whole.find('\n', begin) + 1 - begin);
-    if (line == "  plausibility:\n") continue;
-    ++members;
-    std::string text = whole;
-    text.erase(begin, line.size());
-    const File file = File::parse(text, "robot.yml");
+  for (const JointLimitField& field : JointLimit::fields()) {
+    const File file = File::parse(safety_without(field.name), "robot.yml");
     EXPECT_THAT(message_of([&] { (void)read_joint_limits<9>(file.root().section("safety")); }),
                 testing::EndsWith("] is missing"))
-        << line;
+        << field.name;
   }
-  EXPECT_EQ(members, JointLimit::fields().size());
 }
 
 TEST(ReadJointLimits, RefusesListsThatDoNotFit) {
@@ -106,8 +100,7 @@ TEST(ReadJointLimits, RefusesListsThatDoNotFit) {
 TEST(ReadJointLimits, PointsAtTheLimitThatMakesNoSense) {
   EXPECT_EQ(message_of([] { (void)limits_with<9>({"safety.soft_lower=[-1.6, 1.7, -3.0]"}); }),
             "--set safety.soft_lower: safety.soft_lower of joint 1 is 1.7 rad, must be less than "
-            "soft_upper (1.6 "
-            "rad)");
+            "soft_upper (1.51 rad)");
   EXPECT_EQ(message_of([] { (void)limits_with<9>({"safety.max_torque=-1 Nm"}); }),
             "--set safety.max_torque: safety.max_torque is -1 Nm, must be more than 0 and at "
             "most 1e+06 Nm");

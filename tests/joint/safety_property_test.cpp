@@ -236,11 +236,10 @@ JointLimits<9> every_limit() {
     limit.max_torque_rate = 20.0;
     limit.continuous_torque = 0.18;
     limit.thermal_time = 8.0;
-    limit.max_position_rate = 50.0;
-    limit.max_velocity_error = 1.0;
-    limit.velocity_error_time = 0.1;
     limit.stuck_torque = 0.2;
-    limit.stuck_time = 0.1;
+    for (const JointLimitField& field : JointLimit::fields()) {
+      if (limit.*field.value == test::kOff) limit.*field.value = field.usual;
+    }
   }
   return limits;
 }

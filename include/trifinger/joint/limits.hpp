@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <span>
 #include <string>
@@ -59,6 +60,8 @@ struct JointLimitField {
   std::string_view name;  ///< Its key in the section `safety`; "plausibility.x" is one deeper.
   std::string_view unit;
   Allowed allowed;
+  /// The value of all robots here, for programs without a configuration. NaN: each has its own.
+  double usual{kNotGiven};
 
   [[nodiscard]] constexpr bool may_be_infinite() const noexcept {
     return allowed == kPositiveOrInfinite;
@@ -70,6 +73,7 @@ inline constexpr double kLargestJointLimit = 1e6;
 
 namespace detail {
 
+inline constexpr double kNoLimit = std::numeric_limits<double>::infinity();
 inline constexpr std::array kJointLimitFields = std::to_array<JointLimitField>({
     {&JointLimit::max_torque, "max_torque", "Nm", JointLimitField::kPositive},
     {&JointLimit::safety_kd, "safety_kd", "Nms/rad", JointLimitField::kNotNegative},
@@ -79,23 +83,30 @@ inline constexpr std::array kJointLimitFields = std::to_array<JointLimitField>({
     {&JointLimit::hard_upper, "hard_upper", "rad", JointLimitField::kAny},
     {&JointLimit::default_kp, "default_kp", "Nm/rad", JointLimitField::kNotNegative},
     {&JointLimit::default_kd, "default_kd", "Nms/rad", JointLimitField::kNotNegative},
-    {&JointLimit::max_kp, "max_kp", "Nm/rad", JointLimitField::kNotNegative},
-    {&JointLimit::max_kd, "max_kd", "Nms/rad", JointLimitField::kNotNegative},
+    // No source has bounds for gains. These are well inside the stable range at 1 kHz for the
+    // lightest link.
+    {&JointLimit::max_kp, "max_kp", "Nm/rad", JointLimitField::kNotNegative, 50.0},
+    {&JointLimit::max_kd, "max_kd", "Nms/rad", JointLimitField::kNotNegative, 0.5},
     {&JointLimit::max_velocity, "max_velocity", "rad/s", JointLimitField::kPositiveOrInfinite},
     {&JointLimit::braking, "braking", "rad/s^2", JointLimitField::kPositiveOrInfinite},
-    {&JointLimit::max_torque_rate, "max_torque_rate", "Nm/s", JointLimitField::kPositiveOrInfinite},
+    {&JointLimit::max_torque_rate, "max_torque_rate", "Nm/s", JointLimitField::kPositiveOrInfinite,
+     kNoLimit},
     {&JointLimit::continuous_torque, "continuous_torque", "Nm",
      JointLimitField::kPositiveOrInfinite},
     {&JointLimit::thermal_time, "thermal_time", "s", JointLimitField::kPositiveOrInfinite},
+    // What a motor without load reaches, plus half of that for impacts on the arm.
     {&JointLimit::max_position_rate, "plausibility.max_position_rate", "rad/s",
-     JointLimitField::kPositiveOrInfinite},
+     JointLimitField::kPositiveOrInfinite, 65.0},
+    // A velocity that is wrong by 1 rad/s for a tenth of a second, or a joint that stays exactly
+    // the same for as long.
     {&JointLimit::max_velocity_error, "plausibility.max_velocity_error", "rad/s",
-     JointLimitField::kPositiveOrInfinite},
+     JointLimitField::kPositiveOrInfinite, 1.0},
     {&JointLimit::velocity_error_time, "plausibility.velocity_error_time", "s",
-     JointLimitField::kPositiveOrInfinite},
+     JointLimitField::kPositiveOrInfinite, 0.1},
     {&JointLimit::stuck_torque, "plausibility.stuck_torque", "Nm",
      JointLimitField::kPositiveOrInfinite},
-    {&JointLimit::stuck_time, "plausibility.stuck_time", "s", JointLimitField::kPositiveOrInfinite},
+    {&JointLimit::stuck_time, "plausibility.stuck_time", "s", JointLimitField::kPositiveOrInfinite,
+     0.1},
 });
 static_assert(kJointLimitFields.size() * sizeof(double) == sizeof(JointLimit),
               "every value of JointLimit has one row");
@@ -113,8 +124,9 @@ using JointLimits = std::array<JointLimit, N>;
 /// A limit that makes no sense.
 struct JointLimitProblem {
   std::size_t joint{0};
-  std::string_view field;  ///< Name of the field, as in "soft_lower" or "plausibility.stuck_time".
-  std::string text;        ///< "is 1.2 rad, must be less than soft_upper (0.5 rad)"
+  std::string_view
+      field;         ///< Name of the field, as in "soft_lower" or "plausibility.stuck_torque".
+  std::string text;  ///< "is 1.2 rad, must be less than soft_upper (0.5 rad)"
 };
 
 /// Finds the first limit that makes no sense, if there is one.
