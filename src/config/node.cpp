@@ -203,6 +203,12 @@ bool Node::as_bool() const {
   fail("is " + text_of(*element_) + ", must be true or false");
 }
 
+void Node::require_unit(std::string_view unit, std::string_view allowed) const {
+  if (unit.empty() || unit == allowed) return;
+  fail("has the unit '" + std::string(unit) + "', must " +
+       (allowed.empty() ? "have none" : "be in '" + std::string(allowed) + "'"));
+}
+
 double Node::as_number(const Range& range) const {
   element_->allowed = text_of_number(range);
   const auto [digits, unit] = split_unit(element_->scalar);
@@ -211,10 +217,7 @@ double Node::as_number(const Range& range) const {
     fail("is " + text_of(*element_) + ", must be a number" +
          (range.unit.empty() ? "" : " [" + std::string(range.unit) + "]"));
   }
-  if (!unit.empty() && unit != range.unit) {
-    fail("has the unit '" + std::string(unit) + "', must " +
-         (range.unit.empty() ? "have none" : "be in '" + std::string(range.unit) + "'"));
-  }
+  require_unit(unit, range.unit);
   const bool is_allowed = std::isfinite(*number) || (range.allow_infinite && std::isinf(*number));
   const bool is_inside =
       (range.above_min ? *number > range.min : *number >= range.min) && *number <= range.max;
@@ -232,10 +235,7 @@ std::int64_t Node::as_integer(std::int64_t min, std::int64_t max, const Range& r
     fail("is " + text_of(*element_) + ", must be a whole number" +
          (range.unit.empty() ? "" : " [" + std::string(range.unit) + "]"));
   }
-  if (!unit.empty() && unit != range.unit) {
-    fail("has the unit '" + std::string(unit) + "', must " +
-         (range.unit.empty() ? "have none" : "be in '" + std::string(range.unit) + "'"));
-  }
+  require_unit(unit, range.unit);
   const auto value = static_cast<double>(*number);
   if (value < range.min || value > range.max || (range.above_min && value <= range.min)) {
     fail("is " + with_unit(std::string(digits), range.unit) + ", must be " + text_of(range, true));

@@ -2,7 +2,10 @@
 #include "trifinger/manipulation/manipulation.hpp"
 
 #include <algorithm>
+#include <array>
+#include <cstddef>
 #include <limits>
+#include <string_view>
 #include <utility>
 
 #include "trifinger/base/error.hpp"
@@ -21,48 +24,22 @@ const ObjectDescription& object_of(const RobotDescription& description, const st
   return *object;
 }
 
+// In the order of the enumerations.
+constexpr std::array<std::string_view, 10> kPhaseNames{
+    "look", "plan", "grasp", "lead", "follow", "hold", "lower", "release", "done", "failed"};
+constexpr std::array<std::string_view, 5> kFailureTexts{
+    "", "nobody has said where the object is",
+    "no grasp reaches the whole way from where the object lies", "the object got lost",
+    "it was stopped"};
+
 }  // namespace
 
 std::string_view name_of(Phase phase) noexcept {
-  switch (phase) {
-    case Phase::kLook:
-      return "look";
-    case Phase::kPlan:
-      return "plan";
-    case Phase::kGrasp:
-      return "grasp";
-    case Phase::kLead:
-      return "lead";
-    case Phase::kFollow:
-      return "follow";
-    case Phase::kHold:
-      return "hold";
-    case Phase::kLower:
-      return "lower";
-    case Phase::kRelease:
-      return "release";
-    case Phase::kDone:
-      return "done";
-    case Phase::kFailed:
-      return "failed";
-  }
-  return "unknown";
+  return kPhaseNames[static_cast<std::size_t>(phase)];
 }
 
 std::string_view text_of(Failure failure) noexcept {
-  switch (failure) {
-    case Failure::kNone:
-      return "";
-    case Failure::kNotSeen:
-      return "nobody has said where the object is";
-    case Failure::kNoPlan:
-      return "no grasp reaches the whole way from where the object lies";
-    case Failure::kLost:
-      return "the object got lost";
-    case Failure::kStopped:
-      return "it was stopped";
-  }
-  return "unknown";
+  return kFailureTexts[static_cast<std::size_t>(failure)];
 }
 
 Manipulation::Manipulation(const RobotDescription& description, const ManipulationConfig& config,

@@ -185,6 +185,7 @@ class Node {
   [[nodiscard]] Node child(const detail::Element& element, std::string_view key) const;
   void require_section() const;
   void require_size(std::size_t size) const;
+  void require_unit(std::string_view unit, std::string_view allowed) const;
   [[nodiscard]] bool as_bool() const;
   [[nodiscard]] double as_number(const Range& range) const;
   [[nodiscard]] std::int64_t as_integer(std::int64_t min, std::int64_t max,
