@@ -127,6 +127,6 @@ def test_run_examples_shows_what_those_that_are_named_say() -> None:
 
 
 def test_run_examples_says_which_there_are() -> None:
-    done = run_examples("13")
+    done = run_examples("99")
     assert done.returncode == 2
     assert "./run examples: there are 01_basic_control_loop, 02_" in done.stderr
