@@ -3,6 +3,9 @@
 
 #include <CLI/App.hpp>
 #include <functional>
+#include <memory>
+#include <string>
+#include <utility>
 
 #include "shared/exit_code.hpp"
 
@@ -13,6 +16,20 @@ namespace trifinger::apps {
 
 // Does the work of a command and returns the exit code. May throw.
 using Action = std::function<int()>;
+
+// Adds the command `name` to `parent` and returns it with its options, which belong to it. Its
+// action is `work`.
+template <class Options>
+[[nodiscard]] std::pair<CLI::App&, Options&> add_command(CLI::App& parent, Action& action,
+                                                         const std::string& name,
+                                                         const std::string& description,
+                                                         int (*work)(const Options&)) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* const command = parent.add_subcommand(name, description);
+  command->callback(
+      [&action, options, work] { action = [options, work] { return work(*options); }; });
+  return {*command, *options};
+}
 
 // robot/
 void add_run(CLI::App& program, Action& action);

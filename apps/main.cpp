@@ -26,6 +26,26 @@ Commands commands_of(const CLI::App& program) {
   return names;
 }
 
+// Returns the command called `verb`; nullptr if there is none.
+const CLI::App* find_command(const CLI::App& program, const std::string& verb) {
+  for (const CLI::App* command : program.get_subcommands({})) {
+    if (command->get_name() == verb) return command;
+  }
+  return nullptr;
+}
+
+// Returns the command that `words` begin with: "trifinger log info".
+std::string full_name(const CLI::App& program, const Commands& words) {
+  std::string name = program.get_name();
+  const CLI::App* command = &program;
+  for (const std::string& word : words) {
+    command = find_command(*command, word);
+    if (command == nullptr) break;
+    name += " " + word;
+  }
+  return name;
+}
+
 // Returns the verbs of programs of others on the PATH.
 Commands foreign_verbs(const CLI::App& program) {
   const Commands own = commands_of(program);
@@ -61,18 +81,9 @@ std::string footer(const CLI::App& program) {
                   verb, verb, near.empty() ? "." : fmt::format("; did you mean '{}'?", near)));
 }
 
-// Returns the command called `verb`; nullptr if there is none.
-const CLI::App* find_command(const CLI::App& program, const std::string& verb) {
-  for (const CLI::App* command : program.get_subcommands({})) {
-    if (command->get_name() == verb) return command;
-  }
-  return nullptr;
-}
-
 // Refuses an unknown verb after a command that has verbs of its own: "trifinger log inof".
 void require_known_verb(const CLI::App& command, const std::vector<std::string>& words) {
-  std::vector<std::string> names;
-  for (const CLI::App* verb : command.get_subcommands({})) names.push_back(verb->get_name());
+  const Commands names = commands_of(command);
   if (names.empty() || words.size() < 2 || words[1].starts_with('-') ||
       std::ranges::find(names, words[1]) != names.end()) {
     return;
@@ -85,7 +96,7 @@ void require_known_verb(const CLI::App& command, const std::vector<std::string>&
 }
 
 int run_program(const std::vector<std::string>& words) {
-  CLI::App program("Robots behind time series: starts back-ends and looks after them.",
+  CLI::App program("Starts the back-ends of robots, looks after them, and works with their logs.",
                    "trifinger");
   program.set_version_flag("--version", "trifinger " TRIFINGER_VERSION, "Print the version");
   program.set_help_flag("-h,--help", "Print this help");
@@ -118,12 +129,13 @@ int run_program(const std::vector<std::string>& words) {
   }
   run_declared_external(program, words);
   const std::string& verb = words.front();
-  const CLI::App* const command = find_command(program, verb);
-  const bool is_known = command != nullptr;
-  if (is_known) require_known_verb(*command, words);
-  if (!verb.starts_with('-') && !is_known) {
+  if (const CLI::App* const command = find_command(program, verb)) {
+    require_known_verb(*command, words);
+  } else if (!verb.starts_with('-')) {
     run_external(verb, {words.begin() + 1, words.end()});
     refuse_verb(program, verb);
+  } else if (program.get_option_no_throw(verb) == nullptr) {
+    throw UsageError(fmt::format("'{}' is not an option; 'trifinger --help' tells more", verb));
   }
 
   try {
@@ -131,8 +143,8 @@ int run_program(const std::vector<std::string>& words) {
   } catch (const CLI::Success& wish) {                                      // help or version
     return program.exit(wish);
   } catch (const CLI::ParseError& error) {
-    throw UsageError(fmt::format("{}; 'trifinger {}--help' tells more", error.what(),
-                                 is_known ? verb + " " : ""));
+    throw UsageError(
+        fmt::format("{}; '{} --help' tells more", error.what(), full_name(program, words)));
   }
   return action();
 }

@@ -43,7 +43,7 @@ struct ManipulateOptions {
   std::string robot{"sim"};
   std::vector<std::string> settings;
   std::filesystem::path output{"manipulate_output"};
-  Choice<Demand> scheduling{scheduling_choice()};
+  Demand scheduling{Demand::kTry};
 };
 
 // The robot according to its back-end, and the limits of its safety checks.
@@ -158,7 +158,6 @@ std::string table_of(const Trace& trace) {
 }
 
 int manipulate(const ManipulateOptions& options) {
-  const Demand demand = options.scheduling.value();
   auto robot = connect<TriFinger>(options.robot);
   const KnownRobot known = robot_of(robot.session());
   const std::string name = options.config.empty()
@@ -173,7 +172,7 @@ int manipulate(const ManipulateOptions& options) {
   fmt::print("'{}' shall {} the {}.\n", options.robot, options.task, config.object);
   std::fflush(stdout);
   const manipulation::RunOptions run_options{
-      .realtime = realtime_beside(robot.session().info(), demand),
+      .realtime = realtime_beside(robot.session().info(), options.scheduling),
       .stop = &stop,
       .on_step = {},
       .on_phase = tell_phase};
@@ -199,21 +198,21 @@ int manipulate_command(const std::vector<std::string>& words) {
   ManipulateOptions options;
   CLI::App program(
       "Grasps a cube and lifts it, or slides it on a circle, with a robot that runs elsewhere.\n"
-      "Errors are those of the poses that the robot's cameras see, with their noise.",
+      "Its report compares with the poses that the robot's cameras see, noise included.",
       "trifinger manipulate");
   program.set_help_flag("-h,--help", "Print this help");
   program.footer(
       "Example:\n"
       "  trifinger run sim --set fingers.height=0.3     in one terminal\n"
       "  trifinger manipulate lift                      in another");
-  program.add_option("TASK", options.task, "What is done: lift or slide")->required();
+  program.add_option("TASK", options.task, "The task: lift or slide")->required();
   program.add_option("CONFIG", options.config,
                      "A configuration or the path of one; default: that of the robot's variant");
   program.add_option("--robot", options.robot, "Name of the running robot")->capture_default_str();
   program.add_option("--set", options.settings, "A setting, as in lift.height=0.1")
       ->allow_extra_args(false);
   program.add_option("--output", options.output, "Folder of the report")->capture_default_str();
-  options.scheduling.add_to(program, "Real-time priority, where the robot is in real-time mode");
+  add_user_scheduling(program, options.scheduling);
   return run_user_program(program, words, [&] { return manipulate(options); });
 }
 

@@ -23,6 +23,7 @@
 
 #include "controller/user_program.hpp"
 #include "shared/exit_code.hpp"
+#include "shared/options.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/config/file.hpp"
 #include "trifinger/core/frontend.hpp"
@@ -40,11 +41,8 @@ struct RunPolicyOptions {
   std::string robot{"sim"};
   learning::PolicyRunOptions run;
   std::string json;
-  Choice<Demand> scheduling{scheduling_choice()};
-  Choice<learning::Precision> precision{
-      "--precision",
-      "double",
-      {{"double", learning::Precision::kDouble}, {"single", learning::Precision::kSingle}}};
+  Demand scheduling{Demand::kTry};
+  learning::Precision precision{learning::Precision::kDouble};
 };
 
 // Returns what the policy's file says about its training.
@@ -184,11 +182,7 @@ int run_on(Frontend<R>& robot, Policy& policy, const RunPolicyOptions& options) 
              learning::write_options(trained));
   std::fflush(stdout);
   std::optional<Printer> printer(std::in_place);  // Started here, with the usual priority.
-  if (robot.session().info().is_real_time) {
-    // Below the back-end's priority, because the back-end must never wait for us.
-    static_cast<void>(enter_realtime(
-        {.demand = options.scheduling.value(), .priority = 70, .keep_cpus_awake = false}));
-  }
+  static_cast<void>(enter_realtime(realtime_beside(robot.session().info(), options.scheduling)));
   std::vector<EpisodeReport> reports;
   learning::PolicyRunOptions run = options.run;
   run.stop = &stop;
@@ -214,7 +208,7 @@ int run_on(Frontend<R>& robot, Policy& policy, const RunPolicyOptions& options) 
 }
 
 int run(const RunPolicyOptions& options) {
-  Policy policy = Policy::load(options.policy, options.precision.value());
+  Policy policy = Policy::load(options.policy, options.precision);
   if (Session::open(options.robot).info().type == Finger::kType) {
     auto robot = connect<Finger>(options.robot);
     return run_on(robot, policy, options);
@@ -226,7 +220,7 @@ int run(const RunPolicyOptions& options) {
 int run_policy_command(const std::vector<std::string>& words) {
   RunPolicyOptions options;
   CLI::App program(
-      "Runs a trained policy on a robot, as the environment in which it was trained would.",
+      "Runs a trained policy on a robot, in the same way as the environment that trained it.",
       "trifinger run-policy");
   program.set_help_flag("-h,--help", "Print this help");
   program.footer(
@@ -235,17 +229,18 @@ int run_policy_command(const std::vector<std::string>& words) {
       "  trifinger run-policy reach.policy              in another");
   program.add_option("POLICY", options.policy, "File of the policy")->required();
   program.add_option("--robot", options.robot, "Name of the running robot")->capture_default_str();
-  program.add_option("--episodes", options.run.episodes, "How many")->capture_default_str();
+  program.add_option("--episodes", options.run.episodes, "Number of episodes")
+      ->capture_default_str();
   program.add_option("--seed", options.run.seed, "Seed of starts and goals")->capture_default_str();
   program.add_option("--first", options.run.first_episode, "Number of the first episode")
       ->capture_default_str();
   program.add_option("--json", options.json, "Also write the episodes to FILE")
       ->option_text("FILE");
-  options.scheduling.add_to(program, "Real-time priority, where the robot is in real-time mode");
-  options.precision.add_to(
-      program,
-      "Precision of the policy's sums: single takes half the time and rounds as much "
-      "as PyTorch");
+  add_user_scheduling(program, options.scheduling);
+  add_choice(program, "--precision", options.precision,
+             {{"double", learning::Precision::kDouble}, {"single", learning::Precision::kSingle}},
+             "Precision of the policy's sums: single takes half the time and rounds as much as "
+             "PyTorch; default: double");
   return run_user_program(program, words, [&] { return run(options); });
 }
 

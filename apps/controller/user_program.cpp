@@ -8,6 +8,7 @@
 #include <cstdio>
 
 #include "shared/exit_code.hpp"
+#include "shared/options.hpp"
 
 namespace trifinger::apps {
 namespace {
@@ -22,10 +23,10 @@ extern "C" void request_stop(int signal) {
 
 }  // namespace
 
-Choice<Demand> scheduling_choice() {
-  return {"--scheduling",
-          "try",
-          {{"require", Demand::kRequire}, {"try", Demand::kTry}, {"off", Demand::kOff}}};
+void add_user_scheduling(CLI::App& program, Demand& demand) {
+  add_scheduling(program, demand,
+                 "Whether real-time priority is required, if the robot is in real-time mode; "
+                 "default: try, and go on without");
 }
 
 RealtimeOptions realtime_beside(const SessionInfo& robot, Demand demand) {
@@ -42,16 +43,17 @@ const std::atomic<bool>& stop_on_signals() {
 
 int run_user_program(CLI::App& program, const std::vector<std::string>& words,
                      const std::function<int()>& work) {
-  const std::string name = program.get_name();
-  try {
-    program.parse(std::vector<std::string>(words.rbegin(), words.rend()));  // wants them backwards
-  } catch (const CLI::Success& wish) {                                      // help
-    return program.exit(wish);
-  } catch (const CLI::ParseError& error) {
-    fmt::print(stderr, "{}: {}; --help tells more\n", name, error.what());
-    return kWrongUsage;
-  }
-  return run_and_report(name, work);
+  return run_and_report(program.get_name(), [&] {
+    try {
+      program.parse(
+          std::vector<std::string>(words.rbegin(), words.rend()));  // wants them backwards
+    } catch (const CLI::Success& wish) {                            // help
+      return program.exit(wish);
+    } catch (const CLI::ParseError& error) {
+      throw UsageError(fmt::format("{}; --help tells more", error.what()));
+    }
+    return work();
+  });
 }
 
 }  // namespace trifinger::apps

@@ -7,7 +7,6 @@
 #include <string>
 #include <vector>
 
-#include "shared/choice.hpp"
 #include "trifinger/core/session.hpp"
 #include "trifinger/realtime/thread.hpp"
 
@@ -16,8 +15,8 @@ namespace trifinger::apps {
 
 inline constexpr int kInterrupted = 130;
 
-// Returns the option --scheduling.
-[[nodiscard]] Choice<Demand> scheduling_choice();
+// --scheduling
+void add_user_scheduling(CLI::App& program, Demand& demand);
 
 // Returns what the thread that drives `robot` asks of the machine: nothing unless the robot is in
 // real-time mode.

@@ -17,6 +17,7 @@ namespace trifinger::apps {
 namespace {
 
 using Position = std::vector<double>;
+using Tell = std::function<void(const std::string&)>;
 
 constexpr std::string_view kPosition = "position";
 constexpr std::string_view kTorque = "torque";
@@ -172,8 +173,7 @@ TimeIndex steps_in(Nanoseconds time, Nanoseconds period) {
 
 // Moves from `here` to `there` and rests. Returns the position that was reached.
 Position blend(Player& player, const Joints& joints, const Position& here, const Position& there,
-               Nanoseconds period, const ActionReplayOptions& options,
-               const std::function<void(const std::string&)>& tell) {
+               Nanoseconds period, const ActionReplayOptions& options, const Tell& tell) {
   const double needed = kPeak * distance(here, there) / options.max_velocity;  // [s]
   const auto time = std::max(*options.blend,
                              std::chrono::ceil<Nanoseconds>(std::chrono::duration<double>(needed)));
@@ -197,8 +197,7 @@ Position blend(Player& player, const Joints& joints, const Position& here, const
 // away on a smooth curve.
 void fade_in(Motion& motion, const Joints& joints, const Position& from, Nanoseconds period,
              double max_velocity) {
-  const std::size_t size = motion.types.action.size();
-  Position offset = joints.desired_in(motion.actions.data());
+  Position offset = joints.desired_in(motion.action(0));
   double largest = 0.0;
   for (std::size_t i = 0; i < offset.size(); ++i) {
     offset[i] = std::isnan(offset[i]) ? 0.0 : from[i] - offset[i];
@@ -208,12 +207,67 @@ void fade_in(Motion& motion, const Joints& joints, const Position& from, Nanosec
       std::chrono::ceil<Nanoseconds>(std::chrono::duration<double>(kPeak * largest / max_velocity));
   const TimeIndex steps = time / period;
   for (TimeIndex t = 0; t < std::min(steps, motion.steps()); ++t) {
-    std::byte* const action = motion.actions.data() + static_cast<std::size_t>(t) * size;
-    Position target = joints.desired_in(action);
+    Position target = joints.desired_in(motion.action(t));
     const double part = smooth(1.0 - static_cast<double>(t) / static_cast<double>(steps));
     for (std::size_t i = 0; i < target.size(); ++i) target[i] += part * offset[i];
-    joints.set_desired(action, target);
+    joints.set_desired(motion.action(t), target);
   }
+}
+
+// Brings the robot to the pose in which the motion began, or requires that it is there.
+void go_to_start(Motion& motion, const Joints& joints, Nanoseconds period, UntypedFrontend& robot,
+                 Player& player, const ActionReplayOptions& options, const Tell& tell) {
+  std::vector<std::byte> observation(motion.types.observation.size());
+  robot.latest_observation(observation.data(), kForever);
+  const Position recorded = joints.position_in(motion.observation(0));
+  Position found = joints.position_in(observation.data());
+  const char* hint = "bring it there with --blend SECONDS";
+  if (options.blend) {
+    found = blend(player, joints, found, recorded, period, options, tell);
+    hint = "it could not be brought nearer: is something in the way?";
+  }
+  if (!(distance(found, recorded) <= options.tolerance)) {
+    // The robot rests where it was brought to, until the session has ended.
+    if (player.next() > 0) robot.finish(kForever);
+    throw WrongStartPose(fmt::format(
+        "the robot is not within {} rad of where step {} of the motion began; {}\n{}",
+        options.tolerance, motion.first, hint, table(recorded, found, options.tolerance)));
+  }
+  constexpr double kAtRest = 0.1;  // [rad/s]
+  if (const double speed = joints.speed_in(motion.observation(0)); speed > kAtRest) {
+    tell(fmt::format(
+        "step {} of the log was in motion, up to {:.2g} rad/s; the robot begins at rest",
+        motion.first, speed));
+  }
+  if (options.blend) fade_in(motion, joints, recorded, period, options.max_velocity);
+}
+
+// Sends the actions and compares what the robot does with what was recorded. Returns the result in
+// a sentence.
+std::string play(const Motion& motion, const std::optional<Joints>& joints, Player& player) {
+  constexpr TimeIndex kAhead = 256;
+  const TimeIndex begin = player.next();
+  const TimeIndex steps = motion.steps();
+  double largest = 0.0;
+  TimeIndex farthest = 0;
+  for (TimeIndex t = 0; t < steps; ++t) {
+    while (player.next() - begin < std::min(t + kAhead, steps)) {
+      player.play(motion.action(player.next() - begin));
+    }
+    const std::vector<std::byte> observation = player.observation(begin + t);
+    if (!joints) continue;
+    const double difference = distance(joints->position_in(observation.data()),
+                                       joints->position_in(motion.observation(t)));
+    if (difference > largest) {
+      largest = difference;
+      farthest = t;
+    }
+  }
+  if (!joints) return "done";
+  std::string result =
+      fmt::format("done; it was at most {:.4g} rad from the recorded positions", largest);
+  if (largest > 0.0) result += fmt::format(", at step {} of the log", motion.first + farthest);
+  return result;
 }
 
 }  // namespace
@@ -228,13 +282,13 @@ Motion read_motion(const log::LoggedSession& session, Series what, std::optional
   }
   const auto [oldest, end] = session.range(Series::kAppliedAction);
   const TimeIndex begin = first.value_or(oldest);
-  const TimeIndex behind = last.value_or(end);
-  if (begin < oldest || behind > end || begin >= behind) {
+  const TimeIndex stop = last.value_or(end);
+  if (begin < oldest || stop > end || begin >= stop) {
     throw InvalidArgument(fmt::format("the log has the steps {} to {} of '{}', not {} to {}",
-                                      oldest, end - 1, session.name(), begin, behind - 1));
+                                      oldest, end - 1, session.name(), begin, stop - 1));
   }
   Motion motion{.types = session.header().types, .actions = {}, .observations = {}, .first = begin};
-  const auto count = static_cast<std::size_t>(behind - begin);
+  const auto count = static_cast<std::size_t>(stop - begin);
   const auto read = [&](Series series) {
     std::vector<std::byte> elements(session.element(series).size() * count);
     session.get(series, begin, count, elements.data());
@@ -255,66 +309,18 @@ void replay_actions(Motion motion, Nanoseconds period, UntypedFrontend& robot,
     throw InvalidArgument("the motion was recorded with steps of " + duration_text(period) +
                           ", those of the robot are " + duration_text(found));
   }
-  Player player(robot);
   const std::optional<Joints> joints = Joints::of(motion.types);
-  if (joints) {
-    std::vector<std::byte> observation(motion.types.observation.size());
-    robot.latest_observation(observation.data(), kForever);
-    const Position recorded = joints->position_in(motion.observations.data());
-    Position found = joints->position_in(observation.data());
-    const char* hint = "bring it there with --blend SECONDS";
-    if (options.blend) {
-      found = blend(player, *joints, found, recorded, period, options, tell);
-      hint = "it could not be brought nearer: is something in the way?";
-    }
-    if (!(distance(found, recorded) <= options.tolerance)) {
-      // The robot rests where it was brought to, until the session has ended.
-      if (player.next() > 0) robot.finish(kForever);
-      throw WrongStartPose(fmt::format(
-          "the robot is not where step {} of the motion began, to {} rad; {}\n{}", motion.first,
-          options.tolerance, hint, table(recorded, found, options.tolerance)));
-    }
-    constexpr double kAtRest = 0.1;  // [rad/s]
-    if (const double speed = joints->speed_in(motion.observations.data()); speed > kAtRest) {
-      tell(fmt::format(
-          "step {} of the log was in motion, up to {:.2g} rad/s; the robot begins at rest",
-          motion.first, speed));
-    }
-    if (options.blend) fade_in(motion, *joints, recorded, period, options.max_velocity);
-  } else if (!options.force) {
-    throw WrongStartPose("whether '" + motion.types.type +
-                         "' is where the motion began cannot be told, since it has no joint "
-                         "positions; --force begins wherever it is");
+  if (!joints && !options.force) {
+    throw WrongStartPose("'" + motion.types.type +
+                         "' has no joint positions, so nobody can tell whether it is where the "
+                         "motion began; --force begins in any pose");
   }
-
+  Player player(robot);
+  if (joints) go_to_start(motion, *joints, period, robot, player, options, tell);
   tell(fmt::format("plays {}", counted(motion.steps(), "step")));
-  constexpr TimeIndex kAhead = 256;
-  const TimeIndex begin = player.next();
-  const TimeIndex steps = motion.steps();
-  double largest = 0.0;
-  TimeIndex farthest = 0;
-  for (TimeIndex t = 0; t < steps; ++t) {
-    while (player.next() - begin < std::min(t + kAhead, steps)) {
-      player.play(motion.actions.data() +
-                  static_cast<std::size_t>(player.next() - begin) * motion.types.action.size());
-    }
-    const std::vector<std::byte> observation = player.observation(begin + t);
-    if (!joints) continue;
-    const double difference = distance(
-        joints->position_in(observation.data()),
-        joints->position_in(motion.observations.data() +
-                            static_cast<std::size_t>(t) * motion.types.observation.size()));
-    if (difference > largest) {
-      largest = difference;
-      farthest = t;
-    }
-  }
+  const std::string result = play(motion, joints, player);
   robot.finish(kForever);
-  tell(joints ? fmt::format(
-                    "done; it was at most {:.4g} rad from the recorded positions{}", largest,
-                    largest > 0.0 ? fmt::format(", at step {} of the log", motion.first + farthest)
-                                  : "")
-              : "done");
+  tell(result);
 }
 
 }  // namespace trifinger::apps

@@ -24,6 +24,15 @@ struct Motion {
   [[nodiscard]] TimeIndex steps() const noexcept {
     return static_cast<TimeIndex>(actions.size() / types.action.size());
   }
+  [[nodiscard]] std::byte* action(TimeIndex t) noexcept {
+    return actions.data() + static_cast<std::size_t>(t) * types.action.size();
+  }
+  [[nodiscard]] const std::byte* action(TimeIndex t) const noexcept {
+    return actions.data() + static_cast<std::size_t>(t) * types.action.size();
+  }
+  [[nodiscard]] const std::byte* observation(TimeIndex t) const noexcept {
+    return observations.data() + static_cast<std::size_t>(t) * types.observation.size();
+  }
 };
 
 // Reads the steps [first, last) of `session`. `what` is the desired or the applied actions. Applied

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/core.h>
 
-#include <memory>
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -14,10 +14,14 @@
 namespace trifinger::apps {
 namespace {
 
-int check(const std::vector<std::string>& paths) {
+struct LogCheckOptions {
+  std::vector<std::string> paths;
+};
+
+int check(const LogCheckOptions& options) {
   const Terminal terminal;
   bool is_whole = true;
-  for (const std::string& path : paths) {
+  for (const std::string& path : options.paths) {
     for (const std::filesystem::path& file : log::files_of(path)) {
       const log::FileReport report = log::check(file);
       is_whole = is_whole && report.is_whole();
@@ -41,14 +45,13 @@ int check(const std::vector<std::string>& paths) {
 }  // namespace
 
 void add_log_check(CLI::App& log, Action& action) {
-  auto paths = std::make_shared<std::vector<std::string>>();
-  CLI::App* const command = log.add_subcommand("check", "Read every byte and name what is damaged");
-  command->add_option("LOG", *paths, "Files, or folders with parts")->required();
-  command->footer(
-      "Works for every MCAP file. Exit code 0 if all are whole, 1 otherwise.\n"
+  const auto& [command, options] =
+      add_command(log, action, "check", "Read every byte and name what is damaged", check);
+  command.add_option("LOG", options.paths, "Files, or folders with parts")->required();
+  command.footer(
+      "The command works for every MCAP file. Exit code 0 if all are whole, 1 otherwise.\n"
       "Example:\n"
       "  trifinger log check run.mcap");
-  command->callback([&action, paths] { action = [paths] { return check(*paths); }; });
 }
 
 }  // namespace trifinger::apps

@@ -1,20 +1,19 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/core.h>
 
-#include <limits>
-#include <memory>
+#include <chrono>
 #include <optional>
 #include <string>
 
 #include "commands.hpp"
+#include "log/options.hpp"
 #include "log/text.hpp"
-#include "shared/choice.hpp"
 #include "trifinger/log/copy.hpp"
 
 namespace trifinger::apps {
 namespace {
 
-constexpr double kMost = 1e9;  // [s]: longer than any log
+constexpr Nanoseconds kLongest = std::chrono::seconds(1'000'000'000);  // longer than any log
 
 struct LogCutOptions {
   std::string log;
@@ -22,12 +21,9 @@ struct LogCutOptions {
   std::string robot;
   std::optional<TimeIndex> first;
   std::optional<TimeIndex> last;
-  std::optional<double> from;
-  std::optional<double> to;
-  Choice<log::Precision> precision{
-      "--precision",
-      "double",
-      {{"double", log::Precision::kDouble}, {"single", log::Precision::kSingle}}};
+  std::optional<Nanoseconds> from;
+  std::optional<Nanoseconds> to;
+  log::Precision precision{log::Precision::kDouble};
 };
 
 int cut(const LogCutOptions& options) {
@@ -35,14 +31,11 @@ int cut(const LogCutOptions& options) {
   log::CopyOptions copy{.session = options.robot,
                         .first = options.first,
                         .last = options.last,
-                        .precision = options.precision.value()};
+                        .precision = options.precision};
   if (options.from || options.to) {
-    const auto to_time = [](double seconds) {
-      return Nanoseconds(static_cast<std::int64_t>(seconds * 1e9));
-    };
     const auto [first, last] =
         log.session(options.robot)
-            .between(to_time(options.from.value_or(0.0)), to_time(options.to.value_or(kMost)));
+            .between(options.from.value_or(Nanoseconds::zero()), options.to.value_or(kLongest));
     if (options.from) copy.first = first;
     if (options.to) copy.last = last;
   }
@@ -60,39 +53,29 @@ int cut(const LogCutOptions& options) {
 }  // namespace
 
 void add_log_cut(CLI::App& log, Action& action) {
-  auto options = std::make_shared<LogCutOptions>();
-  CLI::App* const command = log.add_subcommand("cut", "Write a part of a log to a new file");
-  command->add_option("LOG", options->log, "A file, or a folder: the newest recording in it")
-      ->required();
-  command->add_option("-o,--output", options->output, "The new file")
+  const auto& [command, options] =
+      add_command(log, action, "cut", "Write a part of a log to a new file", cut);
+  add_log_file(command, options.log);
+  command.add_option("-o,--output", options.output, "The new file")
       ->required()
       ->option_text("FILE");
   command
-      ->add_option("--robot", options->robot,
-                   "Whose newest session to cut; needed if there are several robots")
+      .add_option("--robot", options.robot,
+                  "Robot whose newest session is cut; needed if the log has several robots")
       ->option_text("NAME");
-  const CLI::Range steps(TimeIndex{0}, std::numeric_limits<TimeIndex>::max());
-  const CLI::Range seconds(0.0, kMost);
-  CLI::Option* const first =
-      command->add_option("--first", options->first, "First step")->check(steps)->option_text("T");
-  CLI::Option* const last = command->add_option("--last", options->last, "First step left out")
-                                ->check(steps)
-                                ->option_text("T");
-  command->add_option("--from", options->from, "First step, in seconds since the first step")
-      ->check(seconds)
-      ->option_text("SECONDS")
+  const auto [first, last] = add_steps(command, options.first, options.last);
+  add_seconds(command, "--from", options.from, 1e9,
+              "Begin of the part, in seconds since the first step in the log")
       ->excludes(first);
-  command->add_option("--to", options->to, "First step left out, in seconds since the first step")
-      ->check(seconds)
-      ->option_text("SECONDS")
+  add_seconds(command, "--to", options.to, 1e9,
+              "End of the part, in seconds since the first step in the log")
       ->excludes(last);
-  options->precision.add_to(*command, "single halves the bytes, and cannot be replayed exactly");
-  command->footer(
-      "Sessions, documents and events are kept, and of other robots what was at that time.\n"
-      "Without a range it copies everything.\n"
+  add_precision(command, options.precision);
+  command.footer(
+      "The new file keeps sessions, documents and events, and what other robots did at that time.\n"
+      "Without a range it has everything.\n"
       "Example:\n"
       "  trifinger log cut run.mcap --from 10 --to 12.5 -o interesting.mcap");
-  command->callback([&action, options] { action = [options] { return cut(*options); }; });
 }
 
 }  // namespace trifinger::apps

@@ -7,9 +7,8 @@
 #include <charconv>
 #include <chrono>
 #include <csignal>
-#include <exception>
+#include <filesystem>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <string>
 #include <thread>
@@ -17,46 +16,30 @@
 #include <vector>
 
 #include "commands.hpp"
+#include "log/options.hpp"
+#include "log/running_recorder.hpp"
 #include "log/text.hpp"
-#include "robot/run_recorder.hpp"
-#include "robot/session_state.hpp"
-#include "shared/choice.hpp"
-#include "shared/quantity.hpp"
+#include "robot/recorder_process.hpp"
+#include "shared/options.hpp"
 #include "shared/signals.hpp"
 #include "shared/terminal.hpp"
 #include "shared/text.hpp"
 #include "trifinger/core/log_folder.hpp"
+#include "trifinger/log/event.hpp"
 #include "trifinger/log/recorder.hpp"
 
 namespace trifinger::apps {
 namespace {
 
 using log::Level;
-using RecorderEvent = log::Event;
 
 struct RecordOptions {
   std::vector<std::string> names;
-  std::optional<std::string> folder;
-  Choice<log::Precision> precision{
-      "--precision",
-      "double",
-      {{"double", log::Precision::kDouble}, {"single", log::Precision::kSingle}}};
-  Choice<mcap::Compression> compression{"--compression",
-                                        "zstd",
-                                        {{"zstd", mcap::Compression::kZstd},
-                                         {"lz4", mcap::Compression::kLz4},
-                                         {"none", mcap::Compression::kNone}}};
-  std::optional<std::string> rotate_size;
-  std::optional<std::string> rotate_time;
-  std::optional<std::string> max_total;
-  std::optional<std::string> keep_free;
-  std::optional<std::string> sync;
-  bool until_end{false};
-  std::string process;  // "PID:START", set by `trifinger run --record`
+  std::optional<std::filesystem::path> folder;
+  log::RecorderOptions recorder;
 };
 
-std::optional<ipc::ProcessIdentity> parse_process(const std::string& text) {
-  if (text.empty()) return std::nullopt;
+ipc::ProcessIdentity parse_process(const std::string& text) {
   ipc::ProcessIdentity process;
   const char* const end = text.data() + text.size();
   const auto pid = std::from_chars(text.data(), end, process.pid);
@@ -67,38 +50,22 @@ std::optional<ipc::ProcessIdentity> parse_process(const std::string& text) {
   throw UsageError(fmt::format("--with-process is '{}', must be PID:START", text));
 }
 
+void require_room(const char* option, std::uint64_t size, std::uint64_t smallest) {
+  if (size >= smallest) return;
+  throw UsageError(fmt::format(
+      "{} is {}, must be at least {}: every file describes its sessions anew, and would hold "
+      "little else",
+      option, size_text(size), size_text(smallest)));
+}
+
 log::RecorderOptions recorder_options(const RecordOptions& options) {
-  log::RecorderOptions recorder;
-  recorder.folder = options.folder ? std::filesystem::path(*options.folder) : log_folder();
-  recorder.precision = options.precision.value();
-  recorder.compression = options.compression.value();
-  const auto set_size = [](const char* name, const std::optional<std::string>& text,
-                           std::uint64_t& size) {
-    if (text) size = parse_size(name, *text);
-  };
-  const auto set_time = [](const char* name, const std::optional<std::string>& text,
-                           Nanoseconds& time) {
-    if (text) time = parse_duration(name, *text);
-  };
+  log::RecorderOptions recorder = options.recorder;
+  recorder.folder = options.folder ? *options.folder : log_folder();
   // Every file describes its sessions again: their fields and their documents.
   constexpr std::uint64_t kSmallestFile = 1'000'000;
-  const auto require_room = [](const char* name, std::uint64_t size, std::uint64_t smallest) {
-    if (size >= smallest) return;
-    throw UsageError(fmt::format(
-        "{} is {}, must be at least {}: every file describes its sessions anew, and would hold "
-        "little else",
-        name, size_text(size), size_text(smallest)));
-  };
-  set_size("--rotate-size", options.rotate_size, recorder.rotate_size);
   require_room("--rotate-size", recorder.rotate_size, kSmallestFile);
-  set_size("--max-total", options.max_total, recorder.max_total);
   // A single file takes at most an eighth of the total.
   if (recorder.max_total > 0) require_room("--max-total", recorder.max_total, 8 * kSmallestFile);
-  set_size("--keep-free", options.keep_free, recorder.keep_free);
-  set_time("--rotate-time", options.rotate_time, recorder.rotate_time);
-  set_time("--sync", options.sync, recorder.sync_period);
-  recorder.until_end = options.until_end;
-  recorder.until_process_ends = parse_process(options.process);
   return recorder;
 }
 
@@ -114,60 +81,6 @@ Style style_of(Level level) noexcept {
   return Style::kPlain;
 }
 
-// The recorder in a thread of its own. It notifies `Signals` of every event.
-class RunningRecorder {
- public:
-  // Throws AlreadyRecorded, InvalidArgument, SystemError.
-  RunningRecorder(const std::vector<std::string>& robots, log::RecorderOptions options)
-      : recorder_(robots, with_listener(std::move(options))), thread_([this] { run(); }) {}
-  RunningRecorder(const RunningRecorder&) = delete;
-  RunningRecorder& operator=(const RunningRecorder&) = delete;
-  ~RunningRecorder() { recorder_.request_stop(); }
-
-  [[nodiscard]] log::Recorder& recorder() noexcept { return recorder_; }
-  [[nodiscard]] bool has_ended() const noexcept {
-    // acquire: the failure was stored before.
-    return has_ended_.load(std::memory_order_acquire);
-  }
-  // Returns what ended the recorder before it was asked to. Call this at the end.
-  [[nodiscard]] std::exception_ptr failure() const noexcept { return failure_; }
-  // Returns the events since the last call.
-  [[nodiscard]] std::vector<RecorderEvent> take_events() {
-    const std::lock_guard lock(mutex_);
-    return std::exchange(events_, {});
-  }
-
- private:
-  log::RecorderOptions with_listener(log::RecorderOptions options) {
-    options.on_event = [this](const RecorderEvent& event) {
-      {
-        const std::lock_guard lock(mutex_);
-        events_.push_back(event);
-      }
-      Signals::notify();
-    };
-    return options;
-  }
-
-  void run() noexcept {
-    try {
-      recorder_.run();
-    } catch (...) {
-      failure_ = std::current_exception();
-    }
-    // release: the failure was stored before.
-    has_ended_.store(true, std::memory_order_release);
-    Signals::notify();
-  }
-
-  std::mutex mutex_;
-  std::vector<RecorderEvent> events_;
-  log::Recorder recorder_;
-  std::exception_ptr failure_;
-  std::atomic<bool> has_ended_{false};
-  std::jthread thread_;  // last member, because the thread uses the others
-};
-
 // Prints the recorder's events and its state.
 class RecordReporter {
  public:
@@ -176,7 +89,7 @@ class RecordReporter {
   }
 
   void look(RunningRecorder& thread, bool is_stopping) {
-    for (const RecorderEvent& event : thread.take_events()) {
+    for (const log::Event& event : thread.take_events()) {
       print(event.source, event.text, style_of(event.level));
     }
     if (!console_.is_live()) return;
@@ -282,7 +195,7 @@ void give_sign(const log::RecorderState& state, std::uint64_t& progress) {
 int record(const RecordOptions& options) {
   const Signals signals;
   for (const int signal : {SIGTTOU, SIGPIPE}) std::signal(signal, SIG_IGN);
-  const bool is_child = !options.process.empty();
+  const bool is_child = options.recorder.until_process_ends.has_value();
   RunningRecorder thread(options.names, recorder_options(options));
   const auto robot_has_stopped = is_child ? watch_standard_input() : nullptr;
   RecordReporter reporter;
@@ -307,7 +220,7 @@ int record(const RecordOptions& options) {
     if (is_child) give_sign(thread.recorder().state(), progress);
   }
   reporter.look(thread, is_stopping);
-  if (thread.failure() != nullptr) std::rethrow_exception(thread.failure());
+  thread.require_success();
   reporter.print_summary(thread.recorder().state());
   return kDone;
 }
@@ -315,54 +228,50 @@ int record(const RecordOptions& options) {
 }  // namespace
 
 void add_record(CLI::App& program, Action& action) {
-  auto options = std::make_shared<RecordOptions>();
-  CLI::App* const command = program.add_subcommand(
-      "record", "Write everything that robots do into a log, without disturbing them");
+  const auto& [command, options] =
+      add_command(program, action, "record",
+                  "Write everything that robots do into a log, without disturbing them", record);
+  log::RecorderOptions& recorder = options.recorder;
   command
-      ->add_option("NAME", options->names,
-                   "Robots to record into one log, with all that belongs to them")
+      .add_option("NAME", options.names,
+                  "Robots to record into one log, with all that belongs to them")
       ->required()
       ->option_text("...");
   command
-      ->add_option("--to", options->folder,
-                   "Folder for the files; default: $TRIFINGER_LOG_DIR or "
-                   "~/.local/state/trifinger")
+      .add_option("--to", options.folder,
+                  "Folder for the files; default: $TRIFINGER_LOG_DIR or "
+                  "~/.local/state/trifinger")
       ->option_text("DIR");
-  options->precision.add_to(*command, "Single takes half the room, and cannot be replayed exactly");
-  options->compression.add_to(*command, "Default: zstd; lz4 takes less time and more room");
-  command
-      ->add_option("--rotate-size", options->rotate_size,
-                   "Size at which the next file is begun; default: 1GB")
-      ->option_text("SIZE");
-  command
-      ->add_option("--rotate-time", options->rotate_time,
-                   "Time after which the next file is begun; default: never")
-      ->option_text("TIME");
-  command
-      ->add_option("--max-total", options->max_total,
-                   "Remove the oldest files of this recording above this size; default: never")
-      ->option_text("SIZE");
-  command
-      ->add_option("--keep-free", options->keep_free,
-                   "Wait while there is less room on the disk; default: 100MB")
-      ->option_text("SIZE");
-  command
-      ->add_option("--sync", options->sync,
-                   "How often to make the log survive a loss of power; default: 5s")
-      ->option_text("TIME");
-  command->add_flag("--until-end", options->until_end,
-                    "End when the back-ends of all these robots have ended");
-  command->add_option("--with-process", options->process)->group("");  // set by trifinger run
-  command->footer(
+  add_precision(command, recorder.precision);
+  add_choice(command, "--compression", recorder.compression,
+             {{"zstd", mcap::Compression::kZstd},
+              {"lz4", mcap::Compression::kLz4},
+              {"none", mcap::Compression::kNone}},
+             "lz4 takes less time and more space; default: zstd");
+  add_size(command, "--rotate-size", recorder.rotate_size,
+           "Size at which the next file begins; default: 1GB");
+  add_duration(command, "--rotate-time", recorder.rotate_time,
+               "Time after which the next file begins; default: never");
+  add_size(command, "--max-total", recorder.max_total,
+           "Remove the oldest files of this recording above this size; default: never");
+  add_size(command, "--keep-free", recorder.keep_free,
+           "Wait while the disk has less free space than this; default: 100MB");
+  add_duration(command, "--sync", recorder.sync_period,
+               "How often the log is made safe against a loss of power; default: 5s");
+  command.add_flag("--until-end", recorder.until_end,
+                   "End when the back-ends of all these robots have ended");
+  const auto set_process = [&recorder](const std::string& text) {
+    recorder.until_process_ends = parse_process(text);
+  };
+  command.add_option_function<std::string>("--with-process", set_process)->group("");
+  command.footer(
       "The robots may be started later, stopped and started again. Ctrl-C, SIGTERM and SIGHUP\n"
-      "finish the log. A recorder that was killed loses nothing: start it again in time, and it\n"
-      "goes on where it was cut off. What could not be recorded is noted as a gap. A robot "
-      "without\n"
-      "deadlines may be too fast for whoever only looks; 'trifinger run --record' makes it wait.\n"
+      "finish the log. If a recorder was killed, start it again soon: it goes on where it was cut\n"
+      "off, and nothing is lost. What could not be recorded is noted as a gap. A robot without\n"
+      "deadlines may be too fast to record; 'trifinger run --record' makes it wait.\n"
       "Example:\n"
       "  trifinger record sim --to logs\n"
       "  trifinger record left right --to /data --rotate-time 1h --max-total 200GB");
-  command->callback([&action, options] { action = [options] { return record(*options); }; });
 }
 
 }  // namespace trifinger::apps

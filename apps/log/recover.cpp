@@ -2,7 +2,6 @@
 #include <fmt/core.h>
 
 #include <filesystem>
-#include <memory>
 #include <string>
 
 #include "commands.hpp"
@@ -11,8 +10,6 @@
 
 namespace trifinger::apps {
 namespace {
-
-constexpr int kSomethingLost = 3;
 
 struct LogRecoverOptions {
   std::string file;
@@ -30,30 +27,28 @@ int recover_log(const LogRecoverOptions& options) {
   }
   const log::FileReport report = log::recover(options.file, output);
   for (const log::Damage& damage : report.damage) fmt::print("{}\n", text_of(damage));
+  const bool is_all = report.lost_bytes == 0 && report.damage.empty();
   fmt::print("{} written: {} messages, {}.\n", output.string(), report.messages,
-             report.lost_bytes == 0 && report.damage.empty()
-                 ? "nothing is lost"
-                 : size_text(report.lost_bytes) + " could not be used");
-  return report.lost_bytes == 0 && report.damage.empty() ? kDone : kSomethingLost;
+             is_all ? "nothing is lost" : size_text(report.lost_bytes) + " could not be used");
+  return is_all ? kDone : kIncomplete;
 }
 
 }  // namespace
 
 void add_log_recover(CLI::App& log, Action& action) {
-  auto options = std::make_shared<LogRecoverOptions>();
-  CLI::App* const command =
-      log.add_subcommand("recover", "Write a whole file of all that can be read of a damaged one");
-  command->add_option("FILE", options->file, "The damaged file; it stays as it is")->required();
+  const auto& [command, options] = add_command(
+      log, action, "recover", "Write a new, whole file with all that can be read of a damaged one",
+      recover_log);
+  command.add_option("FILE", options.file, "The damaged file; it stays as it is")->required();
   command
-      ->add_option("-o,--output", options->output,
-                   "The new file; default: FILE with .recovered.mcap")
+      .add_option("-o,--output", options.output,
+                  "The new file; default: FILE with the ending .recovered.mcap")
       ->option_text("FILE");
-  command->footer(
-      "Works for every MCAP file; in a log, what is lost is written down as gaps.\n"
+  command.footer(
+      "The command works for every MCAP file. A recovered log notes what is lost as gaps.\n"
       "Exit code 0 if nothing is lost, 3 if something is, 1 if no file could be written.\n"
       "Example:\n"
       "  trifinger log recover run.mcap -o whole.mcap");
-  command->callback([&action, options] { action = [options] { return recover_log(*options); }; });
 }
 
 }  // namespace trifinger::apps

@@ -1,18 +1,16 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/core.h>
 
-#include <chrono>
 #include <cstdio>
 #include <exception>
 #include <limits>
-#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "commands.hpp"
 #include "log/action_replay.hpp"
-#include "shared/choice.hpp"
+#include "log/options.hpp"
 #include "shared/signals.hpp"
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/log/log.hpp"
@@ -27,11 +25,8 @@ struct LogReplayOptions {
   std::optional<std::size_t> session;
   std::optional<TimeIndex> first;
   std::optional<TimeIndex> last;
-  std::optional<double> blend;  // [s]
   ActionReplayOptions how;
-  Choice<Series> what{"--what",
-                      "desired",
-                      {{"desired", Series::kDesiredAction}, {"applied", Series::kAppliedAction}}};
+  Series what{Series::kDesiredAction};
 };
 
 // Ends a wait when a signal arrives.
@@ -56,13 +51,8 @@ log::LoggedSession chosen_session(const log::Log& log, const LogReplayOptions& o
 
 int replay(const LogReplayOptions& options) {
   const Signals signals;
-  const Series what = options.what.value();
   const log::LoggedSession session = chosen_session(log::Log(options.log), options);
-  const Motion motion = read_motion(session, what, options.first, options.last);
-  ActionReplayOptions how = options.how;
-  if (options.blend) {
-    how.blend = std::chrono::round<Nanoseconds>(std::chrono::duration<double>(*options.blend));
-  }
+  const Motion motion = read_motion(session, options.what, options.first, options.last);
   try {
     UntypedFrontend robot(options.on);
     robot.set_interrupt([&signals] {
@@ -70,10 +60,11 @@ int replay(const LogReplayOptions& options) {
         throw Interrupted(*signal);
       }
     });
-    replay_actions(motion, session.header().period, robot, how, [&](const std::string& text) {
+    const auto tell = [&options](const std::string& text) {
       fmt::print("{}: {}\n", options.on, text);
       std::fflush(stdout);
-    });
+    };
+    replay_actions(motion, session.header().period, robot, options.how, tell);
   } catch (const Interrupted& interrupted) {
     // The robot was released and comes to rest.
     Signals::die_of(interrupted.signal);
@@ -84,55 +75,47 @@ int replay(const LogReplayOptions& options) {
 }  // namespace
 
 void add_log_replay(CLI::App& log, Action& action) {
-  auto options = std::make_shared<LogReplayOptions>();
-  CLI::App* const command =
-      log.add_subcommand("replay", "Let a robot do again what it did in a log");
-  command->add_option("LOG", options->log, "A file, or a folder: the newest recording in it")
-      ->required();
-  command->add_option("--on", options->on, "The robot that shall do it")
+  const auto& [command, options] =
+      add_command(log, action, "replay", "Let a robot do again what it did in a log", replay);
+  add_log_file(command, options.log);
+  command.add_option("--on", options.on, "The running robot that repeats the actions")
       ->required()
       ->option_text("NAME");
   command
-      ->add_option("--robot", options->robot,
-                   "Whose actions; needed if there are several robots in the log")
+      .add_option("--robot", options.robot,
+                  "Robot whose actions are repeated; needed if the log has several robots")
       ->option_text("NAME");
   command
-      ->add_option("--session", options->session,
-                   "Which of its sessions, counted from 1; default: the newest")
+      .add_option("--session", options.session,
+                  "Number of its session in the log, from 1; default: the newest")
       ->check(CLI::Range(1, std::numeric_limits<int>::max()))
       ->option_text("N");
-  const CLI::Range steps(TimeIndex{0}, std::numeric_limits<TimeIndex>::max());
-  command->add_option("--first", options->first, "First step")->check(steps)->option_text("T");
-  command->add_option("--last", options->last, "First step left out")
-      ->check(steps)
-      ->option_text("T");
-  options->what.add_to(*command, "What the user asked for, or what became of that");
-  command
-      ->add_option("--blend", options->blend,
-                   "Move to the start pose first, in this time or longer")
-      ->check(CLI::Range(0.0, 3600.0))
-      ->option_text("SECONDS");
-  command
-      ->add_option("--max-velocity", options->how.max_velocity,
-                   "Largest velocity of a joint on the way there; default: 0.5")
-      ->check(CLI::Range(0.001, 10.0))
+  add_steps(command, options.first, options.last);
+  add_choice(command, "--what", options.what,
+             {{"desired", Series::kDesiredAction}, {"applied", Series::kAppliedAction}},
+             "The actions that the user asked for, or those that were applied; default: desired");
+  add_seconds(command, "--blend", options.how.blend, 3600.0,
+              "Move to the start pose first, in this time or longer");
+  ActionReplayOptions& how = options.how;
+  add_number(
+      command, "--max-velocity", [&how](double velocity) { how.max_velocity = velocity; }, 0.001,
+      10.0, "Largest velocity of a joint on the way there; default: 0.5")
       ->option_text("RAD/S");
-  command
-      ->add_option("--tolerance", options->how.tolerance,
-                   "How near the start pose must be; default: 0.05")
-      ->check(CLI::Range(0.0, 7.0))
+  add_number(
+      command, "--tolerance", [&how](double tolerance) { how.tolerance = tolerance; }, 0.0, 7.0,
+      "How near the robot must be to the start pose; default: 0.05")
       ->option_text("RAD");
-  command->add_flag("--force", options->how.force,
-                    "Begin wherever a robot without joint positions is");
-  command->footer(
-      "The robot must be of the recorded type and in the pose in which the recording began; it is\n"
-      "brought there with --blend, or nothing is done. It never jumps.\n"
-      "--what applied gives the motors the recorded torques, on top of which the robot's safety\n"
-      "checks damp as always.\n"
-      "To let a program run against a log instead of a robot: trifinger run LOG.\n"
+  command.add_flag("--force", options.how.force,
+                   "Begin in any pose, with a robot that has no joint positions");
+  command.footer(
+      "The robot must be of the recorded type, and in the pose in which the recording began.\n"
+      "--blend moves it to that pose first. Without it, a robot in another pose does nothing.\n"
+      "The robot never jumps.\n"
+      "With --what applied the motors get the recorded torques. The robot's safety checks still\n"
+      "damp them.\n"
+      "'trifinger run LOG' lets a program run against a log instead of a robot.\n"
       "Example:\n"
       "  trifinger log replay demo.mcap --on sim --blend 2");
-  command->callback([&action, options] { action = [options] { return replay(*options); }; });
 }
 
 }  // namespace trifinger::apps

@@ -3,13 +3,13 @@
 
 #include <chrono>
 #include <filesystem>
-#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
 
 #include "commands.hpp"
 #include "log/text.hpp"
+#include "shared/options.hpp"
 #include "trifinger/log/flight_recorder.hpp"
 #include "trifinger/log/log.hpp"
 
@@ -19,15 +19,13 @@ namespace {
 struct LogRescueOptions {
   std::string name;
   std::string output;
-  double length{10.0};  // [s]
+  Nanoseconds length{std::chrono::seconds(10)};
 };
 
 int rescue(const LogRescueOptions& options) {
   std::optional<std::filesystem::path> output;
   if (!options.output.empty()) output = options.output;
-  const std::filesystem::path file =
-      log::rescue(options.name, std::move(output),
-                  std::chrono::round<Nanoseconds>(std::chrono::duration<double>(options.length)));
+  const std::filesystem::path file = log::rescue(options.name, std::move(output), options.length);
   const log::Log log(file);
   const log::LoggedSession session = log.session(options.name);
   std::string steps = "no whole step";
@@ -43,25 +41,20 @@ int rescue(const LogRescueOptions& options) {
 }  // namespace
 
 void add_log_rescue(CLI::App& log, Action& action) {
-  auto options = std::make_shared<LogRescueOptions>();
-  CLI::App* const command =
-      log.add_subcommand("rescue", "Write a log of what a killed back-end has left in memory");
-  command->add_option("NAME", options->name, "The robot whose back-end is gone")->required();
+  const auto& [command, options] = add_command(
+      log, action, "rescue", "Write a log of what a killed back-end has left in memory", rescue);
+  command.add_option("NAME", options.name, "The robot whose back-end is gone")->required();
   command
-      ->add_option("-o,--output", options->output,
-                   "The new file; default: NAME_TIME_fault.mcap in $TRIFINGER_LOG_DIR or "
-                   "~/.local/state/trifinger")
+      .add_option("-o,--output", options.output,
+                  "The new file; default: NAME_TIME_fault.mcap in $TRIFINGER_LOG_DIR or "
+                  "~/.local/state/trifinger")
       ->option_text("FILE");
-  command
-      ->add_option("--length", options->length,
-                   "How much of its end, as far as the history goes; default: 10")
-      ->check(CLI::Range(0.0, 1e9))
-      ->option_text("SECONDS");
-  command->footer(
-      "The memory is there until the next back-end of this name begins, or the machine restarts.\n"
+  add_seconds(command, "--length", options.length, 1e9,
+              "Length of the log, up to the end of the session; default: 10");
+  command.footer(
+      "The memory stays until the next back-end of this name starts, or the machine restarts.\n"
       "Example:\n"
       "  trifinger log rescue sim -o crash.mcap");
-  command->callback([&action, options] { action = [options] { return rescue(*options); }; });
 }
 
 }  // namespace trifinger::apps

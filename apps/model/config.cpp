@@ -2,7 +2,6 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <memory>
 #include <string>
 #include <vector>
 
@@ -39,19 +38,18 @@ int print_config(const ConfigOptions& options) {
 }  // namespace
 
 void add_config(CLI::App& program, Action& action) {
-  auto options = std::make_shared<ConfigOptions>();
-  CLI::App* const command = program.add_subcommand(
-      "config", "Print every key of a robot's configuration: its value and what is allowed");
-  command->add_option("ROBOT", options->robot, "A configuration by name, or a file")->required();
+  const auto& [command, options] = add_command(
+      program, action, "config",
+      "Print every key of a robot's configuration: its value and what is allowed", print_config);
+  command.add_option("ROBOT", options.robot, "A configuration by name, or a file")->required();
   command
-      ->add_option("--set", options->overrides,
-                   "Change a value for this once, as in --set fingers.height=0.3")
+      .add_option("--set", options.overrides,
+                  "Change a value for this once, as in --set fingers.height=0.3")
       ->option_text("KEY=VALUE ...");
-  command->footer(
+  command.footer(
       "Example:\n"
       "  trifinger config sim\n"
       "  trifinger config sim --set contact.tip_friction=0.8");
-  command->callback([&action, options] { action = [options] { return print_config(*options); }; });
 }
 
 }  // namespace trifinger::apps

@@ -5,14 +5,13 @@
 #include <cerrno>
 #include <fstream>
 #include <functional>
-#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "commands.hpp"
-#include "shared/choice.hpp"
+#include "shared/options.hpp"
 #include "shared/terminal.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/model/export.hpp"
@@ -29,24 +28,15 @@ enum class Format : unsigned char { kMjcf, kUrdf };
 
 struct ModelOptions {
   RobotDescription robot;
-  Choice<Variant> variant{
-      "--variant", "edu", {{"edu", Variant::kEdu}, {"pro", Variant::kPro}, {"one", Variant::kOne}}};
-  bool single_finger{false};
-  bool no_boundary{false};
-  bool hard_tips{false};
   std::vector<std::string> objects;
   // The following options belong to `export`.
-  Choice<Format> format{"--format", "mjcf", {{"mjcf", Format::kMjcf}, {"urdf", Format::kUrdf}}};
+  Format format{Format::kMjcf};
   std::string file{"-"};
-  bool physics_only{false};
+  Detail detail{Detail::kPictures};
 };
 
 RobotDescription description_of(const ModelOptions& options) {
   RobotDescription robot = options.robot;
-  robot.variant = options.variant.value();
-  if (options.single_finger) robot.arrangement = Arrangement::kSingleFinger;
-  robot.boundary = !options.no_boundary;
-  robot.soft_tips = !options.hard_tips;
   if (!options.objects.empty()) robot.objects.clear();
   for (const std::string& name : options.objects) {
     robot.objects.push_back(choose(kObjects, "--object", name)(name));
@@ -58,9 +48,7 @@ RobotDescription description_of(const ModelOptions& options) {
 int export_model(const ModelOptions& options) {
   const RobotDescription robot = description_of(options);
   const std::string text =
-      options.format.value() == Format::kUrdf
-          ? export_urdf(robot)
-          : export_mjcf(robot, options.physics_only ? Detail::kPhysics : Detail::kPictures);
+      options.format == Format::kUrdf ? export_urdf(robot) : export_mjcf(robot, options.detail);
   if (options.file == "-") {
     fmt::print("{}", text);
     return kDone;
@@ -117,23 +105,56 @@ int print_info(const ModelOptions& options) {
 }
 
 void add_description(CLI::App& command, ModelOptions& options) {
-  options.variant.add_to(command, "Which hardware; default: edu");
-  command.add_flag("--single-finger", options.single_finger, "One finger on a stand");
+  RobotDescription& robot = options.robot;
+  add_choice(command, "--variant", robot.variant,
+             {{"edu", Variant::kEdu}, {"pro", Variant::kPro}, {"one", Variant::kOne}},
+             "Which hardware; default: edu");
+  command.add_flag_callback(
+      "--single-finger", [&robot] { robot.arrangement = Arrangement::kSingleFinger; },
+      "One finger on a stand");
   command
-      .add_option("--finger-height", options.robot.finger_height,
+      .add_option("--finger-height", robot.finger_height,
                   "Height of the joint-0 axes above the table [m]; default: the variant's")
       ->option_text("METRES");
-  command.add_flag("--flipped", options.robot.flipped, "Turn the platform upside down");
-  command.add_flag("--no-boundary", options.no_boundary, "Leave out the wall around the table");
-  command.add_flag("--hard-tips", options.hard_tips, "Make the tips hard");
+  command.add_flag("--flipped", robot.flipped, "Turn the platform upside down");
+  command.add_flag_callback(
+      "--no-boundary", [&robot] { robot.boundary = false; }, "Leave out the wall around the table");
+  command.add_flag_callback(
+      "--hard-tips", [&robot] { robot.soft_tips = false; }, "Make the tips hard");
   command.add_option("--object", options.objects, "What lies on the table; default: a cube")
       ->option_text("cube|cuboid|stick|ball ...");
+}
+
+void add_model_export(CLI::App& model, Action& action) {
+  const auto& [command, options] =
+      add_command(model, action, "export", "Write the model to a file", export_model);
+  add_choice(command, "--format", options.format,
+             {{"mjcf", Format::kMjcf}, {"urdf", Format::kUrdf}}, "What to write")
+      ->required();
+  command.add_option("-o,--output", options.file, "The file; default: standard output")
+      ->option_text("FILE");
+  command.add_flag_callback(
+      "--physics-only", [&detail = options.detail] { detail = Detail::kPhysics; },
+      "MJCF without what is only seen: frame, shells, lights, cameras");
+  add_description(command, options);
+  command.footer(
+      "MJCF has the whole scene, URDF only the robot.\n"
+      "Example:\n"
+      "  trifinger model export --format mjcf --variant pro --object ball -o scene.xml");
+}
+
+void add_model_info(CLI::App& model, Action& action) {
+  const auto& [command, options] = add_command(
+      model, action, "info", "Print the figures of a robot: joints, limits, gains", print_info);
+  add_description(command, options);
+  command.footer(
+      "Example:\n"
+      "  trifinger model info --variant one --single-finger");
 }
 
 }  // namespace
 
 void add_model(CLI::App& program, Action& action) {
-  auto options = std::make_shared<ModelOptions>();
   CLI::App* const command =
       program.add_subcommand("model", "Show the robot's model, or write it for other programs");
   command->require_subcommand(1);
@@ -142,28 +163,8 @@ void add_model(CLI::App& program, Action& action) {
       "  trifinger model info --variant pro\n"
       "  trifinger model export --format urdf -o trifinger.urdf");
 
-  CLI::App* const export_command = command->add_subcommand("export", "Write the model to a file");
-  options->format.add_to(*export_command, "What to write")->required();
-  export_command->add_option("-o,--output", options->file, "The file; default: standard output")
-      ->option_text("FILE");
-  export_command->add_flag("--physics-only", options->physics_only,
-                           "MJCF without what is only seen: frame, shells, lights, cameras");
-  add_description(*export_command, *options);
-  export_command->footer(
-      "MJCF holds the whole scene, URDF the robot alone.\n"
-      "Example:\n"
-      "  trifinger model export --format mjcf --variant pro --object ball -o scene.xml");
-  export_command->callback(
-      [&action, options] { action = [options] { return export_model(*options); }; });
-
-  CLI::App* const info_command =
-      command->add_subcommand("info", "Print the figures of a robot: joints, limits, gains");
-  add_description(*info_command, *options);
-  info_command->footer(
-      "Example:\n"
-      "  trifinger model info --variant one --single-finger");
-  info_command->callback(
-      [&action, options] { action = [options] { return print_info(*options); }; });
+  add_model_export(*command, action);
+  add_model_info(*command, action);
 }
 
 }  // namespace trifinger::apps

@@ -10,7 +10,6 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
-#include <memory>
 #include <optional>
 #include <set>
 #include <sstream>
@@ -314,8 +313,9 @@ int doctor(const DoctorOptions& options) {
       check_steal(machine),      check_shared_memory(machine), check_protected_files(machine)};
 
   const Terminal terminal;
-  const std::size_t width = terminal.is_live() ? terminal.width() : std::string::npos;
+  const std::size_t width = terminal.width();
   constexpr std::size_t kIndent = 29;
+  const std::size_t room = std::max<std::size_t>(width - std::min(width, kIndent), 20);
   std::size_t lacking = 0;
   for (const Finding& finding : findings) {
     lacking += finding.verdict == Verdict::kLacks ? 1 : 0;
@@ -333,9 +333,9 @@ int doctor(const DoctorOptions& options) {
     fmt::print("{}  {}{}\n", terminal.paint(pad(word, 5), style), pad(finding.what, kIndent - 7),
                finding.found);
     if (finding.remedy.empty()) continue;
-    const std::size_t room = std::max<std::size_t>(width - std::min(width, kIndent), 20);
-    for (const std::string& line : wrap(finding.remedy, room)) {
-      fmt::print("{}{}\n", std::string(kIndent, ' '), terminal.paint(line, Style::kDim));
+    const std::string indent(kIndent, ' ');
+    for (const std::string& line : hang(indent, finding.remedy, room, terminal, Style::kDim)) {
+      fmt::print("{}\n", line);
     }
   }
   if (lacking == 0) {
@@ -350,19 +350,18 @@ int doctor(const DoctorOptions& options) {
 }  // namespace
 
 void add_doctor(CLI::App& program, Action& action) {
-  auto options = std::make_shared<DoctorOptions>();
-  CLI::App* const command = program.add_subcommand(
-      "doctor", "Tell what this machine lacks for real time, and the remedy");
+  const auto& [command, options] =
+      add_command(program, action, "doctor",
+                  "Tell what this machine lacks for real time, and the remedy", doctor);
   command
-      ->add_option("--root", options->root,
-                   "Look at the copy of another machine's /proc, /sys and /dev in this folder")
+      .add_option("--root", options.root,
+                  "Look at the copy of another machine's /proc, /sys and /dev in this folder")
       ->check(CLI::ExistingDirectory)
       ->option_text("FOLDER");
-  command->footer(
+  command.footer(
       "Exit code 0 if nothing is lacking, 1 otherwise. Notes do not count.\n"
       "Example:\n"
       "  trifinger doctor");
-  command->callback([&action, options] { action = [options] { return doctor(*options); }; });
 }
 
 }  // namespace trifinger::apps

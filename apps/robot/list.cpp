@@ -62,6 +62,7 @@ int list() {
   }
 
   const Terminal terminal;
+  const std::size_t width = terminal.width();
   for (std::size_t i = 0; i < rows.size(); ++i) {
     std::vector<Segment> segments;
     for (std::size_t column = 0; column < kNumColumns; ++column) {
@@ -71,7 +72,6 @@ int list() {
       segments.push_back({is_last ? rows[i][column] : pad(rows[i][column], widths[column]),
                           -static_cast<int>(column), style});
     }
-    const std::size_t width = terminal.is_live() ? terminal.width() : std::string::npos;
     fmt::print("{}\n", fit(std::move(segments), width, terminal));
   }
   return kDone;
@@ -83,7 +83,7 @@ void add_list(CLI::App& program, Action& action) {
   CLI::App* const command =
       program.add_subcommand("list", "List the sessions on this machine, with their companions");
   command->footer(
-      "What a back-end that died has left stays readable until another one takes the name.\n"
+      "The session of a dead back-end stays readable until another back-end takes its name.\n"
       "Example:\n"
       "  trifinger list");
   command->callback([&action] { action = list; });

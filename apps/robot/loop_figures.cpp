@@ -57,17 +57,9 @@ void LoopFigures::take(TimeIndex t, const Status& status, Nanoseconds period) {
                   .lateness = lateness_of(status, period),
                   .flags = status.flags,
                   .skipped_ticks = status.skipped_ticks};
-  count(step, total_);
+  total_.add(step.flags, step.skipped_ticks);
   recent_.push_back(step);
   while (recent_.front().time < status.time - kSecond) recent_.pop_front();
-}
-
-void LoopFigures::count(const Step& step, Counts& counts) noexcept {
-  ++counts.steps;
-  counts.repeats += (step.flags & Status::kActionRepeated) != 0 ? 1 : 0;
-  counts.rejected += (step.flags & Status::kActionRejected) != 0 ? 1 : 0;
-  counts.acausal += (step.flags & Status::kAcausal) != 0 ? 1 : 0;
-  counts.skipped += step.skipped_ticks;
 }
 
 double LoopFigures::rate() const {
@@ -87,9 +79,9 @@ LatenessHistogram LoopFigures::lateness() const {
   return lateness;
 }
 
-LoopFigures::Counts LoopFigures::last_second() const {
-  Counts counts;
-  for (const Step& step : recent_) count(step, counts);
+StepCounts LoopFigures::last_second() const {
+  StepCounts counts;
+  for (const Step& step : recent_) counts.add(step.flags, step.skipped_ticks);
   return counts;
 }
 

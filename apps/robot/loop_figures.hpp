@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <deque>
 
+#include "shared/step_counts.hpp"
 #include "trifinger/base/time.hpp"
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/core/timing.hpp"
@@ -14,14 +15,6 @@ namespace trifinger::apps {
 // nobody.
 class LoopFigures {
  public:
-  struct Counts {
-    std::int64_t steps{0};
-    std::int64_t repeats{0};
-    std::int64_t rejected{0};
-    std::int64_t acausal{0};
-    std::int64_t skipped{0};  // number of skipped ticks
-  };
-
   // Reads the statuses that were added since the last call; at the first call, the whole history.
   // If `session` is another one than before, the figures start over.
   // @throws IncompatibleSession if another version has written the statuses
@@ -32,9 +25,9 @@ class LoopFigures {
   [[nodiscard]] double rate() const;
   // Returns the lateness during the last second.
   [[nodiscard]] LatenessHistogram lateness() const;
-  [[nodiscard]] Counts last_second() const;
+  [[nodiscard]] StepCounts last_second() const;
   // Returns the counts of all statuses read so far, from step `first_step` on.
-  [[nodiscard]] const Counts& total() const noexcept { return total_; }
+  [[nodiscard]] const StepCounts& total() const noexcept { return total_; }
   [[nodiscard]] TimeIndex first_step() const noexcept { return first_; }
   // Returns the newest status.
   [[nodiscard]] const Status& newest() const noexcept { return newest_; }
@@ -49,14 +42,13 @@ class LoopFigures {
   };
 
   void take(TimeIndex t, const Status& status, Nanoseconds period);
-  static void count(const Step& step, Counts& counts) noexcept;
 
   std::uint64_t session_id_{0};
   TimeIndex first_{0};
   TimeIndex next_{0};
   std::int64_t now_{0};
   std::deque<Step> recent_;  // steps of the last second
-  Counts total_;
+  StepCounts total_;
   Status newest_{};
 };
 

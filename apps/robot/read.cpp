@@ -5,34 +5,23 @@
 #include <algorithm>
 #include <cstring>
 #include <limits>
-#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "commands.hpp"
-#include "shared/choice.hpp"
+#include "shared/options.hpp"
 #include "shared/terminal.hpp"
 #include "trifinger/core/frontend.hpp"
 
 namespace trifinger::apps {
 namespace {
 
-Choice<Series> choice_of_series() {
-  Choices<Series> choices;
-  choices.reserve(6);
-  for (const Series series : {Series::kDesiredAction, Series::kAppliedAction, Series::kObservation,
-                              Series::kStatus, Series::kHolding, Series::kStopping}) {
-    choices.emplace_back(name_of(series), series);
-  }
-  return {"--series", "observation", std::move(choices)};
-}
-
 struct ReadOptions {
   std::string name;
   std::optional<TimeIndex> time_index;
-  Choice<Series> series{choice_of_series()};
+  Series series{Series::kObservation};
   TimeIndex last{1};
   bool csv{false};
   bool fields{false};
@@ -132,31 +121,30 @@ void print_for_people(const std::string& title, const ElementDescription& descri
 }
 
 // Returns the steps [first, second) that the options ask for.
-std::pair<TimeIndex, TimeIndex> wanted_range(const ReadOptions& options, Series series,
+std::pair<TimeIndex, TimeIndex> wanted_range(const ReadOptions& options,
                                              const UntypedFrontend& session) {
-  const auto [oldest, end] = session.range(series);
+  const auto [oldest, end] = session.range(options.series);
   if (!options.time_index) return {std::max(oldest, end - options.last), end};
 
   const TimeIndex t = *options.time_index;
   if (t < oldest) throw HistoryLost(t, oldest);
   if (t >= end) {
     throw Error(fmt::format("step {} has not come yet: the newest {} of '{}' is {}", t,
-                            name_of(series), options.name, end - 1));
+                            name_of(options.series), options.name, end - 1));
   }
   return {t, t + 1};
 }
 
 int read(const ReadOptions& options) {
-  const Series series = options.series.value();
   const UntypedFrontend session(options.name, {.control = false});
-  const ElementDescription& description = session.session().element(series);
+  const ElementDescription& description = session.session().element(options.series);
   if (options.fields) {
     fmt::print("{}", description.text());
     return kDone;
   }
-  const auto [first, end] = wanted_range(options, series, session);
+  const auto [first, end] = wanted_range(options, session);
   if (first == end) {
-    throw Error(fmt::format("'{}' has no {} yet, it is {}", options.name, name_of(series),
+    throw Error(fmt::format("'{}' has no {} yet, it is {}", options.name, name_of(options.series),
                             name_of(session.session().info().phase)));
   }
 
@@ -165,7 +153,7 @@ int read(const ReadOptions& options) {
   if (options.csv) print_csv_header(description);
   for (TimeIndex t = first; t < end; ++t) {
     try {
-      if (!session.try_get(series, t, element.data())) break;
+      if (!session.try_get(options.series, t, element.data())) break;
     } catch (const HistoryLost& lost) {
       // The step was overwritten while earlier ones were printed. For a single step, that is the
       // answer.
@@ -176,7 +164,7 @@ int read(const ReadOptions& options) {
     if (options.csv) {
       print_csv(t, description, element.data());
     } else {
-      const std::string title = fmt::format("{} {} {}", options.name, name_of(series), t);
+      const std::string title = fmt::format("{} {} {}", options.name, name_of(options.series), t);
       print_for_people(title, description, element.data(), terminal);
     }
   }
@@ -186,28 +174,32 @@ int read(const ReadOptions& options) {
 }  // namespace
 
 void add_read(CLI::App& program, Action& action) {
-  auto options = std::make_shared<ReadOptions>();
-  CLI::App* const command =
-      program.add_subcommand("read", "Print elements of a session, of whatever robot");
-  command->add_option("NAME", options->name, "Name of the session, as in sim or sim.object")
+  const auto& [command, options] =
+      add_command(program, action, "read", "Print elements of a session, of any robot", read);
+  command.add_option("NAME", options.name, "Name of the session, as in sim or sim.object")
       ->required();
   CLI::Option* const step =
-      command->add_option("STEP", options->time_index, "The step to print; default: the newest")
+      command.add_option("STEP", options.time_index, "The step to print; default: the newest")
           ->check(CLI::Range(TimeIndex{0}, std::numeric_limits<TimeIndex>::max()))
           ->option_text(" ");
-  options->series.add_to(*command, "Default: observation");
-  command->add_option("--last", options->last, "How many steps to print, up to the newest")
+  Choices<Series> choices;
+  for (const Series series : {Series::kDesiredAction, Series::kAppliedAction, Series::kObservation,
+                              Series::kStatus, Series::kHolding, Series::kStopping}) {
+    choices.emplace_back(name_of(series), series);
+  }
+  add_choice(command, "--series", options.series, choices,
+             "The series to print; default: observation");
+  command.add_option("--last", options.last, "How many steps to print, up to the newest")
       ->check(CLI::Range(TimeIndex{1}, std::numeric_limits<TimeIndex>::max()))
       ->option_text("N")
       ->excludes(step);
-  command->add_flag("--csv", options->csv, "Print a table, numbers in full, for other programs");
-  command->add_flag("--fields", options->fields, "Print what the elements consist of instead");
-  command->footer(
-      "Companions are counted by their own elements; stamp.arrival_index is the robot's step.\n"
+  command.add_flag("--csv", options.csv, "Print a table, numbers in full, for other programs");
+  command.add_flag("--fields", options.fields, "Print only which fields the elements have");
+  command.footer(
+      "A companion counts its own elements. Their field stamp.arrival_index is the robot's step.\n"
       "Example:\n"
       "  trifinger read sim 1000 --series applied_action\n"
       "  trifinger read sim --last 5000 --csv > observations.csv");
-  command->callback([&action, options] { action = [options] { return read(*options); }; });
 }
 
 }  // namespace trifinger::apps

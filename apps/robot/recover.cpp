@@ -2,11 +2,11 @@
 #include <fmt/core.h>
 
 #include <chrono>
-#include <memory>
 #include <string>
 
 #include "commands.hpp"
 #include "robot/session_state.hpp"
+#include "shared/options.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/session.hpp"
 
@@ -15,7 +15,7 @@ namespace {
 
 struct RecoverOptions {
   std::string name;
-  double timeout{5.0};  // [s]
+  Nanoseconds timeout{std::chrono::seconds(5)};
 };
 
 int recover_session(const RecoverOptions& options) {
@@ -25,8 +25,7 @@ int recover_session(const RecoverOptions& options) {
                state_text(before));
     return kDone;
   }
-  recover(options.name,
-          std::chrono::round<Nanoseconds>(std::chrono::duration<double>(options.timeout)));
+  recover(options.name, options.timeout);
   fmt::print("{}: recovered; now {}. The fault was: {}.\n", before.name,
              state_text(Session::open(options.name).info()), before.fault_text);
   return kDone;
@@ -35,22 +34,17 @@ int recover_session(const RecoverOptions& options) {
 }  // namespace
 
 void add_recover(CLI::App& program, Action& action) {
-  auto options = std::make_shared<RecoverOptions>();
-  CLI::App* const command = program.add_subcommand(
-      "recover", "Clear the fault of a robot, so that its next session begins");
-  command->add_option("NAME", options->name, "Name of the session")->required();
-  command
-      ->add_option("--timeout", options->timeout,
-                   "How long to wait for the next session; default: 5")
-      ->check(CLI::Range(0.0, 3600.0))
-      ->option_text("SECONDS");
-  command->footer(
+  const auto& [command, options] =
+      add_command(program, action, "recover",
+                  "Clear the fault of a robot, so that its next session begins", recover_session);
+  command.add_option("NAME", options.name, "Name of the robot")->required();
+  add_seconds(command, "--timeout", options.timeout, 3600.0,
+              "How long to wait for the next session; default: 5");
+  command.footer(
       "Look at the robot first: it may move when the next session begins.\n"
       "Example:\n"
       "  trifinger status sim --once\n"
       "  trifinger recover sim");
-  command->callback(
-      [&action, options] { action = [options] { return recover_session(*options); }; });
 }
 
 }  // namespace trifinger::apps

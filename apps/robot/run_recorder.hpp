@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <chrono>
 #include <filesystem>
 #include <memory>
 #include <string>
-#include <string_view>
+#include <utility>
 #include <vector>
 
 #include "shared/terminal.hpp"
@@ -12,9 +13,6 @@
 #include "trifinger/core/backend.hpp"
 
 namespace trifinger::apps {
-
-// The line that a recorder of `trifinger run` prints as long as it makes progress.
-inline constexpr std::string_view kRecorderSign = "goes on";
 
 // Records the robot that this program runs. In real-time mode, a separate process does that: it can
 // neither slow the robot nor die with it. Otherwise a thread does it, and the back-end waits for
@@ -36,20 +34,56 @@ class RunRecorder {
                                                           const std::filesystem::path& folder,
                                                           const BackendOptions& options,
                                                           Backend& backend);
-  RunRecorder() = default;
   RunRecorder(const RunRecorder&) = delete;
   RunRecorder& operator=(const RunRecorder&) = delete;
   virtual ~RunRecorder() = default;
 
   // Looks after the recorder. Returns the messages since the last call, one sentence each.
-  [[nodiscard]] virtual std::vector<Line> look() = 0;
+  [[nodiscard]] std::vector<Line> look() {
+    look_after();
+    return std::exchange(lines_, {});
+  }
   // Returns what is wrong at present, in a few words; empty if nothing is.
-  [[nodiscard]] virtual std::string trouble() const = 0;
+  [[nodiscard]] const std::string& trouble() const noexcept { return trouble_; }
   // Lets the recorder write what is left; the robot has stopped. Returns false if this takes longer
   // than `timeout`: then call it again. Returns true when the recorder has ended or was given up.
   [[nodiscard]] virtual bool finish(Nanoseconds timeout) = 0;
   // Returns, after `finish`, why the log is incomplete; empty if it is complete.
-  [[nodiscard]] virtual std::string failure() const = 0;
+  [[nodiscard]] const std::string& failure() const noexcept { return failure_; }
+
+ protected:
+  // Silence at the end of the program after which a recorder is given up.
+  static constexpr Nanoseconds kPatience = std::chrono::seconds(10);
+
+  RunRecorder() = default;
+
+  // Calls the functions below.
+  virtual void look_after() = 0;
+
+  // The recorder is started.
+  void begin_watch() noexcept { last_sign_ = std::chrono::steady_clock::now(); }
+  // The recorder makes progress. Reports the end of its trouble.
+  void see_sign();
+  // Reports that the recorder stands still, if that has lasted too long. Call this after the signs
+  // so far were seen.
+  void see_silence();
+  // Reports trouble unless it is the last one. `trouble` is a few words, `text` a sentence.
+  void see_trouble(const std::string& trouble, const std::string& text);
+  void say(std::string text, Style style = Style::kPlain) {
+    lines_.push_back({std::move(text), style});
+  }
+  void fail(std::string why) { failure_ = std::move(why); }
+  // Returns the time since the last sign.
+  [[nodiscard]] Nanoseconds silence() const noexcept {
+    return std::chrono::steady_clock::now() - last_sign_;
+  }
+
+ private:
+  Instant last_sign_{std::chrono::steady_clock::now()};
+  Instant trouble_since_;
+  std::string trouble_;  // trouble that was reported
+  std::vector<Line> lines_;
+  std::string failure_;
 };
 
 }  // namespace trifinger::apps

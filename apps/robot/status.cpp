@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/core.h>
+#include <sched.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <filesystem>
-#include <memory>
+#include <iterator>
 #include <optional>
 #include <string>
 #include <utility>
@@ -11,7 +13,6 @@
 
 #include "commands.hpp"
 #include "robot/loop_figures.hpp"
-#include "robot/scheduling.hpp"
 #include "robot/session_state.hpp"
 #include "shared/signals.hpp"
 #include "shared/terminal.hpp"
@@ -38,12 +39,9 @@ class StatusSheet {
   // Wraps the text, because it may be a sentence.
   void add(const std::string& label, const std::string& text, Style style = Style::kPlain) {
     const std::size_t room = width_ > kLabelWidth + 1 ? width_ - kLabelWidth : 1;
-    std::string shown_label = label;
-    for (const std::string& line : wrap(text, room)) {
-      lines_.push_back(terminal_.paint(clip(pad(shown_label, kLabelWidth), width_), Style::kDim) +
-                       terminal_.paint(line, style));
-      shown_label.clear();
-    }
+    const std::string head = clip(pad(label, kLabelWidth), width_);
+    std::ranges::move(hang(terminal_.paint(head, Style::kDim), text, room, terminal_, style),
+                      std::back_inserter(lines_));
   }
   void add_line(const std::string& line) { lines_.push_back(line); }
 
@@ -62,6 +60,24 @@ std::string count_text(std::int64_t last_second, std::int64_t total, TimeIndex f
 }
 
 Style warn_if(bool condition) { return condition ? Style::kWarning : Style::kPlain; }
+
+// Returns the real-time priority of the loop in the back-end's process: the lowest of its real-time
+// threads, because the watchdog's is one higher. Returns nothing if it has no real-time thread.
+std::optional<int> realtime_priority(std::int64_t pid) {
+  std::optional<int> lowest;
+  std::error_code ignored;
+  const std::filesystem::path threads = "/proc/" + std::to_string(pid) + "/task";
+  for (const auto& entry : std::filesystem::directory_iterator(threads, ignored)) {
+    const auto thread =
+        static_cast<pid_t>(std::strtol(entry.path().filename().c_str(), nullptr, 10));
+    sched_param parameters{};
+    // A thread that has ended meanwhile has no policy.
+    if (::sched_getscheduler(thread) != SCHED_FIFO) continue;
+    if (::sched_getparam(thread, &parameters) != 0) continue;
+    lowest = std::min(lowest.value_or(parameters.sched_priority), parameters.sched_priority);
+  }
+  return lowest;
+}
 
 // Returns the log that the flight recorder has written for a session.
 std::optional<std::filesystem::path> fault_log(const SessionInfo& info) {
@@ -116,7 +132,7 @@ class Observer {
     sheet.add("mode", info.is_real_time ? "real-time, " + rate_text(wanted_rate)
                                         : "non-real-time, steps of " + duration_text(info.period));
     if (info.is_real_time && info.backend_is_alive) {
-      const auto priority = realtime_priority(static_cast<pid_t>(info.backend.pid));
+      const auto priority = realtime_priority(info.backend.pid);
       sheet.add("priority",
                 priority ? fmt::format("SCHED_FIFO {}", *priority)
                          : "none, other programs may be first; see 'trifinger doctor'",
@@ -131,8 +147,8 @@ class Observer {
     sheet.add("steps", std::to_string(info.steps));
     if (figures_.total().steps == 0) return;
 
-    const LoopFigures::Counts recent = figures_.last_second();
-    const LoopFigures::Counts& total = figures_.total();
+    const StepCounts recent = figures_.last_second();
+    const StepCounts& total = figures_.total();
     const TimeIndex first = figures_.first_step();
     sheet.add("rate", rate_text(figures_.rate()));
     if (info.is_real_time) {
@@ -172,8 +188,8 @@ int status(const StatusOptions& options) {
   const Terminal terminal;
   Observer observer(options.name);
   if (options.once || !terminal.is_live()) {
-    const std::size_t width = terminal.is_live() ? terminal.width() : std::string::npos;
-    for (const std::string& line : observer.look(terminal, width)) fmt::print("{}\n", line);
+    for (const std::string& line : observer.look(terminal, terminal.width()))
+      fmt::print("{}\n", line);
     return kDone;
   }
 
@@ -200,31 +216,30 @@ int status(const StatusOptions& options) {
 }  // namespace
 
 void add_status(CLI::App& program, Action& action) {
-  auto options = std::make_shared<StatusOptions>();
-  CLI::App* const command = program.add_subcommand(
-      "status", "Show how a session is doing: live on a terminal, otherwise once");
-  command->add_option("NAME", options->name, "Name of the session, as in sim or sim.object")
+  const auto& [command, options] =
+      add_command(program, action, "status",
+                  "Show how a session is doing: live on a terminal, otherwise once", status);
+  command.add_option("NAME", options.name, "Name of the session, as in sim or sim.object")
       ->required();
-  command->add_flag("--once", options->once, "Look once, also on a terminal");
-  command->footer(
-      "It only reads and never slows the robot.\n"
-      "  realtime   whether the loop has all that was asked for: priority, locked memory, ...\n"
-      "  lateness   how long after their deadlines the steps of the last second began; after\n"
-      "             that of the first one left out before them\n"
-      "  since 0    the same of all steps\n"
+  command.add_flag("--once", options.once, "Look once, also on a terminal");
+  command.footer(
+      "This command only reads. It never slows the robot.\n"
+      "  realtime   whether the loop got what it asked for: priority, locked memory, ...\n"
+      "  lateness   how long after its deadline each step of the last second began; if steps were\n"
+      "             skipped before it, how long after the deadline of the first skipped one\n"
+      "  since 0    the lateness of all steps\n"
       "  in time    the share of the last 1000 steps that were in time\n"
-      "  late       steps that were not: their action was missing (user), or they began more than\n"
-      "             half a period late; scheduler: the back-end did not get the processor, "
-      "driver:\n"
-      "             the driver's calls took up the step before\n"
-      "  repeats    actions that were not there in time, so that the one before was repeated\n"
+      "  late       steps that were not in time, by cause:\n"
+      "             user       the action was missing\n"
+      "             scheduler  half a period late, because the back-end did not get the processor\n"
+      "             driver     half a period late, because the driver's calls took too long\n"
+      "  repeats    steps whose action was missing, so the action before it was repeated\n"
       "  skipped    steps left out because the back-end itself was late\n"
-      "  discarded  actions that came for a step already closed\n"
-      "  rejected   actions that were not fit to apply\n"
-      "  acausal    actions appended by who had already read the observation of their step\n"
+      "  discarded  actions that came too late: their step was already closed\n"
+      "  rejected   actions that the robot could not apply\n"
+      "  acausal    actions appended after the observation of their step was read\n"
       "Example:\n"
       "  trifinger status sim");
-  command->callback([&action, options] { action = [options] { return status(*options); }; });
 }
 
 }  // namespace trifinger::apps

@@ -7,12 +7,12 @@
 #include <cerrno>
 #include <chrono>
 #include <csignal>
-#include <memory>
 #include <optional>
 #include <string>
 
 #include "commands.hpp"
 #include "robot/session_state.hpp"
+#include "shared/options.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/session.hpp"
 #include "trifinger/ipc/file_descriptor.hpp"
@@ -22,7 +22,7 @@ namespace {
 
 struct StopOptions {
   std::string name;
-  double timeout{15.0};  // [s]
+  Nanoseconds timeout{std::chrono::seconds(15)};
 };
 
 // Returns the process that runs the robot, even if its files were damaged or removed. Returns
@@ -59,15 +59,14 @@ int stop(const StopOptions& options) {
     throw SystemError("stop " + who, errno);
   }
 
-  const Deadline deadline(
-      std::chrono::round<Nanoseconds>(std::chrono::duration<double>(options.timeout)));
+  const Deadline deadline(options.timeout);
   pollfd wanted{.fd = process.get(), .events = POLLIN, .revents = 0};
   while (::poll(&wanted, 1, 100) <= 0) {  // a signal may have interrupted the wait, too
     if (deadline.passed()) {
       throw Error(fmt::format(
-          "{} has not ended within {:g} s, it is still bringing the robot to rest or hangs; "
+          "{} has not ended within {}: it is still bringing the robot to rest, or it hangs; "
           "'kill -KILL {}' ends it at once, without an orderly stop",
-          who, options.timeout, pid));
+          who, duration_text(options.timeout), pid));
     }
   }
   fmt::print("{}: stopped {}.\n", options.name, who);
@@ -77,17 +76,14 @@ int stop(const StopOptions& options) {
 }  // namespace
 
 void add_stop(CLI::App& program, Action& action) {
-  auto options = std::make_shared<StopOptions>();
-  CLI::App* const command =
-      program.add_subcommand("stop", "Bring a robot to rest and end its back-end");
-  command->add_option("NAME", options->name, "Name of the session")->required();
-  command->add_option("--timeout", options->timeout, "How long to wait for the end; default: 15")
-      ->check(CLI::Range(0.0, 3600.0))
-      ->option_text("SECONDS");
-  command->footer(
+  const auto& [command, options] =
+      add_command(program, action, "stop", "Bring a robot to rest and end its back-end", stop);
+  command.add_option("NAME", options.name, "Name of the robot")->required();
+  add_seconds(command, "--timeout", options.timeout, 3600.0,
+              "How long to wait for the end; default: 15");
+  command.footer(
       "Example:\n"
       "  trifinger stop sim");
-  command->callback([&action, options] { action = [options] { return stop(*options); }; });
 }
 
 }  // namespace trifinger::apps

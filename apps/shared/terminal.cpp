@@ -54,6 +54,7 @@ Terminal::Terminal()
       has_colours_(::isatty(STDOUT_FILENO) == 1 && !is_dumb() && !is_set("NO_COLOR")) {}
 
 std::size_t Terminal::width() const noexcept {
+  if (!is_live_) return std::string::npos;
   winsize size{};
   if (::ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) != 0 || size.ws_col == 0) return 80;
   return size.ws_col;
@@ -111,6 +112,16 @@ std::vector<std::string> wrap(std::string_view text, std::size_t width) {
   return lines;
 }
 
+std::vector<std::string> hang(const std::string& head, std::string_view text, std::size_t width,
+                              const Terminal& terminal, Style style) {
+  std::vector<std::string> lines;
+  for (const std::string& line : wrap(text, width)) {
+    lines.push_back((lines.empty() ? head : std::string(columns_of(head), ' ')) +
+                    terminal.paint(line, style));
+  }
+  return lines;
+}
+
 std::string fit(std::vector<Segment> segments, std::size_t width, const Terminal& terminal) {
   std::erase_if(segments, [](const Segment& segment) { return segment.text.empty(); });
   const auto columns = [&segments] {
@@ -153,18 +164,11 @@ void LiveLines::clear() {
 
 void Console::print(const std::string& about, const std::string& text, Style style) {
   live_.clear();
-  const std::string head = about + ": ";
+  const std::string head = terminal_.paint(about + ": ", Style::kBold);
   const std::size_t indent = columns_of(head);
-  const std::size_t room = terminal_.is_live() && terminal_.width() > 2 * indent
-                               ? terminal_.width() - indent
-                               : std::string::npos;
-  bool is_first = true;
-  for (const std::string& line : wrap(text, room)) {
-    const std::string start =
-        is_first ? terminal_.paint(head, Style::kBold) : std::string(indent, ' ');
-    fmt::print("{}{}\n", start, terminal_.paint(line, style));
-    is_first = false;
-  }
+  const std::size_t width = terminal_.width();
+  const std::size_t room = width > 2 * indent ? width - indent : std::string::npos;
+  for (const std::string& line : hang(head, text, room, terminal_, style)) fmt::print("{}\n", line);
   std::fflush(stdout);
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <chrono>
 #include <cstddef>
 #include <string>
 #include <string_view>
@@ -24,7 +25,7 @@ class Terminal {
   // True if somebody watches and lines may be drawn over. False for a file, and for a terminal that
   // shows another program.
   [[nodiscard]] bool is_live() const noexcept { return is_live_; }
-  // Returns the present width of the window; 80 if there is none.
+  // Returns the present width of the window; if nobody watches, lines may have any width.
   [[nodiscard]] std::size_t width() const noexcept;
   // Returns `text` in colour if colours are wanted.
   [[nodiscard]] std::string paint(std::string_view text, Style style) const;
@@ -43,6 +44,12 @@ class Terminal {
 [[nodiscard]] std::string pad(std::string_view text, std::size_t width);
 // Breaks `text` into lines of at most `width` columns, at spaces if possible.
 [[nodiscard]] std::vector<std::string> wrap(std::string_view text, std::size_t width);
+
+// Breaks `text` into lines of at most `width` columns, which are painted. The first one follows
+// `head`, the others begin below it.
+[[nodiscard]] std::vector<std::string> hang(const std::string& head, std::string_view text,
+                                            std::size_t width, const Terminal& terminal,
+                                            Style style);
 
 // One part of a line that should fit into a window.
 struct Segment {

@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <sys/types.h>
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "robot/run_recorder.hpp"
+#include "trifinger/base/time.hpp"
+#include "trifinger/ipc/file_descriptor.hpp"
+
+namespace trifinger::apps {
+
+// The line that a recorder of `trifinger run` prints as long as it makes progress.
+inline constexpr std::string_view kRecorderSign = "goes on";
+
+// `trifinger record` as a child process. It notices by itself when this process has ended. A byte
+// on its standard input tells it that the robot has stopped. On its output it gives a sign while it
+// makes progress.
+class RecorderProcess final : public RunRecorder {
+ public:
+  // Throws SystemError. The child continues until this process has ended.
+  RecorderProcess(std::string robot, std::filesystem::path folder);
+
+  [[nodiscard]] bool finish(Nanoseconds timeout) override;
+
+ private:
+  struct Child {
+    pid_t pid{0};
+    ipc::FileDescriptor input;
+    ipc::FileDescriptor output;
+    std::string text{};  // output that is not a whole line yet
+    std::string last_words{};
+    bool has_given_sign{false};
+    bool is_told{false};  // that the robot has stopped
+    bool was_killed{false};
+  };
+
+  // Starts a recorder if there is none.
+  void look_after() override;
+  void spawn();
+  void start_again();
+  void read_output();
+  // Replaces the child, which has ended with `status`, unless its work is done.
+  void replace(int status);
+  void tell_child();
+  void end_silence();
+  void give_up(const std::string& why);
+
+  std::string robot_;
+  std::filesystem::path folder_;
+  std::optional<Child> child_;
+  Instant next_start_;
+  bool is_ending_{false};
+  int endings_{0};  // number of endings that have failed
+  bool is_over_{false};
+};
+
+}  // namespace trifinger::apps
