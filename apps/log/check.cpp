@@ -6,8 +6,9 @@
 #include <vector>
 
 #include "commands.hpp"
-#include "log/text.hpp"
+#include "log/summary.hpp"
 #include "shared/terminal.hpp"
+#include "shared/text.hpp"
 #include "trifinger/log/log.hpp"
 #include "trifinger/log/repair.hpp"
 

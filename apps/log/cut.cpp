@@ -7,7 +7,7 @@
 
 #include "commands.hpp"
 #include "log/options.hpp"
-#include "log/text.hpp"
+#include "shared/text.hpp"
 #include "trifinger/log/copy.hpp"
 
 namespace trifinger::apps {

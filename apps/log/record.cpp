@@ -18,7 +18,6 @@
 #include "commands.hpp"
 #include "log/options.hpp"
 #include "log/running_recorder.hpp"
-#include "log/text.hpp"
 #include "robot/recorder_process.hpp"
 #include "shared/options.hpp"
 #include "shared/signals.hpp"

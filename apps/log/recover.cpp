@@ -5,7 +5,8 @@
 #include <string>
 
 #include "commands.hpp"
-#include "log/text.hpp"
+#include "log/summary.hpp"
+#include "shared/text.hpp"
 #include "trifinger/log/repair.hpp"
 
 namespace trifinger::apps {

@@ -8,8 +8,8 @@
 #include <utility>
 
 #include "commands.hpp"
-#include "log/text.hpp"
 #include "shared/options.hpp"
+#include "shared/text.hpp"
 #include "trifinger/log/flight_recorder.hpp"
 #include "trifinger/log/log.hpp"
 

@@ -5,8 +5,10 @@
 #include <mutex>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
+#include "shared/signals.hpp"
 #include "trifinger/base/time.hpp"
 #include "trifinger/log/event.hpp"
 #include "trifinger/log/recorder.hpp"
@@ -17,21 +19,43 @@ namespace trifinger::apps {
 class RunningRecorder {
  public:
   // Throws AlreadyRecorded, InvalidArgument, SystemError.
-  RunningRecorder(const std::vector<std::string>& robots, log::RecorderOptions options);
+  RunningRecorder(const std::vector<std::string>& robots, log::RecorderOptions options)
+      : recorder_(robots, with_listener(std::move(options))) {
+    std::packaged_task<void()> work([this] { recorder_.run(); });
+    end_ = work.get_future();
+    thread_ = std::jthread([work = std::move(work)]() mutable {
+      work();
+      Signals::notify();
+    });
+  }
   RunningRecorder(const RunningRecorder&) = delete;
   RunningRecorder& operator=(const RunningRecorder&) = delete;
-  ~RunningRecorder();
+  ~RunningRecorder() { recorder_.request_stop(); }
 
   [[nodiscard]] log::Recorder& recorder() noexcept { return recorder_; }
   // Returns the events since the last call.
-  [[nodiscard]] std::vector<log::Event> take_events();
+  [[nodiscard]] std::vector<log::Event> take_events() {
+    const std::lock_guard lock(mutex_);
+    return std::exchange(events_, {});
+  }
   // True if the recorder has ended, or ends within `timeout`.
-  [[nodiscard]] bool has_ended(Nanoseconds timeout = Nanoseconds::zero()) const;
+  [[nodiscard]] bool has_ended(Nanoseconds timeout = Nanoseconds::zero()) const {
+    return end_.wait_for(timeout) == std::future_status::ready;
+  }
   // Call this once, after the end. Throws what ended the recorder before it was asked to.
   void require_success() { end_.get(); }
 
  private:
-  log::RecorderOptions with_listener(log::RecorderOptions options);
+  log::RecorderOptions with_listener(log::RecorderOptions options) {
+    options.on_event = [this](const log::Event& event) {
+      {
+        const std::lock_guard lock(mutex_);
+        events_.push_back(event);
+      }
+      Signals::notify();
+    };
+    return options;
+  }
 
   std::mutex mutex_;
   std::vector<log::Event> events_;

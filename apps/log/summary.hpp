@@ -71,6 +71,9 @@ struct McapSummary {
 [[nodiscard]] LogSummary summary_of(log::Log log);
 [[nodiscard]] McapSummary summary_of(const std::string& file, const std::string& reason);
 
+// Formats a damage: "bytes 4711 to 4999: The checksum of a chunk is wrong".
+[[nodiscard]] std::string text_of(const log::Damage& damage);
+
 // For people. `all_events`: also those that are no warnings and no errors.
 void print(const LogSummary& summary, bool all_events);
 void print(const McapSummary& summary);

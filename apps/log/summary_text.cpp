@@ -1,15 +1,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/chrono.h>
 #include <fmt/core.h>
 #include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cstddef>
+#include <cstdint>
+#include <ctime>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "log/summary.hpp"
-#include "log/text.hpp"
 #include "shared/terminal.hpp"
 #include "shared/text.hpp"
 
@@ -20,6 +22,12 @@ using log::Event;
 using log::Gap;
 using log::Log;
 using log::LoggedSession;
+
+// Formats a date: "2026-11-20 09:57:35 UTC"; `time` since 1970 [ns].
+std::string date_text(std::int64_t time) {
+  return fmt::format("{:%Y-%m-%d %H:%M:%S} UTC",
+                     fmt::gmtime(static_cast<std::time_t>(time / 1'000'000'000)));
+}
 
 std::string end_text(const LoggedSession& session) {
   if (!session.fault()) return "went on when the recording ended";
@@ -163,6 +171,12 @@ void print_events(const InfoSheet& sheet, std::vector<Event> events, bool all_ev
 }
 
 }  // namespace
+
+std::string text_of(const log::Damage& damage) {
+  if (damage.size == 0) return damage.reason;
+  return fmt::format("bytes {} to {}: {}", damage.offset, damage.offset + damage.size - 1,
+                     damage.reason);
+}
 
 void print(const LogSummary& summary, bool all_events) {
   const InfoSheet sheet;
