@@ -1,13 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Rows of the tables that `./run bench` makes, as text and in Markdown."""
 
-from __future__ import annotations
-
 import math
 import statistics
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from typing import Any, Self
 
 
 @dataclass(frozen=True)
@@ -28,10 +26,10 @@ class Row:
     # What the process may use of the machine, as reported at its beginning.
     process: dict[str, Any] = field(default_factory=dict)
 
-    @staticmethod
-    def of(measure: str, samples: Sequence[float], unit: str, **others: Any) -> Row:
+    @classmethod
+    def of(cls, measure: str, samples: Sequence[float], unit: str, **others: Any) -> Self:
         """Makes a row with the median and the range of the samples."""
-        return Row(measure, statistics.median(samples), min(samples), max(samples), unit, **others)
+        return cls(measure, statistics.median(samples), min(samples), max(samples), unit, **others)
 
     def json(self) -> dict[str, Any]:
         """Returns the row as it is written to a file."""
@@ -40,7 +38,7 @@ class Row:
     def figure(self) -> str:
         """Returns the median with its range, as in "19.9 µs (16.3 to 40.3)"."""
         scale, unit = _scale(self.value, self.unit)
-        text = _with_unit(_number(self.value / scale), unit)
+        text = f"{_number(self.value / scale)} {unit}".rstrip()
         if self.low == self.high:
             return text
         low, high = (_number(value / scale) for value in (self.low, self.high))
@@ -53,7 +51,7 @@ class Row:
         if self.reference_value is None:
             return self.reference
         scale, unit = _scale(self.reference_value, self.unit)
-        value = _with_unit(_number(self.reference_value / scale), unit)
+        value = f"{_number(self.reference_value / scale)} {unit}".rstrip()
         return f"{self.reference}: {value}"
 
     def text(self) -> str:
@@ -92,11 +90,6 @@ def _scale(value: float, unit: str) -> tuple[float, str]:
             if abs(value) >= scale:
                 return scale, prefix + unit
     return 1.0, "µs" if unit == "us" else unit
-
-
-def _with_unit(number: str, unit: str) -> str:
-    """Formats a number and its unit."""
-    return f"{number} {unit}".rstrip()
 
 
 def _number(value: float) -> str:

@@ -4,9 +4,8 @@
 If the operating system refuses something, that is an OSError, as everywhere in Python.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
+from typing import Self
 
 from trifinger.session_info import Fault
 
@@ -23,7 +22,7 @@ class InvalidArgument(Error, ValueError):
     """An argument has no meaning here: a wrong name, range, size or unit."""
 
     @classmethod
-    def of_name(cls, kind: str, name: str, names: Iterable[str]) -> InvalidArgument:
+    def of_name(cls, kind: str, name: str, names: Iterable[str]) -> Self:
         """The error for a `name` that is not in the `names` of a `kind`; suggests the nearest."""
         import difflib  # imported only when there is a mistake: it takes time
 

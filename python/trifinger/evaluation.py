@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Evaluates a policy in episodes that it was not trained on: numbers, figures and a film."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -31,30 +29,6 @@ FILM_EPISODES = 5
 SHOWN_EPISODES = 20  # in the figure of the paths to the goals
 
 
-@dataclass(frozen=True)
-class Evaluation:
-    """Results of some episodes."""
-
-    distances: Array
-    """Final distances of each tip or of the object to the goal; a row for each episode [m]."""
-    successes: Array
-    """Whether each episode ended with success."""
-    ways: Array
-    """Achieved minus desired goal: episode, action, number; NaN after the end of an episode."""
-
-    def summary(self) -> Summary:
-        """The figures of these results."""
-        quartiles = np.percentile(self.distances, (25, 50, 75))
-        return Summary(
-            episodes=len(self.successes),
-            lower_quartile=float(quartiles[0]),
-            median=float(quartiles[1]),
-            upper_quartile=float(quartiles[2]),
-            largest=float(self.distances.max()),
-            success=float(self.successes.mean()),
-        )
-
-
 @dataclass(frozen=True, kw_only=True)
 class Summary:
     """Distances at the end of episodes [m], and the share that ended with success."""
@@ -80,6 +54,30 @@ class Summary:
     def to_json(self) -> str:
         """A JSON object with the names of the fields."""
         return json.dumps(asdict(self))
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Results of some episodes."""
+
+    distances: Array
+    """Final distances of each tip or of the object to the goal; a row for each episode [m]."""
+    successes: Array
+    """Whether each episode ended with success."""
+    ways: Array
+    """Achieved minus desired goal: episode, action, number; NaN after the end of an episode."""
+
+    def summary(self) -> Summary:
+        """The figures of these results."""
+        quartiles = np.percentile(self.distances, (25, 50, 75))
+        return Summary(
+            episodes=len(self.successes),
+            lower_quartile=float(quartiles[0]),
+            median=float(quartiles[1]),
+            upper_quartile=float(quartiles[2]),
+            largest=float(self.distances.max()),
+            success=float(self.successes.mean()),
+        )
 
 
 class Evaluator:

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A training from its beginning, or from its newest checkpoint, to its end."""
 
-from __future__ import annotations
-
 import csv
 import dataclasses
 import io
@@ -58,7 +56,7 @@ class Training:
         folder: Path,
         say: Callable[[str], None] = lambda _: None,
         show_progress: Callable[[int], None] = lambda _: None,
-        after_evaluation: Callable[[Training], None] = lambda _: None,
+        after_evaluation: Callable[[Any], None] = lambda _: None,
     ) -> None:
         """`say` gets lines for people; `show_progress` often gets the number of ended episodes.
 
