@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Checks that layers include only layers below them.
+"""Checks that layers include only layers below them, and use their own namespaces.
 
 A layer is a directory: include/trifinger/LAYER, src/LAYER and tests/LAYER. The table of layers in
 ARCHITECTURE.md says which layers each one is directly above. A layer may also include all layers
-further down.
+further down. Tests may open any namespace.
 """
 
 import re
@@ -15,6 +15,10 @@ from tracked_files import ROOT, tracked_files
 
 TABLE = "ARCHITECTURE.md"
 ROW = re.compile(r"^\| `(\w+)` \|.*\|([^|]*)\|$", re.MULTILINE)
+# These layers share the namespace `trifinger`; each other layer has one of its own name in it.
+SHARED = {"base", "realtime", "core", "joint", "model", "sim"}
+BENEATH = ("::detail", "::docs")  # docs has the texts that tools/write_docstrings.py writes
+NAMESPACE = re.compile(r"^\s*(?:inline\s+)?namespace\s+(trifinger[\w:]*)")
 INCLUDE = re.compile(r'^\s*#\s*include\s*["<]trifinger/(\w+)/')
 
 
@@ -46,7 +50,7 @@ def layer_of(path: Path) -> str | None:
 
 
 def violations(path: Path, lines: Iterable[str]) -> Iterator[str]:
-    """Yields one sentence for each include in the file at `path` that its layer forbids."""
+    """Yields one sentence for each include and namespace in a file that its layer forbids."""
     layer = layer_of(path)
     if layer is None:
         return
@@ -54,12 +58,20 @@ def violations(path: Path, lines: Iterable[str]) -> Iterator[str]:
         yield f"{path}: the layer '{layer}' is not in the table of {TABLE}."
         return
     allowed = allowed_layers(layer)
+    own = "trifinger" if layer in SHARED else f"trifinger::{layer}"
+    namespaces = {own, *(own + beneath for beneath in BENEATH)}
     for number, line in enumerate(lines, start=1):
         included = INCLUDE.match(line)
         if included and included[1] not in allowed:
             yield (
                 f"{path}:{number}: '{layer}' may not include '{included[1]}', "
                 f"only {', '.join(name for name in DIRECTLY_BELOW if name in allowed)}."
+            )
+        opened = NAMESPACE.match(line)
+        if opened and path.parts[0] != "tests" and opened[1] not in namespaces:
+            yield (
+                f"{path}:{number}: '{layer}' may not open the namespace '{opened[1]}', "
+                f"only '{own}' and '{own}::detail'."
             )
 
 

@@ -84,3 +84,31 @@ def test_the_directory_is_the_layer(path: str, layer: str) -> None:
 @pytest.mark.parametrize("path", ["examples/1_loop.cpp", "tests/support/guard.hpp"])
 def test_what_is_no_layer_may_include_anything(path: str) -> None:
     assert found(path, '#include "trifinger/sim/driver.hpp"') == []
+
+
+@pytest.mark.parametrize(
+    ("path", "namespace"),
+    [
+        ("include/trifinger/core/x.hpp", "trifinger"),
+        ("src/core/x.cpp", "trifinger::detail"),
+        ("src/log/x.cpp", "trifinger::log"),
+        ("src/log/read/x.cpp", "trifinger::log::detail"),
+        ("bindings/log/x.cpp", "trifinger::bindings"),
+        ("tests/core/x_test.cpp", "trifinger::test"),
+    ],
+)
+def test_a_layer_has_a_namespace(path: str, namespace: str) -> None:
+    assert found(path, f"namespace {namespace} {{") == []
+
+
+@pytest.mark.parametrize("namespace", ["trifinger", "trifinger::logs", "trifinger::log::read"])
+def test_another_namespace_is_named_with_the_right_ones(namespace: str) -> None:
+    assert found("src/log/x.cpp", "", f"namespace {namespace} {{") == [
+        f"src/log/x.cpp:2: 'log' may not open the namespace '{namespace}', "
+        "only 'trifinger::log' and 'trifinger::log::detail'."
+    ]
+
+
+@pytest.mark.parametrize("namespace", ["trifinger::core", "trifinger::layout"])
+def test_layers_of_every_program_share_a_namespace(namespace: str) -> None:
+    assert found("include/trifinger/core/x.hpp", f"namespace {namespace} {{")
