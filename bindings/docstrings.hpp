@@ -604,9 +604,10 @@ MuJoCo writes six digits, so a model that is read back agrees with the built one
 1e-6 m.
 
 Raises InvalidArgument if the description cannot be built.)";
-inline constexpr const char* export_urdf = R"(The robot as URDF: links with the source's inertias, joints with limits, tips and cameras as
-frames (cameras as `NAME_optical_frame`: x right, y down, z forward). It has no boundary and
-needs no other file. Gravity points along the root link's -z, flipped or not.
+inline constexpr const char* export_urdf = R"(The robot as URDF, for planners and other simulations: links with the source's inertias,
+joints with limits, tips and cameras as frames (cameras as `NAME_optical_frame`: x right, y
+down, z forward). It has no boundary and needs no other file. Gravity points along the root
+link's -z, flipped or not.
 
 Raises InvalidArgument if the description cannot be built.)";
 inline constexpr const char* grasp_map = R"(The map from contact forces to the wrench on the object about `centre` [m]. It has 6 rows,

@@ -6,6 +6,7 @@
 #include <span>
 #include <utility>
 
+#include "conversion/text.hpp"
 #include "session/checks.hpp"
 #include "trifinger/model/export.hpp"
 

@@ -17,6 +17,7 @@
 
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/regular_file.hpp"
+#include "trifinger/ipc/file_lock.hpp"
 
 namespace trifinger::detail {
 namespace {

@@ -52,7 +52,7 @@ TEST(Node, ReadsTextsTruthAndLists) {
               ElementsAre(ElementsAre(1, 2), ElementsAre(3, 4)));
 }
 
-TEST(Node, AcceptsTheUnitBehindANumber) {
+TEST(Node, AcceptsTheUnitAfterANumber) {
   EXPECT_EQ(fingers("height: 0.3 m").required<double>("height", kHeight), 0.3);
   EXPECT_EQ(fingers("steps: 5 steps").required<int>("steps", {.unit = "steps"}), 5);
 }

@@ -134,7 +134,7 @@ class SlowDriver : public ::testing::Test {
   Frontend<FakeRobot> robot_{rig_.connect()};
 };
 
-TEST_F(SlowDriver, IsToBlameForTheStepBehindATickThatItTookUp) {
+TEST_F(SlowDriver, IsToBlameForTheStepAfterATickThatItTookUp) {
   tick_with_slow_measurement(kPeriod * 17 / 10);
   catch_up(rig_, kPeriod * 7 / 10);
   rig_.tick(2);
@@ -148,7 +148,7 @@ TEST_F(SlowDriver, IsToBlameForTheStepBehindATickThatItTookUp) {
   EXPECT_EQ(timing->worst().front().lateness, kPeriod * 7 / 10);
 }
 
-TEST_F(SlowDriver, IsNotToBlameForTheStepBehindATickThatItLeftInTime) {
+TEST_F(SlowDriver, IsNotToBlameForTheStepAfterATickThatItLeftInTime) {
   tick_with_slow_measurement(kPeriod * 3 / 10);
   catch_up(rig_, kPeriod * 3 / 10 - kPeriod * 6 / 10);
   EXPECT_TRUE(has_flag(robot_, 4, Status::kSchedulerLate));

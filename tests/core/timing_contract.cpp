@@ -233,7 +233,7 @@ TEST_P(TimingContract, fault_05_AppendWaitsWhileTheQueueIsFull) {
   expect_actions(*robot, 100);
 }
 
-TEST_P(TimingContract, EndsBehindTheLastActionWhenFinished) {
+TEST_P(TimingContract, EndsAfterTheLastActionWhenFinished) {
   const auto rig = make_rig();
   const auto robot = rig->connect();
   run_steps<Numbers>(*robot, 0, 9);

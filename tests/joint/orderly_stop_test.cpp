@@ -158,7 +158,7 @@ TEST(OrderlyStop, MovesNothingByItselfAfterAFault) {
   }
 }
 
-TEST(OrderlyStop, BeginsAnewBehindEverySession) {
+TEST(OrderlyStop, BeginsAnewAfterEverySession) {
   const Joints joints(5);
   Stop stop(joints.options(), kPeriod);
   Action action;

@@ -155,7 +155,7 @@ TEST_F(PolicyFile, IsRefusedWhereverItIsCutOff) {
   }
 }
 
-TEST_F(PolicyFile, IsRefusedWithAnythingBehindItsEnd) {
+TEST_F(PolicyFile, IsRefusedWithAnythingAfterItsEnd) {
   EXPECT_THAT(refusal(golden() + '\n'),
               HasSubstr("29 bytes after its header, and its layers need 28"));
   EXPECT_NE(refusal(golden() + bytes_of({1})), "");

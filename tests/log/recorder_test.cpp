@@ -386,7 +386,7 @@ TEST_F(RecorderTest, RefusesNamesThatRobotsCannotHave) {
   }
 }
 
-TEST_F(RecorderTest, fault_66_GoesOnWithTheRecordingBehindACleanEnd) {
+TEST_F(RecorderTest, fault_66_GoesOnWithTheRecordingAfterACleanEnd) {
   const NamedRobot backend("robot", {});
   auto robot = connect<FakeRobot>("robot");
   for (int i = 1; i <= 3; ++i) {
@@ -405,7 +405,7 @@ TEST_F(RecorderTest, fault_66_GoesOnWithTheRecordingBehindACleanEnd) {
   EXPECT_EQ(log.newest().companions.at("robot.sensor").size(), 75);
 }
 
-TEST_F(RecorderTest, BeginsAnotherRecordingIfTheHistoryHasLostWhatComesBehindACleanEnd) {
+TEST_F(RecorderTest, BeginsAnotherRecordingIfTheHistoryHasLostWhatComesAfterACleanEnd) {
   const NamedRobot backend("robot", {.history = 64, .queue = 64});
   auto robot = connect<FakeRobot>("robot");
   for (int i = 1; i <= 2; ++i) {

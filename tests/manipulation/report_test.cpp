@@ -63,7 +63,7 @@ TEST(Report, OfAConstantErrorIsThatError) {
   EXPECT_NEAR(report.cycle_p999, 1e-5, 1e-12);
 }
 
-TEST(Report, IgnoresWhatWasBeforeAndBehindTheTask) {
+TEST(Report, IgnoresWhatWasBeforeAndAfterTheTask) {
   const Trace trace = trace_of(kLift);
   std::vector<SeenPose> poses = poses_at(trace, {});
   for (SeenPose& seen : poses) {

@@ -577,7 +577,7 @@ class TestMistakes:
         ):
             vector.step(np.stack([np.zeros(9, np.float32), action]))
 
-    def test_a_step_behind_the_end(self):
+    def test_a_step_after_the_end(self):
         environment = single("reach", duration=0.02)
         with pytest.raises(gymnasium.error.ResetNeeded):
             environment.step(np.zeros(9, np.float32))
@@ -588,7 +588,7 @@ class TestMistakes:
         with pytest.raises(gymnasium.error.ResetNeeded):
             VectorEnvironment("reach", 1).step(np.zeros((1, 9), np.float32))
 
-    def test_a_step_behind_the_end_of_some(self):
+    def test_a_step_after_the_end_of_some(self):
         options = Options.of("reach", duration=0.04)
         vector = VectorEnvironment(
             "reach", 3, options=options, autoreset_mode=AutoresetMode.DISABLED

@@ -124,7 +124,7 @@ def test_strict_front_ends_refuse_an_action_after_its_observation() -> None:
         append(robot, 1)
 
 
-def test_finish_ends_the_session_behind_the_last_action(robot: trifinger.Frontend) -> None:
+def test_finish_ends_the_session_after_the_last_action(robot: trifinger.Frontend) -> None:
     append(robot, 5)
     assert robot.fault() is None
     robot.finish()

@@ -106,7 +106,7 @@ def test_an_approximate_state_depends_on_the_action_before_through_one_step(
 
 
 @every_mapping
-def test_an_action_changes_the_states_behind_it_and_no_others(
+def test_an_action_changes_the_states_after_it_and_no_others(
     mapping: type[DecisionProcess[State]], k: int
 ) -> None:
     cycles = 6

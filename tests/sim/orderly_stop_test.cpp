@@ -98,7 +98,7 @@ TYPED_TEST(SimulatedStop, IsMeasuredButNoPartOfTheSession) {
   EXPECT_EQ(Frontend<TypeParam>(backend).latest_observation().position, begin);
 }
 
-TYPED_TEST(SimulatedStop, GoesNowhereBehindAFaultOfTheSafetyChain) {
+TYPED_TEST(SimulatedStop, GoesNowhereAfterAFaultOfTheSafetyChain) {
   const auto options = all_with_rest_position<TypeParam>().front();
   SimulatedRobot<TypeParam> robot(options);
   bool is_broken = true;
