@@ -57,9 +57,6 @@ class RunRecorder {
 
   RunRecorder() = default;
 
-  // Calls the functions below.
-  virtual void look_after() = 0;
-
   // The recorder is started.
   void begin_watch() noexcept { last_sign_ = std::chrono::steady_clock::now(); }
   // The recorder makes progress. Reports the end of its trouble.
@@ -79,6 +76,9 @@ class RunRecorder {
   }
 
  private:
+  // Looks at the recorder and calls the protected functions above.
+  virtual void look_after() = 0;
+
   Instant last_sign_{std::chrono::steady_clock::now()};
   Instant trouble_since_;
   std::string trouble_;  // trouble that was reported

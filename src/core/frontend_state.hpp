@@ -39,7 +39,7 @@ struct Part {
 // sleeps; if the back-end is inline, the wait runs it.
 struct FrontendState {
   // `backend` is null if another thread runs the back-end.
-  explicit FrontendState(Part part, bool is_strict = false, Backend* backend = nullptr,
+  explicit FrontendState(Part part, bool its_strictness = false, Backend* backend = nullptr,
                          std::shared_ptr<void> its_owner = nullptr);
   FrontendState(const FrontendState&) = delete;
   FrontendState& operator=(const FrontendState&) = delete;

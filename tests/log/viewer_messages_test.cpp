@@ -26,7 +26,6 @@ namespace {
 
 using log::LogWriter;
 using log::SessionHeader;
-using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
 struct ArmObservation {
