@@ -64,7 +64,8 @@ CLI::Option* add_number(CLI::App& command, const std::string& name,
     char* end = nullptr;
     const double number = std::strtod(text.c_str(), &end);
     const bool is_number = end != text.c_str() && *end == '\0';
-    if (!is_number || !(least <= number && number <= most)) {
+    const bool is_within = least <= number && number <= most;  // false for NaN
+    if (!is_number || !is_within) {
       throw UsageError(
           fmt::format("{} is '{}', must be a number from {:g} to {:g}", name, text, least, most));
     }

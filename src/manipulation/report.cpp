@@ -46,9 +46,8 @@ bool is_hold(const TraceStep& step) { return step.phase == Phase::kHold; }
 // Returns the steps of the last try, from lifting the object to putting it down.
 Steps last_try(const std::vector<TraceStep>& steps) {
   // The last try begins with the last step of the phase kGrasp.
-  const auto grasp = std::find_if(steps.rbegin(), steps.rend(), [](const TraceStep& step) {
-    return step.phase == Phase::kGrasp;
-  });
+  const auto grasp =
+      std::ranges::find(steps.rbegin(), steps.rend(), Phase::kGrasp, &TraceStep::phase);
   const auto from = grasp == steps.rend() ? steps.begin() : grasp.base() - 1;
   const auto begin =
       std::find_if(from, steps.end(), [](const TraceStep& step) { return counts(step.phase); });
