@@ -741,9 +741,10 @@ def export_mjcf(config: str = 'sim', overrides: dict[str, object] = {}) -> str:
 
 def export_urdf(config: str = 'sim', overrides: dict[str, object] = {}) -> str:
     """
-    The robot as URDF: links with the source's inertias, joints with limits, tips and cameras as
-    frames (cameras as `NAME_optical_frame`: x right, y down, z forward). It has no boundary and
-    needs no other file. Gravity points along the root link's -z, flipped or not.
+    The robot as URDF, for planners and other simulations: links with the source's inertias,
+    joints with limits, tips and cameras as frames (cameras as `NAME_optical_frame`: x right, y
+    down, z forward). It has no boundary and needs no other file. Gravity points along the root
+    link's -z, flipped or not.
 
     Raises InvalidArgument if the description cannot be built.
     """
