@@ -38,10 +38,13 @@ def limit_files_of(pid: int, size: int) -> None:
 
 
 def stop(pid: int) -> None:
-    """Stops a process, and returns when it stands still: the signal alone takes its time."""
+    """Stops a process, and returns when all its threads stand still, which takes its time.
+
+    The kernel counts a process as stopped when its last thread stands still.
+    """
     os.kill(pid, signal.SIGSTOP)
-    status = Path(f"/proc/{pid}/status")
-    while "State:\tT" not in status.read_text():
+    threads = Path(f"/proc/{pid}/task")
+    while any("State:\tT" not in (task / "status").read_text() for task in threads.iterdir()):
         os.sched_yield()
 
 
