@@ -12,6 +12,7 @@
 #include <thread>
 
 #include "harness.hpp"
+#include "support/folder.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/fake_robot.hpp"
@@ -302,7 +303,7 @@ class FourProcesses {
   }
 
   std::string name_{"benchmark-kills"};
-  TemporaryFolder logs_;
+  test::Folder logs_;
   Shared<Work> work_;
   Dice random_;
   std::array<std::unique_ptr<Child>, kProcesses> processes_;

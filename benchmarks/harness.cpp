@@ -104,18 +104,6 @@ Row make_row(std::string measure, std::string unit, const Paired& paired, std::s
   return row;
 }
 
-TemporaryFolder::TemporaryFolder() {
-  std::string name =
-      (std::filesystem::temp_directory_path() / "trifinger_benchmark_XXXXXX").string();
-  if (::mkdtemp(name.data()) == nullptr) throw SystemError("make a folder", errno);
-  path_ = name;
-}
-
-TemporaryFolder::~TemporaryFolder() {
-  std::error_code ignored;
-  std::filesystem::remove_all(path_, ignored);
-}
-
 void report_process() {
   sched_param parameters{};
   ::sched_getparam(0, &parameters);

@@ -85,20 +85,6 @@ void report_process();
 /// Keeps the calling thread on one processor. Returns false if there is no such processor.
 bool pin(int cpu);
 
-/// A folder that is removed together with this object.
-class TemporaryFolder {
- public:
-  TemporaryFolder();
-  TemporaryFolder(const TemporaryFolder&) = delete;
-  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-  ~TemporaryFolder();
-
-  [[nodiscard]] const std::filesystem::path& path() const noexcept { return path_; }
-
- private:
-  std::filesystem::path path_;
-};
-
 /// A child process that runs `body` and exits. The destructor sends it a signal and waits for its
 /// end. If this thread ends without that, the child is killed.
 class Child {

@@ -19,6 +19,7 @@
 #include <vector>
 
 #include "harness.hpp"
+#include "support/folder.hpp"
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/core/session.hpp"
 #include "trifinger/core/timing.hpp"
@@ -147,7 +148,7 @@ std::vector<Status> statuses_of(const Frontend<TriFinger>& robot, double hold_ti
 
 std::vector<Row> lift(const Effort& effort) {
   const std::string name = fmt::format("benchmark-{}", ::getpid());
-  const TemporaryFolder folder;
+  const test::Folder folder;
 
   const Child backend = start(
       kBackendCpu, {"trifinger", "run", "sim", "--name", name, "--set", "fingers.height=0.3"});

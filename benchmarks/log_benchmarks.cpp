@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "harness.hpp"
+#include "support/folder.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/log/log.hpp"
 #include "trifinger/log/log_writer.hpp"
@@ -238,7 +239,7 @@ Row read_row(const Effort& effort, const std::filesystem::path& file,
 
 std::vector<Row> log_files(const Effort& effort) {
   const Run run = run_with_random_torques();
-  const TemporaryFolder folder;
+  const test::Folder folder;
   const std::filesystem::path file = folder.path() / "log.mcap";
   std::vector<Row> rows;
   rows.push_back(
@@ -254,7 +255,7 @@ std::vector<Row> log_files(const Effort& effort) {
 std::vector<Row> recorded_simulation(const Effort& effort) {
   const Simulation<TriFinger> bare;
   const Simulation<TriFinger> recorded;
-  const TemporaryFolder folder;
+  const test::Folder folder;
   log::RecorderOptions options;
   options.folder = folder.path();
   options.is_follower = true;

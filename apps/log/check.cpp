@@ -9,6 +9,7 @@
 #include "log/summary.hpp"
 #include "shared/terminal.hpp"
 #include "shared/text.hpp"
+#include "trifinger/base/text.hpp"
 #include "trifinger/log/log.hpp"
 #include "trifinger/log/repair.hpp"
 

@@ -8,6 +8,7 @@
 #include "commands.hpp"
 #include "log/options.hpp"
 #include "shared/text.hpp"
+#include "trifinger/base/text.hpp"
 #include "trifinger/log/copy.hpp"
 
 namespace trifinger::apps {

@@ -23,6 +23,7 @@
 #include "shared/signals.hpp"
 #include "shared/terminal.hpp"
 #include "shared/text.hpp"
+#include "trifinger/base/text.hpp"
 #include "trifinger/core/log_folder.hpp"
 #include "trifinger/log/event.hpp"
 #include "trifinger/log/recorder.hpp"

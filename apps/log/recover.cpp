@@ -7,6 +7,7 @@
 #include "commands.hpp"
 #include "log/summary.hpp"
 #include "shared/text.hpp"
+#include "trifinger/base/text.hpp"
 #include "trifinger/log/repair.hpp"
 
 namespace trifinger::apps {

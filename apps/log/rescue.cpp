@@ -10,6 +10,7 @@
 #include "commands.hpp"
 #include "shared/options.hpp"
 #include "shared/text.hpp"
+#include "trifinger/base/text.hpp"
 #include "trifinger/log/flight_recorder.hpp"
 #include "trifinger/log/log.hpp"
 

@@ -14,6 +14,7 @@
 #include "log/summary.hpp"
 #include "shared/terminal.hpp"
 #include "shared/text.hpp"
+#include "trifinger/base/text.hpp"
 
 namespace trifinger::apps {
 namespace {

@@ -12,15 +12,6 @@ std::string rate_text(double rate) {
   return fmt::format("{:.1f} MHz", rate / 1e6);
 }
 
-std::string size_text(std::uint64_t bytes) {
-  const auto size = static_cast<double>(bytes);
-  if (bytes == 1) return "1 byte";
-  if (size < 1e3) return fmt::format("{} bytes", bytes);
-  if (size < 999.5e3) return fmt::format("{:.3g} kB", size / 1e3);
-  if (size < 999.5e6) return fmt::format("{:.3g} MB", size / 1e6);
-  return fmt::format("{:.3g} GB", size / 1e9);
-}
-
 std::string counted(std::int64_t count, const std::string& what) {
   return fmt::format("{} {}{}", count, what, count == 1 ? "" : "s");
 }

@@ -13,8 +13,6 @@ namespace trifinger::apps {
 
 // Formats a rate: "1000 Hz", "184 kHz".
 [[nodiscard]] std::string rate_text(double rate);
-// Formats a size: "812 bytes", "24.6 MB".
-[[nodiscard]] std::string size_text(std::uint64_t bytes);
 // Formats a count: "1 step", "12 steps".
 [[nodiscard]] std::string counted(std::int64_t count, const std::string& what);
 // Says whether a loop runs as a real-time thread, one line each: "yes", or "no: " and what it

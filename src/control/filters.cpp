@@ -5,9 +5,11 @@
 #include <cmath>
 #include <numbers>
 
-#include "check.hpp"
+#include "trifinger/base/error.hpp"
 
 namespace trifinger::control {
+
+using detail::require_positive;
 
 LowPassFilter::LowPassFilter(double cutoff_frequency)
     : angular_frequency_(2 * std::numbers::pi * cutoff_frequency) {

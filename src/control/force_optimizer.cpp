@@ -6,10 +6,12 @@
 #include <eiquadprog/eiquadprog-rt.hpp>
 #include <string>
 
-#include "check.hpp"
+#include "trifinger/base/error.hpp"
 
 namespace trifinger::control {
 namespace {
+
+using detail::require_positive;
 
 constexpr int kForces = 3 * kContacts;
 constexpr int kSideRows = kContacts * FrictionPyramid::kMaxSides;

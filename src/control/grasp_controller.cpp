@@ -7,13 +7,14 @@
 #include <array>
 #include <utility>
 
-#include "check.hpp"
 #include "tip_path.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/control/filters.hpp"
 
 namespace trifinger::control {
 namespace {
+
+using detail::require_positive;
 
 using TipMotions = std::array<PointMotion, kContacts>;
 

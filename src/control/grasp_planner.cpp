@@ -8,7 +8,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "check.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/control/force_optimizer.hpp"
 #include "trifinger/control/impedance.hpp"
@@ -17,6 +16,9 @@
 
 namespace trifinger::control {
 namespace {
+
+using detail::require_not_negative;
+using detail::require_positive;
 
 void check(const GraspPlannerConfig& config) {
   require_positive("friction", config.friction);

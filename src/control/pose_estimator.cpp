@@ -5,10 +5,12 @@
 #include <limits>
 #include <numbers>
 
-#include "check.hpp"
+#include "trifinger/base/error.hpp"
 
 namespace trifinger::control {
 namespace {
+
+using detail::require_positive;
 
 constexpr Seconds kNever{-std::numeric_limits<double>::infinity()};
 

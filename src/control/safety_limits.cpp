@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "trifinger/control/safety_limits.hpp"
 
-#include "check.hpp"
+#include "trifinger/base/error.hpp"
 
 namespace trifinger::control {
+
+using detail::require_not_negative;
+using detail::require_positive;
 
 SafetyLimits safety_limits(const RobotDescription& description) noexcept {
   const VariantFigures& finger = figures(description);

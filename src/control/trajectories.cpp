@@ -5,11 +5,14 @@
 #include <numbers>
 #include <string>
 
-#include "check.hpp"
 #include "line.hpp"
+#include "trifinger/base/error.hpp"
 
 namespace trifinger::control {
 namespace {
+
+using detail::require_finite;
+using detail::require_positive;
 
 // Integral from 0 to `s` of a rate that rises by `minimum_jerk`; `s` is the share of the rise.
 double rise(double s) { return s * s * s * s * (2.5 + s * (-3.0 + s)); }

@@ -7,25 +7,18 @@
 #include <utility>
 
 #include "policy_file.hpp"
+#include "trifinger/base/error.hpp"
 
 namespace trifinger::learning {
 namespace {
+
+using trifinger::detail::require_finite;
+using trifinger::detail::require_positive;
 
 void require_size(const std::string& what, Eigen::Index found, Eigen::Index wanted) {
   if (found == wanted) return;
   throw InvalidArgument(what + " has " + std::to_string(found) + " numbers, must have " +
                         std::to_string(wanted));
-}
-
-template <class Numbers>
-void require_finite(const std::string& what, const Numbers& numbers) {
-  if (numbers.allFinite()) return;
-  throw InvalidArgument(what + " has a number that is not finite");
-}
-
-void require_positive(const std::string& what, double value) {
-  if (std::isfinite(value) && value > 0.0) return;
-  throw InvalidArgument(what + " is " + std::to_string(value) + ", must be above 0");
 }
 
 void check(const Layer& layer, const std::string& name) {

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
 #include <string>
 
 #include "support/config_message.hpp"
+#include "support/folder.hpp"
 #include "trifinger/config/file.hpp"
 
 namespace trifinger::config {
@@ -21,15 +21,6 @@ using testing::HasSubstr;
 // Every test has a folder of its own.
 class Extends : public testing::Test {
  protected:
-  Extends() {
-    std::string name = testing::TempDir() + "trifinger_config_XXXXXX";
-    folder_ = mkdtemp(name.data());
-  }
-  ~Extends() override {
-    std::error_code ignored;
-    std::filesystem::remove_all(folder_, ignored);
-  }
-
   // Returns the path of a new file with `text`.
   [[nodiscard]] std::filesystem::path write(const std::string& name,
                                             const std::string& text) const {
@@ -37,7 +28,7 @@ class Extends : public testing::Test {
     return folder_ / name;
   }
 
-  std::filesystem::path folder_;
+  test::Folder folder_;
 };
 
 TEST_F(Extends, TakesTheSectionsThatAreNotGiven) {
@@ -128,13 +119,14 @@ TEST_F(Extends, TellsWhichFileIsNotThereAndWhereItWasLookedFor) {
   };
   EXPECT_THAT(message_of([&] { load("extends: bsae.yml\n"); }),
               EndsWith("sim.yml:1:10: extends is 'bsae.yml', but there is no such file in " +
-                       folder_.string()));
+                       folder_.path().string()));
   std::filesystem::create_directory(folder_ / "shared");
   (void)write("shared/base.yml", "name: base\n");
-  EXPECT_THAT(message_of([&] { load("extends: bsae\n"); }),
-              EndsWith("sim.yml:1:10: extends is 'bsae', but there is no such file in " +
-                       folder_.string() + ", nor among the files that come with the program in " +
-                       (folder_ / "shared").string() + "; did you mean 'base'?"));
+  EXPECT_THAT(
+      message_of([&] { load("extends: bsae\n"); }),
+      EndsWith("sim.yml:1:10: extends is 'bsae', but there is no such file in " +
+               folder_.path().string() + ", nor among the files that come with the program in " +
+               (folder_ / "shared").string() + "; did you mean 'base'?"));
 }
 
 TEST_F(Extends, RefusesANameThatIsNoText) {
@@ -144,7 +136,7 @@ TEST_F(Extends, RefusesANameThatIsNoText) {
 
 TEST_F(Extends, ThrowsSystemErrorForAFileThatCannotBeRead) {
   EXPECT_THROW((void)File::load(folder_ / "none.yml"), SystemError);
-  EXPECT_THROW((void)File::load(folder_), SystemError);
+  EXPECT_THROW((void)File::load(folder_.path()), SystemError);
 }
 
 }  // namespace

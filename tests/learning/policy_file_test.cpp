@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "random_networks.hpp"
+#include "support/folder.hpp"
 #include "support/soak.hpp"
 #include "trifinger/learning/policy.hpp"
 
@@ -28,14 +29,7 @@ using testing::HasSubstr;
 // Each test has a folder of its own.
 class PolicyFile : public testing::Test {
  protected:
-  PolicyFile() {
-    std::string folder = (fs::temp_directory_path() / "trifinger-policy-XXXXXX").string();
-    if (::mkdtemp(folder.data()) == nullptr) throw SystemError("make " + folder, errno);
-    folder_ = folder;
-  }
-  ~PolicyFile() override { fs::remove_all(folder_); }
-
-  [[nodiscard]] const fs::path& folder() const { return folder_; }
+  [[nodiscard]] const fs::path& folder() const { return folder_.path(); }
   [[nodiscard]] fs::path path() const { return folder_ / "reach.policy"; }
 
   static void write(const fs::path& path, std::string_view bytes) {
@@ -59,7 +53,7 @@ class PolicyFile : public testing::Test {
   }
 
  private:
-  fs::path folder_;
+  trifinger::test::Folder folder_;
 };
 
 constexpr std::string_view kLine = "trifinger policy 1\n";

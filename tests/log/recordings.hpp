@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "core/odd_robot.hpp"
+#include "support/folder.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/robot.hpp"
 #include "trifinger/core/status.hpp"
@@ -26,30 +27,6 @@
 #include "trifinger/mcap/sink.hpp"
 
 namespace trifinger::test {
-
-/// A folder that is removed with everything in it.
-class Folder {
- public:
-  Folder() {
-    std::string name = (std::filesystem::temp_directory_path() / "trifinger_log_XXXXXX").string();
-    if (::mkdtemp(name.data()) == nullptr) throw SystemError("make a folder", errno);
-    path_ = name;
-  }
-  Folder(const Folder&) = delete;
-  Folder& operator=(const Folder&) = delete;
-  ~Folder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-
-  [[nodiscard]] std::filesystem::path operator/(const std::string& name) const {
-    return path_ / name;
-  }
-  [[nodiscard]] const std::filesystem::path& path() const noexcept { return path_; }
-
- private:
-  std::filesystem::path path_;
-};
 
 using Bytes = std::vector<char>;
 

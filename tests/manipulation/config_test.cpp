@@ -3,12 +3,12 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <stdlib.h>
 
 #include <filesystem>
 #include <fstream>
 #include <string>
 
+#include "support/folder.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/config/node.hpp"
 #include "trifinger/sim/robot_config.hpp"
@@ -37,13 +37,11 @@ TEST(ManipulationConfig, TakesItsSettings) {
 }
 
 TEST(ManipulationConfig, ExtendsOneThatComesWithTheProgramByName) {
-  std::string folder = ::testing::TempDir() + "trifinger_manipulate_XXXXXX";
-  ASSERT_NE(::mkdtemp(folder.data()), nullptr);
-  const std::filesystem::path path = std::filesystem::path(folder) / "mine.yml";
+  const test::Folder folder;
+  const std::filesystem::path path = folder / "mine.yml";
   std::ofstream(path) << "extends: pro\nlook_time: 0.7\n";
   const ManipulationConfig mine = load_config(path.string(), "lift");
   const ManipulationConfig shipped = load_config("pro", "lift");
-  std::filesystem::remove_all(folder);
   EXPECT_EQ(mine.look_time, Seconds(0.7));
   EXPECT_EQ(mine.max_duration, shipped.max_duration);
   EXPECT_EQ(mine.object, shipped.object);

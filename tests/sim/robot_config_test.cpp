@@ -16,6 +16,7 @@
 
 #include "sim/robots.hpp"
 #include "support/config_message.hpp"
+#include "support/folder.hpp"
 #include "trifinger/model/export.hpp"
 #include "trifinger/sim/simulation.hpp"
 
@@ -30,15 +31,7 @@ using testing::ThrowsMessage;
 
 class RobotConfigFile : public testing::Test {
  protected:
-  RobotConfigFile() {
-    ::setenv("TRIFINGER_CONFIG_DIR", TRIFINGER_CONFIG_DIR, 1);
-    std::string name = testing::TempDir() + "trifinger_config_XXXXXX";
-    folder_ = ::mkdtemp(name.data());
-  }
-  ~RobotConfigFile() override {
-    std::error_code ignored;
-    std::filesystem::remove_all(folder_, ignored);
-  }
+  RobotConfigFile() { ::setenv("TRIFINGER_CONFIG_DIR", TRIFINGER_CONFIG_DIR, 1); }
 
   // Returns the path of a file that extends the documented one.
   [[nodiscard]] std::string extended(const std::string& text) const {
@@ -57,12 +50,12 @@ class RobotConfigFile : public testing::Test {
     return message_of([&] { (void)load_robot_config("sim", {override}); });
   }
   [[nodiscard]] std::string shortened(std::string message) const {
-    const std::string folder = folder_.string() + "/";
+    const std::string folder = folder_.path().string() + "/";
     if (message.starts_with(folder)) message.erase(0, folder.size());
     return message;
   }
 
-  std::filesystem::path folder_;
+  Folder folder_;
 };
 
 // Does one simulated step of any robot.
@@ -104,7 +97,7 @@ TEST_F(RobotConfigFile, ExtendsOneThatComesWithTheProgramByName) {
   }
   std::ofstream(folder_ / "mine.yml") << "extends: trifinger_deu\n";
   EXPECT_THAT(message_of([&] { (void)load_robot_config((folder_ / "mine.yml").string()); }),
-              AllOf(HasSubstr("there is no such file in " + folder_.string()),
+              AllOf(HasSubstr("there is no such file in " + folder_.path().string()),
                     HasSubstr(std::filesystem::path(TRIFINGER_CONFIG_DIR).string()),
                     HasSubstr("did you mean 'trifinger_edu'?")));
 }

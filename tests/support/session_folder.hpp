@@ -1,35 +1,22 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <cerrno>
 #include <cstdlib>
 #include <filesystem>
-#include <string>
 
-#include "trifinger/base/error.hpp"
+#include "support/folder.hpp"
 
 namespace trifinger::test {
 
 /// A separate folder for the sessions of one test, so that tests may run in parallel.
 class SessionFolder {
  public:
-  SessionFolder() {
-    std::string name = (std::filesystem::temp_directory_path() / "trifinger_test_XXXXXX").string();
-    if (::mkdtemp(name.data()) == nullptr) throw SystemError("make a folder for sessions", errno);
-    path_ = name;
-    ::setenv("TRIFINGER_SESSION_DIR", path_.c_str(), 1);
-  }
-  SessionFolder(const SessionFolder&) = delete;
-  SessionFolder& operator=(const SessionFolder&) = delete;
-  ~SessionFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
+  SessionFolder() { ::setenv("TRIFINGER_SESSION_DIR", folder_.path().c_str(), 1); }
 
-  [[nodiscard]] const std::filesystem::path& path() const noexcept { return path_; }
+  [[nodiscard]] const std::filesystem::path& path() const noexcept { return folder_.path(); }
 
  private:
-  std::filesystem::path path_;
+  Folder folder_;
 };
 
 }  // namespace trifinger::test

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The verbs of ./run."""
 
+import contextlib
 import difflib
 import inspect
 import os
@@ -136,6 +137,9 @@ def main(arguments: list[str]) -> int:
     except StepFailed:
         return 1
     except KeyboardInterrupt:
+        # The step got Ctrl-C, too, and cleans up. A second Ctrl-C ends it.
+        with contextlib.suppress(KeyboardInterrupt):
+            Steps.wait()
         return 128 + signal.SIGINT
     finally:
         Steps.stop()

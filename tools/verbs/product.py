@@ -5,7 +5,7 @@ import os
 import sys
 from typing import NoReturn
 
-from .build import build, configure, uses
+from .build import build, uses
 from .setup import PROGRAMS, PYTHON, setup
 from .steps import ROOT, Steps
 
@@ -45,7 +45,6 @@ def wheel() -> None:
 def bench(*measures: str) -> NoReturn:
     """Measures speed and latency."""
     setup()
-    configure("release", "-DTRIFINGER_BUILD_BENCHMARKS=ON")
     build("release", "apps/all", "bindings/all", "benchmarks/all")
     become(PYTHON, "benchmarks/run_benchmarks.py", *measures, **uses("release"))
 

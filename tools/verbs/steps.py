@@ -88,6 +88,11 @@ class Step:
         verdict = "ok    " if self.succeeded else "FAILED"
         print(f"  {self.label:38} {verdict}  {duration(end - self._begin)}", flush=True)
 
+    def wait(self) -> None:
+        """Waits until the command ends by itself, unless it runs beside others."""
+        if not self._beside:
+            self._process.wait()
+
     def stop(self) -> None:
         """Ends the command with all its processes; without effect if it has ended."""
         if self._runs():
@@ -116,7 +121,10 @@ class Step:
         return self._process.poll() is None
 
     def _show_progress(self) -> None:
-        progress = ["", *PROGRESS.findall(self.output[-2000:])][-1].strip()
+        with self.log.open("rb") as log:
+            log.seek(max(0, self.log.stat().st_size - 2000))
+            end = log.read().decode(errors="replace")
+        progress = ["", *PROGRESS.findall(end)][-1].strip()
         passed = duration(time.time() - self._begin)
         print(f"\r  {self.label:38} {progress:12} {passed} ", end="", flush=True)
 
@@ -159,6 +167,12 @@ class Steps:
         step = self._start(label, command, variables, beside=False)
         self.end(step)
         return step
+
+    @staticmethod
+    def wait() -> None:
+        """Waits until the step that runs ends by itself."""
+        for step in Steps.running:
+            step.wait()
 
     @staticmethod
     def stop() -> None:

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cmath>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 
 namespace trifinger {
 
@@ -42,6 +44,26 @@ namespace detail {
 
 inline void require(bool holds, const std::string& text) {
   if (!holds) throw InvalidArgument(text);
+}
+
+// These three may be called at 1 kHz: they allocate only for an error.
+
+inline void require_positive(std::string_view what, double value) {
+  if (std::isfinite(value) && value > 0.0) return;
+  throw InvalidArgument(std::string(what) + " is " + std::to_string(value) + ", must be above 0");
+}
+
+inline void require_not_negative(std::string_view what, double value) {
+  if (std::isfinite(value) && value >= 0.0) return;
+  throw InvalidArgument(std::string(what) + " is " + std::to_string(value) +
+                        ", must be at least 0");
+}
+
+// `numbers` is a vector or matrix of Eigen.
+template <class Numbers>
+void require_finite(std::string_view what, const Numbers& numbers) {
+  if (numbers.allFinite()) return;
+  throw InvalidArgument(std::string(what) + " has a number that is not finite");
 }
 
 }  // namespace detail

@@ -3,6 +3,8 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
+#include <string>
 #include <string_view>
 
 namespace trifinger {
@@ -12,6 +14,9 @@ namespace trifinger {
 
 /// True if `text` is valid UTF-8.
 [[nodiscard]] bool is_utf8(std::string_view text) noexcept;
+
+/// Formats a size: "812 bytes", "24.6 MB".
+[[nodiscard]] std::string size_text(std::uint64_t bytes);
 
 /// The name of the enumerator `value` in `names`, which begins with that of 0; otherwise "unknown".
 template <class Enum, std::size_t N>

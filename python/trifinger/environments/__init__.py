@@ -16,7 +16,7 @@ bit for bit. docs/environments.md has the tasks, spaces and options.
 from trifinger.extras import sentence
 
 try:
-    import gymnasium as _  # noqa: F401
+    import gymnasium as _  # noqa: F401  (only to say what is missing)
 except ModuleNotFoundError as error:
     raise ModuleNotFoundError(sentence("learning", "gymnasium"), name=error.name) from error
 

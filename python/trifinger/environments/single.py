@@ -55,6 +55,7 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
     """
 
     _core: _trifinger.Episodes
+    # Gymnasium declares it as an attribute of objects, too, so ClassVar would not be compatible.
     metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 50}  # noqa: RUF012
 
     def __init__(

@@ -84,6 +84,7 @@ def save_strip(scene: Scene, session: LoggedSession, steps: Sequence[int], path:
     columns = (len(steps) + 1) // 2
     aspect = scene.size[1] / scene.size[0]
     figure = Figure(figsize=(3.0 * columns, 2 * 3.0 * aspect), layout="constrained")
+    # Matplotlib's stubs do not know that "constrained" makes an engine with these arguments.
     figure.get_layout_engine().set(w_pad=0.02, h_pad=0.02, wspace=0.0, hspace=0.0)  # type: ignore[union-attr,call-arg]
     for number, step in enumerate(shown(steps, path.name, len(steps))):
         axes = figure.add_subplot(2, columns, number + 1)

@@ -87,11 +87,12 @@ def _parts(
 def _texts(values: NDArray[Any]) -> list[Any]:
     """Values for a text file, with as few digits as needed to read back the same numbers."""
     if values.dtype.kind == "M":
-        return np.datetime_as_string(values, unit="ns").tolist()  # type: ignore[no-any-return]
-    # `tolist` would make doubles of single-precision numbers, which need more digits.
-    if values.dtype == np.float32:
-        return values.astype("U").tolist()  # type: ignore[no-any-return]
-    return values.tolist()  # type: ignore[no-any-return]
+        values = np.datetime_as_string(values, unit="ns")
+    elif values.dtype == np.float32:
+        # `tolist` would make doubles of single-precision numbers, which need more digits.
+        values = values.astype("U")
+    texts: list[Any] = values.tolist()
+    return texts
 
 
 def to_csv(

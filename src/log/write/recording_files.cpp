@@ -18,6 +18,7 @@
 #include "format/records.hpp"
 #include "format/text.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/text.hpp"
 #include "trifinger/mcap/reader.hpp"
 #include "trifinger/mcap/records.hpp"
 
@@ -33,19 +34,6 @@ constexpr std::size_t kMaxName = 160;
 constexpr std::uint64_t kEndOfTime = std::uint64_t{1} << 62U;
 // A session that is still running can only be in the newest files.
 constexpr std::size_t kMaxFilesToSearch = 8;
-
-std::string size_text(std::uint64_t bytes) {
-  constexpr std::array<const char*, 5> kUnits{"bytes", "kB", "MB", "GB", "TB"};
-  auto size = static_cast<double>(bytes);
-  std::size_t unit = 0;
-  while (size >= 999.5 && unit + 1 < kUnits.size()) {
-    size /= 1000.0;
-    ++unit;
-  }
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), "%.3g %s", size, kUnits[unit]);
-  return text.data();
-}
 
 std::string file_name(const std::string& stem, int part) {
   std::array<char, 16> number{};

@@ -48,8 +48,8 @@ class Envelope:
 
     def line(self, times: Array, column: int) -> tuple[Array, Array]:
         """The line to draw, from smallest to largest in each bin; NaN interrupts it at gaps."""
-        assert self.low is not None  # noqa: S101
-        assert self.high is not None  # noqa: S101
+        if self.low is None or self.high is None:
+            raise ValueError("there are no numbers to draw")
         low, high = self.low[:, column], self.high[:, column]
         if np.array_equal(low, high, equal_nan=True):
             return times, low

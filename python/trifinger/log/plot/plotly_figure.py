@@ -170,6 +170,7 @@ class PlotlyFigure:
             times = contents.troubles.get(kind, [])
             shape: dict[str, Any] = {"mode": "markers"}
             if kind == "gap":
+                # None interrupts the line between two gaps.
                 times = [time for start, end in curves.gaps for time in (start, end, None)]  # type: ignore[misc]
                 shape = {"mode": "lines", "line": {"color": MARKS["gap"], "width": 10}}
             else:
