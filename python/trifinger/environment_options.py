@@ -32,8 +32,6 @@ class OptionFields:
     """Standard deviation of measured joint positions [rad]."""
     velocity_noise: float = 0.0
     """Standard deviation of measured joint velocities [rad/s]."""
-    torque_noise: float = 0.0
-    """Standard deviation of measured torques [Nm]."""
     object_period: float = 0.01
     """Time between two measured poses of a simulated object [s]."""
     object_delay: float = 0.0

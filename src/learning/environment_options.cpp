@@ -70,8 +70,6 @@ void visit(Options& options, const Visitor& field) {
         About{"Standard deviation of measured joint positions [rad].", 0, 1});
   field("velocity_noise", options.velocity_noise,
         About{"Standard deviation of measured joint velocities [rad/s].", 0, 10});
-  field("torque_noise", options.torque_noise,
-        About{"Standard deviation of measured torques [Nm].", 0, 1});
   field("object_period", options.object_period,
         About{"Time between two measured poses of a simulated object [s]."});
   field("object_delay", options.object_delay,

@@ -172,7 +172,6 @@ BackendOptions read_backend(const Node& section, SessionOptions& session) {
   }
   options.max_rejected_actions = section.required<std::uint32_t>("max_rejected_actions", count);
   options.max_skipped_ticks = section.required<std::uint32_t>("max_skipped_ticks", count);
-  options.max_repeats_in_all = section.required<std::uint32_t>("max_repeats_in_all", count);
   options.max_late_steps = section.required<std::uint32_t>("max_late_steps", count);
   const auto timeout = [&section](const char* name) {
     const auto time = section.required<double>(

@@ -39,8 +39,7 @@ struct BackendOptions {
       0};  ///< How often in a row the previous action may replace a missing one.
   std::uint32_t max_skipped_ticks{
       5};  ///< Number of periods that the back-end itself may miss at once.
-  std::uint32_t max_repeats_in_all{kUnlimited};  ///< Number of such repeats in a session.
-  std::optional<Nanoseconds> late_after{};       ///< A step that begins later than this after its
+  std::optional<Nanoseconds> late_after{};  ///< A step that begins later than this after its
                                             ///< deadline counts as late; default: half a period.
   std::uint32_t max_late_steps{
       kUnlimited};  ///< Number of steps in a row in which the back-end itself may be late.

@@ -33,7 +33,6 @@ struct JointLimit {
   double max_velocity{kNotGiven};  ///< A faster joint is not driven, but braked [rad/s].
   double braking{kNotGiven};  ///< Deceleration that must suffice to stop at a soft limit [rad/s^2].
   double max_torque_rate{kNotGiven};      ///< Largest change of the torque asked for [Nm/s].
-  double max_power{kNotGiven};            ///< Largest power that a motor may deliver [W].
   double continuous_torque{kNotGiven};    ///< Torque that the motor carries for ever [Nm].
   double thermal_time{kNotGiven};         ///< Time constant of the motor's warming [s].
   double max_position_rate{kNotGiven};    ///< A position that changes faster has jumped [rad/s].
@@ -92,7 +91,6 @@ inline constexpr std::array kJointLimitFields = std::to_array<JointLimitField>({
     {&JointLimit::braking, "braking", "rad/s^2", JointLimitField::kPositiveOrInfinite},
     {&JointLimit::max_torque_rate, "max_torque_rate", "Nm/s", JointLimitField::kPositiveOrInfinite,
      kNoLimit},
-    {&JointLimit::max_power, "max_power", "W", JointLimitField::kPositiveOrInfinite, kNoLimit},
     {&JointLimit::continuous_torque, "continuous_torque", "Nm",
      JointLimitField::kPositiveOrInfinite},
     {&JointLimit::thermal_time, "thermal_time", "s", JointLimitField::kPositiveOrInfinite},

@@ -52,7 +52,6 @@ struct EnvironmentOptions {
   bool per_finger{false};
   double position_noise{0.0};            ///< Standard deviation of measured joint positions [rad].
   double velocity_noise{0.0};            ///< Standard deviation of measured velocities [rad/s].
-  double torque_noise{0.0};              ///< Standard deviation of measured torques [Nm].
   double object_period{0.01};            ///< Time between two poses of a simulated object [s].
   double object_delay{0.0};              ///< From a pose of a simulated object to its arrival [s].
   double object_position_noise{0.0};     ///< Standard deviation of its poses, per axis [m].
