@@ -131,8 +131,8 @@ TYPED_TEST_SUITE_P(SystemCallContract);
 
 TYPED_TEST_P(SystemCallContract, InRealTimeTheLoopOnlySleepsAndWakes) {
   GuardedBackend<TypeParam> backend(&LoopGuard::watch);
-  // It stays connected until the back-end is killed: when it leaves, the loop is over, and the end of
-  // a session takes system calls.
+  // It stays connected until the back-end is killed: when it leaves, the loop is over, and the end
+  // of a session takes system calls.
   auto robot = backend.connect();
   const auto end = fault_of([&] {
     constexpr TimeIndex kSteps = 2000;

@@ -129,9 +129,20 @@ def test_an_old_python_is_told_which_one_is_needed() -> None:
     assert "Python 3.11 or later is needed, python3 is 3.9.2" in done.stderr
 
 
-def test_sigterm_ends_what_runs(tmp_path: Path) -> None:
+@pytest.mark.parametrize("comes_early", [False, True])
+def test_sigterm_ends_what_runs(tmp_path: Path, *, comes_early: bool) -> None:
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
+    # It may come before the program knows that the command has started.
+    early = """
+import os, signal, subprocess
+class Popen(subprocess.Popen):
+    def __init__(self, *arguments, **named):
+        super().__init__(*arguments, **named)
+        os.close(os.open(arguments[0][2].split(">")[1], os.O_RDONLY))  # it has begun
+        os.kill(os.getpid(), signal.SIGTERM)
+steps.subprocess.Popen = Popen
+"""
     script = f"""
 import sys
 sys.path.insert(0, {str(ROOT / "tools")!r})
@@ -139,11 +150,13 @@ from pathlib import Path
 from verbs import main, steps
 steps.LOGS = Path({str(tmp_path)!r})
 command = ["sh", "-c", "exec sleep 1000 >{pipe}"]
+{early if comes_early else ""}
 main.VERBS["test"] = lambda: steps.Steps("g").run("s", command) and 0
 sys.exit(main.main(["test"]))
 """
     with subprocess.Popen([PYTHON, "-c", script]) as program:
         with pipe.open() as reader:
-            program.send_signal(signal.SIGTERM)
+            if not comes_early:
+                program.send_signal(signal.SIGTERM)
             assert reader.read() == ""  # the command has ended
         assert program.wait() == 128 + signal.SIGTERM

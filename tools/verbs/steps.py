@@ -13,8 +13,9 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from types import FrameType
 from typing import ClassVar
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -41,6 +42,24 @@ def duration(seconds: float) -> str:
     if seconds < 60:
         return f"{seconds:.1f} s"
     return f"{int(seconds) // 60} min {int(seconds) % 60:02} s"
+
+
+@contextlib.contextmanager
+def _sigterm_later() -> Iterator[None]:
+    """Lets a SIGTERM wait, so that it meets a command that is known and can be ended."""
+    came = False
+
+    def note(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
+        nonlocal came
+        came = True
+
+    handler = signal.signal(signal.SIGTERM, note)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, handler)
+        if came:
+            signal.raise_signal(signal.SIGTERM)
 
 
 class Step:
@@ -183,8 +202,9 @@ class Steps:
     def _start(
         self, label: str, command: Command, variables: Mapping[str, str], *, beside: bool
     ) -> Step:
-        step = Step(self.group, label, command, variables, beside=beside)
-        Steps.running.append(step)
+        with _sigterm_later():
+            step = Step(self.group, label, command, variables, beside=beside)
+            Steps.running.append(step)
         return step
 
     def _report(self, step: Step) -> None:
