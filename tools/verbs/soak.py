@@ -9,7 +9,7 @@ from .counting import Count
 from .lint import clang_tidy
 from .setup import PYTHON, setup
 from .steps import Step, StepFailed, Steps
-from .test import fuzz_reader, python_tests
+from .test import fuzz, python_tests
 
 STEPS = Steps("soak")
 
@@ -80,7 +80,7 @@ def tests() -> bool:
 
 def fuzz() -> bool:
     """Feeds hostile bytes to the reader of logs and, under AddressSanitizer, to a session."""
-    fuzzer = STEPS.check("fuzzer of the MCAP reader", fuzz_reader(seconds=600))
+    fuzzer = STEPS.check("fuzzers", fuzz(seconds=300))
     build("dev", "tests/core/all", "tests/sim/all")
     return (
         long_tests("dev", "core sim", "*HostileQueue*:*Tampered*:*fault_29_*") and fuzzer.succeeded

@@ -113,13 +113,11 @@ def answer(*command: str) -> str:
 def test_with_thread_sanitizer(count: Count) -> bool:
     """Runs the C++ tests of the layers up to core, with a fuzzer beside them."""
     fuzzer_steps = Steps("fuzz")
-    fuzzer = fuzzer_steps.begin(
-        "fuzzer of the MCAP reader", fuzz_reader(seconds=15)
-    )  # one processor
+    fuzzer = fuzzer_steps.begin("fuzzers of logs and motor boards", fuzz(seconds=10))
     try:
-        build("tsan", "tests/ipc/all", "tests/realtime/all", "tests/core/all")
+        build("tsan", *(f"tests/{layer}/all" for layer in ("ipc", "realtime", "can", "core")))
         ctest = [*fixed_addresses(), "ctest", "--preset", "tsan"]
-        passed = cpp_tests(count, "tsan", "C++ tests of ipc, realtime, core", *ctest)
+        passed = cpp_tests(count, "tsan", "C++ tests of ipc, realtime, can, core", *ctest)
     finally:
         fuzzer_steps.end(fuzzer)
     return passed and fuzzer.succeeded
@@ -135,20 +133,23 @@ def fixed_addresses() -> list[str]:
     return ["setarch", "-R"] if bits.exists() and int(bits.read_text()) > 28 else []
 
 
-def fuzz_reader(seconds: int) -> list[str]:
-    """Returns the command that builds and runs the fuzzer of the MCAP reader.
+def fuzz(seconds: int) -> list[str]:
+    """Returns the command that builds the fuzzers and runs each for `seconds`, on one processor.
 
-    The corpus is kept, and the next run starts with it.
+    Each corpus is kept, and the next run starts with it.
     """
-    folder = "build/fuzz/reader"
-    limits = "-max_len=20000 -rss_limit_mb=2048 -timeout=10"
+    folder = "build/fuzz"
     script = f"""
-        mkdir -p {folder}/corpus
         cmake --preset fuzz
         cmake --build --preset fuzz --parallel 1
-        build/fuzz/tests/mcap/fuzzer_seeds {folder}/seeds
-        build/fuzz/tests/mcap/reader_fuzzer -max_total_time={seconds} {limits} \
-            -artifact_prefix={folder}/ {folder}/corpus {folder}/seeds
+        run() {{  # NAME PROGRAM LONGEST_INPUT
+            mkdir -p {folder}/$1/corpus {folder}/$1/seeds
+            {folder}/tests/$2 -max_total_time={seconds} -max_len=$3 -rss_limit_mb=2048 -timeout=10 \
+                -artifact_prefix={folder}/$1/ {folder}/$1/corpus {folder}/$1/seeds
+        }}
+        {folder}/tests/mcap/fuzzer_seeds {folder}/reader/seeds
+        run reader mcap/reader_fuzzer 20000
+        run motor_board can/motor_board_fuzzer 600
     """
     return ["bash", "-e", "-c", script]
 

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <memory>
+
+#include "trifinger/can/bus.hpp"
+
+namespace trifinger::can {
+
+/// The number of nodes that a bus between processes can have.
+inline constexpr std::size_t kMaxUnixNodes = 64;
+
+/// Joins the bus between processes whose folder is `folder`, and makes the folder if there is none.
+///
+/// Whoever joins the same folder is on the same bus: any process of this user on this machine.
+/// There is no process in between. Each node has a bounded queue for each other node, so a node
+/// that is stopped or dies costs nobody more than its own frames. `send` never refuses for its
+/// sake: the receiver counts what it has lost.
+///
+/// Joining waits until other nodes have joined, at most 10 s.
+/// @throws SystemError if the folder belongs to or may be written by somebody else, TimedOut,
+/// InvalidArgument if there are already kMaxUnixNodes nodes
+[[nodiscard]] std::unique_ptr<Bus> join_unix_bus(const std::filesystem::path& folder);
+
+}  // namespace trifinger::can

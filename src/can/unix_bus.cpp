@@ -1,0 +1,296 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/can/unix_bus.hpp"
+
+#include <fcntl.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <optional>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "arrival_time.hpp"
+#include "messages.hpp"
+#include "trifinger/base/error.hpp"
+#include "trifinger/base/regular_file.hpp"
+#include "trifinger/ipc/file_descriptor.hpp"
+#include "trifinger/ipc/file_lock.hpp"
+
+// docs/decisions/bus_between_processes.md says why this is as it is.
+namespace trifinger::can {
+namespace {
+
+constexpr int kSocketFlags = SOCK_SEQPACKET | SOCK_NONBLOCK | SOCK_CLOEXEC;
+
+// Opens the folder of a bus, in which nobody else may put a socket.
+ipc::FileDescriptor open_folder(const std::filesystem::path& path) {
+  const std::string doing = "join the bus in the folder " + path.string();
+  if (::mkdir(path.c_str(), S_IRWXU) != 0 && errno != EEXIST) throw SystemError(doing, errno);
+  ipc::FileDescriptor folder(
+      [&path] { return ::open(path.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC); });
+  if (!folder) throw SystemError(doing, errno);
+  struct stat status{};
+  if (::fstat(folder.get(), &status) != 0) throw SystemError(doing, errno);
+  if (status.st_uid != ::geteuid() && status.st_uid != 0) {
+    throw SystemError(
+        doing + ", which belongs to user " + user_name(status.st_uid) + "; choose another folder",
+        EPERM);
+  }
+  if ((status.st_mode & (S_IWGRP | S_IWOTH)) != 0) {
+    throw SystemError(doing +
+                          ", in which other users may write; change that with 'chmod go-w' or "
+                          "choose another folder",
+                      EPERM);
+  }
+  return folder;
+}
+
+// Waits for the lock under which nodes join one by one.
+ipc::FileDescriptor lock_folder(const std::filesystem::path& folder) {
+  const std::filesystem::path path = folder / "lock";
+  ipc::FileDescriptor file([&path] {
+    return open_regular_file(path, O_RDWR | O_CREAT, NamedBy::kProgram, S_IRUSR | S_IWUSR);
+  });
+  const Deadline deadline(std::chrono::seconds(10));
+  while (!ipc::try_lock(file)) {
+    if (deadline.passed()) {
+      throw TimedOut("another process has been joining the bus in " + folder.string() +
+                     " for 10 s; end it: 'fuser " + path.string() + "' shows its number");
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  return file;
+}
+
+std::string name_of_node(std::size_t number) { return "node." + std::to_string(number); }
+
+// The address of a node's socket. It is relative to the open folder, so its length is bounded and
+// nobody can exchange the folder.
+sockaddr_un address_of(const ipc::FileDescriptor& folder, std::size_t number) {
+  const std::string path =
+      "/proc/self/fd/" + std::to_string(folder.get()) + "/" + name_of_node(number);
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  path.copy(std::data(address.sun_path), sizeof(address.sun_path) - 1);
+  return address;
+}
+
+const sockaddr* generic(const sockaddr_un& address) noexcept {
+  return reinterpret_cast<const sockaddr*>(&address);
+}
+
+class UnixNode final : public Bus {
+ public:
+  UnixNode() = default;
+  UnixNode(const UnixNode&) = delete;
+  UnixNode& operator=(const UnixNode&) = delete;
+  ~UnixNode() override;
+
+  // If this throws, the destructor undoes what was done.
+  void join(const std::filesystem::path& path);
+
+ private:
+  // Another node. It was accepted in the loop, where ipc::FileDescriptor must not be made.
+  struct Peer {
+    int socket{-1};
+    Instant empty;         // when the socket was last found empty
+    bool is_deaf{false};   // it has closed its end; what it sent before may still wait here
+    bool has_left{false};  // and nothing waits
+    std::uint32_t dropped_by_us{0};
+    std::uint32_t dropped_by_it{0};
+  };
+
+  std::size_t do_receive(std::span<Frame> budget) noexcept override;
+  SendResult do_send(std::span<const Frame> frames) noexcept override;
+
+  void meet(std::size_t number);
+  void listen(std::size_t number);
+  void add(int socket) noexcept;
+  void accept_newcomers() noexcept;
+  void remove_those_who_left() noexcept;
+  // Adds at most budget.size() - count frames to `budget`. True if the peer has sent no more.
+  bool receive_from(Peer& peer, std::span<Frame> budget, std::size_t& count) noexcept;
+  // Returns the frame of a message, and notes what else the message tells.
+  std::optional<Frame> take(const Incoming& message, Peer& peer, const ClockPair& now) noexcept;
+
+  ipc::FileDescriptor folder_;
+  ipc::FileDescriptor listener_;
+  std::string own_name_;     // of the file in the folder; empty until it exists
+  std::vector<Peer> peers_;  // its memory is reserved
+  std::size_t first_{0};     // the peer from which the next call receives first
+  IncomingBatch incoming_{sizeof(Packet)};
+  OutgoingBatch outgoing_{sizeof(Packet)};
+};
+
+void UnixNode::join(const std::filesystem::path& path) {
+  folder_ = open_folder(path);
+  peers_.reserve(kMaxUnixNodes);
+  const ipc::FileDescriptor lock = lock_folder(path);
+  std::optional<std::size_t> free;
+  for (std::size_t number = 0; number < kMaxUnixNodes; ++number) {
+    const std::size_t known = peers_.size();
+    meet(number);
+    if (peers_.size() == known && !free) free = number;
+  }
+  detail::require(free.has_value(), "the bus in " + path.string() + " already has " +
+                                        std::to_string(kMaxUnixNodes) + " nodes");
+  listen(*free);
+}
+
+UnixNode::~UnixNode() {
+  // The file is removed before its socket is closed: after that its name may be another node's.
+  if (!own_name_.empty() && !is_inherited()) {
+    ::unlinkat(folder_.get(), own_name_.c_str(), 0);
+  }
+  for (const Peer& peer : peers_) ::close(peer.socket);
+}
+
+// Connects to the node of this number, if there is one. Removes what a dead node left.
+void UnixNode::meet(std::size_t number) {
+  const int socket = ::socket(AF_UNIX, kSocketFlags, 0);
+  if (socket < 0) throw SystemError("make a socket", errno);
+  const sockaddr_un address = address_of(folder_, number);
+  if (::connect(socket, generic(address), sizeof(address)) == 0) {
+    add(socket);
+    return;
+  }
+  const int error = errno;
+  ::close(socket);
+  if (error == ENOENT) return;
+  // The lock is ours, so nobody is between the making of this file and listening.
+  const std::string name = name_of_node(number);
+  struct stat status{};
+  if (error == ECONNREFUSED &&
+      ::fstatat(folder_.get(), name.c_str(), &status, AT_SYMLINK_NOFOLLOW) == 0 &&
+      S_ISSOCK(status.st_mode) && ::unlinkat(folder_.get(), name.c_str(), 0) == 0) {
+    return;
+  }
+  throw SystemError("connect to " + name + " of a bus between processes", error);
+}
+
+void UnixNode::listen(std::size_t number) {
+  listener_ = ipc::FileDescriptor([] { return ::socket(AF_UNIX, kSocketFlags, 0); });
+  const sockaddr_un address = address_of(folder_, number);
+  // The socket's mode becomes that of its file.
+  if (!listener_ || ::fchmod(listener_.get(), S_IRUSR | S_IWUSR) != 0 ||
+      ::bind(listener_.get(), generic(address), sizeof(address)) != 0) {
+    throw SystemError("make " + name_of_node(number) + " of a bus between processes", errno);
+  }
+  own_name_ = name_of_node(number);
+  if (::listen(listener_.get(), kMaxUnixNodes) != 0) {
+    throw SystemError("listen as " + own_name_ + " of a bus between processes", errno);
+  }
+}
+
+void UnixNode::add(int socket) noexcept {
+  // A message without a stamp counts as received when it is read.
+  static_cast<void>(enable_stamps(socket));
+  peers_.push_back({.socket = socket, .empty = std::chrono::steady_clock::now()});
+}
+
+void UnixNode::accept_newcomers() noexcept {
+  if (peers_.size() == kMaxUnixNodes) {
+    // This node never receives, else it would have noticed who has left.
+    for (Peer& peer : peers_) peer.has_left = peer.is_deaf;
+    remove_those_who_left();
+  }
+  // The peers must fit into the memory that is reserved.
+  while (peers_.size() < kMaxUnixNodes) {
+    const int socket = ::accept4(listener_.get(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC);
+    if (socket < 0) return;
+    add(socket);
+  }
+}
+
+void UnixNode::remove_those_who_left() noexcept {
+  std::erase_if(peers_, [](const Peer& peer) {
+    if (peer.has_left) ::close(peer.socket);
+    return peer.has_left;
+  });
+}
+
+std::size_t UnixNode::do_receive(std::span<Frame> budget) noexcept {
+  accept_newcomers();
+  if (budget.empty() || peers_.empty()) return 0;
+  // Each call begins with another peer, so nobody who sends much can keep the others from being
+  // heard.
+  first_ = (first_ + 1) % peers_.size();
+  std::size_t count = 0;
+  bool all_empty = true;
+  for (std::size_t i = 0; i < peers_.size(); ++i) {
+    all_empty &= receive_from(peers_[(first_ + i) % peers_.size()], budget, count);
+  }
+  if (!all_empty) ++state_.overloads;
+  remove_those_who_left();
+  return count;
+}
+
+bool UnixNode::receive_from(Peer& peer, std::span<Frame> budget, std::size_t& count) noexcept {
+  std::size_t left = budget.size() - count;
+  while (left > 0) {
+    const Instant before = std::chrono::steady_clock::now();
+    const std::size_t wanted = std::min(left, kBatchSize);
+    const int result = incoming_.receive(SocketCalls::of_kernel(), peer.socket, wanted);
+    const auto messages = static_cast<std::size_t>(std::max(result, 0));
+    const ClockPair now = ClockPair::now();
+    peer.has_left = result < 0 && result != -EAGAIN;
+    for (std::size_t i = 0; i < messages && !peer.has_left; ++i) {
+      if (const auto frame = take(incoming_[i], peer, now)) budget[count++] = *frame;
+    }
+    if (peer.has_left || messages < wanted) {
+      peer.empty = before;
+      return true;
+    }
+    left -= messages;
+  }
+  return false;
+}
+
+std::optional<Frame> UnixNode::take(const Incoming& message, Peer& peer,
+                                    const ClockPair& now) noexcept {
+  peer.has_left = message.size == 0;
+  if (peer.has_left) return std::nullopt;
+  const Instant time = arrival_time(message.stamp.value_or(now.wall), now, peer.empty);
+  const auto frame = from_wire(message.packet.frame, time);
+  if (message.size != sizeof(Packet) || !frame) {
+    ++state_.invalid;
+    return std::nullopt;
+  }
+  state_.lost += message.packet.dropped - peer.dropped_by_it;  // modulo 2^32
+  peer.dropped_by_it = message.packet.dropped;
+  return frame;
+}
+
+SendResult UnixNode::do_send(std::span<const Frame> frames) noexcept {
+  accept_newcomers();
+  for (std::size_t sent = 0; sent < frames.size();) {
+    const std::size_t count = outgoing_.fill(frames.subspan(sent));
+    for (Peer& peer : peers_) {
+      if (peer.is_deaf) continue;
+      outgoing_.set_dropped(peer.dropped_by_us);
+      int error = 0;
+      const std::size_t arrived = outgoing_.send(SocketCalls::of_kernel(), peer.socket, error);
+      peer.dropped_by_us += static_cast<std::uint32_t>(count - arrived);
+      peer.is_deaf = error == EPIPE || error == ECONNRESET;
+    }
+    sent += count;
+  }
+  return {.sent = frames.size()};
+}
+
+}  // namespace
+
+std::unique_ptr<Bus> join_unix_bus(const std::filesystem::path& folder) {
+  auto node = std::make_unique<UnixNode>();
+  node->join(folder);
+  return node;
+}
+
+}  // namespace trifinger::can
