@@ -131,6 +131,7 @@ using Measure = std::vector<Row>(const Effort& effort);
 
 Measure lateness, lateness_beside_hogs, lift;
 Measure append, wake, loop, inline_loop;
+Measure can_frames;
 Measure safety_chain, simulation, control_cycle;
 Measure policy, single_precision_policy;
 Measure vector_environment_1_thread, vector_environment_2_threads, environment;

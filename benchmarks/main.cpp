@@ -30,6 +30,7 @@ constexpr std::array kMeasures{
     NamedMeasure{"wake", benchmarks::wake},
     NamedMeasure{"loop", benchmarks::loop},
     NamedMeasure{"inline_loop", benchmarks::inline_loop},
+    NamedMeasure{"can_frames", benchmarks::can_frames},
     NamedMeasure{"safety_chain", benchmarks::safety_chain},
     NamedMeasure{"simulation", benchmarks::simulation},
     NamedMeasure{"control_cycle", benchmarks::control_cycle},

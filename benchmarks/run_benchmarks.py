@@ -32,6 +32,7 @@ MEASURES = (
     Measure("python_loop", "figures", is_python=True, reference="loop"),
     Measure("inline_loop", "figures"),
     Measure("python_inline_loop", "figures", is_python=True, reference="inline_loop"),
+    Measure("can_frames", "figures"),
     Measure("safety_chain", "figures"),
     Measure("simulation", "figures"),
     Measure("control_cycle", "figures"),
