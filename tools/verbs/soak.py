@@ -9,7 +9,7 @@ from .counting import Count
 from .lint import clang_tidy
 from .setup import PYTHON, setup
 from .steps import Step, StepFailed, Steps
-from .test import fuzz, python_tests
+from .test import python_tests, run_fuzzers
 
 STEPS = Steps("soak")
 
@@ -69,7 +69,7 @@ def tests() -> bool:
     sanitizers.
     """
     build("release")
-    programs = "ipc realtime core mcap mcap_damage log log_damage config joint sim"
+    programs = "ipc realtime can core mcap mcap_damage log log_damage config joint sim"
     return all(
         [
             python_tests(Count(), "release", "-m", "not release"),
@@ -80,7 +80,7 @@ def tests() -> bool:
 
 def fuzz() -> bool:
     """Feeds hostile bytes to the reader of logs and, under AddressSanitizer, to a session."""
-    fuzzer = STEPS.check("fuzzers", fuzz(seconds=300))
+    fuzzer = STEPS.check("fuzzers", run_fuzzers(seconds=300))
     build("dev", "tests/core/all", "tests/sim/all")
     return (
         long_tests("dev", "core sim", "*HostileQueue*:*Tampered*:*fault_29_*") and fuzzer.succeeded

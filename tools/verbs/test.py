@@ -113,7 +113,7 @@ def answer(*command: str) -> str:
 def test_with_thread_sanitizer(count: Count) -> bool:
     """Runs the C++ tests of the layers up to core, with a fuzzer beside them."""
     fuzzer_steps = Steps("fuzz")
-    fuzzer = fuzzer_steps.begin("fuzzers of logs and motor boards", fuzz(seconds=10))
+    fuzzer = fuzzer_steps.begin("fuzzers of logs and motor boards", run_fuzzers(seconds=10))
     try:
         build("tsan", *(f"tests/{layer}/all" for layer in ("ipc", "realtime", "can", "core")))
         ctest = [*fixed_addresses(), "ctest", "--preset", "tsan"]
@@ -133,7 +133,7 @@ def fixed_addresses() -> list[str]:
     return ["setarch", "-R"] if bits.exists() and int(bits.read_text()) > 28 else []
 
 
-def fuzz(seconds: int) -> list[str]:
+def run_fuzzers(seconds: int) -> list[str]:
     """Returns the command that builds the fuzzers and runs each for `seconds`, on one processor.
 
     Each corpus is kept, and the next run starts with it.
