@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "trifinger/base/text.hpp"
+#include "trifinger/base/time.hpp"
+#include "trifinger/boards/board.hpp"
+#include "trifinger/boards/homing.hpp"
+#include "trifinger/core/driver.hpp"
+#include "trifinger/joint/limits.hpp"
+#include "trifinger/joint/orderly_stop.hpp"
+#include "trifinger/joint/safety.hpp"
+#include "trifinger/joint/types.hpp"
+#include "trifinger/realtime/clock.hpp"
+
+namespace trifinger::boards {
+
+/// A test rig of one joint.
+struct OneJoint : JointRobot<1> {
+  static constexpr std::string_view kType = "one_joint";
+};
+
+/// A test rig of two joints on one board.
+struct TwoJoints : JointRobot<2> {
+  static constexpr std::string_view kType = "two_joints";
+};
+
+/// A motor, or an analog input, of one of a robot's boards.
+struct Terminal {
+  std::size_t board{0};
+  std::size_t number{0};  ///< 0 or 1
+};
+
+/// What is between a current and a joint.
+struct Drive {
+  double gear_ratio{9.0};        ///< Revolutions of the motor per revolution of the joint.
+  double torque_constant{0.02};  ///< Of the motor [Nm/A].
+};
+
+/// How the value of an analog input becomes the force of a tip.
+struct TipSensor {
+  double zero{0.05};  ///< Value without force.
+  double scale{5.0};  ///< Force at a value of `zero` + 1 [N].
+};
+
+/// The settings of a robot on motor boards.
+template <class R>
+struct BoardRobotOptions {
+  static constexpr std::size_t kJoints = R::kJoints;
+
+  std::vector<std::string> names{};        ///< Of the boards' buses, such as "can0".
+  std::array<Terminal, kJoints> motors{};  ///< Of each joint.
+  JointVector<kJoints> polarity{};         ///< 1, or -1 for a motor that turns the other way.
+  std::array<Terminal, R::kTips> tips{};   ///< The analog input of each tip.
+  Drive drive{};
+  TipSensor tip_sensor{};
+  double max_current{2.0};  ///< No motor ever gets more [A].
+  JointLimits<kJoints> limits{};
+  HomingOptions<kJoints> homing{};
+  JointVector<kJoints> initial_position{};         ///< Where the robot moves after homing [rad].
+  Nanoseconds move_time{std::chrono::seconds(3)};  ///< Duration of this movement.
+  OrderlyStopOptions<kJoints> stop{};
+  BoardOptions board{};
+  Nanoseconds period{std::chrono::milliseconds(1)};  ///< Of the back-end.
+  /// Returns the torques that carry the weight of the joints at a position; default: none. It runs
+  /// in the loop.
+  std::function<JointVector<kJoints>(const JointVector<kJoints>& position)> weight{};
+
+  /// @throws InvalidArgument that names the option, the value found and the values allowed
+  void validate() const;
+};
+
+/// The wiring of the original robots: finger k has boards 2k and 2k+1, which drive its middle and
+/// lower joint, and its upper joint. Its tip is input A of board 2k.
+[[nodiscard]] std::array<Terminal, 9> trifinger_motors() noexcept;
+[[nodiscard]] std::array<Terminal, 3> trifinger_tips() noexcept;
+
+/// A robot whose joints are driven by motor boards: six for a TriFinger, one for a test rig.
+///
+/// `prepare` starts the boards, homes the joints if their places are not known, and moves to the
+/// initial position. Every action passes the same safety chain as in simulation.
+template <class R>
+class BoardRobot final : public Driver<R> {
+ public:
+  using Options = BoardRobotOptions<R>;
+  using Joints = JointVector<R::kJoints>;
+  using typename Driver<R>::Action;
+  using typename Driver<R>::AppliedAction;
+  using typename Driver<R>::Observation;
+
+  /// `buses` has the bus of each board. `clock`, which must outlive the robot, is the back-end's.
+  /// @throws InvalidArgument
+  BoardRobot(Options options, std::vector<std::unique_ptr<can::Bus>> buses, const Clock& clock);
+  ~BoardRobot() override;
+
+  [[nodiscard]] const Options& options() const noexcept { return options_; }
+  [[nodiscard]] SafetyChain<R>& safety() noexcept { return safety_; }
+  [[nodiscard]] const std::vector<Board>& boards() const noexcept { return boards_; }
+  /// True if the places of all joints are known.
+  [[nodiscard]] bool is_homed() const noexcept;
+  /// Angles of the joints from where their boards were switched on [rad], without calibration.
+  [[nodiscard]] Joints raw_position() const noexcept;
+
+  using Driver<R>::get_latest_observation;
+  using Driver<R>::apply_action;
+  using Driver<R>::hold;
+
+  [[nodiscard]] DriverReport prepare(TimeIndex step) noexcept override;
+  [[nodiscard]] DriverReport get_latest_observation(Observation& observation) noexcept override;
+  [[nodiscard]] DriverReport apply_action(const Action& desired,
+                                          AppliedAction& applied) noexcept override;
+  [[nodiscard]] DriverReport hold(const Observation& observation, Action& action) noexcept override;
+  [[nodiscard]] DriverReport stop(TimeIndex step) noexcept override;
+  /// Nothing: the boards let their motors go by themselves when no currents come.
+  void cut() noexcept override {}
+
+  [[nodiscard]] std::string_view fault_text(std::int32_t fault_code) const noexcept override;
+  [[nodiscard]] std::string_view rejection_text() const noexcept override {
+    return rejection_text_.view();
+  }
+
+ private:
+  enum class Phase : std::uint8_t { kStarting, kHoming, kMoving, kReady };
+
+  // Fault codes below those of the safety chain; above them are the board or the joint, from 1.
+  static constexpr std::int32_t kTroubleCode = 64;
+  static constexpr std::int32_t kHomingCode = 96;
+
+  [[nodiscard]] DriverReport fault_of_boards() noexcept;
+  [[nodiscard]] DriverReport homing_fault(std::size_t joint, std::string_view text) noexcept;
+  void append_joints(std::size_t board) noexcept;
+  void receive(Instant now) noexcept;
+  void observe() noexcept;
+  [[nodiscard]] HomingMeasurement measure(std::size_t joint) const noexcept;
+  [[nodiscard]] HomingGains gains(std::size_t joint) const noexcept;
+  void begin_homing() noexcept;
+  [[nodiscard]] DriverReport home() noexcept;
+  void begin_move() noexcept;
+  [[nodiscard]] DriverReport move() noexcept;
+  void drive(const Joints& torque) noexcept;
+  void release() noexcept;
+  [[nodiscard]] double angle_per_revolution() const noexcept;
+
+  Options options_;
+  const Clock& clock_;
+  SafetyChain<R> safety_;
+  SafetyState<R::kJoints> state_{};
+  OrderlyStop<R> stop_;
+  std::vector<Board> boards_;
+  Phase phase_{Phase::kStarting};
+  std::array<JointHoming, R::kJoints> homing_{};
+  TimeIndex part_steps_{0};  // of this part of homing, or of the move
+  Joints zero_{};            // raw angle of each joint at 0 rad
+  Joints start_{};           // where the move begins
+  bool is_homed_{false};
+  bool has_fault_{false};
+  Observation observation_{};
+  DriverReport report_{};  // of the newest observation
+  FixedText fault_text_;
+  FixedText rejection_text_;
+};
+
+extern template class BoardRobot<TriFinger>;
+extern template class BoardRobot<Finger>;
+extern template class BoardRobot<TwoJoints>;
+extern template class BoardRobot<OneJoint>;
+
+}  // namespace trifinger::boards

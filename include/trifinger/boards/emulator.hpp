@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <memory>
+#include <vector>
+
+#include "trifinger/base/time.hpp"
+#include "trifinger/boards/board_robot.hpp"
+#include "trifinger/boards/emulated_board.hpp"
+#include "trifinger/can/bus.hpp"
+#include "trifinger/joint/types.hpp"
+
+namespace trifinger::boards {
+
+/// What emulated motors move: a simulation, or a few equations.
+template <class R>
+class Plant {
+ public:
+  using Joints = JointVector<R::kJoints>;
+
+  Plant() = default;
+  Plant(const Plant&) = delete;
+  Plant& operator=(const Plant&) = delete;
+  virtual ~Plant() = default;
+
+  /// Angles of the joints [rad].
+  [[nodiscard]] virtual Joints position() const noexcept = 0;
+  /// Velocities of the joints [rad/s].
+  [[nodiscard]] virtual Joints velocity() const noexcept = 0;
+  /// Forces at the tips [N].
+  [[nodiscard]] virtual std::array<double, R::kTips> tip_force() const noexcept = 0;
+  /// Moves on by one millisecond with these torques at the joints [Nm].
+  virtual void step(const Joints& torque) noexcept = 0;
+};
+
+/// All boards of a robot with what they move, each on a bus of its own.
+template <class R>
+class Emulator {
+ public:
+  /// `wiring` is the robot that the boards belong to; of it count wires, drive and tip sensors.
+  /// `buses` has the bus of each board. The boards are on, and the plant is where it is.
+  /// @throws InvalidArgument
+  Emulator(const BoardRobotOptions<R>& wiring, std::vector<std::unique_ptr<can::Bus>> buses,
+           Plant<R>& plant, Instant now, const EmulatedBoardOptions& options = {});
+
+  /// One millisecond: frames are received, the plant moves, and frames are sent.
+  void tick(Instant now) noexcept;
+
+  /// Switches the supply of all boards on or off, as an emergency stop does.
+  void set_power(bool is_on, Instant now) noexcept;
+  /// Switches the supply of one board.
+  void set_power(std::size_t board, bool is_on, Instant now) noexcept;
+
+  [[nodiscard]] EmulatedBoard& board(std::size_t number) noexcept { return boards_[number]; }
+  [[nodiscard]] std::size_t num_boards() const noexcept { return boards_.size(); }
+
+ private:
+  [[nodiscard]] double holding_torque(std::size_t joint) const noexcept;
+  [[nodiscard]] EmulatedBoard::Rotors rotors(std::size_t board) const noexcept;
+  [[nodiscard]] std::array<double, 2> analog_inputs(std::size_t board) const noexcept;
+
+  BoardRobotOptions<R> wiring_;
+  std::vector<std::unique_ptr<can::Bus>> buses_;
+  Plant<R>& plant_;
+  std::vector<EmulatedBoard> boards_;
+  typename Plant<R>::Joints aligned_at_{};  // where the joints were before their alignment
+  std::array<can::Frame, 64> frames_{};
+};
+
+extern template class Emulator<TriFinger>;
+extern template class Emulator<Finger>;
+extern template class Emulator<TwoJoints>;
+extern template class Emulator<OneJoint>;
+
+}  // namespace trifinger::boards

@@ -1,0 +1,470 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/boards/board_robot.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+#include "trifinger/base/error.hpp"
+#include "trifinger/base/text_of.hpp"
+
+namespace trifinger::boards {
+namespace {
+
+using trifinger::detail::require;
+using trifinger::detail::text_of;
+
+double seconds(Nanoseconds time) noexcept { return std::chrono::duration<double>(time).count(); }
+
+// The movement of least jerk, from 0 to 1, at rest at both ends.
+double smooth(double x) noexcept { return x * x * x * (10.0 - 15.0 * x + 6.0 * x * x); }
+
+struct TroubleText {
+  std::string_view sentence;  // after the name of the board
+  std::string_view remedy;
+};
+
+TroubleText text_of_trouble(Trouble trouble) noexcept {
+  switch (trouble) {
+    case Trouble::kInterfaceDown:
+      return {"its CAN interface is down",
+              "take it up ('trifinger doctor' says how), then recover"};
+    case Trouble::kInterfaceGone:
+      return {"its CAN interface was removed", "plug it in, then start the robot again"};
+    case Trouble::kBusOff:
+      return {"the CAN controller has left the bus after too many errors",
+              "check cable and termination, then recover"};
+    case Trouble::kSilent:
+      return {"no measurements come", "check its supply and its cable, then recover"};
+    case Trouble::kRestarted:
+      return {"it has lost its supply and forgotten its positions",
+              "check the supply and the emergency stop, then recover: the robot homes itself"};
+    case Trouble::kNoCurrent:
+      return {"a motor gets no current", "check the emergency stop and the supply, then recover"};
+    case Trouble::kNotReady:
+      return {"it did not become ready",
+              "check its supply, its cable and its motors, then recover"};
+    case Trouble::kNone:
+    case Trouble::kError:
+      break;
+  }
+  return {};
+}
+
+std::string_view text_of_failure(JointHoming::Failure failure) noexcept {
+  switch (failure) {
+    case JointHoming::Failure::kTooFar:
+      return "did not find its end stop within the largest travel; check the belt and the stop";
+    case JointHoming::Failure::kNoIndex:
+      return "found no index of its encoder within 1.5 revolutions of its motor; check the encoder";
+    case JointHoming::Failure::kNone:
+      break;
+  }
+  return {};
+}
+
+}  // namespace
+
+std::array<Terminal, 9> trifinger_motors() noexcept {
+  std::array<Terminal, 9> motors{};
+  for (std::size_t finger = 0; finger < 3; ++finger) {
+    motors[3 * finger] = {.board = 2 * finger + 1, .number = 0};
+    motors[3 * finger + 1] = {.board = 2 * finger, .number = 0};
+    motors[3 * finger + 2] = {.board = 2 * finger, .number = 1};
+  }
+  return motors;
+}
+
+std::array<Terminal, 3> trifinger_tips() noexcept {
+  return {{{.board = 0, .number = 0}, {.board = 2, .number = 0}, {.board = 4, .number = 0}}};
+}
+
+template <class R>
+void BoardRobotOptions<R>::validate() const {
+  trifinger::validate(limits);
+  stop.validate(limits);
+  require(period > Nanoseconds::zero(), "period must be above 0");
+  require(drive.gear_ratio > 0.0, text_of("gear_ratio is ", drive.gear_ratio, ", must be above 0"));
+  require(drive.torque_constant > 0.0,
+          text_of("torque_constant is ", drive.torque_constant, " Nm/A, must be above 0"));
+  require(max_current > 0.0 && max_current <= 20.0,
+          text_of("max_current is ", max_current, " A, must be above 0 and at most 20"));
+  require(move_time > Nanoseconds::zero(), "move_time must be above 0");
+  const auto check = [this](const Terminal& terminal, const std::string& what) {
+    require(terminal.board < names.size(),
+            text_of(what, " is on board ", terminal.board, ", but there are ", names.size()));
+    require(terminal.number < 2,
+            text_of(what, " is number ", terminal.number, " of its board, which has two"));
+  };
+  for (std::size_t i = 0; i < kJoints; ++i) {
+    check(motors[i], text_of("the motor of joint ", i));
+    require(polarity[i] == 1.0 || polarity[i] == -1.0,
+            text_of("the polarity of joint ", i, " is ", polarity[i], ", must be 1 or -1"));
+    for (std::size_t k = 0; k < i; ++k) {
+      require(motors[i].board != motors[k].board || motors[i].number != motors[k].number,
+              text_of("joints ", k, " and ", i, " are on the same motor"));
+    }
+    const bool is_inside =
+        initial_position[i] >= limits[i].soft_lower && initial_position[i] <= limits[i].soft_upper;
+    require(is_inside, text_of("initial_position of joint ", i, " is ", initial_position[i],
+                               " rad, must be within its soft limits"));
+    require(std::abs(homing.torque[i]) <= limits[i].max_torque,
+            text_of("the homing torque of joint ", i, " is ", homing.torque[i],
+                    " Nm, must be at most max_torque (", limits[i].max_torque, " Nm)"));
+  }
+  for (std::size_t i = 0; i < R::kTips; ++i) check(tips[i], text_of("the sensor of tip ", i));
+}
+
+template <class R>
+BoardRobot<R>::BoardRobot(Options options, std::vector<std::unique_ptr<can::Bus>> buses,
+                          const Clock& clock)
+    : options_((options.validate(), std::move(options))),
+      clock_(clock),
+      safety_(options_.limits),
+      stop_(options_.stop, options_.period) {
+  require(buses.size() == options_.names.size(),
+          text_of("there are ", options_.names.size(), " boards, but ", buses.size(), " buses"));
+  boards_.reserve(buses.size());
+  for (auto& bus : buses) boards_.emplace_back(std::move(bus), options_.board);
+  // The first call makes the texts, which must not happen in the loop.
+  static_cast<void>(fault_text_of(0));
+}
+
+template <class R>
+BoardRobot<R>::~BoardRobot() {
+  for (Board& board : boards_) board.switch_off();
+}
+
+template <class R>
+bool BoardRobot<R>::is_homed() const noexcept {
+  return is_homed_ && std::ranges::all_of(boards_, &Board::keeps_positions);
+}
+
+template <class R>
+double BoardRobot<R>::angle_per_revolution() const noexcept {
+  return 2.0 * std::numbers::pi / options_.drive.gear_ratio;
+}
+
+template <class R>
+auto BoardRobot<R>::raw_position() const noexcept -> Joints {
+  Joints position{};
+  for (std::size_t i = 0; i < R::kJoints; ++i) position[i] = measure(i).angle;
+  return position;
+}
+
+template <class R>
+HomingMeasurement BoardRobot<R>::measure(std::size_t joint) const noexcept {
+  const Terminal& place = options_.motors[joint];
+  const MotorReading& motor = boards_[place.board].motors()[place.number];
+  const double angle = options_.polarity[joint] * angle_per_revolution();
+  // 1000 revolutions per minute, in revolutions per second.
+  constexpr double kKiloRpm = 1000.0 / 60.0;
+  return {.angle = angle * motor.revolutions,
+          .velocity = angle * kKiloRpm * motor.kilo_rpm,
+          .index = angle * motor.index.value_or(motor.revolutions),
+          .index_pulses = motor.index_pulses};
+}
+
+template <class R>
+HomingGains BoardRobot<R>::gains(std::size_t joint) const noexcept {
+  const JointLimit& limit = options_.limits[joint];
+  return {.kp = limit.default_kp,
+          .kd = limit.safety_kd + limit.default_kd,
+          .max_torque = std::min(limit.max_torque, limit.continuous_torque)};
+}
+
+template <class R>
+void BoardRobot<R>::receive(Instant now) noexcept {
+  for (Board& board : boards_) board.receive(now);
+}
+
+template <class R>
+DriverReport BoardRobot<R>::prepare(TimeIndex step) noexcept {
+  const Instant now = clock_.now();
+  receive(now);
+  if (step == 0) {
+    for (Board& board : boards_) {
+      if (!board.is_ready() || board.trouble() != Trouble::kNone) board.start(now);
+    }
+    phase_ = Phase::kStarting;
+    has_fault_ = false;
+    state_ = {};
+  }
+  if (const DriverReport fault = fault_of_boards(); fault.state != DriverReport::State::kReady) {
+    return fault;
+  }
+  if (phase_ == Phase::kStarting) {
+    const auto is_usable = [](const Board& board) {
+      return board.is_ready() && board.is_current();
+    };
+    if (!std::ranges::all_of(boards_, is_usable)) return DriverReport::busy();
+    if (is_homed()) {
+      phase_ = Phase::kReady;
+    } else {
+      begin_homing();
+    }
+  }
+  if (phase_ == Phase::kHoming) return home();
+  if (phase_ == Phase::kMoving) return move();
+  return DriverReport::ready();
+}
+
+template <class R>
+void BoardRobot<R>::begin_homing() noexcept {
+  is_homed_ = false;
+  phase_ = Phase::kHoming;
+  part_steps_ = 0;
+  for (std::size_t i = 0; i < R::kJoints; ++i) {
+    homing_[i].begin(options_.homing.method, options_.homing.torque[i], angle_per_revolution(),
+                     measure(i));
+  }
+}
+
+template <class R>
+DriverReport BoardRobot<R>::home() noexcept {
+  Joints torque{};
+  bool is_part_done = true;
+  for (std::size_t i = 0; i < R::kJoints; ++i) {
+    const HomingMeasurement measured = measure(i);
+    torque[i] = homing_[i].next(measured, gains(i), seconds(options_.period));
+    const auto failure = homing_[i].failure(measured, options_.homing.max_travel);
+    if (failure != JointHoming::Failure::kNone) return homing_fault(i, text_of_failure(failure));
+    is_part_done = is_part_done && homing_[i].is_part_done();
+    if (++part_steps_; part_steps_ * options_.period > R::kJoints * options_.homing.max_time) {
+      return homing_fault(i, "needs too much time");
+    }
+  }
+  drive(torque);
+  if (!is_part_done) return DriverReport::busy();
+  bool has_next_part = false;
+  for (std::size_t i = 0; i < R::kJoints; ++i) {
+    has_next_part |= homing_[i].next_part(measure(i));
+  }
+  part_steps_ = 0;
+  if (has_next_part) return DriverReport::busy();
+  for (std::size_t i = 0; i < R::kJoints; ++i) {
+    zero_[i] = homing_[i].home() - options_.homing.home_position[i];
+  }
+  for (Board& board : boards_) board.trust_positions();
+  is_homed_ = true;
+  begin_move();
+  return DriverReport::busy();
+}
+
+template <class R>
+void BoardRobot<R>::begin_move() noexcept {
+  phase_ = Phase::kMoving;
+  part_steps_ = 0;
+  observe();
+  start_ = observation_.position;
+}
+
+// End stops may be beyond hard limits, so the safety chain cannot judge this movement.
+template <class R>
+DriverReport BoardRobot<R>::move() noexcept {
+  observe();
+  // At the end the joints have half a second to arrive.
+  const double time = seconds(++part_steps_ * options_.period);
+  const double done = smooth(std::min(time / seconds(options_.move_time), 1.0));
+  Joints torque{};
+  if (options_.weight) torque = options_.weight(observation_.position);
+  for (std::size_t i = 0; i < R::kJoints; ++i) {
+    const double target = start_[i] + done * (options_.initial_position[i] - start_[i]);
+    const HomingGains gain = gains(i);
+    torque[i] += gain.kp * (target - observation_.position[i]);
+    torque[i] = std::clamp(torque[i] - gain.kd * observation_.velocity[i], -gain.max_torque,
+                           gain.max_torque);
+  }
+  drive(torque);
+  constexpr double kSettling = 0.5;
+  if (time < seconds(options_.move_time) + kSettling) return DriverReport::busy();
+  for (std::size_t i = 0; i < R::kJoints; ++i) {
+    const JointLimit& limit = options_.limits[i];
+    const double position = observation_.position[i];
+    if (position < limit.hard_lower || position > limit.hard_upper) {
+      return homing_fault(i, "did not reach its initial position; is something in its way?");
+    }
+  }
+  phase_ = Phase::kReady;
+  return DriverReport::ready();
+}
+
+template <class R>
+DriverReport BoardRobot<R>::homing_fault(std::size_t joint, std::string_view text) noexcept {
+  is_homed_ = false;
+  has_fault_ = true;
+  release();
+  fault_text_ = FixedText("joint ");
+  fault_text_.append(joint).append(" ").append(text);
+  return DriverReport::fault(kHomingCode + (static_cast<std::int32_t>(joint + 1) << 8));
+}
+
+template <class R>
+DriverReport BoardRobot<R>::fault_of_boards() noexcept {
+  for (std::size_t i = 0; i < boards_.size(); ++i) {
+    const Board& board = boards_[i];
+    const Trouble trouble = board.trouble();
+    if (trouble == Trouble::kNone) continue;
+    has_fault_ = true;
+    TroubleText text = text_of_trouble(trouble);
+    if (trouble == Trouble::kError) {
+      const can::BoardErrorText& error = can::text_of(board.error());
+      text = {.sentence = error.sentence, .remedy = error.remedy};
+    }
+    fault_text_ = FixedText("board ");
+    fault_text_.append(i).append(" (").append(options_.names[i]);
+    append_joints(i);
+    fault_text_.append("): ").append(text.sentence).append("; ").append(text.remedy);
+    return DriverReport::fault(kTroubleCode + static_cast<std::int32_t>(trouble) +
+                               (static_cast<std::int32_t>(i + 1) << 8));
+  }
+  return DriverReport::ready();
+}
+
+template <class R>
+void BoardRobot<R>::append_joints(std::size_t board) noexcept {
+  const char* separator = ", joint ";
+  for (std::size_t i = 0; i < R::kJoints; ++i) {
+    if (options_.motors[i].board != board) continue;
+    fault_text_.append(separator).append(i);
+    separator = " and ";
+  }
+}
+
+template <class R>
+void BoardRobot<R>::observe() noexcept {
+  const double ampere = options_.drive.torque_constant * options_.drive.gear_ratio;
+  for (std::size_t i = 0; i < R::kJoints; ++i) {
+    const HomingMeasurement measured = measure(i);
+    const Terminal& place = options_.motors[i];
+    observation_.position[i] = measured.angle - zero_[i];
+    observation_.velocity[i] = measured.velocity;
+    observation_.torque[i] =
+        options_.polarity[i] * ampere * boards_[place.board].motors()[place.number].amperes;
+  }
+  if constexpr (R::kTips > 0) {
+    for (std::size_t i = 0; i < R::kTips; ++i) {
+      const Terminal& place = options_.tips[i];
+      const double value = boards_[place.board].analog_inputs()[place.number];
+      observation_.tip_force[i] =
+          std::max(0.0, options_.tip_sensor.scale * (value - options_.tip_sensor.zero));
+    }
+  }
+}
+
+template <class R>
+DriverReport BoardRobot<R>::get_latest_observation(Observation& observation) noexcept {
+  const Instant now = clock_.now();
+  receive(now);
+  observe();
+  observation = observation_;
+  if (const DriverReport fault = fault_of_boards(); fault.state != DriverReport::State::kReady) {
+    return fault;
+  }
+  DriverReport report;
+  Instant oldest = now;
+  std::uint64_t lost = 0;
+  for (const Board& board : boards_) {
+    for (const MotorReading& motor : board.motors()) oldest = std::min(oldest, motor.position_time);
+    lost += board.bus().lost + board.counts().missing;
+  }
+  report.measurement_age = (now - oldest).count();
+  report.lost_frames = static_cast<std::uint32_t>(lost);
+  return report;
+}
+
+template <class R>
+DriverReport BoardRobot<R>::apply_action(const Action& desired, AppliedAction& applied) noexcept {
+  FixedText thrown;
+  const SafetyReport report =
+      safety_.apply(desired, observation_, options_.period, state_, applied, &thrown);
+  drive(applied.torque);
+  if (report.fault == SafetyFault::kInterrupted) return DriverReport::interrupted();
+  if (report.fault != SafetyFault::kNone) {
+    has_fault_ = true;
+    fault_text_ = report.fault == SafetyFault::kOwnCheck
+                      ? thrown
+                      : FixedText(fault_text_of(fault_code_of(report)));
+    return DriverReport::fault(fault_code_of(report));
+  }
+  DriverReport done;
+  done.action_rejected = report.action_rejected;
+  if (report.action_rejected) {
+    const RejectedCommand rejected = safety_.find_rejected(desired, applied);
+    rejection_text_ = describe(rejected, "", safety_.limits()[rejected.joint]);
+  }
+  return done;
+}
+
+template <class R>
+DriverReport BoardRobot<R>::hold(const Observation& observation, Action& action) noexcept {
+  action = hold_position(observation);
+  if (options_.weight) action.torque = options_.weight(observation.position);
+  return DriverReport::ready();
+}
+
+// A joint whose board is in trouble gets nothing; the others are damped.
+template <class R>
+DriverReport BoardRobot<R>::stop(TimeIndex step) noexcept {
+  receive(clock_.now());
+  observe();
+  Action action;
+  if (!is_homed() || !stop_.next(step, observation_, action)) {
+    release();
+    return DriverReport::ready();
+  }
+  const bool has_trouble = fault_of_boards().state != DriverReport::State::kReady;
+  if (has_trouble || (step == 0 && has_fault_)) {
+    stop_.give_up(step);
+    action = {};
+  }
+  if (options_.weight && !std::isnan(action.position[0])) {
+    action.torque = options_.weight(observation_.position);
+  }
+  AppliedAction applied;
+  const SafetyReport report = safety_.apply(action, observation_, options_.period, state_, applied);
+  if (report.fault != SafetyFault::kNone) stop_.give_up(step);
+  drive(applied.torque);
+  return DriverReport::busy();
+}
+
+template <class R>
+void BoardRobot<R>::drive(const Joints& torque) noexcept {
+  const double ampere = options_.drive.torque_constant * options_.drive.gear_ratio;
+  for (std::size_t board = 0; board < boards_.size(); ++board) {
+    can::MotorPair currents{};
+    for (std::size_t i = 0; i < R::kJoints; ++i) {
+      if (options_.motors[i].board != board) continue;
+      const double current = options_.polarity[i] * torque[i] / ampere;
+      // Written so that NaN gives no current.
+      currents[options_.motors[i].number] =
+          std::isfinite(current) ? std::clamp(current, -options_.max_current, options_.max_current)
+                                 : 0.0;
+    }
+    if (boards_[board].trouble() != Trouble::kNone) currents = {};
+    boards_[board].drive(currents);
+  }
+}
+
+template <class R>
+void BoardRobot<R>::release() noexcept {
+  for (Board& board : boards_) board.release();
+}
+
+template <class R>
+std::string_view BoardRobot<R>::fault_text(std::int32_t) const noexcept {
+  return fault_text_.view();
+}
+
+template struct BoardRobotOptions<TriFinger>;
+template struct BoardRobotOptions<Finger>;
+template struct BoardRobotOptions<TwoJoints>;
+template struct BoardRobotOptions<OneJoint>;
+template class BoardRobot<TriFinger>;
+template class BoardRobot<Finger>;
+template class BoardRobot<TwoJoints>;
+template class BoardRobot<OneJoint>;
+
+}  // namespace trifinger::boards
