@@ -37,6 +37,7 @@ void add_list(CLI::App& program, Action& action);
 void add_status(CLI::App& program, Action& action);
 void add_read(CLI::App& program, Action& action);
 void add_stop(CLI::App& program, Action& action);
+void add_emulate(CLI::App& program, Action& action);
 void add_recover(CLI::App& program, Action& action);
 void add_doctor(CLI::App& program, Action& action);
 // log/

@@ -110,6 +110,7 @@ int run_program(const std::vector<std::string>& words) {
   add_read(program, action);
   add_record(program, action);
   add_stop(program, action);
+  add_emulate(program, action);
   add_recover(program, action);
   add_log(program, action);
   add_config(program, action);

@@ -14,11 +14,14 @@
 #include "shared/exit_code.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/regular_file.hpp"
+#include "trifinger/boards/board_robot.hpp"
 #include "trifinger/config/file.hpp"
 #include "trifinger/core/fake_robot.hpp"
 #include "trifinger/joint/types.hpp"
 #include "trifinger/log/log.hpp"
 #include "trifinger/log/replay.hpp"
+#include "trifinger/model/kinematics.hpp"
+#include "trifinger/realtime/clock.hpp"
 #include "trifinger/sim/robot_config.hpp"
 #include "trifinger/sim/simulated_robot.hpp"
 
@@ -108,6 +111,32 @@ void add_simulation(RunnableRobot& robot, SimulationOptions<R> options,
   robot.driver = std::move(driver);
 }
 
+// The torques that carry the weight of the fingers, from their model.
+template <class R>
+std::function<JointVector<R::kJoints>(const JointVector<R::kJoints>&)> weight_of(
+    const RobotDescription& description) {
+  return [kinematics =
+              std::make_shared<Kinematics>(description)](const JointVector<R::kJoints>& position) {
+    kinematics->update(JointValues::Map(position.data(), static_cast<Eigen::Index>(R::kJoints)));
+    const JointValues torque = kinematics->gravity_torques();
+    JointVector<R::kJoints> values{};
+    std::ranges::copy(torque, values.begin());
+    return values;
+  };
+}
+
+template <class R>
+void add_boards(RunnableRobot& robot, const SimulationOptions<R>& simulation,
+                const BoardsConfig& config) {
+  std::ranges::move(model_documents(simulation.description),
+                    std::back_inserter(robot.session.documents));
+  auto options = std::get<boards::BoardRobotOptions<R>>(config.options);
+  options.weight = weight_of<R>(simulation.description);
+  auto buses = boards::open_buses(config.bus, options.names, robot.name);
+  robot.driver = std::make_unique<boards::BoardRobot<R>>(std::move(options), std::move(buses),
+                                                         MonotonicClock::instance());
+}
+
 }  // namespace
 
 RunnableRobot make_robot(const std::string& robot, const std::vector<std::string>& overrides,
@@ -126,8 +155,19 @@ RunnableRobot make_robot(const std::string& robot, const std::vector<std::string
   made.name = std::move(config.name);
   made.backend = config.backend;
   made.session = std::move(config.session);
-  std::visit([&](auto& options) { add_simulation(made, std::move(options), state); },
-             config.simulation);
+  if (config.boards) {
+    if (state) throw UsageError("--state is for simulations; a robot on boards begins where it is");
+    if (made.backend.mode != BackendOptions::Mode::kRealTime) {
+      throw InvalidArgument(
+          "a robot on motor boards runs in real time: backend.mode must be "
+          "real_time");
+    }
+    std::visit([&](const auto& options) { add_boards(made, options, *config.boards); },
+               config.simulation);
+  } else {
+    std::visit([&](auto& options) { add_simulation(made, std::move(options), state); },
+               config.simulation);
+  }
   return made;
 }
 

@@ -263,6 +263,29 @@ SimulationOptions<R> read_simulation(const Node& root, RobotDescription descript
   return options;
 }
 
+// The limits, poses and the stop of the simulated robot are those of the one on boards, too.
+BoardsConfig read_boards(
+    const Node& section,
+    const std::variant<SimulationOptions<TriFinger>, SimulationOptions<Finger>>& simulation) {
+  BoardsConfig config{.bus = boards::read_bus_kind(section), .options = {}};
+  std::visit(
+      [&]<class R>(const SimulationOptions<R>& robot) {
+        boards::BoardRobotOptions<R> options =
+            boards::read_board_options<R>(section, robot.limits.value());
+        options.initial_position = robot.initial_position.value();
+        options.stop = robot.stop;
+        options.period = robot.period;
+        try {
+          options.validate();
+        } catch (const InvalidArgument& error) {
+          section.fail(std::string("makes no sense: ") + error.what());
+        }
+        config.options = std::move(options);
+      },
+      simulation);
+  return config;
+}
+
 // Describes an object, as in "box of 0.065 x 0.065 x 0.065 m and 0.094 kg".
 std::string object_text(const ObjectDescription& object) {
   std::string text = object.shape == ObjectShape::kBox     ? "box of "
@@ -354,9 +377,8 @@ RobotConfig read_robot_config(const config::File& file) {
   const Node root = file.root();
   RobotConfig config;
   config.name = root.required<std::string>("name");
-  // There is one driver so far. The key exists so that a file for hardware is never used for a
-  // simulation.
-  static_cast<void>(root.required_choice<bool>("driver", {{"simulation", true}}));
+  const bool is_on_boards =
+      root.required_choice<bool>("driver", {{"simulation", false}, {"boards", true}});
   RobotDescription description = read_description(root);
   config.backend = read_backend(root.section("backend"), config.session);
   if (description.arrangement == Arrangement::kTriFinger) {
@@ -366,6 +388,7 @@ RobotConfig read_robot_config(const config::File& file) {
     config.simulation =
         read_simulation<Finger>(root, std::move(description), config.backend.period);
   }
+  if (is_on_boards) config.boards = read_boards(root.section("boards"), config.simulation);
   file.reject_unknown_keys();
   try {
     std::visit([](const auto& options) { options.validate(); }, config.simulation);

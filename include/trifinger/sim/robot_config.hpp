@@ -7,6 +7,7 @@
 #include <variant>
 #include <vector>
 
+#include "trifinger/boards/read_options.hpp"
 #include "trifinger/config/file.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/session.hpp"
@@ -14,10 +15,19 @@
 
 namespace trifinger {
 
+/// The motor boards of a robot in a configuration file.
+struct BoardsConfig {
+  boards::BusKind bus{boards::BusKind::kSocketCan};
+  std::variant<boards::BoardRobotOptions<TriFinger>, boards::BoardRobotOptions<Finger>> options;
+};
+
 /// All settings of a robot in a configuration file. config/trifinger_edu.yml documents every key.
 struct RobotConfig {
   std::string name;  ///< Name of the session.
+  /// The robot, and how it is simulated; of a robot on boards, its model and its plant in an
+  /// emulator.
   std::variant<SimulationOptions<TriFinger>, SimulationOptions<Finger>> simulation;
+  std::optional<BoardsConfig> boards{};  ///< Only for a robot on motor boards.
   BackendOptions backend;
   SessionOptions session;  ///< Its documents include the configuration, but not the model.
 };
