@@ -81,7 +81,7 @@ TEST_F(RobotConfigFile, EveryOneThatComesWithTheProgramRuns) {
     std::visit([&](const auto& options) { run_ten_steps(options, config.session); },
                config.simulation);
   }
-  EXPECT_EQ(count, 7);
+  EXPECT_EQ(count, 9);
 }
 
 TEST_F(RobotConfigFile, ExtendsOneThatComesWithTheProgramByName) {
