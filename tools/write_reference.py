@@ -2,7 +2,7 @@
 """Writes the table of all configuration keys into docs/configuration.md.
 
 Keys and allowed values come from the readers themselves, by `trifinger config`; what a key means
-stands beside it in config/trifinger_edu.yml.
+stands beside it in config/trifinger_edu.yml, or for motor boards in config/trifinger_edu_can.yml.
 """
 
 import re
@@ -15,6 +15,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "configuration.md"
 DOCUMENTED = ROOT / "config" / "trifinger_edu.yml"
+BOARDS = ROOT / "config" / "trifinger_edu_can.yml"
 BEGIN = "<!-- keys: written by tools/write_reference.py -->\n"
 END = "<!-- end of keys -->\n"
 SURFACES = ("tip", "link", "object", "table", "boundary")
@@ -76,8 +77,14 @@ def keys(program: str) -> Iterator[tuple[str, str, str]]:
         friction = ", ".join(f"{pair}: 1" for pair in PAIRS)
         text = DOCUMENTED.read_text().replace("objects: []\n", "")
         file.write_text(text.replace("  friction: {}", f"  friction: {{{friction}}}") + OPTIONAL)
-        command = [program, "config", str(file)]
-        output = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+        yield from keys_of(program, file)
+    yield from (key for key in keys_of(program, BOARDS) if key[0].startswith("boards."))
+
+
+def keys_of(program: str, file: Path) -> Iterator[tuple[str, str, str]]:
+    """Yields path, value and what is allowed of every key in a configuration."""
+    command = [program, "config", str(file)]
+    output = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     for line in output.splitlines():
         path, value, allowed = re.split(r"  +", line, maxsplit=2)
         yield path, value, allowed
@@ -85,8 +92,8 @@ def keys(program: str) -> Iterator[tuple[str, str, str]]:
 
 def table(program: str) -> str:
     """Returns the table in Markdown."""
-    comments = meanings(DOCUMENTED.read_text())
-    lines = ["| key | in trifinger_edu | allowed | meaning |", "|---|---|---|---|"]
+    comments = meanings(BOARDS.read_text()) | meanings(DOCUMENTED.read_text())
+    lines = ["| key | in the file | allowed | meaning |", "|---|---|---|---|"]
     for path, value, allowed in keys(program):
         if path.startswith("contact.friction."):
             if not path.endswith(PAIRS[0]):

@@ -30,11 +30,14 @@ void JointHoming::begin(HomingMethod method, double torque, double index_distanc
     case HomingMethod::kEndStopIndex:
     case HomingMethod::kEndStop:
     case HomingMethod::kReleasedEndStop:
-      return begin_part(Part::kPush, measured);
+      begin_part(Part::kPush, measured);
+      break;
     case HomingMethod::kNextIndex:
-      return begin_part(Part::kIndex, measured);
+      begin_part(Part::kIndex, measured);
+      break;
     case HomingMethod::kHere:
-      return begin_part(Part::kDone, measured);
+      begin_part(Part::kDone, measured);
+      break;
   }
 }
 

@@ -127,11 +127,12 @@ std::vector<std::unique_ptr<can::Bus>> open_buses(BusKind kind,
                                                   const std::vector<std::string>& names,
                                                   const std::string& robot) {
   std::vector<std::unique_ptr<can::Bus>> buses;
+  buses.reserve(names.size());
   for (const std::string& name : names) {
     buses.push_back(
         kind == BusKind::kSocketCan
             ? can::open_socket_can(name)
-            : can::join_unix_bus(session_folder() / ("trifinger-can." + robot + "." + name)));
+            : can::join_unix_bus(session_folder() / text_of("trifinger-can.", robot, ".", name)));
   }
   return buses;
 }
