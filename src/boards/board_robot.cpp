@@ -200,15 +200,29 @@ DriverReport BoardRobot<R>::prepare(TimeIndex step) noexcept {
       return board.is_ready() && board.is_current();
     };
     if (!std::ranges::all_of(boards_, is_usable)) return DriverReport::busy();
-    if (is_homed()) {
-      phase_ = Phase::kReady;
-    } else {
+    if (!is_homed()) {
       begin_homing();
+    } else if (is_outside()) {
+      // It was moved by hand, or has fallen while it was released.
+      begin_move();
+    } else {
+      phase_ = Phase::kReady;
     }
   }
   if (phase_ == Phase::kHoming) return home();
   if (phase_ == Phase::kMoving) return move();
   return DriverReport::ready();
+}
+
+template <class R>
+bool BoardRobot<R>::is_outside() noexcept {
+  observe();
+  for (std::size_t i = 0; i < R::kJoints; ++i) {
+    const JointLimit& limit = options_.limits[i];
+    const double position = observation_.position[i];
+    if (position < limit.soft_lower || position > limit.soft_upper) return true;
+  }
+  return false;
 }
 
 template <class R>

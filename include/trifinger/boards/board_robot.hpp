@@ -86,7 +86,8 @@ struct BoardRobotOptions {
 /// A robot whose joints are driven by motor boards: six for a TriFinger, one for a test rig.
 ///
 /// `prepare` starts the boards, homes the joints if their places are not known, and moves to the
-/// initial position. Every action passes the same safety chain as in simulation.
+/// initial position. It moves there, too, if a joint is beyond a soft limit. Every action passes
+/// the same safety chain as in simulation.
 template <class R>
 class BoardRobot final : public Driver<R> {
  public:
@@ -143,6 +144,8 @@ class BoardRobot final : public Driver<R> {
   void observe() noexcept;
   [[nodiscard]] HomingMeasurement measure(std::size_t joint) const noexcept;
   [[nodiscard]] HomingGains gains(std::size_t joint) const noexcept;
+  // True if a joint is beyond a soft limit.
+  [[nodiscard]] bool is_outside() noexcept;
   void begin_homing() noexcept;
   [[nodiscard]] DriverReport home() noexcept;
   void begin_move() noexcept;
