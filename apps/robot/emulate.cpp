@@ -14,6 +14,7 @@
 #include "trifinger/base/error.hpp"
 #include "trifinger/boards/emulator.hpp"
 #include "trifinger/boards/read_options.hpp"
+#include "trifinger/can/interface_state.hpp"
 #include "trifinger/realtime/clock.hpp"
 #include "trifinger/realtime/thread.hpp"
 #include "trifinger/sim/robot_config.hpp"
@@ -57,12 +58,26 @@ void run_boards(const std::string& name, const BoardsConfig& config,
   fmt::print("{}: off.\n", name);
 }
 
+// On a real bus, emulated boards would answer beside the real ones.
+void require_virtual(const std::vector<std::string>& interfaces) {
+  for (const std::string& name : interfaces) {
+    const auto state = can::read_interface_state(name);
+    if (!state || state->kind == "vcan") continue;  // a missing one is named when it is opened
+    throw InvalidArgument("'" + name +
+                          "' is no virtual CAN interface: real boards may be on it; "
+                          "--set boards.bus=emulated emulates them without CAN");
+  }
+}
+
 int emulate(const EmulateOptions& options) {
   std::signal(SIGPIPE, SIG_IGN);
   const RobotConfig config = load_robot_config(options.robot, options.overrides);
   if (!config.boards) {
     throw InvalidArgument("'" + options.robot +
                           "' is not on motor boards: its driver is simulation");
+  }
+  if (config.boards->bus == boards::BusKind::kSocketCan) {
+    std::visit([](const auto& boards) { require_virtual(boards.names); }, config.boards->options);
   }
   const Signals signals;
   for (const std::string& lack : enter_realtime(options.realtime)) {

@@ -47,9 +47,11 @@ struct RunOptions {
 };
 
 RunnableRobot robot_for(const RunOptions& options) {
-  RunnableRobot robot = make_robot(options.robot, options.overrides, options.state);
-  robot.name = options.name.value_or(robot.name);
+  RunnableRobot robot = make_robot(options.robot, options.name, options.overrides, options.state);
   robot.backend.mode = options.mode.value_or(robot.backend.mode);
+  if (robot.needs_real_time && robot.backend.mode != BackendOptions::Mode::kRealTime) {
+    throw InvalidArgument("a robot on motor boards runs in real time only");
+  }
   return robot;
 }
 

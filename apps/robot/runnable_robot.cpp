@@ -90,6 +90,11 @@ SimulationState read_state(const std::filesystem::path& path) {
   return {begin, begin + bytes.size()};
 }
 
+RunnableRobot named(RunnableRobot robot, const std::optional<std::string>& name) {
+  if (name) robot.name = *name;
+  return robot;
+}
+
 template <class R>
 void add_simulation(RunnableRobot& robot, SimulationOptions<R> options,
                     const std::optional<std::filesystem::path>& state) {
@@ -139,29 +144,26 @@ void add_boards(RunnableRobot& robot, const SimulationOptions<R>& simulation,
 
 }  // namespace
 
-RunnableRobot make_robot(const std::string& robot, const std::vector<std::string>& overrides,
+RunnableRobot make_robot(const std::string& robot, const std::optional<std::string>& name,
+                         const std::vector<std::string>& overrides,
                          const std::optional<std::filesystem::path>& state) {
   if (robot == kFakeRobot) {
     if (state) throw UsageError("--state is for simulations; the fake robot has no state to save");
-    return make_fake_robot(overrides);
+    return named(make_fake_robot(overrides), name);
   }
   if (is_log(robot)) {
     if (state) throw UsageError("--state is for simulations; a log begins as it was recorded");
-    return make_replay(robot, overrides);
+    return named(make_replay(robot, overrides), name);
   }
 
   RobotConfig config = load_robot_config(robot, overrides);
   RunnableRobot made;
-  made.name = std::move(config.name);
+  made.name = name.value_or(config.name);
   made.backend = config.backend;
   made.session = std::move(config.session);
   if (config.boards) {
     if (state) throw UsageError("--state is for simulations; a robot on boards begins where it is");
-    if (made.backend.mode != BackendOptions::Mode::kRealTime) {
-      throw InvalidArgument(
-          "a robot on motor boards runs in real time: backend.mode must be "
-          "real_time");
-    }
+    made.needs_real_time = true;
     std::visit([&](const auto& options) { add_boards(made, options, *config.boards); },
                config.simulation);
   } else {

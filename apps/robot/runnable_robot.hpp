@@ -22,6 +22,7 @@ struct RunnableRobot {
   std::unique_ptr<UntypedDriver> driver;
   BackendOptions backend;
   SessionOptions session;
+  bool needs_real_time{false};
   // Returns the state before the simulation diverged, if that is the `fault`; otherwise an empty
   // state. Call this only while nobody uses the driver.
   std::function<SimulationState(const Fault& fault)> state_before{
@@ -29,10 +30,11 @@ struct RunnableRobot {
 };
 
 // Makes the robot that is called `robot` on the command line: "fake", the name or the path of a
-// configuration, or a log to be played. `overrides` are settings such as "fingers.height=0.3". A
-// simulation begins in the state saved in the file `state`. Throws ConfigError, InvalidArgument,
-// SystemError.
+// configuration, or a log to be played. `name` replaces its own name. `overrides` are settings such
+// as "fingers.height=0.3". A simulation begins in the state saved in the file `state`. Throws
+// ConfigError, InvalidArgument, SystemError.
 [[nodiscard]] RunnableRobot make_robot(const std::string& robot,
+                                       const std::optional<std::string>& name,
                                        const std::vector<std::string>& overrides,
                                        const std::optional<std::filesystem::path>& state);
 

@@ -15,6 +15,13 @@ using can::Link;
 
 // A measured current may differ by this much from the desired one [A].
 constexpr double kCurrentTolerance = 0.05;
+// A board has seen a command within this time.
+constexpr Nanoseconds kAnswerTime = std::chrono::milliseconds(20);
+// So many commands of others in a second are no accident.
+constexpr int kForeignCommands = 5;
+// So many ticks in a row may find the bus full.
+constexpr int kMostRefusals = 3;
+constexpr int kMostTicksOfABacklog = 20;
 // So many implausible positions in a row are the truth: the checks of the robot then see the jump.
 constexpr int kBelievedJumps = 3;
 
@@ -53,17 +60,34 @@ void Board::start(Instant now) noexcept {
   trouble_ = Trouble::kNone;
   error_ = can::BoardError::kNone;
   has_lost_motors_ = false;
+  keeps_positions_ = false;
   is_driven_ = false;
-  was_start_sent_ = false;
+  is_fresh_ = false;
+  refusals_ = 0;
+  foreign_ = 0;
   started_ = now;
-  send_start();
+  send_start(now);
+}
+
+void Board::resume(Instant now) noexcept {
+  // A bus keeps some hundred frames, the oldest ones.
+  for (int i = 0; i < kMostTicksOfABacklog && (i == 0 || has_more_); ++i) read_all();
+  is_fresh_ = false;
+  for (MotorReading& motor : motors_) {
+    motor.position_time = std::max(motor.position_time, now);
+    motor.velocity_time = std::max(motor.velocity_time, now);
+    motor.current_time = std::max(motor.current_time, now);
+  }
+  current_seen_.fill(now);
+  is_driven_ = false;
 }
 
 // The order is that of the original host. Both motors must be enabled even if only one is wired:
 // otherwise the board never becomes ready.
-void Board::send_start() noexcept {
+void Board::send_start(Instant now) noexcept {
+  start_sent_ = now;
   const std::array frames{encode(can::DesiredCurrents{}),
-                          encode(can::BoardCommand{Command::kSetReceiveTimeout, 0}),
+                          time_limit(),
                           encode(can::BoardCommand{Command::kEnableSystem, 1}),
                           encode(can::BoardCommand{Command::kSendAll, 1}),
                           encode(can::BoardCommand{Command::kEnableMotor1, 1}),
@@ -73,14 +97,22 @@ void Board::send_start() noexcept {
 
 void Board::receive(Instant now) noexcept {
   read_all();
-  if (phase_ == Phase::kStarting && !was_start_sent_) send_start();
-  if (phase_ != Phase::kReady) {
-    if (trouble_ == Trouble::kNone) trouble_ = find_trouble(now);
-    return;
+  if (now - foreign_since_ > std::chrono::seconds(1)) {
+    foreign_since_ = now;
+    foreign_ = 0;
   }
-  watch_currents(now);
+  if (phase_ == Phase::kStarting && !was_start_sent_) send_start(now);
+  if (phase_ == Phase::kReady) watch_currents(now);
   if (trouble_ == Trouble::kNone) trouble_ = find_trouble(now);
-  if (trouble_ == Trouble::kSilent || trouble_ == Trouble::kRestarted) keeps_positions_ = false;
+  if (trouble_ != Trouble::kNone) keeps_positions_ = false;
+}
+
+Instant Board::oldest_measurement() const noexcept {
+  Instant oldest = Instant::max();
+  for (const MotorReading& motor : motors_) {
+    oldest = std::min({oldest, motor.position_time, motor.velocity_time, motor.current_time});
+  }
+  return oldest;
 }
 
 // After a pause many frames are waiting. What is left then is read in the next ticks.
@@ -88,15 +120,16 @@ void Board::read_all() noexcept {
   constexpr int kMostRounds = 4;
   has_more_ = true;
   for (int round = 0; round < kMostRounds && has_more_; ++round) {
-    const auto received = bus_->receive(frames_);
-    for (const can::Frame& frame : received) take(frame);
-    has_more_ = received.size() == frames_.size();
+    const std::uint64_t overloads = bus_->state().overloads;
+    for (const can::Frame& frame : bus_->receive(frames_)) take(frame);
+    has_more_ = bus_->state().overloads != overloads;
   }
 }
 
 Trouble Board::find_trouble(Instant now) const noexcept {
   if (phase_ == Phase::kOff) return Trouble::kNone;
   if (const Trouble link = trouble_of(bus_->state().link); link != Trouble::kNone) return link;
+  if (foreign_ >= kForeignCommands) return Trouble::kSecondHost;
   if (error_ != can::BoardError::kNone) return Trouble::kError;
   if (phase_ == Phase::kStarting) {
     return now - started_ > options_.start_timeout ? Trouble::kNotReady : Trouble::kNone;
@@ -104,7 +137,8 @@ Trouble Board::find_trouble(Instant now) const noexcept {
   if (has_lost_motors_) return Trouble::kRestarted;
   // What is new may be among the frames that are still waiting.
   if (has_more_) return Trouble::kNone;
-  if (now - newest_data_ > options_.silent_after) return Trouble::kSilent;
+  if (now - oldest_measurement() > options_.silent_after) return Trouble::kSilent;
+  if (refusals_ > kMostRefusals) return Trouble::kSendRefused;
   for (const Instant seen : current_seen_) {
     if (is_driven_ && now - seen > options_.no_current_after) return Trouble::kNoCurrent;
   }
@@ -121,31 +155,39 @@ void Board::watch_currents(Instant now) noexcept {
   }
 }
 
+// The time limit comes before the first currents, and again and again: a lost frame must not leave
+// the board without one.
 void Board::drive(const can::MotorPair& amperes) noexcept {
   if (phase_ != Phase::kReady) return;
+  constexpr int kDrivesPerTimeLimit = 100;
   sent_ = amperes;
-  const auto limit =
-      std::chrono::duration_cast<std::chrono::milliseconds>(options_.receive_timeout);
-  const std::array frames{encode(can::DesiredCurrents{amperes}),
-                          encode(can::BoardCommand{Command::kSetReceiveTimeout,
-                                                   static_cast<std::int32_t>(limit.count())})};
-  // The time limit follows the first currents, so that it cannot run out before they are there.
-  is_driven_ =
-      bus_->send(std::span(frames).first(is_driven_ ? 1U : 2U)).refusal == can::Refusal::kNone ||
-      is_driven_;
+  const std::array frames{time_limit(), encode(can::DesiredCurrents{amperes})};
+  const bool sends_limit = !is_driven_ || ++drives_ >= kDrivesPerTimeLimit;
+  if (sends_limit) drives_ = 0;
+  is_driven_ = true;
+  send(std::span(frames).subspan(sends_limit ? 0 : 1));
 }
 
+// The time limit stays: if this frame is lost, the board lets the motors go by itself.
 void Board::release() noexcept {
   sent_ = {};
   is_driven_ = false;
-  const std::array frames{encode(can::DesiredCurrents{}),
-                          encode(can::BoardCommand{Command::kSetReceiveTimeout, 0})};
-  static_cast<void>(bus_->send(frames));
+  send(std::array{encode(can::DesiredCurrents{})});
+}
+
+void Board::send(std::span<const can::Frame> frames) noexcept {
+  refusals_ = bus_->send(frames).refusal == can::Refusal::kNone ? 0 : refusals_ + 1;
+}
+
+can::Frame Board::time_limit() const noexcept {
+  const auto limit = std::chrono::ceil<std::chrono::milliseconds>(options_.receive_timeout);
+  return encode(
+      can::BoardCommand{Command::kSetReceiveTimeout, static_cast<std::int32_t>(limit.count())});
 }
 
 void Board::switch_off() noexcept {
   release();
-  static_cast<void>(bus_->send(std::array{encode(can::BoardCommand{Command::kEnableSystem, 0})}));
+  send(std::array{encode(can::BoardCommand{Command::kEnableSystem, 0})});
   phase_ = Phase::kOff;
 }
 
@@ -154,15 +196,16 @@ void Board::take(const can::Frame& frame) noexcept {
 }
 
 void Board::take(const can::BoardStatus& status, Instant time) noexcept {
-  if (phase_ == Phase::kStarting && time <= started_) return;  // from before
-  error_ = status.error;
   const bool is_whole = is_fully_enabled(status) && status.error == can::BoardError::kNone;
-  if (phase_ == Phase::kReady) has_lost_motors_ = !is_whole && error_ == can::BoardError::kNone;
-  if (phase_ != Phase::kStarting) return;
-  // The error of a board that has not seen our start yet is an old one.
-  const bool is_old = !status.system_enabled;
-  if (is_old) error_ = can::BoardError::kNone;
-  if (is_whole && status.motors[0].ready && status.motors[1].ready && newest_data_ > started_) {
+  if (phase_ == Phase::kReady) {
+    error_ = status.error;
+    has_lost_motors_ = !is_whole && error_ == can::BoardError::kNone;
+  }
+  // What was sent before the board has seen our start tells nothing.
+  if (phase_ != Phase::kStarting || time - start_sent_ < kAnswerTime) return;
+  error_ = status.error;
+  if (!is_fully_enabled(status) && error_ == can::BoardError::kNone) was_start_sent_ = false;
+  if (is_whole && status.motors[0].ready && status.motors[1].ready && is_fresh_) {
     phase_ = Phase::kReady;
     current_seen_.fill(time);
   }
@@ -198,7 +241,7 @@ void Board::take(const can::MotorPositions& positions, Instant time) noexcept {
     implausible_in_a_row_[i] = 0;
     unwrappers_[i] = unwrapper;
     motor.revolutions = revolutions;
-    newest_data_ = std::max(newest_data_, time);
+    is_fresh_ = true;
   }
 }
 
@@ -217,11 +260,20 @@ void Board::take(const can::IndexPulse& pulse, Instant) noexcept {
   MotorReading& motor = motors_[pulse.motor];
   // A copy unwraps it: the next position continues from the position before.
   can::PositionUnwrapper unwrapper = unwrappers_[pulse.motor];
-  motor.index = unwrapper.unwrap(pulse.revolutions);
+  const double index = unwrapper.unwrap(pulse.revolutions);
+  constexpr double kFarthest = 0.5;  // [revolutions]
+  if (std::abs(index - motor.revolutions) > kFarthest) {
+    ++counts_.implausible;
+    return;
+  }
+  motor.index = index;
   ++motor.index_pulses;
 }
 
-void Board::take(can::Rejection, Instant) noexcept { ++counts_.invalid; }
+void Board::take(can::Rejection rejection, Instant) noexcept {
+  ++counts_.invalid;
+  if (rejection == can::Rejection::kWrongDirection) ++foreign_;
+}
 
 bool Board::is_newer(Instant time, Instant& newest) noexcept {
   if (time < newest) {

@@ -30,19 +30,26 @@ TroubleText text_of_trouble(Trouble trouble) noexcept {
   switch (trouble) {
     case Trouble::kInterfaceDown:
       return {"its CAN interface is down",
-              "take it up ('trifinger doctor' says how), then recover"};
+              "bring it up ('ip link set INTERFACE up'), then recover"};
     case Trouble::kInterfaceGone:
       return {"its CAN interface was removed", "plug it in, then start the robot again"};
     case Trouble::kBusOff:
       return {"the CAN controller has left the bus after too many errors",
-              "check cable and termination, then recover"};
+              "check cable and termination, restart the interface, then recover"};
     case Trouble::kSilent:
       return {"no measurements come", "check its supply and its cable, then recover"};
+    case Trouble::kSecondHost:
+      return {"somebody else sends commands on its bus",
+              "end the other program or unplug the other computer, then recover"};
+    case Trouble::kSendRefused:
+      return {"its bus takes no frames, so nobody acknowledges them",
+              "check the board's supply and its cable, then recover"};
     case Trouble::kRestarted:
-      return {"it has lost its supply and forgotten its positions",
-              "check the supply and the emergency stop, then recover: the robot homes itself"};
+      return {"its motors are switched off",
+              "it has lost its supply, or its button was pressed; recover: the robot homes itself"};
     case Trouble::kNoCurrent:
-      return {"a motor gets no current", "check the emergency stop and the supply, then recover"};
+      return {"a motor gets no current",
+              "check supply and emergency stop, or the board has an error; then recover"};
     case Trouble::kNotReady:
       return {"it did not become ready",
               "check its supply, its cable and its motors, then recover"};
@@ -89,6 +96,16 @@ void BoardRobotOptions<R>::validate() const {
   require(drive.gear_ratio > 0.0, text_of("gear_ratio is ", drive.gear_ratio, ", must be above 0"));
   require(drive.torque_constant > 0.0,
           text_of("torque_constant is ", drive.torque_constant, " Nm/A, must be above 0"));
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    for (std::size_t k = 0; k < i; ++k) {
+      require(names[i] != names[k], text_of("boards ", k, " and ", i, " are both on ", names[i]));
+    }
+  }
+  const auto limit = std::chrono::duration<double, std::milli>(board.receive_timeout).count();
+  require(limit >= 1.0 && limit == std::floor(limit) && board.receive_timeout > period,
+          text_of("receive_timeout is ", limit,
+                  " ms, must be a whole number of ms and longer than the period"));
+  require(homing.max_travel > 0.0, "max_travel must be above 0");
   require(max_current > 0.0 && max_current <= 20.0,
           text_of("max_current is ", max_current, " A, must be above 0 and at most 20"));
   require(move_time > Nanoseconds::zero(), "move_time must be above 0");
@@ -110,6 +127,11 @@ void BoardRobotOptions<R>::validate() const {
         initial_position[i] >= limits[i].soft_lower && initial_position[i] <= limits[i].soft_upper;
     require(is_inside, text_of("initial_position of joint ", i, " is ", initial_position[i],
                                " rad, must be within its soft limits"));
+    const bool pushes = homing.method != HomingMethod::kHere;
+    require(!pushes || homing.torque[i] != 0.0,
+            text_of("the homing torque of joint ", i, " is 0, must have a direction"));
+    require(std::isfinite(homing.home_position[i]),
+            text_of("home_position of joint ", i, " is not finite"));
     require(std::abs(homing.torque[i]) <= limits[i].max_torque,
             text_of("the homing torque of joint ", i, " is ", homing.torque[i],
                     " Nm, must be at most max_torque (", limits[i].max_torque, " Nm)"));
@@ -117,10 +139,24 @@ void BoardRobotOptions<R>::validate() const {
   for (std::size_t i = 0; i < R::kTips; ++i) check(tips[i], text_of("the sensor of tip ", i));
 }
 
+namespace {
+
+// The safety chain must know what the motors can give at most.
+template <class R>
+BoardRobotOptions<R> with_torque_of_current(BoardRobotOptions<R> options) {
+  options.validate();
+  const double most =
+      options.max_current * options.drive.torque_constant * options.drive.gear_ratio;
+  for (JointLimit& limit : options.limits) limit.max_torque = std::min(limit.max_torque, most);
+  return options;
+}
+
+}  // namespace
+
 template <class R>
 BoardRobot<R>::BoardRobot(Options options, std::vector<std::unique_ptr<can::Bus>> buses,
                           const Clock& clock)
-    : options_((options.validate(), std::move(options))),
+    : options_(with_torque_of_current(std::move(options))),
       clock_(clock),
       safety_(options_.limits),
       stop_(options_.stop, options_.period) {
@@ -145,13 +181,6 @@ bool BoardRobot<R>::is_homed() const noexcept {
 template <class R>
 double BoardRobot<R>::angle_per_revolution() const noexcept {
   return 2.0 * std::numbers::pi / options_.drive.gear_ratio;
-}
-
-template <class R>
-auto BoardRobot<R>::raw_position() const noexcept -> Joints {
-  Joints position{};
-  for (std::size_t i = 0; i < R::kJoints; ++i) position[i] = measure(i).angle;
-  return position;
 }
 
 template <class R>
@@ -183,15 +212,15 @@ void BoardRobot<R>::receive(Instant now) noexcept {
 template <class R>
 DriverReport BoardRobot<R>::prepare(TimeIndex step) noexcept {
   const Instant now = clock_.now();
-  receive(now);
   if (step == 0) {
-    for (Board& board : boards_) {
-      if (!board.is_ready() || board.trouble() != Trouble::kNone) board.start(now);
-    }
+    for (Board& board : boards_) board.resume(now);
     phase_ = Phase::kStarting;
     has_fault_ = false;
-    state_ = {};
+    // Motors stay as warm as they were.
+    for (JointMemory& memory : state_.joints) memory = {.heat = memory.heat};
   }
+  receive(now);
+  if (phase_ == Phase::kStarting) start_what_is_not_ready(step, now);
   if (const DriverReport fault = fault_of_boards(); fault.state != DriverReport::State::kReady) {
     return fault;
   }
@@ -209,9 +238,27 @@ DriverReport BoardRobot<R>::prepare(TimeIndex step) noexcept {
       phase_ = Phase::kReady;
     }
   }
-  if (phase_ == Phase::kHoming) return home();
-  if (phase_ == Phase::kMoving) return move();
-  return DriverReport::ready();
+  DriverReport report;
+  if (phase_ == Phase::kHoming) report = home();
+  if (phase_ == Phase::kMoving) report = move();
+  if (report.state == DriverReport::State::kReady) lost_before_ = lost_frames();
+  return report;
+}
+
+// A board that was ready may have been switched off in a pause, so this is no fault yet.
+template <class R>
+void BoardRobot<R>::start_what_is_not_ready(TimeIndex step, Instant now) noexcept {
+  for (Board& board : boards_) {
+    const bool is_lost = board.is_ready() && board.trouble() != Trouble::kNone;
+    if (is_lost || (step == 0 && !board.is_ready())) board.start(now);
+  }
+}
+
+template <class R>
+std::uint64_t BoardRobot<R>::lost_frames() const noexcept {
+  std::uint64_t lost = 0;
+  for (const Board& board : boards_) lost += board.bus().lost + board.counts().missing;
+  return lost;
 }
 
 template <class R>
@@ -246,8 +293,12 @@ DriverReport BoardRobot<R>::home() noexcept {
     const auto failure = homing_[i].failure(measured, options_.homing.max_travel);
     if (failure != JointHoming::Failure::kNone) return homing_fault(i, text_of_failure(failure));
     is_part_done = is_part_done && homing_[i].is_part_done();
-    if (++part_steps_; part_steps_ * options_.period > R::kJoints * options_.homing.max_time) {
-      return homing_fault(i, "needs too much time");
+  }
+  if (++part_steps_ * options_.period > options_.homing.max_time) {
+    for (std::size_t i = 0; i < R::kJoints; ++i) {
+      if (homing_[i].is_part_done()) continue;
+      return homing_fault(i,
+                          "does not come to rest at its end stop; check the belt and the torque");
     }
   }
   drive(torque);
@@ -294,11 +345,13 @@ DriverReport BoardRobot<R>::move() noexcept {
   drive(torque);
   constexpr double kSettling = 0.5;
   if (time < seconds(options_.move_time) + kSettling) return DriverReport::busy();
+  constexpr double kTolerance = 0.2;  // [rad]
   for (std::size_t i = 0; i < R::kJoints; ++i) {
-    const JointLimit& limit = options_.limits[i];
-    const double position = observation_.position[i];
-    if (position < limit.hard_lower || position > limit.hard_upper) {
-      return homing_fault(i, "did not reach its initial position; is something in its way?");
+    const double error = std::abs(observation_.position[i] - options_.initial_position[i]);
+    if (error > kTolerance) {
+      return homing_fault(i,
+                          "did not reach its initial position; check max_current, home_position, "
+                          "and whether something is in its way");
     }
   }
   phase_ = Phase::kReady;
@@ -339,7 +392,9 @@ DriverReport BoardRobot<R>::fault_of_boards() noexcept {
 
 template <class R>
 void BoardRobot<R>::append_joints(std::size_t board) noexcept {
-  const char* separator = ", joint ";
+  const auto is_here = [board](const Terminal& motor) { return motor.board == board; };
+  const bool is_one = std::ranges::count_if(options_.motors, is_here) == 1;
+  const char* separator = is_one ? ", joint " : ", joints ";
   for (std::size_t i = 0; i < R::kJoints; ++i) {
     if (options_.motors[i].board != board) continue;
     fault_text_.append(separator).append(i);
@@ -379,13 +434,9 @@ DriverReport BoardRobot<R>::get_latest_observation(Observation& observation) noe
   }
   DriverReport report;
   Instant oldest = now;
-  std::uint64_t lost = 0;
-  for (const Board& board : boards_) {
-    for (const MotorReading& motor : board.motors()) oldest = std::min(oldest, motor.position_time);
-    lost += board.bus().lost + board.counts().missing;
-  }
+  for (const Board& board : boards_) oldest = std::min(oldest, board.oldest_measurement());
   report.measurement_age = (now - oldest).count();
-  report.lost_frames = static_cast<std::uint32_t>(lost);
+  report.lost_frames = static_cast<std::uint32_t>(lost_frames() - lost_before_);
   return report;
 }
 
@@ -425,7 +476,8 @@ DriverReport BoardRobot<R>::stop(TimeIndex step) noexcept {
   receive(clock_.now());
   observe();
   Action action;
-  if (!is_homed() || !stop_.next(step, observation_, action)) {
+  const bool has_begun = phase_ == Phase::kReady || phase_ == Phase::kMoving;
+  if (!has_begun || !stop_.next(step, observation_, action)) {
     release();
     return DriverReport::ready();
   }
@@ -464,7 +516,14 @@ void BoardRobot<R>::drive(const Joints& torque) noexcept {
 
 template <class R>
 void BoardRobot<R>::release() noexcept {
-  for (Board& board : boards_) board.release();
+  for (Board& board : boards_) {
+    // A start that waits on a bus without a board must not happen later.
+    if (board.is_ready()) {
+      board.release();
+    } else {
+      board.switch_off();
+    }
+  }
 }
 
 template <class R>

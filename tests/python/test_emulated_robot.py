@@ -18,6 +18,9 @@ PATIENT = [
     *("--set", "boards.silent_after=3"),
     *("--set", "boards.receive_timeout=10"),
     *("--set", "boards.move_time=1"),
+    *("--set", "safety.plausibility.stuck_time=.inf"),
+    *("--set", "safety.plausibility.max_position_rate=.inf"),
+    *("--set", "safety.plausibility.max_velocity_error=.inf"),
     *("--set", "backend.late_action.max_repeats=10000"),
     *("--set", "backend.max_skipped_ticks=10000"),
 ]
@@ -71,7 +74,9 @@ def test_what_is_no_robot_on_boards_cannot_be_emulated() -> None:
         ("boards.homing.torque=1", "must be at most safety.max_torque"),
         ("boards.max_current=-1", "must be more than 0"),
         ("boards.bus=can", "must be 'socketcan' or 'emulated'"),
-        ("backend.mode=non_real_time", "a robot on motor boards runs in real time"),
+        ("backend.mode=non_real_time", "a robot on motor boards runs in real time only"),
+        ("boards.receive_timeout=0.0005", "must be a whole number of ms"),
+        ("boards.interfaces=[a, b, c, d, e, e]", "are both on e"),
     ],
 )
 def test_a_wrong_value_is_answered_with_a_sentence(setting: str, sentence: str) -> None:

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 
 #include "trifinger/base/time.hpp"
 #include "trifinger/can/bus.hpp"
@@ -34,6 +35,8 @@ enum class Trouble : std::uint8_t {
   kInterfaceGone,  ///< Its CAN interface was removed.
   kBusOff,         ///< The CAN controller has left the bus.
   kSilent,         ///< No measurements came for `BoardOptions::silent_after`.
+  kSecondHost,     ///< Somebody else sends commands on its bus.
+  kSendRefused,    ///< The bus takes no frames: nobody acknowledges them.
   kError,          ///< It reports an error: `Board::error`.
   kRestarted,      ///< It has lost its supply: motors that were enabled are not any more.
   kNoCurrent,      ///< A motor gets no current, although it should.
@@ -65,9 +68,13 @@ class Board {
 
   explicit Board(std::unique_ptr<can::Bus> bus, const BoardOptions& options = {}) noexcept;
 
-  /// Asks the board to switch its motors on. Forgets all troubles. `receive` then goes on until the
-  /// board is ready: its motors have aligned themselves, which takes seconds.
+  /// Asks the board to switch its motors on. Forgets all troubles, and where the motors were: it
+  /// may have been without supply. `receive` then goes on until the board is ready: its motors have
+  /// aligned themselves, which takes seconds.
   void start(Instant now) noexcept TRIFINGER_REALTIME;
+
+  /// Goes on after a pause in which nobody called `receive`. What came in it is read and forgotten.
+  void resume(Instant now) noexcept TRIFINGER_REALTIME;
 
   /// Reads what the board has sent.
   void receive(Instant now) noexcept TRIFINGER_REALTIME;
@@ -75,22 +82,24 @@ class Board {
   /// Sends the currents of the next tick [A]. Without effect unless the board is ready.
   void drive(const can::MotorPair& amperes) noexcept TRIFINGER_REALTIME;
 
-  /// Lets the motors go. The board stays ready, and nothing has to be sent until `drive`.
+  /// Lets the motors go. The board stays ready.
   void release() noexcept TRIFINGER_REALTIME;
 
   /// Switches the motors off. `start` switches them on again.
   void switch_off() noexcept TRIFINGER_REALTIME;
 
   [[nodiscard]] bool is_ready() const noexcept { return phase_ == Phase::kReady; }
-  /// False while more frames wait than a tick can read, as after a pause.
-  [[nodiscard]] bool is_current() const noexcept { return !has_more_; }
+  /// False while the newest measurements are not known, as after a pause.
+  [[nodiscard]] bool is_current() const noexcept { return !has_more_ && is_fresh_; }
+  /// When the oldest of the newest measurements arrived.
+  [[nodiscard]] Instant oldest_measurement() const noexcept;
   /// The first trouble since `start`; it stays.
   [[nodiscard]] Trouble trouble() const noexcept { return trouble_; }
   /// What the board reported, for Trouble::kError.
   [[nodiscard]] can::BoardError error() const noexcept { return error_; }
 
-  /// False from the moment on at which the board may have been without supply. Positions then count
-  /// from another place, and the motors must be homed again.
+  /// False after any trouble: the board may have been without supply since. Positions then count
+  /// from another place, so the motors must be homed again.
   [[nodiscard]] bool keeps_positions() const noexcept { return keeps_positions_; }
   /// Call this after homing.
   void trust_positions() noexcept { keeps_positions_ = true; }
@@ -121,7 +130,9 @@ class Board {
   bool is_newer(Instant time, Instant& newest) noexcept;
   [[nodiscard]] Trouble find_trouble(Instant now) const noexcept;
   void watch_currents(Instant now) noexcept;
-  void send_start() noexcept;
+  void send_start(Instant now) noexcept;
+  void send(std::span<const can::Frame> frames) noexcept;
+  [[nodiscard]] can::Frame time_limit() const noexcept;
 
   std::unique_ptr<can::Bus> bus_;
   BoardOptions options_;
@@ -129,12 +140,17 @@ class Board {
   Trouble trouble_{Trouble::kNone};
   can::BoardError error_{can::BoardError::kNone};
   bool keeps_positions_{false};
-  bool is_driven_{false};       // currents are being sent, under the board's time limit
+  bool is_driven_{false};  // currents are being sent
+  int drives_{0};          // since the time limit was sent
+  int refusals_{0};        // ticks in a row in which the bus took nothing
+  int foreign_{0};         // commands of somebody else in this second
+  Instant foreign_since_{};
+  bool is_fresh_{false};        // positions have come since the start or the pause
   bool was_start_sent_{false};  // the bus has accepted the whole start sequence
   bool has_lost_motors_{false};
   bool has_more_{false};  // frames were left on the bus
   Instant started_{};
-  Instant newest_data_{};
+  Instant start_sent_{};
   std::array<MotorReading, 2> motors_{};
   std::array<can::PositionUnwrapper, 2> unwrappers_{};
   std::array<int, 2> implausible_in_a_row_{};

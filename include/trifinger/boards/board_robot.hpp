@@ -109,8 +109,6 @@ class BoardRobot final : public Driver<R> {
   [[nodiscard]] const std::vector<Board>& boards() const noexcept { return boards_; }
   /// True if the places of all joints are known.
   [[nodiscard]] bool is_homed() const noexcept;
-  /// Angles of the joints from where their boards were switched on [rad], without calibration.
-  [[nodiscard]] Joints raw_position() const noexcept;
 
   using Driver<R>::get_latest_observation;
   using Driver<R>::apply_action;
@@ -133,13 +131,16 @@ class BoardRobot final : public Driver<R> {
  private:
   enum class Phase : std::uint8_t { kStarting, kHoming, kMoving, kReady };
 
-  // Fault codes below those of the safety chain; above them are the board or the joint, from 1.
+  // Fault codes beside those of the safety chain, with the board or the joint from 1 in the higher
+  // bits.
   static constexpr std::int32_t kTroubleCode = 64;
   static constexpr std::int32_t kHomingCode = 96;
 
   [[nodiscard]] DriverReport fault_of_boards() noexcept;
   [[nodiscard]] DriverReport homing_fault(std::size_t joint, std::string_view text) noexcept;
   void append_joints(std::size_t board) noexcept;
+  void start_what_is_not_ready(TimeIndex step, Instant now) noexcept;
+  [[nodiscard]] std::uint64_t lost_frames() const noexcept;
   void receive(Instant now) noexcept;
   void observe() noexcept;
   [[nodiscard]] HomingMeasurement measure(std::size_t joint) const noexcept;
@@ -162,9 +163,10 @@ class BoardRobot final : public Driver<R> {
   std::vector<Board> boards_;
   Phase phase_{Phase::kStarting};
   std::array<JointHoming, R::kJoints> homing_{};
-  TimeIndex part_steps_{0};  // of this part of homing, or of the move
-  Joints zero_{};            // raw angle of each joint at 0 rad
-  Joints start_{};           // where the move begins
+  std::uint64_t lost_before_{0};  // frames lost before this session
+  TimeIndex part_steps_{0};       // of this part of homing, or of the move
+  Joints zero_{};                 // raw angle of each joint at 0 rad
+  Joints start_{};                // where the move begins
   bool is_homed_{false};
   bool has_fault_{false};
   Observation observation_{};

@@ -25,7 +25,7 @@ enum class HomingMethod : std::uint8_t {
 template <std::size_t N>
 struct HomingOptions {
   HomingMethod method{HomingMethod::kEndStopIndex};
-  JointVector<N> torque{};         ///< Largest torque; its sign is the direction [Nm].
+  JointVector<N> torque{};         ///< Torque towards the end stop, with its sign [Nm].
   JointVector<N> home_position{};  ///< Angle of each joint at its home [rad]: the calibration.
   double max_travel{8.0};          ///< Largest way to an end stop [rad].
   Nanoseconds max_time{std::chrono::seconds(20)};  ///< For each part of the homing.
@@ -69,12 +69,11 @@ class JointHoming {
   /// Begins the next part. Returns false if there is none: the joint is home.
   [[nodiscard]] bool next_part(const HomingMeasurement& measured) noexcept TRIFINGER_REALTIME;
 
-  /// True once the joint has gone too far in a part; see `max_travel`.
+  /// What has gone wrong in this part. `max_travel` is the largest way of a joint [rad].
   [[nodiscard]] Failure failure(const HomingMeasurement& measured,
                                 double max_travel) const noexcept TRIFINGER_REALTIME;
   /// Angle of the home, after the last part [rad].
   [[nodiscard]] double home() const noexcept { return home_; }
-  [[nodiscard]] bool is_searching_index() const noexcept { return part_ == Part::kIndex; }
 
  private:
   enum class Part : std::uint8_t { kPush, kRelease, kIndex, kDone };
