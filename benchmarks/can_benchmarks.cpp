@@ -15,7 +15,7 @@ namespace trifinger::benchmarks {
 namespace {
 
 constexpr std::size_t kBoards = 6;
-constexpr std::size_t kTicks = 200;  // As many as the inboxes hold.
+constexpr std::size_t kTicks = 200;  // The inboxes hold so many.
 
 // A board and its host on their bus.
 struct Pair {

@@ -168,7 +168,7 @@ Link MemoryBus::Wire::link_of(std::size_t node, Instant now) const noexcept {
   Link link = Link::kUp;
   for (const ScriptedFault& scripted : faults_) {
     if (!scripted.is_active(now) || !scripted.concerns(node)) continue;
-    // Of several faults the worst one counts.
+    // The worst of several faults counts.
     if (scripted.fault.kind == Kind::kBusOff) link = std::max(link, Link::kBusOff);
     if (scripted.fault.kind == Kind::kDown) link = std::max(link, Link::kDown);
     if (scripted.fault.kind == Kind::kGone) link = Link::kGone;

@@ -76,7 +76,7 @@ struct Bench {
   std::size_t allocations{0};
 };
 
-// As a host starts a board, until both motors are ready.
+// Starts a board like a host, until both motors are ready.
 void start(Bench& bench) {
   bench.send(kNoCurrents);
   bench.send(Command::kEnableSystem);

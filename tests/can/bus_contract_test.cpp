@@ -154,7 +154,7 @@ TYPED_TEST(BusContract, fault_41_HearsTheOthersInAFlood) {
   bool is_heard = false;
   std::array<Frame, 16> budget;
   for (int tick = 0; tick < 20 && !is_heard; ++tick) {
-    // As many come as are received.
+    // Each tick brings as many frames as the budget takes.
     for (std::uint32_t i = 0; i < budget.size(); ++i) send(*this->a_, numbered(i));
     for (const Frame& frame : this->b_->receive(budget)) is_heard |= number_of(frame) == 1000;
   }

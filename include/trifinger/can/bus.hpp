@@ -76,7 +76,7 @@ class Bus {
   /// Hands `frames` over for sending, in this order. Stops at the first one that is refused.
   [[nodiscard]] SendResult send(std::span<const Frame> frames) noexcept TRIFINGER_REALTIME;
 
-  /// As known since the last call of `receive` or `send`.
+  /// What was known at the last call of `receive` or `send`.
   [[nodiscard]] const BusState& state() const noexcept { return state_; }
 
  protected:

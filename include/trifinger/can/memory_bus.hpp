@@ -43,7 +43,7 @@ struct MemoryBusOptions {
 
 /// A bus in the memory of one thread, with any number of nodes and with faults as a script.
 ///
-/// The same calls at the same times give the same frames, bit for bit.
+/// Equal calls at equal times give equal frames, bit for bit.
 class MemoryBus {
  public:
   /// `clock` must live as long as the bus. It tells when frames are sent and faults begin.
