@@ -18,9 +18,6 @@ using trifinger::detail::text_of;
 
 double seconds(Nanoseconds time) noexcept { return std::chrono::duration<double>(time).count(); }
 
-// The movement of least jerk, from 0 to 1, at rest at both ends.
-double smooth(double x) noexcept { return x * x * x * (10.0 - 15.0 * x + 6.0 * x * x); }
-
 struct TroubleText {
   std::string_view sentence;  // after the name of the board
   std::string_view remedy;
@@ -76,8 +73,7 @@ std::string_view text_of_failure(JointHoming::Failure failure) noexcept {
 template <class R>
 BoardRobotOptions<R> with_torque_of_current(BoardRobotOptions<R> options) {
   options.validate();
-  const double most =
-      options.max_current * options.drive.torque_constant * options.drive.gear_ratio;
+  const double most = options.max_current * options.drive.torque_per_ampere();
   for (JointLimit& limit : options.limits) limit.max_torque = std::min(limit.max_torque, most);
   return options;
 }
@@ -263,7 +259,7 @@ DriverReport BoardRobot<R>::move() noexcept {
   observe();
   // At the end the joints have half a second to arrive.
   const double time = seconds(++part_steps_ * options_.period);
-  const double done = smooth(std::min(time / seconds(options_.move_time), 1.0));
+  const double done = trifinger::detail::smooth(std::min(time / seconds(options_.move_time), 1.0));
   Joints torque{};
   if (options_.weight) torque = options_.weight(observation_.position);
   for (std::size_t i = 0; i < R::kJoints; ++i) {
@@ -335,7 +331,7 @@ void BoardRobot<R>::append_joints(std::size_t board) noexcept {
 
 template <class R>
 void BoardRobot<R>::observe() noexcept {
-  const double ampere = options_.drive.torque_constant * options_.drive.gear_ratio;
+  const double ampere = options_.drive.torque_per_ampere();
   for (std::size_t i = 0; i < R::kJoints; ++i) {
     const HomingMeasurement measured = measure(i);
     const Terminal& place = options_.motors[i];
@@ -429,7 +425,7 @@ DriverReport BoardRobot<R>::stop(TimeIndex step) noexcept {
 
 template <class R>
 void BoardRobot<R>::drive(const Joints& torque) noexcept {
-  const double ampere = options_.drive.torque_constant * options_.drive.gear_ratio;
+  const double ampere = options_.drive.torque_per_ampere();
   for (std::size_t board = 0; board < boards_.size(); ++board) {
     can::MotorPair currents{};
     for (std::size_t i = 0; i < R::kJoints; ++i) {

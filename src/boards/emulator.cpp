@@ -46,7 +46,7 @@ void Emulator<R>::set_power(std::size_t board, bool is_on, Instant now) noexcept
 
 template <class R>
 void Emulator<R>::tick(Instant now) noexcept {
-  const double ampere = wiring_.drive.torque_constant * wiring_.drive.gear_ratio;
+  const double ampere = wiring_.drive.torque_per_ampere();
   typename Plant<R>::Joints torque{};
   for (std::size_t i = 0; i < R::kJoints; ++i) {
     const Terminal& place = wiring_.motors[i];

@@ -11,6 +11,7 @@
 #include "trifinger/can/socket_can.hpp"
 #include "trifinger/can/unix_bus.hpp"
 #include "trifinger/core/session.hpp"
+#include "trifinger/joint/read_limits.hpp"
 
 namespace trifinger::boards {
 namespace {
@@ -19,16 +20,9 @@ using config::Node;
 using config::Range;
 using trifinger::detail::text_of;
 
-// Reads one number for all joints, or a list that is repeated until every joint has its number.
 void read_joints(const Node& section, std::string_view key, const Range& range,
                  std::span<double> values) {
-  const Node node = section.at(key, range.unit);
-  const std::vector<double> given =
-      node.is_list() ? node.as<std::vector<double>>(range) : std::vector{node.as<double>(range)};
-  if (given.empty() || values.size() % given.size() != 0) {
-    node.fail(text_of("has ", given.size(), " entries, must have 1, 3 or ", values.size()));
-  }
-  for (std::size_t i = 0; i < values.size(); ++i) values[i] = given[i % given.size()];
+  trifinger::detail::read_repeated(section.at(key, range.unit), range, values);
 }
 
 // Reads pairs of a board and a number on it.

@@ -20,16 +20,6 @@ std::string allowed_lengths(std::size_t size) {
   return text;
 }
 
-void read_repeated(const config::Node& node, const config::Range& range, std::span<double> values) {
-  const std::vector<double> given =
-      node.is_list() ? node.as<std::vector<double>>(range) : std::vector{node.as<double>(range)};
-  if (given.empty() || values.size() % given.size() != 0) {
-    node.fail("has " + std::to_string(given.size()) + " entries, must have " +
-              allowed_lengths(values.size()));
-  }
-  for (std::size_t i = 0; i < values.size(); ++i) values[i] = given[i % given.size()];
-}
-
 // Returns the value under a key, which may name a member of a section: "plausibility.x".
 config::Node node_of(const config::Node& section, std::string_view key, std::string_view unit) {
   const std::size_t dot = key.find('.');
@@ -60,6 +50,16 @@ void announce(const config::Node& section, std::string_view key) {
 }
 
 }  // namespace
+
+void read_repeated(const config::Node& node, const config::Range& range, std::span<double> values) {
+  const std::vector<double> given =
+      node.is_list() ? node.as<std::vector<double>>(range) : std::vector{node.as<double>(range)};
+  if (given.empty() || values.size() % given.size() != 0) {
+    node.fail("has " + std::to_string(given.size()) + " entries, must have " +
+              allowed_lengths(values.size()));
+  }
+  for (std::size_t i = 0; i < values.size(); ++i) values[i] = given[i % given.size()];
+}
 
 void read_joint_limits(const config::Node& section, std::span<JointLimit> limits) {
   // All keys are looked up first, so that a missing key is not reported as a misspelling of its

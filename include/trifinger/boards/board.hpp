@@ -18,7 +18,7 @@ namespace trifinger::boards {
 
 /// What a board has last measured at one of its motors.
 struct MotorReading {
-  double revolutions{0.0};  ///< Of the motor, without rollover, since the board was switched on.
+  double revolutions{0.0};  ///< Turns of the motor since the board was switched on.
   double kilo_rpm{0.0};     ///< [1000 revolutions per minute]
   double amperes{0.0};
   Instant position_time{};  ///< When its message arrived.

@@ -42,7 +42,12 @@ struct Terminal {
 /// What is between a current and a joint.
 struct Drive {
   double gear_ratio{9.0};        ///< Revolutions of the motor per revolution of the joint.
-  double torque_constant{0.02};  ///< Of the motor [Nm/A].
+  double torque_constant{0.02};  ///< Torque of the motor per ampere [Nm/A].
+
+  /// Torque of the joint per ampere [Nm/A].
+  [[nodiscard]] constexpr double torque_per_ampere() const noexcept {
+    return torque_constant * gear_ratio;
+  }
 };
 
 /// How the value of an analog input becomes the force of a tip.
@@ -56,8 +61,8 @@ template <class R>
 struct BoardRobotOptions {
   static constexpr std::size_t kJoints = R::kJoints;
 
-  std::vector<std::string> names{};        ///< Of the boards' buses, such as "can0".
-  std::array<Terminal, kJoints> motors{};  ///< Of each joint.
+  std::vector<std::string> names{};        ///< Names of the boards' buses, such as "can0".
+  std::array<Terminal, kJoints> motors{};  ///< The motor of each joint.
   JointVector<kJoints> polarity{};         ///< 1, or -1 for a motor that turns the other way.
   std::array<Terminal, R::kTips> tips{};   ///< The analog input of each tip.
   Drive drive{};
@@ -69,7 +74,7 @@ struct BoardRobotOptions {
   Nanoseconds move_time{std::chrono::seconds(3)};  ///< Duration of this movement.
   OrderlyStopOptions<kJoints> stop{};
   BoardOptions board{};
-  Nanoseconds period{std::chrono::milliseconds(1)};  ///< Of the back-end.
+  Nanoseconds period{std::chrono::milliseconds(1)};  ///< Period of the back-end.
   /// Returns the torques that carry the weight of the joints at a position; default: none. It runs
   /// in the loop.
   std::function<JointVector<kJoints>(const JointVector<kJoints>& position)> weight{};

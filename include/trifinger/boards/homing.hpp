@@ -4,7 +4,6 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <optional>
 
 #include "trifinger/base/time.hpp"
 #include "trifinger/joint/types.hpp"

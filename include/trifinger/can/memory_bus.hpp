@@ -29,11 +29,11 @@ struct BusFault {
   Kind kind{Kind::kLose};
   Instant begin{Instant::min()};
   Instant end{Instant::max()};
-  double probability{1.0};            ///< Of each frame.
+  double probability{1.0};            ///< Probability for each frame.
   std::optional<std::size_t> node{};  ///< This node, or frames sent by it; default: all.
   std::optional<std::uint32_t> id{};  ///< Only frames with this id; of a flood: its id.
   Nanoseconds delay{};                ///< The longest delay of kDelay.
-  double rate{0.0};                   ///< Of kFlood [1/s], from `begin`, which must be finite.
+  double rate{0.0};                   ///< Frames of kFlood [1/s], from a finite `begin` on.
 };
 
 struct MemoryBusOptions {

@@ -55,7 +55,7 @@ enum class BoardError : std::uint8_t {
 };
 
 struct BoardErrorText {
-  std::string_view name;      ///< As in logs.
+  std::string_view name;      ///< A word, such as "encoder".
   std::string_view sentence;  ///< What happened.
   std::string_view remedy;    ///< What to do.
 };
@@ -104,7 +104,7 @@ struct MotorCurrents {
 };
 
 struct MotorPositions {
-  MotorPair revolutions{};  ///< Of the motor, zero where it stood when the board was switched on.
+  MotorPair revolutions{};  ///< Turns of the motor since the board was switched on.
 
   friend bool operator==(const MotorPositions&, const MotorPositions&) = default;
 };

@@ -16,6 +16,15 @@
 
 namespace trifinger {
 
+namespace detail {
+
+// The movement of least jerk, from 0 to 1, at rest at both ends.
+[[nodiscard]] constexpr double smooth(double x) noexcept {
+  return x * x * x * (10.0 - 15.0 * x + 6.0 * x * x);
+}
+
+}  // namespace detail
+
 /// How a robot of N joints comes to rest after the end of a session.
 template <std::size_t N>
 struct OrderlyStopOptions {
@@ -98,8 +107,8 @@ class OrderlyStop {
     action = Action{};
     if (step < damping_steps_ || is_given_up_) return true;
     if (step == damping_steps_) start_ = observation.position;
-    const double done =
-        smooth(static_cast<double>(step - damping_steps_ + 1) / static_cast<double>(move_steps_));
+    const double done = detail::smooth(static_cast<double>(step - damping_steps_ + 1) /
+                                       static_cast<double>(move_steps_));
     for (std::size_t i = 0; i < R::kJoints; ++i) {
       action.position[i] = start_[i] + done * (rest_[i] - start_[i]);
     }
@@ -118,10 +127,6 @@ class OrderlyStop {
  private:
   [[nodiscard]] static TimeIndex steps_in(Nanoseconds time, Nanoseconds period) noexcept {
     return (time + period - Nanoseconds(1)) / period;
-  }
-  // The movement of least jerk, from 0 to 1, at rest at both ends.
-  [[nodiscard]] static double smooth(double x) noexcept {
-    return x * x * x * (10.0 - 15.0 * x + 6.0 * x * x);
   }
 
   TimeIndex damping_steps_;

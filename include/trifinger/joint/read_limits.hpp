@@ -13,6 +13,9 @@ namespace detail {
 
 void read_joint_limits(const config::Node& section, std::span<JointLimit> limits);
 
+// Reads one number for all `values`, or a list that is repeated until each has its number.
+void read_repeated(const config::Node& node, const config::Range& range, std::span<double> values);
+
 }  // namespace detail
 
 /// Reads the limits of N joints from a section that has every key of `JointLimit::fields()`. A
