@@ -7,6 +7,8 @@
 #include <numbers>
 #include <utility>
 
+#include "board_robot_prepare.hpp"
+#include "fault_texts.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/text_of.hpp"
 
@@ -15,59 +17,6 @@ namespace {
 
 using trifinger::detail::require;
 using trifinger::detail::text_of;
-
-double seconds(Nanoseconds time) noexcept { return std::chrono::duration<double>(time).count(); }
-
-struct TroubleText {
-  std::string_view sentence;  // after the name of the board
-  std::string_view remedy;
-};
-
-TroubleText text_of_trouble(Trouble trouble) noexcept {
-  switch (trouble) {
-    case Trouble::kInterfaceDown:
-      return {"its CAN interface is down",
-              "bring it up ('ip link set INTERFACE up'), then recover"};
-    case Trouble::kInterfaceGone:
-      return {"its CAN interface was removed", "plug it in, then start the robot again"};
-    case Trouble::kBusOff:
-      return {"the CAN controller has left the bus after too many errors",
-              "check cable and termination, restart the interface, then recover"};
-    case Trouble::kSilent:
-      return {"no measurements come", "check its supply and its cable, then recover"};
-    case Trouble::kSecondHost:
-      return {"somebody else sends commands on its bus",
-              "end the other program or unplug the other computer, then recover"};
-    case Trouble::kSendRefused:
-      return {"its bus takes no frames, so nobody acknowledges them",
-              "check the board's supply and its cable, then recover"};
-    case Trouble::kRestarted:
-      return {"its motors are switched off",
-              "it has lost its supply, or its button was pressed; recover: the robot homes itself"};
-    case Trouble::kNoCurrent:
-      return {"a motor gets no current",
-              "check supply and emergency stop, or the board has an error; then recover"};
-    case Trouble::kNotReady:
-      return {"it did not become ready",
-              "check its supply, its cable and its motors, then recover"};
-    case Trouble::kNone:
-    case Trouble::kError:
-      break;
-  }
-  return {};
-}
-
-std::string_view text_of_failure(JointHoming::Failure failure) noexcept {
-  switch (failure) {
-    case JointHoming::Failure::kTooFar:
-      return "did not find its end stop within the largest travel; check the belt and the stop";
-    case JointHoming::Failure::kNoIndex:
-      return "found no index of its encoder within 1.5 revolutions of its motor; check the encoder";
-    case JointHoming::Failure::kNone:
-      break;
-  }
-  return {};
-}
 
 // The safety chain must know what the motors can give at most.
 template <class R>
@@ -78,6 +27,16 @@ BoardRobotOptions<R> with_torque_of_current(BoardRobotOptions<R> options) {
   return options;
 }
 
+// The largest torques that test the wiring: what a motor may give for long.
+template <class R>
+JointVector<R::kJoints> test_torques(const BoardRobotOptions<R>& options) {
+  JointVector<R::kJoints> torques{};
+  for (std::size_t i = 0; i < R::kJoints; ++i) {
+    torques[i] = std::min(options.limits[i].max_torque, options.limits[i].continuous_torque);
+  }
+  return torques;
+}
+
 }  // namespace
 
 template <class R>
@@ -86,7 +45,9 @@ BoardRobot<R>::BoardRobot(Options options, std::vector<std::unique_ptr<can::Bus>
     : options_(with_torque_of_current(std::move(options))),
       clock_(clock),
       safety_(options_.limits),
-      stop_(options_.stop, options_.period) {
+      stop_(options_.stop, options_.period),
+      wiring_(test_torques(options_), options_.period),
+      home_position_(options_.homing.home_position) {
   require(buses.size() == options_.names.size(),
           text_of("there are ", options_.names.size(), " boards, but ", buses.size(), " buses"));
   boards_.reserve(buses.size());
@@ -137,51 +98,6 @@ void BoardRobot<R>::receive(Instant now) noexcept {
 }
 
 template <class R>
-DriverReport BoardRobot<R>::prepare(TimeIndex step) noexcept {
-  const Instant now = clock_.now();
-  if (step == 0) {
-    for (Board& board : boards_) board.resume(now);
-    phase_ = Phase::kStarting;
-    has_fault_ = false;
-    // Motors stay as warm as they were.
-    for (JointMemory& memory : state_.joints) memory = {.heat = memory.heat};
-  }
-  receive(now);
-  if (phase_ == Phase::kStarting) start_what_is_not_ready(step, now);
-  if (const DriverReport fault = fault_of_boards(); fault.state != DriverReport::State::kReady) {
-    return fault;
-  }
-  if (phase_ == Phase::kStarting) {
-    const auto is_usable = [](const Board& board) {
-      return board.is_ready() && board.is_current();
-    };
-    if (!std::ranges::all_of(boards_, is_usable)) return DriverReport::busy();
-    if (!is_homed()) {
-      begin_homing();
-    } else if (is_outside()) {
-      // It was moved by hand, or has fallen while it was released.
-      begin_move();
-    } else {
-      phase_ = Phase::kReady;
-    }
-  }
-  DriverReport report;
-  if (phase_ == Phase::kHoming) report = home();
-  if (phase_ == Phase::kMoving) report = move();
-  if (report.state == DriverReport::State::kReady) lost_before_ = lost_frames();
-  return report;
-}
-
-// A board that was ready may have been switched off in a pause, so this is no fault yet.
-template <class R>
-void BoardRobot<R>::start_what_is_not_ready(TimeIndex step, Instant now) noexcept {
-  for (Board& board : boards_) {
-    const bool is_lost = board.is_ready() && board.trouble() != Trouble::kNone;
-    if (is_lost || (step == 0 && !board.is_ready())) board.start(now);
-  }
-}
-
-template <class R>
 std::uint64_t BoardRobot<R>::lost_frames() const noexcept {
   std::uint64_t lost = 0;
   for (const Board& board : boards_) lost += board.bus().lost + board.counts().missing;
@@ -189,104 +105,7 @@ std::uint64_t BoardRobot<R>::lost_frames() const noexcept {
 }
 
 template <class R>
-bool BoardRobot<R>::is_outside() noexcept {
-  observe();
-  for (std::size_t i = 0; i < R::kJoints; ++i) {
-    const JointLimit& limit = options_.limits[i];
-    const double position = observation_.position[i];
-    if (position < limit.soft_lower || position > limit.soft_upper) return true;
-  }
-  return false;
-}
-
-template <class R>
-void BoardRobot<R>::begin_homing() noexcept {
-  is_homed_ = false;
-  phase_ = Phase::kHoming;
-  part_steps_ = 0;
-  for (std::size_t i = 0; i < R::kJoints; ++i) {
-    homing_[i].begin(options_.homing.method, options_.homing.torque[i], angle_per_revolution(),
-                     measure(i));
-  }
-}
-
-template <class R>
-DriverReport BoardRobot<R>::home() noexcept {
-  Joints torque{};
-  bool is_part_done = true;
-  for (std::size_t i = 0; i < R::kJoints; ++i) {
-    const HomingMeasurement measured = measure(i);
-    torque[i] = homing_[i].next(measured, gains(i), seconds(options_.period));
-    const auto failure = homing_[i].failure(measured, options_.homing.max_travel);
-    if (failure != JointHoming::Failure::kNone) return homing_fault(i, text_of_failure(failure));
-    is_part_done = is_part_done && homing_[i].is_part_done();
-  }
-  if (++part_steps_ * options_.period > options_.homing.max_time) {
-    for (std::size_t i = 0; i < R::kJoints; ++i) {
-      if (homing_[i].is_part_done()) continue;
-      return homing_fault(i,
-                          "does not come to rest at its end stop; check the belt and the torque");
-    }
-  }
-  drive(torque);
-  if (!is_part_done) return DriverReport::busy();
-  bool has_next_part = false;
-  for (std::size_t i = 0; i < R::kJoints; ++i) {
-    has_next_part |= homing_[i].next_part(measure(i));
-  }
-  part_steps_ = 0;
-  if (has_next_part) return DriverReport::busy();
-  for (std::size_t i = 0; i < R::kJoints; ++i) {
-    zero_[i] = homing_[i].home() - options_.homing.home_position[i];
-  }
-  for (Board& board : boards_) board.trust_positions();
-  is_homed_ = true;
-  begin_move();
-  return DriverReport::busy();
-}
-
-template <class R>
-void BoardRobot<R>::begin_move() noexcept {
-  phase_ = Phase::kMoving;
-  part_steps_ = 0;
-  observe();
-  start_ = observation_.position;
-}
-
-// End stops may be beyond hard limits, so the safety chain cannot judge this movement.
-template <class R>
-DriverReport BoardRobot<R>::move() noexcept {
-  observe();
-  // At the end the joints have half a second to arrive.
-  const double time = seconds(++part_steps_ * options_.period);
-  const double done = trifinger::detail::smooth(std::min(time / seconds(options_.move_time), 1.0));
-  Joints torque{};
-  if (options_.weight) torque = options_.weight(observation_.position);
-  for (std::size_t i = 0; i < R::kJoints; ++i) {
-    const double target = start_[i] + done * (options_.initial_position[i] - start_[i]);
-    const HomingGains gain = gains(i);
-    torque[i] += gain.kp * (target - observation_.position[i]);
-    torque[i] = std::clamp(torque[i] - gain.kd * observation_.velocity[i], -gain.max_torque,
-                           gain.max_torque);
-  }
-  drive(torque);
-  constexpr double kSettling = 0.5;
-  if (time < seconds(options_.move_time) + kSettling) return DriverReport::busy();
-  constexpr double kTolerance = 0.2;  // [rad]
-  for (std::size_t i = 0; i < R::kJoints; ++i) {
-    const double error = std::abs(observation_.position[i] - options_.initial_position[i]);
-    if (error > kTolerance) {
-      return homing_fault(i,
-                          "did not reach its initial position; check max_current, home_position, "
-                          "and whether something is in its way");
-    }
-  }
-  phase_ = Phase::kReady;
-  return DriverReport::ready();
-}
-
-template <class R>
-DriverReport BoardRobot<R>::homing_fault(std::size_t joint, std::string_view text) noexcept {
+DriverReport BoardRobot<R>::joint_fault(std::size_t joint, std::string_view text) noexcept {
   is_homed_ = false;
   has_fault_ = true;
   release();
@@ -302,7 +121,7 @@ DriverReport BoardRobot<R>::fault_of_boards() noexcept {
     const Trouble trouble = board.trouble();
     if (trouble == Trouble::kNone) continue;
     has_fault_ = true;
-    TroubleText text = text_of_trouble(trouble);
+    TroubleText text = boards::text_of(trouble);
     if (trouble == Trouble::kError) {
       const can::BoardErrorText& error = can::text_of(board.error());
       text = {.sentence = error.sentence, .remedy = error.remedy};
@@ -403,7 +222,7 @@ DriverReport BoardRobot<R>::stop(TimeIndex step) noexcept {
   receive(clock_.now());
   observe();
   Action action;
-  const bool has_begun = phase_ == Phase::kReady || phase_ == Phase::kMoving;
+  const bool has_begun = phase_ >= Phase::kMoving;
   if (!has_begun || !stop_.next(step, observation_, action)) {
     release();
     return DriverReport::ready();

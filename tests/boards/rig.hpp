@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <memory>
@@ -21,7 +22,10 @@ class Joints final : public Plant<R> {
  public:
   using Vector = JointVector<R::kJoints>;
 
-  explicit Joints(const Vector& position) : position_(position) {}
+  explicit Joints(const Vector& position) : position_(position) {
+    for (std::size_t i = 0; i < R::kJoints; ++i) joint_of_motor[i] = i;
+    sign_of_motor.fill(1.0);
+  }
 
   [[nodiscard]] Vector position() const noexcept override { return position_; }
   [[nodiscard]] Vector velocity() const noexcept override { return velocity_; }
@@ -34,9 +38,14 @@ class Joints final : public Plant<R> {
     constexpr double kDamping = 1e-3;         // [Nms/rad]
     constexpr double kStopStiffness = 200.0;  // [Nm/rad]
     constexpr double kStopDamping = 1.0;      // [Nms/rad]
+    Vector driven{};
+    for (std::size_t i = 0; i < R::kJoints; ++i) {
+      driven[joint_of_motor[i]] += sign_of_motor[i] * torque[i];
+    }
     for (std::size_t i = 0; i < R::kJoints; ++i) {
       double total =
-          torque[i] + push[i] - kDamping * velocity_[i] + weight * std::sin(position_[i]);
+          driven[i] + push[i] - kDamping * velocity_[i] + weight * std::sin(position_[i]);
+      total -= friction * std::tanh(velocity_[i] / 0.003);
       const double beyond = position_[i] - std::clamp(position_[i], lower_stop, upper_stop);
       if (beyond != 0.0) total -= kStopStiffness * beyond + kStopDamping * velocity_[i];
       velocity_[i] += kStep * total / kInertia;
@@ -47,9 +56,13 @@ class Joints final : public Plant<R> {
 
   double lower_stop{-2.2};
   double upper_stop{2.1};
-  double weight{0.05};  // [Nm]
+  double weight{0.05};   // [Nm]
+  double friction{0.0};  // [Nm]
   bool is_blocked{false};
   Vector push{};  // from outside [Nm]
+  // Where the cables of the motors lead, and how they are connected.
+  std::array<std::size_t, R::kJoints> joint_of_motor{};
+  Vector sign_of_motor{};
 
  private:
   Vector position_;

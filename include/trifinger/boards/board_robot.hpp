@@ -2,10 +2,12 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -14,6 +16,9 @@
 #include "trifinger/base/time.hpp"
 #include "trifinger/boards/board.hpp"
 #include "trifinger/boards/homing.hpp"
+#include "trifinger/boards/joint_sweep.hpp"
+#include "trifinger/boards/self_test.hpp"
+#include "trifinger/boards/wiring_test.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/joint/limits.hpp"
 #include "trifinger/joint/orderly_stop.hpp"
@@ -70,6 +75,7 @@ struct BoardRobotOptions {
   double max_current{2.0};  ///< No motor ever gets more [A].
   JointLimits<kJoints> limits{};
   HomingOptions<kJoints> homing{};
+  bool self_test{false};  ///< Tests the wiring before every homing, see `WiringTest`.
   JointVector<kJoints> initial_position{};         ///< Where the robot moves after homing [rad].
   Nanoseconds move_time{std::chrono::seconds(3)};  ///< Duration of this movement.
   OrderlyStopOptions<kJoints> stop{};
@@ -88,6 +94,16 @@ struct BoardRobotOptions {
 [[nodiscard]] std::array<Terminal, 9> trifinger_motors() noexcept;
 [[nodiscard]] std::array<Terminal, 3> trifinger_tips() noexcept;
 
+/// What `prepare` does beyond what is necessary: for those who look after a robot.
+template <std::size_t N>
+struct Preparation {
+  bool home{false};  ///< Homes the joints even if their places are known.
+  bool test{false};  ///< Tests the wiring, homes, and measures load and friction of each joint.
+  /// Leaves the motors without current until `BoardRobot::take_reference`, when somebody has put
+  /// the joints at these angles [rad]. Then homes them, and finds out where their homes are.
+  std::optional<JointVector<N>> reference{};
+};
+
 /// A robot whose joints are driven by motor boards: six for a TriFinger, one for a test rig.
 ///
 /// `prepare` starts the boards, homes the joints if their places are not known, and moves to the
@@ -98,6 +114,18 @@ class BoardRobot final : public Driver<R> {
  public:
   using Options = BoardRobotOptions<R>;
   using Joints = JointVector<R::kJoints>;
+
+  /// What `prepare` is doing.
+  enum class Phase : std::uint8_t {
+    kStarting,   ///< The boards switch their motors on.
+    kReference,  ///< The motors are without current until `take_reference`.
+    kTesting,    ///< Each motor is driven, one after the other.
+    kHoming,
+    kMoving,    ///< To the initial position.
+    kSweeping,  ///< Each joint moves by 2 degrees and back, one after the other.
+    kReady,
+  };
+
   using typename Driver<R>::Action;
   using typename Driver<R>::AppliedAction;
   using typename Driver<R>::Observation;
@@ -114,6 +142,21 @@ class BoardRobot final : public Driver<R> {
   [[nodiscard]] const std::vector<Board>& boards() const noexcept { return boards_; }
   /// True if the places of all joints are known.
   [[nodiscard]] bool is_homed() const noexcept;
+
+  /// Sets what `prepare` does from now on. Call it while nobody runs the robot.
+  void set_preparation(const Preparation<R::kJoints>& preparation) noexcept {
+    preparation_ = preparation;
+  }
+  /// The joints are at the angles of the reference. Any thread may call it.
+  void take_reference() noexcept { is_reference_taken_ = true; }
+  /// What `prepare` is doing. Any thread may ask.
+  [[nodiscard]] Phase phase() const noexcept { return phase_; }
+  /// What a test has found out. Call it while nobody runs the robot.
+  [[nodiscard]] const JointReport& report(std::size_t joint) const noexcept {
+    return reports_[joint];
+  }
+  /// The angle of each joint at its home [rad]: that of the options, or what a reference has given.
+  [[nodiscard]] const Joints& home_position() const noexcept { return home_position_; }
 
   using Driver<R>::get_latest_observation;
   using Driver<R>::apply_action;
@@ -134,7 +177,10 @@ class BoardRobot final : public Driver<R> {
   }
 
  private:
-  enum class Phase : std::uint8_t { kStarting, kHoming, kMoving, kReady };
+  struct NewestIndex {
+    double angle{0.0};
+    std::uint64_t pulses{0};
+  };
 
   // Fault codes beside those of the safety chain, with the board or the joint from 1 in the higher
   // bits.
@@ -142,7 +188,7 @@ class BoardRobot final : public Driver<R> {
   static constexpr std::int32_t kHomingCode = 96;
 
   [[nodiscard]] DriverReport fault_of_boards() noexcept;
-  [[nodiscard]] DriverReport homing_fault(std::size_t joint, std::string_view text) noexcept;
+  [[nodiscard]] DriverReport joint_fault(std::size_t joint, std::string_view text) noexcept;
   void append_joints(std::size_t board) noexcept;
   void start_what_is_not_ready(TimeIndex step, Instant now) noexcept;
   [[nodiscard]] std::uint64_t lost_frames() const noexcept;
@@ -152,10 +198,22 @@ class BoardRobot final : public Driver<R> {
   [[nodiscard]] HomingGains gains(std::size_t joint) const noexcept;
   // True if a joint is beyond a soft limit.
   [[nodiscard]] bool is_outside() noexcept;
+  // Begins the next phase of `prepare` that has something to do.
+  void begin_phase_after(Phase phase) noexcept;
+  [[nodiscard]] DriverReport do_phase() noexcept;
+  void begin_reference() noexcept;
+  [[nodiscard]] DriverReport wait_for_reference() noexcept;
+  void begin_test() noexcept;
+  [[nodiscard]] DriverReport test() noexcept;
   void begin_homing() noexcept;
   [[nodiscard]] DriverReport home() noexcept;
   void begin_move() noexcept;
   [[nodiscard]] DriverReport move() noexcept;
+  void begin_sweeps() noexcept;
+  [[nodiscard]] DriverReport sweep() noexcept;
+  // Torques that move the joints towards `target` and carry their weight.
+  [[nodiscard]] Joints torques_towards(const Joints& target) const noexcept;
+  void measure_index_distances() noexcept;
   void drive(const Joints& torque) noexcept;
   void release() noexcept;
   [[nodiscard]] double angle_per_revolution() const noexcept;
@@ -166,8 +224,16 @@ class BoardRobot final : public Driver<R> {
   SafetyState<R::kJoints> state_{};
   OrderlyStop<R> stop_;
   std::vector<Board> boards_;
-  Phase phase_{Phase::kStarting};
+  Preparation<R::kJoints> preparation_{};
+  std::atomic<bool> is_reference_taken_{false};
+  std::atomic<Phase> phase_{Phase::kStarting};
+  WiringTest wiring_;
   std::array<JointHoming, R::kJoints> homing_{};
+  Joints home_position_{};
+  std::size_t swept_{0};  // the joint that sweeps
+  JointSweep sweep_{};
+  std::array<JointReport, R::kJoints> reports_{};
+  std::array<NewestIndex, R::kJoints> newest_index_{};
   std::uint64_t lost_before_{0};  // frames lost before this session
   TimeIndex part_steps_{0};       // of this part of homing, or of the move
   Joints zero_{};                 // raw angle of each joint at 0 rad

@@ -1,0 +1,313 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// How a robot on motor boards prepares: a part of board_robot.cpp, which alone includes it.
+#pragma once
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+
+#include "fault_texts.hpp"
+#include "trifinger/boards/board_robot.hpp"
+
+namespace trifinger::boards {
+
+inline double seconds(Nanoseconds time) noexcept {
+  return std::chrono::duration<double>(time).count();
+}
+
+template <class R>
+DriverReport BoardRobot<R>::prepare(TimeIndex step) noexcept {
+  const Instant now = clock_.now();
+  if (step == 0) {
+    for (Board& board : boards_) board.resume(now);
+    phase_ = Phase::kStarting;
+    has_fault_ = false;
+    // Motors stay as warm as they were.
+    for (JointMemory& memory : state_.joints) memory = {.heat = memory.heat};
+  }
+  receive(now);
+  if (phase_ == Phase::kStarting) start_what_is_not_ready(step, now);
+  if (const DriverReport fault = fault_of_boards(); fault.state != DriverReport::State::kReady) {
+    return fault;
+  }
+  if (phase_ == Phase::kStarting) {
+    const auto is_usable = [](const Board& board) {
+      return board.is_ready() && board.is_current();
+    };
+    if (!std::ranges::all_of(boards_, is_usable)) return DriverReport::busy();
+    for (std::size_t i = 0; i < R::kJoints; ++i) newest_index_[i] = {};
+    begin_phase_after(Phase::kStarting);
+  }
+  measure_index_distances();
+  const DriverReport report = do_phase();
+  if (report.state == DriverReport::State::kReady) lost_before_ = lost_frames();
+  return report;
+}
+
+template <class R>
+void BoardRobot<R>::begin_phase_after(Phase phase) noexcept {
+  const bool must_home =
+      preparation_.home || preparation_.test || preparation_.reference || !is_homed();
+  const bool must_test = preparation_.test || (options_.self_test && must_home);
+  switch (phase) {
+    case Phase::kStarting:
+      if (preparation_.reference) return begin_reference();
+      [[fallthrough]];
+    case Phase::kReference:
+      if (must_test) return begin_test();
+      [[fallthrough]];
+    case Phase::kTesting:
+      if (must_home) return begin_homing();
+      // It may have been moved by hand, or have fallen while it was released.
+      if (!is_outside()) break;
+      [[fallthrough]];
+    case Phase::kHoming:
+      return begin_move();
+    case Phase::kMoving:
+      if (preparation_.test) return begin_sweeps();
+      break;
+    case Phase::kSweeping:
+    case Phase::kReady:
+      break;
+  }
+  phase_ = Phase::kReady;
+}
+
+template <class R>
+DriverReport BoardRobot<R>::do_phase() noexcept {
+  switch (phase_) {
+    case Phase::kStarting:
+      return DriverReport::busy();
+    case Phase::kReference:
+      return wait_for_reference();
+    case Phase::kTesting:
+      return test();
+    case Phase::kHoming:
+      return home();
+    case Phase::kMoving:
+      return move();
+    case Phase::kSweeping:
+      return sweep();
+    case Phase::kReady:
+      break;
+  }
+  return DriverReport::ready();
+}
+
+// A board that was ready may have been switched off in a pause, so this is no fault yet.
+template <class R>
+void BoardRobot<R>::start_what_is_not_ready(TimeIndex step, Instant now) noexcept {
+  for (Board& board : boards_) {
+    const bool is_lost = board.is_ready() && board.trouble() != Trouble::kNone;
+    if (is_lost || (step == 0 && !board.is_ready())) board.start(now);
+  }
+}
+
+template <class R>
+bool BoardRobot<R>::is_outside() noexcept {
+  observe();
+  for (std::size_t i = 0; i < R::kJoints; ++i) {
+    const JointLimit& limit = options_.limits[i];
+    const double position = observation_.position[i];
+    if (position < limit.soft_lower || position > limit.soft_upper) return true;
+  }
+  return false;
+}
+
+template <class R>
+void BoardRobot<R>::begin_reference() noexcept {
+  is_homed_ = false;
+  phase_ = Phase::kReference;
+  is_reference_taken_ = false;
+  release();
+}
+
+template <class R>
+DriverReport BoardRobot<R>::wait_for_reference() noexcept {
+  if (!is_reference_taken_) return DriverReport::busy();
+  for (std::size_t i = 0; i < R::kJoints; ++i) {
+    zero_[i] = measure(i).angle - (*preparation_.reference)[i];
+  }
+  begin_phase_after(Phase::kReference);
+  return DriverReport::busy();
+}
+
+template <class R>
+void BoardRobot<R>::begin_test() noexcept {
+  is_homed_ = false;
+  phase_ = Phase::kTesting;
+  reports_ = {};
+  wiring_.begin();
+}
+
+template <class R>
+DriverReport BoardRobot<R>::test() noexcept {
+  Joints angles{};
+  Joints torques{};
+  for (std::size_t i = 0; i < R::kJoints; ++i) angles[i] = measure(i).angle;
+  wiring_.next(angles, torques);
+  drive(torques);
+  if (!wiring_.is_done()) return DriverReport::busy();
+  for (std::size_t i = 0; i < R::kJoints; ++i) reports_[i].wiring = wiring_.findings()[i];
+  for (std::size_t i = 0; i < R::kJoints; ++i) {
+    const WiringFinding& found = wiring_.findings()[i];
+    if (!found.moves) {
+      return joint_fault(i,
+                         "does not move when its motor is driven; check the motor's cable, the "
+                         "belt, and what is in its way");
+    }
+    if (found.joint != i) {
+      const DriverReport fault = joint_fault(i, "is not what its motor moves: that is joint ");
+      fault_text_.append(found.joint)
+          .append("; exchange the cables of these motors, or those of their encoders");
+      return fault;
+    }
+    if (found.is_reversed) {
+      return joint_fault(i, "turns against its torque; exchange two wires of its motor");
+    }
+  }
+  begin_phase_after(Phase::kTesting);
+  return DriverReport::busy();
+}
+
+// The way between two indexes that came one after the other is a revolution of the motor, unless it
+// has turned back to the same one.
+template <class R>
+void BoardRobot<R>::measure_index_distances() noexcept {
+  for (std::size_t i = 0; i < R::kJoints; ++i) {
+    const HomingMeasurement measured = measure(i);
+    NewestIndex& newest = newest_index_[i];
+    const double distance = std::abs(measured.index - newest.angle);
+    if (newest.pulses > 0 && measured.index_pulses == newest.pulses + 1 &&
+        distance > 0.5 * angle_per_revolution()) {
+      reports_[i].index_distance = distance;
+    }
+    newest = {.angle = measured.index, .pulses = measured.index_pulses};
+  }
+}
+
+template <class R>
+void BoardRobot<R>::begin_homing() noexcept {
+  is_homed_ = false;
+  phase_ = Phase::kHoming;
+  part_steps_ = 0;
+  for (std::size_t i = 0; i < R::kJoints; ++i) {
+    homing_[i].begin(options_.homing.method, options_.homing.torque[i], angle_per_revolution(),
+                     measure(i));
+  }
+}
+
+template <class R>
+DriverReport BoardRobot<R>::home() noexcept {
+  Joints torque{};
+  bool is_part_done = true;
+  for (std::size_t i = 0; i < R::kJoints; ++i) {
+    const HomingMeasurement measured = measure(i);
+    torque[i] = homing_[i].next(measured, gains(i), seconds(options_.period));
+    const auto failure = homing_[i].failure(measured, options_.homing.max_travel);
+    if (failure != JointHoming::Failure::kNone) return joint_fault(i, boards::text_of(failure));
+    is_part_done = is_part_done && homing_[i].is_part_done();
+  }
+  if (++part_steps_ * options_.period > options_.homing.max_time) {
+    for (std::size_t i = 0; i < R::kJoints; ++i) {
+      if (homing_[i].is_part_done()) continue;
+      return joint_fault(i, "does not come to rest at its end stop; check the belt and the torque");
+    }
+  }
+  drive(torque);
+  if (!is_part_done) return DriverReport::busy();
+  bool has_next_part = false;
+  for (std::size_t i = 0; i < R::kJoints; ++i) {
+    has_next_part |= homing_[i].next_part(measure(i));
+  }
+  part_steps_ = 0;
+  if (has_next_part) return DriverReport::busy();
+  for (std::size_t i = 0; i < R::kJoints; ++i) {
+    if (preparation_.reference) {
+      home_position_[i] = homing_[i].home() - zero_[i];
+    } else {
+      zero_[i] = homing_[i].home() - home_position_[i];
+    }
+  }
+  for (Board& board : boards_) board.trust_positions();
+  is_homed_ = true;
+  begin_phase_after(Phase::kHoming);
+  return DriverReport::busy();
+}
+
+template <class R>
+void BoardRobot<R>::begin_move() noexcept {
+  phase_ = Phase::kMoving;
+  part_steps_ = 0;
+  observe();
+  start_ = observation_.position;
+}
+
+template <class R>
+typename BoardRobot<R>::Joints BoardRobot<R>::torques_towards(const Joints& target) const noexcept {
+  Joints torque{};
+  if (options_.weight) torque = options_.weight(observation_.position);
+  for (std::size_t i = 0; i < R::kJoints; ++i) {
+    const HomingGains gain = gains(i);
+    torque[i] += gain.kp * (target[i] - observation_.position[i]);
+    torque[i] = std::clamp(torque[i] - gain.kd * observation_.velocity[i], -gain.max_torque,
+                           gain.max_torque);
+  }
+  return torque;
+}
+
+// End stops may be beyond hard limits, so the safety chain cannot judge this movement.
+template <class R>
+DriverReport BoardRobot<R>::move() noexcept {
+  observe();
+  // At the end the joints have half a second to arrive.
+  const double time = seconds(++part_steps_ * options_.period);
+  const double done = trifinger::detail::smooth(std::min(time / seconds(options_.move_time), 1.0));
+  Joints target{};
+  for (std::size_t i = 0; i < R::kJoints; ++i) {
+    target[i] = start_[i] + done * (options_.initial_position[i] - start_[i]);
+  }
+  drive(torques_towards(target));
+  constexpr double kSettling = 0.5;
+  if (time < seconds(options_.move_time) + kSettling) return DriverReport::busy();
+  constexpr double kTolerance = 0.2;  // [rad]
+  for (std::size_t i = 0; i < R::kJoints; ++i) {
+    const double error = std::abs(observation_.position[i] - options_.initial_position[i]);
+    if (error > kTolerance) {
+      return joint_fault(i,
+                         "did not reach its initial position; check max_current, home_position, "
+                         "and whether something is in its way");
+    }
+  }
+  begin_phase_after(Phase::kMoving);
+  return phase_ == Phase::kReady ? DriverReport::ready() : DriverReport::busy();
+}
+
+template <class R>
+void BoardRobot<R>::begin_sweeps() noexcept {
+  phase_ = Phase::kSweeping;
+  swept_ = 0;
+  sweep_.begin();
+}
+
+template <class R>
+DriverReport BoardRobot<R>::sweep() noexcept {
+  observe();
+  Joints target = options_.initial_position;
+  target[swept_] += sweep_.next(seconds(options_.period));
+  const Joints torque = torques_towards(target);
+  drive(torque);
+  sweep_.add(torque[swept_], observation_.position[swept_] - options_.initial_position[swept_]);
+  if (!sweep_.is_done()) return DriverReport::busy();
+  JointReport& report = reports_[swept_];
+  report.sweep = sweep_.result();
+  if (options_.weight) report.weight = options_.weight(options_.initial_position)[swept_];
+  if (++swept_ < R::kJoints) {
+    sweep_.begin();
+    return DriverReport::busy();
+  }
+  begin_phase_after(Phase::kSweeping);
+  return DriverReport::ready();
+}
+
+}  // namespace trifinger::boards

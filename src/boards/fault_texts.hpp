@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string_view>
+
+#include "trifinger/boards/board.hpp"
+#include "trifinger/boards/homing.hpp"
+
+namespace trifinger::boards {
+
+struct TroubleText {
+  std::string_view sentence;  // after the name of the board
+  std::string_view remedy;
+};
+
+// Describes a trouble, except for kError, which the board describes.
+[[nodiscard]] TroubleText text_of(Trouble trouble) noexcept;
+
+// What follows the name of a joint.
+[[nodiscard]] std::string_view text_of(JointHoming::Failure failure) noexcept;
+
+}  // namespace trifinger::boards

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/boards/self_test.hpp"
+
+#include <cmath>
+
+#include "trifinger/base/text_of.hpp"
+
+namespace trifinger::boards {
+namespace {
+
+using trifinger::detail::text_of;
+
+constexpr double kLargestError = 0.0175;    // at the end of a sweep [rad]: a degree
+constexpr double kLargestFriction = 0.1;    // [Nm]; half of what the original robots home with
+constexpr double kIndexTolerance = 0.0175;  // of a distance in parts of it: 6 degrees of a motor
+// A model knows the weight of a finger no better than this.
+constexpr double kLoadTolerance = 0.03;      // [Nm]
+constexpr double kLoadTolerancePart = 0.35;  // of the weight
+
+double rounded(double value) { return std::round(value * 1000.0) / 1000.0; }
+
+}  // namespace
+
+std::string problem_of(const JointReport& report, double index_distance) {
+  if (!report.wiring || !report.sweep) return "was not tested to the end";
+  const SweepResult& sweep = *report.sweep;
+  if (sweep.error > kLargestError) {
+    return text_of("does not follow: it stays ", rounded(sweep.error),
+                   " rad away from its target; check its belt and what is in its way");
+  }
+  if (sweep.friction > kLargestFriction) {
+    return text_of("moves hard: its friction is ", rounded(sweep.friction),
+                   " Nm; check bearings and belt");
+  }
+  if (report.index_distance > 0.0 &&
+      std::abs(report.index_distance - index_distance) > kIndexTolerance * index_distance) {
+    return text_of("has indexes ", rounded(report.index_distance), " rad apart instead of ",
+                   rounded(index_distance),
+                   "; check how its encoder is fixed, and boards.gear_ratio");
+  }
+  if (!report.weight) return "";
+  const double tolerance = kLoadTolerance + kLoadTolerancePart * std::abs(*report.weight);
+  if (std::abs(sweep.load - *report.weight) > tolerance) {
+    return text_of("is not where it seems, or is another joint: its load is ", rounded(sweep.load),
+                   " Nm, its weight ", rounded(*report.weight),
+                   " Nm; check home_position, polarity, and whether motor and encoder belong to "
+                   "another joint");
+  }
+  return "";
+}
+
+}  // namespace trifinger::boards
