@@ -38,6 +38,9 @@ void add_status(CLI::App& program, Action& action);
 void add_read(CLI::App& program, Action& action);
 void add_stop(CLI::App& program, Action& action);
 void add_emulate(CLI::App& program, Action& action);
+void add_home(CLI::App& program, Action& action);
+void add_calibrate(CLI::App& program, Action& action);
+void add_self_test(CLI::App& program, Action& action);
 void add_recover(CLI::App& program, Action& action);
 void add_doctor(CLI::App& program, Action& action);
 // log/

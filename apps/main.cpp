@@ -111,6 +111,9 @@ int run_program(const std::vector<std::string>& words) {
   add_record(program, action);
   add_stop(program, action);
   add_emulate(program, action);
+  add_home(program, action);
+  add_calibrate(program, action);
+  add_self_test(program, action);
   add_recover(program, action);
   add_log(program, action);
   add_config(program, action);

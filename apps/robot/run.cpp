@@ -47,7 +47,10 @@ struct RunOptions {
 };
 
 RunnableRobot robot_for(const RunOptions& options) {
-  RunnableRobot robot = make_robot(options.robot, options.name, options.overrides, options.state);
+  RunnableRobot robot = make_robot({.robot = options.robot,
+                                    .name = options.name,
+                                    .overrides = options.overrides,
+                                    .state = options.state});
   robot.backend.mode = options.mode.value_or(robot.backend.mode);
   if (robot.needs_real_time && robot.backend.mode != BackendOptions::Mode::kRealTime) {
     throw InvalidArgument("a robot on motor boards runs in real time only");
@@ -136,6 +139,7 @@ class Run {
   // before.
   int until_end() {
     reporter_.print(timing_text(robot_.backend));
+    if (!robot_.calibration.empty()) reporter_.print(robot_.calibration);
     RealtimeOptions realtime = options_.realtime;
     if (robot_.backend.mode == BackendOptions::Mode::kNonRealTime) realtime.demand = Demand::kOff;
     BackendThread loop(backend_, realtime, Signals::notify);

@@ -15,6 +15,7 @@
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/regular_file.hpp"
 #include "trifinger/boards/board_robot.hpp"
+#include "trifinger/boards/calibration.hpp"
 #include "trifinger/config/file.hpp"
 #include "trifinger/core/fake_robot.hpp"
 #include "trifinger/joint/types.hpp"
@@ -130,12 +131,37 @@ std::function<JointVector<R::kJoints>(const JointVector<R::kJoints>&)> weight_of
   };
 }
 
+// Gives the robot its calibration, if there is one.
+template <class R>
+void add_calibration(RunnableRobot& robot, boards::BoardRobotOptions<R>& options) {
+  const std::filesystem::path path = boards::calibration_file(robot.name);
+  std::error_code ignored;
+  if (std::filesystem::symlink_status(path, ignored).type() ==
+      std::filesystem::file_type::not_found) {
+    robot.calibration =
+        "has no calibration of its own: boards.homing.home_position counts; 'trifinger calibrate' "
+        "measures it";
+    return;
+  }
+  const boards::Calibration calibration = boards::read_calibration(path);
+  try {
+    boards::calibrate(options, robot.name, calibration);
+  } catch (const InvalidArgument& error) {
+    throw InvalidArgument(path.string() + ": " + error.what());
+  }
+  robot.session.documents.push_back({"calibration.yml", "application/yaml", calibration.text()});
+  const std::string serial =
+      calibration.serial == "any" ? "" : ", serial number " + calibration.serial;
+  robot.calibration = "was calibrated on " + calibration.date + serial + " (" + path.string() + ")";
+}
+
 template <class R>
 void add_boards(RunnableRobot& robot, const SimulationOptions<R>& simulation,
-                const BoardsConfig& config) {
+                const BoardsConfig& config, bool is_calibrated) {
   std::ranges::move(model_documents(simulation.description),
                     std::back_inserter(robot.session.documents));
   auto options = std::get<boards::BoardRobotOptions<R>>(config.options);
+  if (is_calibrated) add_calibration(robot, options);
   options.weight = weight_of<R>(simulation.description);
   auto buses = boards::open_buses(config.bus, options.names, robot.name);
   robot.driver = std::make_unique<boards::BoardRobot<R>>(std::move(options), std::move(buses),
@@ -144,9 +170,8 @@ void add_boards(RunnableRobot& robot, const SimulationOptions<R>& simulation,
 
 }  // namespace
 
-RunnableRobot make_robot(const std::string& robot, const std::optional<std::string>& name,
-                         const std::vector<std::string>& overrides,
-                         const std::optional<std::filesystem::path>& state) {
+RunnableRobot make_robot(const RobotChoice& choice) {
+  const auto& [robot, name, overrides, state, is_calibrated] = choice;
   if (robot == kFakeRobot) {
     if (state) throw UsageError("--state is for simulations; the fake robot has no state to save");
     return named(make_fake_robot(overrides), name);
@@ -164,7 +189,8 @@ RunnableRobot make_robot(const std::string& robot, const std::optional<std::stri
   if (config.boards) {
     if (state) throw UsageError("--state is for simulations; a robot on boards begins where it is");
     made.needs_real_time = true;
-    std::visit([&](const auto& options) { add_boards(made, options, *config.boards); },
+    const bool counts = is_calibrated;
+    std::visit([&](const auto& options) { add_boards(made, options, *config.boards, counts); },
                config.simulation);
   } else {
     std::visit([&](auto& options) { add_simulation(made, std::move(options), state); },

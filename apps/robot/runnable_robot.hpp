@@ -23,19 +23,23 @@ struct RunnableRobot {
   BackendOptions backend;
   SessionOptions session;
   bool needs_real_time{false};
+  std::string calibration;  // a sentence about it; empty for a robot that needs none
   // Returns the state before the simulation diverged, if that is the `fault`; otherwise an empty
   // state. Call this only while nobody uses the driver.
   std::function<SimulationState(const Fault& fault)> state_before{
       [](const Fault&) { return SimulationState(); }};
 };
 
-// Makes the robot that is called `robot` on the command line: "fake", the name or the path of a
-// configuration, or a log to be played. `name` replaces its own name. `overrides` are settings such
-// as "fingers.height=0.3". A simulation begins in the state saved in the file `state`. Throws
-// ConfigError, InvalidArgument, SystemError.
-[[nodiscard]] RunnableRobot make_robot(const std::string& robot,
-                                       const std::optional<std::string>& name,
-                                       const std::vector<std::string>& overrides,
-                                       const std::optional<std::filesystem::path>& state);
+// A robot as it is called on the command line.
+struct RobotChoice {
+  std::string robot;  // "fake", the name or the path of a configuration, or a log to be played
+  std::optional<std::string> name{};             // replaces its own name
+  std::vector<std::string> overrides{};          // settings such as "fingers.height=0.3"
+  std::optional<std::filesystem::path> state{};  // a saved state in which a simulation begins
+  bool is_calibrated{true};                      // its calibration counts, if there is one
+};
+
+// Throws ConfigError, InvalidArgument, SystemError.
+[[nodiscard]] RunnableRobot make_robot(const RobotChoice& choice);
 
 }  // namespace trifinger::apps

@@ -146,6 +146,16 @@ DriverReport BoardRobot<R>::test() noexcept {
   Joints torques{};
   for (std::size_t i = 0; i < R::kJoints; ++i) angles[i] = measure(i).angle;
   wiring_.next(angles, torques);
+  for (std::size_t i = 0; i < R::kJoints; ++i) {
+    const bool is_held = i != wiring_.joint() && wiring_.findings()[i].is_good(i);
+    if (!is_held) {
+      start_[i] = angles[i];
+      continue;
+    }
+    const HomingGains gain = gains(i);
+    torques[i] = std::clamp(gain.kp * (start_[i] - angles[i]) - gain.kd * measure(i).velocity,
+                            -gain.max_torque, gain.max_torque);
+  }
   drive(torques);
   if (!wiring_.is_done()) return DriverReport::busy();
   for (std::size_t i = 0; i < R::kJoints; ++i) reports_[i].wiring = wiring_.findings()[i];
@@ -155,6 +165,10 @@ DriverReport BoardRobot<R>::test() noexcept {
       return joint_fault(i,
                          "does not move when its motor is driven; check the motor's cable, the "
                          "belt, and what is in its way");
+    }
+    if (found.is_hindered) {
+      return joint_fault(i,
+                         "moves as if something held it back; see that it is free, then recover");
     }
     if (found.joint != i) {
       const DriverReport fault = joint_fault(i, "is not what its motor moves: that is joint ");

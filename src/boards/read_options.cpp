@@ -52,12 +52,7 @@ Nanoseconds read_time(const Node& section, std::string_view key, double most) {
 template <std::size_t N>
 HomingOptions<N> read_homing(const Node& section, const JointLimits<N>& limits) {
   HomingOptions<N> homing;
-  homing.method = section.required_choice<HomingMethod>(
-      "method", {{"end_stop_index", HomingMethod::kEndStopIndex},
-                 {"end_stop", HomingMethod::kEndStop},
-                 {"released_end_stop", HomingMethod::kReleasedEndStop},
-                 {"next_index", HomingMethod::kNextIndex},
-                 {"here", HomingMethod::kHere}});
+  homing.method = section.required_choice<HomingMethod>("method", homing_methods());
   read_joints(section, "torque", {.unit = "Nm", .min = -10, .max = 10}, homing.torque);
   for (std::size_t i = 0; i < N; ++i) {
     if (std::abs(homing.torque[i]) <= limits[i].max_torque) continue;
@@ -102,6 +97,8 @@ BoardRobotOptions<R> read_board_options(const Node& section,
   // A current follows what is asked for within some messages.
   options.board.no_current_after = options.board.silent_after + std::chrono::milliseconds(3);
   options.board.receive_timeout = read_time(section, "receive_timeout", 10);
+  options.self_test = section.required<bool>("self_test");
+  options.serial = section.required<std::string>("serial");
   options.homing = read_homing(section.section("homing"), limits);
   options.move_time = read_time(section, "move_time", 60);
   return options;
@@ -111,6 +108,16 @@ template BoardRobotOptions<TriFinger> read_board_options<TriFinger>(
     const Node&, const JointLimits<TriFinger::kJoints>&);
 template BoardRobotOptions<Finger> read_board_options<Finger>(const Node&,
                                                               const JointLimits<Finger::kJoints>&);
+
+const std::vector<std::pair<std::string_view, HomingMethod>>& homing_methods() {
+  static const std::vector<std::pair<std::string_view, HomingMethod>> kMethods{
+      {"end_stop_index", HomingMethod::kEndStopIndex},
+      {"end_stop", HomingMethod::kEndStop},
+      {"released_end_stop", HomingMethod::kReleasedEndStop},
+      {"next_index", HomingMethod::kNextIndex},
+      {"here", HomingMethod::kHere}};
+  return kMethods;
+}
 
 BusKind read_bus_kind(const Node& section) {
   return section.required_choice<BusKind>(

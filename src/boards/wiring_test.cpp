@@ -2,8 +2,10 @@
 #include "trifinger/boards/wiring_test.hpp"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <utility>
 
@@ -14,10 +16,26 @@ namespace {
 constexpr double kQuarter = 0.025;  // [s]
 // The first push of a joint has this part of its largest torque; each further one has twice as much
 // until something moves by 2 degrees.
-constexpr double kFirst = 0.125;
+constexpr double kFirst = 0.0625;
+constexpr double kMostPush = 0.5;
 constexpr double kEnough = 0.025;  // [rad]; the next push would move it by more than 2 degrees
 constexpr double kLeast = 0.001;   // [rad]; less is no movement
 constexpr int kPause = 2;          // quarters between two pushes
+// Two opposite pushes agree if their ways differ by less than this part of the largest.
+constexpr double kDifference = 0.35;
+// Torque beside the push in each attempt, in parts of the push: at an end stop one way is free.
+constexpr std::array kBeside{0.0, 0.5, -0.5, 2.0, -2.0};
+// After these attempts comes a torque that grows until something has moved.
+constexpr std::size_t kRamp = kBeside.size();
+constexpr double kRampTime = 0.6;   // [s]
+constexpr double kRampPause = 0.2;  // [s]
+constexpr double kRampWay = 0.035;  // [rad]: 2 degrees
+// Ways of opposite ramps must differ by this part of the longer one.
+constexpr double kRampDifference = 0.6;
+// A joint that moves itself by this part of the longest way is held while others are tested.
+constexpr double kOwnWay = 0.5;
+constexpr int kRounds = 3;
+constexpr std::size_t kBeforeFirst = std::numeric_limits<std::size_t>::max();
 
 // Subtracts from `values` what `basis` explains of them. The functions of the basis are orthogonal.
 void subtract(std::vector<double>& values, const std::vector<double>& basis) {
@@ -25,6 +43,12 @@ void subtract(std::vector<double>& values, const std::vector<double>& basis) {
   if (norm == 0.0) return;
   const double part = std::inner_product(values.begin(), values.end(), basis.begin(), 0.0) / norm;
   for (std::size_t i = 0; i < values.size(); ++i) values[i] -= part * basis[i];
+}
+
+double largest(const std::vector<double>& values) noexcept {
+  double most = 0.0;
+  for (const double value : values) most = std::max(most, std::abs(value));
+  return most;
 }
 
 // The way of a joint that a push accelerates by 1 rad/s^2, before each step of the push [rad].
@@ -44,7 +68,9 @@ std::vector<double> way_of_push(std::size_t quarter, double period) {
 
 WiringTest::WiringTest(std::span<const double> max_torques, Nanoseconds period)
     : max_torques_(max_torques.begin(), max_torques.end()),
-      accelerations_(max_torques.size()),
+      ways_(max_torques.size()),
+      start_(max_torques.size()),
+      first_(max_torques.size()),
       responses_(max_torques.size() * max_torques.size()),
       findings_(max_torques.size()),
       assignment_(max_torques.size()) {
@@ -52,7 +78,6 @@ WiringTest::WiringTest(std::span<const double> max_torques, Nanoseconds period)
   const double seconds = std::chrono::duration<double>(period).count();
   quarter_ = std::max<std::size_t>(1, static_cast<std::size_t>(std::lround(kQuarter / seconds)));
   const std::vector<double> way = way_of_push(quarter_, seconds);
-  way_ = std::ranges::max(way);
   // The weights find the way of a push in angles that have a start, a velocity and an acceleration
   // of their own: polynomials, made orthogonal one after the other.
   std::vector<std::vector<double>> polynomials;
@@ -67,59 +92,117 @@ WiringTest::WiringTest(std::span<const double> max_torques, Nanoseconds period)
   weights_ = way;
   for (const std::vector<double>& polynomial : polynomials) subtract(weights_, polynomial);
   const double norm = std::inner_product(weights_.begin(), weights_.end(), way.begin(), 0.0);
-  for (double& weight : weights_) weight /= norm;
+  for (double& weight : weights_) weight *= std::ranges::max(way) / norm;
+  ramp_ = static_cast<std::size_t>(std::lround(kRampTime / seconds));
+  ramp_pause_ = static_cast<std::size_t>(std::lround(kRampPause / seconds));
   joint_ = max_torques_.size();
 }
 
 void WiringTest::begin() noexcept {
+  round_ = 0;
   joint_ = 0;
-  begin_push(kFirst * max_torques_[0]);
+  std::ranges::fill(findings_, WiringFinding());
+  begin_joint();
 }
 
-void WiringTest::begin_push(double torque) noexcept {
+void WiringTest::begin_joint() noexcept {
+  torque_ = kFirst * max_torques_[joint_];
+  attempt_ = 0;
+  begin_half(Half::kFirst);
+}
+
+void WiringTest::begin_half(Half half) noexcept {
+  half_ = half;
   step_ = 0;
-  torque_ = torque;
-  std::ranges::fill(accelerations_, 0.0);
+  std::ranges::fill(ways_, 0.0);
 }
 
 void WiringTest::next(std::span<const double> angles, std::span<double> torques) noexcept {
   std::ranges::fill(torques, 0.0);
   if (is_done()) return;
-  if (step_ < weights_.size()) {
-    for (std::size_t i = 0; i < angles.size(); ++i) {
-      accelerations_[i] += weights_[step_] * angles[i];
-    }
+  const double sign = half_ == Half::kFirst ? 1.0 : -1.0;
+  if (attempt_ == kRamp) {
+    torques[joint_] = sign * next_of_ramp(angles);
+    if (++step_ == ramp_ + ramp_pause_) end_half();
+  } else {
+    torques[joint_] = next_of_push(angles, sign);
+    if (++step_ == (4 + kPause) * quarter_) end_half();
   }
-  if (step_ < 4 * quarter_) {
-    const bool is_forth = step_ < quarter_ || step_ >= 3 * quarter_;
-    torques[joint_] = is_forth ? torque_ : -torque_;
-  }
-  if (++step_ == (4 + kPause) * quarter_) end_push();
 }
 
-void WiringTest::end_push() noexcept {
-  const auto size = [](double x, double y) { return std::abs(x) < std::abs(y); };
-  const double most = std::abs(*std::ranges::max_element(accelerations_, size));
-  const bool is_enough = most * way_ >= kEnough;
-  if (!is_enough && torque_ < max_torques_[joint_]) {
-    begin_push(std::min(2.0 * torque_, max_torques_[joint_]));
-    return;
+double WiringTest::next_of_push(std::span<const double> angles, double sign) noexcept {
+  if (step_ < weights_.size()) {
+    for (std::size_t i = 0; i < angles.size(); ++i) ways_[i] += weights_[step_] * angles[i];
   }
-  findings_[joint_] = {.moves = most * way_ >= kLeast, .joint = joint_, .is_reversed = false};
-  for (std::size_t i = 0; i < accelerations_.size(); ++i) {
-    response(i, joint_) = findings_[joint_].moves ? accelerations_[i] / torque_ : 0.0;
+  if (step_ >= 4 * quarter_) return 0.0;
+  const bool is_forth = step_ < quarter_ || step_ >= 3 * quarter_;
+  const double most_beside = (1.0 - kMostPush) * max_torques_[joint_];
+  return (is_forth ? sign : -sign) * torque_ +
+         std::clamp(kBeside[attempt_] * torque_, -most_beside, most_beside);
+}
+
+double WiringTest::next_of_ramp(std::span<const double> angles) noexcept {
+  if (step_ == 0) std::ranges::copy(angles, start_.begin());
+  if (step_ >= ramp_) return 0.0;
+  for (std::size_t i = 0; i < angles.size(); ++i) ways_[i] = angles[i] - start_[i];
+  if (largest(ways_) >= kRampWay) step_ = ramp_;
+  torque_ = max_torques_[joint_] * static_cast<double>(step_) / static_cast<double>(ramp_);
+  return step_ < ramp_ ? torque_ : 0.0;
+}
+
+void WiringTest::end_half() noexcept {
+  const bool is_ramp = attempt_ == kRamp;
+  if (half_ == Half::kFirst) {
+    const double most_torque = kMostPush * max_torques_[joint_];
+    if (!is_ramp && largest(ways_) < kEnough && torque_ < most_torque) {
+      torque_ = std::min(2.0 * torque_, most_torque);
+      return begin_half(Half::kFirst);
+    }
+    first_ = ways_;
+    return begin_half(Half::kOpposite);
   }
-  if (++joint_ < max_torques_.size()) {
-    begin_push(kFirst * max_torques_[joint_]);
-  } else {
+  const double longest = std::max(largest(ways_), largest(first_));
+  double sum = 0.0;
+  double difference = 0.0;
+  for (std::size_t i = 0; i < ways_.size(); ++i) {
+    sum = std::max(sum, std::abs(first_[i] + ways_[i]));
+    difference = std::max(difference, std::abs(first_[i] - ways_[i]));
+  }
+  const bool agrees =
+      is_ramp ? difference >= kRampDifference * longest : sum <= kDifference * longest;
+  if (!is_ramp && (!agrees || longest < kLeast)) {
+    attempt_ = longest < kLeast ? kRamp : attempt_ + 1;
+    return begin_half(Half::kFirst);
+  }
+  findings_[joint_] = {
+      .moves = longest >= kLeast, .joint = joint_, .is_reversed = false, .is_hindered = !agrees};
+  for (std::size_t i = 0; i < ways_.size(); ++i) {
+    response(i, joint_) = findings_[joint_].moves ? first_[i] - ways_[i] : 0.0;
+  }
+  // So that the joint can be held from now on.
+  findings_[joint_].is_reversed = response(joint_, joint_) < kOwnWay * difference;
+  next_joint();
+}
+
+// Goes on to the next joint that is not good. After the last one, those that are still not good get
+// another round, in which all others are held.
+void WiringTest::next_joint() noexcept {
+  for (;;) {
+    while (++joint_ < findings_.size() && findings_[joint_].is_good(joint_)) {
+    }
+    if (joint_ < findings_.size()) return begin_joint();
     judge();
+    bool is_good = true;
+    for (std::size_t i = 0; i < findings_.size(); ++i) is_good &= findings_[i].is_good(i);
+    if (is_good || ++round_ == kRounds) return;
+    joint_ = kBeforeFirst;
   }
 }
 
 void WiringTest::judge() noexcept {
   assignment_.solve([this](std::size_t driven, std::size_t moved) {
     // A joint that does not move at all must not make every order equally good.
-    constexpr double kFloor = 1e-6;
+    constexpr double kFloor = 1e-9;  // [rad]
     return -std::log(std::max(std::abs(response(moved, driven)), kFloor));
   });
   for (std::size_t i = 0; i < findings_.size(); ++i) {

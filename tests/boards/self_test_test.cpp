@@ -36,6 +36,7 @@ struct Miswired {
   std::vector<double> velocity;
   std::vector<double> weight;  // accelerations
   double friction{0.0};        // [Nm]
+  double stop{0.0};            // 1 or -1: the joints cannot be beyond 0 in this direction
 
   void step(const std::vector<double>& torques) {
     std::vector<double> at_joints(size);
@@ -52,7 +53,12 @@ struct Miswired {
       }
       velocity[i] += kStep * acceleration;
     }
-    for (std::size_t i = 0; i < size; ++i) position[i] += kStep * velocity[i];
+    for (std::size_t i = 0; i < size; ++i) {
+      position[i] += kStep * velocity[i];
+      if (stop * position[i] <= 0.0) continue;
+      position[i] = 0.0;
+      velocity[i] = 0.0;
+    }
   }
 };
 
@@ -151,6 +157,27 @@ TEST(WiringTest, fault_50_JointsThatDoNotMoveAreNamedAndChangeNothingElse) {
   EXPECT_FALSE(found[1].moves);
   EXPECT_TRUE(found[2].moves);
   EXPECT_EQ(found[2].joint, 2U);
+}
+
+TEST(WiringTest, fault_50_AnEndStopIsNoReversedMotor) {
+  for (const double stop : {1.0, -1.0}) {
+    for (const double sign : {1.0, -1.0}) {
+      for (const double weight : {0.0, 5.0, 30.0}) {
+        Miswired plant{.size = 1,
+                       .inverse_mass = {300.0},
+                       .joint_of_motor = {0},
+                       .sign_of_motor = {sign},
+                       .position = {0.0},
+                       .velocity = {0.0},
+                       .weight = {stop * weight},
+                       .stop = stop};
+        const std::vector<WiringFinding> found = findings_on(plant);
+        EXPECT_TRUE(found[0].moves);
+        EXPECT_FALSE(found[0].is_hindered);
+        EXPECT_EQ(found[0].is_reversed, sign < 0.0) << stop << ", " << sign << ", " << weight;
+      }
+    }
+  }
 }
 
 TEST(WiringTest, MovesEachJointByAFewDegreesAndLeavesItAtRest) {

@@ -75,7 +75,8 @@ struct BoardRobotOptions {
   double max_current{2.0};  ///< No motor ever gets more [A].
   JointLimits<kJoints> limits{};
   HomingOptions<kJoints> homing{};
-  bool self_test{false};  ///< Tests the wiring before every homing, see `WiringTest`.
+  std::string serial{"any"};  ///< What is written on the robot; "any" if it does not matter.
+  bool self_test{false};      ///< Tests the wiring before every homing, see `WiringTest`.
   JointVector<kJoints> initial_position{};         ///< Where the robot moves after homing [rad].
   Nanoseconds move_time{std::chrono::seconds(3)};  ///< Duration of this movement.
   OrderlyStopOptions<kJoints> stop{};

@@ -5,6 +5,8 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 #include "trifinger/boards/board_robot.hpp"
@@ -19,6 +21,9 @@ enum class BusKind : std::uint8_t {
   kSocketCan,  ///< CAN interfaces of this machine.
   kEmulated,   ///< Buses to an emulator in another process of this user.
 };
+
+/// The methods of homing, by the words of configurations.
+[[nodiscard]] const std::vector<std::pair<std::string_view, HomingMethod>>& homing_methods();
 
 /// Reads the section `boards` of a configuration. Limits, stop, initial position and period belong
 /// to other sections; the caller sets them before `validate`.

@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "commands.hpp"
+#include "robot/runnable_robot.hpp"
+#include "shared/signals.hpp"
+#include "shared/terminal.hpp"
+#include "trifinger/base/time.hpp"
+#include "trifinger/boards/board_robot.hpp"
+#include "trifinger/core/session.hpp"
+#include "trifinger/realtime/thread.hpp"
+
+// What the commands have in common that look after a robot on motor boards while nobody uses it:
+// home, calibrate, self-test.
+namespace trifinger::apps {
+
+struct MaintenanceOptions {
+  std::string robot;
+  std::optional<std::string> name;
+  std::vector<std::string> overrides;
+  RealtimeOptions realtime;
+};
+
+// Adds the options to a command.
+void add_maintenance(CLI::App& command, MaintenanceOptions& options);
+
+// A robot on motor boards, as long as the object lives; no other program can run it meanwhile.
+class ServicedRobot {
+ public:
+  // Throws InvalidArgument for a robot without boards, and what `make_robot` and
+  // `SessionHost::named` throw. If `is_calibrated` is false, its calibration does not count.
+  explicit ServicedRobot(const MaintenanceOptions& options, bool is_calibrated = true);
+
+  // Calls `work` with the robot's driver, a BoardRobot.
+  template <class Work>
+  decltype(auto) visit(const Work& work) const {
+    return std::visit([&](auto* boards) { return work(*boards); }, boards_);
+  }
+
+  // Prepares the robot as its driver was told, and brings it to rest. Prints what it does. Calls
+  // `while_ready` when the robot is ready. If the driver waits for a reference, it is taken when
+  // somebody presses Enter; `request` asks for that. Throws Error with the text of a fault. Ctrl-C
+  // brings the robot to rest and ends the program.
+  void prepare(const std::function<void()>& while_ready, const std::string& request = "");
+
+  [[nodiscard]] const std::string& name() const noexcept { return robot_.name; }
+  [[nodiscard]] const SessionHost& host() const noexcept { return host_; }
+  void print(const std::string& text, Style style = Style::kPlain) {
+    console_.print(robot_.name, text, style);
+  }
+
+ private:
+  // True when somebody has pressed Enter.
+  [[nodiscard]] bool was_enter_pressed() const;
+
+  const Signals signals_;  // before any thread
+  RealtimeOptions realtime_;
+  RunnableRobot robot_;
+  std::variant<boards::BoardRobot<TriFinger>*, boards::BoardRobot<Finger>*> boards_;
+  SessionHost host_;
+  Console console_;
+};
+
+}  // namespace trifinger::apps
