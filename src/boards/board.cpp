@@ -186,6 +186,7 @@ can::Frame Board::time_limit() const noexcept {
 }
 
 void Board::switch_off() noexcept {
+  if (phase_ == Phase::kOff) return;
   release();
   send(std::array{encode(can::BoardCommand{Command::kEnableSystem, 0})});
   phase_ = Phase::kOff;

@@ -453,6 +453,20 @@ TEST(BoardRobot, fault_40_ABusThatTakesNoFramesIsFound) {
   EXPECT_NE(text.find("board 1"), std::string::npos) << text;
 }
 
+TEST(BoardRobot, ARobotThatWasNeverPreparedLeavesTheBoardsAlone) {
+  Rig<TriFinger> rig;
+  ASSERT_EQ(rig.prepare().state, State::kReady);
+  std::vector<std::unique_ptr<can::Bus>> buses;
+  for (const auto& bus : rig.buses) buses.push_back(bus->connect());
+  // As a second 'trifinger run' that finds out that the robot is run already.
+  std::optional<BoardRobot<TriFinger>> other;
+  other.emplace(options_of_tests<TriFinger>(), std::move(buses), rig.clock);
+  other.reset();
+  for (int i = 0; i < 100; ++i) {
+    ASSERT_EQ(rig.step(hold_at<TriFinger>(0.3)).state, State::kReady) << i;
+  }
+}
+
 TEST(BoardRobot, ASecondHostOnABusIsAFault) {
   Rig<TriFinger> rig;
   ASSERT_TRUE(is_prepared(rig));

@@ -3,6 +3,7 @@
 
 import signal
 import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -94,3 +95,119 @@ def test_an_interface_that_does_not_exist_is_named() -> None:
     )
     assert done.returncode != 0
     assert "CAN" in done.stderr or "x0" in done.stderr
+
+
+def maintain(*arguments: str, typed: str = "") -> subprocess.CompletedProcess[str]:
+    """Runs a command that looks after a robot, to its end."""
+    command = [PROGRAM, *arguments, *PATIENT]
+    return subprocess.run(
+        command, input=typed, capture_output=True, text=True, check=False, timeout=300
+    )
+
+
+@pytest.fixture
+def calibrations(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    monkeypatch.setenv("TRIFINGER_CALIBRATION_DIR", str(tmp_path))
+    return tmp_path
+
+
+@pytest.mark.usefixtures("calibrations")
+def test_home_and_self_test(start_program: StartProgram) -> None:
+    start_program("emulate", ROBOT, *PATIENT).wait_for("6 emulated boards are on")
+
+    homed = maintain("home", ROBOT)
+    assert homed.returncode == 0, homed.stderr
+    assert "is home and at its initial position" in homed.stdout
+
+    tested = maintain("self-test", ROBOT)
+    assert tested.returncode == 0, tested.stdout + tested.stderr
+    rows = [line.split() for line in tested.stdout.splitlines() if " good " in line]
+    assert [int(row[0]) for row in rows] == list(range(9))
+    measured = np.array([[float(number) for number in row[2:]] for row in rows])
+    load, weight, friction, index_distance = measured.T
+    # The simulated robot has no friction, and its weight is that of the model.
+    np.testing.assert_allclose(load, weight, atol=0.01)
+    np.testing.assert_allclose(friction, 0.0, atol=0.01)
+    np.testing.assert_allclose(index_distance, 2 * np.pi / 9, atol=0.001)
+    assert "passes" in tested.stdout
+
+
+def test_calibrate_writes_what_run_reads(start_program: StartProgram, calibrations: Path) -> None:
+    start_program("emulate", ROBOT, *PATIENT).wait_for("6 emulated boards are on")
+    done = maintain(
+        "calibrate", ROBOT, "--serial", "0042", "--pose", "0", "0.9", "-1.7", typed="\n"
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "press Enter" in done.stdout
+    file = calibrations / f"{NAME}.yml"
+    assert 'serial: "0042"' in file.read_text()
+
+    robot = start_program("run", ROBOT, *PATIENT)
+    robot.wait_for("was calibrated on")
+    robot.wait_for("holds its pose")
+    with trifinger.connect(NAME) as session:
+        assert 'serial: "0042"' in session.documents()["calibration.yml"]
+
+
+def test_a_calibration_cannot_be_made_without_a_person(start_program: StartProgram) -> None:
+    start_program("emulate", ROBOT, *PATIENT).wait_for("6 emulated boards are on")
+    done = maintain("calibrate", ROBOT)
+    assert done.returncode == 1
+    assert "nobody can press Enter" in done.stderr
+
+
+CALIBRATION = f"""\
+robot: {NAME}
+serial: 0042
+date: 2026-11-22 21:50:00 UTC
+method: end_stop
+direction: [1, 1, -1, 1, 1, -1, 1, 1, -1]
+polarity: [1, 1, 1, 1, 1, 1, 1, 1, 1]
+gear_ratio: 9
+home_position: [1.8, 2.0, -3.4, 1.8, 2.0, -3.4, 1.8, 2.0, -3.4]
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "sentence"),
+    [
+        (NAME, "left", "is that of the robot 'left'"),
+        ("0042", "0043", "is that of the robot with serial number '0043', not '0042'"),
+        ("[1.8, 2.0, -3.4, 1.8, 2.0, -3.4, 1.8,", "[1.8,", "has 3 joints, the robot has 9"),
+        ("end_stop", "here", "was measured with another homing"),
+        ("direction: [1,", "direction: [-1,", "was measured with another homing"),
+        ("gear_ratio: 9", "gear_ratio: 6", "was measured with another homing"),
+        ("home_position", "home_positions", "is 'home_positions' a misspelling"),
+        ("1.8, 2.0", ".nan, 2.0", "home_position"),
+    ],
+)
+def test_a_calibration_of_another_robot_is_refused(
+    calibrations: Path, old: str, new: str, sentence: str
+) -> None:
+    assert old in CALIBRATION
+    (calibrations / f"{NAME}.yml").write_text(CALIBRATION.replace(old, new, 1))
+    done = maintain("run", ROBOT, "--set", "boards.serial=0042")
+    assert done.returncode != 0
+    assert sentence in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_who_is_not_on_boards_cannot_be_looked_after() -> None:
+    for command in ("home", "calibrate", "self-test"):
+        done = subprocess.run(
+            [PROGRAM, command, "sim"], input="", capture_output=True, text=True, check=False
+        )
+        assert done.returncode != 0
+        assert "'sim' is not on motor boards" in done.stderr
+
+
+def test_a_robot_that_runs_cannot_be_looked_after(start_program: StartProgram) -> None:
+    start_program("emulate", ROBOT, *PATIENT).wait_for("6 emulated boards are on")
+    start_program("run", ROBOT, *PATIENT).wait_for("holds its pose")
+    with trifinger.connect(NAME) as robot:
+        done = maintain("home", ROBOT)
+        assert done.returncode != 0
+        assert f"robot '{NAME}' is run by" in done.stderr
+        # Nobody has switched its boards off.
+        t = robot.append_desired_action(robot.new_action(position=START))
+        np.testing.assert_allclose(robot.get_observation(t).position, START, atol=0.03)

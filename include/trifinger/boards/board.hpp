@@ -85,7 +85,7 @@ class Board {
   /// Lets the motors go. The board stays ready.
   void release() noexcept TRIFINGER_REALTIME;
 
-  /// Switches the motors off. `start` switches them on again.
+  /// Switches the motors off, if this object has switched them on. `start` does so again.
   void switch_off() noexcept TRIFINGER_REALTIME;
 
   [[nodiscard]] bool is_ready() const noexcept { return phase_ == Phase::kReady; }
