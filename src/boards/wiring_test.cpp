@@ -5,7 +5,6 @@
 #include <array>
 #include <chrono>
 #include <cmath>
-#include <limits>
 #include <numeric>
 #include <utility>
 
@@ -35,7 +34,6 @@ constexpr double kRampDifference = 0.6;
 // A joint that moves itself by this part of the longest way is held while others are tested.
 constexpr double kOwnWay = 0.5;
 constexpr int kRounds = 3;
-constexpr std::size_t kBeforeFirst = std::numeric_limits<std::size_t>::max();
 
 // Subtracts from `values` what `basis` explains of them. The functions of the basis are orthogonal.
 void subtract(std::vector<double>& values, const std::vector<double>& basis) {
@@ -156,10 +154,12 @@ void WiringTest::end_half() noexcept {
     const double most_torque = kMostPush * max_torques_[joint_];
     if (!is_ramp && largest(ways_) < kEnough && torque_ < most_torque) {
       torque_ = std::min(2.0 * torque_, most_torque);
-      return begin_half(Half::kFirst);
+      begin_half(Half::kFirst);
+    } else {
+      first_ = ways_;
+      begin_half(Half::kOpposite);
     }
-    first_ = ways_;
-    return begin_half(Half::kOpposite);
+    return;
   }
   const double longest = std::max(largest(ways_), largest(first_));
   double sum = 0.0;
@@ -172,7 +172,8 @@ void WiringTest::end_half() noexcept {
       is_ramp ? difference >= kRampDifference * longest : sum <= kDifference * longest;
   if (!is_ramp && (!agrees || longest < kLeast)) {
     attempt_ = longest < kLeast ? kRamp : attempt_ + 1;
-    return begin_half(Half::kFirst);
+    begin_half(Half::kFirst);
+    return;
   }
   findings_[joint_] = {
       .moves = longest >= kLeast, .joint = joint_, .is_reversed = false, .is_hindered = !agrees};
@@ -187,16 +188,18 @@ void WiringTest::end_half() noexcept {
 // Goes on to the next joint that is not good. After the last one, those that are still not good get
 // another round, in which all others are held.
 void WiringTest::next_joint() noexcept {
-  for (;;) {
-    while (++joint_ < findings_.size() && findings_[joint_].is_good(joint_)) {
-    }
-    if (joint_ < findings_.size()) return begin_joint();
+  joint_ = first_bad(joint_ + 1);
+  if (joint_ == findings_.size()) {
     judge();
-    bool is_good = true;
-    for (std::size_t i = 0; i < findings_.size(); ++i) is_good &= findings_[i].is_good(i);
-    if (is_good || ++round_ == kRounds) return;
-    joint_ = kBeforeFirst;
+    if (++round_ == kRounds) return;
+    joint_ = first_bad(0);
   }
+  if (!is_done()) begin_joint();
+}
+
+std::size_t WiringTest::first_bad(std::size_t begin) const noexcept {
+  while (begin < findings_.size() && findings_[begin].is_good(begin)) ++begin;
+  return begin;
 }
 
 void WiringTest::judge() noexcept {

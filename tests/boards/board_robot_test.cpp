@@ -84,7 +84,7 @@ TEST_P(Homing, FindsTheSameZeroFromEveryPose) {
   }
   std::mt19937 random(7);
   std::uniform_real_distribution<double> pose(-2.0, 2.0);
-  for (int run = 0; run < 10; ++run) {
+  for (int run = 0; run < 34; ++run) {
     JointVector<9> start{};
     for (double& angle : start) angle = pose(random);
     Rig<TriFinger> rig(options, start);

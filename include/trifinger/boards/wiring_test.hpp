@@ -72,6 +72,8 @@ class WiringTest {
   [[nodiscard]] double next_of_ramp(std::span<const double> angles) noexcept;
   void end_half() noexcept;
   void next_joint() noexcept;
+  // The first joint from `begin` on that is not good; if there is none, the number of joints.
+  [[nodiscard]] std::size_t first_bad(std::size_t begin) const noexcept;
   void judge() noexcept;
   [[nodiscard]] double& response(std::size_t moved, std::size_t driven) noexcept {
     return responses_[moved * max_torques_.size() + driven];

@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The self-test and the homing of a TriFingerEdu on emulated boards, with the simulation as what
+// they move: fingers that fall, swing, and lie on the table and on each other.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <cstddef>
+#include <memory>
+#include <numeric>
+#include <optional>
+#include <random>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "support/soak.hpp"
+#include "trifinger/boards/board_robot.hpp"
+#include "trifinger/boards/emulator.hpp"
+#include "trifinger/can/memory_bus.hpp"
+#include "trifinger/realtime/clock.hpp"
+#include "trifinger/sim/robot_config.hpp"
+#include "trifinger/sim/simulated_plant.hpp"
+
+namespace trifinger {
+namespace {
+
+using namespace std::chrono_literals;
+using State = DriverReport::State;
+
+constexpr std::size_t kJoints = TriFinger::kJoints;
+
+// The simulated robot, with cables that may lead to wrong motors.
+class Fingers final : public boards::Plant<TriFinger> {
+ public:
+  explicit Fingers(SimulationOptions<TriFinger> options) : plant_(std::move(options)) {
+    std::iota(joint_of_motor.begin(), joint_of_motor.end(), 0U);
+    sign_of_motor.fill(1.0);
+  }
+  [[nodiscard]] Joints position() const noexcept override { return plant_.position(); }
+  [[nodiscard]] Joints velocity() const noexcept override { return plant_.velocity(); }
+  [[nodiscard]] std::array<double, 3> tip_force() const noexcept override {
+    return plant_.tip_force();
+  }
+  void step(const Joints& torque) noexcept override {
+    Joints at_joints{};
+    for (std::size_t i = 0; i < kJoints; ++i) {
+      at_joints[joint_of_motor[i]] += sign_of_motor[i] * torque[i];
+    }
+    plant_.step(at_joints);
+  }
+  [[nodiscard]] bool has_diverged() const noexcept { return plant_.has_diverged(); }
+
+  std::array<std::size_t, kJoints> joint_of_motor{};
+  Joints sign_of_motor{};
+
+ private:
+  SimulatedPlant<TriFinger> plant_;
+};
+
+struct Robot {
+  // The pose is the initial one, changed by at most `spread` [rad]. Before the motors are switched
+  // on, the fingers fall for a while.
+  Robot(std::mt19937& random, double spread, bool self_test,
+        const JointVector<kJoints>& home_correction = {}) {
+    // Without any friction, fingers that were let go fling about until they hook into each other.
+    RobotConfig config = load_robot_config(TRIFINGER_CONFIG_DIR "/trifinger_edu_emulated.yml",
+                                           {"joints.friction=0.01"});
+    auto& simulation = std::get<SimulationOptions<TriFinger>>(config.simulation);
+    auto options = std::get<boards::BoardRobotOptions<TriFinger>>(config.boards.value().options);
+    std::uniform_real_distribution<double> uniform(-1.0, 1.0);
+    JointVector<kJoints> pose = simulation.initial_position.value();
+    for (std::size_t i = 0; i < kJoints; ++i) {
+      const JointLimit& limit = options.limits[i];
+      pose[i] = std::clamp(pose[i] + spread * uniform(random), limit.soft_lower, limit.soft_upper);
+    }
+    simulation.initial_position = pose;
+    plant.emplace(simulation);
+    std::vector<std::unique_ptr<can::Bus>> of_robot;
+    std::vector<std::unique_ptr<can::Bus>> of_boards;
+    for (std::size_t i = 0; i < options.names.size(); ++i) {
+      buses.push_back(std::make_unique<can::MemoryBus>(clock));
+      of_robot.push_back(buses.back()->connect());
+      of_boards.push_back(buses.back()->connect());
+    }
+    emulator.emplace(options, std::move(of_boards), *plant, clock.now(),
+                     boards::EmulatedBoardOptions{.alignment_time = 100ms});
+    const int fall = static_cast<int>(1000.0 * (1.0 + uniform(random)));
+    for (int i = 0; i < fall; ++i) pass();
+    options.self_test = self_test;
+    for (std::size_t i = 0; i < kJoints; ++i) {
+      options.homing.home_position[i] += home_correction[i];
+    }
+    driver.emplace(options, std::move(of_robot), clock);
+  }
+
+  void pass() {
+    clock.advance(1ms);
+    emulator->tick(clock.now());
+  }
+
+  DriverReport prepare() {
+    DriverReport report = DriverReport::busy();
+    for (TimeIndex step = 0; step < 200'000 && report.state == State::kBusy; ++step) {
+      pass();
+      report = driver->prepare(step);
+    }
+    return report;
+  }
+
+  ManualClock clock;
+  std::optional<Fingers> plant;
+  std::vector<std::unique_ptr<can::MemoryBus>> buses;
+  std::optional<boards::Emulator<TriFinger>> emulator;
+  std::optional<boards::BoardRobot<TriFinger>> driver;
+};
+
+// How far the measured angles are from the true ones.
+JointVector<kJoints> errors_of(Robot& robot) {
+  robot.pass();
+  TriFinger::Observation observation;
+  EXPECT_EQ(robot.driver->get_latest_observation(observation).state, State::kReady);
+  const auto truth = robot.plant->position();
+  JointVector<kJoints> errors{};
+  for (std::size_t i = 0; i < kJoints; ++i) errors[i] = observation.position[i] - truth[i];
+  return errors;
+}
+
+TEST(EmulatedRobot, HomesFromAnyPoseWithAndWithoutItsTest) {
+  // The calibration: one homing tells where the homes are.
+  JointVector<kJoints> correction{};
+  {
+    std::mt19937 random(1);
+    Robot robot(random, 0.0, false);
+    ASSERT_EQ(robot.prepare().state, State::kReady);
+    correction = errors_of(robot);
+    for (double& error : correction) error = -error;
+  }
+  for (trifinger::test::Rounds rounds(2, 10min); rounds.next();) {
+    SCOPED_TRACE(rounds.index());
+    std::mt19937 random(static_cast<unsigned>(rounds.index()));
+    Robot robot(random, 0.3, rounds.index() % 2 == 0, correction);
+    const DriverReport report = robot.prepare();
+    ASSERT_EQ(report.state, State::kReady) << robot.driver->fault_text(report.fault_code);
+    for (const double error : errors_of(robot)) EXPECT_NEAR(error, 0.0, 0.005);
+  }
+}
+
+TEST(EmulatedRobot, fault_50_FindsExchangedAndReversedMotorsInAnyPose) {
+  for (trifinger::test::Rounds rounds(3, 10min); rounds.next();) {
+    SCOPED_TRACE(rounds.index());
+    std::mt19937 random(static_cast<unsigned>(rounds.index()));
+    Robot robot(random, 0.3, true);
+    std::uniform_int_distribution<std::size_t> any_joint(0, kJoints - 1);
+    const std::size_t one = any_joint(random);
+    std::size_t other = any_joint(random);
+    const bool is_exchanged = rounds.index() % 2 == 0;
+    if (is_exchanged) {
+      while (other == one) other = any_joint(random);
+      std::swap(robot.plant->joint_of_motor[one], robot.plant->joint_of_motor[other]);
+    } else {
+      robot.plant->sign_of_motor[one] = -1.0;
+    }
+    const DriverReport report = robot.prepare();
+    ASSERT_EQ(report.state, State::kFault);
+    const std::optional<boards::WiringFinding> found = robot.driver->report(one).wiring;
+    ASSERT_TRUE(found.has_value()) << robot.driver->fault_text(report.fault_code);
+    EXPECT_FALSE(found->is_good(one)) << robot.driver->fault_text(report.fault_code);
+    EXPECT_FALSE(robot.driver->is_homed());
+  }
+}
+
+}  // namespace
+}  // namespace trifinger
