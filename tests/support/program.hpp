@@ -27,7 +27,7 @@ using Command = std::vector<std::string>;
 class Program {
  public:
   Program(const Command& command, std::filesystem::path output)
-      : output_(std::move(output)), process_([&] { return become(command, output_); }) {}
+      : output_(emptied(std::move(output))), process_([&] { return become(command, output_); }) {}
 
   /// Everything that it has printed so far.
   [[nodiscard]] std::string text() const {
@@ -55,8 +55,13 @@ class Program {
   int wait() { return process_.wait(); }
 
  private:
+  // What an earlier program has printed must not be taken for words of this one.
+  static std::filesystem::path emptied(std::filesystem::path file) {
+    if (!std::ofstream(file, std::ios::trunc)) throw SystemError("write " + file.string(), errno);
+    return file;
+  }
   static int become(const Command& command, const std::filesystem::path& output) {
-    const int file = ::open(output.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
+    const int file = ::open(output.c_str(), O_WRONLY | O_CLOEXEC);
     if (file < 0) throw SystemError("write " + output.string(), errno);
     ::dup2(file, STDOUT_FILENO);
     ::dup2(file, STDERR_FILENO);
