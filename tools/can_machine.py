@@ -13,6 +13,7 @@ import os
 import platform
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import tarfile
@@ -237,6 +238,9 @@ def main() -> int:
     parser.add_argument("results", type=Path, help="folder for the JUnit files")
     results = parser.parse_args().results
     results.mkdir(parents=True, exist_ok=True)
+    for old in (*results.glob("*.xml"), results / "exit_codes"):
+        old.unlink(missing_ok=True)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # qemu ends, too
     try:
         fetch_kernel()
     except NotPossibleHere as reason:

@@ -27,7 +27,7 @@ run() {
     timeout 600 "$@" --gtest_output="xml:/results/$name.xml"
     echo "$name $?" >>/results/exit_codes
 }
-export TRIFINGER_TEST_CAN=vcan0 TRIFINGER_TEST_MACHINE=1
+export GTEST_COLOR=no TRIFINGER_TEST_CAN=vcan0 TRIFINGER_TEST_MACHINE=1
 run can can_test --gtest_filter='*SocketCan*:VirtualInterface.*:InterfaceState.*'
 run machine machine_test
 echo "== end after $(cut -d ' ' -f 1 /proc/uptime) s"
