@@ -209,7 +209,7 @@ def boot(results: Path) -> None:
     except subprocess.CalledProcessError as error:
         sys.exit(f"error: qemu has failed with exit code {error.returncode}")
     try:
-        with tarfile.open(sent) as archive:
+        with tarfile.open(sent, "r:") as archive:
             archive.extractall(results, filter="data")
     except (tarfile.TarError, OSError) as error:
         sys.exit(f"error: the machine stopped before it sent its results: {error}")
