@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "messages.hpp"
 
+#include <net/if.h>
+#include <sys/ioctl.h>
+
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
@@ -54,6 +57,13 @@ int SocketCalls::send(int socket, std::span<mmsghdr> messages) noexcept {
     return ::sendmmsg(socket, messages.data(), static_cast<unsigned>(messages.size()),
                       MSG_DONTWAIT | MSG_NOSIGNAL);
   });
+}
+
+bool SocketCalls::is_running(int socket, const std::string& interface) noexcept {
+  ifreq request{};
+  interface.copy(static_cast<char*>(request.ifr_name), IFNAMSIZ - 1);
+  if (::ioctl(socket, SIOCGIFFLAGS, &request) != 0) return false;
+  return (request.ifr_flags & (IFF_UP | IFF_RUNNING)) == (IFF_UP | IFF_RUNNING);
 }
 
 SocketCalls& SocketCalls::of_kernel() noexcept {

@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "trifinger/base/time.hpp"
@@ -27,6 +28,8 @@ class SocketCalls {
   // Both return the number of messages, or minus the number of the error.
   virtual int receive(int socket, std::span<mmsghdr> messages) noexcept;
   virtual int send(int socket, std::span<mmsghdr> messages) noexcept;
+  // Whether a network interface is up and running. Any socket will do.
+  [[nodiscard]] virtual bool is_running(int socket, const std::string& interface) noexcept;
 
   [[nodiscard]] static SocketCalls& of_kernel() noexcept;
 };

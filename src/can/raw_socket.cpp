@@ -29,8 +29,11 @@ SendResult refused(std::size_t sent, int error) noexcept {
 
 }  // namespace
 
-RawSocket::RawSocket(ipc::FileDescriptor socket, SocketCalls& calls)
-    : socket_(std::move(socket)), calls_(calls), empty_(std::chrono::steady_clock::now()) {}
+RawSocket::RawSocket(ipc::FileDescriptor socket, std::string interface, SocketCalls& calls)
+    : socket_(std::move(socket)),
+      interface_(std::move(interface)),
+      calls_(calls),
+      empty_(std::chrono::steady_clock::now()) {}
 
 std::size_t RawSocket::do_receive(std::span<Frame> budget) noexcept {
   std::size_t count = 0;
@@ -54,6 +57,9 @@ std::size_t RawSocket::do_receive(std::span<Frame> budget) noexcept {
     left -= messages;
     if (messages < wanted) {
       empty_ = before;
+      const bool is_silent = left == budget.size();
+      const bool seems_up = state_.link == Link::kUp || state_.link == Link::kPassive;
+      if (is_silent && seems_up && !is_running()) note_down();
       return count;
     }
   }
@@ -97,7 +103,7 @@ SendResult RawSocket::do_send(std::span<const Frame> frames) noexcept {
     int error = 0;
     const std::size_t now_sent = outgoing_.send(calls_, socket_.get(), error);
     sent += now_sent;
-    if (now_sent > 0 && state_.link == Link::kDown) state_.link = Link::kUp;
+    if (now_sent > 0 && state_.link == Link::kDown && is_running()) state_.link = Link::kUp;
     if (now_sent < count) {
       note_error(error);
       return refused(sent, error);
@@ -109,8 +115,7 @@ SendResult RawSocket::do_send(std::span<const Frame> frames) noexcept {
 void RawSocket::note_error(int error) noexcept {
   switch (refused(0, error).refusal) {
     case Refusal::kDown:
-      state_.link = Link::kDown;
-      down_ = std::chrono::steady_clock::now();
+      note_down();
       break;
     case Refusal::kGone:
       state_.link = Link::kGone;
@@ -119,5 +124,14 @@ void RawSocket::note_error(int error) noexcept {
       break;
   }
 }
+
+void RawSocket::note_down() noexcept {
+  state_.link = Link::kDown;
+  down_ = std::chrono::steady_clock::now();
+}
+
+// While an interface goes down, the kernel drops all frames for some milliseconds and still reports
+// that they were sent. Only then does it tell its sockets.
+bool RawSocket::is_running() noexcept { return calls_.is_running(socket_.get(), interface_); }
 
 }  // namespace trifinger::can

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <string>
 
 #include "arrival_time.hpp"
 #include "messages.hpp"
@@ -14,7 +15,8 @@ namespace trifinger::can {
 // A node on a socket whose messages are CAN frames, error frames among them.
 class RawSocket final : public Bus {
  public:
-  explicit RawSocket(ipc::FileDescriptor socket, SocketCalls& calls = SocketCalls::of_kernel());
+  RawSocket(ipc::FileDescriptor socket, std::string interface,
+            SocketCalls& calls = SocketCalls::of_kernel());
 
  private:
   std::size_t do_receive(std::span<Frame> budget) noexcept override;
@@ -22,8 +24,11 @@ class RawSocket final : public Bus {
   // Returns the frame of a message, and notes what else the message tells.
   std::optional<Frame> take(const Incoming& message, const ClockPair& now) noexcept;
   void note_error(int error) noexcept;
+  void note_down() noexcept;
+  [[nodiscard]] bool is_running() noexcept;
 
   ipc::FileDescriptor socket_;
+  std::string interface_;
   SocketCalls& calls_;
   IncomingBatch incoming_{CAN_MTU};
   OutgoingBatch outgoing_{CAN_MTU};

@@ -123,7 +123,7 @@ std::unique_ptr<Bus> open_socket_can(const std::string& interface,
     if (errno == ENODEV) require_usable(interface, std::nullopt);
     throw SystemError("use the CAN interface '" + interface + "'", errno);
   }
-  return std::make_unique<RawSocket>(std::move(socket));
+  return std::make_unique<RawSocket>(std::move(socket), interface);
 }
 
 }  // namespace trifinger::can

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <cstdlib>
 #include <string>
 #include <vector>
 
@@ -57,6 +58,7 @@ class BusContract : public ::testing::Test {
     try {
       for (auto& bus : buses_) bus = nodes_.connect();
     } catch (const BusUnavailable& error) {
+      if (std::getenv("TRIFINGER_TEST_CAN") != nullptr) throw;  // somebody knows that it is there
       GTEST_SKIP() << error.what();
     }
     // Nodes take note of each other.

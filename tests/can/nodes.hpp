@@ -65,7 +65,7 @@ class SocketPairNodes : public RealTime {
     if (!socket || !enable_stamps(socket.get())) throw SystemError("make a pair of sockets", errno);
     calls_.forget(ends[0]);
     calls_.wires.push_back({.node = ends[0], .kernel = ends[1]});
-    return std::make_unique<RawSocket>(std::move(socket), calls_);
+    return std::make_unique<RawSocket>(std::move(socket), "pair", calls_);
   }
 
  private:
@@ -98,6 +98,10 @@ class SocketPairNodes : public RealTime {
         add_overflow(messages[static_cast<std::size_t>(i)].msg_hdr, wire->overflow);
       }
       return count;
+    }
+
+    [[nodiscard]] bool is_running(int /*socket*/, const std::string&) noexcept override {
+      return true;
     }
 
     int send(int socket, std::span<mmsghdr> messages) noexcept override {

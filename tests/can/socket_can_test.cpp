@@ -36,6 +36,11 @@ class FailingCalls final : public SocketCalls {
     return next(send_errors, [&] { return SocketCalls::send(socket, messages); });
   }
 
+  [[nodiscard]] bool is_running(int /*socket*/, const std::string& interface) noexcept override {
+    return interface == "can0" && runs;
+  }
+
+  bool runs{true};
   std::deque<int> receive_errors;
   std::deque<int> send_errors;
 
@@ -59,7 +64,7 @@ class RawSocketTest : public ::testing::Test {
     });
     kernel_ = ends[1];
     EXPECT_TRUE(enable_stamps(socket.get()));
-    bus_ = std::make_unique<RawSocket>(std::move(socket), calls_);
+    bus_ = std::make_unique<RawSocket>(std::move(socket), "can0", calls_);
   }
   ~RawSocketTest() override { ::close(kernel_); }
 
@@ -144,6 +149,32 @@ TEST_F(RawSocketTest, fault_40_AnInterfaceGoesDownAndUp) {
   deliver(0x20);
   EXPECT_EQ(receive(), 1U);
   EXPECT_EQ(bus_->state().link, Link::kUp);
+}
+
+// The kernel drops frames before it tells its sockets why.
+TEST_F(RawSocketTest, fault_40_AnInterfaceThatGoesDownIsFoundBeforeTheKernelTellsIt) {
+  calls_.runs = false;
+  deliver(0x20);
+  EXPECT_EQ(receive(), 1U);
+  EXPECT_EQ(bus_->state().link, Link::kUp);
+  EXPECT_EQ(receive(), 0U);
+  EXPECT_EQ(bus_->state().link, Link::kDown);
+  EXPECT_EQ(send().refusal, Refusal::kNone);
+  EXPECT_EQ(bus_->state().link, Link::kDown);
+
+  calls_.runs = true;
+  EXPECT_EQ(receive(), 0U);
+  EXPECT_EQ(bus_->state().link, Link::kDown);
+  EXPECT_EQ(send().refusal, Refusal::kNone);
+  EXPECT_EQ(bus_->state().link, Link::kUp);
+}
+
+TEST_F(RawSocketTest, fault_40_BusOffIsNotMistakenForAnInterfaceThatIsDown) {
+  calls_.runs = false;  // a controller that is off has no carrier
+  deliver(CAN_ERR_FLAG | CAN_ERR_BUSOFF);
+  EXPECT_EQ(receive(), 0U);
+  EXPECT_EQ(receive(), 0U);
+  EXPECT_EQ(bus_->state().link, Link::kBusOff);
 }
 
 TEST_F(RawSocketTest, fault_40_AnInterfaceThatWasRemovedIsGoneForEver) {

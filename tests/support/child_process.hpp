@@ -50,16 +50,26 @@ class ChildProcess {
   }
   /// Returns the exit code, or minus the number of the signal that ended the process.
   int wait() noexcept {
-    if (!is_running_) return result_;
-    int status = 0;
-    while (::waitpid(pid_, &status, 0) < 0 && errno == EINTR) {
-    }
-    is_running_ = false;
-    result_ = WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
+    if (is_running_) look(0);
     return result_;
+  }
+  [[nodiscard]] bool is_running() noexcept {
+    if (is_running_) look(WNOHANG);
+    return is_running_;
   }
 
  private:
+  void look(int options) noexcept {
+    int status = 0;
+    pid_t ended = 0;
+    do {
+      ended = ::waitpid(pid_, &status, options);
+    } while (ended < 0 && errno == EINTR);
+    if (ended == 0) return;
+    is_running_ = false;
+    result_ = WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
+  }
+
   pid_t pid_;
   bool is_running_{true};
   int result_{0};

@@ -8,8 +8,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from verbs import counting, steps
+from verbs import counting, steps, test as stages
 from verbs.counting import Count
+from verbs.machine import NotRun
 from verbs.main import VERBS
 from verbs.steps import StepFailed, Steps
 
@@ -49,6 +50,24 @@ def test_a_step_that_fails_shows_its_end_and_its_reasons(
     assert "| 99" in shown
     assert "| 9\n" not in shown
     assert Steps.failures == ["g, s: build/logs/g-s.log", "  a.cpp:1:1: error: no"]
+
+
+def test_a_stage_that_cannot_run_here_is_neither_passed_nor_failed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def not_run(_: Count) -> bool:
+        raise NotRun("there is no kernel")
+
+    monkeypatch.setattr(stages, "RESULTS", tmp_path / "results")
+    monkeypatch.setattr(stages, "setup", lambda: None)
+    for name in ("lint", *(name for name in vars(stages) if name.startswith("test_"))):
+        monkeypatch.setattr(stages, name, lambda _: True)
+    monkeypatch.setattr(stages, "test_in_machine", not_run)
+    assert stages.test() == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert "  not run: there is no kernel" in lines
+    (line,) = (line for line in lines if "not run " in line)
+    assert line.split()[:2] == ["SocketCAN", "on"]
 
 
 def test_variables_reach_the_command() -> None:

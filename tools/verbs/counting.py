@@ -3,6 +3,7 @@
 
 import re
 import xml.etree.ElementTree as ET
+from pathlib import Path
 
 from .steps import ROOT, Command, Step, Steps
 
@@ -44,17 +45,32 @@ class Count:
         line = step.last_line("% tests passed, ")
         numbers = re.search(r"(\d+) tests failed out of (\d+)", line)
         failed_processes, processes = map(int, numbers.groups()) if numbers else (0, 0)
-        files = (RESULTS / preset).glob("*.xml")
-        suites = [ET.parse(file).getroot() for file in files]  # noqa: S314, our own files
-        suites = [suite for suite in suites if "disabled" in suite.attrib]  # not those of pytest
-        tests = sum(int(suite.attrib["tests"]) - int(suite.attrib["disabled"]) for suite in suites)
-        failed = sum(int(suite.attrib["failures"]) for suite in suites)
+        suites = _suites(RESULTS / preset)
+        tests, failed = _numbers(suites)
         # A process without a file counts as one test; it has failed if it crashed.
         tests += processes - len(suites)
         failed += failed_processes - sum(int(suite.attrib["failures"]) > 0 for suite in suites)
         self._add(passed=tests - failed, failed=failed)
         print(f"    {tests} tests in {processes} processes, {failed} failed")
 
+    def add_files(self, folder: Path) -> None:
+        """Adds the numbers of the tests whose results are in `folder`."""
+        tests, failed = _numbers(_suites(folder))
+        self._add(passed=tests - failed, failed=failed)
+        print(f"    {tests} tests, {failed} failed")
+
     def _add(self, passed: int = 0, failed: int = 0) -> None:
         self.passed += passed
         self.failed += failed
+
+
+def _suites(folder: Path) -> list[ET.Element]:
+    """Returns what programs with GoogleTest have left in a folder; pytest's files differ."""
+    roots = [ET.parse(file).getroot() for file in folder.glob("*.xml")]  # noqa: S314, our own files
+    return [root for root in roots if "disabled" in root.attrib]
+
+
+def _numbers(suites: list[ET.Element]) -> tuple[int, int]:
+    """Returns how many tests have run, and how many have failed."""
+    tests = sum(int(suite.attrib["tests"]) - int(suite.attrib["disabled"]) for suite in suites)
+    return tests, sum(int(suite.attrib["failures"]) for suite in suites)

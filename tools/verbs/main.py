@@ -15,6 +15,7 @@ from . import product
 from .build import build, jobs, presets
 from .counting import Count
 from .lint import lint
+from .machine import machine
 from .setup import setup
 from .soak import PARTS, soak
 from .steps import ROOT, StepFailed, Steps
@@ -34,6 +35,7 @@ usage: ./run VERB [ARGUMENT ...]
   evaluate WHAT    write docs/results; control, environments: lift, slide and push cubes;
                    learning, push: train policies
   soak [PART ...]  the long versions of the tests, about an hour: {", ".join(PARTS)}
+  machine          SocketCAN with a robot in a virtual machine; ./run test does this, too
   clean            remove all builds; the Python packages stay
 
 Each verb first installs what it needs. The full output of every step is in build/logs.
@@ -107,6 +109,7 @@ VERBS: dict[str, Callable[..., int | None]] = {
     "bench": product.bench,
     "evaluate": evaluate_verb,
     "soak": soak_verb,
+    "machine": machine,
     "clean": clean,
     "help": print_help,
 }
