@@ -85,7 +85,7 @@ void listen(std::vector<BoardBus>& boards) {
   }
 }
 
-Finding judge_answers(const std::vector<BoardBus>& boards, const std::string& robot) {
+Finding judge_answers(const std::vector<BoardBus>& boards, const std::string& configuration) {
   std::vector<std::string> silent;
   bool are_virtual = true;
   for (const BoardBus& board : boards) {
@@ -98,7 +98,7 @@ Finding judge_answers(const std::vector<BoardBus>& boards, const std::string& ro
     return {kWhat, Verdict::kGood, fmt::format("{} answer", boards.size()), ""};
   }
   return {kWhat, Verdict::kLacks, fmt::format("none answers on {}", fmt::join(silent, ", ")),
-          are_virtual ? fmt::format("start them: trifinger emulate {}", robot)
+          are_virtual ? fmt::format("start them: trifinger emulate {}", configuration)
                       : "check their supply, their cables and the emergency stop"};
 }
 
@@ -115,8 +115,8 @@ std::vector<Finding> examine_can_interfaces() {
   return findings;
 }
 
-std::vector<Finding> examine_boards(const BoardsConfig& config, const std::string& robot,
-                                    const std::string& name) {
+std::vector<Finding> examine_boards(const BoardsConfig& config, const std::string& configuration,
+                                    const std::string& robot) {
   const std::vector<std::string>& names = std::visit(
       [](const auto& options) -> const std::vector<std::string>& { return options.names; },
       config.options);
@@ -125,7 +125,7 @@ std::vector<Finding> examine_boards(const BoardsConfig& config, const std::strin
   for (const std::string& bus : names) {
     try {
       if (config.bus == boards::BusKind::kEmulated) {
-        boards.push_back({.name = bus, .is_virtual = true, .bus = join_if_it_exists(name, bus)});
+        boards.push_back({.name = bus, .is_virtual = true, .bus = join_if_it_exists(robot, bus)});
         continue;
       }
       const auto state = can::read_interface_state(bus);
@@ -144,7 +144,7 @@ std::vector<Finding> examine_boards(const BoardsConfig& config, const std::strin
     }
   }
   listen(boards);
-  if (!boards.empty()) findings.push_back(judge_answers(boards, robot));
+  if (!boards.empty()) findings.push_back(judge_answers(boards, configuration));
   return findings;
 }
 

@@ -14,10 +14,10 @@ namespace trifinger::apps {
 [[nodiscard]] std::vector<Finding> examine_can_interfaces();
 
 // Judges what the boards of a robot need: its interfaces or emulated buses, and whether each board
-// answers, for which it listens up to some seconds. `robot` is what the user calls the
-// configuration, `name` the robot's name. It sends nothing, so the robot may run.
+// answers, for which it listens up to some seconds. `configuration` is what the user calls it,
+// `robot` the robot's name. It sends nothing, so the robot may run.
 [[nodiscard]] std::vector<Finding> examine_boards(const BoardsConfig& config,
-                                                  const std::string& robot,
-                                                  const std::string& name);
+                                                  const std::string& configuration,
+                                                  const std::string& robot);
 
 }  // namespace trifinger::apps

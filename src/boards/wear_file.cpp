@@ -239,7 +239,10 @@ void WearFile::append(std::span<const std::byte> element) {
   struct stat status{};
   if (file_) status = status_of(file_, path_);
   const auto size = static_cast<std::size_t>(status.st_size);
-  if (status.st_nlink == 0 || size + line.size() > kMaxSize) return replace_by(line);
+  if (status.st_nlink == 0 || size + line.size() > kMaxSize) {
+    replace_by(line);
+    return;
+  }
 
   char last = '\n';
   if (size > 0) static_cast<void>(::pread(file_.get(), &last, 1, status.st_size - 1));
