@@ -26,6 +26,15 @@ WearKeeper::WearKeeper(const std::string& robot, boards::WearMeter& meter, const
   }
 }
 
+WearKeeper::~WearKeeper() {
+  try {
+    static_cast<void>(write());
+  } catch (...) {
+    // There is no memory for it. The newest record stays.
+    return;
+  }
+}
+
 void WearKeeper::open(const std::string& robot) {
   const std::filesystem::path path = log_folder() / (robot + ".wear");
   const CompanionDescription& wear = meter_.wear_description();

@@ -23,14 +23,15 @@ class WearKeeper {
   WearKeeper(const std::string& robot, boards::WearMeter& meter, const SessionHost& host);
   WearKeeper(const WearKeeper&) = delete;
   WearKeeper& operator=(const WearKeeper&) = delete;
-  ~WearKeeper() = default;
+  // Writes what is left.
+  ~WearKeeper();
 
   // Takes what was counted. Call this after a session, in the thread that ran it.
   void take();
   // Writes if it is time. Returns a sentence about the file if there is news of it, otherwise an
   // empty text.
   [[nodiscard]] std::string look();
-  // Writes what is left, after the robot has run.
+  // Writes what is left, after the robot has run. Returns what `look` returns.
   [[nodiscard]] std::string finish() { return write(); }
 
  private:

@@ -141,6 +141,18 @@ def test_fault_70_running_hours_survive_a_kill(
     assert f"{NAME}.wear" in [companion.name for companion in logged.companions]
 
 
+def test_fault_70_homing_by_hand_counts_as_well(
+    start_program: StartProgram, log_folder: Path
+) -> None:
+    start_program("emulate", ROBOT, *STANDING).wait_for("6 emulated boards are on")
+    for start in (1, 2):
+        subprocess.run([PROGRAM, "home", ROBOT, *STANDING], check=True, timeout=110)
+        kept = newest_record(log_folder / f"{NAME}.wear")
+        assert kept["starts"] == start
+        assert kept["homings"] >= start
+        assert all(time > start for time in kept["powered_time"])
+
+
 def test_fault_70_a_robot_runs_whatever_lies_in_the_place_of_its_running_hours(
     start_program: StartProgram, log_folder: Path
 ) -> None:
