@@ -17,26 +17,19 @@
 #include <vector>
 
 #include "commands.hpp"
+#include "robot/doctor_can.hpp"
+#include "robot/finding.hpp"
 #include "shared/terminal.hpp"
+#include "trifinger/sim/robot_config.hpp"
 
 namespace trifinger::apps {
 namespace {
 
 struct DoctorOptions {
-  std::string root{"/"};
-};
-
-enum class Verdict : unsigned char {
-  kGood,
-  kNote,   // Could be better; enough for simulation.
-  kLacks,  // Deadlines will be missed, or sessions cannot be made.
-};
-
-struct Finding {
-  std::string what;
-  Verdict verdict;
-  std::string found;
-  std::string remedy;  // Empty if the verdict is good.
+  std::optional<std::string> robot;
+  std::optional<std::string> name;
+  std::vector<std::string> overrides;
+  std::optional<std::string> root;
 };
 
 // The machine, as the kernel shows it in /proc and /sys.
@@ -304,14 +297,29 @@ Finding check_steal(const Machine& machine) {
   return {"stolen time", Verdict::kGood, found, ""};
 }
 
-int doctor(const DoctorOptions& options) {
-  const Machine machine(options.root);
-  const std::vector<Finding> findings{
+std::vector<Finding> examine(const DoctorOptions& options) {
+  const Machine machine(options.root.value_or("/"));
+  std::vector<Finding> findings{
       check_kernel(machine),     check_priority(machine),      check_locked_memory(machine),
       check_governor(machine),   check_sleep(machine),         check_isolated_processors(machine),
       check_interrupts(machine), check_throttling(machine),    check_clock(machine),
       check_steal(machine),      check_shared_memory(machine), check_protected_files(machine)};
+  std::vector<Finding> of_can;
+  if (options.robot) {
+    const RobotConfig config = load_robot_config(*options.robot, options.overrides);
+    if (config.boards) {
+      of_can = examine_boards(*config.boards, *options.robot, options.name.value_or(config.name));
+    }
+  } else if (!options.root) {
+    // A copy of files does not have what the kernel knows of interfaces.
+    of_can = examine_can_interfaces();
+  }
+  std::ranges::move(of_can, std::back_inserter(findings));
+  return findings;
+}
 
+int doctor(const DoctorOptions& options) {
+  const std::vector<Finding> findings = examine(options);
   const Terminal terminal;
   const std::size_t width = terminal.width();
   constexpr std::size_t kIndent = 29;
@@ -338,30 +346,51 @@ int doctor(const DoctorOptions& options) {
       fmt::print("{}\n", line);
     }
   }
+  const std::string purpose = options.robot ? *options.robot : "real time";
   if (lacking == 0) {
-    fmt::print("\nThis machine has what real time needs.\n");
+    fmt::print("\nThis machine has what {} needs.\n", purpose);
     return kDone;
   }
-  fmt::print("\nThis machine lacks {} of {} things for real time; simulation works without.\n",
-             lacking, findings.size());
+  fmt::print("\nThis machine lacks {} of {} things for {}; simulation works without.\n", lacking,
+             findings.size(), purpose);
   return kFailed;
 }
 
 }  // namespace
 
 void add_doctor(CLI::App& program, Action& action) {
-  const auto& [command, options] =
-      add_command(program, action, "doctor",
-                  "Tell what this machine lacks for real time, and the remedy", doctor);
+  const auto& [command, options] = add_command(
+      program, action, "doctor",
+      "Tell what this machine lacks for real time and for a robot, and the remedy", doctor);
+  CLI::Option* const robot =
+      command
+          .add_option("ROBOT", options.robot,
+                      "A configuration, by name or file: judge its CAN interfaces, too, and listen "
+                      "whether its motor boards answer")
+          ->option_text(" ");
+  command.add_option("--name", options.name, "Name of the robot; default: the configuration's")
+      ->option_text("NAME")
+      ->needs(robot);
+  command
+      .add_option("--set", options.overrides,
+                  "Change a value of the configuration, as in boards.bus=socketcan")
+      ->allow_extra_args(false)
+      ->option_text("KEY=VALUE ...")
+      ->needs(robot);
   command
       .add_option("--root", options.root,
                   "Look at the copy of another machine's /proc, /sys and /dev in this folder")
       ->check(CLI::ExistingDirectory)
-      ->option_text("FOLDER");
+      ->option_text("FOLDER")
+      ->excludes(robot);
   command.footer(
+      "Without ROBOT, every CAN interface of this machine is judged by what motor boards need, as "
+      "a\n"
+      "note. Nothing is sent and nothing is changed, so a robot may run meanwhile.\n"
       "Exit code 0 if nothing is lacking, 1 otherwise. Notes do not count.\n"
       "Example:\n"
-      "  trifinger doctor");
+      "  trifinger doctor\n"
+      "  trifinger doctor trifinger_edu_can");
 }
 
 }  // namespace trifinger::apps

@@ -74,12 +74,14 @@ ServicedRobot::ServicedRobot(const MaintenanceOptions& options, bool is_calibrat
                          .overrides = options.overrides,
                          .is_calibrated = is_calibrated})),
       boards_(boards_of(robot_)),
-      host_(SessionHost::named(robot_.name, robot_.session)) {
+      host_(SessionHost::named(robot_.name, robot_.session)),
+      wear_(robot_.name, *robot_.wear, host_) {
   for (const int signal : {SIGTSTP, SIGTTOU, SIGPIPE}) std::signal(signal, SIG_IGN);
 }
 
 void ServicedRobot::prepare(const std::function<void()>& while_ready, const std::string& request) {
   Backend backend(*robot_.driver, host_, robot_.backend);
+  backend.set_after_session([this](const Fault&) { wear_.take(); });
   BackendThread loop(backend, realtime_, Signals::notify);
   for (const std::string& sentence : loop.refused()) print(sentence, Style::kWarning);
   std::string said;
@@ -87,6 +89,7 @@ void ServicedRobot::prepare(const std::function<void()>& while_ready, const std:
   while (!loop.wait_for_end(Timeout::zero())) {
     const std::string doing = visit([](const auto& boards) { return phase_text(boards.phase()); });
     if (!doing.empty() && doing != said) print(said = doing);
+    print_news(wear_.look());
     visit([&](auto& boards) {
       using Phase = typename std::remove_reference_t<decltype(boards)>::Phase;
       if (boards.phase() != Phase::kReference) return;
@@ -96,6 +99,7 @@ void ServicedRobot::prepare(const std::function<void()>& while_ready, const std:
     if (const std::optional<int> signal = signals_.wait(kRefresh)) {
       print("comes to rest");
       loop.stop();
+      print_news(wear_.finish());
       Signals::die_of(*signal);
     }
     try {
@@ -112,6 +116,7 @@ void ServicedRobot::prepare(const std::function<void()>& while_ready, const std:
     }
   }
   loop.stop();
+  print_news(wear_.finish());
 }
 
 bool ServicedRobot::was_enter_pressed() const {

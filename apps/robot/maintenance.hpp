@@ -9,6 +9,7 @@
 
 #include "commands.hpp"
 #include "robot/runnable_robot.hpp"
+#include "robot/wear_keeper.hpp"
 #include "shared/signals.hpp"
 #include "shared/terminal.hpp"
 #include "trifinger/base/time.hpp"
@@ -58,12 +59,16 @@ class ServicedRobot {
  private:
   // True when somebody has pressed Enter.
   [[nodiscard]] bool was_enter_pressed() const;
+  void print_news(const std::string& news) {
+    if (!news.empty()) print(news, Style::kWarning);
+  }
 
   const Signals signals_;  // before any thread
   RealtimeOptions realtime_;
   RunnableRobot robot_;
   std::variant<boards::BoardRobot<TriFinger>*, boards::BoardRobot<Finger>*> boards_;
   SessionHost host_;
+  WearKeeper wear_;
   Console console_;
 };
 

@@ -19,6 +19,7 @@
 #include "robot/run_recorder.hpp"
 #include "robot/run_reporter.hpp"
 #include "robot/runnable_robot.hpp"
+#include "robot/wear_keeper.hpp"
 #include "shared/options.hpp"
 #include "shared/signals.hpp"
 #include "shared/terminal.hpp"
@@ -119,7 +120,9 @@ class Run {
         flight_recorder_({.length = options.fault_log}),
         backend_(*robot_.driver, host_, robot_.backend),
         reporter_(robot_.name, host_) {
+    if (robot_.wear != nullptr) wear_.emplace(robot_.name, *robot_.wear, host_);
     backend_.set_after_session([this](const Fault& fault) {
+      if (wear_) wear_->take();
       const SimulationState state = robot_.state_before(fault);
       if (!state.empty()) messages_.add(save(state, robot_.name));
     });
@@ -158,6 +161,7 @@ class Run {
     finish_recording();
     if (recorder_ != nullptr && !recorder_->failure().empty()) leave_memory_behind(loop);
     loop.stop();
+    if (wear_) print_news(wear_->finish());
     reporter_.print("stopped");
     return kDone;
   }
@@ -168,6 +172,7 @@ class Run {
     const std::vector<std::string> sentences = messages_.take();
     reporter_.look(is_stopping_, recorder_ != nullptr ? recorder_->trouble() : "");
     for (const std::string& sentence : sentences) reporter_.print(sentence);
+    if (wear_) print_news(wear_->look());
     if (recorder_ != nullptr) {
       for (const RunRecorder::Line& line : recorder_->look()) {
         reporter_.print("recorder", line.text, line.style);
@@ -180,6 +185,10 @@ class Run {
         reporter_.print("what came before the fault is lost: " + left.trouble, Style::kWarning);
       }
     }
+  }
+
+  void print_news(const std::string& news) {
+    if (!news.empty()) reporter_.print(news, Style::kWarning);
   }
 
   void finish_recording() {
@@ -218,6 +227,7 @@ class Run {
   SessionHost host_;
   log::FlightRecorder flight_recorder_;
   Messages messages_;
+  std::optional<WearKeeper> wear_;
   std::unique_ptr<RunRecorder> recorder_;  // before the back-end, which it must outlive
   Backend backend_;
   RunReporter reporter_;

@@ -164,8 +164,10 @@ void add_boards(RunnableRobot& robot, const SimulationOptions<R>& simulation,
   if (is_calibrated) add_calibration(robot, options);
   options.weight = weight_of<R>(simulation.description);
   auto buses = boards::open_buses(config.bus, options.names, robot.name);
-  robot.driver = std::make_unique<boards::BoardRobot<R>>(std::move(options), std::move(buses),
-                                                         MonotonicClock::instance());
+  auto driver = std::make_unique<boards::BoardRobot<R>>(std::move(options), std::move(buses),
+                                                        MonotonicClock::instance());
+  robot.wear = driver.get();
+  robot.driver = std::move(driver);
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "trifinger/boards/wear.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/core/fault.hpp"
@@ -24,6 +25,7 @@ struct RunnableRobot {
   SessionOptions session;
   bool needs_real_time{false};
   std::string calibration;  // a sentence about it; empty for a robot that needs none
+  boards::WearMeter* wear{nullptr};  // The driver, if it counts running hours.
   // Returns the state before the simulation diverged, if that is the `fault`; otherwise an empty
   // state. Call this only while nobody uses the driver.
   std::function<SimulationState(const Fault& fault)> state_before{

@@ -14,6 +14,7 @@
 #include "commands.hpp"
 #include "robot/loop_figures.hpp"
 #include "robot/session_state.hpp"
+#include "robot/wear_table.hpp"
 #include "shared/signals.hpp"
 #include "shared/terminal.hpp"
 #include "shared/text.hpp"
@@ -42,6 +43,12 @@ class StatusSheet {
     const std::string head = clip(pad(label, kLabelWidth), width_);
     std::ranges::move(hang(terminal_.paint(head, Style::kDim), text, room, terminal_, style),
                       std::back_inserter(lines_));
+  }
+  // Clips the row, because it belongs to a table.
+  void add_row(const std::string& label, const std::string& row) {
+    const std::string head = clip(pad(label, kLabelWidth), width_);
+    const std::size_t room = width_ > kLabelWidth ? width_ - kLabelWidth : 0;
+    lines_.push_back(terminal_.paint(head, Style::kDim) + clip(row, room));
   }
   void add_line(const std::string& line) { lines_.push_back(line); }
 
@@ -108,6 +115,10 @@ class Observer {
     } else {
       add_loop(sheet, session, info);
       sheet.add("controller", controller_text(info));
+      std::string label = "wear";
+      for (const std::string& line : wear_table(session.session())) {
+        sheet.add_row(std::exchange(label, {}), line);
+      }
     }
     sheet.add("back-end", fmt::format("{} on {}", ipc::describe(info.backend), info.host));
     if (!info.fault_text.empty()) {
@@ -238,6 +249,11 @@ void add_status(CLI::App& program, Action& action) {
       "  discarded  actions that came too late: their step was already closed\n"
       "  rejected   actions that the robot could not apply\n"
       "  acausal    actions appended after the observation of their step was read\n"
+      "  wear       the running hours of a robot on motor boards, joint by joint: time with the "
+      "motor\n"
+      "             on, way of the motor, its mechanical work, the integral of its squared "
+      "current\n"
+      "             (times a winding's resistance: its heat), and index pulses in a wrong place\n"
       "Example:\n"
       "  trifinger status sim");
 }

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <cstring>
 #include <numbers>
 #include <utility>
 
@@ -47,7 +48,10 @@ BoardRobot<R>::BoardRobot(Options options, std::vector<std::unique_ptr<can::Bus>
       safety_(options_.limits),
       stop_(options_.stop, options_.period),
       wiring_(test_torques(options_), options_.period),
-      home_position_(options_.homing.home_position) {
+      home_position_(options_.homing.home_position),
+      companions_{{{.name = "wear",
+                    .type = std::string(R::kType) + "_wear",
+                    .element = describe<Wear<R::kJoints>>()}}} {
   require(buses.size() == options_.names.size(),
           text_of("there are ", options_.names.size(), " boards, but ", buses.size(), " buses"));
   boards_.reserve(buses.size());
@@ -95,6 +99,72 @@ HomingGains BoardRobot<R>::gains(std::size_t joint) const noexcept {
 template <class R>
 void BoardRobot<R>::receive(Instant now) noexcept {
   for (Board& board : boards_) board.receive(now);
+  count_wear(now);
+}
+
+// What a motor does while its board is off or in trouble does not count: nobody knows it.
+template <class R>
+void BoardRobot<R>::count_wear(Instant now) noexcept {
+  // Boards have let their motors go before a longer gap ends.
+  constexpr Nanoseconds kLongestGap = std::chrono::milliseconds(100);
+  const double elapsed = seconds(std::clamp(now - counted_, Nanoseconds::zero(), kLongestGap));
+  counted_ = now;
+  // A revolution more, because the messages do not come regularly.
+  const double reach = options_.board.max_speed * elapsed + 1.0;
+  for (std::size_t i = 0; i < R::kJoints; ++i) {
+    const Terminal& place = options_.motors[i];
+    const Board& board = boards_[place.board];
+    const MotorReading& motor = board.motors()[place.number];
+    if (!board.is_ready() || board.trouble() != Trouble::kNone) {
+      meters_[i].forget(motor);
+      continue;
+    }
+    const MotorMeter::Step step =
+        meters_[i].measure(motor, elapsed, options_.drive.torque_constant, reach);
+    wear_.powered_time[i] += step.powered_time;
+    wear_.revolutions[i] += step.revolutions;
+    wear_.work[i] += step.work;
+    wear_.squared_current[i] += step.squared_current;
+    wear_.index_slips[i] += step.has_slipped ? 1 : 0;
+  }
+}
+
+// A session counts one fault, however many follow from it.
+template <class R>
+void BoardRobot<R>::note_fault() noexcept {
+  wear_.faults += has_fault_ ? 0 : 1;
+  has_fault_ = true;
+}
+
+template <class R>
+const CompanionDescription& BoardRobot<R>::wear_description() const noexcept {
+  return companions_[0];
+}
+
+template <class R>
+std::span<const std::byte> BoardRobot<R>::wear_bytes() const noexcept {
+  return std::as_bytes(std::span(&wear_, 1));
+}
+
+template <class R>
+void BoardRobot<R>::continue_wear(std::span<const std::byte> kept) {
+  require(kept.empty() || kept.size() == sizeof(wear_),
+          text_of("running hours of this robot have ", sizeof(wear_), " bytes, but ", kept.size(),
+                  " were kept"));
+  if (!kept.empty()) std::memcpy(&wear_, kept.data(), sizeof(wear_));
+  wear_.stamp = {};
+  ++wear_.starts;
+}
+
+template <class R>
+bool BoardRobot<R>::get_companion_element(std::size_t, TimeIndex time_index,
+                                          void* element) noexcept {
+  if (wear_shown_ && counted_ - *wear_shown_ < std::chrono::seconds(1)) return false;
+  wear_shown_ = counted_;
+  Wear<R::kJoints> shown = wear_;
+  shown.stamp = {.arrival_index = time_index, .capture_index = time_index};
+  std::memcpy(element, &shown, sizeof(shown));
+  return true;
 }
 
 template <class R>
@@ -107,7 +177,7 @@ std::uint64_t BoardRobot<R>::lost_frames() const noexcept {
 template <class R>
 DriverReport BoardRobot<R>::joint_fault(std::size_t joint, std::string_view text) noexcept {
   is_homed_ = false;
-  has_fault_ = true;
+  note_fault();
   release();
   fault_text_ = FixedText("joint ");
   fault_text_.append(joint).append(" ").append(text);
@@ -120,7 +190,7 @@ DriverReport BoardRobot<R>::fault_of_boards() noexcept {
     const Board& board = boards_[i];
     const Trouble trouble = board.trouble();
     if (trouble == Trouble::kNone) continue;
-    has_fault_ = true;
+    note_fault();
     TroubleText text = boards::text_of(trouble);
     if (trouble == Trouble::kError) {
       const can::BoardErrorText& error = can::text_of(board.error());
@@ -194,7 +264,7 @@ DriverReport BoardRobot<R>::apply_action(const Action& desired, AppliedAction& a
   drive(applied.torque);
   if (report.fault == SafetyFault::kInterrupted) return DriverReport::interrupted();
   if (report.fault != SafetyFault::kNone) {
-    has_fault_ = true;
+    note_fault();
     fault_text_ = report.fault == SafetyFault::kOwnCheck
                       ? thrown
                       : FixedText(fault_text_of(fault_code_of(report)));

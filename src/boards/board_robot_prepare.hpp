@@ -22,6 +22,10 @@ DriverReport BoardRobot<R>::prepare(TimeIndex step) noexcept {
     for (Board& board : boards_) board.resume(now);
     phase_ = Phase::kStarting;
     has_fault_ = false;
+    // A pause is no wear.
+    counted_ = now;
+    wear_shown_.reset();
+    for (MotorMeter& meter : meters_) meter.skip_way();
     // Motors stay as warm as they were.
     for (JointMemory& memory : state_.joints) memory = {.heat = memory.heat};
   }
@@ -245,6 +249,7 @@ DriverReport BoardRobot<R>::home() noexcept {
   }
   for (Board& board : boards_) board.trust_positions();
   is_homed_ = true;
+  ++wear_.homings;
   begin_phase_after(Phase::kHoming);
   return DriverReport::busy();
 }

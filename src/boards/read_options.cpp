@@ -124,16 +124,19 @@ BusKind read_bus_kind(const Node& section) {
       "bus", {{"socketcan", BusKind::kSocketCan}, {"emulated", BusKind::kEmulated}});
 }
 
+std::filesystem::path emulated_bus_folder(const std::string& robot, const std::string& name) {
+  return session_folder() / text_of("trifinger-can.", robot, ".", name);
+}
+
 std::vector<std::unique_ptr<can::Bus>> open_buses(BusKind kind,
                                                   const std::vector<std::string>& names,
                                                   const std::string& robot) {
   std::vector<std::unique_ptr<can::Bus>> buses;
   buses.reserve(names.size());
   for (const std::string& name : names) {
-    buses.push_back(
-        kind == BusKind::kSocketCan
-            ? can::open_socket_can(name)
-            : can::join_unix_bus(session_folder() / text_of("trifinger-can.", robot, ".", name)));
+    buses.push_back(kind == BusKind::kSocketCan
+                        ? can::open_socket_can(name)
+                        : can::join_unix_bus(emulated_bus_folder(robot, name)));
   }
   return buses;
 }

@@ -12,6 +12,7 @@
 #include <cerrno>
 #include <cmath>
 #include <cstring>
+#include <memory>
 
 #include "trifinger/base/error.hpp"
 #include "trifinger/ipc/file_descriptor.hpp"
@@ -192,6 +193,18 @@ std::optional<InterfaceState> parse_interface_state(Bytes message) {
         if (type == IFLA_LINKINFO) is_whole &= read_link_info(payload, state);
       });
   return is_whole ? std::optional(state) : std::nullopt;
+}
+
+std::vector<std::string> interface_names() {
+  struct Release {
+    void operator()(struct if_nameindex* list) const noexcept { ::if_freenameindex(list); }
+  };
+  const std::unique_ptr<struct if_nameindex, Release> list(::if_nameindex());
+  std::vector<std::string> names;
+  for (const auto* entry = list.get(); entry != nullptr && entry->if_name != nullptr; ++entry) {
+    names.emplace_back(entry->if_name);
+  }
+  return names;
 }
 
 std::optional<InterfaceState> read_interface_state(const std::string& name) {

@@ -21,15 +21,9 @@ using Reason = BusUnavailable::Reason;
 
 // Returns ", did you mean ...?" if an interface has a similar name.
 std::string suggestion_for(const std::string& interface) {
-  struct Release {
-    void operator()(struct if_nameindex* list) const noexcept { ::if_freenameindex(list); }
-  };
-  const std::unique_ptr<struct if_nameindex, Release> list(::if_nameindex());
-  std::vector<std::string_view> names;
-  for (const auto* entry = list.get(); entry != nullptr && entry->if_name != nullptr; ++entry) {
-    names.emplace_back(entry->if_name);
-  }
-  const std::string_view similar = closest(interface, names);
+  const std::vector<std::string> names = interface_names();
+  const std::vector<std::string_view> known(names.begin(), names.end());
+  const std::string_view similar = closest(interface, known);
   if (similar.empty()) return "; 'ip link' lists those that there are";
   return "; did you mean '" + std::string(similar) + "'?";
 }

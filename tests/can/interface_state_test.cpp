@@ -15,6 +15,7 @@ namespace trifinger::can::test {
 namespace {
 
 using std::chrono::milliseconds;
+using ::testing::Contains;
 using ::testing::HasSubstr;
 
 // What a kernel tells of an interface with 500 kbit/s after bus-off. Numbers are little-endian.
@@ -131,6 +132,16 @@ TEST(InterfaceState, IsReadOfThisMachine) {
   ASSERT_TRUE(state.has_value());
   EXPECT_EQ(state->name, "lo");
   EXPECT_FALSE(state->is_can);
+}
+
+TEST(InterfaceState, CanBeReadOfEveryInterfaceThatIsListed) {
+  const std::vector<std::string> names = interface_names();
+  EXPECT_THAT(names, Contains("lo"));
+  for (const std::string& name : names) {
+    const auto state = read_interface_state(name);
+    if (!state) continue;  // it may have been removed meanwhile
+    EXPECT_EQ(state->name, name);
+  }
 }
 
 TEST(InterfaceState, IsEmptyWithoutAnInterface) {

@@ -6,6 +6,7 @@ import os
 import pty
 import re
 import signal
+import socket
 import struct
 import subprocess
 import tempfile
@@ -851,3 +852,75 @@ def test_capabilities_stand_above_limits(tmp_path: Path) -> None:
     report = examine(tmp_path, changes, expect=0)
     assert "CAP_SYS_NICE" in report
     assert "CAP_IPC_LOCK" in report
+
+
+def can_lines(report: str) -> list[str]:
+    """What the report says of CAN and boards, each finding with its remedy in one line."""
+    joined = re.sub(r"\n {20,}", " ", report)
+    return re.findall(r"^\S+ +(?:CAN interface|motor boards) .*", joined, re.MULTILINE)
+
+
+def has_can() -> bool:
+    try:
+        socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW).close()
+    except OSError:
+        return False
+    return True
+
+
+def examine_robot(*arguments: str) -> list[str]:
+    result = subprocess.run(
+        [PROGRAM, "doctor", *arguments], capture_output=True, text=True, check=False
+    )
+    assert result.returncode == (1 if "lacks" in result.stdout else 0), result.stderr
+    return can_lines(result.stdout)
+
+
+def test_the_doctor_hears_whether_emulated_boards_are_on(start_program: StartProgram) -> None:
+    robot = "trifinger_edu_emulated"
+    silent = (
+        r"lacks +motor boards +none answers on can0, can1, can2, can3, can4, can5 "
+        f"start them: trifinger emulate {robot}"
+    )
+    [line] = examine_robot(robot)
+    assert re.fullmatch(silent, line)
+    boards = start_program("emulate", robot, "--name", "mine")
+    boards.wait_for("6 emulated boards are on")
+    [line] = examine_robot(robot, "--name", "mine")
+    assert re.fullmatch(r"ok +motor boards +6 answer", line)
+    [line] = examine_robot(robot)  # the boards of another robot do not count
+    assert re.fullmatch(silent, line)
+    # What a killed emulator leaves behind answers nothing.
+    boards.end(signal.SIGKILL)
+    [line] = examine_robot(robot, "--name", "mine")
+    assert re.fullmatch(silent, line)
+
+
+def test_the_doctor_names_every_interface_that_a_robot_lacks() -> None:
+    interfaces = [f"no-can{i}" for i in range(6)]
+    lines = examine_robot(
+        "trifinger_edu_can", "--set", f"boards.interfaces=[{', '.join(interfaces)}]"
+    )
+    if not has_can():
+        [line] = lines
+        assert "this process gets no CAN sockets" in line
+        assert "modprobe can_raw" in line
+        return
+    assert len(lines) == 6
+    for line, interface in zip(lines, interfaces, strict=True):
+        assert f"there is no network interface '{interface}'" in line
+
+
+def test_the_doctor_asks_for_no_can_unless_a_robot_needs_it() -> None:
+    assert examine_robot("sim") == []
+
+
+def test_the_doctor_refuses_an_interface_that_is_used_twice() -> None:
+    report = run(
+        "doctor", "trifinger_edu_can", "--set", "boards.interfaces=[a, b, c, d, e, e]", expect=1
+    )
+    assert "are both on e" in report
+
+
+def test_interfaces_of_a_robot_are_not_in_a_copy_of_files(tmp_path: Path) -> None:
+    assert "excludes" in run("doctor", "sim", "--root", str(tmp_path), expect=2)

@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A robot on emulated motor boards, each program in a process of its own."""
 
+import json
+import os
 import signal
 import subprocess
+import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -56,6 +60,109 @@ def test_it_homes_moves_and_survives_an_emergency_stop(start_program: StartProgr
     subprocess.run([PROGRAM, "recover", NAME], check=True, timeout=120)
     with trifinger.connect(NAME, timeout=100) as robot:
         np.testing.assert_allclose(robot.latest_observation().position, START, atol=0.03)
+
+
+# ---- running hours ----
+
+# Stands where it is, so that its start takes no time.
+STANDING = [
+    *PATIENT,
+    *("--set", "boards.homing.method=here"),
+    *("--set", "boards.homing.home_position=[0, 0.9, -1.7]"),
+]
+
+
+def newest_record(file: Path) -> dict[str, Any]:
+    while not file.exists():
+        time.sleep(0.01)
+    whole = file.read_text().rpartition("\n")[0]
+    record: dict[str, Any] = json.loads(whole.splitlines()[-1])
+    assert record["robot"] == NAME
+    wear: dict[str, Any] = record["wear"]
+    return wear
+
+
+def status() -> str:
+    command = [PROGRAM, "status", NAME, "--once"]
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout
+
+
+def swing(robot: trifinger.Frontend, steps: int) -> None:
+    for step in range(steps):
+        target = START + 0.2 * np.sin(step / 100)
+        t = robot.append_desired_action(robot.new_action(position=target))
+    robot.get_observation(t)
+
+
+def test_fault_70_running_hours_survive_a_kill(
+    start_program: StartProgram, log_folder: Path, tmp_path: Path
+) -> None:
+    file = log_folder / f"{NAME}.wear"
+    start_program("emulate", ROBOT, *STANDING).wait_for("6 emulated boards are on")
+    run = start_program("run", ROBOT, *STANDING, "--record", str(tmp_path / "log"))
+    run.wait_for("holds its pose")
+    assert newest_record(file)["starts"] == 1
+    with trifinger.connect(NAME) as robot:
+        swing(robot, 2500)
+        shown = robot.companion("wear").latest_observation()
+    assert np.all(shown.revolutions > 0.2)
+    assert np.all(shown.work > 0)
+    np.testing.assert_allclose(shown.powered_time, shown.powered_time[0])
+    assert shown.homings == 1
+    # The end of a session is written, with all that came after the newest element.
+    while np.any(newest_record(file)["revolutions"] < shown.revolutions):
+        time.sleep(0.01)
+    run.end(signal.SIGKILL)
+    kept = newest_record(file)
+    with file.open("a") as end:
+        end.write('{"time":"2')  # as a kill in the middle of a record leaves it
+
+    run = start_program("run", ROBOT, *STANDING)
+    run.wait_for("holds its pose")
+    with trifinger.connect(NAME) as robot:
+        shown = robot.companion("wear").latest_observation()
+        assert shown.starts == 2
+        assert shown.homings == 2
+        for name in ("powered_time", "revolutions", "work", "squared_current", "index_slips"):
+            assert np.all(shown[name] >= kept[name]), name
+        text = status()
+    assert "wear        2 starts, 2 homings, 0 faults" in text
+    # A row for each joint.
+    rows = [line.split() for line in text.splitlines() if "A^2s" in line]
+    assert [row[0] for row in rows] == [str(joint) for joint in range(9)]
+    assert all(float(row[3]) > 0.2 for row in rows)
+    assert run.end()[0] == 0
+    final = newest_record(file)
+    assert final["starts"] == 2
+    assert np.all(np.array(final["powered_time"]) > shown.powered_time)
+
+    # The log has them, too.
+    logged = trifinger.Log(tmp_path / "log").sessions[0]
+    assert f"{NAME}.wear" in [companion.name for companion in logged.companions]
+
+
+def test_fault_70_homing_by_hand_counts_as_well(
+    start_program: StartProgram, log_folder: Path
+) -> None:
+    start_program("emulate", ROBOT, *STANDING).wait_for("6 emulated boards are on")
+    for start in (1, 2):
+        subprocess.run([PROGRAM, "home", ROBOT, *STANDING], check=True, timeout=110)
+        kept = newest_record(log_folder / f"{NAME}.wear")
+        assert kept["starts"] == start
+        assert kept["homings"] >= start
+        assert all(time > start for time in kept["powered_time"])
+
+
+def test_fault_70_a_robot_runs_whatever_lies_in_the_place_of_its_running_hours(
+    start_program: StartProgram, log_folder: Path
+) -> None:
+    log_folder.mkdir()
+    os.mkfifo(log_folder / f"{NAME}.wear")
+    start_program("emulate", ROBOT, *STANDING).wait_for("6 emulated boards are on")
+    lines = start_program("run", ROBOT, *STANDING).read_until("holds its pose")
+    [line] = [line for line in lines if "running hours" in line]
+    assert f"running hours are not kept: open {log_folder}/{NAME}.wear, which is a FIFO" in line
+    assert "wear        since this start only, 1 homing, 0 faults" in status()
 
 
 def test_what_is_no_robot_on_boards_cannot_be_emulated() -> None:

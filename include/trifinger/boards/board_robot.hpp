@@ -8,6 +8,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -18,6 +19,7 @@
 #include "trifinger/boards/homing.hpp"
 #include "trifinger/boards/joint_sweep.hpp"
 #include "trifinger/boards/self_test.hpp"
+#include "trifinger/boards/wear.hpp"
 #include "trifinger/boards/wiring_test.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/joint/limits.hpp"
@@ -109,9 +111,9 @@ struct Preparation {
 ///
 /// `prepare` starts the boards, homes the joints if their places are not known, and moves to the
 /// initial position. It moves there, too, if a joint is beyond a soft limit. Every action passes
-/// the same safety chain as in simulation.
+/// the same safety chain as in simulation. The companion "wear" has its running hours.
 template <class R>
-class BoardRobot final : public Driver<R> {
+class BoardRobot final : public Driver<R>, public WearMeter {
  public:
   using Options = BoardRobotOptions<R>;
   using Joints = JointVector<R::kJoints>;
@@ -143,6 +145,12 @@ class BoardRobot final : public Driver<R> {
   [[nodiscard]] const std::vector<Board>& boards() const noexcept { return boards_; }
   /// True if the places of all joints are known.
   [[nodiscard]] bool is_homed() const noexcept;
+  /// Its running hours. Call this only while nobody runs the robot.
+  [[nodiscard]] const Wear<R::kJoints>& wear() const noexcept { return wear_; }
+
+  [[nodiscard]] const CompanionDescription& wear_description() const noexcept override;
+  [[nodiscard]] std::span<const std::byte> wear_bytes() const noexcept override;
+  void continue_wear(std::span<const std::byte> kept) override;
 
   /// Sets what `prepare` does from now on. Call it while nobody runs the robot.
   void set_preparation(const Preparation<R::kJoints>& preparation) noexcept {
@@ -172,6 +180,12 @@ class BoardRobot final : public Driver<R> {
   /// Nothing: the boards let their motors go by themselves when no currents come.
   void cut() noexcept override {}
 
+  [[nodiscard]] std::span<const CompanionDescription> companions() const noexcept override {
+    return companions_;
+  }
+  [[nodiscard]] bool get_companion_element(std::size_t index, TimeIndex time_index,
+                                           void* element) noexcept override;
+
   [[nodiscard]] std::string_view fault_text(std::int32_t fault_code) const noexcept override;
   [[nodiscard]] std::string_view rejection_text() const noexcept override {
     return rejection_text_.view();
@@ -194,6 +208,8 @@ class BoardRobot final : public Driver<R> {
   void start_what_is_not_ready(TimeIndex step, Instant now) noexcept;
   [[nodiscard]] std::uint64_t lost_frames() const noexcept;
   void receive(Instant now) noexcept;
+  void count_wear(Instant now) noexcept;
+  void note_fault() noexcept;
   void observe() noexcept;
   [[nodiscard]] HomingMeasurement measure(std::size_t joint) const noexcept;
   [[nodiscard]] HomingGains gains(std::size_t joint) const noexcept;
@@ -243,6 +259,11 @@ class BoardRobot final : public Driver<R> {
   bool has_fault_{false};
   Observation observation_{};
   DriverReport report_{};  // of the newest observation
+  std::array<CompanionDescription, 1> companions_;
+  Wear<R::kJoints> wear_{};
+  std::array<MotorMeter, R::kJoints> meters_{};
+  Instant counted_{};                    // when wear was counted last
+  std::optional<Instant> wear_shown_{};  // when its newest element was made
   FixedText fault_text_;
   FixedText rejection_text_;
 };

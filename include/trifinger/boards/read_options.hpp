@@ -41,6 +41,10 @@ extern template BoardRobotOptions<Finger> read_board_options<Finger>(
 /// @throws config::ConfigError
 [[nodiscard]] BusKind read_bus_kind(const config::Node& section);
 
+/// The folder of the emulated bus `name` of the robot `robot`, for `can::join_unix_bus`.
+[[nodiscard]] std::filesystem::path emulated_bus_folder(const std::string& robot,
+                                                        const std::string& name);
+
 /// Opens the bus of each board. `robot` is the robot's name, which emulated buses belong to.
 /// @throws can::BusUnavailable, SystemError, TimedOut
 [[nodiscard]] std::vector<std::unique_ptr<can::Bus>> open_buses(

@@ -51,6 +51,9 @@ struct InterfaceState {
 [[nodiscard]] std::optional<InterfaceState> parse_interface_state(
     std::span<const std::byte> message);
 
+/// The names of all network interfaces of this machine, of any kind.
+[[nodiscard]] std::vector<std::string> interface_names();
+
 /// Asks the kernel. Empty if there is no interface of this name. Needs no permission.
 /// @throws SystemError
 [[nodiscard]] std::optional<InterfaceState> read_interface_state(const std::string& name);

@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "trifinger/base/time.hpp"
+#include "trifinger/boards/wear.hpp"
+#include "trifinger/boards/wear_file.hpp"
+#include "trifinger/core/session.hpp"
+
+namespace trifinger::apps {
+
+// Keeps the running hours of a robot in a file of the log folder: at its start, once a minute, and
+// after every session. The robot runs whatever happens to the file.
+class WearKeeper {
+ public:
+  // Makes `meter` go on from the file. Call this before the robot runs. `meter` and `host` must
+  // outlive the keeper.
+  WearKeeper(const std::string& robot, boards::WearMeter& meter, const SessionHost& host);
+  WearKeeper(const WearKeeper&) = delete;
+  WearKeeper& operator=(const WearKeeper&) = delete;
+  // Writes what is left.
+  ~WearKeeper();
+
+  // Takes what was counted. Call this after a session, in the thread that ran it.
+  void take();
+  // Writes if it is time. Returns a sentence about the file if there is news of it, otherwise an
+  // empty text.
+  [[nodiscard]] std::string look();
+  // Writes what is left, after the robot has run. Returns what `look` returns.
+  [[nodiscard]] std::string finish() { return write(); }
+
+ private:
+  void open(const std::string& robot);
+  [[nodiscard]] bool is_due() const;
+  [[nodiscard]] std::string write();
+  [[nodiscard]] std::optional<std::vector<std::byte>> newest();
+
+  boards::WearMeter& meter_;
+  const SessionHost& host_;
+  std::optional<boards::WearFile> file_;
+  std::string news_;
+  bool is_failing_{false};
+  Instant written_;  // when it was tried last
+  std::mutex mutex_;
+  std::optional<std::vector<std::byte>> taken_;  // after a session, not written yet
+};
+
+}  // namespace trifinger::apps
