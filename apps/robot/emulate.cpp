@@ -44,12 +44,16 @@ void run_boards(const std::string& name, const BoardsConfig& config,
   SimulatedPlant<R> plant(simulation);
   boards::Emulator<R> emulator(options, boards::open_buses(config.bus, options.names, name), plant,
                                clock.now());
+  std::optional<SimulatedTracker<R>> tracker;
+  if (!simulation.description.objects.empty()) tracker.emplace(name, plant);
   fmt::print("{}: {} emulated boards are on; Ctrl-C switches them off.\n", name,
              emulator.num_boards());
   std::fflush(stdout);
   Instant next = clock.now();
   while (!signals.wait(Nanoseconds::zero())) {
-    emulator.tick(clock.now());
+    const Instant now = clock.now();
+    emulator.tick(now);
+    if (tracker) tracker->tick(now);
     next += kTick;
     if (clock.now() - next > kLargestDelay) next = clock.now();
     clock.sleep_until(next);

@@ -164,6 +164,7 @@ class Run {
     const std::vector<std::string> sentences = messages_.take();
     reporter_.look(is_stopping_, recorder_ != nullptr ? recorder_->trouble() : "");
     for (const std::string& sentence : sentences) reporter_.print(sentence);
+    for (const std::string& sentence : robot_.news()) reporter_.print(sentence);
     if (recorder_ != nullptr) {
       for (const RunRecorder::Line& line : recorder_->look()) {
         reporter_.print("recorder", line.text, line.style);

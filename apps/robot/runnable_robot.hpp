@@ -27,6 +27,8 @@ struct RunnableRobot {
   // state. Call this only while nobody uses the driver.
   std::function<SimulationState(const Fault& fault)> state_before{
       [](const Fault&) { return SimulationState(); }};
+  // Returns what a user should know and has happened since the last call, in sentences.
+  std::function<std::vector<std::string>()> news{[] { return std::vector<std::string>(); }};
 };
 
 // Makes the robot that is called `robot` on the command line: "fake", the name or the path of a
