@@ -21,8 +21,10 @@ trifinger::TriFinger::Action policy(trifinger::TriFinger::Action action,
 
 }  // namespace
 
-int main() {
-  auto robot = trifinger::simulate<trifinger::TriFinger>();
+int main(int argument_count, char** arguments) {
+  // The robot of the name that this program is given, or one in this process.
+  auto robot = argument_count > 1 ? trifinger::connect<trifinger::TriFinger>(arguments[1])
+                                  : trifinger::simulate<trifinger::TriFinger>();
 
   // t counts the policy's cycles, and kFactor * t the robot's steps, like in the paper.
   // y[kFactor * t] belongs to the last step that has an action. So in real time the policy has one

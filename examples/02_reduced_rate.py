@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A policy at 100 Hz on a robot at 1 kHz: every action is appended ten times."""
 
+import sys
+
 import numpy as np
 import trifinger
 
 FACTOR = 10
 
-robot = trifinger.simulate()
+# The robot of the name that this program is given, or one in this process.
+robot = trifinger.connect(sys.argv[1]) if sys.argv[1:] else trifinger.simulate()
 hold = robot.new_action(position=robot.latest_observation().position)
 
 

@@ -34,7 +34,7 @@ using namespace std::chrono_literals;
 using ::testing::HasSubstr;
 
 struct Sight {
-  Stamp stamp;
+  Stamp stamp{};
   std::int64_t number{0};
 
   static constexpr auto fields() {
@@ -182,7 +182,7 @@ TEST(Sensor, TheRobotsOwnCompanionsStayBeforeThoseOfSensors) {
   EXPECT_EQ(message_of<InvalidArgument>([] {
               DriverWithSensors(
                   std::make_unique<FakeDriver>(FakeDriver::Options{.sensor_period = 1}), "robot",
-                  {{.name = "sensor", .element = describe<Sight>()}});
+                  {{.name = "sensor", .type = "sight", .element = describe<Sight>()}});
             }),
             "the robot has two companions 'sensor'");
 }
