@@ -40,5 +40,5 @@ print(
     f"alone; falling, by {fallen:.3f} rad"
 )
 assert pushed > 0.05
-assert drifted < 0.02
+assert drifted < 0.03
 assert fallen > 0.2
