@@ -221,7 +221,9 @@ void add_emulate(CLI::App& program, Action& action) {
       "The robot itself runs beside it, in another terminal, and cannot tell it from hardware:\n"
       "the same frames go over the same kind of bus. With boards.bus=socketcan both use CAN\n"
       "interfaces, such as virtual ones.\n\n"
-      "Faults, where N and M are numbers from 0, and T counts from the start of this program:\n" +
+      "Faults. N and M are numbers from 0, P is a share, R a rate, A an angle, F a factor; ERROR is\n"
+      "encoder, receive_timeout, temperature, position_converter, rollover, undefined or other.\n"
+      "The T after 'at' counts from the start of this program.\n" +
       indented(boards::fault_texts()) +
       "A fault can also be typed while this program runs; without 'at' it begins at once. The "
       "line\n"

@@ -96,9 +96,10 @@ class Child:
 class Running:
     """A running program `trifinger`, on request as another user. Its output is read by lines."""
 
-    def __init__(self, *arguments: str, user: int | None = None) -> None:
+    def __init__(self, *arguments: str, user: int | None = None, typed: bool = False) -> None:
         self.process = subprocess.Popen(
             [PROGRAM, *arguments],
+            stdin=subprocess.PIPE if typed else None,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -214,8 +215,8 @@ def start_program() -> Iterator[StartProgram]:
     """Starts the program `trifinger`; it does not outlive the test."""
     started: list[Running] = []
 
-    def start(*arguments: str, user: int | None = None) -> Running:
-        started.append(Running(*arguments, user=user))
+    def start(*arguments: str, user: int | None = None, typed: bool = False) -> Running:
+        started.append(Running(*arguments, user=user, typed=typed))
         return started[-1]
 
     yield start
