@@ -167,14 +167,20 @@ def test_fault_45_an_encoder_that_stands_still_by_command(start_faulty: StartFau
 
 
 def test_fault_46_a_rollover_by_command(start_faulty: StartFaulty) -> None:
-    faulty = start_faulty("--fault", "board 0 near rollover at 0 s")
+    faulty = start_faulty(
+        *("--set", "boards.homing.method=end_stop"),
+        *("--set", "boards.homing.home_position=[1.8,2.0,-3.4]"),
+        *("--fault", "board 0 near rollover at 0 s"),
+    )
     faulty.wait_until_it_holds()
+    goal = START + [0.2, 0.1, 0.3] * 3
     with trifinger.connect(NAME, timeout=100) as robot:
-        for s in np.linspace(0, 0.5, 1000):
-            t = robot.append_desired_action(robot.new_action(position=START + s))
-        reached = robot.get_observation(t).position
+        for s in np.linspace(0, 1, 1000):
+            t = robot.append_desired_action(robot.new_action(position=START + s * (goal - START)))
+        for _ in range(500):
+            t = robot.append_desired_action(robot.new_action(position=goal))
+        np.testing.assert_allclose(robot.get_observation(t).position, goal, atol=0.05)
         robot.finish()
-    assert reached == pytest.approx(START + 0.5, abs=0.1)
 
 
 def test_fault_47_a_motor_that_gets_too_hot_by_command(start_faulty: StartFaulty) -> None:
