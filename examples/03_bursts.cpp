@@ -28,8 +28,10 @@ std::vector<trifinger::TriFinger::Action> plan(const trifinger::JointVector<9>& 
 
 }  // namespace
 
-int main() {
-  auto robot = trifinger::simulate<trifinger::TriFinger>();
+int main(int argument_count, char** arguments) {
+  // The robot of the name that this program is given, or one in this process.
+  auto robot = argument_count > 1 ? trifinger::connect<trifinger::TriFinger>(arguments[1])
+                                  : trifinger::simulate<trifinger::TriFinger>();
   const auto start = robot.latest_observation().position;
   auto end = start;
   for (std::size_t i = 0; i < end.size(); i += 3) end[i] += 0.3;

@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Appends a trajectory that is known in advance in one call, and reads it back in another."""
 
+import sys
+
 import numpy as np
 import trifinger
 
-robot = trifinger.simulate()
+# The robot of the name that this program is given, or one in this process.
+robot = trifinger.connect(sys.argv[1]) if sys.argv[1:] else trifinger.simulate()
 start = robot.latest_observation().position.copy()
 end = start + np.array([0.3, 0.0, 0.0] * 3)
 

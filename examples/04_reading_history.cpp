@@ -9,10 +9,13 @@
 #include "trifinger/joint/reasons.hpp"
 #include "trifinger/sim/simulation.hpp"
 
-int main() {
+int main(int argument_count, char** arguments) {
   // The history is short here, to show what happens at its end. The default is 16384 steps.
   const trifinger::Simulation<trifinger::TriFinger> simulation({}, {.history = 256});
-  auto robot = simulation.connect();
+  // A robot of the name that this program is given has its own.
+  const bool is_named = argument_count > 1;
+  auto robot =
+      is_named ? trifinger::connect<trifinger::TriFinger>(arguments[1]) : simulation.connect();
 
   auto good = trifinger::hold_position(robot.latest_observation());
   auto strong = good;
@@ -61,7 +64,7 @@ int main() {
     std::cout << error.what() << "\n";
   }
   return rejected == 1 && counts["kp_out_of_bounds"] == 1 && counts["torque_clipped"] >= 5 &&
-                 oldest > 0
+                 (oldest > 0 || is_named)
              ? EXIT_SUCCESS
              : EXIT_FAILURE;
 }

@@ -5,11 +5,14 @@ The fingers get the torques that carry their weight and nothing else. People can
 stay where they are left. Afterwards the fingers get no torque at all.
 """
 
+import sys
+
 import numpy as np
 import trifinger
 from trifinger import control
 
-robot = trifinger.simulate()
+# The robot of the name that this program is given, or one in this process.
+robot = trifinger.connect(sys.argv[1]) if sys.argv[1:] else trifinger.simulate()
 kinematics = control.Kinematics()
 
 
@@ -37,5 +40,5 @@ print(
     f"alone; falling, by {fallen:.3f} rad"
 )
 assert pushed > 0.05
-assert drifted < 0.02
+assert drifted < 0.03
 assert fallen > 0.2

@@ -14,8 +14,10 @@
 using trifinger::joint_values;
 using trifinger::JointValues;
 
-int main() {
-  auto robot = trifinger::simulate<trifinger::TriFinger>();
+int main(int argument_count, char** arguments) {
+  // The robot of the name that this program is given, or one in this process.
+  auto robot = argument_count > 1 ? trifinger::connect<trifinger::TriFinger>(arguments[1])
+                                  : trifinger::simulate<trifinger::TriFinger>();
   trifinger::Kinematics kinematics;
   const trifinger::control::Seconds period(1e-3);
 

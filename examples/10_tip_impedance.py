@@ -4,13 +4,16 @@
 The transposed Jacobian turns the force into joint torques.
 """
 
+import sys
+
 import numpy as np
 import trifinger
 from trifinger import control
 
 UP = np.array([0, 0, 0.03])  # [m]
 
-robot = trifinger.simulate()
+# The robot of the name that this program is given, or one in this process.
+robot = trifinger.connect(sys.argv[1]) if sys.argv[1:] else trifinger.simulate()
 kinematics = control.Kinematics()
 spring = control.TipGains(stiffness=200, damping=2.5)
 

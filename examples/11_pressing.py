@@ -4,6 +4,8 @@
 In the vertical direction a force replaces the spring; in the horizontal directions it remains.
 """
 
+import sys
+
 import numpy as np
 import trifinger
 from trifinger import control
@@ -11,7 +13,8 @@ from trifinger import control
 FORCE = 1.0  # [N]
 DOWNWARD_SPEED = 0.1  # [m/s]
 
-robot = trifinger.simulate()
+# The robot of the name that this program is given, or one in this process.
+robot = trifinger.connect(sys.argv[1]) if sys.argv[1:] else trifinger.simulate()
 kinematics = control.Kinematics()
 spring = control.TipGains(stiffness=200, damping=5)
 

@@ -29,8 +29,10 @@ Pose pose_of(const trifinger::ObjectPose& object) {
 
 }  // namespace
 
-int main() {
-  auto robot = trifinger::simulate<trifinger::TriFinger>({.object_delay = 20});
+int main(int argument_count, char** arguments) {
+  // The robot of the name that this program is given, or one in this process.
+  auto robot = argument_count > 1 ? trifinger::connect<trifinger::TriFinger>(arguments[1])
+                                  : trifinger::simulate<trifinger::TriFinger>({.object_delay = 20});
   const trifinger::Companion<trifinger::CubeObservation> cube(robot.companion("object"));
   auto t = robot.append_desired_action(trifinger::hold_position(robot.latest_observation()));
 

@@ -5,6 +5,8 @@ The object session delivers the cube's pose every 10 ms, with a delay of 20 ms. 
 computes where the cube is now.
 """
 
+import sys
+
 import numpy as np
 import trifinger
 from trifinger import control
@@ -20,7 +22,11 @@ def pose_of(cube: trifinger.Element) -> control.Pose:
     return control.Pose(cube.position, cube.orientation)
 
 
-robot = trifinger.simulate("sim", {"simulation.object_delay": 0.02})
+robot = (
+    trifinger.connect(sys.argv[1])  # a robot of this name, if this program is given one
+    if sys.argv[1:]
+    else trifinger.simulate("sim", {"simulation.object_delay": 0.02})
+)
 poses = robot.companion("object")
 hold = robot.new_action(position=robot.latest_observation().position)
 t = robot.append_desired_action(hold)

@@ -1,10 +1,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/core.h>
+#include <poll.h>
+#include <unistd.h>
 
+#include <array>
 #include <chrono>
 #include <csignal>
 #include <optional>
+#include <sstream>
 #include <string>
+#include <utility>
 #include <variant>
 #include <vector>
 
@@ -12,6 +17,7 @@
 #include "shared/options.hpp"
 #include "shared/signals.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/boards/emulated_fault.hpp"
 #include "trifinger/boards/emulator.hpp"
 #include "trifinger/boards/read_options.hpp"
 #include "trifinger/can/interface_state.hpp"
@@ -27,29 +33,114 @@ struct EmulateOptions {
   std::string robot;
   std::optional<std::string> name;
   std::vector<std::string> overrides;
+  std::vector<std::string> faults;
   // Hardware waits for nobody, so the boards come before the loop and its watchdog.
   RealtimeOptions realtime{.demand = Demand::kTry, .priority = 82};
 };
 
+constexpr const char* kResetObjects = "reset objects";
 constexpr Nanoseconds kTick = std::chrono::milliseconds(1);
 // A machine that was slower than this is not made up for.
 constexpr Nanoseconds kLargestDelay = std::chrono::milliseconds(50);
 
+// The lines that are typed while the boards run, without waiting for any.
+class TypedLines {
+ public:
+  // Whole lines that have been typed since the last call.
+  std::vector<std::string> take() {
+    std::vector<std::string> lines;
+    pollfd input{.fd = STDIN_FILENO, .events = POLLIN, .revents = 0};
+    if (has_ended_ || ::poll(&input, 1, 0) <= 0) return lines;
+    std::array<char, 4096> bytes{};
+    const ssize_t count = ::read(STDIN_FILENO, bytes.data(), bytes.size());
+    // A program in the background may not read from its terminal.
+    has_ended_ = count <= 0;
+    if (count > 0) text_.append(bytes.data(), static_cast<std::size_t>(count));
+    for (std::size_t end = 0; (end = text_.find('\n')) != std::string::npos;) {
+      if (end > 0) lines.push_back(text_.substr(0, end));
+      text_.erase(0, end + 1);
+    }
+    return lines;
+  }
+
+ private:
+  std::string text_;
+  bool has_ended_{false};
+};
+
+// The faults of an emulator, as they are given and as they happen.
+template <class R>
+class Faults {
+ public:
+  explicit Faults(boards::Emulator<R>& emulator, std::string name)
+      : emulator_(emulator), name_(std::move(name)) {}
+
+  void add(const std::string& text, Instant now) {
+    emulator_.add(boards::parse_fault(text), now);
+    texts_.push_back(text);
+    told_.push_back(boards::ScheduledFault::Phase::kWaits);
+  }
+
+  // Prints what has begun and ended.
+  void report() {
+    using Phase = boards::ScheduledFault::Phase;
+    for (std::size_t i = 0; i < told_.size(); ++i) {
+      const Phase phase = emulator_.faults()[i].phase;
+      if (phase == told_[i]) continue;
+      if (told_[i] == Phase::kWaits) print("begins", i);
+      if (phase == Phase::kIsOver) print("is over", i);
+      told_[i] = phase;
+    }
+  }
+
+ private:
+  void print(const char* what, std::size_t i) const {
+    fmt::print("{}: fault '{}' {}\n", name_, texts_[i], what);
+    std::fflush(stdout);
+  }
+
+  boards::Emulator<R>& emulator_;
+  std::string name_;
+  std::vector<std::string> texts_;
+  std::vector<boards::ScheduledFault::Phase> told_;
+};
+
 // Runs the boards until a signal comes.
 template <class R>
 void run_boards(const std::string& name, const BoardsConfig& config,
-                const SimulationOptions<R>& simulation, const Signals& signals) {
+                const SimulationOptions<R>& simulation, const std::vector<std::string>& texts,
+                const Signals& signals) {
   const auto& options = std::get<boards::BoardRobotOptions<R>>(config.options);
   Clock& clock = MonotonicClock::instance();
   SimulatedPlant<R> plant(simulation);
   boards::Emulator<R> emulator(options, boards::open_buses(config.bus, options.names, name), plant,
                                clock.now());
+  std::optional<SimulatedTracker<R>> tracker;
+  if (!simulation.description.objects.empty()) tracker.emplace(name, plant);
+  Faults<R> faults(emulator, name);
+  for (const std::string& text : texts) faults.add(text, clock.now());
+  TypedLines typed;
+  const auto obey = [&](const std::string& line) {
+    try {
+      if (line == kResetObjects) {
+        plant.reset_objects();
+      } else {
+        faults.add(line, clock.now());
+      }
+    } catch (const InvalidArgument& error) {
+      fmt::print(stderr, "{}: {}\n", name, error.what());
+    }
+  };
   fmt::print("{}: {} emulated boards are on; Ctrl-C switches them off.\n", name,
              emulator.num_boards());
   std::fflush(stdout);
   Instant next = clock.now();
   while (!signals.wait(Nanoseconds::zero())) {
-    emulator.tick(clock.now());
+    const Instant now = clock.now();
+    emulator.tick(now);
+    if (tracker) tracker->tick(now);
+    faults.report();
+    for (const std::string& line : typed.take()) obey(line);
     next += kTick;
     if (clock.now() - next > kLargestDelay) next = clock.now();
     clock.sleep_until(next);
@@ -69,8 +160,18 @@ void require_virtual(const std::vector<std::string>& interfaces) {
   }
 }
 
+std::string indented(const std::string& text) {
+  std::istringstream lines(text);
+  std::string result;
+  for (std::string line; std::getline(lines, line);) result += "  " + line + "\n";
+  return result;
+}
+
 int emulate(const EmulateOptions& options) {
-  std::signal(SIGPIPE, SIG_IGN);
+  // The boards must not stop because nobody reads their messages or because they are sent to the
+  // background.
+  for (const int signal : {SIGPIPE, SIGTTIN}) std::signal(signal, SIG_IGN);
+  for (const std::string& text : options.faults) static_cast<void>(boards::parse_fault(text));
   const RobotConfig config = load_robot_config(options.robot, options.overrides);
   if (!config.boards) {
     throw InvalidArgument("'" + options.robot +
@@ -85,7 +186,8 @@ int emulate(const EmulateOptions& options) {
   }
   std::visit(
       [&](const auto& simulation) {
-        run_boards(options.name.value_or(config.name), *config.boards, simulation, signals);
+        run_boards(options.name.value_or(config.name), *config.boards, simulation, options.faults,
+                   signals);
       },
       config.simulation);
   return kDone;
@@ -108,12 +210,25 @@ void add_emulate(CLI::App& program, Action& action) {
                   "Change a value of the configuration, as in boards.bus=socketcan")
       ->allow_extra_args(false)
       ->option_text("KEY=VALUE ...");
+  command
+      .add_option("--fault", options.faults,
+                  "Let something go wrong, as in 'board 3 silent at 5 s for 0.2 s'; see below")
+      ->allow_extra_args(false)
+      ->option_text("TEXT ...");
   add_scheduling(command, options.realtime.demand,
                  "Whether real-time priority and locked memory are required; default: try");
   command.footer(
       "The robot itself runs beside it, in another terminal, and cannot tell it from hardware:\n"
       "the same frames go over the same kind of bus. With boards.bus=socketcan both use CAN\n"
-      "interfaces, such as virtual ones.\n"
+      "interfaces, such as virtual ones.\n\n"
+      "Faults. N and M are numbers from 0, P is a share, R a rate, A an angle, F a factor; ERROR "
+      "is\n"
+      "encoder, receive_timeout, temperature, position_converter, rollover, undefined or other.\n"
+      "The T after 'at' counts from the start of this program.\n" +
+      indented(boards::fault_texts()) +
+      "A fault can also be typed while this program runs; without 'at' it begins at once. The "
+      "line\n"
+      "'reset objects' puts the objects back.\n"
       "Example:\n"
       "  trifinger emulate trifinger_edu_emulated\n"
       "  trifinger run trifinger_edu_emulated");

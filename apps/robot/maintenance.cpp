@@ -16,14 +16,11 @@
 namespace trifinger::apps {
 namespace {
 
-std::variant<boards::BoardRobot<TriFinger>*, boards::BoardRobot<Finger>*> boards_of(
-    const RunnableRobot& robot) {
-  UntypedDriver* const driver = robot.driver.get();
-  if (auto* const trifinger = dynamic_cast<boards::BoardRobot<TriFinger>*>(driver)) {
-    return trifinger;
+RunnableRobot on_boards(RunnableRobot robot) {
+  if (std::holds_alternative<std::monostate>(robot.boards)) {
+    throw InvalidArgument("'" + robot.name + "' is not on motor boards");
   }
-  if (auto* const finger = dynamic_cast<boards::BoardRobot<Finger>*>(driver)) return finger;
-  throw InvalidArgument("'" + robot.name + "' is not on motor boards");
+  return robot;
 }
 
 // Describes a phase of the preparation; empty if it needs no words.
@@ -69,11 +66,10 @@ void add_maintenance(CLI::App& command, MaintenanceOptions& options) {
 
 ServicedRobot::ServicedRobot(const MaintenanceOptions& options, bool is_calibrated)
     : realtime_(options.realtime),
-      robot_(make_robot({.robot = options.robot,
-                         .name = options.name,
-                         .overrides = options.overrides,
-                         .is_calibrated = is_calibrated})),
-      boards_(boards_of(robot_)),
+      robot_(on_boards(make_robot({.robot = options.robot,
+                                   .name = options.name,
+                                   .overrides = options.overrides,
+                                   .is_calibrated = is_calibrated}))),
       host_(SessionHost::named(robot_.name, robot_.session)),
       wear_(robot_.name, *robot_.wear, host_) {
   for (const int signal : {SIGTSTP, SIGTTOU, SIGPIPE}) std::signal(signal, SIG_IGN);

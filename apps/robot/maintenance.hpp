@@ -41,7 +41,10 @@ class ServicedRobot {
   // Calls `work` with the robot's driver, a BoardRobot.
   template <class Work>
   decltype(auto) visit(const Work& work) const {
-    return std::visit([&](auto* boards) { return work(*boards); }, boards_);
+    if (auto* const* finger = std::get_if<boards::BoardRobot<Finger>*>(&robot_.boards)) {
+      return work(**finger);
+    }
+    return work(*std::get<boards::BoardRobot<TriFinger>*>(robot_.boards));
   }
 
   // Prepares the robot as its driver was told, and brings it to rest. Prints what it does. Calls
@@ -66,7 +69,6 @@ class ServicedRobot {
   const Signals signals_;  // before any thread
   RealtimeOptions realtime_;
   RunnableRobot robot_;
-  std::variant<boards::BoardRobot<TriFinger>*, boards::BoardRobot<Finger>*> boards_;
   SessionHost host_;
   WearKeeper wear_;
   Console console_;

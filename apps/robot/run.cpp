@@ -173,6 +173,7 @@ class Run {
     reporter_.look(is_stopping_, recorder_ != nullptr ? recorder_->trouble() : "");
     for (const std::string& sentence : sentences) reporter_.print(sentence);
     if (wear_) print_news(wear_->look());
+    for (const std::string& sentence : robot_.news()) reporter_.print(sentence);
     if (recorder_ != nullptr) {
       for (const RunRecorder::Line& line : recorder_->look()) {
         reporter_.print("recorder", line.text, line.style);

@@ -18,11 +18,13 @@
 #include "trifinger/boards/calibration.hpp"
 #include "trifinger/config/file.hpp"
 #include "trifinger/core/fake_robot.hpp"
+#include "trifinger/core/sensor.hpp"
 #include "trifinger/joint/types.hpp"
 #include "trifinger/log/log.hpp"
 #include "trifinger/log/replay.hpp"
 #include "trifinger/model/kinematics.hpp"
 #include "trifinger/realtime/clock.hpp"
+#include "trifinger/sim/object_observation.hpp"
 #include "trifinger/sim/robot_config.hpp"
 #include "trifinger/sim/simulated_robot.hpp"
 
@@ -164,9 +166,18 @@ void add_boards(RunnableRobot& robot, const SimulationOptions<R>& simulation,
   if (is_calibrated) add_calibration(robot, options);
   options.weight = weight_of<R>(simulation.description);
   auto buses = boards::open_buses(config.bus, options.names, robot.name);
-  auto driver = std::make_unique<boards::BoardRobot<R>>(std::move(options), std::move(buses),
+  auto boards = std::make_unique<boards::BoardRobot<R>>(std::move(options), std::move(buses),
                                                         MonotonicClock::instance());
-  robot.wear = driver.get();
+  robot.boards = boards.get();
+  robot.wear = boards.get();
+  std::unique_ptr<UntypedDriver> driver = std::move(boards);
+  if (auto objects = object_companion(simulation.description)) {
+    // Cameras, or the emulator, say where the objects are.
+    auto with_sensors = std::make_unique<DriverWithSensors>(std::move(driver), robot.name,
+                                                            std::vector{std::move(*objects)});
+    robot.news = [sensors = with_sensors.get()] { return sensors->take_news(); };
+    driver = std::move(with_sensors);
+  }
   robot.driver = std::move(driver);
 }
 

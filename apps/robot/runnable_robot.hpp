@@ -6,8 +6,10 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <variant>
 #include <vector>
 
+#include "trifinger/boards/board_robot.hpp"
 #include "trifinger/boards/wear.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/driver.hpp"
@@ -17,6 +19,10 @@
 
 namespace trifinger::apps {
 
+// The driver of a robot on motor boards, if it has one.
+using AnyBoardRobot =
+    std::variant<std::monostate, boards::BoardRobot<TriFinger>*, boards::BoardRobot<Finger>*>;
+
 // Everything that a back-end needs.
 struct RunnableRobot {
   std::string name;  // name of its session
@@ -24,12 +30,15 @@ struct RunnableRobot {
   BackendOptions backend;
   SessionOptions session;
   bool needs_real_time{false};
-  std::string calibration;  // a sentence about it; empty for a robot that needs none
-  boards::WearMeter* wear{nullptr};  // The driver, if it counts running hours.
+  std::string calibration;           // a sentence about it; empty for a robot that needs none
+  AnyBoardRobot boards{};            // a part of `driver`
+  boards::WearMeter* wear{nullptr};  // a part of `driver`, if it counts running hours
   // Returns the state before the simulation diverged, if that is the `fault`; otherwise an empty
   // state. Call this only while nobody uses the driver.
   std::function<SimulationState(const Fault& fault)> state_before{
       [](const Fault&) { return SimulationState(); }};
+  // Returns what a user should know and has happened since the last call, in sentences.
+  std::function<std::vector<std::string>()> news{[] { return std::vector<std::string>(); }};
 };
 
 // A robot as it is called on the command line.

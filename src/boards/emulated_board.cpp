@@ -21,12 +21,12 @@ std::size_t place_in_sends(Command data) noexcept {
 EmulatedBoard::EmulatedBoard(const EmulatedBoardOptions& options) noexcept
     : options_(options), random_{.seed = options.seed} {}
 
-void EmulatedBoard::switch_on(Instant now, const Rotors& rotors) noexcept {
+void EmulatedBoard::switch_on(Instant now, const Rotors& rotors, double first) noexcept {
   if (state_.is_on) return;
   state_ = {.is_on = true, .next_status = now};
   for (std::size_t i = 0; i < rotors.size(); ++i) {
     const double count = count_at(rotors[i].revolutions);
-    state_.motors[i].zero_count = count;
+    state_.motors[i].zero_count = count - count_at(first);
     state_.motors[i].count = count;
   }
 }
@@ -145,7 +145,7 @@ std::span<const can::Frame> EmulatedBoard::tick(
   }
   for (std::size_t i = 0; i < rotors.size(); ++i) {
     const bool acts = state_.motors[i].is_enabled && state_.motors[i].is_aligned;
-    state_.currents[i] = acts ? state_.desired[i] : 0.0;
+    state_.currents[i] = acts ? current_factors_[i] * state_.desired[i] : 0.0;
   }
 
   // In the order in which they win the bus

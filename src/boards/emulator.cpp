@@ -2,7 +2,10 @@
 #include "trifinger/boards/emulator.hpp"
 
 #include <algorithm>
+#include <chrono>
+#include <cmath>
 #include <numbers>
+#include <string>
 #include <utility>
 
 #include "trifinger/base/error.hpp"
@@ -13,7 +16,12 @@ template <class R>
 Emulator<R>::Emulator(const BoardRobotOptions<R>& wiring,
                       std::vector<std::unique_ptr<can::Bus>> buses, Plant<R>& plant, Instant now,
                       const EmulatedBoardOptions& options)
-    : wiring_((wiring.validate(), wiring)), buses_(std::move(buses)), plant_(plant) {
+    : wiring_((wiring.validate(), wiring)),
+      buses_(std::move(buses)),
+      plant_(plant),
+      started_(now),
+      scripted_(buses_.size(), nullptr),
+      random_{.seed = options.seed} {
   trifinger::detail::require(buses_.size() == wiring_.names.size(),
                              "every emulated board needs a bus");
   for (std::size_t i = 0; i < buses_.size(); ++i) {
@@ -46,10 +54,15 @@ void Emulator<R>::set_power(std::size_t board, bool is_on, Instant now) noexcept
 
 template <class R>
 void Emulator<R>::tick(Instant now) noexcept {
+  carry_out(now);
   const double ampere = wiring_.drive.torque_per_ampere();
   typename Plant<R>::Joints torque{};
   for (std::size_t i = 0; i < R::kJoints; ++i) {
     const Terminal& place = wiring_.motors[i];
+    if (troubles_[i].is_loose) {
+      turn_loose_motor(i, wiring_.polarity[i] * boards_[place.board].currents()[place.number]);
+      continue;
+    }
     if (boards_[place.board].is_aligning(place.number)) {
       torque[i] = holding_torque(i);
       continue;
@@ -59,6 +72,7 @@ void Emulator<R>::tick(Instant now) noexcept {
   }
   plant_.step(torque);
   for (std::size_t i = 0; i < boards_.size(); ++i) {
+    if (scripted_[i] != nullptr) scripted_[i]->set_time(now);
     for (const can::Frame& frame : buses_[i]->receive(frames_)) boards_[i].receive(frame, now);
     static_cast<void>(buses_[i]->send(boards_[i].tick(now, rotors(i), analog_inputs(i))));
   }
@@ -76,9 +90,7 @@ double Emulator<R>::holding_torque(std::size_t joint) const noexcept {
 }
 
 template <class R>
-EmulatedBoard::Rotors Emulator<R>::rotors(std::size_t board) const noexcept {
-  const auto position = plant_.position();
-  const auto velocity = plant_.velocity();
+EmulatedBoard::Rotors Emulator<R>::rotors(std::size_t board) noexcept {
   const double per_angle = wiring_.drive.gear_ratio / (2.0 * std::numbers::pi);
   EmulatedBoard::Rotors rotors{};
   for (std::size_t i = 0; i < R::kJoints; ++i) {
@@ -86,8 +98,8 @@ EmulatedBoard::Rotors Emulator<R>::rotors(std::size_t board) const noexcept {
     if (place.board != board) continue;
     const double turns = wiring_.polarity[i] * per_angle;
     // From revolutions per second to 1000 revolutions per minute.
-    rotors[place.number] = {.revolutions = turns * position[i],
-                            .kilo_rpm = turns * velocity[i] * 60.0 / 1000.0};
+    rotors[place.number] = {.revolutions = turns * seen_angle(i),
+                            .kilo_rpm = turns * seen_speed(i) * 60.0 / 1000.0};
   }
   return rotors;
 }
@@ -104,6 +116,214 @@ std::array<double, 2> Emulator<R>::analog_inputs(std::size_t board) const noexce
     }
   }
   return values;
+}
+
+// ---- faults ----
+
+template <class R>
+void Emulator<R>::add(const EmulatedFault& fault, Instant now) {
+  using Kind = EmulatedFault::Kind;
+  const auto require_number = [](const char* what, std::size_t number, std::size_t count) {
+    trifinger::detail::require(number < count, std::string("there is no ") + what + " " +
+                                                   std::to_string(number) + ", only 0 to " +
+                                                   std::to_string(count - 1));
+  };
+  const Instant begin = fault.at ? started_ + *fault.at : now;
+  const Instant end = fault.duration ? begin + *fault.duration : Instant::max();
+  if (fault.kind >= Kind::kJointJumps) {
+    require_number("joint", fault.number, R::kJoints);
+    if (fault.kind == Kind::kJointsSwapped) require_number("joint", fault.other, R::kJoints);
+  } else if (fault.kind > Kind::kPowerOn) {
+    require_number(fault.kind >= Kind::kBusLoses ? "bus" : "board", fault.number, boards_.size());
+  }
+  using Bus = can::BusFault::Kind;
+  const auto script = [&](Bus kind, double probability = 1.0) {
+    can::BusFault on_bus{
+        .kind = kind, .begin = begin, .end = end, .probability = probability, .node = {}, .id = {}};
+    // The board's own frames; the other node is everybody else.
+    if (fault.kind == Kind::kBoardSilent || fault.kind == Kind::kBusFull) on_bus.node = 0;
+    if (kind == Bus::kDelay) on_bus.delay = fault.time;
+    if (kind == Bus::kFlood) on_bus.rate = fault.amount;
+    scripted(fault.number).add(on_bus);
+  };
+  switch (fault.kind) {
+    case Kind::kBoardSilent:
+      script(Bus::kLose);
+      break;
+    case Kind::kBusLoses:
+      script(Bus::kLose, fault.amount);
+      break;
+    case Kind::kBusDuplicates:
+      script(Bus::kDuplicate, fault.amount);
+      break;
+    case Kind::kBusDelays:
+      script(Bus::kDelay, fault.amount);
+      break;
+    case Kind::kBusCorrupts:
+      script(Bus::kCorrupt, fault.amount);
+      break;
+    case Kind::kBusFlooded:
+      script(Bus::kFlood);
+      break;
+    case Kind::kBusFull:
+      script(Bus::kQueueFull);
+      break;
+    case Kind::kBusOff:
+      script(Bus::kBusOff);
+      break;
+    case Kind::kBusDown:
+      script(Bus::kDown);
+      break;
+    case Kind::kBusGone:
+      script(Bus::kGone);
+      break;
+    default:
+      break;
+  }
+  faults_.push_back({.fault = fault, .begin = begin, .end = end});
+}
+
+template <class R>
+can::ScriptedBus& Emulator<R>::scripted(std::size_t bus) {
+  if (scripted_[bus] == nullptr) {
+    auto made = std::make_unique<can::ScriptedBus>(std::move(buses_[bus]), random_.seed + bus);
+    scripted_[bus] = made.get();
+    buses_[bus] = std::move(made);
+  }
+  return *scripted_[bus];
+}
+
+template <class R>
+void Emulator<R>::carry_out(Instant now) noexcept {
+  using Phase = ScheduledFault::Phase;
+  for (ScheduledFault& scheduled : faults_) {
+    if (scheduled.phase == Phase::kWaits && now >= scheduled.begin) {
+      scheduled.phase = Phase::kLasts;
+      begin(scheduled.fault, now);
+    }
+    if (scheduled.phase == Phase::kLasts && now >= scheduled.end) {
+      scheduled.phase = Phase::kIsOver;
+      end(scheduled.fault, now);
+    }
+  }
+}
+
+template <class R>
+void Emulator<R>::begin(const EmulatedFault& fault, Instant now) noexcept {
+  using Kind = EmulatedFault::Kind;
+  const std::size_t number = fault.number;
+  switch (fault.kind) {
+    case Kind::kPowerOff:
+      set_power(false, now);
+      break;
+    case Kind::kPowerOn:
+      set_power(true, now);
+      break;
+    case Kind::kBoardOff:
+      set_power(number, false, now);
+      break;
+    case Kind::kBoardRestart:
+      set_power(number, false, now);
+      set_power(number, true, now);
+      break;
+    case Kind::kBoardRollover:
+      set_power(number, false, now);
+      boards_[number].switch_on(now, rotors(number), can::kRolloverRevolutions - 0.01);
+      break;
+    case Kind::kBoardError:
+      boards_[number].fail(fault.error);
+      break;
+    case Kind::kJointJumps:
+      troubles_[number].jump += fault.amount;
+      break;
+    case Kind::kJointStuck:
+      troubles_[number].stuck_at = seen_angle(number);
+      troubles_[number].is_stuck = true;
+      break;
+    case Kind::kJointNoisy:
+      troubles_[number].noise = fault.amount;
+      break;
+    case Kind::kJointHot:
+      boards_[wiring_.motors[number].board].set_current_factor(wiring_.motors[number].number,
+                                                               fault.amount);
+      break;
+    case Kind::kJointLoose:
+      troubles_[number].loose_angle = plant_.position()[number];
+      troubles_[number].loose_speed = 0.0;
+      troubles_[number].is_loose = true;
+      break;
+    case Kind::kJointReversed:
+      wiring_.polarity[number] = -wiring_.polarity[number];
+      break;
+    case Kind::kJointsSwapped:
+      std::swap(wiring_.motors[number], wiring_.motors[fault.other]);
+      break;
+    default:  // in the script of the bus
+      break;
+  }
+}
+
+template <class R>
+void Emulator<R>::end(const EmulatedFault& fault, Instant now) noexcept {
+  using Kind = EmulatedFault::Kind;
+  const std::size_t number = fault.number;
+  switch (fault.kind) {
+    case Kind::kPowerOff:
+      set_power(true, now);
+      break;
+    case Kind::kBoardOff:
+      set_power(number, true, now);
+      break;
+    case Kind::kJointJumps:
+      troubles_[number].jump -= fault.amount;
+      break;
+    case Kind::kJointStuck:
+      troubles_[number].is_stuck = false;
+      break;
+    case Kind::kJointNoisy:
+      troubles_[number].noise = 0.0;
+      break;
+    case Kind::kJointHot:
+      boards_[wiring_.motors[number].board].set_current_factor(wiring_.motors[number].number, 1.0);
+      break;
+    case Kind::kJointLoose:
+      troubles_[number].is_loose = false;
+      break;
+    case Kind::kJointReversed:
+    case Kind::kJointsSwapped:
+      begin(fault, now);  // the same exchange once more
+      break;
+    default:
+      break;
+  }
+}
+
+// A motor alone: its current drives it against friction that grows with its speed.
+template <class R>
+void Emulator<R>::turn_loose_motor(std::size_t joint, double amperes) noexcept {
+  constexpr double kTick = 1e-3;         // [s]
+  constexpr double kTimeConstant = 0.1;  // [s]
+  constexpr double kSpeed = 5.0;         // at the joint, per ampere [rad/s]
+  JointTrouble& trouble = troubles_[joint];
+  trouble.loose_speed += kTick / kTimeConstant * (kSpeed * amperes - trouble.loose_speed);
+  trouble.loose_angle += kTick * trouble.loose_speed;
+}
+
+template <class R>
+double Emulator<R>::seen_angle(std::size_t joint) noexcept {
+  const JointTrouble& trouble = troubles_[joint];
+  if (trouble.is_stuck) return trouble.stuck_at;
+  double angle = trouble.is_loose ? trouble.loose_angle : plant_.position()[joint];
+  angle += trouble.jump;
+  if (trouble.noise > 0.0) angle += random_.uniform(-trouble.noise, trouble.noise);
+  return angle;
+}
+
+template <class R>
+double Emulator<R>::seen_speed(std::size_t joint) const noexcept {
+  const JointTrouble& trouble = troubles_[joint];
+  if (trouble.is_stuck) return 0.0;
+  return trouble.is_loose ? trouble.loose_speed : plant_.velocity()[joint];
 }
 
 template class Emulator<TriFinger>;

@@ -130,6 +130,16 @@ std::size_t OutgoingBatch::fill(std::span<const Frame> frames) noexcept {
   return count_;
 }
 
+void OutgoingBatch::fill_without_frame() noexcept {
+  count_ = 1;
+  packets_[0].frame = {};
+  packets_[0].frame.can_id = CAN_ERR_FLAG;
+}
+
+void OutgoingBatch::set_link(Link link) noexcept {
+  for (std::size_t i = 0; i < count_; ++i) packets_[i].link = static_cast<std::uint32_t>(link);
+}
+
 void OutgoingBatch::set_dropped(std::uint32_t dropped) noexcept {
   for (std::size_t i = 0; i < count_; ++i) packets_[i].dropped = dropped;
 }

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "trifinger/base/time.hpp"
+#include "trifinger/can/bus.hpp"
 #include "trifinger/can/frame.hpp"
 
 namespace trifinger::can {
@@ -35,11 +36,12 @@ class SocketCalls {
 };
 
 // A message as it is in memory. On a CAN socket it is the frame alone. On a bus between processes
-// the sender adds how many frames it has dropped for this receiver so far, modulo 2^32.
+// the sender adds how many frames it has dropped for this receiver so far, modulo 2^32, and what it
+// says of the receiver's link.
 struct Packet {
   can_frame frame{};
   std::uint32_t dropped{0};
-  std::uint32_t unused{0};  // no byte of a message is left to chance
+  std::uint32_t link{0};  // a Link
 };
 static_assert(sizeof(can_frame) == CAN_MTU && sizeof(Packet) == CAN_MTU + 8);
 
@@ -93,7 +95,10 @@ class OutgoingBatch {
 
   // Takes the first frames, at most kBatchSize of them. Returns their number.
   std::size_t fill(std::span<const Frame> frames) noexcept;
+  // Takes a message that is no frame, for what stands beside it.
+  void fill_without_frame() noexcept;
   void set_dropped(std::uint32_t dropped) noexcept;
+  void set_link(Link link) noexcept;
   // Sends what was filled in. Returns how many were sent; `error` says why not all, else it is 0.
   std::size_t send(SocketCalls& calls, int socket, int& error) noexcept;
 

@@ -86,7 +86,7 @@ const sockaddr* generic(const sockaddr_un& address) noexcept {
   return reinterpret_cast<const sockaddr*>(&address);
 }
 
-class UnixNode final : public Bus {
+class UnixNode final : public UnixBus {
  public:
   UnixNode() = default;
   UnixNode(const UnixNode&) = delete;
@@ -96,6 +96,8 @@ class UnixNode final : public Bus {
   // If this throws, the destructor undoes what was done.
   void join(const std::filesystem::path& path);
 
+  void set_link(Link link) noexcept override;
+
  private:
   // Another node. It was accepted in the loop, where ipc::FileDescriptor must not be made.
   struct Peer {
@@ -103,6 +105,7 @@ class UnixNode final : public Bus {
     Instant empty;         // when the socket was last found empty
     bool is_deaf{false};   // it has closed its end; what it sent before may still wait here
     bool has_left{false};  // and nothing waits
+    Link link{Link::kUp};  // what it says of ours
     std::uint32_t dropped_by_us{0};
     std::uint32_t dropped_by_it{0};
   };
@@ -115,6 +118,9 @@ class UnixNode final : public Bus {
   void add(int socket) noexcept;
   void accept_newcomers() noexcept;
   void remove_those_who_left() noexcept;
+  // Hands what was filled in to all other nodes.
+  void send_to_all(std::size_t count) noexcept;
+  void update_link() noexcept;
   // Adds at most budget.size() - count frames to `budget`. True if the peer has sent no more.
   bool receive_from(Peer& peer, std::span<Frame> budget, std::size_t& count) noexcept;
   // Returns the frame of a message, and notes what else the message tells.
@@ -127,6 +133,7 @@ class UnixNode final : public Bus {
   std::size_t first_{0};     // the peer from which the next call receives first
   IncomingBatch incoming_{sizeof(Packet)};
   OutgoingBatch outgoing_{sizeof(Packet)};
+  Link told_{Link::kUp};  // what the others are told of theirs
 };
 
 void UnixNode::join(const std::filesystem::path& path) {
@@ -229,7 +236,17 @@ std::size_t UnixNode::do_receive(std::span<Frame> budget) noexcept {
   }
   if (!all_empty) ++state_.overloads;
   remove_those_who_left();
+  update_link();
   return count;
+}
+
+void UnixNode::update_link() noexcept {
+  Link link = Link::kUp;
+  for (const Peer& peer : peers_) link = std::max(link, peer.link);
+  if (link == state_.link) return;
+  if (link == Link::kBusOff) ++state_.bus_offs;
+  if (state_.link == Link::kBusOff && link == Link::kUp) ++state_.restarts;
+  state_.link = link;
 }
 
 bool UnixNode::receive_from(Peer& peer, std::span<Frame> budget, std::size_t& count) noexcept {
@@ -257,6 +274,11 @@ std::optional<Frame> UnixNode::take(const Incoming& message, Peer& peer,
                                     const ClockPair& now) noexcept {
   peer.has_left = message.size == 0;
   if (peer.has_left) return std::nullopt;
+  if (message.size == sizeof(Packet)) {
+    peer.link =
+        static_cast<Link>(std::min(message.packet.link, static_cast<std::uint32_t>(Link::kGone)));
+    if (message.packet.frame.can_id == CAN_ERR_FLAG) return std::nullopt;
+  }
   const Instant time = arrival_time(message.stamp.value_or(now.wall), now, peer.empty);
   const auto frame = from_wire(message.packet.frame, time);
   if (message.size != sizeof(Packet) || !frame) {
@@ -270,24 +292,47 @@ std::optional<Frame> UnixNode::take(const Incoming& message, Peer& peer,
 
 SendResult UnixNode::do_send(std::span<const Frame> frames) noexcept {
   accept_newcomers();
+  switch (state_.link) {
+    case Link::kBusOff:
+      return {.refusal = Refusal::kBusOff};
+    case Link::kDown:
+      return {.refusal = Refusal::kDown};
+    case Link::kGone:
+      return {.refusal = Refusal::kGone};
+    default:
+      break;
+  }
   for (std::size_t sent = 0; sent < frames.size();) {
     const std::size_t count = outgoing_.fill(frames.subspan(sent));
-    for (Peer& peer : peers_) {
-      if (peer.is_deaf) continue;
-      outgoing_.set_dropped(peer.dropped_by_us);
-      int error = 0;
-      const std::size_t arrived = outgoing_.send(SocketCalls::of_kernel(), peer.socket, error);
-      peer.dropped_by_us += static_cast<std::uint32_t>(count - arrived);
-      peer.is_deaf = error == EPIPE || error == ECONNRESET;
-    }
+    send_to_all(count);
     sent += count;
   }
   return {.sent = frames.size()};
 }
 
+void UnixNode::set_link(Link link) noexcept {
+  const bool is_news = link != told_ || link != Link::kUp;
+  told_ = link;
+  if (!is_news) return;
+  outgoing_.fill_without_frame();
+  send_to_all(0);
+}
+
+void UnixNode::send_to_all(std::size_t count) noexcept {
+  outgoing_.set_link(told_);
+  for (Peer& peer : peers_) {
+    if (peer.is_deaf) continue;
+    outgoing_.set_dropped(peer.dropped_by_us);
+    int error = 0;
+    const std::size_t arrived = outgoing_.send(SocketCalls::of_kernel(), peer.socket, error);
+    if (arrived < count) peer.dropped_by_us += static_cast<std::uint32_t>(count - arrived);
+    peer.is_deaf = error == EPIPE || error == ECONNRESET;
+  }
+}
+
 }  // namespace
 
-std::unique_ptr<Bus> join_unix_bus(const std::filesystem::path& folder) {
+std::unique_ptr<UnixBus> join_unix_bus(const std::filesystem::path& folder) {
   auto node = std::make_unique<UnixNode>();
   node->join(folder);
   return node;

@@ -26,6 +26,13 @@ std::int32_t in_milliseconds(Nanoseconds time) noexcept {
 // One more byte is needed for the zero that ends the text.
 static_assert(FixedText::kCapacity < sizeof(StateHeader::fault_text));
 
+// One second of steps at 1 kHz: no sensor should be later.
+constexpr TimeIndex kBeginsKept = 1024;
+
+constexpr std::size_t place_of(TimeIndex time_index) noexcept {
+  return static_cast<std::size_t>(time_index % kBeginsKept);
+}
+
 // True if the driver ends the session early: by a fault or an interruption.
 bool breaks_off(const DriverReport& report) noexcept {
   return report.state == DriverReport::State::kFault ||
@@ -52,6 +59,7 @@ Loop::Loop(UntypedDriver& driver, SessionPlace::Writers& writers, const BackendO
   for (const CompanionDescription& companion : driver.companions()) {
     companion_elements_.push_back(element_buffer(companion.element.size()));
   }
+  if (!companions_.empty()) begins_.assign(kBeginsKept, 0);
 }
 
 Progress Loop::tick(const Tick& now) noexcept {
@@ -322,6 +330,9 @@ void Loop::record_timing() noexcept {
 }
 
 void Loop::publish_companions(const Tick& now, TimeIndex time_index) noexcept {
+  if (!begins_.empty() && time_index >= writer_.first_index()) {
+    begins_[place_of(time_index)] = now.time.time_since_epoch().count();
+  }
   for (std::size_t i = 0; i < companions_.size(); ++i) {
     SessionWriter& companion = *companions_[i];
     Element& element = companion_elements_[i];
@@ -337,6 +348,11 @@ void Loop::publish_companions(const Tick& now, TimeIndex time_index) noexcept {
       // The buffer's first bytes are a Stamp: the description of every companion begins with one.
       auto& stamp = *reinterpret_cast<Stamp*>(element.data());
       stamp.arrival_time = now.time.time_since_epoch().count();
+      if (stamp.capture_index == Stamp::kFromTime) {
+        // What arrives now was captured before, whatever its sensor says.
+        stamp.capture_time = std::min(stamp.capture_time, stamp.arrival_time);
+        stamp.capture_index = step_at(stamp.capture_time, time_index);
+      }
       if (stamp.capture_time == 0) {
         stamp.capture_time = stamp.arrival_time -
                              (stamp.arrival_index - stamp.capture_index) * options_.period.count();
@@ -346,6 +362,18 @@ void Loop::publish_companions(const Tick& now, TimeIndex time_index) noexcept {
     // release: whoever sees the step also finds its elements.
     companion.header().complete_through.store(time_index, std::memory_order_release);
   }
+}
+
+TimeIndex Loop::step_at(std::int64_t time, TimeIndex newest) const noexcept {
+  const TimeIndex first = writer_.first_index();
+  const TimeIndex oldest = std::max(first, newest + 1 - kBeginsKept);
+  for (TimeIndex t = newest; t >= oldest; --t) {
+    if (begins_[place_of(t)] <= time) return t;
+  }
+  if (oldest <= first) return first - 1;
+  // Nobody remembers when that step began. Periods are as good as they can be.
+  const TimeIndex periods = (begins_[place_of(oldest)] - time) / options_.period.count() + 1;
+  return std::max(oldest - periods, first - 1);
 }
 
 void Loop::announce(bool always) noexcept {

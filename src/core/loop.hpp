@@ -75,6 +75,8 @@ class Loop {
   void publish_observation() noexcept;
   void record_timing() noexcept;
   void publish_companions(const Tick& now, TimeIndex time_index) noexcept;
+  // The newest step that had begun at `time`; the one before the first if none had.
+  [[nodiscard]] TimeIndex step_at(std::int64_t time, TimeIndex newest) const noexcept;
   void announce(bool always) noexcept;
   Progress end(Fault::Code code, std::int32_t detail) noexcept;
   // Ends the session for the reason in `report`, for which `breaks_off` must be true.
@@ -111,6 +113,9 @@ class Loop {
   Element observation_;
   Element hold_action_;
   std::vector<Element> companion_elements_;
+  // When the last steps began [ns], for companions that know no steps: step t is at t modulo the
+  // size, a power of two. Empty if there are no companions.
+  std::vector<std::int64_t> begins_;
 
   Stage stage_{Stage::kPreparing};
   TimeIndex count_{0};    // number of calls in the stages kPreparing and kStopping

@@ -3,14 +3,25 @@
 
 #include <utility>
 
+#include "trifinger/base/error.hpp"
+
 namespace trifinger {
 namespace {
 
 // Boards live in milliseconds, whatever the period of the robot.
 template <class R>
 SimulationOptions<R> in_milliseconds(SimulationOptions<R> options) {
+  const TimeIndex steps = options.period / kPhysicsStep;
+  options.object_period *= steps;
+  options.object_delay *= steps;
   options.period = kPhysicsStep;
   return options;
+}
+
+ElementDescription element_of(const RobotDescription& description) {
+  const auto companion = object_companion(description);
+  detail::require(companion.has_value(), "there are no objects to track");
+  return companion->element;
 }
 
 }  // namespace
@@ -23,6 +34,22 @@ SimulatedPlant<R>::SimulatedPlant(SimulationOptions<R> options)
   simulator_.reset(simulator_.initial_position(), Random{.seed = simulator_.options().seed},
                    *simulator_.model().mujoco(), *data_, state_);
   simulator_.observe(*data_, state_);
+  for (const ObjectAddress& object : simulator_.model().objects()) {
+    initial_poses_.push_back(simulator_.object_pose(object, *data_));
+  }
+}
+
+template <class R>
+const typename Simulator<R>::Capture* SimulatedPlant<R>::receive_poses() noexcept {
+  if (initial_poses_.empty()) return nullptr;
+  return simulator_.receive_poses(step_count(), *data_, state_);
+}
+
+template <class R>
+void SimulatedPlant<R>::reset_objects() noexcept {
+  for (std::size_t i = 0; i < initial_poses_.size(); ++i) {
+    simulator_.place(simulator_.model().objects()[i], initial_poses_[i], *data_, state_);
+  }
 }
 
 template <class R>
@@ -32,7 +59,28 @@ void SimulatedPlant<R>::step(const Joints& torque) noexcept {
   if (!has_diverged_) simulator_.observe(*data_, state_);
 }
 
+template <class R>
+SimulatedTracker<R>::SimulatedTracker(const std::string& robot, SimulatedPlant<R>& plant)
+    : plant_(plant),
+      element_(element_of(plant.options().description).size()),
+      times_(static_cast<std::size_t>(plant.options().object_delay) + 1),
+      writer_(robot, kObjectCompanion, element_of(plant.options().description)) {}
+
+template <class R>
+void SimulatedTracker<R>::tick(Instant now) noexcept {
+  const auto time_of = [this](TimeIndex step) -> Instant& {
+    return times_[static_cast<std::size_t>(step) % times_.size()];
+  };
+  time_of(plant_.step_count()) = now;
+  const auto* const received = plant_.receive_poses();
+  if (received == nullptr) return;
+  write_objects({}, received->objects, element_.data());
+  writer_.write(time_of(received->capture_index), element_.data());
+}
+
 template class SimulatedPlant<TriFinger>;
 template class SimulatedPlant<Finger>;
+template class SimulatedTracker<TriFinger>;
+template class SimulatedTracker<Finger>;
 
 }  // namespace trifinger

@@ -26,26 +26,6 @@ using detail::require;
 // Every saved state begins with this number, so that states of other versions are recognised.
 constexpr std::uint64_t kStateMagic = 0x34534d4953465254;  // "TRFSIMS4"
 
-constexpr const char* kObjectCompanion = "object";
-
-ElementDescription describe_objects(const RobotModel& model) {
-  std::vector<FieldDescription> fields;
-  std::size_t offset = 0;
-  const auto append = [&](const std::string& prefix, const ElementDescription& element) {
-    for (FieldDescription field : element.fields()) {
-      field.name = prefix + field.name;
-      field.offset += offset;
-      fields.push_back(std::move(field));
-    }
-    offset += element.size();
-  };
-  append("stamp.", describe<Stamp>());
-  for (const ObjectAddress& object : model.objects()) {
-    append(object.name + ".", describe<ObjectPose>());
-  }
-  return ElementDescription(std::move(fields));
-}
-
 // Every saved state begins with this header.
 struct Header {
   std::uint64_t magic{kStateMagic};
@@ -86,10 +66,8 @@ SimulatedRobot<R>::SimulatedRobot(Options options)
       changed_by_step_(parts_changed_by_step()),
       after_step_(before_step_.size()),
       physics_(state_size_of(model(), kWholeState)) {
-  if (!model().objects().empty()) {
-    companions_.push_back({.name = kObjectCompanion,
-                           .type = "object_observation",
-                           .element = describe_objects(model())});
+  if (auto objects = object_companion(this->options().description)) {
+    companions_.push_back(std::move(*objects));
   }
   begin_state_.resize(state_size());
   spare_state_.resize(state_size());
@@ -173,10 +151,7 @@ bool SimulatedRobot<R>::get_companion_element(std::size_t, TimeIndex time_index,
   if (received == nullptr) return false;
   const Stamp stamp{.arrival_index = time_index < 0 ? -1 : received->arrival_index,
                     .capture_index = received->capture_index};
-  auto* target = static_cast<std::byte*>(element);
-  std::memcpy(target, &stamp, sizeof(stamp));
-  std::memcpy(target + sizeof(stamp), received->objects.data(),
-              received->objects.size() * sizeof(ObjectPose));
+  write_objects(stamp, received->objects, static_cast<std::byte*>(element));
   return true;
 }
 

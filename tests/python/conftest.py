@@ -5,7 +5,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -96,9 +96,10 @@ class Child:
 class Running:
     """A running program `trifinger`, on request as another user. Its output is read by lines."""
 
-    def __init__(self, *arguments: str, user: int | None = None) -> None:
+    def __init__(self, *arguments: str, user: int | None = None, typed: bool = False) -> None:
         self.process = subprocess.Popen(
             [PROGRAM, *arguments],
+            stdin=subprocess.PIPE if typed else None,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -130,6 +131,23 @@ class Running:
 
 StartChild = Callable[..., Child]
 StartProgram = Callable[..., Running]
+
+EMULATED = "trifinger_edu_emulated"
+# Machines of tests stall for longer than any robot's machine may.
+PATIENT = [
+    *("--set", "safety.plausibility.stuck_time=.inf"),
+    *("--set", "safety.plausibility.max_position_rate=.inf"),
+    *("--set", "safety.plausibility.max_velocity_error=.inf"),
+    *("--set", "backend.late_action.policy=repeat"),
+    *("--set", "backend.late_action.max_repeats=1000000"),
+    *("--set", "backend.max_skipped_ticks=1000000"),
+]
+PATIENT_BOARDS = [
+    *PATIENT,
+    *("--set", "boards.silent_after=3"),
+    *("--set", "boards.receive_timeout=10"),
+    *("--set", "boards.move_time=1"),
+]
 
 
 @pytest.fixture(autouse=True)
@@ -197,14 +215,35 @@ def start_program() -> Iterator[StartProgram]:
     """Starts the program `trifinger`; it does not outlive the test."""
     started: list[Running] = []
 
-    def start(*arguments: str, user: int | None = None) -> Running:
-        started.append(Running(*arguments, user=user))
+    def start(*arguments: str, user: int | None = None, typed: bool = False) -> Running:
+        started.append(Running(*arguments, user=user, typed=typed))
         return started[-1]
 
     yield start
     for program in started:
         with program.process:  # closes what is left open, and waits
             program.process.kill()
+
+
+@pytest.fixture(params=["simulated", "emulated"])
+def start_robot(request: pytest.FixtureRequest, start_program: StartProgram) -> StartProgram:
+    """Starts a robot with a cube in real time: a simulated one, or one on emulated motor boards.
+
+    Nothing but its configuration tells the two apart. Its name and settings are the arguments, and
+    what else `trifinger run` shall know.
+    """
+
+    def start(name: str, *settings: str, more: Sequence[str] = ()) -> Running:
+        if request.param == "emulated":
+            words = [EMULATED, "--name", name, *PATIENT_BOARDS, *settings]
+            start_program("emulate", *words).wait_for("emulated boards are on")
+        else:
+            words = ["sim", "--name", name, *PATIENT, *settings]
+        robot = start_program("run", *words, *more)
+        robot.wait_for("waits for a user")
+        return robot
+
+    return start
 
 
 def diverging_state(simulation: trifinger.Simulation | None = None) -> bytes:

@@ -12,23 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 import trifinger
-from conftest import PROGRAM, StartProgram
+from conftest import EMULATED, PATIENT_BOARDS, PROGRAM, StartProgram
 
 pytestmark = pytest.mark.release
 
-ROBOT = "trifinger_edu_emulated"
 NAME = "trifinger-edu-emulated"
-# Machines of tests stall for longer than any robot's machine may.
-PATIENT = [
-    *("--set", "boards.silent_after=3"),
-    *("--set", "boards.receive_timeout=10"),
-    *("--set", "boards.move_time=1"),
-    *("--set", "safety.plausibility.stuck_time=.inf"),
-    *("--set", "safety.plausibility.max_position_rate=.inf"),
-    *("--set", "safety.plausibility.max_velocity_error=.inf"),
-    *("--set", "backend.late_action.max_repeats=10000"),
-    *("--set", "backend.max_skipped_ticks=10000"),
-]
 START = np.array([0.0, 0.9, -1.7] * 3)  # [rad]
 GOAL = np.array([0.2, 0.7, -1.5] * 3)  # [rad]
 
@@ -40,9 +28,9 @@ def hold_for_ever(robot: trifinger.Frontend) -> None:
 
 
 def test_it_homes_moves_and_survives_an_emergency_stop(start_program: StartProgram) -> None:
-    boards = start_program("emulate", ROBOT, *PATIENT)
+    boards = start_program("emulate", EMULATED, *PATIENT_BOARDS)
     boards.wait_for("6 emulated boards are on")
-    start_program("run", ROBOT, *PATIENT).wait_for("holds its pose")
+    start_program("run", EMULATED, *PATIENT_BOARDS).wait_for("holds its pose")
 
     robot = trifinger.connect(NAME)
     np.testing.assert_allclose(robot.latest_observation().position, START, atol=0.03)
@@ -56,7 +44,7 @@ def test_it_homes_moves_and_survives_an_emergency_stop(start_program: StartProgr
     with pytest.raises(trifinger.RobotStopped, match=r"board \d .* no measurements come"):
         hold_for_ever(robot)
 
-    start_program("emulate", ROBOT, *PATIENT).wait_for("6 emulated boards are on")
+    start_program("emulate", EMULATED, *PATIENT_BOARDS).wait_for("6 emulated boards are on")
     subprocess.run([PROGRAM, "recover", NAME], check=True, timeout=120)
     with trifinger.connect(NAME, timeout=100) as robot:
         np.testing.assert_allclose(robot.latest_observation().position, START, atol=0.03)
@@ -189,7 +177,7 @@ def test_what_is_no_robot_on_boards_cannot_be_emulated() -> None:
 )
 def test_a_wrong_value_is_answered_with_a_sentence(setting: str, sentence: str) -> None:
     done = subprocess.run(
-        [PROGRAM, "run", ROBOT, "--set", setting], capture_output=True, text=True, check=False
+        [PROGRAM, "run", EMULATED, "--set", setting], capture_output=True, text=True, check=False
     )
     assert done.returncode != 0
     assert sentence in done.stderr
@@ -198,7 +186,7 @@ def test_a_wrong_value_is_answered_with_a_sentence(setting: str, sentence: str) 
 def test_an_interface_that_does_not_exist_is_named() -> None:
     settings = ["--set", "boards.bus=socketcan", "--set", "boards.interfaces=[x0,x1,x2,x3,x4,x5]"]
     done = subprocess.run(
-        [PROGRAM, "run", ROBOT, *settings], capture_output=True, text=True, check=False
+        [PROGRAM, "run", EMULATED, *settings], capture_output=True, text=True, check=False
     )
     assert done.returncode != 0
     assert "CAN" in done.stderr or "x0" in done.stderr

@@ -45,8 +45,9 @@ class EmulatedBoard {
   explicit EmulatedBoard(const EmulatedBoardOptions& options = {}) noexcept;
 
   /// Switches the supply on: positions count from where the rotors are, and the system is enabled
-  /// but no motor is. The next tick sends the first status. Without effect if it is on.
-  void switch_on(Instant now, const Rotors& rotors) noexcept;
+  /// but no motor is. The next tick sends the first status. Without effect if it is on. The
+  /// positions begin at `first` instead of 0 [revolutions], as after a long way.
+  void switch_on(Instant now, const Rotors& rotors, double first = 0.0) noexcept;
   /// Switches the supply off: nothing is sent, no current flows, and the board forgets everything.
   void switch_off() noexcept;
   [[nodiscard]] bool is_on() const noexcept { return state_.is_on; }
@@ -73,6 +74,10 @@ class EmulatedBoard {
   /// already. `kEncoder` stops it again each time the system is enabled, until it is switched off.
   /// Any other error has passed when the system is enabled again.
   void fail(can::BoardError error) noexcept;
+  /// From now on this motor, 0 or 1, gets `factor` times the current that it is told.
+  void set_current_factor(std::size_t motor, double factor) noexcept {
+    current_factors_[motor] = factor;
+  }
 
  private:
   struct Motor {
@@ -127,6 +132,7 @@ class EmulatedBoard {
   EmulatedBoardOptions options_;
   Random random_;
   State state_;
+  can::MotorPair current_factors_{1.0, 1.0};
   std::array<can::Frame, kMaxFrames> frames_{};
   std::size_t frame_count_{0};
 };

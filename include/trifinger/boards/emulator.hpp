@@ -3,13 +3,18 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <memory>
+#include <span>
 #include <vector>
 
+#include "trifinger/base/random.hpp"
 #include "trifinger/base/time.hpp"
 #include "trifinger/boards/board_robot.hpp"
 #include "trifinger/boards/emulated_board.hpp"
+#include "trifinger/boards/emulated_fault.hpp"
 #include "trifinger/can/bus.hpp"
+#include "trifinger/can/scripted_bus.hpp"
 #include "trifinger/joint/types.hpp"
 
 namespace trifinger::boards {
@@ -35,6 +40,16 @@ class Plant {
   virtual void step(const Joints& torque) noexcept = 0;
 };
 
+/// A fault with its time.
+struct ScheduledFault {
+  enum class Phase : std::uint8_t { kWaits, kLasts, kIsOver };
+
+  EmulatedFault fault;
+  Instant begin;
+  Instant end;
+  Phase phase{Phase::kWaits};
+};
+
 /// All boards of a robot with what they move, each on a bus of its own.
 template <class R>
 class Emulator {
@@ -53,12 +68,39 @@ class Emulator {
   /// Switches the supply of one board.
   void set_power(std::size_t board, bool is_on, Instant now) noexcept;
 
+  /// Lets something go wrong. Its time counts from the beginning of the emulation; without one it
+  /// begins with the next tick. Not for the loop. The end of a fault undoes it, except for errors,
+  /// restarts and rollovers, and for an interface that is gone.
+  /// @throws InvalidArgument if the robot has no such board or joint
+  void add(const EmulatedFault& fault, Instant now);
+  /// All faults so far, in the order in which they were added.
+  [[nodiscard]] std::span<const ScheduledFault> faults() const noexcept { return faults_; }
+
   [[nodiscard]] EmulatedBoard& board(std::size_t number) noexcept { return boards_[number]; }
   [[nodiscard]] std::size_t num_boards() const noexcept { return boards_.size(); }
 
  private:
+  // What is wrong at a joint, and where its motor is if it turns without it.
+  struct JointTrouble {
+    double jump{0.0};   // [rad]
+    double noise{0.0};  // [rad]
+    bool is_stuck{false};
+    double stuck_at{0.0};  // [rad]
+    bool is_loose{false};
+    double loose_angle{0.0};  // [rad]
+    double loose_speed{0.0};  // [rad/s]
+  };
+
+  void carry_out(Instant now) noexcept;
+  void begin(const EmulatedFault& fault, Instant now) noexcept;
+  void end(const EmulatedFault& fault, Instant now) noexcept;
+  void turn_loose_motor(std::size_t joint, double amperes) noexcept;
+  // Where the motor of a joint seems to be.
+  [[nodiscard]] double seen_angle(std::size_t joint) noexcept;
+  [[nodiscard]] double seen_speed(std::size_t joint) const noexcept;
+  [[nodiscard]] can::ScriptedBus& scripted(std::size_t bus);
   [[nodiscard]] double holding_torque(std::size_t joint) const noexcept;
-  [[nodiscard]] EmulatedBoard::Rotors rotors(std::size_t board) const noexcept;
+  [[nodiscard]] EmulatedBoard::Rotors rotors(std::size_t board) noexcept;
   [[nodiscard]] std::array<double, 2> analog_inputs(std::size_t board) const noexcept;
 
   BoardRobotOptions<R> wiring_;
@@ -67,6 +109,11 @@ class Emulator {
   std::vector<EmulatedBoard> boards_;
   typename Plant<R>::Joints aligned_at_{};  // where the joints were before their alignment
   std::array<can::Frame, 64> frames_{};
+  Instant started_;
+  std::vector<ScheduledFault> faults_;
+  std::vector<can::ScriptedBus*> scripted_;  // of each board; null until its bus has a fault
+  std::array<JointTrouble, R::kJoints> troubles_{};
+  Random random_{};
 };
 
 extern template class Emulator<TriFinger>;

@@ -12,6 +12,14 @@ namespace trifinger::can {
 /// The number of nodes that a bus between processes can have.
 inline constexpr std::size_t kMaxUnixNodes = 64;
 
+/// A node on a bus between processes.
+class UnixBus : public Bus {
+ public:
+  /// Tells the other nodes what has become of their link, as an emulator of the bus does: for them
+  /// it is the worst that any node tells. Call it in every tick, because others may join.
+  virtual void set_link(Link link) noexcept TRIFINGER_REALTIME = 0;
+};
+
 /// Joins the bus between processes whose folder is `folder`, and makes the folder if there is none.
 ///
 /// Whoever joins the same folder is on the same bus: any process of this user on this machine.
@@ -22,6 +30,6 @@ inline constexpr std::size_t kMaxUnixNodes = 64;
 /// Joining waits until other nodes have joined, at most 10 s.
 /// @throws SystemError if the folder belongs to or may be written by somebody else, TimedOut,
 /// InvalidArgument if there are already kMaxUnixNodes nodes
-[[nodiscard]] std::unique_ptr<Bus> join_unix_bus(const std::filesystem::path& folder);
+[[nodiscard]] std::unique_ptr<UnixBus> join_unix_bus(const std::filesystem::path& folder);
 
 }  // namespace trifinger::can

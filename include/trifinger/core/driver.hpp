@@ -3,6 +3,7 @@
 
 #include <concepts>
 #include <cstdint>
+#include <limits>
 #include <new>
 #include <span>
 #include <string>
@@ -52,6 +53,10 @@ struct DriverReport {
 /// When an element of a companion was measured and when it became known. This is the first member
 /// of every element of a companion.
 struct Stamp {
+  /// A driver that knows only the time of capture sets `capture_index` to this. The back-end then
+  /// finds the step: the newest one that had begun at `capture_time`.
+  static constexpr TimeIndex kFromTime = std::numeric_limits<TimeIndex>::min();
+
   TimeIndex arrival_index{-1};  ///< Robot step at which the element became known; -1 before step 0.
   TimeIndex capture_index{-1};  ///< Robot step at which it was measured.
   std::int64_t arrival_time{0};  ///< Monotonic clock [ns]; set by the back-end.
@@ -114,8 +119,9 @@ class UntypedDriver {
   virtual void cut() noexcept = 0;
 
   /// Writes the next element of companion `index` that arrives at or before step `time_index`, and
-  /// sets `stamp.arrival_index` and `stamp.capture_index`. The back-end calls it before it
-  /// publishes y_t, until the answer is false. Before step 0, `time_index` is -1.
+  /// sets `stamp.arrival_index` and `stamp.capture_index`; see `Stamp::kFromTime` for a sensor that
+  /// knows no steps. The back-end calls it before it publishes y_t, until the answer is false.
+  /// Before step 0, `time_index` is -1.
   [[nodiscard]] virtual bool get_companion_element(std::size_t index, TimeIndex time_index,
                                                    void* element) noexcept TRIFINGER_REALTIME {
     static_cast<void>(index), static_cast<void>(time_index), static_cast<void>(element);

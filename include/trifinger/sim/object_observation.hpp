@@ -2,8 +2,12 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
+#include <optional>
+#include <span>
 
 #include "trifinger/core/driver.hpp"
+#include "trifinger/model/robot_description.hpp"
 
 namespace trifinger {
 
@@ -38,5 +42,17 @@ struct CubeObservation {
                       field("cube", &CubeObservation::cube)};
   }
 };
+
+/// Name of the companion with the poses of the objects.
+inline constexpr const char* kObjectCompanion = "object";
+
+/// Describes the companion "object" of a robot: one pose for each object of its scene, in their
+/// order. Nothing if the scene has no objects.
+[[nodiscard]] std::optional<CompanionDescription> object_companion(
+    const RobotDescription& description);
+
+/// Writes an element of that companion.
+void write_objects(const Stamp& stamp, std::span<const ObjectPose> objects,
+                   std::byte* element) noexcept;
 
 }  // namespace trifinger

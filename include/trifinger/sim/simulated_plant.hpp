@@ -2,9 +2,14 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
+#include <string>
+#include <vector>
 
 #include "trifinger/boards/emulator.hpp"
+#include "trifinger/core/sensor.hpp"
 #include "trifinger/model/robot_model.hpp"
+#include "trifinger/sim/object_observation.hpp"
 #include "trifinger/sim/simulator.hpp"
 
 namespace trifinger {
@@ -25,6 +30,17 @@ class SimulatedPlant final : public boards::Plant<R> {
   }
   void step(const Joints& torque) noexcept override;
 
+  [[nodiscard]] const SimulationOptions<R>& options() const noexcept {
+    return simulator_.options();
+  }
+  /// The poses of all objects that arrive from the cameras now; nullptr if none do. Call it once
+  /// after each step. Steps count from 1.
+  [[nodiscard]] const typename Simulator<R>::Capture* receive_poses() noexcept;
+  /// The number of steps so far.
+  [[nodiscard]] TimeIndex step_count() const noexcept { return state_.memory.step; }
+  /// Places all objects where they were in the beginning, at rest.
+  void reset_objects() noexcept;
+
   /// True if the simulation has diverged; then nothing moves any more.
   [[nodiscard]] bool has_diverged() const noexcept { return has_diverged_; }
 
@@ -32,10 +48,32 @@ class SimulatedPlant final : public boards::Plant<R> {
   Simulator<R> simulator_;
   RobotModel::Data data_;
   typename Simulator<R>::State state_;
+  std::vector<ObjectPose> initial_poses_;
   bool has_diverged_{false};
+};
+
+/// The cameras above a plant: a sensor that tells a robot where its objects are, with the rate,
+/// delay and noise of the plant's options.
+template <class R>
+class SimulatedTracker {
+ public:
+  /// @throws InvalidArgument if the plant has no objects, SystemError, Error if another process
+  /// tracks the objects of `robot`
+  SimulatedTracker(const std::string& robot, SimulatedPlant<R>& plant);
+
+  /// Call it after each step of the plant, at `now` of the monotonic clock.
+  void tick(Instant now) noexcept;
+
+ private:
+  SimulatedPlant<R>& plant_;
+  std::vector<std::byte> element_;
+  std::vector<Instant> times_;  // of the plant's last steps, in a ring
+  UntypedSensorWriter writer_;
 };
 
 extern template class SimulatedPlant<TriFinger>;
 extern template class SimulatedPlant<Finger>;
+extern template class SimulatedTracker<TriFinger>;
+extern template class SimulatedTracker<Finger>;
 
 }  // namespace trifinger

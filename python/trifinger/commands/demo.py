@@ -2,7 +2,8 @@
 """`trifinger demo`: a simulated TriFinger lifts a cube by 20 cm, holds it and puts it down.
 
 The back-end runs at 1 kHz and records itself. The controller is `trifinger manipulate lift`. Each
-runs in its own process. A folder keeps the log, a picture of the scene, plots, and the report.
+runs in its own process. With `--emulated` the robot has motor boards, which `trifinger emulate`
+emulates in a third one. A folder keeps the log, a picture of the scene, plots, and the report.
 """
 
 import argparse
@@ -27,37 +28,54 @@ from trifinger.log.plot import plot
 from trifinger.picture import View
 
 NAME = "demo"
+EMULATED = "trifinger_edu_emulated"
+# With fingers at the default height, a cube lifted by 19 cm would hit them.
+SETTINGS = ["--set", "fingers.height=0.3"]
 HOLD_TIME = 3.0  # [s]
 VIEW = View("115,-20", 960, 720)  # two faces of the cube
 
 
 @contextlib.contextmanager
-def back_end(folder: Path, mode: str) -> Iterator[None]:
-    """Runs a simulated robot in its own process, for as long as the block lasts.
+def running(*words: str) -> Iterator[subprocess.Popen[str]]:
+    """Runs `trifinger WORDS` in its own process, for as long as the block lasts.
 
-    The robot records itself into `folder`. Ctrl-C does not reach the robot, so that its controller
-    can put the cube down first.
+    Ctrl-C does not reach it, so that the controller can put the cube down first.
     """
-    words = [program.path(), "run", "sim", mode, "--name", NAME, "--record", str(folder)]
-    # With fingers at the default height, a cube lifted by 19 cm would hit them.
-    words += ["--set", "fingers.height=0.3"]
     with subprocess.Popen(
-        words,
+        [program.path(), *words],
+        stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
         process_group=0,
     ) as process:
         try:
-            while NAME not in (session.name for session in trifinger.list_sessions()):
-                if process.poll() is not None:
-                    output = process.stdout.read() if process.stdout else ""
-                    raise trifinger.Error(f"`{' '.join(words)}` ended at once and said:\n{output}")
-                time.sleep(0.01)
-            yield
+            yield process
         finally:
             process.terminate()
             process.wait()
+
+
+@contextlib.contextmanager
+def back_end(folder: Path, mode: str, robot: str) -> Iterator[None]:
+    """Runs a robot, and what it needs, for as long as the block lasts.
+
+    The robot records itself into `folder`.
+    """
+    named = [robot, "--name", NAME, *SETTINGS]
+    with contextlib.ExitStack() as programs:
+        if robot == EMULATED:
+            programs.enter_context(running("emulate", *named))
+        process = programs.enter_context(running("run", *named, mode, "--record", str(folder)))
+        while NAME not in (session.name for session in trifinger.list_sessions()):
+            if process.poll() is not None:
+                output = process.stdout.read() if process.stdout else ""
+                raise trifinger.Error(f"`trifinger run {robot}` ended at once and said:\n{output}")
+            time.sleep(0.01)
+        if robot == EMULATED:
+            print("The robot finds the zeros of its joints at their end stops.", flush=True)
+        trifinger.observe(NAME).latest_observation()  # once it holds its pose
+        yield
 
 
 def lift(folder: Path) -> int:
@@ -146,7 +164,7 @@ def run(arguments: argparse.Namespace) -> int:
     for left in ("report.json", "trace.csv"):  # from an earlier demo
         (folder / left).unlink(missing_ok=True)
     try:
-        with back_end(folder, arguments.mode):
+        with back_end(folder, arguments.mode, arguments.robot):
             print(f"The robot '{NAME}' runs in a process of its own; another one moves it.")
             sys.stdout.flush()
             status = lift(folder)
@@ -189,6 +207,16 @@ def main() -> int:
         default="--real-time",
         help="as fast as the machine can; the robot waits for its controller",
     )
+    parser.add_argument(
+        "--emulated",
+        dest="robot",
+        action="store_const",
+        const=EMULATED,
+        default="sim",
+        help="a robot on emulated motor boards, which runs in real time only",
+    )
     add_view_options(parser, VIEW)
     arguments = parser.parse_args()
+    if arguments.robot == EMULATED and arguments.mode == "--non-real-time":
+        parser.error("--emulated runs in real time only, so --non-real-time cannot be given")
     return command_line.run(lambda: run(arguments))

@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "trifinger/base/time.hpp"
+#include "trifinger/core/driver.hpp"
+
+namespace trifinger {
+
+/// A sensor in a process of its own that belongs to a robot in another process, such as a tracker
+/// of objects. What it writes are the elements of one of the robot's companions.
+///
+/// The robot need not run yet, and may be started again at any time. It gets what was written while
+/// it runs. Nothing that this process does or fails to do can hold up the robot's loop.
+class UntypedSensorWriter {
+ public:
+  /// Becomes the sensor `sensor` of `robot`, for example "object" of "sim". `element` begins with a
+  /// `Stamp stamp`. If the robot has not read more than `history` elements, it misses the oldest.
+  /// @throws InvalidArgument, SystemError, Error if another process is this sensor already
+  UntypedSensorWriter(const std::string& robot, const std::string& sensor,
+                      const ElementDescription& element, std::size_t history = 64);
+  UntypedSensorWriter(const UntypedSensorWriter&) = delete;
+  UntypedSensorWriter& operator=(const UntypedSensorWriter&) = delete;
+  ~UntypedSensorWriter();
+
+  /// Hands over an element that was captured at this instant of the monotonic clock. Its stamp is
+  /// not read. Does not block, allocate or throw.
+  void write(Instant captured, const void* element) noexcept TRIFINGER_REALTIME;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+/// A sensor whose elements are of type T; see `UntypedSensorWriter`.
+template <Described T>
+class SensorWriter {
+ public:
+  /// @throws InvalidArgument, SystemError, Error if another process is this sensor already
+  SensorWriter(const std::string& robot, const std::string& sensor, std::size_t history = 64)
+      : untyped_(robot, sensor, describe<T>(), history) {}
+
+  /// Hands over an element that was captured at this instant of the monotonic clock. Its stamp is
+  /// not read. Does not block, allocate or throw.
+  void write(Instant captured, const T& element) noexcept TRIFINGER_REALTIME {
+    untyped_.write(captured, &element);
+  }
+
+ private:
+  UntypedSensorWriter untyped_;
+};
+
+/// A robot's driver with sensors in other processes: they become companions after the driver's own.
+///
+/// The loop reads shared memory and nothing else. A thread of this object looks for the sensors'
+/// processes a few times per second, so they may come and go. While a sensor has no process, its
+/// companion gets no elements.
+///
+/// A session begins with the newest element of each sensor, at step -1 and again at step 0, however
+/// long the robot has held its pose in between. From then on each element arrives at the first step
+/// after it was written. A sensor that writes faster than this can be read loses its older
+/// elements.
+class DriverWithSensors final : public UntypedDriver {
+ public:
+  /// `robot` is the name of the robot, under which its sensors look for it.
+  /// @throws InvalidArgument if two companions have one name or an element has no stamp
+  DriverWithSensors(std::unique_ptr<UntypedDriver> driver, const std::string& robot,
+                    std::vector<CompanionDescription> sensors);
+  DriverWithSensors(const DriverWithSensors&) = delete;
+  DriverWithSensors& operator=(const DriverWithSensors&) = delete;
+  ~DriverWithSensors() override;
+
+  /// What has happened to the sensors since the last call, in sentences. Any thread may call this.
+  [[nodiscard]] std::vector<std::string> take_news();
+
+  [[nodiscard]] const RobotTypes& description() const noexcept override;
+  [[nodiscard]] std::span<const CompanionDescription> companions() const noexcept override;
+  [[nodiscard]] DriverReport prepare(TimeIndex step) noexcept override;
+  [[nodiscard]] DriverReport get_latest_observation(void* observation) noexcept override;
+  [[nodiscard]] DriverReport apply_action(const void* desired, void* applied) noexcept override;
+  [[nodiscard]] DriverReport hold(const void* observation, void* action) noexcept override;
+  [[nodiscard]] DriverReport stop(TimeIndex step) noexcept override;
+  void cut() noexcept override;
+  [[nodiscard]] bool get_companion_element(std::size_t index, TimeIndex time_index,
+                                           void* element) noexcept override;
+  [[nodiscard]] std::string_view fault_text(std::int32_t fault_code) const noexcept override;
+  [[nodiscard]] std::string_view rejection_text() const noexcept override;
+
+ private:
+  class Sensor;
+  class Watcher;
+
+  std::unique_ptr<UntypedDriver> driver_;
+  std::vector<CompanionDescription> companions_;
+  std::vector<std::unique_ptr<Sensor>> sensors_;
+  std::unique_ptr<Watcher> watcher_;  // uses the sensors
+};
+
+}  // namespace trifinger

@@ -1,0 +1,428 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/core/sensor.hpp"
+
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <bit>
+#include <cerrno>
+#include <chrono>
+#include <condition_variable>
+#include <cstdint>
+#include <cstring>
+#include <filesystem>
+#include <mutex>
+#include <new>
+#include <optional>
+#include <stop_token>
+#include <thread>
+#include <utility>
+
+#include "session_directory.hpp"
+#include "trifinger/base/error.hpp"
+#include "trifinger/base/regular_file.hpp"
+#include "trifinger/base/text_of.hpp"
+#include "trifinger/core/session.hpp"
+#include "trifinger/ipc/file_lock.hpp"
+#include "trifinger/ipc/process.hpp"
+#include "trifinger/ipc/ring.hpp"
+#include "trifinger/ipc/shared_memory.hpp"
+
+// docs/decisions/sensors_in_other_processes.md says why this is as it is.
+namespace trifinger {
+namespace {
+
+using detail::text_of;
+
+constexpr std::uint64_t kMagic = 0x3153532d52474654;  // "TFGR-SS1"
+constexpr unsigned kOwnerAlone = 0600;
+
+// The beginning of a sensor's file. The text of its element and its ring follow.
+struct Header {
+  std::uint64_t magic;
+  std::uint64_t text_size;
+  ipc::RingShape ring;
+  std::int64_t pid;
+  std::atomic<std::int64_t> end;  // number of elements written
+};
+static_assert(sizeof(Header) % 8 == 0);
+
+constexpr std::size_t ring_offset(std::size_t text_size) {
+  return sizeof(Header) + (text_size + 7) / 8 * 8;
+}
+
+// Files of robots begin with "trifinger."; whoever takes a robot's name removes those.
+std::string file_of(const std::string& robot, const std::string& sensor) {
+  detail::require_valid_name(robot);
+  detail::require_valid_name(sensor);
+  return "trifinger-sensor." + robot + "." + sensor;
+}
+
+void require_stamp(const ElementDescription& element, const std::string& sensor) {
+  const FieldDescription* const first = element.find("stamp.arrival_index");
+  detail::require(first != nullptr && first->offset == 0 && element.size() >= sizeof(Stamp),
+                  "the elements of sensor '" + sensor + "' do not begin with a stamp");
+}
+
+}  // namespace
+
+// ---- the sensor's process ----
+
+struct UntypedSensorWriter::State {
+  ipc::SharedMemory lock;
+  ipc::SharedMemory memory;
+  ipc::Ring ring;
+  std::int64_t end{0};
+  std::vector<std::byte> element;  // with its stamp
+  ipc::ForkGuard fork;
+
+  [[nodiscard]] Header& header() const noexcept {
+    return *reinterpret_cast<Header*>(memory.data());
+  }
+};
+
+namespace {
+
+// Takes the lock of a sensor, which its process keeps as long as it lives.
+ipc::SharedMemory lock_sensor(const std::string& file, const std::string& what) {
+  const auto directory = detail::directory_in(session_folder());
+  const std::string name = file + ".lock";
+  ipc::SharedMemory lock = directory->open_or_create(name, kOwnerAlone);
+  const ipc::LockPatience patience;
+  while (!ipc::try_lock(lock.file())) {
+    const std::vector<ipc::ProcessIdentity> owners = ipc::owners_of(session_folder() / name);
+    const bool is_ending = std::ranges::any_of(owners, &ipc::ProcessIdentity::is_ending);
+    if (patience.wait(is_ending)) continue;
+    throw Error((owners.empty() ? "another process" : ipc::describe(owners.front())) +
+                " is already " + what + "; end it first");
+  }
+  return lock;
+}
+
+}  // namespace
+
+UntypedSensorWriter::UntypedSensorWriter(const std::string& robot, const std::string& sensor,
+                                         const ElementDescription& element, std::size_t history) {
+  require_stamp(element, sensor);
+  detail::require(
+      history > 0 && history <= (std::size_t{1} << 20U),
+      "the history of a sensor is " + std::to_string(history) + " elements, must be 1 to 1048576");
+  const std::string file = file_of(robot, sensor);
+  const std::string text = element.text();
+  const ipc::RingShape shape{.capacity = std::bit_ceil(history), .element_size = element.size()};
+  ipc::SharedMemory lock = lock_sensor(file, "sensor '" + sensor + "' of robot '" + robot + "'");
+  ipc::SharedMemory memory = ipc::SharedMemory::create_file(
+      session_folder(), file, ring_offset(text.size()) + shape.size(), kOwnerAlone);
+  static_cast<void>(ipc::try_lock(memory.file()));
+  new (memory.data())
+      Header{.magic = kMagic, .text_size = text.size(), .ring = shape, .pid = ::getpid(), .end = 0};
+  std::memcpy(memory.data() + sizeof(Header), text.data(), text.size());
+  memory.publish();
+  std::byte* const ring = memory.data() + ring_offset(text.size());
+  state_ = std::make_unique<State>(State{.lock = std::move(lock),
+                                         .memory = std::move(memory),
+                                         .ring = ipc::Ring(ring, shape),
+                                         .end = 0,
+                                         .element = std::vector<std::byte>(element.size()),
+                                         .fork = {}});
+}
+
+UntypedSensorWriter::~UntypedSensorWriter() {
+  // The lock is still ours, so the file is, too.
+  if (!state_->fork.is_inherited()) ::unlink(state_->memory.path().c_str());
+}
+
+void UntypedSensorWriter::write(Instant captured, const void* element) noexcept {
+  const Stamp stamp{.arrival_index = -1,
+                    .capture_index = Stamp::kFromTime,
+                    .arrival_time = 0,
+                    .capture_time = captured.time_since_epoch().count()};
+  std::memcpy(state_->element.data(), element, state_->element.size());
+  std::memcpy(state_->element.data(), &stamp, sizeof(stamp));
+  state_->ring.write(state_->end, state_->element.data());
+  // release: whoever sees the number also finds the element.
+  state_->header().end.store(++state_->end, std::memory_order_release);
+}
+
+// ---- the robot's process ----
+
+namespace {
+
+// The memory of a sensor's process, as the robot sees it.
+class Mapping {
+ public:
+  // Throws InvalidArgument for a file of another kind or with other elements, SystemError.
+  Mapping(const std::string& file, const ElementDescription& expected)
+      : memory_(ipc::SharedMemory::open(session_folder() / file, ipc::Access::kReadOnly)) {
+    struct stat status{};
+    if (::fstat(memory_.file().get(), &status) != 0) throw SystemError("inspect " + file, errno);
+    // What it says moves the robot, so it must come from its user.
+    detail::require(status.st_uid == ::geteuid() || status.st_uid == 0,
+                    "it belongs to user " + user_name(status.st_uid));
+    detail::require(memory_.size() >= sizeof(Header) && header().magic == kMagic,
+                    "its file is none of a sensor of this version");
+    // Copied, because the other process may change it.
+    const std::uint64_t text_size = header().text_size;
+    const ipc::RingShape shape = header().ring;
+    detail::require(shape.is_valid() && text_size <= memory_.size() &&
+                        memory_.size() == ring_offset(text_size) + shape.size(),
+                    "its file has a wrong size");
+    const std::string text(reinterpret_cast<const char*>(memory_.data()) + sizeof(Header),
+                           text_size);
+    detail::require(
+        text == expected.text() && shape.element_size == expected.size(),
+        "its elements have the fields\n" + text + "but the robot expects\n" + expected.text());
+    ring_ = ipc::Ring(memory_.data() + ring_offset(text_size), shape);
+  }
+
+  [[nodiscard]] std::int64_t pid() const noexcept { return header().pid; }
+  [[nodiscard]] const ipc::Ring& ring() const noexcept { return ring_; }
+  [[nodiscard]] std::int64_t end() const noexcept {
+    // acquire: the elements before it have been written.
+    return header().end.load(std::memory_order_acquire);
+  }
+  // True while its process lives and no other one has taken its place.
+  [[nodiscard]] bool is_in_use() const noexcept {
+    return ipc::is_locked_by_other(memory_.file()) && memory_.has_name();
+  }
+
+ private:
+  [[nodiscard]] const Header& header() const noexcept {
+    return *reinterpret_cast<const Header*>(memory_.data());
+  }
+
+  ipc::SharedMemory memory_;
+  ipc::Ring ring_;
+};
+
+}  // namespace
+
+// One sensor: the watcher finds its memory, the loop reads it.
+class DriverWithSensors::Sensor {
+ public:
+  Sensor(const std::string& robot, const CompanionDescription& companion)
+      : name_(companion.name), file_(file_of(robot, companion.name)), element_(companion.element) {}
+
+  // ---- for the watcher ----
+
+  // Looks whether a process has come or gone. Returns what has happened in a sentence, or nothing.
+  std::string look() {
+    release_unused();
+    if (newest_ != nullptr && newest_->is_in_use()) return {};
+    std::string news;
+    if (newest_ != nullptr) {
+      news = "sensor '" + name_ + "': its process has ended; the robot goes on without it";
+      show(nullptr);
+    }
+    try {
+      auto found = std::make_unique<Mapping>(file_, element_);
+      // A process that was killed leaves its file.
+      if (!found->is_in_use()) return news;
+      news = text_of("sensor '", name_, "': process ", found->pid(), " delivers");
+      show(std::move(found));
+      refusal_.clear();
+    } catch (const Error& error) {
+      const auto* const system = dynamic_cast<const SystemError*>(&error);
+      if (system != nullptr && system->error_number() == ENOENT) {
+        refusal_.clear();
+      } else if (refusal_ != error.what()) {
+        refusal_ = error.what();
+        news = "sensor '" + name_ + "' is refused: " + refusal_;
+      }
+    }
+    return news;
+  }
+
+  // ---- for the loop ----
+
+  void begin_session() noexcept {
+    polled_.reset();
+    polls_ = 0;
+  }
+
+  // Copies the next element that is there at this step. False if there is none.
+  bool get(TimeIndex time_index, void* element) noexcept {
+    if (!is_polling_) {
+      // Each step is complete once it was polled.
+      if (polled_ == time_index) return false;
+      begin_poll(time_index);
+    }
+    while (next_ < end_) {
+      if (reading_->ring().read(next_++, element) != ipc::ReadResult::kDone) continue;
+      Stamp stamp;
+      std::memcpy(&stamp, element, sizeof(stamp));
+      stamp.arrival_index = time_index;
+      stamp.capture_index = Stamp::kFromTime;
+      std::memcpy(element, &stamp, sizeof(stamp));
+      return true;
+    }
+    is_polling_ = false;
+    return false;
+  }
+
+ private:
+  static constexpr std::int64_t kMostPerStep = 16;
+
+  void begin_poll(TimeIndex time_index) noexcept {
+    is_polling_ = true;
+    polled_ = time_index;
+    const Mapping* const before = reading_;
+    hold_newest();
+    const std::int64_t end = reading_ != nullptr ? reading_->end() : 0;
+    // A number that went back is none of a sensor's.
+    if (reading_ != before || end < end_) next_ = std::max<std::int64_t>(end - 1, 0);
+    end_ = std::max<std::int64_t>(end, 0);
+    if (polls_ < 3) ++polls_;
+    if (polls_ == 1) next_ = end_ - 1;  // also if an earlier session had it
+    // Nobody polls while the robot holds its pose.
+    const std::int64_t most = polls_ <= 2 ? 1 : kMostPerStep;
+    next_ = std::max({next_, end_ - most, std::int64_t{0}});
+  }
+
+  // Takes the memory that the watcher shows now. From here on the watcher keeps it.
+  void hold_newest() noexcept {
+    do {
+      // The order of all four accesses to these two pointers matters, here and in `show` and
+      // `release_unused`, so each is seq_cst: either the watcher sees what is read here, or this
+      // loop sees that something else is shown.
+      reading_ = shown_.load(std::memory_order_seq_cst);
+      in_loop_.store(reading_, std::memory_order_seq_cst);
+    } while (shown_.load(std::memory_order_seq_cst) != reading_);
+  }
+
+  void show(std::unique_ptr<Mapping> mapping) {
+    if (newest_ != nullptr) old_.push_back(std::move(newest_));
+    newest_ = std::move(mapping);
+    shown_.store(newest_.get(), std::memory_order_seq_cst);
+  }
+  void release_unused() {
+    const Mapping* const used = in_loop_.load(std::memory_order_seq_cst);
+    std::erase_if(old_, [used](const auto& mapping) { return mapping.get() != used; });
+  }
+
+  std::string name_;
+  std::string file_;
+  ElementDescription element_;
+
+  // Of the watcher.
+  std::unique_ptr<Mapping> newest_;
+  std::vector<std::unique_ptr<Mapping>> old_;  // the loop may still use one of them
+  std::string refusal_;
+
+  std::atomic<const Mapping*> shown_{nullptr};
+  std::atomic<const Mapping*> in_loop_{nullptr};
+
+  // Of the loop.
+  const Mapping* reading_{nullptr};
+  std::int64_t next_{0};
+  std::int64_t end_{0};
+  bool is_polling_{false};
+  int polls_{0};                     // in this session, up to 3
+  std::optional<TimeIndex> polled_;  // the newest step that was polled
+};
+
+// Looks for the processes of the sensors.
+class DriverWithSensors::Watcher {
+ public:
+  explicit Watcher(const std::vector<std::unique_ptr<Sensor>>& sensors) : sensors_(sensors) {
+    look();  // Sensors that run already are there from the first session on.
+    thread_ = std::jthread([this](const std::stop_token& stop) {
+      std::mutex mutex;
+      std::unique_lock lock(mutex);
+      std::condition_variable_any sleep;
+      while (!sleep.wait_for(lock, stop, kPeriod, [] { return false; }) && !stop.stop_requested()) {
+        look();
+      }
+    });
+  }
+
+  std::vector<std::string> take_news() {
+    const std::lock_guard lock(mutex_);
+    return std::exchange(news_, {});
+  }
+
+ private:
+  static constexpr auto kPeriod = std::chrono::milliseconds(100);
+
+  void look() {
+    for (const auto& sensor : sensors_) {
+      std::string news = sensor->look();
+      if (news.empty()) continue;
+      const std::lock_guard lock(mutex_);
+      news_.push_back(std::move(news));
+    }
+  }
+
+  const std::vector<std::unique_ptr<Sensor>>& sensors_;
+  std::mutex mutex_;
+  std::vector<std::string> news_;
+  std::jthread thread_;  // last member, because the thread uses the others
+};
+
+DriverWithSensors::DriverWithSensors(std::unique_ptr<UntypedDriver> driver,
+                                     const std::string& robot,
+                                     std::vector<CompanionDescription> sensors)
+    : driver_(std::move(driver)),
+      companions_(driver_->companions().begin(), driver_->companions().end()) {
+  for (CompanionDescription& sensor : sensors) {
+    require_stamp(sensor.element, sensor.name);
+    detail::require(std::ranges::find(companions_, sensor.name, &CompanionDescription::name) ==
+                        companions_.end(),
+                    "the robot has two companions '" + sensor.name + "'");
+    sensors_.push_back(std::make_unique<Sensor>(robot, sensor));
+    companions_.push_back(std::move(sensor));
+  }
+  watcher_ = std::make_unique<Watcher>(sensors_);
+}
+
+DriverWithSensors::~DriverWithSensors() = default;
+
+std::vector<std::string> DriverWithSensors::take_news() { return watcher_->take_news(); }
+
+const RobotTypes& DriverWithSensors::description() const noexcept { return driver_->description(); }
+
+std::span<const CompanionDescription> DriverWithSensors::companions() const noexcept {
+  return companions_;
+}
+
+DriverReport DriverWithSensors::prepare(TimeIndex step) noexcept {
+  if (step == 0) {
+    for (const auto& sensor : sensors_) sensor->begin_session();
+  }
+  return driver_->prepare(step);
+}
+
+DriverReport DriverWithSensors::get_latest_observation(void* observation) noexcept {
+  return driver_->get_latest_observation(observation);
+}
+
+DriverReport DriverWithSensors::apply_action(const void* desired, void* applied) noexcept {
+  return driver_->apply_action(desired, applied);
+}
+
+DriverReport DriverWithSensors::hold(const void* observation, void* action) noexcept {
+  return driver_->hold(observation, action);
+}
+
+DriverReport DriverWithSensors::stop(TimeIndex step) noexcept { return driver_->stop(step); }
+
+void DriverWithSensors::cut() noexcept { driver_->cut(); }
+
+bool DriverWithSensors::get_companion_element(std::size_t index, TimeIndex time_index,
+                                              void* element) noexcept {
+  const std::size_t own = companions_.size() - sensors_.size();
+  return index < own ? driver_->get_companion_element(index, time_index, element)
+                     : sensors_[index - own]->get(time_index, element);
+}
+
+std::string_view DriverWithSensors::fault_text(std::int32_t fault_code) const noexcept {
+  return driver_->fault_text(fault_code);
+}
+
+std::string_view DriverWithSensors::rejection_text() const noexcept {
+  return driver_->rejection_text();
+}
+
+}  // namespace trifinger

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/sim/object_observation.hpp"
+
+#include <cstring>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace trifinger {
+
+std::optional<CompanionDescription> object_companion(const RobotDescription& description) {
+  if (description.objects.empty()) return std::nullopt;
+  std::vector<FieldDescription> fields;
+  std::size_t offset = 0;
+  const auto append = [&](const std::string& prefix, const ElementDescription& element) {
+    for (FieldDescription field : element.fields()) {
+      field.name = prefix + field.name;
+      field.offset += offset;
+      fields.push_back(std::move(field));
+    }
+    offset += element.size();
+  };
+  append("stamp.", describe<Stamp>());
+  for (const ObjectDescription& object : description.objects) {
+    append(object.name + ".", describe<ObjectPose>());
+  }
+  return CompanionDescription{.name = kObjectCompanion,
+                              .type = "object_observation",
+                              .element = ElementDescription(std::move(fields))};
+}
+
+void write_objects(const Stamp& stamp, std::span<const ObjectPose> objects,
+                   std::byte* element) noexcept {
+  std::memcpy(element, &stamp, sizeof(stamp));
+  std::memcpy(element + sizeof(stamp), objects.data(), objects.size_bytes());
+}
+
+}  // namespace trifinger
