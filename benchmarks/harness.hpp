@@ -131,6 +131,8 @@ using Measure = std::vector<Row>(const Effort& effort);
 
 Measure lateness, lateness_beside_hogs, lift;
 Measure append, wake, loop, inline_loop;
+Measure emulator;
+Measure emulated_robot;
 Measure can_frames;
 Measure safety_chain, simulation, control_cycle;
 Measure policy, single_precision_policy;

@@ -31,6 +31,8 @@ constexpr std::array kMeasures{
     NamedMeasure{"loop", benchmarks::loop},
     NamedMeasure{"inline_loop", benchmarks::inline_loop},
     NamedMeasure{"can_frames", benchmarks::can_frames},
+    NamedMeasure{"emulator", benchmarks::emulator},
+    NamedMeasure{"emulated_robot", benchmarks::emulated_robot},
     NamedMeasure{"safety_chain", benchmarks::safety_chain},
     NamedMeasure{"simulation", benchmarks::simulation},
     NamedMeasure{"control_cycle", benchmarks::control_cycle},

@@ -33,6 +33,8 @@ MEASURES = (
     Measure("inline_loop", "figures"),
     Measure("python_inline_loop", "figures", is_python=True, reference="inline_loop"),
     Measure("can_frames", "figures"),
+    Measure("emulator", "figures"),
+    Measure("emulated_robot", "figures"),
     Measure("safety_chain", "figures"),
     Measure("simulation", "figures"),
     Measure("control_cycle", "figures"),

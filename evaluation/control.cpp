@@ -15,6 +15,7 @@
 #include <numbers>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "trial.hpp"
@@ -114,6 +115,18 @@ Row run_row(const Options& options, Row row, const Trial& trial, bool is_pushed 
   });
   tell(row);
   return row;
+}
+
+// The same as in `simulated`, over emulated motor boards. The worst position is compared.
+Row run_on_boards(const Options& options, const Row& simulated, const Trial& trial) {
+  constexpr double kMost = 1.2;
+  Row row{"over emulated motor boards: " + simulated.what,
+          fmt::format("all; position rms <= {} x of that", kMost),
+          1.0,
+          {kMost * simulated.worst(&Report::position_rms), simulated.limits.orientation_rms,
+           simulated.limits.hold_drift},
+          {}};
+  return run_row(options, std::move(row), trial);
 }
 
 const std::vector<std::string> kRaised{"fingers.height=0.3"};
@@ -257,6 +270,12 @@ int evaluate(const Options& options) {
               pro_lift));
   rows.push_back(run_row(options, {"`pro`: slide, likewise", "90 %; 1.5 mm, 1.5°", 0.9, slide, {}},
                          make_trial("trifinger_pro", kCube, "pro", "slide")));
+  const std::size_t simulated_lift = 0;
+  const std::size_t simulated_slide = 2;
+  rows.push_back(run_on_boards(options, rows[simulated_lift],
+                               make_trial("trifinger_edu_emulated", kRaised, "edu", "lift")));
+  rows.push_back(run_on_boards(options, rows[simulated_slide],
+                               make_trial("trifinger_edu_emulated", {}, "edu", "slide")));
   const Heaviest heaviest = find_heaviest(options);
 
   if (options.output.has_parent_path())

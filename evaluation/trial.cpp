@@ -8,7 +8,9 @@
 #include <random>
 #include <utility>
 
+#include "evaluation/board_world.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/core/backend.hpp"
 #include "trifinger/manipulation/config.hpp"
 #include "trifinger/manipulation/run.hpp"
 #include "trifinger/sim/robot_config.hpp"
@@ -34,6 +36,40 @@ class Random {
   std::mt19937_64 engine_;
 };
 
+// Runs a trial on `robot`, in which `true_pose` tells where the object is now and `push` pushes it.
+template <class TruePose, class Push>
+TrialResult run_trial(const Trial& trial, Frontend<TriFinger>& robot, const TruePose& true_pose,
+                      const Push& push) {
+  TrialResult result;
+  const control::Seconds period = trial.simulation.period;
+  result.truth.reserve(static_cast<std::size_t>(trial.config.max_duration / period));
+  std::optional<TimeIndex> hold_begin;
+  TimeIndex now = 0;
+  const auto look = [&](TimeIndex t) {
+    now = t;
+    // The simulation is one step ahead of the newest observation.
+    const ObjectPose pose = true_pose();
+    const auto& q = pose.orientation;
+    result.truth.push_back(
+        {t + 1,
+         {Eigen::Vector3d::Map(pose.position.data()), Eigen::Quaterniond(q[0], q[1], q[2], q[3])}});
+    if (!trial.push || !hold_begin) return;
+    const control::Seconds since = period * static_cast<double>(t - *hold_begin);
+    const bool pushes =
+        since >= trial.push->after && since < trial.push->after + trial.push->duration;
+    const Eigen::Vector3d force = pushes ? trial.push->force : Eigen::Vector3d::Zero();
+    push({force.x(), force.y(), force.z()});
+  };
+  const auto note = [&](const manipulation::Manipulation& at) {
+    if (at.phase() == Phase::kHold && !hold_begin) hold_begin = now;
+  };
+  result.trace = manipulation::run(
+      robot, trial.believed, trial.config,
+      {.realtime = {.demand = Demand::kOff}, .stop = nullptr, .on_step = look, .on_phase = note});
+  result.report = manipulation::make_report(result.trace, result.truth);
+  return result;
+}
+
 }  // namespace
 
 Trial make_trial(const std::string& robot, const std::vector<std::string>& settings,
@@ -46,6 +82,9 @@ Trial make_trial(const std::string& robot, const std::vector<std::string>& setti
               .believed = {},
               .config = manipulation::load_config(manipulation, task, manipulation_settings),
               .push = {}};
+  if (config.boards) {
+    trial.boards = std::get<boards::BoardRobotOptions<TriFinger>>(config.boards->options);
+  }
   trial.believed = trial.simulation.description;
   return trial;
 }
@@ -81,37 +120,25 @@ Push push_from_any_side(std::uint64_t seed) {
 }
 
 TrialResult run_trial(const Trial& trial) {
+  if (trial.boards) {
+    BoardWorld world(*trial.boards, trial.simulation);
+    SessionHost host = SessionHost::anonymous();
+    Backend backend(world, host,
+                    {.mode = BackendOptions::Mode::kNonRealTime, .period = trial.simulation.period},
+                    world.clock());
+    Frontend<TriFinger> robot(backend, {.strict = true});
+    return run_trial(
+        trial, robot, [&] { return world.plant().object_pose(trial.config.object); },
+        [](const std::array<double, 3>&) {
+          throw InvalidArgument("nobody pushes what is beside emulated boards");
+        });
+  }
   const Simulation<TriFinger> simulation(trial.simulation);
-  const std::string& object = trial.config.object;
   auto robot = simulation.connect();
-  TrialResult result;
-  const control::Seconds period = trial.simulation.period;
-  result.truth.reserve(static_cast<std::size_t>(trial.config.max_duration / period));
-  std::optional<TimeIndex> hold_begin;
-  TimeIndex now = 0;
-  const auto look = [&](TimeIndex t) {
-    now = t;
-    // The simulation is one step ahead of the newest observation.
-    const ObjectPose pose = simulation.robot().object_pose(object);
-    const auto& q = pose.orientation;
-    result.truth.push_back(
-        {t + 1,
-         {Eigen::Vector3d::Map(pose.position.data()), Eigen::Quaterniond(q[0], q[1], q[2], q[3])}});
-    if (!trial.push || !hold_begin) return;
-    const control::Seconds since = period * static_cast<double>(t - *hold_begin);
-    const bool pushes =
-        since >= trial.push->after && since < trial.push->after + trial.push->duration;
-    const Eigen::Vector3d force = pushes ? trial.push->force : Eigen::Vector3d::Zero();
-    simulation.robot().push_object(object, {force.x(), force.y(), force.z()});
-  };
-  const auto note = [&](const manipulation::Manipulation& at) {
-    if (at.phase() == Phase::kHold && !hold_begin) hold_begin = now;
-  };
-  result.trace = manipulation::run(
-      robot, trial.believed, trial.config,
-      {.realtime = {.demand = Demand::kOff}, .stop = nullptr, .on_step = look, .on_phase = note});
-  result.report = manipulation::make_report(result.trace, result.truth);
-  return result;
+  const std::string& object = trial.config.object;
+  return run_trial(
+      trial, robot, [&] { return simulation.robot().object_pose(object); },
+      [&](const std::array<double, 3>& force) { simulation.robot().push_object(object, force); });
 }
 
 }  // namespace trifinger::evaluation

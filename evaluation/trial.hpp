@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "trifinger/boards/board_robot.hpp"
 #include "trifinger/manipulation/report.hpp"
 #include "trifinger/manipulation/task.hpp"
 #include "trifinger/sim/simulated_robot.hpp"
@@ -26,10 +27,13 @@ struct Trial {
   RobotDescription believed;
   manipulation::ManipulationConfig config;
   std::optional<Push> push;
+  // The robot has emulated motor boards, which drive the simulation.
+  std::optional<boards::BoardRobotOptions<TriFinger>> boards{};
 };
 
 // Makes a trial from the configurations of a robot and of a manipulation, without any variation.
-// Both are given by name; see `load_robot_config` and `manipulation::load_config`.
+// Both are given by name; see `load_robot_config` and `manipulation::load_config`. If the robot is
+// on motor boards, these are emulated.
 [[nodiscard]] Trial make_trial(const std::string& robot, const std::vector<std::string>& settings,
                                const std::string& manipulation, const std::string& task,
                                const std::vector<std::string>& manipulation_settings = {});

@@ -46,6 +46,11 @@ const typename Simulator<R>::Capture* SimulatedPlant<R>::receive_poses() noexcep
 }
 
 template <class R>
+ObjectPose SimulatedPlant<R>::object_pose(const std::string& name) const {
+  return simulator_.object_pose(simulator_.model().object(name), *data_);
+}
+
+template <class R>
 void SimulatedPlant<R>::reset_objects() noexcept {
   for (std::size_t i = 0; i < initial_poses_.size(); ++i) {
     simulator_.place(simulator_.model().objects()[i], initial_poses_[i], *data_, state_);

@@ -40,6 +40,20 @@ TEST(Trial, SlidesOnACircle) {
   }
 }
 
+TEST(Trial, LiftsAndSlidesOverEmulatedMotorBoards) {
+  const auto report = [](const Trial& trial) { return run_trial(varied(trial, 1)).report; };
+  const std::string boards = "trifinger_edu_emulated";
+  const Trial lift =
+      make_trial(boards, {"fingers.height=0.3"}, "edu", "lift", {"lift.hold_time=3"});
+  const auto lifted = report(lift);
+  expect_within(lifted, 1.5e-3, 2.5 * kDegree);
+  EXPECT_NEAR(lifted.height, 0.2, 3e-3);
+  // Its seed decides all of it.
+  EXPECT_EQ(report(lift).position_rms, lifted.position_rms);
+  const Trial slide = make_trial(boards, {}, "edu", "slide", {"slide.turns=1"});
+  expect_within(report(slide), 1.5e-3, 1.5 * kDegree);
+}
+
 TEST(Trial, HoldsAgainstAPush) {
   Trial trial = make_trial("sim", {"fingers.height=0.3"}, "edu", "lift", {"lift.hold_time=3"});
   for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {

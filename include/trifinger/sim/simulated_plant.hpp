@@ -38,6 +38,9 @@ class SimulatedPlant final : public boards::Plant<R> {
   [[nodiscard]] const typename Simulator<R>::Capture* receive_poses() noexcept;
   /// The number of steps so far.
   [[nodiscard]] TimeIndex step_count() const noexcept { return state_.memory.step; }
+  /// The object's pose now, without delay and noise.
+  /// @throws InvalidArgument that names the existing objects
+  [[nodiscard]] ObjectPose object_pose(const std::string& name) const;
   /// Places all objects where they were in the beginning, at rest.
   void reset_objects() noexcept;
 

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "trifinger/boards/board_robot.hpp"
+#include "trifinger/boards/emulator.hpp"
+#include "trifinger/can/memory_bus.hpp"
+#include "trifinger/core/driver.hpp"
+#include "trifinger/realtime/clock.hpp"
+#include "trifinger/sim/simulated_plant.hpp"
+
+namespace trifinger::evaluation {
+
+// A TriFinger on emulated motor boards with its table, in one thread and in time of its own: each
+// action takes a millisecond of the clock. Equal options give equal series.
+class BoardWorld final : public Driver<TriFinger> {
+ public:
+  // `boards` is how the robot is driven, `simulation` what it and its objects are.
+  BoardWorld(const boards::BoardRobotOptions<TriFinger>& boards,
+             const SimulationOptions<TriFinger>& simulation);
+
+  [[nodiscard]] ManualClock& clock() noexcept { return clock_; }
+  [[nodiscard]] SimulatedPlant<TriFinger>& plant() noexcept { return plant_; }
+
+  using Driver::apply_action;
+  using Driver::get_latest_observation;
+  using Driver::hold;
+
+  // The objects are where they were in the beginning once the robot is ready.
+  [[nodiscard]] DriverReport prepare(TimeIndex step) noexcept override;
+  [[nodiscard]] DriverReport get_latest_observation(Observation& observation) noexcept override;
+  [[nodiscard]] DriverReport apply_action(const Action& desired,
+                                          AppliedAction& applied) noexcept override;
+  [[nodiscard]] DriverReport hold(const Observation& observation, Action& action) noexcept override;
+  [[nodiscard]] DriverReport stop(TimeIndex step) noexcept override;
+  [[nodiscard]] std::span<const CompanionDescription> companions() const noexcept override;
+  [[nodiscard]] bool get_companion_element(std::size_t index, TimeIndex time_index,
+                                           void* element) noexcept override;
+  [[nodiscard]] std::string_view fault_text(std::int32_t fault_code) const noexcept override;
+  [[nodiscard]] std::string_view rejection_text() const noexcept override;
+
+ private:
+  void pass() noexcept;
+
+  ManualClock clock_;
+  SimulatedPlant<TriFinger> plant_;
+  std::vector<std::unique_ptr<can::MemoryBus>> buses_;
+  std::optional<boards::Emulator<TriFinger>> emulator_;
+  std::optional<boards::BoardRobot<TriFinger>> robot_;
+  std::vector<CompanionDescription> companions_;
+  bool is_seen_{false};  // poses of this millisecond have been handed over
+};
+
+}  // namespace trifinger::evaluation
