@@ -54,7 +54,7 @@ def test_it_homes_moves_and_survives_an_emergency_stop(start_program: StartProgr
 
 # Stands where it is, so that its start takes no time.
 STANDING = [
-    *PATIENT,
+    *PATIENT_BOARDS,
     *("--set", "boards.homing.method=here"),
     *("--set", "boards.homing.home_position=[0, 0.9, -1.7]"),
 ]
@@ -86,8 +86,8 @@ def test_fault_70_running_hours_survive_a_kill(
     start_program: StartProgram, log_folder: Path, tmp_path: Path
 ) -> None:
     file = log_folder / f"{NAME}.wear"
-    start_program("emulate", ROBOT, *STANDING).wait_for("6 emulated boards are on")
-    run = start_program("run", ROBOT, *STANDING, "--record", str(tmp_path / "log"))
+    start_program("emulate", EMULATED, *STANDING).wait_for("6 emulated boards are on")
+    run = start_program("run", EMULATED, *STANDING, "--record", str(tmp_path / "log"))
     run.wait_for("holds its pose")
     assert newest_record(file)["starts"] == 1
     with trifinger.connect(NAME) as robot:
@@ -105,7 +105,7 @@ def test_fault_70_running_hours_survive_a_kill(
     with file.open("a") as end:
         end.write('{"time":"2')  # as a kill in the middle of a record leaves it
 
-    run = start_program("run", ROBOT, *STANDING)
+    run = start_program("run", EMULATED, *STANDING)
     run.wait_for("holds its pose")
     with trifinger.connect(NAME) as robot:
         shown = robot.companion("wear").latest_observation()
@@ -132,9 +132,9 @@ def test_fault_70_running_hours_survive_a_kill(
 def test_fault_70_homing_by_hand_counts_as_well(
     start_program: StartProgram, log_folder: Path
 ) -> None:
-    start_program("emulate", ROBOT, *STANDING).wait_for("6 emulated boards are on")
+    start_program("emulate", EMULATED, *STANDING).wait_for("6 emulated boards are on")
     for start in (1, 2):
-        subprocess.run([PROGRAM, "home", ROBOT, *STANDING], check=True, timeout=110)
+        subprocess.run([PROGRAM, "home", EMULATED, *STANDING], check=True, timeout=110)
         kept = newest_record(log_folder / f"{NAME}.wear")
         assert kept["starts"] == start
         assert kept["homings"] >= start
@@ -146,8 +146,8 @@ def test_fault_70_a_robot_runs_whatever_lies_in_the_place_of_its_running_hours(
 ) -> None:
     log_folder.mkdir()
     os.mkfifo(log_folder / f"{NAME}.wear")
-    start_program("emulate", ROBOT, *STANDING).wait_for("6 emulated boards are on")
-    lines = start_program("run", ROBOT, *STANDING).read_until("holds its pose")
+    start_program("emulate", EMULATED, *STANDING).wait_for("6 emulated boards are on")
+    lines = start_program("run", EMULATED, *STANDING).read_until("holds its pose")
     [line] = [line for line in lines if "running hours" in line]
     assert f"running hours are not kept: open {log_folder}/{NAME}.wear, which is a FIFO" in line
     assert "wear        since this start only, 1 homing, 0 faults" in status()
@@ -194,7 +194,7 @@ def test_an_interface_that_does_not_exist_is_named() -> None:
 
 def maintain(*arguments: str, typed: str = "") -> subprocess.CompletedProcess[str]:
     """Runs a command that looks after a robot, to its end."""
-    command = [PROGRAM, *arguments, *PATIENT]
+    command = [PROGRAM, *arguments, *PATIENT_BOARDS]
     return subprocess.run(
         command, input=typed, capture_output=True, text=True, check=False, timeout=300
     )
@@ -208,13 +208,13 @@ def calibrations(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
 
 @pytest.mark.usefixtures("calibrations")
 def test_home_and_self_test(start_program: StartProgram) -> None:
-    start_program("emulate", ROBOT, *PATIENT).wait_for("6 emulated boards are on")
+    start_program("emulate", EMULATED, *PATIENT_BOARDS).wait_for("6 emulated boards are on")
 
-    homed = maintain("home", ROBOT)
+    homed = maintain("home", EMULATED)
     assert homed.returncode == 0, homed.stderr
     assert "is home and at its initial position" in homed.stdout
 
-    tested = maintain("self-test", ROBOT)
+    tested = maintain("self-test", EMULATED)
     assert tested.returncode == 0, tested.stdout + tested.stderr
     rows = [line.split() for line in tested.stdout.splitlines() if " good " in line]
     assert [int(row[0]) for row in rows] == list(range(9))
@@ -228,16 +228,16 @@ def test_home_and_self_test(start_program: StartProgram) -> None:
 
 
 def test_calibrate_writes_what_run_reads(start_program: StartProgram, calibrations: Path) -> None:
-    start_program("emulate", ROBOT, *PATIENT).wait_for("6 emulated boards are on")
+    start_program("emulate", EMULATED, *PATIENT_BOARDS).wait_for("6 emulated boards are on")
     done = maintain(
-        "calibrate", ROBOT, "--serial", "0042", "--pose", "0", "0.9", "-1.7", typed="\n"
+        "calibrate", EMULATED, "--serial", "0042", "--pose", "0", "0.9", "-1.7", typed="\n"
     )
     assert done.returncode == 0, done.stdout + done.stderr
     assert "press Enter" in done.stdout
     file = calibrations / f"{NAME}.yml"
     assert 'serial: "0042"' in file.read_text()
 
-    robot = start_program("run", ROBOT, *PATIENT)
+    robot = start_program("run", EMULATED, *PATIENT_BOARDS)
     robot.wait_for("was calibrated on")
     robot.wait_for("holds its pose")
     with trifinger.connect(NAME) as session:
@@ -245,8 +245,8 @@ def test_calibrate_writes_what_run_reads(start_program: StartProgram, calibratio
 
 
 def test_a_calibration_cannot_be_made_without_a_person(start_program: StartProgram) -> None:
-    start_program("emulate", ROBOT, *PATIENT).wait_for("6 emulated boards are on")
-    done = maintain("calibrate", ROBOT)
+    start_program("emulate", EMULATED, *PATIENT_BOARDS).wait_for("6 emulated boards are on")
+    done = maintain("calibrate", EMULATED)
     assert done.returncode == 1
     assert "nobody can press Enter" in done.stderr
 
@@ -281,7 +281,7 @@ def test_a_calibration_of_another_robot_is_refused(
 ) -> None:
     assert old in CALIBRATION
     (calibrations / f"{NAME}.yml").write_text(CALIBRATION.replace(old, new, 1))
-    done = maintain("run", ROBOT, "--set", "boards.serial=0042")
+    done = maintain("run", EMULATED, "--set", "boards.serial=0042")
     assert done.returncode != 0
     assert sentence in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
@@ -297,10 +297,10 @@ def test_who_is_not_on_boards_cannot_be_looked_after() -> None:
 
 
 def test_a_robot_that_runs_cannot_be_looked_after(start_program: StartProgram) -> None:
-    start_program("emulate", ROBOT, *PATIENT).wait_for("6 emulated boards are on")
-    start_program("run", ROBOT, *PATIENT).wait_for("holds its pose")
+    start_program("emulate", EMULATED, *PATIENT_BOARDS).wait_for("6 emulated boards are on")
+    start_program("run", EMULATED, *PATIENT_BOARDS).wait_for("holds its pose")
     with trifinger.connect(NAME) as robot:
-        done = maintain("home", ROBOT)
+        done = maintain("home", EMULATED)
         assert done.returncode != 0
         assert f"robot '{NAME}' is run by" in done.stderr
         # Nobody has switched its boards off.
