@@ -44,7 +44,7 @@ int main(int argument_count, char** arguments) {
   int swings = 0;
   for (trifinger::TimeIndex t = 1; t < 100; ++t) {
     const double target = robot.get_desired_action(kFactor * t + 1).position[0];
-    if (target != robot.get_desired_action(kFactor * t).position[0]) ++swings;
+    if (target != robot.get_desired_action(kFactor * (t - 1) + 1).position[0]) ++swings;
     // All steps of a cycle have the same action.
     const double last = robot.get_desired_action(kFactor * t + kFactor).position[0];
     if (target != last && !is_shifted) return EXIT_FAILURE;

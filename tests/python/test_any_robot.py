@@ -129,7 +129,7 @@ def test_it_repeats_a_log(start_robot: StartProgram, tmp_path: Path) -> None:
     (log,) = tmp_path.glob("*.mcap")
     said = output_of(
         *(PROGRAM, "log", "replay", log, "--on", "another", "--tolerance", "0.3"),
-        *("--session", "1"),
+        *("--session", "1", "--blend", "2"),
     )
     assert "from the recorded positions" in said
 
