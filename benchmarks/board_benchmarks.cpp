@@ -100,7 +100,7 @@ void emulate(const Robot& robot) {
 // Notes how long each tick takes from when the last frame was read until the last one is sent.
 class TimedRobot final : public Driver<TriFinger> {
  public:
-  TimedRobot(const Robot& robot)
+  explicit TimedRobot(const Robot& robot)
       : robot_(robot.boards,
                boards::open_buses(boards::BusKind::kEmulated, robot.boards.names, kName),
                MonotonicClock::instance()) {

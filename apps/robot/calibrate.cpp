@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/core.h>
 
+#include <algorithm>
+#include <cctype>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -32,20 +34,36 @@ JointVector<N> repeated(const std::vector<double>& angles) {
 }
 
 int calibrate(const CalibrateOptions& options) {
+  const bool is_one_line = std::ranges::none_of(
+      options.serial.value_or(""), [](unsigned char c) { return std::iscntrl(c) != 0; });
+  if (!is_one_line) throw UsageError("--serial must be one line of text");
   ServicedRobot robot(options, /*is_calibrated=*/false);
   const std::filesystem::path path = options.to.value_or(boards::calibration_file(robot.name()));
   robot.visit([&]<class R>(boards::BoardRobot<R>& boards) {
-    boards.set_preparation({.reference = repeated<R::kJoints>(options.pose)});
+    const auto pose = repeated<R::kJoints>(options.pose);
+    for (std::size_t i = 0; i < R::kJoints; ++i) {
+      const JointLimit& limit = boards.options().limits[i];
+      if (pose[i] >= limit.hard_lower && pose[i] <= limit.hard_upper) continue;
+      throw UsageError(
+          fmt::format("--pose: joint {} is at {} rad, must be within its hard limits, {} to {} rad",
+                      i, pose[i], limit.hard_lower, limit.hard_upper));
+    }
+    if (boards.options().homing.method == boards::HomingMethod::kHere) {
+      throw InvalidArgument(
+          "boards.homing.method is 'here', which finds no place; choose one that does, such as "
+          "end_stop_index");
+    }
+    boards.set_preparation({.reference = pose});
   });
-  robot.prepare([] {}, "put all joints at the reference, hold them there, and press Enter");
+  robot.prepare();
   robot.visit([&]<class R>(const boards::BoardRobot<R>& boards) {
     const std::string serial = options.serial.value_or(boards.options().serial);
     const auto calibration =
         boards::Calibration::of(robot.name(), serial, boards.options(), boards.home_position());
-    boards::write_calibration(path, calibration);
     std::string angles;
     for (const double angle : calibration.home_position) angles += fmt::format(" {:.4f}", angle);
     robot.print("homes [rad]:" + angles);
+    boards::write_calibration(path, calibration);
   });
   robot.print(fmt::format("is at rest; its calibration is in {}", path.string()), Style::kGood);
   return kDone;
@@ -71,13 +89,11 @@ void add_calibrate(CLI::App& program, Action& action) {
                   "File of the calibration; default: the one that 'trifinger run' reads")
       ->option_text("FILE");
   command.footer(
-      "The motors let go, you put all joints at a reference whose angles are known, such as "
-      "straight\n"
-      "down with a gauge, and press Enter. The robot then homes itself: end stops push it, so "
-      "keep\n"
-      "your hands away. The angles of its homes are saved with date and serial number, by default "
-      "in\n"
-      "~/.config/trifinger/calibration, where 'trifinger run' finds them by the robot's name.\n"
+      "The motors let go. Put all joints at a reference whose angles are known, such as straight\n"
+      "down with a gauge, hold them there, and press Enter. Take your hands away and press Enter\n"
+      "again: the robot homes itself. The angles of its homes are saved with date and serial\n"
+      "number, by default in ~/.config/trifinger/calibration, where 'trifinger run' finds them by\n"
+      "the robot's name.\n"
       "Example:\n"
       "  trifinger calibrate trifinger_edu_can --serial 0042\n"
       "  trifinger calibrate ./my_robot.yml --pose 0 0.9 -1.7");

@@ -53,8 +53,9 @@ class TypedLines {
     if (has_ended_ || ::poll(&input, 1, 0) <= 0) return lines;
     std::array<char, 4096> bytes{};
     const ssize_t count = ::read(STDIN_FILENO, bytes.data(), bytes.size());
-    // A program in the background may not read from its terminal.
-    has_ended_ = count <= 0;
+    // A program in the background may not read from its terminal (EIO), but may come back.
+    has_ended_ = count == 0;
+    if (has_ended_) text_ += '\n';  // the end of the last line
     if (count > 0) text_.append(bytes.data(), static_cast<std::size_t>(count));
     for (std::size_t end = 0; (end = text_.find('\n')) != std::string::npos;) {
       if (end > 0) lines.push_back(text_.substr(0, end));

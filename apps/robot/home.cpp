@@ -32,8 +32,7 @@ int home(const HomeOptions& options) {
 
 void add_home(CLI::App& program, Action& action) {
   const auto& [command, options] =
-      add_command(program, action, "home",
-                  "Home the joints of a robot on motor boards, also if they are", home);
+      add_command(program, action, "home", "Home the joints of a robot on motor boards", home);
   add_maintenance(command, options);
   command.footer(
       "'trifinger run' homes the robot by itself when it is necessary. This command does it in "

@@ -2,11 +2,12 @@
 #include "robot/maintenance.hpp"
 
 #include <poll.h>
+#include <termios.h>
 #include <unistd.h>
 
-#include <array>
 #include <chrono>
 #include <csignal>
+#include <string_view>
 #include <utility>
 
 #include "shared/options.hpp"
@@ -25,7 +26,7 @@ RunnableRobot on_boards(RunnableRobot robot) {
 
 // Describes a phase of the preparation; empty if it needs no words.
 template <class Phase>
-std::string phase_text(Phase phase) {
+std::string_view phase_text(Phase phase) {
   switch (phase) {
     case Phase::kStarting:
       return "starts its boards; the motors align themselves";
@@ -72,56 +73,80 @@ ServicedRobot::ServicedRobot(const MaintenanceOptions& options, bool is_calibrat
                                    .is_calibrated = is_calibrated}))),
       host_(SessionHost::named(robot_.name, robot_.session)),
       wear_(robot_.name, *robot_.wear, host_) {
-  for (const int signal : {SIGTSTP, SIGTTOU, SIGPIPE}) std::signal(signal, SIG_IGN);
+  for (const int signal : {SIGTSTP, SIGTTIN, SIGTTOU, SIGPIPE}) std::signal(signal, SIG_IGN);
 }
 
-void ServicedRobot::prepare(const std::function<void()>& while_ready, const std::string& request) {
+void ServicedRobot::prepare(const std::function<void()>& while_ready) {
   Backend backend(*robot_.driver, host_, robot_.backend);
   backend.set_after_session([this](const Fault&) { wear_.take(); });
   BackendThread loop(backend, realtime_, Signals::notify);
   for (const std::string& sentence : loop.refused()) print(sentence, Style::kWarning);
   std::string said;
-  bool has_requested = false;
+  bool is_stopping = false;
   while (!loop.wait_for_end(Timeout::zero())) {
-    const std::string doing = visit([](const auto& boards) { return phase_text(boards.phase()); });
+    const std::string_view doing =
+        visit([](const auto& boards) { return phase_text(boards.phase()); });
     if (!doing.empty() && doing != said) print(said = doing);
     print_news(wear_.look());
-    visit([&](auto& boards) {
-      using Phase = typename std::remove_reference_t<decltype(boards)>::Phase;
-      if (boards.phase() != Phase::kReference) return;
-      if (!std::exchange(has_requested, true)) print(request, Style::kBold);
-      if (was_enter_pressed()) boards.take_reference();
-    });
+    if (!is_stopping) visit([this](auto& boards) { ask_for_reference(boards); });
     if (const std::optional<int> signal = signals_.wait(kRefresh)) {
-      print("comes to rest");
-      loop.stop();
-      print_news(wear_.finish());
-      Signals::die_of(*signal);
+      if (is_stopping) Signals::die_of(*signal);
+      is_stopping = true;
+      backend.request_stop();
+      print("comes to rest; a second Ctrl-C kills");
     }
-    try {
-      const SessionInfo info = host_.open().info();
-      if (info.phase == SessionInfo::Phase::kHolding) {
-        while_ready();
-        break;
-      }
-      if (info.phase == SessionInfo::Phase::kEnded && info.is_at_rest) {
-        throw Error(robot_.name + ": " + info.fault_text);
-      }
-    } catch (const SessionNotFound&) {
-      continue;  // it begins soon
+    if (!is_stopping && is_ready()) {
+      while_ready();
+      break;
     }
   }
   loop.stop();
   print_news(wear_.finish());
+  if (is_stopping) throw Error(robot_.name + ": interrupted");
 }
 
-bool ServicedRobot::was_enter_pressed() const {
+bool ServicedRobot::is_ready() const {
+  SessionInfo info;
+  try {
+    info = host_.open().info();
+  } catch (const SessionNotFound&) {
+    return false;  // it begins soon
+  }
+  if (info.phase == SessionInfo::Phase::kEnded && info.is_at_rest) {
+    throw Error(robot_.name + ": " + info.fault_text);
+  }
+  return info.phase == SessionInfo::Phase::kHolding;
+}
+
+template <class R>
+void ServicedRobot::ask_for_reference(boards::BoardRobot<R>& boards) {
+  if (boards.phase() != boards::BoardRobot<R>::Phase::kReference) {
+    question_ = Question::kNone;
+  } else if (question_ == Question::kNone) {
+    question_ = Question::kIsAtReference;
+    ::tcflush(STDIN_FILENO, TCIFLUSH);  // An Enter from before is no answer.
+    print("put all joints at the reference, hold them there, and press Enter", Style::kBold);
+  } else if (was_enter_pressed()) {
+    if (question_ == Question::kIsAtReference) {
+      question_ = Question::kIsFree;
+      boards.take_reference();
+      print("take your hands away, then press Enter: the robot homes itself", Style::kBold);
+    } else {
+      boards.leave_reference();
+    }
+  }
+}
+
+bool ServicedRobot::was_enter_pressed() {
   pollfd input{.fd = STDIN_FILENO, .events = POLLIN, .revents = 0};
-  if (::poll(&input, 1, 0) <= 0) return false;
-  std::array<char, 256> line{};
-  const ssize_t size = ::read(STDIN_FILENO, line.data(), line.size());
-  if (size == 0) throw Error("standard input has ended, so nobody can press Enter");
-  return size > 0;
+  while (::poll(&input, 1, 0) > 0) {
+    char typed = 0;
+    const ssize_t size = ::read(STDIN_FILENO, &typed, 1);
+    if (size == 0) throw Error("standard input has ended, so nobody can press Enter");
+    if (size > 0 && typed == '\n') return true;
+    if (size < 0) return false;
+  }
+  return false;
 }
 
 }  // namespace trifinger::apps

@@ -48,10 +48,10 @@ class ServicedRobot {
   }
 
   // Prepares the robot as its driver was told, and brings it to rest. Prints what it does. Calls
-  // `while_ready` when the robot is ready. If the driver waits for a reference, it is taken when
-  // somebody presses Enter; `request` asks for that. Throws Error with the text of a fault. Ctrl-C
-  // brings the robot to rest and ends the program.
-  void prepare(const std::function<void()>& while_ready, const std::string& request = "");
+  // `while_ready` when the robot is ready. If the driver waits for a reference, a person is asked
+  // for it. Throws Error with the text of a fault, or if somebody has pressed Ctrl-C; a second one
+  // kills.
+  void prepare(const std::function<void()>& while_ready = [] {});
 
   [[nodiscard]] const std::string& name() const noexcept { return robot_.name; }
   [[nodiscard]] const SessionHost& host() const noexcept { return host_; }
@@ -60,8 +60,14 @@ class ServicedRobot {
   }
 
  private:
+  enum class Question : unsigned char { kNone, kIsAtReference, kIsFree };
+
+  // True if the session holds. Throws Error if it has ended with a fault.
+  [[nodiscard]] bool is_ready() const;
+  template <class R>
+  void ask_for_reference(boards::BoardRobot<R>& boards);
   // True when somebody has pressed Enter.
-  [[nodiscard]] bool was_enter_pressed() const;
+  [[nodiscard]] static bool was_enter_pressed();
   void print_news(const std::string& news) {
     if (!news.empty()) print(news, Style::kWarning);
   }
@@ -71,6 +77,7 @@ class ServicedRobot {
   RunnableRobot robot_;
   SessionHost host_;
   WearKeeper wear_;
+  Question question_{Question::kNone};
   Console console_;
 };
 

@@ -65,7 +65,7 @@ int self_test(const SelfTestOptions& options) {
   robot.visit([](auto& boards) { boards.set_preparation({.test = true}); });
   std::exception_ptr fault;
   try {
-    robot.prepare([] {});
+    robot.prepare();
   } catch (const Error&) {
     fault = std::current_exception();
   }

@@ -88,6 +88,8 @@ std::optional<std::vector<std::byte>> WearKeeper::newest() {
   try {
     // The driver belongs to the loop; what it has shown does not.
     const UntypedFrontend shown(host_.open(wear.name));
+    // What has ended has been taken, and that is newer.
+    if (shown.session().info().phase == SessionInfo::Phase::kEnded) return std::nullopt;
     const TimeIndex end = shown.range(Series::kObservation).second;
     std::vector<std::byte> element(wear.element.size());
     if (end > 0 && shown.try_get(Series::kObservation, end - 1, element.data())) return element;

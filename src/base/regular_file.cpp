@@ -152,7 +152,10 @@ std::string read_file(const std::filesystem::path& path, std::size_t max_size) {
   }
 }
 
-void write_new_file(const std::filesystem::path& path, std::span<const std::byte> bytes) {
+namespace {
+
+// Creates the file `path` with these bytes; `sync` makes them survive a loss of power.
+void write_new(const std::filesystem::path& path, std::span<const std::byte> bytes, bool sync) {
   constexpr mode_t kMode = S_IRUSR | S_IWUSR | S_IRGRP | S_IWGRP | S_IROTH | S_IWOTH;  // and umask
   const int file = open_regular_file(path, O_WRONLY | O_CREAT | O_EXCL, NamedBy::kProgram, kMode);
   int error = 0;
@@ -164,10 +167,37 @@ void write_new_file(const std::filesystem::path& path, std::span<const std::byte
       error = count == 0 ? ENOSPC : errno;
     }
   }
+  if (sync && error == 0 && ::fsync(file) != 0) error = errno;
   if (::close(file) != 0 && error == 0) error = errno;
   if (error == 0) return;
   ::unlink(path.c_str());
   throw SystemError("write " + path.string(), error);
+}
+
+}  // namespace
+
+void write_new_file(const std::filesystem::path& path, std::span<const std::byte> bytes) {
+  write_new(path, bytes, /*sync=*/false);
+}
+
+void replace_file(const std::filesystem::path& path, std::span<const std::byte> bytes) {
+  const std::filesystem::path draft = path.string() + ".new";
+  // A kill may have left it.
+  if (::unlink(draft.c_str()) != 0 && errno != ENOENT) {
+    throw SystemError("remove " + draft.string(), errno);
+  }
+  write_new(draft, bytes, /*sync=*/true);
+  if (::rename(draft.c_str(), path.c_str()) != 0) {
+    const int error = errno;
+    ::unlink(draft.c_str());
+    throw SystemError("rename " + draft.string() + " to " + path.string(), error);
+  }
+  // Otherwise a loss of power could bring the old file back. Some file systems cannot do this.
+  const std::filesystem::path folder = path.has_parent_path() ? path.parent_path() : ".";
+  const int opened = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (opened < 0) return;
+  ::fsync(opened);
+  ::close(opened);
 }
 
 }  // namespace trifinger

@@ -265,6 +265,8 @@ DriverReport BoardRobot<R>::apply_action(const Action& desired, AppliedAction& a
   if (report.fault == SafetyFault::kInterrupted) return DriverReport::interrupted();
   if (report.fault != SafetyFault::kNone) {
     note_fault();
+    // The zero of its encoder may have moved.
+    if (report.fault == SafetyFault::kPositionJumped) is_homed_ = false;
     fault_text_ = report.fault == SafetyFault::kOwnCheck
                       ? thrown
                       : FixedText(fault_text_of(fault_code_of(report)));

@@ -121,18 +121,23 @@ bool BoardRobot<R>::is_outside() noexcept {
 template <class R>
 void BoardRobot<R>::begin_reference() noexcept {
   is_homed_ = false;
-  phase_ = Phase::kReference;
-  is_reference_taken_ = false;
+  reference_step_ = ReferenceStep::kWaiting;
   release();
+  phase_ = Phase::kReference;
 }
 
 template <class R>
 DriverReport BoardRobot<R>::wait_for_reference() noexcept {
-  if (!is_reference_taken_) return DriverReport::busy();
-  for (std::size_t i = 0; i < R::kJoints; ++i) {
-    zero_[i] = measure(i).angle - (*preparation_.reference)[i];
+  if (reference_step_ == ReferenceStep::kTaken) {
+    for (std::size_t i = 0; i < R::kJoints; ++i) {
+      zero_[i] = measure(i).angle - (*preparation_.reference)[i];
+    }
+    // Unless somebody has left it meanwhile.
+    ReferenceStep expected = ReferenceStep::kTaken;
+    reference_step_.compare_exchange_strong(expected, ReferenceStep::kStored);
+    return DriverReport::busy();
   }
-  begin_phase_after(Phase::kReference);
+  if (reference_step_ == ReferenceStep::kLeft) begin_phase_after(Phase::kReference);
   return DriverReport::busy();
 }
 

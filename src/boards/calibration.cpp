@@ -1,11 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "trifinger/boards/calibration.hpp"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <array>
-#include <cerrno>
 #include <cmath>
 #include <ctime>
 #include <span>
@@ -13,6 +10,7 @@
 
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/regular_file.hpp"
+#include "trifinger/base/text.hpp"
 #include "trifinger/base/text_of.hpp"
 #include "trifinger/base/user_folder.hpp"
 #include "trifinger/boards/read_options.hpp"
@@ -36,9 +34,12 @@ std::string_view name_of(HomingMethod method) {
       ->first;
 }
 
+// The shortest text that reads back to the same number.
+std::string number_text(double value) { return std::string(FixedText().append(value).view()); }
+
 std::string list_text(std::span<const double> values) {
   std::string text;
-  for (const double value : values) text += text_of(text.empty() ? "[" : ", ", value);
+  for (const double value : values) text += (text.empty() ? "[" : ", ") + number_text(value);
   return text + "]";
 }
 
@@ -83,7 +84,7 @@ std::string Calibration::text() const {
       "\n# What is written on the robot.\nserial: ", quoted(serial), "\ndate: ", quoted(date),
       "\n# Homing finds other places if one of these changes.\nmethod: ", name_of(method),
       "\ndirection: ", list_text(direction), "\npolarity: ", list_text(polarity),
-      "\ngear_ratio: ", gear_ratio,
+      "\ngear_ratio: ", number_text(gear_ratio),
       "\n# Angle of each joint at the place that homing finds [rad].\nhome_position: ",
       list_text(home_position), "\n");
 }
@@ -117,16 +118,13 @@ Calibration read_calibration(const std::filesystem::path& path) {
 }
 
 void write_calibration(const std::filesystem::path& path, const Calibration& calibration) {
-  std::error_code error;
-  std::filesystem::create_directories(path.parent_path(), error);
-  if (error) throw SystemError("make the folder " + path.parent_path().string(), error.value());
+  if (path.has_parent_path()) {
+    std::error_code error;
+    std::filesystem::create_directories(path.parent_path(), error);
+    if (error) throw SystemError("make the folder " + path.parent_path().string(), error.value());
+  }
   const std::string text = calibration.text();
-  const std::filesystem::path draft = path.string() + text_of(".", ::getpid(), ".new");
-  write_new_file(draft, std::as_bytes(std::span(text)));
-  std::filesystem::rename(draft, path, error);
-  if (!error) return;
-  std::filesystem::remove(draft);
-  throw SystemError("replace " + path.string(), error.value());
+  replace_file(path, std::as_bytes(std::span(text)));
 }
 
 template <class R>

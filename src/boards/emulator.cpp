@@ -209,26 +209,52 @@ void Emulator<R>::carry_out(Instant now) noexcept {
 }
 
 template <class R>
+bool Emulator<R>::has_power(std::size_t board) const noexcept {
+  return std::ranges::none_of(faults_, [board](const ScheduledFault& scheduled) {
+    using Kind = EmulatedFault::Kind;
+    const EmulatedFault& fault = scheduled.fault;
+    return scheduled.phase == ScheduledFault::Phase::kLasts &&
+           (fault.kind == Kind::kPowerOff ||
+            (fault.kind == Kind::kBoardOff && fault.number == board));
+  });
+}
+
+// Switches boards on and off as the faults that last say.
+template <class R>
+void Emulator<R>::restore_power(Instant now) noexcept {
+  for (std::size_t i = 0; i < boards_.size(); ++i) {
+    if (boards_[i].is_on() != has_power(i)) set_power(i, has_power(i), now);
+  }
+}
+
+template <class R>
 void Emulator<R>::begin(const EmulatedFault& fault, Instant now) noexcept {
   using Kind = EmulatedFault::Kind;
   const std::size_t number = fault.number;
   switch (fault.kind) {
     case Kind::kPowerOff:
-      set_power(false, now);
+    case Kind::kBoardOff:
+      restore_power(now);
       break;
     case Kind::kPowerOn:
-      set_power(true, now);
-      break;
-    case Kind::kBoardOff:
-      set_power(number, false, now);
+      for (ScheduledFault& other : faults_) {
+        const bool is_off =
+            other.fault.kind == Kind::kPowerOff || other.fault.kind == Kind::kBoardOff;
+        if (is_off && other.phase == ScheduledFault::Phase::kLasts) {
+          other.phase = ScheduledFault::Phase::kIsOver;
+        }
+      }
+      restore_power(now);
       break;
     case Kind::kBoardRestart:
       set_power(number, false, now);
-      set_power(number, true, now);
+      restore_power(now);
       break;
     case Kind::kBoardRollover:
       set_power(number, false, now);
-      boards_[number].switch_on(now, rotors(number), can::kRolloverRevolutions - 0.01);
+      if (has_power(number)) {
+        boards_[number].switch_on(now, rotors(number), can::kRolloverRevolutions - 0.01);
+      }
       break;
     case Kind::kBoardError:
       boards_[number].fail(fault.error);
@@ -241,9 +267,10 @@ void Emulator<R>::begin(const EmulatedFault& fault, Instant now) noexcept {
       troubles_[number].is_stuck = true;
       break;
     case Kind::kJointNoisy:
-      troubles_[number].noise = fault.amount;
+      troubles_[number].noise = std::abs(fault.amount);
       break;
     case Kind::kJointHot:
+      troubles_[number].hot_motor = wiring_.motors[number];
       boards_[wiring_.motors[number].board].set_current_factor(wiring_.motors[number].number,
                                                                fault.amount);
       break;
@@ -269,10 +296,8 @@ void Emulator<R>::end(const EmulatedFault& fault, Instant now) noexcept {
   const std::size_t number = fault.number;
   switch (fault.kind) {
     case Kind::kPowerOff:
-      set_power(true, now);
-      break;
     case Kind::kBoardOff:
-      set_power(number, true, now);
+      restore_power(now);
       break;
     case Kind::kJointJumps:
       troubles_[number].jump -= fault.amount;
@@ -284,7 +309,8 @@ void Emulator<R>::end(const EmulatedFault& fault, Instant now) noexcept {
       troubles_[number].noise = 0.0;
       break;
     case Kind::kJointHot:
-      boards_[wiring_.motors[number].board].set_current_factor(wiring_.motors[number].number, 1.0);
+      boards_[troubles_[number].hot_motor.board].set_current_factor(
+          troubles_[number].hot_motor.number, 1.0);
       break;
     case Kind::kJointLoose:
       troubles_[number].is_loose = false;

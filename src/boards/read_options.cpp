@@ -110,13 +110,13 @@ template BoardRobotOptions<Finger> read_board_options<Finger>(const Node&,
                                                               const JointLimits<Finger::kJoints>&);
 
 const std::vector<std::pair<std::string_view, HomingMethod>>& homing_methods() {
-  static const std::vector<std::pair<std::string_view, HomingMethod>> kMethods{
+  static const std::vector<std::pair<std::string_view, HomingMethod>> methods{
       {"end_stop_index", HomingMethod::kEndStopIndex},
       {"end_stop", HomingMethod::kEndStop},
       {"released_end_stop", HomingMethod::kReleasedEndStop},
       {"next_index", HomingMethod::kNextIndex},
       {"here", HomingMethod::kHere}};
-  return kMethods;
+  return methods;
 }
 
 BusKind read_bus_kind(const Node& section) {

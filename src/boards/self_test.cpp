@@ -10,7 +10,8 @@ namespace {
 
 using trifinger::detail::text_of;
 
-constexpr double kLargestError = 0.0175;    // at the end of a sweep [rad]: a degree
+// A joint that is so far from its target where a sweep turns has not moved [rad]; the way is 0.035.
+constexpr double kNoMovement = 0.028;
 constexpr double kLargestFriction = 0.1;    // [Nm]; half of what the original robots home with
 constexpr double kIndexTolerance = 0.0175;  // of a distance in parts of it: 6 degrees of a motor
 // A model knows the weight of a finger no better than this.
@@ -24,9 +25,18 @@ double rounded(double value) { return std::round(value * 1000.0) / 1000.0; }
 std::string problem_of(const JointReport& report, double index_distance) {
   if (!report.wiring || !report.sweep) return "was not tested to the end";
   const SweepResult& sweep = *report.sweep;
-  if (sweep.error > kLargestError) {
+  if (sweep.error > kNoMovement) {
     return text_of("does not follow: it stays ", rounded(sweep.error),
                    " rad away from its target; check its belt and what is in its way");
+  }
+  if (report.weight) {
+    const double tolerance = kLoadTolerance + kLoadTolerancePart * std::abs(*report.weight);
+    if (std::abs(sweep.load - *report.weight) > tolerance) {
+      return text_of("is not where it seems, or is another joint: its load is ",
+                     rounded(sweep.load), " Nm, its weight ", rounded(*report.weight),
+                     " Nm; check home_position, polarity, and whether motor and encoder belong to "
+                     "another joint");
+    }
   }
   if (sweep.friction > kLargestFriction) {
     return text_of("moves hard: its friction is ", rounded(sweep.friction),
@@ -37,14 +47,6 @@ std::string problem_of(const JointReport& report, double index_distance) {
     return text_of("has indexes ", rounded(report.index_distance), " rad apart instead of ",
                    rounded(index_distance),
                    "; check how its encoder is fixed, and boards.gear_ratio");
-  }
-  if (!report.weight) return "";
-  const double tolerance = kLoadTolerance + kLoadTolerancePart * std::abs(*report.weight);
-  if (std::abs(sweep.load - *report.weight) > tolerance) {
-    return text_of("is not where it seems, or is another joint: its load is ", rounded(sweep.load),
-                   " Nm, its weight ", rounded(*report.weight),
-                   " Nm; check home_position, polarity, and whether motor and encoder belong to "
-                   "another joint");
   }
   return "";
 }

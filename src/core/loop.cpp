@@ -350,7 +350,7 @@ void Loop::publish_companions(const Tick& now, TimeIndex time_index) noexcept {
       stamp.arrival_time = now.time.time_since_epoch().count();
       if (stamp.capture_index == Stamp::kFromTime) {
         // What arrives now was captured before, whatever its sensor says.
-        stamp.capture_time = std::min(stamp.capture_time, stamp.arrival_time);
+        stamp.capture_time = std::clamp<std::int64_t>(stamp.capture_time, 0, stamp.arrival_time);
         stamp.capture_index = step_at(stamp.capture_time, time_index);
       }
       if (stamp.capture_time == 0) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "trifinger/core/sensor.hpp"
 
+#include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -17,6 +18,8 @@
 #include <new>
 #include <optional>
 #include <stop_token>
+#include <string_view>
+#include <system_error>
 #include <thread>
 #include <utility>
 
@@ -25,6 +28,7 @@
 #include "trifinger/base/regular_file.hpp"
 #include "trifinger/base/text_of.hpp"
 #include "trifinger/core/session.hpp"
+#include "trifinger/ipc/file_descriptor.hpp"
 #include "trifinger/ipc/file_lock.hpp"
 #include "trifinger/ipc/process.hpp"
 #include "trifinger/ipc/ring.hpp"
@@ -101,6 +105,18 @@ ipc::SharedMemory lock_sensor(const std::string& file, const std::string& what) 
   return lock;
 }
 
+// Removes the hidden names of files that killed processes have left: they keep memory. Only the
+// owner of the lock may do this. Names of the lock itself belong to whoever wants it.
+void remove_leftovers(const std::string& file) {
+  std::error_code error;
+  for (const auto& entry : std::filesystem::directory_iterator(session_folder(), error)) {
+    const std::string name = entry.path().filename().string();
+    if (name.starts_with("." + file + ".") && !name.starts_with("." + file + ".lock.")) {
+      ::unlink(entry.path().c_str());
+    }
+  }
+}
+
 }  // namespace
 
 UntypedSensorWriter::UntypedSensorWriter(const std::string& robot, const std::string& sensor,
@@ -113,6 +129,7 @@ UntypedSensorWriter::UntypedSensorWriter(const std::string& robot, const std::st
   const std::string text = element.text();
   const ipc::RingShape shape{.capacity = std::bit_ceil(history), .element_size = element.size()};
   ipc::SharedMemory lock = lock_sensor(file, "sensor '" + sensor + "' of robot '" + robot + "'");
+  remove_leftovers(file);
   ipc::SharedMemory memory = ipc::SharedMemory::create_file(
       session_folder(), file, ring_offset(text.size()) + shape.size(), kOwnerAlone);
   static_cast<void>(ipc::try_lock(memory.file()));
@@ -135,6 +152,7 @@ UntypedSensorWriter::~UntypedSensorWriter() {
 }
 
 void UntypedSensorWriter::write(Instant captured, const void* element) noexcept {
+  if (state_->fork.is_inherited()) return;
   const Stamp stamp{.arrival_index = -1,
                     .capture_index = Stamp::kFromTime,
                     .arrival_time = 0,
@@ -183,9 +201,14 @@ class Mapping {
     // acquire: the elements before it have been written.
     return header().end.load(std::memory_order_acquire);
   }
-  // True while its process lives and no other one has taken its place.
-  [[nodiscard]] bool is_in_use() const noexcept {
-    return ipc::is_locked_by_other(memory_.file()) && memory_.has_name();
+  // True while its process lives, its file is whole, and no other one has taken its place.
+  [[nodiscard]] bool is_in_use() const noexcept { return trouble().empty(); }
+  // Why it can be used no more.
+  [[nodiscard]] std::string_view trouble() const noexcept {
+    if (!ipc::is_locked_by_other(memory_.file())) return "its process has ended";
+    if (!memory_.has_name()) return "its file was removed";
+    if (memory_.is_damaged()) return "its file was cut off";
+    return "";
   }
 
  private:
@@ -196,6 +219,23 @@ class Mapping {
   ipc::SharedMemory memory_;
   ipc::Ring ring_;
 };
+
+}  // namespace
+
+namespace {
+
+// Looks at a sensor's file before anything of it is mapped: a file may be large. False if its
+// process was killed. Throws InvalidArgument for a file of somebody else, SystemError.
+bool is_worth_mapping(const std::filesystem::path& path) {
+  const ipc::FileDescriptor file(
+      [&path] { return open_regular_file(path, O_RDONLY, NamedBy::kProgram); });
+  struct stat status{};
+  if (::fstat(file.get(), &status) != 0) throw SystemError("inspect " + path.string(), errno);
+  // What it says moves the robot, so it must come from its user.
+  detail::require(status.st_uid == ::geteuid() || status.st_uid == 0,
+                  "it belongs to user " + user_name(status.st_uid));
+  return ipc::is_locked_by_other(file);
+}
 
 }  // namespace
 
@@ -213,10 +253,12 @@ class DriverWithSensors::Sensor {
     if (newest_ != nullptr && newest_->is_in_use()) return {};
     std::string news;
     if (newest_ != nullptr) {
-      news = "sensor '" + name_ + "': its process has ended; the robot goes on without it";
+      news =
+          text_of("sensor '", name_, "': ", newest_->trouble(), "; the robot goes on without it");
       show(nullptr);
     }
     try {
+      if (!is_worth_mapping(session_folder() / file_)) return news;
       auto found = std::make_unique<Mapping>(file_, element_);
       // A process that was killed leaves its file.
       if (!found->is_in_use()) return news;
@@ -239,6 +281,7 @@ class DriverWithSensors::Sensor {
 
   void begin_session() noexcept {
     polled_.reset();
+    is_polling_ = false;
     polls_ = 0;
   }
 
@@ -270,10 +313,10 @@ class DriverWithSensors::Sensor {
     polled_ = time_index;
     const Mapping* const before = reading_;
     hold_newest();
-    const std::int64_t end = reading_ != nullptr ? reading_->end() : 0;
+    const std::int64_t end = reading_ != nullptr ? std::max<std::int64_t>(reading_->end(), 0) : 0;
     // A number that went back is none of a sensor's.
     if (reading_ != before || end < end_) next_ = std::max<std::int64_t>(end - 1, 0);
-    end_ = std::max<std::int64_t>(end, 0);
+    end_ = end;
     if (polls_ < 3) ++polls_;
     if (polls_ == 1) next_ = end_ - 1;  // also if an earlier session had it
     // Nobody polls while the robot holds its pose.

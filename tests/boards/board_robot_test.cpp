@@ -457,6 +457,7 @@ TEST(BoardRobot, ARobotThatWasNeverPreparedLeavesTheBoardsAlone) {
   Rig<TriFinger> rig;
   ASSERT_EQ(rig.prepare().state, State::kReady);
   std::vector<std::unique_ptr<can::Bus>> buses;
+  buses.reserve(rig.buses.size());
   for (const auto& bus : rig.buses) buses.push_back(bus->connect());
   // As a second 'trifinger run' that finds out that the robot is run already.
   std::optional<BoardRobot<TriFinger>> other;

@@ -105,7 +105,7 @@ struct Case {
   int within;            // [ms]
 };
 
-void PrintTo(const Case& tried, std::ostream* out) { *out << tried.fault; }
+std::ostream& operator<<(std::ostream& out, const Case& tried) { return out << tried.fault; }
 
 template <class R>
 void expect_sentence(const Case& tried, Rig<R>& rig) {

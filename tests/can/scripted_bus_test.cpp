@@ -28,8 +28,9 @@ class ScriptedBusTest : public ::testing::Test {
     for (const Frame& frame : bus.receive(budget)) numbers.push_back(frame.data[0]);
     return numbers;
   }
-  static SendResult send(Bus& bus, std::vector<std::uint8_t> numbers) {
+  static SendResult send(Bus& bus, const std::vector<std::uint8_t>& numbers) {
     std::vector<Frame> frames;
+    frames.reserve(numbers.size());
     for (const std::uint8_t number : numbers) {
       frames.push_back({.id = 0x20, .dlc = 1, .data = {number}});
     }

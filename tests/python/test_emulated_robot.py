@@ -230,7 +230,7 @@ def test_home_and_self_test(start_program: StartProgram) -> None:
 def test_calibrate_writes_what_run_reads(start_program: StartProgram, calibrations: Path) -> None:
     start_program("emulate", EMULATED, *PATIENT_BOARDS).wait_for("6 emulated boards are on")
     done = maintain(
-        "calibrate", EMULATED, "--serial", "0042", "--pose", "0", "0.9", "-1.7", typed="\n"
+        "calibrate", EMULATED, "--serial", "0042", "--pose", "0", "0.9", "-1.7", typed="\n\n"
     )
     assert done.returncode == 0, done.stdout + done.stderr
     assert "press Enter" in done.stdout
@@ -249,6 +249,25 @@ def test_a_calibration_cannot_be_made_without_a_person(start_program: StartProgr
     done = maintain("calibrate", EMULATED)
     assert done.returncode == 1
     assert "nobody can press Enter" in done.stderr
+
+
+@pytest.mark.usefixtures("calibrations")
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("--pose", "0", "45", "-90"), "joint 1 is at 45 rad, must be within its hard limits"),
+        (("--pose", "0", "1"), "--pose has 2 angles, must have 1, 3 or 9"),
+        (("--set", "boards.homing.method=here"), "'here', which finds no place"),
+        (("--serial", "a\nb"), "--serial must be one line of text"),
+    ],
+)
+def test_calibrate_refuses_what_makes_no_sense(
+    start_program: StartProgram, arguments: tuple[str, ...], sentence: str
+) -> None:
+    start_program("emulate", EMULATED, *PATIENT_BOARDS).wait_for("6 emulated boards are on")
+    done = maintain("calibrate", EMULATED, *arguments)
+    assert done.returncode == 2
+    assert sentence in done.stderr
 
 
 CALIBRATION = f"""\

@@ -102,8 +102,9 @@ template <std::size_t N>
 struct Preparation {
   bool home{false};  ///< Homes the joints even if their places are known.
   bool test{false};  ///< Tests the wiring, homes, and measures load and friction of each joint.
-  /// Leaves the motors without current until `BoardRobot::take_reference`, when somebody has put
-  /// the joints at these angles [rad]. Then homes them, and finds out where their homes are.
+  /// Leaves the motors without current until somebody has put the joints at these angles [rad]
+  /// (`BoardRobot::take_reference`) and has taken the hands away (`leave_reference`). Then homes
+  /// the joints, and finds out where their homes are.
   std::optional<JointVector<N>> reference{};
 };
 
@@ -121,7 +122,7 @@ class BoardRobot final : public Driver<R>, public WearMeter {
   /// What `prepare` is doing.
   enum class Phase : std::uint8_t {
     kStarting,   ///< The boards switch their motors on.
-    kReference,  ///< The motors are without current until `take_reference`.
+    kReference,  ///< The motors are without current until `leave_reference`.
     kTesting,    ///< Each motor is driven, one after the other.
     kHoming,
     kMoving,    ///< To the initial position.
@@ -156,8 +157,11 @@ class BoardRobot final : public Driver<R>, public WearMeter {
   void set_preparation(const Preparation<R::kJoints>& preparation) noexcept {
     preparation_ = preparation;
   }
-  /// The joints are at the angles of the reference. Any thread may call it.
-  void take_reference() noexcept { is_reference_taken_ = true; }
+  /// The joints are at the angles of the reference now. Motors stay without current. Any thread may
+  /// call it.
+  void take_reference() noexcept { reference_step_ = ReferenceStep::kTaken; }
+  /// Nobody touches the robot any more: after `take_reference` it goes on. Any thread may call it.
+  void leave_reference() noexcept { reference_step_ = ReferenceStep::kLeft; }
   /// What `prepare` is doing. Any thread may ask.
   [[nodiscard]] Phase phase() const noexcept { return phase_; }
   /// What a test has found out. Call it while nobody runs the robot.
@@ -192,6 +196,8 @@ class BoardRobot final : public Driver<R>, public WearMeter {
   }
 
  private:
+  enum class ReferenceStep : std::uint8_t { kWaiting, kTaken, kStored, kLeft };
+
   struct NewestIndex {
     double angle{0.0};
     std::uint64_t pulses{0};
@@ -242,7 +248,9 @@ class BoardRobot final : public Driver<R>, public WearMeter {
   OrderlyStop<R> stop_;
   std::vector<Board> boards_;
   Preparation<R::kJoints> preparation_{};
-  std::atomic<bool> is_reference_taken_{false};
+  // Both atomics carry nothing but themselves between two threads, a few times per minute, so the
+  // default order, the strictest one, costs nothing.
+  std::atomic<ReferenceStep> reference_step_{ReferenceStep::kWaiting};
   std::atomic<Phase> phase_{Phase::kStarting};
   WiringTest wiring_;
   std::array<JointHoming, R::kJoints> homing_{};

@@ -20,7 +20,7 @@ struct EmulatedFault {
     kBoardOff,       ///< One board has none.
     kBoardRestart,   ///< It has none for a moment.
     kBoardSilent,    ///< Nothing that it sends arrives.
-    kBoardError,     ///< It reports `error`.
+    kBoardError,     ///< It reports `error`, unless it is switched off or not enabled.
     kBoardRollover,  ///< It restarts, and its positions count from just below their rollover.
     kBusLoses,       ///< This share of the frames is lost: `amount`, 0 to 1.
     kBusDuplicates,  ///< ... comes twice.

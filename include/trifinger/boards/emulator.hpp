@@ -82,8 +82,9 @@ class Emulator {
  private:
   // What is wrong at a joint, and where its motor is if it turns without it.
   struct JointTrouble {
-    double jump{0.0};   // [rad]
-    double noise{0.0};  // [rad]
+    double jump{0.0};      // [rad]
+    double noise{0.0};     // [rad]
+    Terminal hot_motor{};  // the one that draws too much
     bool is_stuck{false};
     double stuck_at{0.0};  // [rad]
     bool is_loose{false};
@@ -92,6 +93,9 @@ class Emulator {
   };
 
   void carry_out(Instant now) noexcept;
+  // True unless a fault that lasts has switched the board off.
+  [[nodiscard]] bool has_power(std::size_t board) const noexcept;
+  void restore_power(Instant now) noexcept;
   void begin(const EmulatedFault& fault, Instant now) noexcept;
   void end(const EmulatedFault& fault, Instant now) noexcept;
   void turn_loose_motor(std::size_t joint, double amperes) noexcept;

@@ -21,7 +21,7 @@ namespace trifinger {
 class UntypedSensorWriter {
  public:
   /// Becomes the sensor `sensor` of `robot`, for example "object" of "sim". `element` begins with a
-  /// `Stamp stamp`. If the robot has not read more than `history` elements, it misses the oldest.
+  /// `Stamp stamp`. Of elements that the robot has not read, only the newest `history` are kept.
   /// @throws InvalidArgument, SystemError, Error if another process is this sensor already
   UntypedSensorWriter(const std::string& robot, const std::string& sensor,
                       const ElementDescription& element, std::size_t history = 64);
@@ -30,7 +30,7 @@ class UntypedSensorWriter {
   ~UntypedSensorWriter();
 
   /// Hands over an element that was captured at this instant of the monotonic clock. Its stamp is
-  /// not read. Does not block, allocate or throw.
+  /// not read. Does not block, allocate or throw. Without effect in a child process after fork.
   void write(Instant captured, const void* element) noexcept TRIFINGER_REALTIME;
 
  private:
@@ -62,10 +62,10 @@ class SensorWriter {
 /// processes a few times per second, so they may come and go. While a sensor has no process, its
 /// companion gets no elements.
 ///
-/// A session begins with the newest element of each sensor, at step -1 and again at step 0, however
-/// long the robot has held its pose in between. From then on each element arrives at the first step
-/// after it was written. A sensor that writes faster than this can be read loses its older
-/// elements.
+/// A session begins with the newest element of each sensor, at step -1, and at step 0 with one that
+/// was written since, however long the robot has held its pose. From then on each element arrives
+/// at the first step after it was written, at most 16 per step: of more, as after a long step, the
+/// oldest are lost. Of a process that comes during a session, the newest element counts first.
 class DriverWithSensors final : public UntypedDriver {
  public:
   /// `robot` is the name of the robot, under which its sensors look for it.
