@@ -256,6 +256,8 @@ inline constexpr const char* offsets = R"(Candidate offsets to both sides of a f
 
 namespace GraspState {
 inline constexpr const char* GraspState = R"(The state of a `GraspController`: its phase and its forces.)";
+inline constexpr const char* felt = R"(The motion of the held object as the tips feel it: they roll on its faces without slipping.
+Zero while it is not held.)";
 inline constexpr const char* is_slipping = R"(True if a tip moves along its face faster than tips roll.)";
 inline constexpr const char* normal_forces = R"(Forces with which the three tips press along their faces' normals [N], computed from the
 joints' torques.)";

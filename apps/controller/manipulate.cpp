@@ -78,6 +78,12 @@ void tell_phase(const Manipulation& at) {
   std::fflush(stdout);
 }
 
+void tell_sight(const Manipulation& at) {
+  fmt::print("  {}\n", at.is_in_sight() ? "the object is in sight again"
+                                        : "the object is out of sight: the tips feel where it is");
+  std::fflush(stdout);
+}
+
 nlohmann::ordered_json json_of(const Report& report) {
   return {{"is_done", report.is_done},
           {"failure", text_of(report.failure)},
@@ -96,6 +102,7 @@ nlohmann::ordered_json json_of(const Report& report) {
           {"tangential_force_max", report.tangential_force_max},
           {"friction_used", report.friction_used},
           {"travel_max", report.travel_max},
+          {"blind_time", report.blind_time.count()},
           {"slip_time", report.slip_time.count()},
           {"torque_margin", report.torque_margin},
           {"exact_wrenches", report.exact_wrenches},
@@ -115,6 +122,9 @@ void print(const Report& report) {
   line("highest", fmt::format("{:.1f} cm", 100 * report.height));
   line("drift, slip while held",
        fmt::format("{:.2f} mm, {:.2f} mm", 1e3 * report.hold_drift, 1e3 * report.hold_slip));
+  if (report.blind_time.count() > 0)
+    line("out of sight",
+         fmt::format("{:.1f} s, led by what the tips felt", report.blind_time.count()));
   line("normal forces", fmt::format("{:.2f} to {:.2f} N, mean {:.2f} N", report.normal_force_min,
                                     report.normal_force_max, report.normal_force_mean));
   line("tangential forces", fmt::format("up to {:.2f} N, {:.2f} of the normal force",
@@ -175,7 +185,8 @@ int manipulate(const ManipulateOptions& options) {
       .realtime = realtime_beside(robot.session().info(), options.scheduling),
       .stop = &stop,
       .on_step = {},
-      .on_phase = tell_phase};
+      .on_phase = tell_phase,
+      .on_sight = tell_sight};
   const Trace trace = manipulation::run(robot, known.description, config, run_options);
 
   const Report report = manipulation::make_report(trace, trace.seen);
