@@ -28,6 +28,11 @@ constexpr int kRgba = 0x1908;           // OpenGL's name of a format
 constexpr int kLargestPicture = 16384;  // of Mesa and of all drivers since 2010 [pixel]
 constexpr double kLeastBlur = 0.3;  // Less displacement during the exposure shows no blur [pixel].
 
+// The wall of the open hardware is made of clear polycarbonate.
+bool has_clear_wall(const RobotDescription& description) {
+  return description.variant == Variant::kEdu && description.arrangement == Arrangement::kTriFinger;
+}
+
 double seconds(Nanoseconds time) { return std::chrono::duration<double>(time).count(); }
 
 }  // namespace
@@ -40,7 +45,7 @@ class CameraRenderer::Implementation {
         drawn_(model_.copy()),
         data_(model_.make_data()),
         later_(model_.make_data()),
-        scene_(*drawn_, initial_data()),
+        scene_(*drawn_, initial_data(), has_clear_wall(description)),
         cameras_(std::move(cameras)) {
     require(!cameras_.empty(), "a renderer needs a camera");
     for (const camera::Camera& camera : cameras_) {

@@ -25,7 +25,7 @@ float limited(double share) { return static_cast<float>(std::clamp(share, 0.0, 1
 
 }  // namespace
 
-Scene::Scene(const mjModel& model, mjData& data) : model_(model) {
+Scene::Scene(const mjModel& model, mjData& data, bool has_clear_walls) : model_(model) {
   mjv_defaultScene(&scene_);
   mjv_makeScene(&model, &scene_, kMostGeoms);
   mjvOption option;
@@ -43,9 +43,10 @@ Scene::Scene(const mjModel& model, mjData& data) : model_(model) {
     if (shape.geom < 0) continue;  // decoration for viewers
     shape.body = model.geom_bodyid[shape.geom];
     shape.size = model.geom_rbound[shape.geom];
-    // The wall is translucent for films only.
-    shape.drawn.rgba[3] = 1;
-    shape.drawn.transparent = 0;
+    if (!has_clear_walls) {
+      shape.drawn.rgba[3] = 1;
+      shape.drawn.transparent = 0;
+    }
     clean_.push_back(shape);
   }
   shapes_ = clean_;
@@ -66,21 +67,25 @@ void Scene::set_options(const RenderingOptions& options) {
 void Scene::set_light(const RenderingOptions& options) {
   const Eigen::Vector3d lamp = Eigen::Vector3d(options.lamp.data()).normalized();
   mjvLight light{};
-  light.id = 0;
   light.type = mjLIGHT_DIRECTIONAL;
   light.attenuation[0] = 1;
   light.cutoff = 180;
+  mjvLight ambient = light;
   light.castshadow = options.shadows ? 1 : 0;
   for (int i = 0; i < 3; ++i) {
     const double colour = options.light_colour.at(static_cast<std::size_t>(i));
     light.pos[i] = static_cast<float>(3 * lamp[i]);
     light.dir[i] = static_cast<float>(-lamp[i]);
-    light.ambient[i] = static_cast<float>(options.ambient_power * colour);
+    ambient.dir[i] = light.dir[i];
+    ambient.ambient[i] = static_cast<float>(options.ambient_power * colour);
     light.diffuse[i] = static_cast<float>(options.lamp_power * colour);
     light.specular[i] = static_cast<float>(0.3 * options.lamp_power * options.gloss * colour);
   }
-  scene_.nlight = 1;
+  // Two lights, because a shadow takes all of a light away, also what comes from all sides.
+  if (!options.shadows) std::ranges::copy(ambient.ambient, light.ambient);
+  scene_.nlight = options.shadows ? 2 : 1;
   scene_.lights[0] = light;
+  scene_.lights[1] = ambient;
 }
 
 void Scene::set_colours(const RenderingOptions& options) {

@@ -16,8 +16,9 @@ namespace trifinger::rendering::detail {
 // What is drawn: the shapes of a model with the light, the colours and the dust of some options.
 class Scene {
  public:
-  // `data` is at any configuration. The model must outlive the scene.
-  Scene(const mjModel& model, mjData& data);
+  // `data` is at any configuration. The model must outlive the scene. Films see through every wall;
+  // `has_clear_walls` says whether cameras do.
+  Scene(const mjModel& model, mjData& data, bool has_clear_walls);
   Scene(const Scene&) = delete;
   Scene& operator=(const Scene&) = delete;
   ~Scene();
