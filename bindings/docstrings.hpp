@@ -613,6 +613,11 @@ inline constexpr const char* moment = R"([Nm])";
 
 inline constexpr const char* approach_to = R"(The approach of a tip with radius `tip_radius` [m] to an object that rests at the pose
 `object`.)";
+inline constexpr const char* balanced_blocks = R"(The pixels of an image as colours are learned from them: a row of red, green and blue, 0 to
+255, for each block of 2 x 2 pixels, row by row. Their white balance is such that most of
+the image is grey.
+
+Raises InvalidArgument if the image has no colours, or another size than its format says.)";
 inline constexpr const char* coloured_box = R"(A box with whole lengths `size` [m]. The colour of a face ends `rim` before its edges [m];
 the rest is as dark as the rims of the simulation's boxes, or as the background.
 

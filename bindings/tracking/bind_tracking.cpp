@@ -81,6 +81,26 @@ Estimate track(Tracker& tracker, const std::vector<std::optional<Image>>& images
 namespace trifinger::bindings {
 
 void bind_tracking(nb::module_& m) {
+  m.def(
+      "balanced_blocks",
+      [](const Image& image) {
+        if (image.ndim() < 2 || image.ndim() > 3 || (image.ndim() == 3 && image.shape(2) != 3)) {
+          throw InvalidArgument(
+              "an image must be height x width (bayer_rggb8) or height x width x 3");
+        }
+        const camera::ImageFormat format{.width = static_cast<int>(image.shape(1)),
+                                         .height = static_cast<int>(image.shape(0)),
+                                         .pixels = image.ndim() == 2
+                                                       ? camera::PixelFormat::kBayerRg8
+                                                       : camera::PixelFormat::kRgb8};
+        const auto blocks = balanced_blocks(
+            format, {reinterpret_cast<const std::byte*>(image.data()), image.nbytes()});
+        RowMajor rows(static_cast<Eigen::Index>(blocks.size()), 3);
+        for (std::size_t i = 0; i < blocks.size(); ++i)
+          rows.row(static_cast<Eigen::Index>(i)) = blocks[i].cast<double>();
+        return nb::steal(write_array(rows));
+      },
+      "image"_a, docs::balanced_blocks);
   nb::class_<TrackedObject>(m, "TrackedObject", docs::TrackedObject::TrackedObject)
       .def_ro("name", &TrackedObject::name);
   m.def(

@@ -4,15 +4,19 @@
 #include <algorithm>
 #include <cmath>
 
+#include "trifinger/base/error.hpp"
+#include "trifinger/base/text_of.hpp"
+
 namespace trifinger::tracking::detail {
 namespace {
 
-// Pixels this bright are at the limit of a channel: their ratios mean little.
 constexpr int kLevels = 256;
 
 // A pixel has a colour if this is its most likely origin. Most pixels show the background, and few
 // wrong ones among them hurt more than a few missing ones on the object.
 constexpr double kBackgroundWeight = 2;
+// The second colour counts if it is likelier than this share of the first.
+constexpr double kMayBe = 0.03;
 // Density of features that nobody has seen: they belong to the background.
 constexpr double kUnseen = 1e-3;
 
@@ -38,50 +42,132 @@ float between(const std::uint8_t* pixels, std::size_t width, float x, float y, i
 }  // namespace
 
 ColourTable::ColourTable(const ColourModel& model, const std::vector<std::string>& colours)
-    : labels_(std::size_t{1} << 3 * kBits, kNoColour) {
-  constexpr int kCells = 1 << kBits;
+    : labels_(std::size_t{1} << 3 * kBits) {
+  constexpr std::size_t kCells = std::size_t{1} << kBits;
   std::array<double, kCells> middle{};
   std::array<int, kCells> members{};
   for (int level = 0; level < kLevels; ++level) {
-    const auto cell = static_cast<std::size_t>(kCells * std::sqrt((level + 0.5) / kLevels));
-    cell_[static_cast<std::size_t>(level)] = static_cast<std::uint8_t>(cell);
-    middle[cell] += level;
-    ++members[cell];
+    middle[cell(level)] += level;
+    ++members[cell(level)];
   }
-  for (std::size_t cell = 0; cell < kCells; ++cell) {
-    if (members[cell] > 0) middle[cell] /= members[cell];
+  for (std::size_t i = 0; i < kCells; ++i) {
+    if (members[i] > 0) middle[i] /= members[i];
   }
   std::size_t place = 0;
   for (const double red : middle) {
     for (const double green : middle) {
       for (const double blue : middle) {
         const Eigen::Vector3d features = colour_features(red, green, blue);
-        double best = kBackgroundWeight * model.background.density(features) + kUnseen;
-        Label label = kNoColour;
+        const double background = kBackgroundWeight * model.background.density(features) + kUnseen;
+        double best = background;
+        double next = 0;
+        Labels labels;
         for (const Colour& colour : model.colours) {
           const double density = colour.density(features);
-          if (density <= best) continue;
-          best = density;
+          if (density <= std::max(next, kMayBe * background)) continue;
           // Colours that the object does not have belong to other things.
           const auto own = std::ranges::find(colours, colour.name);
-          label = own == colours.end() ? kNoColour : static_cast<Label>(own - colours.begin());
+          const Label label =
+              own == colours.end() ? kNoColour : static_cast<Label>(own - colours.begin());
+          if (density > best) {
+            labels = {label, labels.first};
+            next = best == background ? 0 : best;
+            best = density;
+          } else {
+            labels.second = label;
+            next = density;
+          }
         }
-        labels_[place++] = label;
+        // Things that are most likely not of the object are not of the object.
+        if (!labels.is_coloured() || next < kMayBe * best) labels.second = kNoColour;
+        labels_[place++] = labels;
       }
     }
   }
+}
+
+std::size_t ColourTable::cell(double brightness) noexcept {
+  constexpr double kCells = 1 << kBits;
+  return static_cast<std::size_t>(
+      std::min(kCells - 1, kCells * std::sqrt((brightness + 0.5) / kLevels)));
+}
+
+void ColourTable::set_cells(const Eigen::Vector3d& gains, Cells& cells) noexcept {
+  for (std::size_t channel = 0; channel < cells.size(); ++channel) {
+    for (std::size_t level = 0; level < kLevels; ++level) {
+      cells[channel][level] = static_cast<std::uint8_t>(
+          cell(static_cast<double>(level) * gains[static_cast<Eigen::Index>(channel)]));
+    }
+  }
+}
+
+Eigen::Vector3d white_balance(const camera::ImageFormat& format,
+                              std::span<const std::byte> pixels) noexcept {
+  constexpr int kPerOctave = 32;                 // bins
+  constexpr int kBins = 2 * 2 * kPerOctave + 1;  // ratios from a quarter to four
+  constexpr unsigned kDark = 12;
+  constexpr unsigned kBright = 250;
+  static const std::array<int, kLevels> logs = [] {
+    std::array<int, kLevels> table{};
+    for (std::size_t i = 1; i < kLevels; ++i) {
+      table[i] = static_cast<int>(std::lround(kPerOctave * std::log2(static_cast<double>(i))));
+    }
+    return table;
+  }();
+  std::array<int, kBins> reds{};
+  std::array<int, kBins> blues{};
+  int count = 0;
+  const auto* const bytes = reinterpret_cast<const std::uint8_t*>(pixels.data());
+  const std::size_t channels = camera::channels(format.pixels);
+  const auto width = static_cast<std::size_t>(format.width);
+  const auto height = static_cast<std::size_t>(format.height);
+  for (std::size_t row = 0; row + 1 < height; row += 8) {
+    for (std::size_t column = 0; column + 1 < width; column += 8) {
+      const std::uint8_t* const p = bytes + (row * width + column) * channels;
+      unsigned red = p[0];
+      unsigned green = p[1];
+      unsigned blue = p[2];
+      if (format.pixels == camera::PixelFormat::kBayerRg8) {
+        green = (unsigned{p[1]} + p[width]) / 2;
+        blue = p[width + 1];
+      }
+      if (green < kDark || std::max({red, green, blue}) > kBright) continue;
+      const auto bin = [&](unsigned level) {
+        return static_cast<std::size_t>(
+            std::clamp(logs[level] - logs[green] + kBins / 2, 0, kBins - 1));
+      };
+      ++reds[bin(red)];
+      ++blues[bin(blue)];
+      ++count;
+    }
+  }
+  constexpr int kEnough = 100;
+  if (count < kEnough) return Eigen::Vector3d::Ones();
+  const auto median = [count](const std::array<int, kBins>& bins) {
+    int below = 0;
+    std::size_t i = 0;
+    while (2 * (below + bins[i]) < count) below += bins[i++];
+    const double within = (0.5 * count - below) / bins[i];
+    return (static_cast<double>(i) - 0.5 + within - kBins / 2) / kPerOctave;
+  };
+  // The balance changes the colours, not the brightness.
+  const double red = median(reds);
+  const double blue = median(blues);
+  const double mean = (red + blue) / 3;
+  return {std::exp2(mean - red), std::exp2(mean), std::exp2(mean - blue)};
 }
 
 LabelledImage::LabelledImage(const camera::ImageFormat& format)
     : format_(format),
       columns_(format.width / 2),
       rows_(format.height / 2),
-      labels_(static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_), kNoColour),
+      labels_(static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_)),
       sums_((static_cast<std::size_t>(columns_) + 1) * (static_cast<std::size_t>(rows_) + 1), 0) {}
 
 void LabelledImage::read(std::span<const std::byte> pixels, const ColourTable& table) noexcept {
   pixels_ = pixels.empty() ? nullptr : reinterpret_cast<const std::uint8_t*>(pixels.data());
   if (pixels_ == nullptr) return;
+  ColourTable::set_cells(white_balance(format_, pixels), cells_);
   const bool is_mosaic = format_.pixels == camera::PixelFormat::kBayerRg8;
   const std::size_t stride =
       static_cast<std::size_t>(format_.width) * camera::channels(format_.pixels);
@@ -89,14 +175,18 @@ void LabelledImage::read(std::span<const std::byte> pixels, const ColourTable& t
   for (std::size_t row = 0; row < static_cast<std::size_t>(rows_); ++row) {
     const std::uint8_t* upper = pixels_ + 2 * row * stride;
     const std::uint8_t* lower = upper + stride;
-    Label* const labels = labels_.data() + row * columns;
+    Labels* const row_labels = labels_.data() + row * columns;
     const std::uint32_t* const above = sums_.data() + row * (columns + 1);
     std::uint32_t* const sums = sums_.data() + (row + 1) * (columns + 1);
     std::uint32_t here = 0;
     for (std::size_t column = 0; column < columns; ++column) {
-      Label label = kNoColour;
+      Labels labels;
       if (is_mosaic) {
-        label = table.label(upper[0], (unsigned{upper[1]} + lower[0]) / 2, lower[1]);
+        // On an edge, the pixels of a block show different things, and their mixture is no colour.
+        const int greens = upper[1] + lower[0];
+        if (4 * std::abs(upper[1] - lower[0]) <= greens + 24) {
+          labels = table.labels(cells_, upper[0], static_cast<unsigned>(greens) / 2, lower[1]);
+        }
         upper += 2;
         lower += 2;
       } else {
@@ -105,12 +195,12 @@ void LabelledImage::read(std::span<const std::byte> pixels, const ColourTable& t
                   lower[channel + 3]) /
                  4;
         };
-        label = table.label(mean(0), mean(1), mean(2));
+        labels = table.labels(cells_, mean(0), mean(1), mean(2));
         upper += 6;
         lower += 6;
       }
-      labels[column] = label;
-      here += label == kNoColour ? 0 : 1;
+      row_labels[column] = labels;
+      here += labels.is_coloured() ? 1U : 0U;
       sums[column + 1] = above[column + 1] + here;
     }
   }
@@ -140,3 +230,39 @@ Rgb LabelledImage::colour(float x, float y) const noexcept {
 }
 
 }  // namespace trifinger::tracking::detail
+
+namespace trifinger::tracking {
+
+std::vector<Eigen::Vector3f> balanced_blocks(const camera::ImageFormat& format,
+                                             std::span<const std::byte> pixels) {
+  if (format.pixels == camera::PixelFormat::kMono8 || pixels.size() != format.size()) {
+    throw InvalidArgument(trifinger::detail::text_of(
+        "an image of ", pixels.size(), " bytes in the format ", camera::name_of(format.pixels),
+        "; it needs colours and ", format.size(), " bytes"));
+  }
+  const Eigen::Vector3f gains = detail::white_balance(format, pixels).cast<float>();
+  const auto* const bytes = reinterpret_cast<const std::uint8_t*>(pixels.data());
+  const std::size_t channels = camera::channels(format.pixels);
+  const std::size_t stride = static_cast<std::size_t>(format.width) * channels;
+  std::vector<Eigen::Vector3f> blocks;
+  for (int row = 0; row + 1 < format.height; row += 2) {
+    for (int column = 0; column + 1 < format.width; column += 2) {
+      const std::uint8_t* const upper = bytes + static_cast<std::size_t>(row) * stride +
+                                        static_cast<std::size_t>(column) * channels;
+      const std::uint8_t* const lower = upper + stride;
+      Eigen::Vector3f mean;
+      if (channels == 1) {
+        mean << upper[0], 0.5F * (static_cast<float>(upper[1]) + static_cast<float>(lower[0])),
+            lower[1];
+      } else {
+        for (Eigen::Index i = 0; i < 3; ++i) {
+          mean[i] = static_cast<float>(upper[i] + upper[i + 3] + lower[i] + lower[i + 3]) / 4;
+        }
+      }
+      blocks.emplace_back(mean.cwiseProduct(gains));
+    }
+  }
+  return blocks;
+}
+
+}  // namespace trifinger::tracking

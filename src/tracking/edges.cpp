@@ -91,7 +91,8 @@ bool EdgeFit::find_label_step(const Spot& spot, double reach, double& offset) no
   std::array<int, 2 * kMost + 1> is_face{};
   int total = 0;
   for (int i = -half; i <= half; ++i) {
-    const bool same = spot.view->image.label_at(spot.pixel + i * kStep * spot.normal) == spot.label;
+    const bool same =
+        spot.view->image.labels_at(spot.pixel + i * kStep * spot.normal).may_be(spot.label);
     is_face[static_cast<std::size_t>(i + half)] = same ? 1 : -1;
     total += same ? 1 : -1;
   }
@@ -137,7 +138,7 @@ bool EdgeFit::find_step(const Spot& spot, double reach, double& offset) const no
     const auto d = static_cast<float>(i - half);
     const auto place = static_cast<std::size_t>(i);
     colours[place] = image.colour(x + d * nx, y + d * ny);
-    is_face[place] = table_->label(colours[place]) == spot.label ? 1 : -1;
+    is_face[place] = image.labels_of(*table_, colours[place]).may_be(spot.label) ? 1 : -1;
     total += is_face[place];
   }
   int inside = 0;

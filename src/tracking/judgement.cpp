@@ -40,10 +40,10 @@ Verdict Judge::judge(const std::vector<View>& views, const Eigen::Isometry3d& po
         const Eigen::Vector2d pixel = view.project(pose * sample);
         if (!view.image.contains(pixel, 0)) continue;
         all += blocks;
-        const Label label = view.image.label_at(pixel);
-        if (label == face.label) {
+        const Labels labels = view.image.labels_at(pixel);
+        if (labels.may_be(face.label)) {
           matched += blocks;
-        } else if (label != kNoColour) {
+        } else if (labels.is_coloured()) {
           verdict.other += blocks;
         } else {
           verdict.hidden += blocks;
@@ -105,12 +105,12 @@ double Judge::unexplained(const View& view, const Eigen::Isometry3d& pose) const
   double count = 0;
   for (int row = top; row < bottom; ++row) {
     for (int column = left; column < right; ++column) {
-      const Label label = image.label(column, row);
-      if (label == kNoColour) continue;
+      const Labels labels = image.labels(column, row);
+      if (!labels.is_coloured()) continue;
       if ((Eigen::Vector2d(column, row) - middle).squaredNorm() > reach * reach) continue;
       const Eigen::Vector3d pixel(2 * column + 0.5, 2 * row + 0.5, 1);
       const bool is_explained = std::ranges::any_of(outlines_, [&](const Outline& outline) {
-        return outline.label == label && !outline.sides.empty() &&
+        return labels.may_be(outline.label) && !outline.sides.empty() &&
                std::ranges::all_of(
                    outline.sides, [&](const Eigen::Vector3d& side) { return side.dot(pixel) > 0; });
       });

@@ -115,13 +115,18 @@ void Search::look_around(const std::vector<View>& views, const Place& place) noe
          row < std::min(image.rows(), square.row + reach); ++row) {
       for (int column = std::max(0, square.column - reach);
            column < std::min(image.columns(), square.column + reach); ++column) {
-        const Label label = image.label(column, row);
-        if (label == kNoColour) continue;
+        const Labels labels = image.labels(column, row);
+        if (!labels.is_coloured()) continue;
         const int x = column - square.column;
         const int y = row - square.row;
         if (x * x + y * y > reach * reach) continue;
-        patches[label].area += 1;
-        patches[label].centre += Eigen::Vector2d(column, row);
+        const bool is_open = labels.second != kNoColour;
+        const auto add = [&](Label label, double weight) {
+          patches[label].area += weight;
+          patches[label].centre += weight * Eigen::Vector2d(column, row);
+        };
+        add(labels.first, is_open ? 0.6 : 1);
+        if (is_open) add(labels.second, 0.4);
       }
     }
     for (std::size_t k = 0; k < num_colours_; ++k) {
