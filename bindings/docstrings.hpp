@@ -19,6 +19,16 @@ inline constexpr const char* above = R"([m])";
 inline constexpr const char* beside = R"([m])";
 }
 
+namespace CameraRenderer {
+inline constexpr const char* CameraRenderer = R"(Draws what cameras see of a simulated scene: lens with distortion, Bayer mosaic, blur of
+what moves, noise.
+
+A point of the scene appears where `camera.Camera.project` says, to a tenth of a pixel.
+Equal arguments give equal images on one machine, bit for bit.
+
+Any thread may use a renderer, one thread at a time.)";
+}
+
 namespace CircleTrajectory {
 inline constexpr const char* CircleTrajectory = R"(A horizontal circle that gains its speed smoothly and loses it at the end.)";
 inline constexpr const char* at = R"(The motion at `time` since the beginning [s]. Before time 0 it rests at its start, and after

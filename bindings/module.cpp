@@ -21,6 +21,7 @@ NB_MODULE(_trifinger, m) {
   bind_backend(m);
   bind_recorder(m);
   bind_simulation(m);
+  bind_rendering(m);
   bind_kinematics(m);
   bind_motion(m);
   bind_forces(m);

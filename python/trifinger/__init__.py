@@ -14,6 +14,7 @@ from trifinger._trifinger import (
     Action as Action,
     AppliedAction as AppliedAction,
     Backend as Backend,
+    CameraRenderer as CameraRenderer,
     Element as Element,
     Frontend as Frontend,
     Kinematics as Kinematics,

@@ -749,6 +749,57 @@ def export_urdf(config: str = 'sim', overrides: dict[str, object] = {}) -> str:
     Raises InvalidArgument if the description cannot be built.
     """
 
+class CameraRenderer:
+    """
+    Draws what cameras see of a simulated scene: lens with distortion, Bayer mosaic, blur of
+    what moves, noise.
+
+    A point of the scene appears where `camera.Camera.project` says, to a tenth of a pixel.
+    Equal arguments give equal images on one machine, bit for bit.
+
+    Any thread may use a renderer, one thread at a time.
+    """
+
+    def __init__(self, config: str = 'sim', overrides: dict[str, object] = {}, *, calibration: str | None = None, reduction: int = 1, pixels: str = 'bayer_rggb8', **options: object) -> None:
+        """
+        The robot of the configuration, with its own cameras or those of the text of a `calibration`. A
+        `reduction` of 2 halves width and height. `pixels` are "bayer_rggb8", "rgb8" or "mono8". `options` are
+        those of `options`.
+        """
+
+    def render(self, configuration: NDArray[numpy.float64], number: int = 0) -> list[NDArray[numpy.uint8]]:
+        """
+        Draws one image per camera, height x width or height x width x 3. `configuration` is that of
+        `Simulation.configuration`: positions, and velocities if what moves shall be blurred. `number` is that of
+        the images: each has its own noise.
+        """
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the cameras."""
+
+    @property
+    def calibration(self) -> str:
+        """The cameras as they are said to be, as text in YAML."""
+
+    @property
+    def true_calibration(self) -> str:
+        """
+        The cameras as they are: others if the options have an error of the calibration.
+        """
+
+    @property
+    def options(self) -> dict[str, object]:
+        """What the images look like. docs/cameras.md explains each value."""
+
+    def set_options(self, **options: object) -> None:
+        """Changes what the next images look like."""
+
+    def vary(self, seed: int = ..., episode: int = ...) -> None:
+        """
+        Draws light, colours, dust, noise and the error of the calibration at random.
+        """
+
 class Kinematics:
     """
     Kinematics and dynamics of the fingers, without contacts and objects. Everything is in the

@@ -22,9 +22,11 @@ class UntypedSensorWriter {
  public:
   /// Becomes the sensor `sensor` of `robot`, for example "object" of "sim". `element` begins with a
   /// `Stamp stamp`. Of elements that the robot has not read, only the newest `history` are kept.
+  /// `payload` are the fields of their payloads, if they have any; a PayloadWriter makes these.
   /// @throws InvalidArgument, SystemError, Error if another process is this sensor already
   UntypedSensorWriter(const std::string& robot, const std::string& sensor,
-                      const ElementDescription& element, std::size_t history = 64);
+                      const ElementDescription& element, std::size_t history = 64,
+                      const ElementDescription& payload = {});
   UntypedSensorWriter(const UntypedSensorWriter&) = delete;
   UntypedSensorWriter& operator=(const UntypedSensorWriter&) = delete;
   ~UntypedSensorWriter();
