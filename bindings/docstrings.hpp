@@ -702,6 +702,10 @@ inline constexpr const char* task_names = R"(Names of all tasks, for example "re
 inline constexpr const char* tip_impedance = R"(The force that brings a tip to its desired position [N]: `stiffness * dx + damping * dv`.
 Add the force with which the tip should press. The joint torques for a force are `J' force`
 plus `Kinematics.bias_torques`.)";
+inline constexpr const char* tracked_object = R"(An object of a scene as the simulation draws it: boxes have the colours of the competition's
+cubes, and rims.
+
+Raises InvalidArgument if it has no faces with different colours, like a stick or a ball.)";
 inline constexpr const char* wrench_of = R"(The total wrench of nine `forces` [N] at the three contacts, about `centre` [m].)";
 
 namespace control::Progress {

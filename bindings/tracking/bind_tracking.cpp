@@ -16,6 +16,7 @@
 #include "bindings.hpp"
 #include "conversion/array.hpp"
 #include "docstrings.hpp"
+#include "simulation/simulation.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/camera/calibration.hpp"
 #include "trifinger/config/file.hpp"
@@ -110,6 +111,16 @@ void bind_tracking(nb::module_& m) {
         return coloured_box(std::move(name), size, colours, rim);
       },
       "name"_a, "size"_a, "colours"_a = competition_colours(), "rim"_a = 0.0, docs::coloured_box);
+  m.def(
+      "tracked_object",
+      [](const std::string& config, const nb::dict& overrides, const std::string& name) {
+        const RobotDescription scene = description_of(load_config(config, overrides));
+        for (const ObjectDescription& object : scene.objects) {
+          if (object.name == name) return tracked_object(object);
+        }
+        throw InvalidArgument("the scene has no object '" + name + "'");
+      },
+      "config"_a = "sim", "overrides"_a = nb::dict(), "name"_a = "cube", docs::tracked_object);
   m.def(
       "coloured_mesh",
       [](std::string name, const std::vector<std::array<double, 3>>& vertices,

@@ -92,6 +92,17 @@ TrackedObject coloured_box(std::string name, const Eigen::Vector3d& size, const 
   return object;
 }
 
+TrackedObject tracked_object(const ObjectDescription& object) {
+  if (object.shape != ObjectShape::kBox) {
+    throw InvalidArgument(
+        text_of("'", object.name, "' is a ", object.shape == ObjectShape::kBall ? "ball" : "stick",
+                ", which looks alike from several sides; only boxes with coloured "
+                "faces can be tracked"));
+  }
+  const auto& [x, y, z] = object.size;
+  return coloured_box(object.name, {x, y, z}, competition_colours(), box_rim(object));
+}
+
 TrackedObject coloured_mesh(std::string name, const std::vector<Eigen::Vector3d>& vertices,
                             const std::vector<std::array<int, 3>>& triangles,
                             const std::vector<std::string>& colours) {

@@ -139,14 +139,6 @@ Estimate Tracker::Parts::estimate(const Candidate& candidate, double rival) noex
   };
   const double agreeing = fit.lines > 0 ? static_cast<double>(fit.used) / fit.lines : 0;
   double confidence = 1;
-  if (getenv("TRK"))
-    fprintf(stderr,
-            "pur %.2f compl %.2f agr %.2f used %d matched %.0f res %.2f sd %.2f %.2f rival %.2f "
-            "dir %d other %.0f unexpl %.0f hidden %.0f\n",
-            verdict.purity(), verdict.completeness(), agreeing, fit.used, verdict.matched,
-            fit.residual, estimate.position_deviation.norm() * 1e3,
-            estimate.rotation_deviation.norm(), rival, verdict.directions, verdict.other,
-            verdict.unexplained, verdict.hidden);
   for (const double each : {
            at_least(verdict.purity(), 0.80, 0.95),
            at_least(verdict.completeness(), 0.25, 0.6),

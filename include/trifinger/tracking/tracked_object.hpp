@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "trifinger/model/robot_description.hpp"
+
 namespace trifinger::tracking {
 
 /// A flat, convex piece of an object's surface in one colour.
@@ -32,6 +34,11 @@ using BoxColours = std::array<std::string, 6>;
 [[nodiscard]] TrackedObject coloured_box(std::string name, const Eigen::Vector3d& size,
                                          const BoxColours& colours = competition_colours(),
                                          double rim = 0);
+
+/// An object of a scene as the simulation draws it: boxes have the colours of the competition's
+/// cubes, and rims.
+/// @throws InvalidArgument if it has no faces with different colours, like a stick or a ball
+[[nodiscard]] TrackedObject tracked_object(const ObjectDescription& object);
 
 /// A convex mesh: the hull of `vertices` [m], whose triangles have colours. Triangles of one colour
 /// in one plane become one face.
