@@ -43,4 +43,7 @@ void bind_policy(nanobind::module_& m);
 /// Episodes, EnvironmentBatch: what python/trifinger/environments is made of.
 void bind_environment(nanobind::module_& m);
 
+/// Tracker, Estimate: what python/trifinger/tracking.py names.
+void bind_tracking(nanobind::module_& m);
+
 }  // namespace trifinger::bindings

@@ -94,6 +94,16 @@ Raises InvalidArgument if there are too many or too few numbers, or one is not f
 nothing moves.)";
 }
 
+namespace Estimate {
+inline constexpr const char* Estimate = R"(Where an object is, as images show it.)";
+inline constexpr const char* cameras = R"(Cameras that show the object.)";
+inline constexpr const char* confidence = R"(From 0 to 1, at least 0.5 if the state is `SURE`.)";
+inline constexpr const char* faces = R"(Faces that at least one camera shows.)";
+inline constexpr const char* position_deviation = R"(Standard deviations [m].)";
+inline constexpr const char* residual = R"(Root mean square distance of measured from expected edges [pixel].)";
+inline constexpr const char* rotation_deviation = R"(Standard deviations of a rotation about the world's axes [rad].)";
+}
+
 namespace ForceDistribution {
 inline constexpr const char* ForceDistribution = R"(A result of the force optimization.)";
 inline constexpr const char* forces = R"(Forces of the tips on the object [N], in the frame of the grasp: three numbers for each of
@@ -582,6 +592,21 @@ inline constexpr const char* normal = R"(Direction into the object, of unit leng
 inline constexpr const char* point = R"(Point on the surface, from the centre [m].)";
 }
 
+namespace TrackedObject {
+inline constexpr const char* TrackedObject = R"(A convex object whose faces have known colours.)";
+}
+
+namespace Tracker {
+inline constexpr const char* Tracker = R"(Finds an object with coloured faces in the images of calibrated cameras, taken at one time.
+
+Knows nothing of earlier images: the same images give the same estimate. Not thread-safe.)";
+inline constexpr const char* track = R"(Where the object is in these images, one of each camera. An empty image stands for one that
+is missing or damaged. `guess` is where the object may be, such as its last pose. It saves
+time if it is near, and it is forgotten if the images do not confirm it. Does not allocate.
+
+Raises InvalidArgument if the number of images or the size of one is wrong.)";
+}
+
 namespace Twist {
 inline constexpr const char* Twist = R"(Velocity and angular velocity of a body.)";
 inline constexpr const char* angular = R"([rad/s], not in the body's frame.)";
@@ -600,6 +625,19 @@ inline constexpr const char* moment = R"([Nm])";
 
 inline constexpr const char* approach_to = R"(The approach of a tip with radius `tip_radius` [m] to an object that rests at the pose
 `object`.)";
+inline constexpr const char* balanced_blocks = R"(The pixels of an image as colours are learned from them: a row of red, green and blue, 0 to
+255, for each block of 2 x 2 pixels, row by row. Their white balance is such that most of
+the image is grey.
+
+Raises InvalidArgument if the image has no colours, or another size than its format says.)";
+inline constexpr const char* coloured_box = R"(A box with whole lengths `size` [m]. The colour of a face ends `rim` before its edges [m];
+the rest is as dark as the rims of the simulation's boxes, or as the background.
+
+Raises InvalidArgument if the rim leaves nothing of a face.)";
+inline constexpr const char* coloured_mesh = R"(A convex mesh: the hull of `vertices` [m], whose triangles have colours. Triangles of one
+colour in one plane become one face.
+
+Raises InvalidArgument if a triangle has no area or the mesh is not convex.)";
 inline constexpr const char* connect = R"(Takes control of the robot `name`, which runs in a back-end of its own (`trifinger run`).
 
 Raises SessionNotFound with the names of running robots and how to start one, ControlHeld
@@ -666,6 +704,10 @@ inline constexpr const char* task_names = R"(Names of all tasks, for example "re
 inline constexpr const char* tip_impedance = R"(The force that brings a tip to its desired position [N]: `stiffness * dx + damping * dv`.
 Add the force with which the tip should press. The joint torques for a force are `J' force`
 plus `Kinematics.bias_torques`.)";
+inline constexpr const char* tracked_object = R"(An object of a scene as the simulation draws it: boxes have the colours of the competition's
+cubes, and rims.
+
+Raises InvalidArgument if it has no faces with different colours, like a stick or a ball.)";
 inline constexpr const char* wrench_of = R"(The total wrench of nine `forces` [N] at the three contacts, about `centre` [m].)";
 
 namespace control::Progress {

@@ -31,6 +31,7 @@ NB_MODULE(_trifinger, m) {
   bind_environment(m);
   bind_log(m);
   bind_replay(m);
+  bind_tracking(m);
   // Handlers run in reverse order at exit. Threads are parked first, so that they do not notice
   // that their robots stop.
   stop_recorders_at_exit();
