@@ -118,9 +118,8 @@ class Adjustment:
         self.place = np.repeat(np.array(places_of_views, int), lengths)
         self.points = np.concatenate([board.corners[view.numbers] for view in self.views])
         self.pixels = np.concatenate([view.pixels for view in self.views])
-        self.sizes = np.array(
-            [next(view.size for view in views if view.camera == name) for name in self.cameras]
-        )
+        sizes = {view.camera: view.size for view in self.views}
+        self.sizes = np.array([sizes.get(name, (1, 1)) for name in self.cameras])
 
     def pose_of_board(self, state: State, place: int) -> Matrix:
         """The pose of the board in the world."""

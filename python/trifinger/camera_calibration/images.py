@@ -186,14 +186,14 @@ class Quality:
 
     DARK = 60.0
     LOW_CONTRAST = 40.0
-    BLURRED = 6.0
+    BLURRED = 7.0
 
     @classmethod
     def of(cls, grey: Grey, mask: NDArray[np.bool_] | None = None) -> "Quality":
         """Measures an image, or the part of it in a mask."""
         inside = np.ones(grey.shape, bool) if mask is None else mask
         values = grey[inside]
-        black, white = np.percentile(values, (5, 95))
+        black, white = np.percentile(values, (2, 98))
         contrast = float(white - black)
         smooth = cv2.GaussianBlur(grey, (0, 0), 0.8).astype(float)
         slopes = []
