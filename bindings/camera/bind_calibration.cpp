@@ -176,11 +176,12 @@ void bind_cameras(nb::module_& m) {
           "cameras"_a, "date"_a = "", "residual"_a = 0.0)
       .def_ro("date", &Calibration::date, docs::camera::Calibration::date)
       .def_ro("residual", &Calibration::residual, docs::camera::Calibration::residual)
-      .def_ro("cameras", &Calibration::cameras, docs::camera::Calibration::Calibration)
+      .def_ro("cameras", &Calibration::cameras, "In the order of the robot's images.")
       .def("text", &Calibration::text, docs::camera::Calibration::text)
       .def_static(
           "read", [](const std::filesystem::path& path) { return camera::read_calibration(path); },
-          "path"_a, docs::camera::read_calibration)
+          "path"_a, nb::sig("def read(path: str | os.PathLike[str]) -> CameraCalibration"),
+          docs::camera::read_calibration)
       .def_static("file_of", camera::calibration_file, "robot"_a, docs::camera::calibration_file);
 }
 

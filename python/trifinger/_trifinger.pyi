@@ -1835,15 +1835,13 @@ class CameraCalibration:
 
     @property
     def cameras(self) -> list[Camera]:
-        """
-        The cameras of a robot as they were calibrated, in the order of its images.
-        """
+        """In the order of the robot's images."""
 
     def text(self) -> str:
         """As the text of a file, in YAML."""
 
     @staticmethod
-    def read(path: str | os.PathLike) -> CameraCalibration:
+    def read(path: str | os.PathLike[str]) -> CameraCalibration:
         """
         Reads the section or file of a calibration.
 

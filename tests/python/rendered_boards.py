@@ -65,7 +65,7 @@ class TrueCamera:
     distortion: tuple[float, float, float, float, float]
     pose: np.ndarray  # camera in the world: x right, y down, z forward
     size: tuple[int, int] = (540, 540)
-    samples: int = 4  # along each side of a pixel
+    samples: int = 3  # along each side of a pixel
     _rays: np.ndarray | None = None
 
     def bend(self, rays: np.ndarray) -> np.ndarray:
@@ -123,7 +123,7 @@ def drawn(board: Board) -> np.ndarray:
     size = tuple(round(side * CELLS) for side in board.size)
     picture = board.to_opencv().generateImage(size, marginSize=0, borderBits=1)
     reflected = np.pad(0.06 + 0.94 / 255 * picture, round(MARGIN * CELLS), constant_values=1.0)
-    return cv2.GaussianBlur(reflected.astype(np.float32), (0, 0), 1.0)
+    return cv2.GaussianBlur(reflected.astype(np.float32), (0, 0), 1.3)
 
 
 @dataclasses.dataclass(kw_only=True)
@@ -189,7 +189,9 @@ def flat(board: Board, x: float, y: float, yaw: float, height: float = 0.0) -> n
     return pose
 
 
-def held(board: Board, x: float, y: float, z: float, turns: tuple[float, float, float]) -> np.ndarray:
+def held(
+    board: Board, x: float, y: float, z: float, turns: tuple[float, float, float]
+) -> np.ndarray:
     """A board in the air: its middle, and yaw, pitch and roll."""
     pose = np.eye(4)
     yaw, pitch, roll = turns

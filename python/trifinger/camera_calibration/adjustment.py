@@ -42,6 +42,9 @@ class Turntable:
     """The nominal angle of each image [rad]."""
 
 
+NO_TURNTABLE = Turntable(np.eye(4), {})
+
+
 @dataclasses.dataclass
 class State:
     """All numbers that are fitted."""
@@ -101,7 +104,7 @@ class Adjustment:
         cameras: Sequence[str],
         placements: Sequence[Placement],
         views: Sequence[View],
-        turntable: Turntable | None = None,
+        turntable: Turntable = NO_TURNTABLE,
     ) -> None:
         self.board = board
         self.cameras = list(cameras)
@@ -136,11 +139,10 @@ class Adjustment:
 
     def is_turning(self, place: int) -> bool:
         """Whether the board is on the turntable."""
-        return self.turntable is not None and self.placements[place].name in self.turntable.angles
+        return self.placements[place].name in self.turntable.angles
 
     def turning_pose(self, state: State, angle: float) -> Matrix:
         """The pose in the world of the board on the turntable."""
-        assert self.turntable is not None
         x, y, roll, pitch = state.shared[OFFSET]
         height, axis_roll, axis_pitch = state.shared[AXIS]
         zero = np.zeros(3)
@@ -152,7 +154,6 @@ class Adjustment:
         """The numbers of a place that is known: that of the mark, or a step of the turntable."""
         numbers = np.zeros(BOARD)
         if self.is_turning(place):
-            assert self.turntable is not None
             numbers[0] = self.turntable.angles[self.placements[place].name]
         return numbers
 
@@ -183,7 +184,7 @@ class Adjustment:
                 of_boards[place] = True
         shared = np.zeros(SHARED, bool)
         shared[SCALE] = scale
-        if self.turntable is not None:
+        if self.turntable.angles:
             shared[OFFSET] = True
             shared[AXIS] = any(placement.is_flat for placement in self.placements)
         return np.concatenate([of_cameras.ravel(), of_boards.ravel(), shared])
@@ -304,7 +305,9 @@ class Adjustment:
     ) -> Matrix:
         """How uncertain the fitted numbers are, if errors of corners are independent."""
         known = np.count_nonzero(weight[free])
-        variance = np.sum(errors**2) / max(2 * len(errors) + known - np.count_nonzero(free), 1)
+        variance = np.sum(errors**2) / max(
+            2 * len(errors) + int(known) - int(np.count_nonzero(free)), 1
+        )
         covariance = np.zeros((len(free), len(free)))
         covariance[np.ix_(free, free)] = np.linalg.pinv(normal, hermitian=True) * variance
         return covariance

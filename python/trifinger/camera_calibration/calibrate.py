@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from trifinger._trifinger import CameraCalibration
 from trifinger.camera_calibration import findings
 from trifinger.camera_calibration.adjustment import (
+    NO_TURNTABLE,
     Adjustment,
     Fit,
     Turntable,
@@ -126,23 +127,18 @@ def fit_robustly(
 ) -> tuple[Adjustment, Fit]:
     """Fits everything so that single wrong images do no harm."""
     placements = placements_of(views)
-    tables: list[Turntable | None] = [None]
-    if options.turntable:
-        tables = [*turntables(board, placements, options)]
+    tables = turntables(board, placements, options) if options.turntable else [NO_TURNTABLE]
     if options.lenses:
         lenses = known_lenses(options.lenses, cameras)
     else:
         lenses = np.array([first_lens(camera, views, board) for camera in cameras])
-    best: tuple[Adjustment, Fit] | None = None
+    fits = []
     for table in tables:
         adjustment = Adjustment(board, cameras, placements, views, table)
         start = Guess(adjustment, lenses).state()
         free = adjustment.free_numbers(lenses=options.lenses is None)
-        fit = adjustment.fit(start, free, robust=1.0)
-        if best is None or fit.rms < best[1].rms:
-            best = adjustment, fit
-    assert best is not None
-    return best
+        fits.append((adjustment, adjustment.fit(start, free, robust=1.0)))
+    return min(fits, key=lambda each: each[1].rms)
 
 
 def without_outliers(
@@ -176,8 +172,24 @@ def calibrate(
     options = options or Options()
     say(f"looking for the board in {sum(map(len, images.paths.values()))} images")
     views = look_at_all(images, board)
+    formats = {
+        name: options.pixels or pixels_of([read(path) for path in list(paths.values())[:5]])
+        for name, paths in images.paths.items()
+    }
+    return calibrate_views(views, board, formats, options, say)
+
+
+def calibrate_views(
+    views: list[View],
+    board: Board,
+    formats: dict[str, str],
+    options: Options | None = None,
+    say: Callable[[str], None] = lambda _: None,
+) -> Result:
+    """Calibrates the cameras whose pixel formats are given from what their images show."""
+    options = options or Options()
     good = used_views(views)
-    cameras = images.cameras
+    cameras = list(formats)
     lenses = options.lenses is None
     say(f"fitting {sum(len(view.numbers) for view in good)} corners in {len(good)} images")
     adjustment, fit = fit_robustly(board, cameras, good, options)
@@ -197,10 +209,6 @@ def calibrate(
     fit, used = without_outliers(adjustment, fit, lenses)
 
     serials = {one.name: one.serial for one in (options.expected or CameraCalibration([])).cameras}
-    formats = {
-        name: options.pixels or pixels_of([read(path) for path in list(paths.values())[:5]])
-        for name, paths in images.paths.items()
-    }
     rms = float(np.sqrt(np.mean(np.sum(fit.residuals[used] ** 2, axis=1))))
     result = Result(
         board=board,
@@ -236,5 +244,3 @@ def judge(result: Result, options: Options, lenses: bool) -> None:
         result.remarks.append(f"{left} of {len(result.used)} corners were far off and left out")
     if options.expected:
         result.remarks += findings.moved_since(result.calibration, options.expected)
-
-

@@ -16,7 +16,7 @@ from trifinger.camera_calibration.adjustment import (
 )
 from trifinger.camera_calibration.board import Board
 from trifinger.camera_calibration.calibrate import placements_of, used_views
-from trifinger.camera_calibration.detection import look_at_all
+from trifinger.camera_calibration.detection import View, look_at_all
 from trifinger.camera_calibration.geometry import angle_between, inverse
 from trifinger.camera_calibration.images import ImageSet, Kind
 from trifinger.camera_calibration.result import (
@@ -58,13 +58,19 @@ class Check:
 
 def check(images: ImageSet, board: Board, calibration: CameraCalibration) -> Check:
     """Checks a calibration; what is wrong is in `problems`."""
+    return check_views(look_at_all(images, board), board, calibration)
+
+
+def check_views(all_views: list[View], board: Board, calibration: CameraCalibration) -> Check:
+    """Checks a calibration with what images show."""
     cameras = [camera.name for camera in calibration.cameras]
-    if strange := [name for name in images.cameras if name not in cameras]:
+    seen = dict.fromkeys(view.camera for view in all_views)
+    if strange := [name for name in seen if name not in cameras]:
         raise InvalidArgument(
             f"the calibration does not know {findings.listed(strange)}; it has "
             f"{findings.listed(cameras)}"
         )
-    views = used_views(look_at_all(images, board))
+    views = used_views(all_views)
     for view in views:
         camera = calibration.cameras[cameras.index(view.camera)]
         if view.size != (camera.width, camera.height):
@@ -113,9 +119,7 @@ def what_moved(adjustment: Adjustment, state: State) -> str:
             "the cameras do not agree about the board: at least one has moved or has changed its "
             "lens; calibrate them again"
         )
-    before, after = (
-        inverse(each.camera_from_world(best)) for each in (state, fits[best].state)
-    )
+    before, after = (inverse(each.camera_from_world(best)) for each in (state, fits[best].state))
     way = np.linalg.norm(after[:3, 3] - before[:3, 3])
     turn = np.degrees(angle_between(before[:3, :3], after[:3, :3]))
     return (

@@ -90,8 +90,10 @@ def refined(grey: Grey, board: Board, numbers: Numbers, pixels: Matrix) -> Matri
     """
     if len(numbers) < LEAST_CORNERS:
         return pixels
-    slope_x = cv2.Scharr(grey, cv2.CV_64F, 1, 0)
-    slope_y = cv2.Scharr(grey, cv2.CV_64F, 0, 1)
+    slopes = (
+        np.asarray(cv2.Scharr(grey, cv2.CV_64F, 1, 0), np.float64),
+        np.asarray(cv2.Scharr(grey, cv2.CV_64F, 0, 1), np.float64),
+    )
     plane = board.corners[numbers, :2]
     homography, _ = cv2.findHomography(plane, pixels)
     if homography is None:
@@ -99,8 +101,8 @@ def refined(grey: Grey, board: Board, numbers: Numbers, pixels: Matrix) -> Matri
     length, width = 0.3 * board.square, 0.15 * (board.square - board.marker)
     better = pixels.copy()
     for i, point in enumerate(plane):
-        to_board = np.linalg.inv(derivative_of(homography, point))
-        better[i] = corner_at(pixels[i], (slope_x, slope_y), to_board, length, width)
+        to_board = np.linalg.inv(derivative_of(np.asarray(homography, np.float64), point))
+        better[i] = corner_at(pixels[i], slopes, np.asarray(to_board, np.float64), length, width)
     return better
 
 
@@ -147,8 +149,11 @@ def mask_of(pixels: Matrix, shape: tuple[int, int]) -> NDArray[np.bool_]:
     return mask.astype(bool)
 
 
-def why_not_found(grey: Grey, board: Board, found: int, markers: int) -> str:
-    """Why an image shows too few corners of a board, as the end of a sentence."""
+def why_not_found(grey: Grey, board: Board, found: int, markers: int, search: bool) -> str:
+    """Why an image shows too few corners of a board, as the end of a sentence.
+
+    On request, other dictionaries of markers are searched, which takes longer.
+    """
     if trouble := Quality.of(grey).trouble():
         return trouble
     if found:
@@ -162,16 +167,37 @@ def why_not_found(grey: Grey, board: Board, found: int, markers: int) -> str:
             if len(find_corners(grey, other)[0]):
                 how = "with" if other.legacy else "without"
                 return f"shows the board {how} OpenCV's legacy pattern: say {how_to(other)}"
+        if in_order(grey, board):
+            return "shows the board, but no corners: it is too steep, too far away or blurred"
         return (
             f"shows {markers} markers of {board.dictionary}, but not in the order of a board of "
             f"{board.columns} x {board.rows} squares"
         )
-    if other_dictionary := dictionary_in(grey, board):
+    if search and (other_dictionary := dictionary_in(grey, board)):
         return (
             f"shows markers of the dictionary {other_dictionary}, not of {board.dictionary}: this "
             "is another board"
         )
     return "shows no board"
+
+
+def in_order(grey: Grey, board: Board) -> bool:
+    """Whether the markers in an image have the order of those on a board."""
+    detector = cv2.aruco.ArucoDetector(dictionary_of(board.dictionary))
+    corners, found, _ = detector.detectMarkers(grey)
+    drawn = board.to_opencv()
+    outlines = dict(zip(np.ravel(drawn.getIds()), drawn.getObjPoints(), strict=True))
+    pairs = [
+        (outlines[number], np.reshape(corner, (4, 2)))
+        for number, corner in zip(np.ravel(found), corners, strict=True)
+        if number in outlines
+    ]
+    if len(pairs) < 2:
+        return False
+    plane = np.concatenate([np.asarray(outline)[:, :2] for outline, _ in pairs])
+    pixels = np.concatenate([corner for _, corner in pairs])
+    _, good = cv2.findHomography(plane, pixels, cv2.RANSAC, 5.0)
+    return good is not None and bool(np.mean(good) > 0.7)
 
 
 def how_to(board: Board) -> str:
@@ -182,7 +208,9 @@ def how_to(board: Board) -> str:
 def dictionary_in(grey: Grey, board: Board) -> str:
     """The dictionary of the markers in an image; empty if there are no more than strays."""
     best, most = "", 5
-    for name in dictionary_names():
+    # Dictionaries of one family begin alike: the smallest one that has all markers is meant.
+    by_size = sorted(dictionary_names(), key=lambda name: len(dictionary_of(name).bytesList))
+    for name in by_size:
         dictionary = dictionary_of(name)
         _, numbers, _ = cv2.aruco.ArucoDetector(dictionary).detectMarkers(grey)
         count = 0 if numbers is None else len(np.unique(numbers))
@@ -191,13 +219,13 @@ def dictionary_in(grey: Grey, board: Board) -> str:
     return "" if best == board.dictionary else best
 
 
-def look(camera: str, name: str, path: Path, board: Board) -> View:
-    """What an image shows of a board."""
+def look(camera: str, name: str, path: Path, board: Board, search: bool = True) -> View:
+    """What an image shows of a board; `search` says whether to look for other boards."""
     grey = to_grey(read(path))
     numbers, pixels, markers = find_corners(grey, board)
     size = (grey.shape[1], grey.shape[0])
     if len(numbers) < LEAST_CORNERS:
-        reason = why_not_found(grey, board, len(numbers), len(markers))
+        reason = why_not_found(grey, board, len(numbers), len(markers), search)
         return View(camera, name, path, size, Quality.of(grey), numbers, pixels, reason)
     quality = Quality.of(grey, mask_of(pixels, grey.shape))
     # Such images are measured all the same: they are weak, but the page says so.
@@ -206,11 +234,12 @@ def look(camera: str, name: str, path: Path, board: Board) -> View:
 
 def look_at_all(images: ImageSet, board: Board) -> list[View]:
     """What all images show; raises InvalidArgument if a camera has images of several sizes."""
-    views = [
-        look(camera, name, path, board)
-        for camera, paths in images.paths.items()
-        for name, path in paths.items()
-    ]
+    views: list[View] = []
+    is_known = False
+    for camera, paths in images.paths.items():
+        for name, path in paths.items():
+            views.append(look(camera, name, path, board, search=not is_known))
+            is_known = is_known or views[-1].is_used
     for camera in images.cameras:
         sizes: dict[tuple[int, int], View] = {}
         for view in views:

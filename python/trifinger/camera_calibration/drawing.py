@@ -22,7 +22,7 @@ def black_rectangles(board: Board) -> Iterator[Rectangle]:
     with_marker = set()
     bits = dictionary_of(board.dictionary).markerSize + 2
     cell = board.marker / bits
-    for number, outline in zip(drawn.getIds().ravel(), drawn.getObjPoints(), strict=True):
+    for number, outline in zip(np.ravel(drawn.getIds()), drawn.getObjPoints(), strict=True):
         left, top = (float(each) for each in outline[0][:2])
         with_marker.add((round(left // board.square), round(top // board.square)))
         picture = cv2.aruco.generateImageMarker(

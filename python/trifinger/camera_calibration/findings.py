@@ -77,7 +77,9 @@ def exchanged(
         return {}
     best, order = FAR_OFF / 2, {}
     for names in itertools.permutations(cameras, len(views)):
-        tried = [dataclasses.replace(view, camera=name) for view, name in zip(views, names)]
+        tried = [
+            dataclasses.replace(view, camera=name) for view, name in zip(views, names, strict=True)
+        ]
         miss = adjustment_misses(board, state, cameras, placement, tried)
         if miss < best:
             said = [view.camera for view in views]
@@ -157,9 +159,7 @@ def exchanged_by_name(found: CameraCalibration) -> str:
     orders = list(itertools.permutations(range(len(names))))
     best = min(orders, key=off)
     if best != orders[0] and off(orders[0]) > off(best) + 30:
-        where = listed(
-            [f"{name} at {at:.0f}" for name, at in zip(names, stand, strict=True)]
-        )
+        where = listed([f"{name} at {at:.0f}" for name, at in zip(names, stand, strict=True)])
         return (
             f"{swapped_pairs(names, best)}: seen from the middle of the arena {where} degrees from "
             "the x axis stand where others should; exchange cables or names, unless the board "
@@ -232,7 +232,7 @@ def advise(result: Result) -> Iterator[str]:
         if trouble := view.quality.trouble():
             yield f"{view.camera}/{view.path.name} {trouble}"
     flat = [place for place in adjustment.placements if place.is_flat and not place.height]
-    if adjustment.turntable is None and len(flat) < 3:
+    if not adjustment.turntable.angles and len(flat) < 3:
         yield (
             f"the table is known from {len(flat)} place{'s' * (len(flat) > 1)} of the board: lay "
             "it flat on three or more, in images whose names begin with 'table'"
@@ -266,8 +266,7 @@ def remarks_on(result: Result) -> Iterator[str]:
             f"the squares measure {size:.2%} of what was said, to {deviation:.2%}: known heights "
             "of the board tell it"
         )
-    table = result.adjustment.turntable
-    if table is not None:
+    if result.adjustment.turntable.angles:
         x, y, roll, pitch = result.fit.state.shared[2:6]
         yield (
             f"on the turntable, the board sat {np.hypot(x, y) * 1e3:.1f} mm and "
@@ -301,4 +300,3 @@ def bad_size(
             f"{'longer' if size > 1 else 'shorter'} along y than along x: the printer distorts; "
             "print the board elsewhere"
         )
-

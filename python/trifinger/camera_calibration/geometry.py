@@ -26,7 +26,7 @@ def vector_of(rotation: Matrix) -> Matrix:
     sine = np.linalg.norm((x, y, z))
     if sine < 1e-12:
         return np.array([x, y, z]) * 2
-    return np.array([x, y, z]) / sine * 2 * np.arctan2(sine, w)
+    return np.asarray(np.array([x, y, z]) * (2 * np.arctan2(sine, w) / sine))
 
 
 def quaternion_of(rotation: Matrix) -> Matrix:

@@ -114,11 +114,12 @@ def natural_order(name: str) -> list[tuple[int, str]]:
 
 def read(path: Path) -> Pixels:
     """The pixels of an image as in the file: one channel, or red, green, blue."""
-    pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    if pixels is None:
+    loaded = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    if loaded is None:
         raise InvalidArgument(f"{path} cannot be read: it is damaged or no image")
+    pixels = np.asarray(loaded)
     if pixels.dtype == np.uint16:
-        pixels = (pixels >> 8).astype(np.uint8)
+        pixels = (pixels // 256).astype(np.uint8)
     if pixels.dtype != np.uint8:
         raise InvalidArgument(f"{path} has pixels of {pixels.dtype}, must have 8 or 16 bits")
     if pixels.ndim == 2:

@@ -18,6 +18,7 @@ import numpy as np
 from trifinger._trifinger import Camera, CameraCalibration, Lens
 from trifinger.camera_calibration.board import Matrix
 from trifinger.camera_calibration.geometry import inverse, nearest_rotation
+from trifinger.camera_calibration.images import natural_order
 from trifinger.errors import InvalidArgument
 
 FULL, CROPPED = (720, 540), (540, 540)
@@ -92,7 +93,8 @@ def read(paths: Sequence[Path]) -> CameraCalibration:
         other = (*known.lens.focal_length, *known.lens.principal_point, *known.pose.ravel())
         if not np.allclose(mine, other, atol=0.01):
             raise InvalidArgument(f"{first} and {path} are of {camera.name}, but do not agree")
-    return CameraCalibration([camera for _, camera in cameras.values()])
+    names = sorted(cameras, key=natural_order)
+    return CameraCalibration([cameras[name][1] for name in names])
 
 
 def read_camera(path: Path) -> Camera:

@@ -18,7 +18,7 @@ from trifinger.camera_calibration.adjustment import (
 )
 from trifinger.camera_calibration.board import Board, Matrix
 from trifinger.camera_calibration.detection import View
-from trifinger.camera_calibration.geometry import angle_between, inverse, pose, vector_of
+from trifinger.camera_calibration.geometry import angle_between, inverse, pose, rotations, vector_of
 from trifinger.camera_calibration.images import Kind
 from trifinger.errors import Error
 
@@ -78,7 +78,7 @@ def board_in_camera(view: View, lens: Matrix, board: Board) -> Matrix:
         lens[4:],
         flags=cv2.SOLVEPNP_IPPE,
     )
-    return pose(cv2.Rodrigues(turn)[0], place.ravel())
+    return pose(rotations(np.reshape(turn, (1, 3)))[0], np.ravel(place))
 
 
 class Guess:
@@ -188,4 +188,3 @@ def not_flat(board_in_world: Matrix, height: float) -> float:
     """How far a board is from lying face up at a height."""
     tilt = float(np.linalg.norm(board_in_world[:3, 2] - (0, 0, -1)))
     return tilt + 2 * abs(float(board_in_world[2, 3]) - height)
-
