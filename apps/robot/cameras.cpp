@@ -8,9 +8,11 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include "commands.hpp"
+#include "shared/child_program.hpp"
 #include "shared/options.hpp"
 #include "shared/signals.hpp"
 #include "shared/text.hpp"
@@ -21,6 +23,7 @@
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/session.hpp"
 #include "trifinger/realtime/thread.hpp"
+#include "trifinger/rendering/simulated_cameras.hpp"
 #include "trifinger/sim/robot_cameras.hpp"
 #include "trifinger/sim/robot_config.hpp"
 
@@ -33,6 +36,7 @@ struct CamerasOptions {
   std::vector<std::string> overrides;
   bool list{false};
   Nanoseconds length{0};  // 0: until a signal
+  pid_t parent{0};        // ends with it, unless 0
   // Images come before the user's programs, but after the robot's loop and its boards.
   RealtimeOptions realtime{
       .demand = Demand::kTry, .priority = 60, .lock_memory = false, .keep_cpus_awake = false};
@@ -42,8 +46,14 @@ struct CamerasOptions {
 struct Cameras {
   std::string robot;
   camera::CameraOptions options;
+  RobotDescription description;  // of its scene, for simulated cameras
   std::vector<camera::Camera> cameras;
 };
+
+RobotDescription description_of(const RobotConfig& config) {
+  return std::visit([](const auto& simulation) { return simulation.description; },
+                    config.simulation);
+}
 
 // Takes what the robot's session says if it runs, so that both agree; otherwise its configuration.
 Cameras cameras_of(const CamerasOptions& options) {
@@ -54,7 +64,10 @@ Cameras cameras_of(const CamerasOptions& options) {
       if (session.info().backend_is_alive) {
         const RobotConfig config = robot_config_of(session);
         const std::vector<camera::Camera> cameras = camera::calibration_of(session).cameras;
-        return {.robot = name, .options = config.cameras.value(), .cameras = cameras};
+        return {.robot = name,
+                .options = config.cameras.value(),
+                .description = description_of(config),
+                .cameras = cameras};
       }
     } catch (const SessionNotFound&) {
     } catch (const InvalidArgument&) {
@@ -65,7 +78,19 @@ Cameras cameras_of(const CamerasOptions& options) {
   const RobotConfig config = load_robot_config(*options.robot, options.overrides);
   const std::string name = options.name.value_or(config.name);
   const camera::Calibration calibration = camera_calibration(config, name);
-  return {.robot = name, .options = *config.cameras, .cameras = calibration.cameras};
+  return {.robot = name,
+          .options = *config.cameras,
+          .description = description_of(config),
+          .cameras = calibration.cameras};
+}
+
+std::unique_ptr<camera::Source> open_source(const Cameras& cameras) {
+  if (cameras.options.source != camera::SourceKind::kSimulated) {
+    return camera::open_source(cameras.options, cameras.cameras);
+  }
+  return std::make_unique<rendering::SimulatedCameras>(
+      cameras.robot, cameras.description, cameras.cameras, cameras.options.period,
+      rendering::RenderingOptions{.exposure = cameras.options.exposure});
 }
 
 void say(const std::string& robot, const std::string& sentence) {
@@ -109,8 +134,9 @@ int cameras(const CamerasOptions& options) {
   }
   std::signal(SIGPIPE, SIG_IGN);
   const Signals signals;
+  if (options.parent > 0) end_with_parent(options.parent);
   const Cameras found = cameras_of(options);
-  const std::unique_ptr<camera::Source> source = camera::open_source(found.options, found.cameras);
+  const std::unique_ptr<camera::Source> source = open_source(found);
   camera::CameraFeed feed(*source, found.robot, found.cameras, found.options.period);
   for (const std::string& lack : enter_realtime(options.realtime)) say(found.robot, lack);
   std::string names;
@@ -144,6 +170,7 @@ void add_cameras(CLI::App& program, Action& action) {
       ->allow_extra_args(false)
       ->option_text("KEY=VALUE ...");
   add_seconds(command, "--seconds", options.length, 1e9, "End after this time; default: at Ctrl-C");
+  command.add_option("--with-process", options.parent)->group("");
   command.add_flag("--list", options.list, "List the devices that could be cameras, and end");
   add_scheduling(command, options.realtime.demand,
                  "Whether real-time priority is required; default: try");

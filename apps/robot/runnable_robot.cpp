@@ -25,6 +25,7 @@
 #include "trifinger/log/replay.hpp"
 #include "trifinger/model/kinematics.hpp"
 #include "trifinger/realtime/clock.hpp"
+#include "trifinger/rendering/simulation_that_sees.hpp"
 #include "trifinger/sim/object_observation.hpp"
 #include "trifinger/sim/robot_cameras.hpp"
 #include "trifinger/sim/robot_config.hpp"
@@ -95,8 +96,9 @@ SimulationState read_state(const std::filesystem::path& path) {
   return {begin, begin + bytes.size()};
 }
 
-RunnableRobot named(RunnableRobot robot, const std::optional<std::string>& name) {
-  if (name) robot.name = *name;
+RunnableRobot as_chosen(RunnableRobot robot, const RobotChoice& choice) {
+  robot.name = choice.name.value_or(robot.name);
+  robot.backend.mode = choice.mode.value_or(robot.backend.mode);
   return robot;
 }
 
@@ -115,11 +117,34 @@ void add_sensors(RunnableRobot& robot, std::vector<CompanionDescription> sensors
   robot.driver = std::move(with_sensors);
 }
 
+// The programs that deliver what the cameras see, and where they see objects.
+std::vector<std::vector<std::string>> programs_for(const RunnableRobot& robot,
+                                                   const RobotConfig& config) {
+  if (!config.cameras || robot.backend.mode != BackendOptions::Mode::kRealTime) return {};
+  std::vector<std::vector<std::string>> programs{{"cameras", robot.name}};
+  // The emulator of boards says itself where objects are.
+  const bool has_objects = std::visit(
+      [](const auto& options) { return !options.description.objects.empty(); }, config.simulation);
+  const bool is_hardware = config.boards && config.boards->bus == boards::BusKind::kSocketCan;
+  if (has_objects && (config.tracks_objects || is_hardware)) {
+    programs.push_back({"track", robot.name});
+  }
+  return programs;
+}
+
 template <class R>
-void add_simulation(RunnableRobot& robot, SimulationOptions<R> options,
+void add_simulation(RunnableRobot& robot, SimulationOptions<R> options, const RobotConfig& config,
                     const std::optional<std::filesystem::path>& state) {
   std::ranges::move(model_documents(options.description),
                     std::back_inserter(robot.session.documents));
+  const bool is_real_time = robot.backend.mode == BackendOptions::Mode::kRealTime;
+  std::vector<CompanionDescription> sensors;
+  if (is_real_time && config.tracks_objects) {
+    options.exact_poses = false;
+    if (auto objects = object_companion(options.description)) {
+      sensors.push_back(std::move(*objects));
+    }
+  }
   auto driver = std::make_unique<SimulatedRobot<R>>(std::move(options));
   if (state) {
     try {
@@ -133,7 +158,17 @@ void add_simulation(RunnableRobot& robot, SimulationOptions<R> options,
         fault.code == Fault::Code::kDriver && fault.detail == SimulatedRobot<R>::kDiverged;
     return has_diverged ? simulation->state_before_divergence() : SimulationState();
   };
+  if (!is_real_time) {
+    // Time stands still while images are drawn, so nothing is gained by other processes.
+    if (auto seeing = rendering::make_driver_with_cameras(*driver, config, robot.name)) {
+      robot.session.documents.push_back(camera_document(camera_calibration(config, robot.name)));
+      robot.driver = std::move(seeing);
+      robot.owned = std::move(driver);
+      return;
+    }
+  }
   robot.driver = std::move(driver);
+  add_sensors(robot, std::move(sensors), config);
 }
 
 // The torques that carry the weight of the fingers, from their model.
@@ -199,20 +234,21 @@ void add_boards(RunnableRobot& robot, const SimulationOptions<R>& simulation,
 }  // namespace
 
 RunnableRobot make_robot(const RobotChoice& choice) {
-  const auto& [robot, name, overrides, state, is_calibrated] = choice;
+  const auto& [robot, name, overrides, state, mode, is_calibrated] = choice;
   if (robot == kFakeRobot) {
     if (state) throw UsageError("--state is for simulations; the fake robot has no state to save");
-    return named(make_fake_robot(overrides), name);
+    return as_chosen(make_fake_robot(overrides), choice);
   }
   if (is_log(robot)) {
     if (state) throw UsageError("--state is for simulations; a log begins as it was recorded");
-    return named(make_replay(robot, overrides), name);
+    return as_chosen(make_replay(robot, overrides), choice);
   }
 
   RobotConfig config = load_robot_config(robot, overrides);
   RunnableRobot made;
   made.name = name.value_or(config.name);
   made.backend = config.backend;
+  made.backend.mode = mode.value_or(config.backend.mode);
   made.session = std::move(config.session);
   if (config.boards) {
     if (state) throw UsageError("--state is for simulations; a robot on boards begins where it is");
@@ -221,10 +257,10 @@ RunnableRobot make_robot(const RobotChoice& choice) {
     std::visit([&](const auto& options) { add_boards(made, options, config, counts); },
                config.simulation);
   } else {
-    std::visit([&](auto& options) { add_simulation(made, std::move(options), state); },
+    std::visit([&](const auto& options) { add_simulation(made, options, config, state); },
                config.simulation);
-    add_sensors(made, {}, config);
   }
+  made.sensor_programs = programs_for(made, config);
   return made;
 }
 

@@ -4,6 +4,7 @@
 #include <fmt/core.h>
 #include <poll.h>
 #include <sys/wait.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
@@ -20,6 +21,14 @@ constexpr Nanoseconds kShortestPause = std::chrono::seconds(1);
 constexpr Nanoseconds kLongestPause = std::chrono::seconds(30);
 constexpr Nanoseconds kLongLife = std::chrono::seconds(10);
 constexpr Nanoseconds kPatience = std::chrono::seconds(3);
+
+// Takes what it has printed. Each line begins with the name of the robot, which is known here.
+void take_sentences(ChildProgram& program, std::vector<std::string>& news) {
+  for (const std::string& line : program.take_lines()) {
+    const std::size_t colon = line.find(": ");
+    news.push_back(colon == std::string::npos ? line : line.substr(colon + 2));
+  }
+}
 
 [[nodiscard]] Instant now() noexcept { return std::chrono::steady_clock::now(); }
 
@@ -59,9 +68,9 @@ std::vector<std::string> SensorProcesses::look() {
       if (now() >= process.next_start) start(process, news);
       continue;
     }
-    std::ranges::move(process.program->take_lines(), std::back_inserter(news));
+    take_sentences(*process.program, news);
     if (const std::optional<int> status = process.program->has_ended()) {
-      std::ranges::move(process.program->take_lines(), std::back_inserter(news));
+      take_sentences(*process.program, news);
       see_end(process, *status, news);
     }
   }
@@ -71,7 +80,10 @@ std::vector<std::string> SensorProcesses::look() {
 void SensorProcesses::start(Process& process, std::vector<std::string>& news) {
   process.started = now();
   try {
-    process.program.emplace(process.words);
+    std::vector<std::string> words = process.words;
+    words.emplace_back("--with-process");
+    words.push_back(std::to_string(::getpid()));
+    process.program.emplace(std::move(words));
   } catch (const SystemError& error) {
     news.emplace_back(error.what());
     process.next_start = now() + process.pause;

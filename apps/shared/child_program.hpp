@@ -39,6 +39,9 @@ class ChildProgram {
   std::string text_;  // output that is not a whole line yet
 };
 
+// Ends this program, by SIGTERM, when the process `parent`, which has started it, ends.
+void end_with_parent(pid_t parent) noexcept;
+
 // Describes how a child has ended, for a sentence about it: "was killed by signal 9".
 [[nodiscard]] std::string ending_text(int status);
 

@@ -67,7 +67,8 @@ SimulatedRobot<R>::SimulatedRobot(Options options)
       changed_by_step_(parts_changed_by_step()),
       after_step_(before_step_.size()),
       physics_(state_size_of(model(), kWholeState)) {
-  if (auto objects = object_companion(this->options().description)) {
+  if (auto objects = object_companion(this->options().description);
+      objects && this->options().exact_poses) {
     companions_.push_back(std::move(*objects));
   }
   if (this->options().scene_period > 0) {

@@ -30,6 +30,8 @@ struct RobotConfig {
   std::variant<SimulationOptions<TriFinger>, SimulationOptions<Finger>> simulation;
   std::optional<BoardsConfig> boards{};            ///< Only for a robot on motor boards.
   std::optional<camera::CameraOptions> cameras{};  ///< Only for a robot with cameras.
+  /// A simulated robot knows its objects only from the images of its cameras.
+  bool tracks_objects{false};
   BackendOptions backend;
   SessionOptions session;  ///< Its documents include the configuration, but not the model.
 };
