@@ -5,6 +5,7 @@
 #include <system_error>
 #include <utility>
 
+#include "aravis_device.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/text_of.hpp"
 #include "trifinger/camera/device.hpp"
@@ -67,6 +68,20 @@ std::unique_ptr<Source> open_video(const CameraOptions& options,
                                                                   .format = cameras[i].format,
                                                                   .period = options.period,
                                                                   .exposure = options.exposure}));
+  }
+  return std::make_unique<CameraGroup>(cameras, std::move(devices), options.period);
+}
+
+std::unique_ptr<Source> open_aravis(const CameraOptions& options,
+                                    const std::vector<Camera>& cameras) {
+  std::vector<std::unique_ptr<Device>> devices;
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    devices.push_back(std::make_unique<AravisDevice>(AravisSettings{.device = cameras[i].serial,
+                                                                    .index = i,
+                                                                    .format = cameras[i].format,
+                                                                    .period = options.period,
+                                                                    .exposure = options.exposure,
+                                                                    .gain = options.gain}));
   }
   return std::make_unique<CameraGroup>(cameras, std::move(devices), options.period);
 }
@@ -143,6 +158,7 @@ std::unique_ptr<Source> open_source(const CameraOptions& options,
     case SourceKind::kV4l2:
       return open_video(options, cameras);
     case SourceKind::kAravis:
+      return open_aravis(options, cameras);
     case SourceKind::kSimulated:
       break;
   }
@@ -150,8 +166,14 @@ std::unique_ptr<Source> open_source(const CameraOptions& options,
 }
 
 std::vector<DeviceInfo> list_devices(std::vector<std::string>& lacks) {
-  static_cast<void>(lacks);
-  return list_video_devices();
+  std::vector<DeviceInfo> devices;
+  try {
+    devices = list_aravis_devices();
+  } catch (const Error& error) {
+    lacks.emplace_back(error.what());
+  }
+  for (DeviceInfo& device : list_video_devices()) devices.push_back(std::move(device));
+  return devices;
 }
 
 }  // namespace trifinger::camera
