@@ -5,9 +5,12 @@
 #include <system_error>
 #include <utility>
 
+#include "aravis_device.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/text_of.hpp"
+#include "trifinger/camera/device.hpp"
 #include "trifinger/camera/folder_source.hpp"
+#include "video_device.hpp"
 
 namespace trifinger::camera {
 namespace {
@@ -46,6 +49,41 @@ std::string device_of(const Camera& camera, const std::string& wanted) {
                           "; correct cameras.devices, or calibrate the cameras again");
   }
   return wanted;
+}
+
+std::unique_ptr<Source> open_video(const CameraOptions& options,
+                                   const std::vector<Camera>& cameras) {
+  const std::vector<DeviceInfo> found = list_video_devices();
+  std::vector<std::unique_ptr<Device>> devices;
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    std::string path = cameras[i].serial;
+    if (path == "any") {
+      detail::require(i < found.size(),
+                      text_of("there is no device for ", cameras[i].name, ": Video4Linux has ",
+                              found.size(), " cameras, needed are ", cameras.size(),
+                              "; connect them, or name them in cameras.devices"));
+      path = found[i].id;
+    }
+    devices.push_back(std::make_unique<VideoDevice>(VideoSettings{.path = path,
+                                                                  .format = cameras[i].format,
+                                                                  .period = options.period,
+                                                                  .exposure = options.exposure}));
+  }
+  return std::make_unique<CameraGroup>(cameras, std::move(devices), options.period);
+}
+
+std::unique_ptr<Source> open_aravis(const CameraOptions& options,
+                                    const std::vector<Camera>& cameras) {
+  std::vector<std::unique_ptr<Device>> devices;
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    devices.push_back(std::make_unique<AravisDevice>(AravisSettings{.device = cameras[i].serial,
+                                                                    .index = i,
+                                                                    .format = cameras[i].format,
+                                                                    .period = options.period,
+                                                                    .exposure = options.exposure,
+                                                                    .gain = options.gain}));
+  }
+  return std::make_unique<CameraGroup>(cameras, std::move(devices), options.period);
 }
 
 }  // namespace
@@ -117,8 +155,10 @@ std::unique_ptr<Source> open_source(const CameraOptions& options,
     case SourceKind::kFolder:
       return std::make_unique<FolderSource>(
           cameras, FolderOptions{.folder = options.folder, .period = options.period});
-    case SourceKind::kAravis:
     case SourceKind::kV4l2:
+      return open_video(options, cameras);
+    case SourceKind::kAravis:
+      return open_aravis(options, cameras);
     case SourceKind::kSimulated:
       break;
   }
@@ -126,8 +166,14 @@ std::unique_ptr<Source> open_source(const CameraOptions& options,
 }
 
 std::vector<DeviceInfo> list_devices(std::vector<std::string>& lacks) {
-  static_cast<void>(lacks);
-  return {};
+  std::vector<DeviceInfo> devices;
+  try {
+    devices = list_aravis_devices();
+  } catch (const Error& error) {
+    lacks.emplace_back(error.what());
+  }
+  for (DeviceInfo& device : list_video_devices()) devices.push_back(std::move(device));
+  return devices;
 }
 
 }  // namespace trifinger::camera
