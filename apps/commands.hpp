@@ -38,6 +38,8 @@ void add_status(CLI::App& program, Action& action);
 void add_read(CLI::App& program, Action& action);
 void add_stop(CLI::App& program, Action& action);
 void add_emulate(CLI::App& program, Action& action);
+void add_cameras(CLI::App& program, Action& action);
+void add_look(CLI::App& program, Action& action);
 void add_home(CLI::App& program, Action& action);
 void add_calibrate(CLI::App& program, Action& action);
 void add_self_test(CLI::App& program, Action& action);
