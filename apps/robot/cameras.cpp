@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <memory>
@@ -45,14 +46,13 @@ struct CamerasOptions {
 // The cameras of a robot, and for whom they are.
 struct Cameras {
   std::string robot;
+  RobotDescription description;
   camera::CameraOptions options;
-  RobotDescription description;  // of its scene, for simulated cameras
   std::vector<camera::Camera> cameras;
 };
 
 RobotDescription description_of(const RobotConfig& config) {
-  return std::visit([](const auto& simulation) { return simulation.description; },
-                    config.simulation);
+  return std::visit([](const auto& options) { return options.description; }, config.simulation);
 }
 
 // Takes what the robot's session says if it runs, so that both agree; otherwise its configuration.
@@ -65,8 +65,8 @@ Cameras cameras_of(const CamerasOptions& options) {
         const RobotConfig config = robot_config_of(session);
         const std::vector<camera::Camera> cameras = camera::calibration_of(session).cameras;
         return {.robot = name,
-                .options = config.cameras.value(),
                 .description = description_of(config),
+                .options = config.cameras.value(),
                 .cameras = cameras};
       }
     } catch (const SessionNotFound&) {
@@ -79,18 +79,20 @@ Cameras cameras_of(const CamerasOptions& options) {
   const std::string name = options.name.value_or(config.name);
   const camera::Calibration calibration = camera_calibration(config, name);
   return {.robot = name,
-          .options = *config.cameras,
           .description = description_of(config),
+          .options = *config.cameras,
           .cameras = calibration.cameras};
 }
 
 std::unique_ptr<camera::Source> open_source(const Cameras& cameras) {
-  if (cameras.options.source != camera::SourceKind::kSimulated) {
-    return camera::open_source(cameras.options, cameras.cameras);
+  const camera::CameraOptions& options = cameras.options;
+  if (options.source != camera::SourceKind::kSimulated) {
+    return camera::open_source(options, cameras.cameras);
   }
   return std::make_unique<rendering::SimulatedCameras>(
-      cameras.robot, cameras.description, cameras.cameras, cameras.options.period,
-      rendering::RenderingOptions{.exposure = cameras.options.exposure});
+      cameras.robot, cameras.description, cameras.cameras, options.period,
+      rendering::RenderingOptions{.exposure = options.exposure,
+                                  .gain = std::pow(10, options.gain / 20)});
 }
 
 void say(const std::string& robot, const std::string& sentence) {

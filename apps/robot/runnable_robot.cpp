@@ -29,6 +29,7 @@
 #include "trifinger/sim/object_observation.hpp"
 #include "trifinger/sim/robot_cameras.hpp"
 #include "trifinger/sim/robot_config.hpp"
+#include "trifinger/sim/scene_observation.hpp"
 #include "trifinger/sim/simulated_robot.hpp"
 
 namespace trifinger::apps {
@@ -228,6 +229,8 @@ void add_boards(RunnableRobot& robot, const SimulationOptions<R>& simulation,
   if (auto objects = object_companion(simulation.description)) {
     sensors.push_back(std::move(*objects));
   }
+  // The emulator says what simulated cameras see.
+  if (has_simulated_cameras(config)) sensors.push_back(scene_companion(simulation.description));
   add_sensors(robot, std::move(sensors), config);
 }
 

@@ -134,8 +134,10 @@ bool SimulatedCameras::read_newest() {
   std::memcpy(&stamp, element_.data(), sizeof(stamp));
   std::memcpy(scene_.configuration.data(), element_.data() + sizeof(stamp),
               std::span(scene_.configuration).size_bytes());
-  scene_.time = Instant(Nanoseconds(stamp.capture_time));
+  // Before step 0 the robot stands still, so this is what it looks like now.
   scene_.is_before_step_0 = stamp.arrival_index < 0;
+  scene_.time = scene_.is_before_step_0 ? Instant(steady_clock::now())
+                                        : Instant(Nanoseconds(stamp.capture_time));
   return true;
 }
 

@@ -55,10 +55,6 @@ class TrackerOfObjects final : public ObjectFinder {
   std::vector<std::optional<Eigen::Isometry3d>> guesses_;
 };
 
-bool has_simulated_cameras(const RobotConfig& config) {
-  return config.cameras && config.cameras->source == camera::SourceKind::kSimulated;
-}
-
 }  // namespace
 
 std::unique_ptr<ObjectFinder> make_object_finder(const RobotDescription& description,

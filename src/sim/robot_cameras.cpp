@@ -49,6 +49,10 @@ camera::Calibration camera_calibration(const RobotConfig& config, const std::str
   });
 }
 
+bool has_simulated_cameras(const RobotConfig& config) noexcept {
+  return config.cameras && config.cameras->source == camera::SourceKind::kSimulated;
+}
+
 Document camera_document(const camera::Calibration& calibration) {
   return {.name = camera::kDocument, .media_type = "application/yaml", .text = calibration.text()};
 }

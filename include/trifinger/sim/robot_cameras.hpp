@@ -19,6 +19,9 @@ namespace trifinger {
 [[nodiscard]] camera::Calibration camera_calibration(const RobotConfig& config,
                                                      const std::string& robot);
 
+/// True if the images of this robot are drawn: then its companion "scene" says what they show.
+[[nodiscard]] bool has_simulated_cameras(const RobotConfig& config) noexcept;
+
 /// The calibration as a document of the robot's sessions.
 [[nodiscard]] Document camera_document(const camera::Calibration& calibration);
 
