@@ -158,12 +158,17 @@ def test_the_page_is_whole_and_asks_nobody(result: Result) -> None:
 def test_the_program_calibrates_checks_and_converts(
     images: Path, cameras: dict[str, TrueCamera], tmp_path: Path
 ) -> None:
+    few = tmp_path / "few"
+    for path in images.rglob("*.png"):
+        if not re.search(r"held_(0[1-9])", path.stem):
+            (few / path.parent.name).mkdir(parents=True, exist_ok=True)
+            shutil.copy(path, few / path.parent.name)
     command = [PROGRAM, "calibrate", "cameras", "trifinger-pro", "--file", "cameras.yml"]
-    said = output_of(*command, "--images", str(images), cwd=tmp_path)
+    said = output_of(*command, "--images", str(few), cwd=tmp_path)
     assert "cameras.yml written" in said
     assert (tmp_path / "trifinger-pro.cameras.html").exists()
     assert_true(CameraCalibration.read(tmp_path / "cameras.yml"), cameras)
-    assert "holds" in output_of(*command, "--check", "--images", str(images), cwd=tmp_path)
+    assert "holds" in output_of(*command, "--check", "--images", str(few), cwd=tmp_path)
     output_of(*command, "--to-original", "original", cwd=tmp_path)
     files = sorted(str(path) for path in (tmp_path / "original").iterdir())
     assert len(files) == 9
@@ -172,7 +177,7 @@ def test_the_program_calibrates_checks_and_converts(
     assert_true(CameraCalibration.read(tmp_path / "again.yml"), cameras)
 
     swapped = tmp_path / "swapped"
-    shutil.copytree(images, swapped)
+    shutil.copytree(few, swapped)
     (swapped / "camera60").rename(swapped / "other")
     (swapped / "camera180").rename(swapped / "camera60")
     (swapped / "other").rename(swapped / "camera180")
