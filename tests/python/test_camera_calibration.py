@@ -188,11 +188,13 @@ def test_the_program_calibrates_checks_and_converts(
 
 
 @pytest.mark.parametrize("pixels", ["bayer_rggb8", "mono8", "rgb8"])
+@pytest.mark.parametrize("turns", [(0.4, 0.3, -0.2), (2.2, 0.4, 0.45), (-0.9, -0.45, -0.3)])
 def test_corners_are_found_to_a_tenth_of_a_pixel(
-    pixels: str, cameras: dict[str, TrueCamera]
+    turns: tuple[float, float, float], pixels: str, cameras: dict[str, TrueCamera]
 ) -> None:
-    pose = boards.held(BOARD, 0, 0, 0.1, (0.4, 0.3, -0.2))
-    image = boards.render(cameras["camera60"], BOARD, pose, Look(), pixels, 5)
+    pose = boards.held(BOARD, 0, 0, 0.1, turns)
+    how = Look(gains=(0.3, 1.0, 0.45))
+    image = boards.render(cameras["camera60"], BOARD, pose, how, pixels, 5)
     numbers, found, _ = find_corners(to_grey(image), BOARD)
     points = BOARD.corners[numbers] @ pose[:3, :3].T + pose[:3, 3]
     misses = found - cameras["camera60"].project(points)
@@ -200,6 +202,20 @@ def test_corners_are_found_to_a_tenth_of_a_pixel(
     assert np.sqrt(np.mean(np.sum(misses**2, axis=1))) < 0.1
     assert np.abs(misses.mean(axis=0)).max() < 0.03  # a mosaic must not move edges
     assert pixels_of([image]) == pixels
+
+
+@pytest.mark.parametrize(
+    ("camera", "name"), [("camera60", "held_04"), ("camera60", "held_11"), ("camera180", "held_03")]
+)
+def test_corners_of_a_steep_board_are_as_good(
+    camera: str, name: str, cameras: dict[str, TrueCamera], poses: dict[str, np.ndarray]
+) -> None:
+    image = boards.render(cameras[camera], BOARD, poses[name], Look(), "mono8", 5)
+    numbers, found, _ = find_corners(image, BOARD)
+    points = BOARD.corners[numbers] @ poses[name][:3, :3].T + poses[name][:3, 3]
+    misses = found - cameras[camera].project(points)
+    assert len(numbers) > 20
+    assert np.sqrt(np.mean(np.sum(misses**2, axis=1))) < 0.1
 
 
 @pytest.mark.parametrize(
@@ -263,6 +279,18 @@ def test_images_of_several_sizes_are_refused(tmp_path: Path) -> None:
     boards.save(np.zeros((270, 270), np.uint8), tmp_path / "camera60" / "table.png")
     with pytest.raises(InvalidArgument, match=r"mark\.png has 540 x 540 .* table\.png 270 x 270"):
         look_at_all(ImageSet.of_folder(tmp_path), BOARD)
+
+
+def test_folders_may_be_of_cameras_or_of_instants(tmp_path: Path) -> None:
+    for camera in ("camera180", "camera60"):
+        for name in ("mark", "held_10", "held_9"):
+            boards.save(np.zeros((8, 8), np.uint8), tmp_path / "1" / camera / f"{name}.png")
+            boards.save(np.zeros((8, 8), np.uint8), tmp_path / "2" / name / f"{camera}.png")
+    for folder in ("1", "2"):
+        images = ImageSet.of_folder(tmp_path / folder)
+        assert images.cameras == ["camera60", "camera180"]
+        assert images.names == ["held_9", "held_10", "mark"]
+        assert images.paths["camera60"]["held_9"].exists()
 
 
 def test_folders_say_what_they_lack(tmp_path: Path) -> None:
