@@ -10,7 +10,7 @@ Needs OpenCV: the packages of the extra `cameras`, as `trifinger.extras` says.
 """
 
 from trifinger.camera_calibration.board import PRESETS, Board
-from trifinger.camera_calibration.calibrate import Options, calibrate
+from trifinger.camera_calibration.calibration import Options, calibrate
 from trifinger.camera_calibration.images import ImageSet
 from trifinger.camera_calibration.result import Result
 

@@ -121,6 +121,11 @@ class Adjustment:
         self.place = np.repeat(np.array(places_of_views, int), lengths)
         self.points = np.concatenate([board.corners[view.numbers] for view in self.views])
         self.pixels = np.concatenate([view.pixels for view in self.views])
+        self.not_free = [
+            place
+            for place, placement in enumerate(self.placements)
+            if placement.is_flat or self.is_turning(place)
+        ]
         sizes = {view.camera: view.size for view in self.views}
         self.sizes = np.array([sizes.get(name, (1, 1)) for name in self.cameras])
 
@@ -157,16 +162,30 @@ class Adjustment:
             numbers[0] = self.turntable.angles[self.placements[place].name]
         return numbers
 
+    def poses_of_boards(self, state: State) -> Matrix:
+        """The poses of all boards in the world (n, 4, 4)."""
+        poses = np.tile(np.eye(4), (len(self.placements), 1, 1))
+        poses[:, :3, :3], poses[:, :3, 3] = rotations(state.boards[:, :3]), state.boards[:, 3:6]
+        for place in self.not_free:
+            poses[place] = self.pose_of_board(state, place)
+        return poses
+
+    def world(self, state: State) -> Matrix:
+        """Where all corners are in the world [m]."""
+        poses = self.poses_of_boards(state)[self.place]
+        scaled = self.points * np.append(state.shared[SCALE], 1)
+        return np.asarray((poses[:, :3, :3] @ scaled[..., None])[..., 0] + poses[:, :3, 3])
+
+    def seen(self, state: State, world: Matrix) -> Matrix:
+        """Where points of the world, one for each corner, should be seen [pixel]."""
+        turns = rotations(state.cameras[:, 9:12])[self.camera]
+        cameras = state.cameras[self.camera]
+        points = (turns @ world[..., None])[..., 0] + cameras[:, 12:15]
+        return project(cameras[:, :LENS], points)
+
     def predict(self, state: State) -> Matrix:
         """Where all corners should be seen [pixel]."""
-        poses = np.array([self.pose_of_board(state, i) for i in range(len(self.placements))])
-        poses = poses[self.place]
-        scaled = self.points * np.append(state.shared[SCALE], 1)
-        world = np.einsum("nij,nj->ni", poses[:, :3, :3], scaled) + poses[:, :3, 3]
-        cameras = state.cameras[self.camera]
-        turns = rotations(state.cameras[:, 9:12])[self.camera]
-        seen = np.einsum("nij,nj->ni", turns, world) + cameras[:, 12:15]
-        return project(cameras[:, :LENS], seen)
+        return self.seen(state, self.world(state))
 
     def free_numbers(
         self, *, lenses: bool = True, cameras: bool = True, scale: Sequence[bool] = (False, False)
@@ -193,33 +212,36 @@ class Adjustment:
         """The derivatives of all pixels (2 n) with respect to the free numbers."""
         vector = state.vector()
         count = len(self.pixels)
-        full = np.zeros((count, 2, len(vector)))
+        result = np.zeros((count, 2, np.count_nonzero(free)))
+        # Where the derivative with respect to a number goes.
+        place_of = np.where(free, np.cumsum(free) - 1, -1)
         boards = state.cameras.size
         shared = boards + state.boards.size
+        world = self.world(state)
 
-        def derivative(columns: NDArray[np.int64]) -> Matrix:
+        def add(columns: NDArray[np.int64], owner: NDArray[np.int64]) -> None:
+            # A corner depends on one camera and one place, so all of them can be moved at once.
+            if not free[columns].any():
+                return
             step = 1e-6 * (1 + np.abs(vector[columns]).max())
             pixels = []
             for sign in (1, -1):
                 moved = vector.copy()
                 moved[columns] += sign * step
-                pixels.append(self.predict(state.of_vector(moved)))
-            return np.asarray((pixels[0] - pixels[1]) / (2 * step))
+                other = state.of_vector(moved)
+                points = world if columns[0] < boards else self.world(other)
+                pixels.append(self.seen(other, points))
+            targets = place_of[columns][owner]
+            rows = np.flatnonzero(targets >= 0)
+            result[rows, :, targets[rows]] = ((pixels[0] - pixels[1]) / (2 * step))[rows]
 
-        rows = np.arange(count)
-        # A corner depends on one camera and one place, so all of them can be moved at once.
         for number in range(CAMERA):
-            columns = number + CAMERA * np.arange(len(self.cameras))
-            if free[columns].any():
-                full[rows, :, columns[self.camera]] = derivative(columns)
+            add(number + CAMERA * np.arange(len(self.cameras)), self.camera)
         for number in range(BOARD):
-            columns = boards + number + BOARD * np.arange(len(self.placements))
-            if free[columns].any():
-                full[rows, :, columns[self.place]] = derivative(columns)
+            add(boards + number + BOARD * np.arange(len(self.placements)), self.place)
         for column in range(shared, len(vector)):
-            if free[column]:
-                full[:, :, column] = derivative(np.array([column]))
-        return np.asarray(full.reshape(2 * count, -1)[:, free])
+            add(np.array([column]), np.zeros(count, int))
+        return result.reshape(2 * count, -1)
 
     def priors(self, state: State) -> tuple[Matrix, Matrix]:
         """What is known beforehand: the mean and the weight of each number [pixel per unit]."""
@@ -242,6 +264,7 @@ class Adjustment:
         free: NDArray[np.bool_],
         used: NDArray[np.bool_] | None = None,
         robust: float = np.inf,
+        steps: int = 100,
     ) -> Fit:
         """Fits the free numbers to the corners that are used.
 
@@ -267,9 +290,11 @@ class Adjustment:
 
         errors = residuals(current)
         cost = cost_of(errors, current)
+        # Robust fits only find out what to leave out, and the last steps of theirs are many.
+        enough = 1e-4 if np.isfinite(robust) else 1e-7
         damping = 1e-3
         normal = np.zeros((0, 0))
-        for _ in range(100):
+        for _ in range(steps):
             jacobian = self.jacobian(state.of_vector(current), free)
             weights = np.repeat(weights_of(errors), 2)
             mean, _ = self.priors(state.of_vector(current))
@@ -291,7 +316,7 @@ class Adjustment:
                 damping *= 10
             if not improved:
                 break
-            done = cost - new_cost < 1e-9 * cost
+            done = cost - new_cost < enough * cost
             current, errors, cost, damping = tried, new_errors, new_cost, max(damping / 10, 1e-9)
             if done:
                 break

@@ -15,7 +15,7 @@ from trifinger.camera_calibration.adjustment import (
     root_mean_square,
 )
 from trifinger.camera_calibration.board import Board
-from trifinger.camera_calibration.calibrate import placements_of, used_views
+from trifinger.camera_calibration.calibration import placements_of, used_views
 from trifinger.camera_calibration.detection import View, look_at_all
 from trifinger.camera_calibration.geometry import angle_between, inverse
 from trifinger.camera_calibration.images import ImageSet, Kind

@@ -127,10 +127,10 @@ def exchanged_since(found: CameraCalibration, expected: CameraCalibration) -> st
     best = min(orders, key=distance)
     if best == orders[0] or distance(orders[0]) < 0.1 or distance(best) > distance(orders[0]) / 3:
         return ""
+    day = expected.date or "an unknown day"
     return (
-        f"{swapped_pairs(names, best)}: since the calibration of {expected.date} each stands "
-        "where the other did; exchange their cables or names, or remove the old file if this is "
-        "meant"
+        f"{swapped_pairs(names, best)}: since the calibration of {day} each stands where the other "
+        "did; exchange their cables or names, or remove the old file if this is meant"
     )
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Images of boards: a folder for each camera, images of one instant under one name.
+"""Images of boards: images of one instant have one name, which says how the board lay.
 
-The name says how the board lay:
+The files are CAMERA/NAME.png, or NAME/CAMERA.png as `trifinger look --raw -o NAME` saves them.
 
 - `mark...`: at the mark, on the table;
 - `table...`: on the table, anywhere;
@@ -24,6 +24,7 @@ Pixels = NDArray[np.uint8]
 Grey = NDArray[np.uint8]
 
 SUFFIXES = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm"}
+FLAT = ("mark", "table", "raised")  # beginnings of names of images of a board on the table
 RAISED = re.compile(r"raised_(\d+(?:\.\d+)?)mm")
 
 
@@ -87,24 +88,29 @@ class ImageSet:
 
     @classmethod
     def of_folder(cls, folder: Path) -> "ImageSet":
-        """The images in FOLDER/CAMERA/NAME.png; raises InvalidArgument if there are none."""
+        """The images in FOLDER/CAMERA/NAME.png or FOLDER/NAME/CAMERA.png.
+
+        Raises InvalidArgument if there are none.
+        """
         if not folder.is_dir():
             raise InvalidArgument(f"{folder} is no folder")
-        paths: dict[str, dict[str, Path]] = {}
-        for camera in sorted(folder.iterdir(), key=lambda path: natural_order(path.name)):
-            if not camera.is_dir():
-                continue
-            files = [path for path in camera.iterdir() if path.suffix.lower() in SUFFIXES]
-            for path in sorted(files, key=lambda path: natural_order(path.name)):
-                other = paths.setdefault(camera.name, {}).setdefault(path.stem, path)
-                if other != path:
-                    raise InvalidArgument(f"{other} and {path} are two images of one name")
-        if not paths:
+        files = [path for path in folder.glob("*/*") if path.suffix.lower() in SUFFIXES]
+        if not files:
             raise InvalidArgument(
                 f"{folder} has no images; there must be a folder for each camera with images in "
                 f"it, such as {folder / 'camera60' / 'mark.png'}"
             )
-        return cls(paths)
+        by_name = any(path.parent.name.startswith(FLAT) for path in files) or all(
+            path.stem.startswith("camera") for path in files
+        )
+        paths: dict[str, dict[str, Path]] = {}
+        for path in sorted(files, key=lambda path: natural_order(str(path))):
+            pair = (path.stem, path.parent.name)
+            camera, name = pair if by_name else pair[::-1]
+            other = paths.setdefault(camera, {}).setdefault(name, path)
+            if other != path:
+                raise InvalidArgument(f"{other} and {path} are two images of one name")
+        return cls({name: paths[name] for name in sorted(paths, key=natural_order)})
 
 
 def natural_order(name: str) -> list[tuple[int, str]]:

@@ -129,7 +129,7 @@ def place_boards(
     if not free.any():
         errors = adjustment.pixels - adjustment.predict(start)
         return adjustment, Fit(start, errors, np.zeros((len(free), len(free))))
-    return adjustment, adjustment.fit(start, free, robust=2.0)
+    return adjustment, adjustment.fit(start, free, robust=2.0, steps=20)
 
 
 def measure_flatness(

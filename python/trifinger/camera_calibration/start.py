@@ -144,6 +144,7 @@ class Guess:
             if best is None:
                 alone = [adjustment.cameras[i] for i in set(range(count)) - set(rig)]
                 together = [adjustment.cameras[i] for i in rig]
+                alone, together = sorted((alone, together), key=len)
                 raise Error(
                     f"no image of {' or '.join(alone)} shows the board together with one of "
                     f"{' or '.join(together)}: images of one instant must have the same name in "

@@ -23,8 +23,9 @@ if TYPE_CHECKING:
     from trifinger.camera_calibration import Board
 
 HOW_TO = """\
-Take images of the board with all cameras at once and save them as FOLDER/CAMERA/NAME.png, such as
-images/camera60/mark.png. Images of one instant have the same NAME, which says how the board lay:
+Take images of the board with all cameras at once, such as by 'trifinger look ROBOT --raw -o
+FOLDER/NAME'. The files are FOLDER/NAME/CAMERA.png or FOLDER/CAMERA/NAME.png. The NAME says how
+the board lay:
   mark...           flat at the mark: its middle at the origin, its x axis along that of the world
   table...          flat on the table, anywhere
   raised_50mm...    flat on a block of this height; tells the size of the squares

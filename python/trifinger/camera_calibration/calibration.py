@@ -132,13 +132,15 @@ def fit_robustly(
         lenses = known_lenses(options.lenses, cameras)
     else:
         lenses = np.array([first_lens(camera, views, board) for camera in cameras])
-    fits = []
+    guesses = []
     for table in tables:
         adjustment = Adjustment(board, cameras, placements, views, table)
         start = Guess(adjustment, lenses).state()
-        free = adjustment.free_numbers(lenses=options.lenses is None)
-        fits.append((adjustment, adjustment.fit(start, free, robust=1.0)))
-    return min(fits, key=lambda each: each[1].rms)
+        misses = np.linalg.norm(adjustment.pixels - adjustment.predict(start), axis=1)
+        guesses.append((float(np.median(misses)), adjustment, start))
+    _, adjustment, start = min(guesses, key=lambda guess: guess[0])
+    free = adjustment.free_numbers(lenses=options.lenses is None)
+    return adjustment, adjustment.fit(start, free, robust=1.0)
 
 
 def without_outliers(
