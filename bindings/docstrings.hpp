@@ -662,9 +662,8 @@ inline constexpr const char* moment = R"([Nm])";
 
 inline constexpr const char* approach_to = R"(The approach of a tip with radius `tip_radius` [m] to an object that rests at the pose
 `object`.)";
-inline constexpr const char* balanced_blocks = R"(The pixels of an image as colours are learned from them: a row of red, green and blue, 0 to
-255, for each block of 2 x 2 pixels, row by row. Their white balance is such that most of
-the image is grey.
+inline constexpr const char* balanced_blocks = R"(The mean red, green and blue of each block, 0 to 255, with a white balance that makes most
+of the image grey.
 
 Raises InvalidArgument if the image has no colours, or another size than its format says.)";
 inline constexpr const char* coloured_box = R"(A box with whole lengths `size` [m]. The colour of a face ends `rim` before its edges [m];
@@ -697,6 +696,8 @@ down, z forward). It has no boundary and needs no other file. Gravity points alo
 link's -z, flipped or not.
 
 Raises InvalidArgument if the description cannot be built.)";
+inline constexpr const char* faces_in_blocks = R"(For each block of a camera's image the index of the face that it shows if the object has
+this `pose`, or a `BlockContent`. Whatever stands in front of the object is not known.)";
 inline constexpr const char* grasp_map = R"(The map from contact forces to the wrench on the object about `centre` [m]. It has 6 rows,
 force and moment, and 9 columns, three for each of the three contacts. Its rank is 6 if the
 contacts do not lie on one line.)";

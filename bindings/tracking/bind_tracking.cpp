@@ -20,6 +20,7 @@
 #include "trifinger/base/error.hpp"
 #include "trifinger/camera/calibration.hpp"
 #include "trifinger/config/file.hpp"
+#include "trifinger/tracking/colour_samples.hpp"
 #include "trifinger/tracking/tracker.hpp"
 
 namespace nb = nanobind;
@@ -103,8 +104,26 @@ void bind_tracking(nb::module_& m) {
         return nb::steal(write_array(rows));
       },
       "image"_a, docs::balanced_blocks);
+  m.def(
+      "faces_in_blocks",
+      [](const std::string& calibration, const TrackedObject& object, const Vector3& position,
+         const Vector4& orientation) {
+        std::vector<std::vector<int>> contents;
+        for (const camera::Camera& camera : cameras_from(calibration))
+          contents.push_back(faces_in_blocks(camera, object, pose_of(position, orientation)));
+        return contents;
+      },
+      "calibration"_a, "object"_a, "position"_a, "orientation"_a, docs::faces_in_blocks);
   nb::class_<TrackedObject>(m, "TrackedObject", docs::TrackedObject::TrackedObject)
-      .def_ro("name", &TrackedObject::name);
+      .def_ro("name", &TrackedObject::name)
+      .def_prop_ro(
+          "colours",
+          [](const TrackedObject& object) {
+            std::vector<std::string> colours;
+            for (const ColouredFace& face : object.faces) colours.push_back(face.colour);
+            return colours;
+          },
+          "The colour of each face.");
   m.def(
       "coloured_box",
       [](std::string name, const Vector3& size, const BoxColours& colours, double rim) {

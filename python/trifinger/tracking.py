@@ -17,5 +17,6 @@ from trifinger._trifinger import (
     balanced_blocks as balanced_blocks,
     coloured_box as coloured_box,
     coloured_mesh as coloured_mesh,
+    faces_in_blocks as faces_in_blocks,
     tracked_object as tracked_object,
 )

@@ -4,9 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "trifinger/base/error.hpp"
-#include "trifinger/base/text_of.hpp"
-
 namespace trifinger::tracking::detail {
 namespace {
 
@@ -157,17 +154,22 @@ Eigen::Vector3d white_balance(const camera::ImageFormat& format,
   return {std::exp2(mean - red), std::exp2(mean), std::exp2(mean - blue)};
 }
 
-LabelledImage::LabelledImage(const camera::ImageFormat& format)
+LabelledImage::LabelledImage(const camera::ImageFormat& format, std::vector<double> most)
     : format_(format),
       columns_(format.width / 2),
       rows_(format.height / 2),
       labels_(static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_)),
+      most_(std::move(most)),
+      weights_(most_.size(), 1.0),
+      counts_(most_.size(), 0),
+      steps_(most_.size(), 0),
       sums_((static_cast<std::size_t>(columns_) + 1) * (static_cast<std::size_t>(rows_) + 1), 0) {}
 
 void LabelledImage::read(std::span<const std::byte> pixels, const ColourTable& table) noexcept {
   pixels_ = pixels.empty() ? nullptr : reinterpret_cast<const std::uint8_t*>(pixels.data());
   if (pixels_ == nullptr) return;
   ColourTable::set_cells(white_balance(format_, pixels), cells_);
+  std::ranges::fill(counts_, 0U);
   const bool is_mosaic = format_.pixels == camera::PixelFormat::kBayerRg8;
   const std::size_t stride =
       static_cast<std::size_t>(format_.width) * camera::channels(format_.pixels);
@@ -176,9 +178,6 @@ void LabelledImage::read(std::span<const std::byte> pixels, const ColourTable& t
     const std::uint8_t* upper = pixels_ + 2 * row * stride;
     const std::uint8_t* lower = upper + stride;
     Labels* const row_labels = labels_.data() + row * columns;
-    const std::uint32_t* const above = sums_.data() + row * (columns + 1);
-    std::uint32_t* const sums = sums_.data() + (row + 1) * (columns + 1);
-    std::uint32_t here = 0;
     for (std::size_t column = 0; column < columns; ++column) {
       Labels labels;
       if (is_mosaic) {
@@ -200,7 +199,27 @@ void LabelledImage::read(std::span<const std::byte> pixels, const ColourTable& t
         lower += 6;
       }
       row_labels[column] = labels;
-      here += labels.is_coloured() ? 1U : 0U;
+      if (labels.is_coloured()) ++counts_[labels.first];
+    }
+  }
+  sum_up();
+}
+
+void LabelledImage::sum_up() noexcept {
+  for (std::size_t i = 0; i < counts_.size(); ++i) {
+    weights_[i] = std::min(1.0, most_[i] / std::max(1.0, static_cast<double>(counts_[i])));
+    // Far more of a colour than there can be: it says even less than its share.
+    weights_[i] *= weights_[i];
+    steps_[i] = static_cast<std::uint32_t>(std::lround(kUnit * weights_[i]));
+  }
+  const auto columns = static_cast<std::size_t>(columns_);
+  for (std::size_t row = 0; row < static_cast<std::size_t>(rows_); ++row) {
+    const Labels* const labels = labels_.data() + row * columns;
+    const std::uint32_t* const above = sums_.data() + row * (columns + 1);
+    std::uint32_t* const sums = sums_.data() + (row + 1) * (columns + 1);
+    std::uint32_t here = 0;
+    for (std::size_t column = 0; column < columns; ++column) {
+      if (labels[column].is_coloured()) here += steps_[labels[column].first];
       sums[column + 1] = above[column + 1] + here;
     }
   }
@@ -230,39 +249,3 @@ Rgb LabelledImage::colour(float x, float y) const noexcept {
 }
 
 }  // namespace trifinger::tracking::detail
-
-namespace trifinger::tracking {
-
-std::vector<Eigen::Vector3f> balanced_blocks(const camera::ImageFormat& format,
-                                             std::span<const std::byte> pixels) {
-  if (format.pixels == camera::PixelFormat::kMono8 || pixels.size() != format.size()) {
-    throw InvalidArgument(trifinger::detail::text_of(
-        "an image of ", pixels.size(), " bytes in the format ", camera::name_of(format.pixels),
-        "; it needs colours and ", format.size(), " bytes"));
-  }
-  const Eigen::Vector3f gains = detail::white_balance(format, pixels).cast<float>();
-  const auto* const bytes = reinterpret_cast<const std::uint8_t*>(pixels.data());
-  const std::size_t channels = camera::channels(format.pixels);
-  const std::size_t stride = static_cast<std::size_t>(format.width) * channels;
-  std::vector<Eigen::Vector3f> blocks;
-  for (int row = 0; row + 1 < format.height; row += 2) {
-    for (int column = 0; column + 1 < format.width; column += 2) {
-      const std::uint8_t* const upper = bytes + static_cast<std::size_t>(row) * stride +
-                                        static_cast<std::size_t>(column) * channels;
-      const std::uint8_t* const lower = upper + stride;
-      Eigen::Vector3f mean;
-      if (channels == 1) {
-        mean << upper[0], 0.5F * (static_cast<float>(upper[1]) + static_cast<float>(lower[0])),
-            lower[1];
-      } else {
-        for (Eigen::Index i = 0; i < 3; ++i) {
-          mean[i] = static_cast<float>(upper[i] + upper[i + 3] + lower[i] + lower[i + 3]) / 4;
-        }
-      }
-      blocks.emplace_back(mean.cwiseProduct(gains));
-    }
-  }
-  return blocks;
-}
-
-}  // namespace trifinger::tracking

@@ -68,7 +68,8 @@ class ColourTable {
 // of 2 x 2 pixels.
 class LabelledImage {
  public:
-  explicit LabelledImage(const camera::ImageFormat& format);
+  // `most` has for each colour the number of blocks that the object can show of it.
+  LabelledImage(const camera::ImageFormat& format, std::vector<double> most);
 
   // Reads the image. Without pixels there is none.
   void read(std::span<const std::byte> pixels, const ColourTable& table) noexcept;
@@ -93,10 +94,12 @@ class LabelledImage {
     return pixel.x() >= margin && pixel.y() >= margin && pixel.x() <= format_.width - 1 - margin &&
            pixel.y() <= format_.height - 1 - margin;
   }
-  // Number of blocks with a colour in columns [left, right) and rows [top, bottom).
-  [[nodiscard]] int coloured(int left, int top, int right, int bottom) const noexcept {
-    return static_cast<int>(sum(right, bottom) - sum(left, bottom) - sum(right, top) +
-                            sum(left, top));
+  // How much a block of this colour says, from 0 to 1. A colour of which there is far more than the
+  // object has is that of a table or a hand, too.
+  [[nodiscard]] double weight(Label label) const noexcept { return weights_[label]; }
+  // Sum of the weights of blocks in columns [left, right) and rows [top, bottom).
+  [[nodiscard]] double coloured(int left, int top, int right, int bottom) const noexcept {
+    return (sum(right, bottom) - sum(left, bottom) - sum(right, top) + sum(left, top)) / kUnit;
   }
   // The labels of a colour that `colour` returned.
   [[nodiscard]] Labels labels_of(const ColourTable& table, const Rgb& colour) const noexcept {
@@ -107,6 +110,10 @@ class LabelledImage {
   [[nodiscard]] Rgb colour(float x, float y) const noexcept;
 
  private:
+  void sum_up() noexcept;
+
+  static constexpr double kUnit = 1024;  // weights are summed in whole numbers
+
   [[nodiscard]] std::uint32_t sum(int column, int row) const noexcept {
     return sums_[static_cast<std::size_t>(row) * (static_cast<std::size_t>(columns_) + 1) +
                  static_cast<std::size_t>(column)];
@@ -118,7 +125,11 @@ class LabelledImage {
   const std::uint8_t* pixels_{nullptr};
   Cells cells_{};
   std::vector<Labels> labels_;
-  std::vector<std::uint32_t> sums_;  // of coloured blocks to the left and above
+  std::vector<double> most_;
+  std::vector<double> weights_;
+  std::vector<std::uint32_t> counts_;  // of blocks of each colour
+  std::vector<std::uint32_t> steps_;   // weights in units
+  std::vector<std::uint32_t> sums_;    // of the weights of blocks to the left and above
 };
 
 }  // namespace trifinger::tracking::detail

@@ -33,7 +33,8 @@ Verdict Judge::judge(const std::vector<View>& views, const Eigen::Isometry3d& po
       if (cosine <= 0.05) continue;
       const Projected centre = view.project_with_slope(pose * face.centre);
       const double pixels = centre.slope.squaredNorm() / 2 * face.area * cosine;
-      const double blocks = pixels / 4 / static_cast<double>(face.samples.size());
+      const double blocks =
+          view.image.weight(face.label) * pixels / 4 / static_cast<double>(face.samples.size());
       double matched = 0;
       double all = 0;
       for (const Eigen::Vector3d& sample : face.samples) {
@@ -114,7 +115,7 @@ double Judge::unexplained(const View& view, const Eigen::Isometry3d& pose) const
                std::ranges::all_of(
                    outline.sides, [&](const Eigen::Vector3d& side) { return side.dot(pixel) > 0; });
       });
-      if (!is_explained) count += 1;
+      if (!is_explained) count += image.weight(labels.first);
     }
   }
   return count;

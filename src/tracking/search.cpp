@@ -9,12 +9,13 @@
 namespace trifinger::tracking::detail {
 namespace {
 
-constexpr double kSpacing = 0.015;        // of places [m]
-constexpr std::size_t kMostPlaces = 4;    // that are looked at closely
-constexpr double kApart = 0.03;           // between two of them [m]
-constexpr std::size_t kRotations = 1200;  // about 18 degrees from one to the next
-constexpr std::size_t kMostTurns = 80;    // rotations that are fitted at a place
-constexpr std::size_t kMostGuesses = 8;
+constexpr double kSpacing = 0.015;       // of places [m]
+constexpr std::size_t kMostPlaces = 3;   // that are looked at closely
+constexpr double kLeastPlace = 0.1;      // score of a place where there is something
+constexpr double kApart = 0.03;          // between two of them [m]
+constexpr std::size_t kRotations = 900;  // about 20 degrees from one to the next
+constexpr std::size_t kMostTurns = 48;   // rotations that are fitted at a place
+constexpr std::size_t kMostGuesses = 5;
 constexpr double kSameTurn = 0.3;    // guesses this near are one [rad]
 constexpr double kSamePlace = 0.02;  // [m]
 
@@ -77,7 +78,8 @@ Search::Search(const std::vector<View>& views, const Shape& shape, std::size_t n
   }
   for (std::size_t i = 0; i < kRotations; ++i) rotations_.push_back(spiral_rotation(i));
   turns_.resize(kRotations);
-  guesses_.reserve(kMostGuesses + 1);
+  guesses_.reserve(kMostGuesses);
+  looked_at_.reserve(kMostPlaces);
 }
 
 void Search::score_places(const std::vector<View>& views) noexcept {
@@ -125,12 +127,12 @@ void Search::look_around(const std::vector<View>& views, const Place& place) noe
           patches[label].area += weight;
           patches[label].centre += weight * Eigen::Vector2d(column, row);
         };
-        add(labels.first, is_open ? 0.6 : 1);
-        if (is_open) add(labels.second, 0.4);
+        add(labels.first, (is_open ? 0.6 : 1) * image.weight(labels.first));
+        if (is_open) add(labels.second, 0.4 * image.weight(labels.second));
       }
     }
     for (std::size_t k = 0; k < num_colours_; ++k) {
-      if (patches[k].area == 0) continue;
+      if (patches[k].area <= 0) continue;
       patches[k].centre = 2 * patches[k].centre / patches[k].area + Eigen::Vector2d::Constant(0.5);
     }
   }
@@ -152,7 +154,8 @@ void Search::turn_at(const std::vector<View>& views, const Place& place) noexcep
       std::fill_n(areas.begin(), num_colours_, 0.0);
       const Eigen::Vector3d direction = rotations_[i].transpose() * towards[c];
       for (const Face& face : shape_->faces) {
-        areas[face.label] += face.area * blocks[c] * std::max(0.0, face.normal.dot(direction));
+        areas[face.label] += views[c].image.weight(face.label) * face.area * blocks[c] *
+                             std::max(0.0, face.normal.dot(direction));
       }
       const Patch* const patches = seen_.data() + c * num_colours_;
       for (std::size_t k = 0; k < num_colours_; ++k) {
@@ -259,24 +262,26 @@ void Search::keep(const Guess& guess) noexcept {
   guesses_.push_back(guess);
 }
 
-std::span<const Guess> Search::find(const std::vector<View>& views) noexcept {
-  guesses_.clear();
+void Search::begin(const std::vector<View>& views) noexcept {
+  looked_at_.clear();
   score_places(views);
-  std::array<const Place*, kMostPlaces> chosen{};
-  for (std::size_t i = 0; i < kMostPlaces; ++i) {
-    const Place* best = nullptr;
-    for (const Place& place : places_) {
-      if (place.score < 0.1 || (best != nullptr && place.score <= best->score)) continue;
-      const bool is_new = std::none_of(chosen.begin(), chosen.begin() + i, [&](const Place* other) {
-        return (other->position - place.position).norm() < kApart;
-      });
-      if (is_new) best = &place;
-    }
-    if (best == nullptr) break;
-    chosen[i] = best;
-    look_around(views, *best);
-    turn_at(views, *best);
+}
+
+std::span<const Guess> Search::next(const std::vector<View>& views) noexcept {
+  guesses_.clear();
+  if (looked_at_.size() == kMostPlaces) return {};
+  const Place* best = nullptr;
+  for (const Place& place : places_) {
+    if (place.score < kLeastPlace || (best != nullptr && place.score <= best->score)) continue;
+    const bool is_new = std::ranges::none_of(looked_at_, [&](const Place* other) {
+      return (other->position - place.position).norm() < kApart;
+    });
+    if (is_new) best = &place;
   }
+  if (best == nullptr) return {};
+  looked_at_.push_back(best);
+  look_around(views, *best);
+  turn_at(views, *best);
   std::ranges::sort(guesses_, std::ranges::greater{}, &Guess::score);
   return guesses_;
 }

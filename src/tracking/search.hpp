@@ -29,8 +29,11 @@ class Search {
   Search(const std::vector<View>& views, const Shape& shape, std::size_t num_colours,
          const TrackerOptions& options);
 
-  // The best guesses, the best one first. They are valid until the next call.
-  [[nodiscard]] std::span<const Guess> find(const std::vector<View>& views) noexcept;
+  // Looks for places in new images.
+  void begin(const std::vector<View>& views) noexcept;
+  // The guesses at the best place that was not looked at yet; none if there is none. They are valid
+  // until the next call.
+  [[nodiscard]] std::span<const Guess> next(const std::vector<View>& views) noexcept;
 
  private:
   struct Square {
@@ -66,6 +69,7 @@ class Search {
   std::vector<Patch> expected_;  // scratch, like `seen_`
   std::vector<Turn> turns_;
   std::vector<Guess> guesses_;
+  std::vector<const Place*> looked_at_;
 };
 
 }  // namespace trifinger::tracking::detail

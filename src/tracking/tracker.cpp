@@ -45,7 +45,20 @@ std::vector<std::string> colours_of(const TrackedObject& object, const ColourMod
   return colours;
 }
 
-std::vector<detail::View> views_of(const std::vector<camera::Camera>& cameras) {
+// The number of blocks that a camera shows of each colour at most, with the object near.
+std::vector<double> most_blocks(const camera::Camera& camera, const detail::Shape& shape,
+                                std::size_t num_colours) {
+  constexpr double kNear = 0.7;  // of the distance between camera and the middle of the table
+  constexpr double kSpare = 1.3;
+  const double distance = kNear * camera.pose.translation().norm();
+  const double blocks = camera.lens.fx * camera.lens.fy / (4 * distance * distance);
+  std::vector<double> most(num_colours, 0.0);
+  for (const detail::Face& face : shape.faces) most[face.label] += kSpare * face.area * blocks;
+  return most;
+}
+
+std::vector<detail::View> views_of(const std::vector<camera::Camera>& cameras,
+                                   const detail::Shape& shape, std::size_t num_colours) {
   if (cameras.empty() || cameras.size() > detail::kMostCameras) {
     throw InvalidArgument(
         text_of("a tracker of ", cameras.size(), " cameras; it needs 1 to ", detail::kMostCameras));
@@ -64,13 +77,17 @@ std::vector<detail::View> views_of(const std::vector<camera::Camera>& cameras) {
                                     format.height,
                                     " pixels; width and height must be even and at least 16"));
     }
-    views.emplace_back(camera);
+    views.emplace_back(camera, most_blocks(camera, shape, num_colours));
   }
   return views;
 }
 
-double angle_between(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) noexcept {
-  return Eigen::AngleAxisd(a.linear().transpose() * b.linear()).angle();
+// Whether two poses are one that is not refined yet.
+bool are_same(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) noexcept {
+  constexpr double kAngle = 0.35;     // [rad]
+  constexpr double kDistance = 0.03;  // [m]
+  return Eigen::AngleAxisd(a.linear().transpose() * b.linear()).angle() < kAngle &&
+         (a.translation() - b.translation()).norm() < kDistance;
 }
 
 }  // namespace
@@ -78,9 +95,9 @@ double angle_between(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) noe
 struct Tracker::Parts {
   // A pose that was refined.
   struct Candidate {
-    Eigen::Isometry3d pose;
-    Fit fit;
-    Verdict verdict;
+    Eigen::Isometry3d pose{Eigen::Isometry3d::Identity()};
+    Fit fit{};
+    Verdict verdict{};
   };
 
   Parts(std::vector<camera::Camera> given_cameras, TrackedObject given_object,
@@ -88,8 +105,8 @@ struct Tracker::Parts {
       : cameras(std::move(given_cameras)),
         object(std::move(given_object)),
         colours(colours_of(object, model)),
-        views(views_of(cameras)),
         shape(object, colours),
+        views(views_of(cameras, shape, colours.size())),
         table(model, colours),
         search(views, shape, colours.size(), options),
         edges(views, shape, table, options.calibration_error),
@@ -108,8 +125,8 @@ struct Tracker::Parts {
   std::vector<camera::Camera> cameras;
   TrackedObject object;
   std::vector<std::string> colours;
-  std::vector<detail::View> views;
   detail::Shape shape;
+  std::vector<detail::View> views;
   detail::ColourTable table;
   detail::Search search;
   detail::EdgeFit edges;
@@ -160,35 +177,52 @@ Estimate Tracker::Parts::estimate(const Candidate& candidate, double rival) noex
 
 Estimate Tracker::Parts::searched() noexcept {
   constexpr std::size_t kFinalists = 3;
-  constexpr double kSame = 0.35;  // rotations this near are one pose [rad]
   std::array<std::pair<double, Eigen::Isometry3d>, kFinalists> finalists;
   std::size_t count = 0;
-  for (const Guess& guess : search.find(views)) {
-    Eigen::Isometry3d pose = guess.pose;
-    edges.approach(views, pose);
-    const double score = judge.judge(views, pose).score();
-    std::size_t place = 0;
-    while (place < count && angle_between(finalists[place].second, pose) > kSame) ++place;
-    if (place < count) {  // the same pose again
-      if (score > finalists[place].first) finalists[place] = {score, pose};
-    } else if (count < kFinalists) {
-      finalists[count++] = {score, pose};
-    } else {
-      const auto worst = std::ranges::min_element(
-          finalists, {}, [](const auto& finalist) { return finalist.first; });
-      if (score > worst->first) *worst = {score, pose};
+  bool is_clear = false;
+  search.begin(views);
+  // The places come in the order of how much speaks for them. One that leaves little to explain is
+  // the last one.
+  for (auto guesses = search.next(views); !guesses.empty(); guesses = search.next(views)) {
+    for (const Guess& guess : guesses) {
+      Eigen::Isometry3d pose = guess.pose;
+      edges.approach(views, pose);
+      const Verdict verdict = judge.judge(views, pose);
+      is_clear = is_clear || (verdict.purity() > 0.9 && verdict.completeness() > 0.55 &&
+                              verdict.directions > 1 && verdict.matched > 200);
+      const double score = verdict.score();
+      std::size_t place = 0;
+      while (place < count && !are_same(finalists[place].second, pose)) ++place;
+      if (place < count) {  // the same pose again
+        if (score > finalists[place].first) finalists[place] = {score, pose};
+      } else if (count < kFinalists) {
+        finalists[count++] = {score, pose};
+      } else {
+        const auto worst = std::ranges::min_element(
+            finalists, {}, [](const auto& finalist) { return finalist.first; });
+        if (score > worst->first) *worst = {score, pose};
+      }
     }
+    if (is_clear) break;
   }
   if (count == 0) return {};
   std::array<Candidate, kFinalists> candidates;
   std::size_t best = 0;
+  const double leader =
+      std::max_element(finalists.begin(), finalists.begin() + count,
+                       [](const auto& a, const auto& b) { return a.first < b.first; })
+          ->first;
   for (std::size_t i = 0; i < count; ++i) {
+    constexpr double kChance = 0.4;  // refining moves a pose by a few pixels only
+    if (finalists[i].first < kChance * leader) continue;
     candidates[i] = refined(finalists[i].second);
+    if (candidates[best].verdict.matched <= 0) best = i;
     if (candidates[i].verdict.score() > candidates[best].verdict.score()) best = i;
   }
   double rival = 0;
   for (std::size_t i = 0; i < count; ++i) {
-    if (angle_between(candidates[i].pose, candidates[best].pose) < kSame) continue;
+    if (candidates[i].verdict.matched <= 0) continue;
+    if (are_same(candidates[i].pose, candidates[best].pose)) continue;
     rival = std::max(
         rival, candidates[i].verdict.score() / std::max(1.0, candidates[best].verdict.score()));
   }

@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <cstddef>
+#include <utility>
 #include <vector>
 
 #include "colour_table.hpp"
@@ -22,11 +23,12 @@ struct Projected {
 
 // A calibrated camera with the image that it took.
 struct View {
-  explicit View(const camera::Camera& camera)
+  // `most` has for each colour the number of blocks that the object can show of it.
+  View(const camera::Camera& camera, std::vector<double> most)
       : lens(camera.lens),
         to_camera(camera.pose.linear().transpose()),
         position(camera.pose.translation()),
-        image(camera.format) {}
+        image(camera.format, std::move(most)) {}
 
   [[nodiscard]] Eigen::Vector3d seen(const Eigen::Vector3d& point) const noexcept {
     return to_camera * (point - position);

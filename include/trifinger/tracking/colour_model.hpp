@@ -2,14 +2,11 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <cstddef>
 #include <filesystem>
-#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
-#include "trifinger/camera/camera.hpp"
 #include "trifinger/config/node.hpp"
 
 namespace trifinger::tracking {
@@ -18,13 +15,6 @@ namespace trifinger::tracking {
 /// over green, log of the mean. A change of light moves the last number only. Dark pixels have
 /// little colour, so their first two numbers are near zero.
 [[nodiscard]] Eigen::Vector3d colour_features(double red, double green, double blue) noexcept;
-
-/// The pixels of an image as colours are learned from them: a row of red, green and blue, 0 to 255,
-/// for each block of 2 x 2 pixels, row by row. Their white balance is such that most of the image
-/// is grey.
-/// @throws InvalidArgument if the image has no colours, or another size than its format says
-[[nodiscard]] std::vector<Eigen::Vector3f> balanced_blocks(const camera::ImageFormat& format,
-                                                           std::span<const std::byte> pixels);
 
 /// A normal distribution of colour features.
 struct ColourBell {
