@@ -41,6 +41,7 @@ struct ManipulateOptions {
   std::string task;
   std::string config;
   std::string robot{"sim"};
+  bool needs_sight{false};
   std::vector<std::string> settings;
   std::filesystem::path output{"manipulate_output"};
   Demand scheduling{Demand::kTry};
@@ -52,8 +53,14 @@ struct KnownRobot {
   control::SafetyLimits limits;
 };
 
-KnownRobot robot_of(const Session& session) {
+KnownRobot robot_of(const Session& session, bool needs_sight) {
   RobotConfig config = robot_config_of(session);
+  const bool sees = config.tracks_objects || (config.boards && config.cameras);
+  if (needs_sight && !sees) {
+    throw InvalidArgument("'" + session.info().name +
+                          "' does not see: its simulation says where objects are; 'trifinger run "
+                          "sim_tracked' runs a robot that finds them in images");
+  }
   auto* const options = std::get_if<SimulationOptions<TriFinger>>(&config.simulation);
   if (options == nullptr) throw InvalidArgument("the robot has not three fingers");
   const JointLimits<TriFinger::kJoints> limits =
@@ -169,7 +176,7 @@ std::string table_of(const Trace& trace) {
 
 int manipulate(const ManipulateOptions& options) {
   auto robot = connect<TriFinger>(options.robot);
-  const KnownRobot known = robot_of(robot.session());
+  const KnownRobot known = robot_of(robot.session(), options.needs_sight);
   const std::string name = options.config.empty()
                                ? std::string(variant_figures(known.description.variant).name)
                                : options.config;
@@ -215,11 +222,21 @@ int manipulate_command(const std::vector<std::string>& words) {
   program.footer(
       "Example:\n"
       "  trifinger run sim --set fingers.height=0.3     in one terminal\n"
-      "  trifinger manipulate lift                      in another");
+      "  trifinger manipulate lift                      in another\n"
+      "With nothing but eyes and joints:\n"
+      "  trifinger run sim_tracked --set fingers.height=0.3\n"
+      "  trifinger manipulate lift --poses cameras --set lift.height=0.15");
   program.add_option("TASK", options.task, "The task: lift or slide")->required();
   program.add_option("CONFIG", options.config,
                      "A configuration or the path of one; default: that of the robot's variant");
   program.add_option("--robot", options.robot, "Name of the running robot")->capture_default_str();
+  program
+      .add_option_function<std::string>(
+          "--poses",
+          [&options](const std::string& poses) { options.needs_sight = poses == "cameras"; },
+          "Where poses may come from. cameras: only from images; any (the default)")
+      ->check(CLI::IsMember({"cameras", "any"}))
+      ->option_text("SOURCE");
   program.add_option("--set", options.settings, "A setting, as in lift.height=0.1")
       ->allow_extra_args(false);
   program.add_option("--output", options.output, "Folder of the report")->capture_default_str();
