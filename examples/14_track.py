@@ -5,7 +5,6 @@ Compares with where the simulation has put it.
 """
 
 import numpy as np
-
 import trifinger
 from trifinger.cameras import Cameras
 from trifinger.tracking import Tracker, tracked_object
