@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cstddef>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <optional>
@@ -74,12 +75,11 @@ camera::Picture joined(const std::vector<std::optional<camera::Picture>>& pictur
   std::size_t left = 0;
   for (std::size_t i = 0; i < cameras.size(); ++i) {
     const auto width = static_cast<std::size_t>(cameras[i].format.width) * channels;
-    for (std::size_t y = 0; pictures[i] && y < static_cast<std::size_t>(cameras[i].format.height);
-         ++y) {
-      std::copy_n(
-          pictures[i]->pixels.begin() + static_cast<std::ptrdiff_t>(y * width), width,
-          whole.pixels.begin() + static_cast<std::ptrdiff_t>(
-                                     y * static_cast<std::size_t>(format.width) * channels + left));
+    const auto rows = static_cast<std::size_t>(cameras[i].format.height);
+    const std::size_t row_size = static_cast<std::size_t>(format.width) * channels;
+    for (std::size_t y = 0; pictures[i] && y < rows; ++y) {
+      std::memcpy(whole.pixels.data() + y * row_size + left, pictures[i]->pixels.data() + y * width,
+                  width);
     }
     left += width;
   }

@@ -39,8 +39,10 @@ std::vector<Found> find_devices() {
   const std::lock_guard lock(mutex);
   const Aravis& aravis = Aravis::instance();
   aravis.update_device_list();
+  const unsigned count = aravis.get_n_devices();
   std::vector<Found> devices;
-  for (unsigned i = 0; i < aravis.get_n_devices(); ++i) {
+  devices.reserve(count);
+  for (unsigned i = 0; i < count; ++i) {
     devices.push_back(
         {.id = text(aravis.get_device_id(i)),
          .serial = text(aravis.get_device_serial(i)),

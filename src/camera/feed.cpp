@@ -26,6 +26,7 @@ void require_same(const Source& source, const std::vector<Camera>& cameras) {
     return text;
   };
   std::vector<std::string> names;
+  names.reserve(cameras.size());
   for (const Camera& camera : cameras) names.push_back(camera.name);
   const auto same = [](const std::string& name) { return name; };
   detail::require(source.names() == names, "the source has the cameras " +

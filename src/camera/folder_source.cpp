@@ -113,7 +113,7 @@ const std::vector<std::string>& FolderSource::names() const noexcept { return na
 const std::vector<ImageFormat>& FolderSource::formats() const noexcept { return formats_; }
 
 bool FolderSource::has_ended() const noexcept {
-  return !options_.repeats && count_ == static_cast<std::int64_t>(sets_.size());
+  return !options_.repeats && std::cmp_equal(count_, sets_.size());
 }
 
 std::vector<std::string> FolderSource::take_news() { return std::exchange(news_, {}); }

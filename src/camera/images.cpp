@@ -7,14 +7,11 @@
 #include <utility>
 
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/text_of.hpp"
 #include "trifinger/config/file.hpp"
 #include "trifinger/core/errors.hpp"
 
 namespace trifinger::camera {
 namespace {
-
-using trifinger::detail::text_of;
 
 constexpr std::size_t kInfos = sizeof(Stamp) + sizeof(PayloadReference);
 static_assert(sizeof(CameraImages<3>) == kInfos + 3 * sizeof(ImageInfo));

@@ -55,6 +55,7 @@ std::unique_ptr<Source> open_video(const CameraOptions& options,
                                    const std::vector<Camera>& cameras) {
   const std::vector<DeviceInfo> found = list_video_devices();
   std::vector<std::unique_ptr<Device>> devices;
+  devices.reserve(cameras.size());
   for (std::size_t i = 0; i < cameras.size(); ++i) {
     std::string path = cameras[i].serial;
     if (path == "any") {
@@ -75,6 +76,7 @@ std::unique_ptr<Source> open_video(const CameraOptions& options,
 std::unique_ptr<Source> open_aravis(const CameraOptions& options,
                                     const std::vector<Camera>& cameras) {
   std::vector<std::unique_ptr<Device>> devices;
+  devices.reserve(cameras.size());
   for (std::size_t i = 0; i < cameras.size(); ++i) {
     devices.push_back(std::make_unique<AravisDevice>(AravisSettings{.device = cameras[i].serial,
                                                                     .index = i,

@@ -118,6 +118,7 @@ class PayloadMemory {
             .pid = ::getpid()};
   }
 
+  void publish() { memory_.publish(); }
   [[nodiscard]] const ipc::SharedMemory& memory() const noexcept { return memory_; }
   [[nodiscard]] std::uint64_t id() const noexcept { return header_.id; }
   // Throws IncompatibleSession.
@@ -235,15 +236,19 @@ void require_payload_reference(const ElementDescription& element) {
 // ---- the writer ----
 
 struct PayloadWriter::State {
-  std::optional<ipc::SharedMemory> lock;
-  std::shared_ptr<PayloadMemory> memory;
-  std::int64_t next{0};
-  ipc::ForkGuard fork{};
-
+  State(std::optional<ipc::SharedMemory> its_lock, std::shared_ptr<PayloadMemory> its_memory)
+      : lock(std::move(its_lock)), memory(std::move(its_memory)) {}
+  State(const State&) = delete;
+  State& operator=(const State&) = delete;
   ~State() {
     // The lock is still ours, so the file is, too. Readers in this process keep the memory itself.
     if (lock && !fork.is_inherited()) ::unlink(memory->memory().path().c_str());
   }
+
+  std::optional<ipc::SharedMemory> lock;
+  std::shared_ptr<PayloadMemory> memory;
+  std::int64_t next{0};
+  ipc::ForkGuard fork{};
 };
 
 PayloadWriter::PayloadWriter(std::unique_ptr<State> state) : state_(std::move(state)) {
@@ -261,15 +266,15 @@ PayloadWriter::PayloadWriter(const std::string& robot, const std::string& sensor
             ipc::SharedMemory::create_file(session_folder(), file, header.total(),
                                            detail::kOwnerAlone),
             payload, history);
-        const_cast<ipc::SharedMemory&>(memory->memory()).publish();
-        return std::unique_ptr<State>(new State{.lock = std::move(lock), .memory = memory});
+        memory->publish();
+        return std::make_unique<State>(std::move(lock), std::move(memory));
       }()) {}
 
 PayloadWriter PayloadWriter::anonymous(const ElementDescription& payload, std::size_t history) {
   const Header header = PayloadMemory::header_for(payload, history);
   auto memory = std::make_shared<PayloadMemory>(ipc::SharedMemory::create_anonymous(header.total()),
                                                 payload, history);
-  return PayloadWriter(std::unique_ptr<State>(new State{.lock = {}, .memory = memory}));
+  return PayloadWriter(std::make_unique<State>(std::nullopt, std::move(memory)));
 }
 
 PayloadWriter::PayloadWriter(PayloadWriter&&) noexcept = default;

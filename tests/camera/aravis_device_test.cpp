@@ -8,11 +8,14 @@
 #include <algorithm>
 #include <chrono>
 #include <cstring>
+#include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "aravis.hpp"
 #include "camera/cameras_of_tests.hpp"
+#include "camera/source_contract.hpp"
 #include "support/child_process.hpp"
 
 // Cameras that Aravis pretends to have: one in this process, and one at the network interface of
@@ -80,6 +83,20 @@ TEST(AravisDevice, fault_54_IsFoundByItsSerialNumberAndNoOther) {
   EXPECT_FALSE(other.is_there());
   EXPECT_THAT(other.take_news().front(), HasSubstr("'Fake_2' is not there; there are"));
 }
+
+SourceUnderTest make_pretended_cameras() {
+  std::vector<std::unique_ptr<camera::Device>> devices;
+  for (int i = 0; i < 3; ++i) {
+    // There is only one pretended camera, but it may be opened often.
+    devices.push_back(
+        std::make_unique<camera::AravisDevice>(settings("Fake_1", PixelFormat::kBayerRg8, 32)));
+  }
+  return {
+      .world = nullptr,
+      .source = std::make_unique<camera::CameraGroup>(three_cameras(), std::move(devices), 20ms)};
+}
+
+INSTANTIATE_TEST_SUITE_P(Aravis, SourceContract, ::testing::Values(&make_pretended_cameras));
 
 // A camera at the network, in a process of its own. It writes its pattern into each image, and
 // loses this share of its packets.

@@ -7,12 +7,14 @@
 #include <chrono>
 #include <filesystem>
 #include <fstream>
+#include <memory>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "camera/cameras_of_tests.hpp"
 #include "camera/grabbed.hpp"
+#include "camera/source_contract.hpp"
 #include "support/folder.hpp"
 #include "support/message_of.hpp"
 #include "trifinger/base/error.hpp"
@@ -113,6 +115,19 @@ TEST(FolderSource, fault_53_AnImageThatCannotBeReadIsDamaged) {
                   HasSubstr("camera180.png: the PNG image is damaged: it is cut off"),
                   HasSubstr("camera300.png: the image has 8 x 8 pixels, must have 32 x 32")));
 }
+
+SourceUnderTest make_folder_source() {
+  const auto folder = std::make_shared<Folder>();
+  const std::vector<Camera> cameras = three_cameras();
+  for (std::size_t c = 0; c < 3; ++c) {
+    save(folder->path() / (cameras[c].name + ".png"), cameras[c], c, 0);
+  }
+  return {.world = folder,
+          .source = std::make_unique<camera::FolderSource>(
+              cameras, camera::FolderOptions{.folder = folder->path(), .period = 5ms})};
+}
+
+INSTANTIATE_TEST_SUITE_P(Folder, SourceContract, ::testing::Values(&make_folder_source));
 
 TEST(FolderSource, WaitsNoLongerThanItWasTold) {
   const Folder folder;

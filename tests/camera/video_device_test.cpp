@@ -4,15 +4,20 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <chrono>
 #include <cstring>
 #include <deque>
 #include <map>
+#include <memory>
 #include <string>
+#include <thread>
 #include <utility>
 #include <vector>
 
+#include "camera/cameras_of_tests.hpp"
+#include "camera/source_contract.hpp"
 #include "support/message_of.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/camera/image_file.hpp"
@@ -46,7 +51,20 @@ class FakeVideo final : public camera::VideoSystem {
     return -1;
   }
   void close(int) override { ++closed; }
-  [[nodiscard]] bool wait(int, Timeout) override { return !is_plugged || !images.empty(); }
+  [[nodiscard]] bool wait(int, Timeout timeout) override {
+    if (rate > 0) {
+      // Delivers by itself.
+      const Instant due = begin_ + Nanoseconds(1s) * (count_ + 1) / rate;
+      const Instant now = std::chrono::steady_clock::now();
+      std::this_thread::sleep_for(std::min<Nanoseconds>(due - now, timeout));
+      if (due - now > timeout) return false;
+      ++count_;
+      add([](unsigned, unsigned) { return std::vector{1}; });
+      sequence = static_cast<std::uint32_t>(count_);
+      stamp = due;
+    }
+    return !is_plugged || !images.empty();
+  }
   [[nodiscard]] std::byte* map(int, std::size_t size, std::size_t offset) override {
     auto& memory = memory_[offset];
     memory.resize(size);
@@ -110,7 +128,9 @@ class FakeVideo final : public camera::VideoSystem {
         buffer.bytesused = static_cast<std::uint32_t>(image.bytes.size());
         buffer.flags = image.flags;
         buffer.sequence = sequence++;
-        buffer.timestamp = {.tv_sec = 5, .tv_usec = 2000};
+        const auto since =
+            std::chrono::duration_cast<std::chrono::microseconds>(stamp.time_since_epoch());
+        buffer.timestamp = {.tv_sec = since / 1s, .tv_usec = (since % 1s).count()};
         images.pop_front();
         return 0;
       }
@@ -146,6 +166,8 @@ class FakeVideo final : public camera::VideoSystem {
   std::map<std::uint32_t, std::int32_t> controls;
   Nanoseconds period{0};
   std::uint32_t sequence{7};
+  Instant stamp{5s + 2ms};
+  int rate{0};  // images per second; 0: those that the test adds
   int opened{0};
   int closed{0};
   int mapped{0};
@@ -156,6 +178,8 @@ class FakeVideo final : public camera::VideoSystem {
     return -1;
   }
 
+  Instant begin_{std::chrono::steady_clock::now()};
+  std::int64_t count_{0};
   std::uint32_t fourcc_;
   std::uint32_t width_;
   std::uint32_t height_;
@@ -342,6 +366,31 @@ TEST(VideoDevice, ThatCannotDoItIsRefusedWithASentence) {
   EXPECT_THAT(absent.take_news(),
               ElementsAre("there is no camera at /dev/video9: No such file or directory"));
 }
+
+// Three webcams that deliver at 100 Hz.
+struct Webcams {
+  Webcams() {
+    for (int i = 0; i < 3; ++i) {
+      videos.push_back(std::make_unique<FakeVideo>(V4L2_PIX_FMT_GREY, 32, 32));
+      videos.back()->rate = 100;
+    }
+  }
+  std::vector<std::unique_ptr<FakeVideo>> videos;
+};
+
+SourceUnderTest make_webcams() {
+  const auto webcams = std::make_shared<Webcams>();
+  std::vector<std::unique_ptr<camera::Device>> devices;
+  for (const auto& video : webcams->videos) {
+    devices.push_back(
+        std::make_unique<camera::VideoDevice>(settings(PixelFormat::kMono8, 32, 32), *video));
+  }
+  return {.world = webcams,
+          .source = std::make_unique<camera::CameraGroup>(three_cameras(PixelFormat::kMono8),
+                                                          std::move(devices), 10ms)};
+}
+
+INSTANTIATE_TEST_SUITE_P(Video, SourceContract, ::testing::Values(&make_webcams));
 
 TEST(VideoDevice, AreListedWithTheirFormats) {
   FakeVideo video(V4L2_PIX_FMT_YUYV, 4, 2);
