@@ -186,7 +186,7 @@ void bind_rendering(nb::module_& m) {
       .def_prop_ro(
           "options", [](PythonRenderer& self) { return to_dict(self.renderer().options()); },
           nb::sig("def options(self) -> dict[str, object]"),
-          "What the images look like. docs/cameras.md explains each value.")
+          "What the images look like. docs/simulated_cameras.md explains each value.")
       .def(
           "set_options",
           [](PythonRenderer& self, const nb::kwargs& options) {

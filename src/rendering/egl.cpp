@@ -4,6 +4,7 @@
 #include <dlfcn.h>
 
 #include <array>
+#include <span>
 #include <string>
 
 #include "trifinger/base/error.hpp"
@@ -42,9 +43,8 @@ bool open_display(Egl& egl) {
     std::array<Egl::Device, 16> devices{};
     std::int32_t count = 0;
     if (egl.query_devices(static_cast<std::int32_t>(devices.size()), devices.data(), &count) != 0) {
-      for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i) {
-        if (try_display(egl,
-                        egl.get_platform_display(Egl::kPlatformDevice, devices.at(i), nullptr))) {
+      for (const Egl::Device device : std::span(devices).first(static_cast<std::size_t>(count))) {
+        if (try_display(egl, egl.get_platform_display(Egl::kPlatformDevice, device, nullptr))) {
           return true;
         }
       }

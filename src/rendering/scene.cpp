@@ -7,11 +7,12 @@
 #include <limits>
 #include <map>
 #include <numbers>
+#include <utility>
 
 namespace trifinger::rendering::detail {
 namespace {
 
-constexpr int kMostGeoms = 1000;
+constexpr std::size_t kMostGeoms = 1000;
 constexpr double kThin = 5e-4;  // A box this thin is the colour of a face [m].
 
 using Colour = std::array<float, 3>;
@@ -28,7 +29,7 @@ float limited(double share) { return static_cast<float>(std::clamp(share, 0.0, 1
 
 Scene::Scene(const mjModel& model, mjData& data, bool has_clear_walls) : model_(model) {
   mjv_defaultScene(&scene_);
-  mjv_makeScene(&model, &scene_, kMostGeoms);
+  mjv_makeScene(&model, &scene_, static_cast<int>(kMostGeoms));
   mjvOption option;
   mjv_defaultOption(&option);
   mjvCamera camera;
@@ -50,10 +51,11 @@ Scene::Scene(const mjModel& model, mjData& data, bool has_clear_walls) : model_(
     }
     clean_.push_back(shape);
   }
-  // Pixels behind what is drawn already cost little, so the large background comes last. Planes have
-  // no size.
-  std::ranges::stable_sort(clean_, {}, [](const Shape& shape) {
-    return shape.size > 0 ? shape.size : std::numeric_limits<double>::infinity();
+  // Pixels behind what is drawn already cost little, so the large background comes last. Planes
+  // have no size.
+  std::ranges::sort(clean_, {}, [](const Shape& shape) {
+    const double size = shape.size > 0 ? shape.size : std::numeric_limits<double>::infinity();
+    return std::pair(size, shape.geom);
   });
   shapes_ = clean_;
   scene_.flags[mjRND_REFLECTION] = 0;
@@ -168,7 +170,7 @@ void Scene::add_spots(const Shape& face, double dust, Random& random) {
     const auto grey = static_cast<float>(random.uniform(0.1, 0.7));
     const auto share = static_cast<float>(random.uniform(0.3, 1.0));
     for (float& channel : std::span(spot.drawn.rgba, 3)) channel += share * (grey - channel);
-    if (static_cast<int>(shapes_.size()) < scene_.maxgeom) shapes_.push_back(spot);
+    if (shapes_.size() < kMostGeoms) shapes_.push_back(spot);
   }
 }
 

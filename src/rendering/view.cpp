@@ -19,15 +19,16 @@ std::uint32_t bayer_channel(int column, int row) noexcept {
 
 }  // namespace
 
-View::View(const camera::Camera& camera, double detail) : camera_(camera) {
+View::View(const camera::Camera& camera, double detail)
+    : camera_(camera),
+      focal_(detail * std::max(std::abs(camera.lens.fx), std::abs(camera.lens.fy))),
+      highest_(-1),
+      samples_(std::max(1, static_cast<int>(std::lround(detail)))) {
   const camera::Lens& lens = camera.lens;
-  focal_ = detail * std::max(std::abs(lens.fx), std::abs(lens.fy));
-  samples_ = std::max(1, static_cast<int>(std::lround(detail)));
 
   // The rays along the border of the image are the outermost ones.
   Eigen::Vector2d low = Eigen::Vector2d::Constant(1e9);
   Eigen::Vector2d high = -low;
-  highest_ = -1;
   const auto add = [&](int column, int row) {
     const Eigen::Vector2d ray = lens.unproject(Eigen::Vector2d(column, row));
     low = low.cwiseMin(ray);
@@ -107,15 +108,17 @@ void View::place(int left, int stride) {
   const camera::ImageFormat& format = camera_.format;
   row_bytes_ = static_cast<std::uint32_t>(stride * kPictureChannels);
   taps_.clear();
-  taps_.reserve(static_cast<std::size_t>(format.width * format.height * samples_ * samples_));
+  taps_.reserve(format.size() * static_cast<std::size_t>(samples()));
+  // The middle of part `i` of a pixel, from the pixel's centre.
+  const auto part = [this](int i) { return (i + 0.5) / samples_ - 0.5; };
   for (int row = 0; row < format.height; ++row) {
     for (int column = 0; column < format.width; ++column) {
-      for (int i = 0; i < samples_ * samples_; ++i) {
-        const Eigen::Vector2d part((i % samples_ + 0.5) / samples_ - 0.5,
-                                   (i / samples_ + 0.5) / samples_ - 0.5);
-        Tap found = tap(Eigen::Vector2d(column, row) + part, left);
-        if (format.pixels == PixelFormat::kBayerRg8) found.offset += bayer_channel(column, row);
-        taps_.push_back(found);
+      for (int i = 0; i < samples_; ++i) {
+        for (int k = 0; k < samples_; ++k) {
+          Tap found = tap(Eigen::Vector2d(column + part(k), row + part(i)), left);
+          if (format.pixels == PixelFormat::kBayerRg8) found.offset += bayer_channel(column, row);
+          taps_.push_back(found);
+        }
       }
     }
   }
@@ -131,7 +134,7 @@ void View::sample(const std::uint8_t* pictures, std::span<std::uint32_t> values)
   };
   // Calls `add` with each pixel of the image and the four pixels of each sample.
   const auto for_each_sample = [&](const auto& add) {
-    const auto count = static_cast<std::size_t>(samples_ * samples_);
+    const auto count = static_cast<std::size_t>(samples());
     const Tap* tap = taps_.data();
     for (std::size_t i = 0; i < taps_.size() / count; ++i) {
       for (std::size_t k = 0; k < count; ++k, ++tap) add(i, pictures + tap->offset, *tap);
