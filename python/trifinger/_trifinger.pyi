@@ -851,7 +851,9 @@ class CameraRenderer:
 
     @property
     def options(self) -> dict[str, object]:
-        """What the images look like. docs/cameras.md explains each value."""
+        """
+        What the images look like. docs/simulated_cameras.md explains each value.
+        """
 
     def set_options(self, **options: object) -> None:
         """Changes what the next images look like."""
@@ -1788,6 +1790,13 @@ class GraspState:
         """Speeds of `travel`, low-pass filtered at 5 Hz [m/s]."""
 
     @property
+    def felt(self) -> Twist:
+        """
+        The motion of the held object as the tips feel it: they roll on its faces without slipping.
+        Zero while it is not held.
+        """
+
+    @property
     def is_slipping(self) -> bool:
         """True if a tip moves along its face faster than tips roll."""
 
@@ -2590,3 +2599,108 @@ def replay(log: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | Log 
 
     Raises NotInLog if a step is missing in the log, InvalidArgument.
     """
+
+def balanced_blocks(image: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu', writable=False)]) -> object:
+    """
+    The mean red, green and blue of each block, 0 to 255, with a white balance that makes most
+    of the image grey.
+
+    Raises InvalidArgument if the image has no colours, or another size than its format says.
+    """
+
+def faces_in_blocks(calibration: str, object: TrackedObject, position: numpy.typing.ArrayLike, orientation: numpy.typing.ArrayLike) -> list[list[int]]:
+    """
+    For each block of a camera's image the index of the face that it shows if the object has
+    this `pose`, or a `BlockContent`. Whatever stands in front of the object is not known.
+    """
+
+class TrackedObject:
+    """A convex object whose faces have known colours."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def colours(self) -> list[str]:
+        """The colour of each face."""
+
+def coloured_box(name: str, size: numpy.typing.ArrayLike, colours: Sequence[str] = ..., rim: float = ...) -> TrackedObject:
+    """
+    A box with whole lengths `size` [m]. The colour of a face ends `rim` before its edges [m];
+    the rest is as dark as the rims of the simulation's boxes, or as the background.
+
+    Raises InvalidArgument if the rim leaves nothing of a face.
+    """
+
+def tracked_object(config: str = ..., overrides: dict = ..., name: str = ...) -> TrackedObject:
+    """
+    An object of a scene as the simulation draws it: boxes have the colours of the competition's
+    cubes, and rims.
+
+    Raises InvalidArgument if it has no faces with different colours, like a stick or a ball.
+    """
+
+def coloured_mesh(name: str, vertices: Sequence[Sequence[float]], triangles: Sequence[Sequence[int]], colours: Sequence[str]) -> TrackedObject:
+    """
+    A convex mesh: the hull of `vertices` [m], whose triangles have colours. Triangles of one
+    colour in one plane become one face.
+
+    Raises InvalidArgument if a triangle has no area or the mesh is not convex.
+    """
+
+class Estimate:
+    """Where an object is, as images show it."""
+
+    @property
+    def is_sure(self) -> bool: ...
+
+    @property
+    def is_found(self) -> bool: ...
+
+    @property
+    def position(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
+    @property
+    def orientation(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
+    @property
+    def position_deviation(self) -> numpy.typing.NDArray[numpy.float64]:
+        """Standard deviations [m]."""
+
+    @property
+    def rotation_deviation(self) -> numpy.typing.NDArray[numpy.float64]:
+        """Standard deviations of a rotation about the world's axes [rad]."""
+
+    @property
+    def confidence(self) -> float:
+        """From 0 to 1, at least 0.5 if the state is `SURE`."""
+
+    @property
+    def cameras(self) -> int:
+        """Cameras that show the object."""
+
+    @property
+    def faces(self) -> int:
+        """Faces that at least one camera shows."""
+
+    @property
+    def residual(self) -> float:
+        """Root mean square distance of measured from expected edges [pixel]."""
+
+class Tracker:
+    """
+    Finds an object with coloured faces in the images of calibrated cameras, taken at one time.
+
+    Knows nothing of earlier images: the same images give the same estimate. Not thread-safe.
+    """
+
+    def __init__(self, calibration: str, object: TrackedObject, colours: str | None = ..., calibration_error: float = ...) -> None: ...
+
+    def track(self, images: Sequence[Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu', writable=False)] | None], guess: tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike] | None = ...) -> Estimate:
+        """
+        Where the object is in these images, one of each camera. An empty image stands for one that
+        is missing or damaged. `guess` is where the object may be, such as its last pose. It saves
+        time if it is near, and it is forgotten if the images do not confirm it. Does not allocate.
+
+        Raises InvalidArgument if the number of images or the size of one is wrong.
+        """
