@@ -2,8 +2,10 @@
 """Calibration of cameras, against the truth of rendered and of computed images."""
 
 import dataclasses
+import os
 import re
 import shutil
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,7 +14,7 @@ import numpy as np
 import pytest
 import rendered_boards as boards
 import trifinger
-from conftest import PROGRAM, output_of
+from conftest import BUILD, PROGRAM, output_of
 from hypothesis import given, strategies as st
 from rendered_boards import Look, TrueCamera
 from trifinger import CameraCalibration, Lens
@@ -156,8 +158,20 @@ def test_the_page_is_whole_and_asks_nobody(result: Result) -> None:
 
 @pytest.mark.release
 def test_the_program_calibrates_checks_and_converts(
-    images: Path, cameras: dict[str, TrueCamera], tmp_path: Path
+    images: Path,
+    cameras: dict[str, TrueCamera],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    script = tmp_path / "bin" / "trifinger-calibrate-cameras"
+    script.parent.mkdir()
+    script.write_text(
+        f"#!{sys.executable}\nimport sys\n"
+        "from trifinger.commands.calibrate_cameras import main\nsys.exit(main())\n"
+    )
+    script.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{script.parent}:{os.environ['PATH']}")
+    monkeypatch.setenv("PYTHONPATH", str(BUILD / "python"))
     few = tmp_path / "few"
     for path in images.rglob("*.png"):
         if not re.search(r"held_(0[1-9])", path.stem):
