@@ -851,7 +851,9 @@ class CameraRenderer:
 
     @property
     def options(self) -> dict[str, object]:
-        """What the images look like. docs/cameras.md explains each value."""
+        """
+        What the images look like. docs/simulated_cameras.md explains each value.
+        """
 
     def set_options(self, **options: object) -> None:
         """Changes what the next images look like."""

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <optional>
 #include <string>
@@ -437,7 +438,8 @@ TEST(CameraRenderer, RefusesWhatMakesNoSense) {
   };
   EXPECT_THAT(message([&] { (void)render(renderer, std::vector<double>(3)); }),
               HasSubstr("3 numbers, must have 16, or 31 with velocities"));
-  std::vector<double> odd = configuration(description, {0, 0, NAN});
+  std::vector<double> odd = configuration(description, {0, 0, 0});
+  odd.back() = std::numeric_limits<double>::quiet_NaN();
   EXPECT_THAT(message([&] { (void)render(renderer, odd); }), HasSubstr("not finite"));
   EXPECT_THAT(message([&] { renderer.render(configuration(description, {0, 0, 0}), 0, {}); }),
               HasSubstr("0 images were given for 3 cameras"));
