@@ -46,7 +46,7 @@ class BarePictures {
     mjr_defaultContext(&pictures_);
     mjr_makeContext(model_.get(), &pictures_, mjFONTSCALE_50);
     mjr_setBuffer(mjFB_OFFSCREEN, &pictures_);
-    pixels_.resize(static_cast<std::size_t>(3 * size * size));
+    pixels_.resize(3 * static_cast<std::size_t>(size) * static_cast<std::size_t>(size));
   }
   BarePictures(const BarePictures&) = delete;
   BarePictures& operator=(const BarePictures&) = delete;
@@ -56,7 +56,7 @@ class BarePictures {
   }
 
   void draw(std::span<const double> configuration) {
-    std::copy(configuration.begin(), configuration.end(), data_->qpos);
+    std::ranges::copy(configuration, data_->qpos);
     mj_forward(model_.get(), data_.get());
     for (camera_.fixedcamid = 0; camera_.fixedcamid < 3; ++camera_.fixedcamid) {
       mjv_updateScene(model_.get(), data_.get(), &option_, nullptr, &camera_, mjCAT_ALL, &scene_);

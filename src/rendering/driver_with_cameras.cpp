@@ -66,7 +66,7 @@ DriverReport DriverWithCameras<R>::prepare(TimeIndex step) noexcept {
     num_captures_ = 0;
     next_capture_ = 0;
     has_failed_ = false;
-    if (finder_ != nullptr) finder_->reset();
+    if (finder_ != nullptr) finder_->forget();
   }
   return robot_.prepare(step);
 }

@@ -43,7 +43,7 @@ bool open_display(Egl& egl) {
     std::array<Egl::Device, 16> devices{};
     std::int32_t count = 0;
     if (egl.query_devices(static_cast<std::int32_t>(devices.size()), devices.data(), &count) != 0) {
-      for (const Egl::Device device : std::span(devices).first(static_cast<std::size_t>(count))) {
+      for (Egl::Device device : std::span(devices).first(static_cast<std::size_t>(count))) {
         if (try_display(egl, egl.get_platform_display(Egl::kPlatformDevice, device, nullptr))) {
           return true;
         }

@@ -22,7 +22,6 @@ std::uint32_t bayer_channel(int column, int row) noexcept {
 View::View(const camera::Camera& camera, double detail)
     : camera_(camera),
       focal_(detail * std::max(std::abs(camera.lens.fx), std::abs(camera.lens.fy))),
-      highest_(-1),
       samples_(std::max(1, static_cast<int>(std::lround(detail)))) {
   const camera::Lens& lens = camera.lens;
 

@@ -59,7 +59,7 @@ class View {
   double focal_;          // of the picture [pixel]
   double left_, bottom_;  // tangents of its edges, in OpenGL's frame: y up
   int width_, height_;
-  double highest_;
+  double highest_{-1};
   int samples_;  // of a pixel of the image in each direction
   std::uint32_t row_bytes_{0};
   std::vector<Tap> taps_;  // of each value, or of each pixel of several values, all samples

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <optional>
 #include <string>
@@ -70,7 +71,8 @@ std::optional<Spot> difference(const Camera& camera, const std::vector<std::byte
   const int height = camera.format.height;
   for (int row = 0; row < height; ++row) {
     for (int column = 0; column < width; ++column) {
-      const auto i = static_cast<std::size_t>(row * width + column);
+      const auto i = static_cast<std::size_t>(row) * static_cast<std::size_t>(width) +
+                     static_cast<std::size_t>(column);
       // The colours of the ball shall not count, only its outline.
       constexpr double kMost = 8;
       const double change = std::min<double>(
@@ -206,7 +208,8 @@ Eigen::Vector3d colour_at(const Camera& camera, const std::vector<std::byte>& im
     for (int dx = -1; dx <= 1; ++dx) {
       const auto row = static_cast<int>(std::lround(at.y())) + dy;
       const auto column = static_cast<int>(std::lround(at.x())) + dx;
-      const auto i = static_cast<std::size_t>(3 * (row * camera.format.width + column));
+      const int pixel = row * camera.format.width + column;
+      const std::size_t i = 3 * static_cast<std::size_t>(pixel);
       for (std::size_t c = 0; c < 3; ++c) {
         sum[static_cast<Eigen::Index>(c)] += std::to_integer<int>(image[i + c]) / 9.0;
       }
@@ -437,7 +440,8 @@ TEST(CameraRenderer, RefusesWhatMakesNoSense) {
   };
   EXPECT_THAT(message([&] { (void)render(renderer, std::vector<double>(3)); }),
               HasSubstr("3 numbers, must have 16, or 31 with velocities"));
-  std::vector<double> odd = configuration(description, {0, 0, NAN});
+  std::vector<double> odd = configuration(description, {0, 0, 0});
+  odd.back() = std::numeric_limits<double>::quiet_NaN();
   EXPECT_THAT(message([&] { (void)render(renderer, odd); }), HasSubstr("not finite"));
   EXPECT_THAT(message([&] { renderer.render(configuration(description, {0, 0, 0}), 0, {}); }),
               HasSubstr("0 images were given for 3 cameras"));

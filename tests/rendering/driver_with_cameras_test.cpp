@@ -137,7 +137,7 @@ class Finder final : public ObjectFinder {
     poses[0].position = {0.001 * answers_->shown, 0, 0};
     return answers_->shown++ != answers_->fails_at;
   }
-  void reset() override { ++answers_->resets; }
+  void forget() override { ++answers_->resets; }
 
  private:
   std::shared_ptr<Answers> answers_;
@@ -159,8 +159,8 @@ TEST(DriverWithCameras, PosesAreThoseThatTheFinderFoundInImagesOfThatTime) {
     if (captured == 20) captured = 10;
     EXPECT_EQ(object->stamp.capture_index, captured);
     EXPECT_EQ(object->stamp.arrival_index, captured < 0 ? -1 : captured + 17);
-    EXPECT_NEAR(object->cube.position[0],
-                captured < 0 ? 0 : 0.001 * static_cast<double>(1 + captured / 10), 1e-12);
+    const TimeIndex number = captured < 0 ? 0 : 1 + captured / 10;
+    EXPECT_NEAR(object->cube.position[0], 0.001 * static_cast<double>(number), 1e-12);
   }
   EXPECT_EQ(answers->bytes, small_cameras().cameras[0].format.size());
   EXPECT_EQ(answers->resets, 1);

@@ -48,6 +48,7 @@ inline Images render(CameraRenderer& renderer, std::span<const double> configura
                      std::uint64_t number = 0) {
   Images images;
   std::vector<std::span<std::byte>> spans;
+  spans.reserve(renderer.cameras().size());
   for (const camera::Camera& camera : renderer.cameras()) {
     images.bytes.emplace_back(camera.format.size());
   }

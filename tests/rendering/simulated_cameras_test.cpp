@@ -65,7 +65,7 @@ std::unique_ptr<Frontend<TriFinger>> connect_soon() {
 // A simulated robot in a thread, as another process has it. The test gives its actions.
 class Rig {
  public:
-  void act(int steps) {
+  void act(int steps) const {
     TriFinger::Action action;
     action.torque.fill(0.02);
     TimeIndex t = -1;
@@ -90,6 +90,7 @@ struct Grabbed {
 Grabbed grab(SimulatedCameras& source, Timeout timeout = kForever) {
   Grabbed grabbed;
   std::vector<std::span<std::byte>> places;
+  places.reserve(source.formats().size());
   for (const camera::ImageFormat& format : source.formats()) {
     grabbed.images.bytes.emplace_back(format.size());
   }

@@ -206,7 +206,7 @@ TEST(SceneSession, SaysWhereEverythingIsAtEveryPeriod) {
 TEST(SceneSession, IsThereOnlyIfItIsAskedFor) {
   auto robot = simulate<TriFinger>();
   EXPECT_THROW(static_cast<void>(robot.companion(kSceneCompanion)), SessionNotFound);
-  EXPECT_THROW(simulate<TriFinger>({.scene_period = -1}), InvalidArgument);
+  EXPECT_THROW(static_cast<void>(simulate<TriFinger>({.scene_period = -1})), InvalidArgument);
 }
 
 }  // namespace

@@ -35,7 +35,7 @@ class ObjectFinder {
   [[nodiscard]] virtual bool find(std::span<const std::span<const std::byte>> images,
                                   std::span<ObjectPose> poses) = 0;
   /// Forgets what it knows of earlier images: the next ones are those of a new session.
-  virtual void reset() {}
+  virtual void forget() {}
 };
 
 /// When the cameras of a simulated robot see something.
