@@ -35,6 +35,7 @@ constexpr std::array kMeasures{
     NamedMeasure{"emulated_robot", benchmarks::emulated_robot},
     NamedMeasure{"safety_chain", benchmarks::safety_chain},
     NamedMeasure{"simulation", benchmarks::simulation},
+    NamedMeasure{"cameras", benchmarks::cameras},
     NamedMeasure{"control_cycle", benchmarks::control_cycle},
     NamedMeasure{"policy", benchmarks::policy},
     NamedMeasure{"single_precision_policy", benchmarks::single_precision_policy},

@@ -37,6 +37,7 @@ MEASURES = (
     Measure("emulated_robot", "figures"),
     Measure("safety_chain", "figures"),
     Measure("simulation", "figures"),
+    Measure("cameras", "figures"),
     Measure("control_cycle", "figures"),
     Measure("policy", "figures"),
     Measure("single_precision_policy", "figures"),

@@ -11,6 +11,8 @@ void bind_session(nanobind::module_& m);
 void bind_timing(nanobind::module_& m);
 /// Frontend, connect, observe.
 void bind_frontend(nanobind::module_& m);
+/// Payload, LiveCameras, to_rgb: what python/trifinger/cameras.py is made of.
+void bind_cameras(nanobind::module_& m);
 /// Backend, fake, run_fake.
 void bind_backend(nanobind::module_& m);
 

@@ -39,6 +39,10 @@ inline constexpr const char* duration = R"(`|turns| * period + ramp_time` [s].)"
 namespace Companion {
 inline constexpr const char* get_latest_at = R"(Returns the newest element that arrived at or before the robot's step `t`; waits for that
 step. Returns None if no element had arrived by then.)";
+inline constexpr const char* payload = R"(The payload of `element`, which was read from this companion, in place.
+
+Raises HistoryLost if it was overwritten, or if its writer was started again;
+InvalidArgument if the element has no payload.)";
 }
 
 namespace Contact {

@@ -17,6 +17,7 @@ NB_MODULE(_trifinger, m) {
   bind_element(m);
   bind_session(m);
   bind_timing(m);
+  bind_cameras(m);
   bind_frontend(m);
   bind_backend(m);
   bind_recorder(m);

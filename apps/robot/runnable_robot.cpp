@@ -16,6 +16,7 @@
 #include "trifinger/base/regular_file.hpp"
 #include "trifinger/boards/board_robot.hpp"
 #include "trifinger/boards/calibration.hpp"
+#include "trifinger/camera/images.hpp"
 #include "trifinger/config/file.hpp"
 #include "trifinger/core/fake_robot.hpp"
 #include "trifinger/core/sensor.hpp"
@@ -25,7 +26,9 @@
 #include "trifinger/model/kinematics.hpp"
 #include "trifinger/realtime/clock.hpp"
 #include "trifinger/sim/object_observation.hpp"
+#include "trifinger/sim/robot_cameras.hpp"
 #include "trifinger/sim/robot_config.hpp"
+#include "trifinger/sim/scene_observation.hpp"
 #include "trifinger/sim/simulated_robot.hpp"
 
 namespace trifinger::apps {
@@ -98,6 +101,26 @@ RunnableRobot named(RunnableRobot robot, const std::optional<std::string>& name)
   return robot;
 }
 
+// Steps between two scenes for simulated cameras: their period.
+TimeIndex scene_period(const RobotConfig& config, Nanoseconds period) {
+  return std::max<TimeIndex>(1, config.cameras->period / period);
+}
+
+// Adds what other processes measure: `sensors`, and the cameras if there are any.
+void add_sensors(RunnableRobot& robot, std::vector<CompanionDescription> sensors,
+                 const RobotConfig& config) {
+  if (config.cameras) {
+    const camera::Calibration calibration = camera_calibration(config, robot.name);
+    robot.session.documents.push_back(camera_document(calibration));
+    sensors.push_back(camera::camera_companion(calibration.cameras));
+  }
+  if (sensors.empty()) return;
+  auto with_sensors =
+      std::make_unique<DriverWithSensors>(std::move(robot.driver), robot.name, std::move(sensors));
+  robot.news = [sensors = with_sensors.get()] { return sensors->take_news(); };
+  robot.driver = std::move(with_sensors);
+}
+
 template <class R>
 void add_simulation(RunnableRobot& robot, SimulationOptions<R> options,
                     const std::optional<std::filesystem::path>& state) {
@@ -159,26 +182,26 @@ void add_calibration(RunnableRobot& robot, boards::BoardRobotOptions<R>& options
 
 template <class R>
 void add_boards(RunnableRobot& robot, const SimulationOptions<R>& simulation,
-                const BoardsConfig& config, bool is_calibrated) {
+                const RobotConfig& config, bool is_calibrated) {
   std::ranges::move(model_documents(simulation.description),
                     std::back_inserter(robot.session.documents));
-  auto options = std::get<boards::BoardRobotOptions<R>>(config.options);
+  auto options = std::get<boards::BoardRobotOptions<R>>(config.boards->options);
   if (is_calibrated) add_calibration(robot, options);
   options.weight = weight_of<R>(simulation.description);
-  auto buses = boards::open_buses(config.bus, options.names, robot.name);
+  auto buses = boards::open_buses(config.boards->bus, options.names, robot.name);
   auto boards = std::make_unique<boards::BoardRobot<R>>(std::move(options), std::move(buses),
                                                         MonotonicClock::instance());
   robot.boards = boards.get();
   robot.wear = boards.get();
-  std::unique_ptr<UntypedDriver> driver = std::move(boards);
+  robot.driver = std::move(boards);
+  std::vector<CompanionDescription> sensors;
+  // Cameras, or the emulator, say where the objects are.
   if (auto objects = object_companion(simulation.description)) {
-    // Cameras, or the emulator, say where the objects are.
-    auto with_sensors = std::make_unique<DriverWithSensors>(std::move(driver), robot.name,
-                                                            std::vector{std::move(*objects)});
-    robot.news = [sensors = with_sensors.get()] { return sensors->take_news(); };
-    driver = std::move(with_sensors);
+    sensors.push_back(std::move(*objects));
   }
-  robot.driver = std::move(driver);
+  // The emulator says what simulated cameras see.
+  if (has_simulated_cameras(config)) sensors.push_back(scene_companion(simulation.description));
+  add_sensors(robot, std::move(sensors), config);
 }
 
 }  // namespace
@@ -203,11 +226,17 @@ RunnableRobot make_robot(const RobotChoice& choice) {
     if (state) throw UsageError("--state is for simulations; a robot on boards begins where it is");
     made.needs_real_time = true;
     const bool counts = is_calibrated;
-    std::visit([&](const auto& options) { add_boards(made, options, *config.boards, counts); },
+    std::visit([&](const auto& options) { add_boards(made, options, config, counts); },
                config.simulation);
   } else {
-    std::visit([&](auto& options) { add_simulation(made, std::move(options), state); },
-               config.simulation);
+    std::visit(
+        [&](auto& options) {
+          if (has_simulated_cameras(config))
+            options.scene_period = scene_period(config, options.period);
+          add_simulation(made, std::move(options), state);
+        },
+        config.simulation);
+    add_sensors(made, {}, config);
   }
   return made;
 }

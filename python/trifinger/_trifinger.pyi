@@ -216,6 +216,57 @@ def lateness_of(statuses: numpy.typing.NDArray[StatusElement], period: float) ->
     Returns one number [s] for each of `statuses`. `period` is the session's [s].
     """
 
+class Payload:
+    """
+    Large data of an element, such as images, in the memory of the process that wrote them.
+
+    `payload.copy()` is a copy that is certainly whole. Without a copy:
+
+        with companion.payload(element) as images:  # a read-only structured array
+            brightness = images["camera60"].mean()
+
+    If the writer has overwritten the data before the end of the block, the block raises HistoryLost.
+    """
+
+    def array(self) -> numpy.typing.NDArray[numpy.void]:
+        """
+        The data in place, as a read-only structured array without dimensions: `array["camera60"]`.
+        Check is_valid() after using it.
+        """
+
+    def copy(self) -> numpy.typing.NDArray[numpy.void]:
+        """
+        A copy like `array()`. Raises HistoryLost if the data were overwritten meanwhile.
+        """
+
+    def is_valid(self) -> bool:
+        """
+        False if the writer has begun to overwrite the data. What was read before a call that returns
+        True was whole.
+        """
+
+    def __enter__(self) -> numpy.typing.NDArray[numpy.void]: ...
+
+    def __exit__(self, type: type[BaseException] | None, value: BaseException | None, traceback: types.TracebackType | None) -> None: ...
+
+class LiveCameras:
+    """The images of a process of cameras, without the robot."""
+
+    def __init__(self, robot: str, calibration: str) -> None: ...
+
+    def next(self, timeout: float | None = None) -> tuple[Element, Payload | None] | None:
+        """
+        Returns the newest element and its payload if they are others than at the last call. Waits for
+        them up to `timeout` [s].
+        """
+
+def to_rgb(image: numpy.typing.ArrayLike, pixels: str) -> numpy.typing.NDArray[numpy.uint8]:
+    """
+    Returns an image in the format `pixels` ("bayer_rggb8", "rgb8", "mono8") as RGB of the same size,
+    uint8[height, width, 3]. The colours that a pixel of a Bayer mosaic lacks are the mean of its
+    nearest neighbours.
+    """
+
 class Frontend:
     """
     The user's view of a running robot: append desired actions, read back what happened.
@@ -301,6 +352,16 @@ class Frontend:
         """
         Returns the newest element that arrived at or before the robot's step `t`; waits for that
         step. Returns None if no element had arrived by then.
+
+        Only companions have this.
+        """
+
+    def payload(self, element: Observation) -> Payload:
+        """
+        The payload of `element`, which was read from this companion, in place.
+
+        Raises HistoryLost if it was overwritten, or if its writer was started again;
+        InvalidArgument if the element has no payload.
 
         Only companions have this.
         """

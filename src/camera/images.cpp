@@ -50,6 +50,19 @@ void append(std::vector<FieldDescription>& fields, const ElementDescription& mem
   }
 }
 
+// The pixels of an element, if they are still there: only who asks for them need know.
+template <class View>
+std::optional<PayloadView> view_of(std::span<const std::byte> element, const View& view) {
+  PayloadReference reference;
+  std::memcpy(&reference, element.data() + sizeof(Stamp), sizeof(reference));
+  if (reference.memory == 0) return std::nullopt;
+  try {
+    return view(reference);
+  } catch (const HistoryLost&) {
+    return std::nullopt;
+  }
+}
+
 }  // namespace
 
 Frame ImageInfo::frame() const noexcept {
@@ -146,17 +159,9 @@ CameraReader::CameraReader(const Session& robot, UntypedFrontend companion)
 }
 
 Images CameraReader::images_of(std::span<const std::byte> element) const {
-  PayloadReference reference;
-  std::memcpy(&reference, element.data() + sizeof(Stamp), sizeof(reference));
-  std::optional<PayloadView> view;
-  if (reference.memory != 0) {
-    try {
-      view = companion_.payload(element.data());
-    } catch (const HistoryLost&) {
-      // Only who asks for the pixels need know.
-    }
-  }
-  return {cameras_, element, std::move(view)};
+  return {cameras_, element, view_of(element, [&](const PayloadReference&) {
+            return companion_.payload(element.data());
+          })};
 }
 
 std::optional<Images> CameraReader::get_latest_at(TimeIndex t, Timeout timeout) const {
@@ -177,6 +182,19 @@ std::optional<Images> CameraReader::latest() const {
       // The writer is a whole history further, so there are newer ones.
     }
   }
+}
+
+LiveCameras::LiveCameras(const std::string& robot, const std::vector<Camera>& cameras)
+    : sensor_(robot, kCompanion, image_elements(cameras), image_payload(cameras)),
+      payloads_(robot, kCompanion, image_payload(cameras)),
+      cameras_(std::make_shared<const std::vector<Camera>>(cameras)) {}
+
+std::optional<Images> LiveCameras::next(Timeout timeout) {
+  std::vector<std::byte> element(kInfos + cameras_->size() * sizeof(ImageInfo));
+  if (!sensor_.next(element.data(), timeout)) return std::nullopt;
+  return Images(cameras_, element, view_of(element, [this](const PayloadReference& reference) {
+                  return payloads_.view(reference);
+                }));
 }
 
 // ---- writing ----

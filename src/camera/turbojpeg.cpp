@@ -67,9 +67,17 @@ class Handle {
 };
 
 // A handle takes a while to make, and works for one thread at a time.
-Handle& decompressor() {
-  thread_local Handle handle(TurboJpeg::instance().init_decompress());
+std::unique_ptr<Handle>& decompressor() {
+  thread_local std::unique_ptr<Handle> handle;
+  if (handle == nullptr) handle = std::make_unique<Handle>(TurboJpeg::instance().init_decompress());
   return handle;
+}
+
+// After a damaged file the library may refuse sound ones, so the handle goes.
+[[noreturn]] void refuse_damaged(std::unique_ptr<Handle>& handle) {
+  const std::string text = "the JPEG image is damaged: " + handle->error();
+  handle.reset();
+  throw InvalidArgument(text);
 }
 
 const unsigned char* bytes_of(std::string_view file) {
@@ -98,14 +106,14 @@ std::string compress_jpeg(const ImageFormat& format, std::span<const std::byte> 
 
 Picture decompress_jpeg(std::string_view file) {
   const TurboJpeg& jpeg = TurboJpeg::instance();
-  const Handle& handle = decompressor();
+  std::unique_ptr<Handle>& handle = decompressor();
   int width = 0;
   int height = 0;
   int samples = 0;
   int colours = 0;
-  if (jpeg.header(handle.get(), bytes_of(file), file.size(), &width, &height, &samples, &colours) !=
-      0) {
-    throw InvalidArgument("the JPEG image is damaged: " + handle.error());
+  if (jpeg.header(handle->get(), bytes_of(file), file.size(), &width, &height, &samples,
+                  &colours) != 0) {
+    refuse_damaged(handle);
   }
   constexpr int kLargest = 16384;
   detail::require(width > 0 && height > 0 && width <= kLargest && height <= kLargest,
@@ -123,14 +131,14 @@ Picture decompress_jpeg(std::string_view file) {
 
 void decompress_jpeg(std::string_view file, const ImageFormat& format,
                      std::span<std::byte> pixels) {
-  const Handle& handle = decompressor();
+  std::unique_ptr<Handle>& handle = decompressor();
   const bool is_grey = format.pixels == PixelFormat::kMono8;
-  if (TurboJpeg::instance().decompress(handle.get(), bytes_of(file), file.size(),
+  if (TurboJpeg::instance().decompress(handle->get(), bytes_of(file), file.size(),
                                        reinterpret_cast<unsigned char*>(pixels.data()),
                                        format.width, 0, format.height,
                                        is_grey ? TurboJpeg::kGrey : TurboJpeg::kRgb, 0) != 0) {
     // It also warns of what it has repaired: pixels that are not those of the camera.
-    throw InvalidArgument("the JPEG image is damaged: " + handle.error());
+    refuse_damaged(handle);
   }
 }
 

@@ -199,6 +199,71 @@ bool is_worth_mapping(const std::filesystem::path& path) {
 
 }  // namespace
 
+// ---- a reader without a robot ----
+
+struct UntypedSensorReader::State {
+  std::string file;
+  std::string fields;
+  std::size_t element_size;
+  std::unique_ptr<Mapping> mapping{};
+  std::int64_t seen{0};  // elements of this process
+  Instant looked{};
+
+  // Looks for a process, at most a few times per second while there is none.
+  void find_process() {
+    constexpr auto kPeriod = std::chrono::milliseconds(50);
+    const Instant now = std::chrono::steady_clock::now();
+    if (now - looked < kPeriod) return;
+    looked = now;
+    if (mapping != nullptr && mapping->is_in_use()) return;
+    mapping.reset();
+    try {
+      if (!is_worth_mapping(session_folder() / file)) return;
+      auto found = std::make_unique<Mapping>(file, fields, element_size);
+      if (!found->is_in_use()) return;
+      mapping = std::move(found);
+      seen = 0;
+    } catch (const SystemError& error) {
+      if (error.error_number() != ENOENT) throw;
+    }
+  }
+  bool read(void* element) {
+    if (mapping == nullptr) return false;
+    const std::int64_t end = mapping->end();
+    if (end <= 0 || end == seen) return false;
+    if (mapping->ring().read(end - 1, element) != ipc::ReadResult::kDone) return false;
+    seen = end;
+    return true;
+  }
+};
+
+UntypedSensorReader::UntypedSensorReader(const std::string& robot, const std::string& sensor,
+                                         const ElementDescription& element,
+                                         const ElementDescription& payload)
+    : state_(new State{.file = detail::sensor_file(robot, sensor),
+                       .fields = text_of_fields(element, payload),
+                       .element_size = element.size()}) {
+  require_stamp(element, sensor);
+}
+
+UntypedSensorReader::UntypedSensorReader(UntypedSensorReader&&) noexcept = default;
+UntypedSensorReader& UntypedSensorReader::operator=(UntypedSensorReader&&) noexcept = default;
+UntypedSensorReader::~UntypedSensorReader() = default;
+
+bool UntypedSensorReader::next(void* element, Timeout timeout) {
+  const Deadline deadline(timeout);
+  while (true) {
+    state_->find_process();
+    if (state_->read(element)) return true;
+    if (deadline.passed() || timeout == Timeout::zero()) return false;
+    // The writer wakes nobody: it must not know who reads.
+    constexpr auto kPause = std::chrono::microseconds(500);
+    std::this_thread::sleep_for(deadline.remaining(kPause));
+  }
+}
+
+// ---- the sensors of a robot ----
+
 // One sensor: the watcher finds its memory, the loop reads it.
 class DriverWithSensors::Sensor {
  public:

@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <numbers>
 
@@ -49,6 +50,11 @@ Scene::Scene(const mjModel& model, mjData& data, bool has_clear_walls) : model_(
     }
     clean_.push_back(shape);
   }
+  // Pixels behind what is drawn already cost little, so the large background comes last. Planes have
+  // no size.
+  std::ranges::stable_sort(clean_, {}, [](const Shape& shape) {
+    return shape.size > 0 ? shape.size : std::numeric_limits<double>::infinity();
+  });
   shapes_ = clean_;
   scene_.flags[mjRND_REFLECTION] = 0;
   scene_.flags[mjRND_HAZE] = 0;

@@ -305,7 +305,8 @@ std::map<std::string, std::string> noticed_values(const config::File& file) {
     const std::string& key = entry.first;
     return key == "name" || key == "driver" || key == "fingers.initial_position" ||
            key == "simulation.seed" || key.ends_with("_noise") || key.starts_with("stop.") ||
-           (key.starts_with("backend.") && key != "backend.period") || key.starts_with("objects");
+           (key.starts_with("backend.") && key != "backend.period") || key.starts_with("objects") ||
+           key.starts_with("cameras.");
   });
   if (const auto objects = file.root().find("objects"); objects && objects->is_list()) {
     for (const Node& node : objects->items()) {
@@ -389,6 +390,9 @@ RobotConfig read_robot_config(const config::File& file) {
         read_simulation<Finger>(root, std::move(description), config.backend.period);
   }
   if (is_on_boards) config.boards = read_boards(root.section("boards"), config.simulation);
+  if (const auto cameras = root.optional_section("cameras")) {
+    config.cameras = camera::read_camera_options(*cameras);
+  }
   file.reject_unknown_keys();
   try {
     std::visit([](const auto& options) { options.validate(); }, config.simulation);

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "camera/cameras_of_tests.hpp"
+#include "camera/grabbed.hpp"
 #include "support/folder.hpp"
 #include "support/message_of.hpp"
 #include "trifinger/base/error.hpp"
@@ -32,25 +33,6 @@ void save(const std::filesystem::path& path, const Camera& camera, std::size_t i
   fill_pattern(pixels, index, number);
   std::ofstream(path, std::ios::binary) << camera::encode_png(camera.format, pixels);
 }
-
-// What a source delivers, until it ends.
-class Grabbed {
- public:
-  explicit Grabbed(camera::Source& source) {
-    const std::size_t count = source.names().size();
-    for (const camera::ImageFormat& format : source.formats()) {
-      buffers_.emplace_back(format.size());
-      images.emplace_back(buffers_.back());
-    }
-    frames.resize(count);
-  }
-
-  std::vector<std::span<std::byte>> images;
-  std::vector<Frame> frames;
-
- private:
-  std::vector<std::vector<std::byte>> buffers_;
-};
 
 TEST(FolderSource, ShowsTheImagesOfEachCameraInTheOrderOfTheirNumbers) {
   const Folder folder;

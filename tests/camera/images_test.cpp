@@ -123,6 +123,22 @@ TEST(Images, OfACameraAreWhereTheElementSays) {
   EXPECT_THROW(static_cast<void>(reader.get_latest_at(0)->pixels(0)), HistoryLost);
 }
 
+TEST(LiveCameras, SeeImagesWhileTheRobotHoldsItsPose) {
+  Rig rig;
+  camera::LiveCameras live("robot", rig.cameras);
+  EXPECT_FALSE(live.next(0ms));
+  for (int life = 0; life < 2; ++life) {
+    camera::CameraSensor sensor("robot", rig.cameras);
+    for (std::int64_t i = 0; i < 3; ++i) {
+      write(sensor, i, rig.clock.now());
+      const auto images = live.next(kForever);
+      ASSERT_TRUE(images);
+      EXPECT_TRUE(has_pattern(images->pixels("camera180"), 1, i));
+      EXPECT_FALSE(live.next(1ms));  // it has seen these
+    }
+  }
+}
+
 TEST(Images, fault_51_ACameraThatIsUnpluggedHasNoImageInsteadOfAnOldOne) {
   using enum Frame::State;
   Rig rig;
@@ -289,9 +305,10 @@ TEST(CameraFeed, IsSilentWhileAllIsWell) {
 }
 
 TEST(CameraFeed, fault_51_SaysThatACameraIsLostAndThatItIsBack) {
-  auto without = shot(1);
-  without[2] = {.state = Frame::State::kLost};
-  EXPECT_THAT(news_of({shot(0), without, without, shot(3)}),
+  auto first = shot(1);
+  auto second = shot(2);
+  first[2] = second[2] = {.state = Frame::State::kLost};
+  EXPECT_THAT(news_of({shot(0), first, second, shot(3)}),
               ElementsAre("camera300 is lost; the others go on", "camera300 delivers again",
                           "2 images of camera300 were lost or damaged"));
 }

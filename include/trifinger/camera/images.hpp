@@ -137,6 +137,24 @@ class CameraReader {
   std::shared_ptr<const std::vector<Camera>> cameras_;
 };
 
+/// What the process of a robot's cameras sees, also while the robot holds its pose or does not run:
+/// for trackers and calibrations. Nobody promises that an answer can be repeated.
+class LiveCameras {
+ public:
+  /// @throws InvalidArgument
+  LiveCameras(const std::string& robot, const std::vector<Camera>& cameras);
+
+  /// The newest images, if they are others than at the last call; waits for them up to `timeout`.
+  /// Nothing if none have come.
+  /// @throws InvalidArgument if the process has other cameras, SystemError
+  [[nodiscard]] std::optional<Images> next(Timeout timeout);
+
+ private:
+  UntypedSensorReader sensor_;
+  PayloadReader payloads_;
+  std::shared_ptr<const std::vector<Camera>> cameras_;
+};
+
 /// Writes images into memory that readers share: begin, fill in the pixels, commit.
 class ImageWriter {
  public:
