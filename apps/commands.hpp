@@ -40,6 +40,7 @@ void add_stop(CLI::App& program, Action& action);
 void add_emulate(CLI::App& program, Action& action);
 void add_cameras(CLI::App& program, Action& action);
 void add_look(CLI::App& program, Action& action);
+void add_track(CLI::App& program, Action& action);
 void add_home(CLI::App& program, Action& action);
 void add_calibrate(CLI::App& program, Action& action);
 void add_self_test(CLI::App& program, Action& action);

@@ -117,6 +117,7 @@ int run_program(const std::vector<std::string>& words) {
   add_emulate(program, action);
   add_cameras(program, action);
   add_look(program, action);
+  add_track(program, action);
   add_home(program, action);
   add_calibrate(program, action);
   add_self_test(program, action);

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Learns the colours that ship, config/tracking/colours.yml, from rendered images.
+"""Learns the colours that ship, config/colours/standard.yml, from rendered images.
 
 The scenes are of the kind of `./run evaluate tracking`, but others.
 """
@@ -25,7 +25,7 @@ def main() -> int:
     """Writes the file."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scenes", type=int, default=240, help="number of scenes (default 240)")
-    parser.add_argument("--output", type=Path, default=CONFIG / "tracking" / "colours.yml")
+    parser.add_argument("--output", type=Path, default=CONFIG / "colours/standard.yml")
     options = parser.parse_args()
     samples = Samples(SEED)
     with tempfile.TemporaryDirectory() as folder:

@@ -13,9 +13,9 @@ constexpr double kGrazing = 0.12;    // faces that lean more than this show edge
 constexpr int kMostSpots = 14;       // on an edge
 constexpr double kSpotDistance = 5;  // [pixel]
 
-using Unknowns = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 6 + 2 * kMostCameras, 1>;
-using Normals = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 6 + 2 * kMostCameras,
-                              6 + 2 * kMostCameras>;
+using Unknowns = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 7 + 2 * kMostCameras, 1>;
+using Normals = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 7 + 2 * kMostCameras,
+                              7 + 2 * kMostCameras>;
 
 }  // namespace
 
@@ -159,7 +159,11 @@ bool EdgeFit::find_step(const Spot& spot, double reach, double& offset) const no
     return false;
   }
   const Rgb inner = (colours[at(step - 4)] + colours[at(step - 3)]) / 2;
-  const Rgb outer = colours[at(step + 2)];
+  // A rim may be narrow: what lies beyond it is not what the face ends at.
+  Rgb outer = colours[at(step + 2)];
+  if ((colours[at(step + 1)] - inner).squaredNorm() > (outer - inner).squaredNorm()) {
+    outer = colours[at(step + 1)];
+  }
   const Rgb contrast = inner - outer;
   const float size = contrast.squaredNorm();
   constexpr float kLeastContrast = 18;
@@ -179,7 +183,8 @@ Fit EdgeFit::solve(std::size_t cameras, double scale, Eigen::Isometry3d& pose) n
   Fit fit;
   fit.looked = looked_;
   fit.lines = static_cast<int>(lines_.size());
-  const auto size = static_cast<Eigen::Index>(6 + 2 * cameras);
+  const auto size = static_cast<Eigen::Index>(7 + 2 * cameras);
+  const Eigen::Index growth = size - 1;  // how far all edges seem to lie outside of where they are
   Unknowns unknowns = Unknowns::Zero(size);
   Normals inverse(size, size);
   constexpr int kRounds = 4;
@@ -194,7 +199,7 @@ Fit EdgeFit::solve(std::size_t cameras, double scale, Eigen::Isometry3d& pose) n
     for (const Line& line : lines_) {
       const auto shift = static_cast<Eigen::Index>(6 + 2 * line.camera);
       const double error = line.offset - line.slope.dot(unknowns.head<6>()) -
-                           line.normal.dot(unknowns.segment<2>(shift));
+                           line.normal.dot(unknowns.segment<2>(shift)) - unknowns[growth];
       const double relative = error / (3 * spread);
       if (std::abs(relative) >= 1) continue;
       ++fit.used;
@@ -209,15 +214,23 @@ Fit EdgeFit::solve(std::size_t cameras, double scale, Eigen::Isometry3d& pose) n
       sum.block<2, 2>(shift, shift) += weight * slope.tail<2>() * slope.tail<2>().transpose();
       right.head<6>() += weight * target * slope.head<6>();
       right.segment<2>(shift) += weight * target * slope.tail<2>();
+      sum.block<6, 1>(0, growth) += weight * slope.head<6>();
+      sum.block<2, 1>(shift, growth) += weight * slope.tail<2>();
+      sum(growth, growth) += weight;
+      right[growth] += weight * target;
     }
     fit.residual = fit.used > 0 ? std::sqrt(squares / fit.used) : 0;
-    sum.bottomLeftCorner(size - 6, 6) = sum.topRightCorner(6, size - 6).transpose();
+    sum.triangularView<Eigen::StrictlyLower>() = sum.transpose();
     // Without any lines the pose stays where it is, and is known to nothing better than this.
     constexpr double kUnknownPosition = 0.05;  // [m]
     constexpr double kUnknownRotation = 0.5;   // [rad]
     sum.diagonal().head<3>().array() += 1 / (kUnknownPosition * kUnknownPosition);
     sum.diagonal().segment<3>(3).array() += 1 / (kUnknownRotation * kUnknownRotation);
-    sum.diagonal().tail(size - 6).array() += 1 / (calibration_error_ * calibration_error_);
+    sum.diagonal().segment(6, size - 7).array() += 1 / (calibration_error_ * calibration_error_);
+    // Blur next to dark rims, rims that are not as wide as they are said to be, and lenses make
+    // faces look larger or smaller than they are.
+    constexpr double kGrowth = 0.7;  // [pixel]
+    sum(growth, growth) += 1 / (kGrowth * kGrowth);
     const Eigen::LDLT<Normals> factors(sum);
     unknowns = factors.solve(right);
     if (round + 1 == kRounds) {
@@ -230,7 +243,7 @@ Fit EdgeFit::solve(std::size_t cameras, double scale, Eigen::Isometry3d& pose) n
     for (const Line& line : lines_) {
       const auto shift = static_cast<Eigen::Index>(6 + 2 * line.camera);
       sorted_.push_back(std::abs(line.offset - line.slope.dot(unknowns.head<6>()) -
-                                 line.normal.dot(unknowns.segment<2>(shift))));
+                                 line.normal.dot(unknowns.segment<2>(shift)) - unknowns[growth]));
     }
     if (sorted_.empty()) break;
     const auto middle = sorted_.begin() + static_cast<std::ptrdiff_t>(sorted_.size() / 2);

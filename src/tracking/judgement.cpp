@@ -36,6 +36,7 @@ Verdict Judge::judge(const std::vector<View>& views, const Eigen::Isometry3d& po
       const double blocks =
           view.image.weight(face.label) * pixels / 4 / static_cast<double>(face.samples.size());
       double matched = 0;
+      double other = 0;
       double all = 0;
       for (const Eigen::Vector3d& sample : face.samples) {
         const Eigen::Vector2d pixel = view.project(pose * sample);
@@ -45,12 +46,14 @@ Verdict Judge::judge(const std::vector<View>& views, const Eigen::Isometry3d& po
         if (labels.may_be(face.label)) {
           matched += blocks;
         } else if (labels.is_coloured()) {
-          verdict.other += blocks;
+          other += blocks;
         } else {
           verdict.hidden += blocks;
         }
       }
       verdict.matched += matched;
+      verdict.other += other;
+      if (other > matched && other > 0.4 * all) verdict.contradicted += other;
       if (matched >= kLeastFace && matched >= kLeastShare * all) shown_[i] += matched;
     }
     if (verdict.matched - matched_before >= kLeastFace) ++verdict.cameras;

@@ -11,14 +11,14 @@ namespace trifinger::tracking::detail {
 
 // How well a pose explains the colours in all images. Areas are in blocks of pixels.
 struct Verdict {
-  double matched{0};  // of faces that show their colour
-  double other{0};    // of faces that show the colour of another face
-  double hidden{
-      0};  // of faces that show no colour: something stands in front, or they are not there
-  double unexplained{0};  // of colours around the object where it has none
-  int cameras{0};         // that show the object
-  int faces{0};           // that are shown
-  int directions{0};      // that faces which are shown have; opposite ones count once
+  double matched{0};       // of faces that show their colour
+  double other{0};         // of faces that show the colour of another face
+  double contradicted{0};  // of whole faces that show the colour of another face
+  double hidden{0};        // of faces that show no colour: something stands in front of them
+  double unexplained{0};   // of colours around the object where it has none
+  int cameras{0};          // that show the object
+  int faces{0};            // that are shown
+  int directions{0};       // that faces which are shown have; opposite ones count once
 
   // What speaks for the pose less what speaks against it.
   [[nodiscard]] double score() const noexcept {

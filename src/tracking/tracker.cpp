@@ -158,7 +158,10 @@ Estimate Tracker::Parts::estimate(const Candidate& candidate, double rival) noex
   double confidence = 1;
   for (const double each : {
            at_least(verdict.purity(), 0.80, 0.95),
+           at_most(verdict.contradicted / verdict.matched, 0.08, 0.0),
            at_least(verdict.completeness(), 0.25, 0.6),
+           // One camera alone may be another one than it is said to be.
+           at_least(verdict.cameras, 1.5, 2),
            at_least(agreeing, 0.55, 0.85),
            at_least(fit.used, 24, 80),
            at_least(verdict.matched, 80, 300),
