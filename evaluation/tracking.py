@@ -11,38 +11,38 @@ import tempfile
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from tracking_scenes import VARIANTS, Scenes, angle, config_of
-from trifinger.tracking import Tracker, tracked_object
-
 import trifinger
+from tracking_scenes import VARIANTS, Scene, Scenes, angle, config_of
+from trifinger.arrays import Array
+from trifinger.tracking import Tracker, tracked_object
 
 SEED = 23
 WRONG_ANGLE = 20.0  # [degrees]: a pose this far off shows other faces
 WRONG_DISTANCE = 0.02  # [m]
 AGAIN = 10  # images of each repeated scene
 REPEATED = 10  # one of this many scenes is repeated
-QUALITY = {"detail": 1.0, "multisampling": 4, "shadows": True}
+QUALITY: dict[str, Any] = {"detail": 1.0, "multisampling": 4, "shadows": True}
 RESULTS = Path(__file__).parent.parent / "docs/results/tracking.md"
 TEXT = """\
 <!-- SPDX-License-Identifier: BSD-3-Clause -->
 # Tracking the cube
 
-Written by `./run evaluate tracking --scenes {scenes}`: {scenes} scenes of the three robots, the cube
-anywhere in the arena up to 13 cm high, {contacts:.1f} fingers at it on average, three images of 540 x 540
-in Bayer mosaic. Light, colours, dust, noise and exposure differ; cameras differ from their
-calibration by 0.5 pixel. The tracker knows nothing of earlier images.
+Written by `./run evaluate tracking --scenes {scenes}`: {scenes} scenes of the three robots, the
+cube anywhere in the arena up to 13 cm high, {contacts:.1f} fingers at it on average, three images
+of 540 x 540 in Bayer mosaic. Light, colours, dust, noise and exposure differ; cameras differ from
+their calibration by 0.5 pixel. The tracker knows nothing of earlier images.
 
 | measure | reach | is | held |
 |---|---|---|---|
 {rows}
 
-The tracker was sure of {sure} of {scenes} scenes. All others it called unsure or not found, {good} of them
-with a pose within 3 mm and 2.5 degrees. With a guess a few millimetres off, an estimate takes
-{guessed:.1f} ms (median). The error of a sure estimate is within twice its standard deviations in {within:.0f} % of the
-scenes.
+The tracker was sure of {sure} of {scenes} scenes. All others it called unsure or not found,
+{good} of them with a pose within 3 mm and 2.5 degrees. With a guess a few millimetres off, an
+estimate takes {guessed:.1f} ms (median). The error of a sure estimate is within twice its standard
+deviations in {within:.0f} % of the scenes.
 """
 
 
@@ -73,6 +73,7 @@ class Row(NamedTuple):
 
     @property
     def holds(self) -> bool:
+        """Whether the value is within its limit."""
         return self.value <= self.limit
 
     def __str__(self) -> str:
@@ -80,7 +81,7 @@ class Row(NamedTuple):
         return f"{text} {'yes' if self.holds else 'no'} |"
 
 
-def perturbed(position: np.ndarray, orientation: np.ndarray, number: int) -> tuple:
+def perturbed(position: Array, orientation: Array, number: int) -> tuple[Array, Array]:
     """A guess that is some millimetres and degrees off."""
     random = np.random.default_rng([SEED, number, 1])
     turned = orientation + random.normal(scale=0.02, size=4)
@@ -128,7 +129,7 @@ class Experiment:
             spread,
         )
 
-    def _repeat(self, scene) -> list[tuple[float, float]]:
+    def _repeat(self, scene: Scene) -> list[tuple[float, float]]:
         poses = []
         for number in range(1, AGAIN + 1):
             estimate = self.tracker.track(self.renderer.render(scene.configuration, number))

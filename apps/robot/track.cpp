@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "commands.hpp"
+#include "shared/child_program.hpp"
 #include "shared/options.hpp"
 #include "shared/signals.hpp"
 #include "trifinger/base/error.hpp"
@@ -36,6 +37,7 @@ struct TrackOptions {
   std::string sensor{kObjectCompanion};
   std::optional<std::filesystem::path> colours;
   Nanoseconds length{0};  // 0: until a signal
+  pid_t parent{0};        // ends with it, unless 0
 };
 
 void say(const std::string& robot, const std::string& sentence) {
@@ -114,6 +116,7 @@ std::vector<std::span<const std::byte>> usable(const camera::Images& images, Ins
 int track(const TrackOptions& options) {
   std::signal(SIGPIPE, SIG_IGN);
   const Signals signals;
+  if (options.parent > 0) end_with_parent(options.parent);
   const Session session = Session::open(options.robot);
   const RobotConfig config = robot_config_of(session);
   const RobotDescription description =
@@ -192,6 +195,7 @@ void add_track(CLI::App& program, Action& action) {
       .add_option("--sensor", options.sensor, "Name of the sensor that is written; default: object")
       ->option_text("NAME");
   add_seconds(command, "--seconds", options.length, 1e9, "End after this time; default: at Ctrl-C");
+  command.add_option("--with-process", options.parent)->group("");
   command.footer(
       "'trifinger cameras ROBOT' delivers the images. A pose that is not sure is not written, nor "
       "is\n"

@@ -103,7 +103,10 @@ void bind_tracking(nb::module_& m) {
           rows.row(static_cast<Eigen::Index>(i)) = blocks[i].cast<double>();
         return nb::steal(write_array(rows));
       },
-      "image"_a, docs::balanced_blocks);
+      "image"_a,
+      nb::sig("def balanced_blocks(image: numpy.typing.ArrayLike) -> "
+              "numpy.typing.NDArray[numpy.float64]"),
+      docs::balanced_blocks);
   m.def(
       "faces_in_blocks",
       [](const std::string& calibration, const TrackedObject& object, const Vector3& position,
@@ -139,7 +142,10 @@ void bind_tracking(nb::module_& m) {
         }
         throw InvalidArgument("the scene has no object '" + name + "'");
       },
-      "config"_a = "sim", "overrides"_a = nb::dict(), "name"_a = "cube", docs::tracked_object);
+      "config"_a = "sim", "overrides"_a = nb::dict(), "name"_a = "cube",
+      nb::sig("def tracked_object(config: str = 'sim', overrides: dict[str, object] = {}, "
+              "name: str = 'cube') -> TrackedObject"),
+      docs::tracked_object);
   m.def(
       "coloured_mesh",
       [](std::string name, const std::vector<std::array<double, 3>>& vertices,

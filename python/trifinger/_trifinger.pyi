@@ -2600,7 +2600,7 @@ def replay(log: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | Log 
     Raises NotInLog if a step is missing in the log, InvalidArgument.
     """
 
-def balanced_blocks(image: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu', writable=False)]) -> object:
+def balanced_blocks(image: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
     """
     The mean red, green and blue of each block, 0 to 255, with a white balance that makes most
     of the image grey.
@@ -2632,7 +2632,7 @@ def coloured_box(name: str, size: numpy.typing.ArrayLike, colours: Sequence[str]
     Raises InvalidArgument if the rim leaves nothing of a face.
     """
 
-def tracked_object(config: str = ..., overrides: dict = ..., name: str = ...) -> TrackedObject:
+def tracked_object(config: str = 'sim', overrides: dict[str, object] = {}, name: str = 'cube') -> TrackedObject:
     """
     An object of a scene as the simulation draws it: boxes have the colours of the competition's
     cubes, and rims.

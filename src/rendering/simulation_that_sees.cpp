@@ -48,7 +48,7 @@ class TrackerOfObjects final : public ObjectFinder {
     }
     return are_all_sure;
   }
-  void reset() override { std::ranges::fill(guesses_, std::nullopt); }
+  void forget() override { std::ranges::fill(guesses_, std::nullopt); }
 
  private:
   std::vector<tracking::Tracker> trackers_;
