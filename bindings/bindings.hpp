@@ -40,6 +40,9 @@ void bind_estimation(nanobind::module_& m);
 /// GraspPlanner, GraspController.
 void bind_grasping(nanobind::module_& m);
 
+/// Lens, Camera, CameraCalibration.
+void bind_cameras(nanobind::module_& m);
+
 /// Policy.
 void bind_policy(nanobind::module_& m);
 /// Episodes, EnvironmentBatch: what python/trifinger/environments is made of.

@@ -19,6 +19,16 @@ inline constexpr const char* above = R"([m])";
 inline constexpr const char* beside = R"([m])";
 }
 
+namespace Camera {
+inline constexpr const char* Camera = R"(A calibrated camera.)";
+inline constexpr const char* name = R"(For example "camera60".)";
+inline constexpr const char* pose = R"(Pose of the camera's frame in the world: z up, origin on the table.)";
+inline constexpr const char* reduced = R"(The same camera with smaller images, scaled by 1 / `factor`: 2 makes 270 of 540 pixels.
+
+Raises InvalidArgument if the size cannot be divided by it.)";
+inline constexpr const char* serial = R"(The number of the device that is meant; "any" if nobody said it.)";
+}
+
 namespace CameraRenderer {
 inline constexpr const char* CameraRenderer = R"(Draws what cameras see of a simulated scene: lens with distortion, Bayer mosaic, blur of
 what moves, noise.
@@ -293,6 +303,11 @@ tips touched [m].)";
 inline constexpr const char* wanted = R"(The wanted contact forces while the object is held, in the world frame.)";
 }
 
+namespace ImageFormat {
+inline constexpr const char* height = R"([pixel])";
+inline constexpr const char* width = R"([pixel])";
+}
+
 namespace JointState {
 inline constexpr const char* JointState = R"(Measurements of the nine joints, finger 0 first, from the base to the tip.)";
 inline constexpr const char* position = R"([rad])";
@@ -335,6 +350,20 @@ quantile is therefore known to an eighth of its value, however many times were c
 inline constexpr const char* count = R"(Number of counted times.)";
 inline constexpr const char* max = R"(The longest time.)";
 inline constexpr const char* quantile = R"(The time below which the share `fraction` of all times lies; zero if no time was counted.)";
+}
+
+namespace Lens {
+inline constexpr const char* Lens = R"(The lens of a camera in OpenCV's model: a pinhole, and radial and tangential distortion.
+
+Points are in the camera's frame: x right, y down, z forward. A pixel is (column, row), and
+(0, 0) is the centre of the first one.)";
+inline constexpr const char* cropped = R"(The lens of the part of the images that begins at this pixel.)";
+inline constexpr const char* cx = R"(Principal point [pixel].)";
+inline constexpr const char* distortion = R"(k1 k2 p1 p2 k3.)";
+inline constexpr const char* fx = R"(Focal lengths [pixel].)";
+inline constexpr const char* scaled = R"(The lens of the same camera with images scaled by `factor`, such as 0.5 for half the size.)";
+inline constexpr const char* unproject = R"(The ray (x, y, 1) through a pixel: the inverse of `project`, to 1e-9 of the focal length
+within the part of the image plane where the distortion can be inverted.)";
 }
 
 namespace LineTrajectory {
@@ -411,6 +440,10 @@ inline constexpr const char* damping = R"([Ns/m])";
 inline constexpr const char* rotational_damping = R"([Nms/rad])";
 inline constexpr const char* rotational_stiffness = R"([Nm/rad])";
 inline constexpr const char* stiffness = R"([N/m])";
+}
+
+namespace PixelFormat {
+inline constexpr const char* PixelFormat = R"(How the pixels of an image are stored, row by row without gaps, 8 bits per channel.)";
 }
 
 namespace PlannedGrasp {
@@ -712,6 +745,23 @@ cubes, and rims.
 
 Raises InvalidArgument if it has no faces with different colours, like a stick or a ball.)";
 inline constexpr const char* wrench_of = R"(The total wrench of nine `forces` [N] at the three contacts, about `centre` [m].)";
+
+namespace camera::Calibration {
+inline constexpr const char* Calibration = R"(The cameras of a robot as they were calibrated, in the order of its images.)";
+inline constexpr const char* date = R"(When it was measured: "2026-11-22 21:50:00 UTC"; empty if unknown.)";
+inline constexpr const char* residual = R"(Root mean square of what the calibration could not explain [pixel].)";
+inline constexpr const char* text = R"(As the text of a file, in YAML.)";
+}
+
+namespace camera {
+inline constexpr const char* calibration_file = R"(The file with the calibration of the cameras of the robot `robot`: ROBOT.cameras.yml in the
+folder of calibrations, $TRIFINGER_CALIBRATION_DIR or ~/.config/trifinger/calibration.
+
+Raises InvalidArgument if the environment names no folder.)";
+inline constexpr const char* read_calibration = R"(Reads the section or file of a calibration.
+
+Raises config.ConfigError at what makes no sense.)";
+}
 
 namespace control::Progress {
 inline constexpr const char* Progress = R"(Progress of a movement, with its derivatives.)";

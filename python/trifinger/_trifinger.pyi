@@ -1841,6 +1841,134 @@ class GraspController:
     def state(self) -> GraspState:
         """The state after the last `update`."""
 
+class Lens:
+    """
+    The lens of a camera in OpenCV's model: a pinhole, and radial and tangential distortion.
+
+    Points are in the camera's frame: x right, y down, z forward. A pixel is (column, row), and
+    (0, 0) is the centre of the first one.
+    """
+
+    def __init__(self, focal_length: numpy.typing.ArrayLike, principal_point: numpy.typing.ArrayLike, distortion: numpy.typing.ArrayLike = ...) -> None: ...
+
+    @property
+    def focal_length(self) -> numpy.typing.NDArray[numpy.float64]:
+        """Focal lengths [pixel]."""
+
+    @property
+    def principal_point(self) -> numpy.typing.NDArray[numpy.float64]:
+        """Principal point [pixel]."""
+
+    @property
+    def distortion(self) -> numpy.typing.NDArray[numpy.float64]:
+        """k1 k2 p1 p2 k3."""
+
+    def unproject(self, pixels: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        The ray (x, y, 1) through a pixel: the inverse of `project`, to 1e-9 of the focal length
+        within the part of the image plane where the distortion can be inverted.
+        """
+
+    def scaled(self, factor: float) -> Lens:
+        """
+        The lens of the same camera with images scaled by `factor`, such as 0.5 for half the size.
+        """
+
+    def cropped(self, left: int, top: int) -> Lens:
+        """The lens of the part of the images that begins at this pixel."""
+
+class Camera:
+    """A calibrated camera."""
+
+    def __init__(self, name: str, width: int, height: int, pixels: str, lens: Lens, pose: numpy.typing.ArrayLike, serial: str = ...) -> None: ...
+
+    @property
+    def name(self) -> str:
+        """For example "camera60"."""
+
+    @property
+    def serial(self) -> str:
+        """The number of the device that is meant; "any" if nobody said it."""
+
+    @property
+    def width(self) -> int:
+        """[pixel]"""
+
+    @property
+    def height(self) -> int:
+        """[pixel]"""
+
+    @property
+    def pixels(self) -> str:
+        """
+        How the pixels of an image are stored, row by row without gaps, 8 bits per channel.
+        """
+
+    @property
+    def lens(self) -> Lens:
+        """
+        The lens of a camera in OpenCV's model: a pinhole, and radial and tangential distortion.
+
+        Points are in the camera's frame: x right, y down, z forward. A pixel is (column, row), and
+        (0, 0) is the centre of the first one.
+        """
+
+    @property
+    def pose(self) -> numpy.typing.NDArray[numpy.float64]:
+        """Pose of the camera's frame in the world: z up, origin on the table."""
+
+    def project(self, points: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Where points of the world are seen, a row for each [pixel]; NaN if a point is not in front of the camera.
+        The pixel may lie outside the image.
+        """
+
+    def reduced(self, factor: int) -> Camera:
+        """
+        The same camera with smaller images, scaled by 1 / `factor`: 2 makes 270 of 540 pixels.
+
+        Raises InvalidArgument if the size cannot be divided by it.
+        """
+
+class CameraCalibration:
+    """
+    The cameras of a robot as they were calibrated, in the order of its images.
+    """
+
+    def __init__(self, cameras: Sequence[Camera], date: str = ..., residual: float = ...) -> None: ...
+
+    @property
+    def date(self) -> str:
+        """When it was measured: "2026-11-22 21:50:00 UTC"; empty if unknown."""
+
+    @property
+    def residual(self) -> float:
+        """Root mean square of what the calibration could not explain [pixel]."""
+
+    @property
+    def cameras(self) -> list[Camera]:
+        """In the order of the robot's images."""
+
+    def text(self) -> str:
+        """As the text of a file, in YAML."""
+
+    @staticmethod
+    def read(path: str | os.PathLike[str]) -> CameraCalibration:
+        """
+        Reads the section or file of a calibration.
+
+        Raises config.ConfigError at what makes no sense.
+        """
+
+    @staticmethod
+    def file_of(robot: str) -> pathlib.Path:
+        """
+        The file with the calibration of the cameras of the robot `robot`: ROBOT.cameras.yml in the
+        folder of calibrations, $TRIFINGER_CALIBRATION_DIR or ~/.config/trifinger/calibration.
+
+        Raises InvalidArgument if the environment names no folder.
+        """
+
 class Policy:
     """
     A trained policy: it computes actions from observations, in C++ alone. docs/policies.md
