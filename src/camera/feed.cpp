@@ -69,7 +69,7 @@ bool CameraFeed::step() {
   sensor_.write(frames_);
   const Instant now = std::chrono::steady_clock::now();
   count(now);
-  judge(now);
+  judge(now, !has_come);
   return true;
 }
 
@@ -106,7 +106,8 @@ void CameraFeed::count(Instant now) {
   statistics_.duration = newest - first_;
 }
 
-void CameraFeed::judge(Instant now) {
+void CameraFeed::judge(Instant now, bool is_silent) {
+  constexpr int kTold = 5;  // images in a row
   for (std::size_t i = 0; i < frames_.size(); ++i) {
     const Frame& frame = frames_[i];
     Told& told = told_[i];
@@ -118,16 +119,17 @@ void CameraFeed::judge(Instant now) {
       told.number = frame.number;
     }
     // Single images that are missing or damaged are counted and told once per second.
-    const bool is_there = frame.state != Frame::State::kLost && frame.state != Frame::State::kNone;
-    const bool was_there = told.state != Frame::State::kLost && told.state != Frame::State::kNone;
-    if (frame.state == Frame::State::kLost && told.state != Frame::State::kLost) {
+    told.absent = frame.state == Frame::State::kNone ? told.absent + (is_silent ? kTold : 1) : 0;
+    const bool is_lost = frame.state == Frame::State::kLost;
+    if (is_lost && !told.is_lost) {
       news_.push_back(names_[i] + " is lost; the others go on");
-    } else if (frame.state == Frame::State::kNone && was_there) {
-      news_.push_back("no image of " + names_[i] + " has come: it is late or was lost");
-    } else if (is_there && !was_there) {
+    } else if (told.absent >= kTold && !told.is_late) {
+      news_.push_back("no images of " + names_[i] + " come: it is late or loses them");
+    } else if ((told.is_lost || told.is_late) && !is_lost && told.absent == 0) {
       news_.push_back(names_[i] + " delivers again");
     }
-    told.state = frame.state;
+    told.is_lost = is_lost;
+    told.is_late = told.absent >= kTold;
   }
   judge_steps();
   if (now - told_of_missed_ < std::chrono::seconds(1)) return;

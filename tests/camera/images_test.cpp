@@ -315,12 +315,27 @@ TEST(CameraFeed, fault_51_SaysThatACameraIsLostAndThatItIsBack) {
 
 TEST(CameraFeed, fault_52_SaysThatNoImagesCome) {
   camera::FeedStatistics statistics;
-  EXPECT_THAT(news_of({shot(0), std::nullopt, std::nullopt, shot(1)}, &statistics),
-              ElementsAre(HasSubstr("no image of camera60 has come"),
-                          HasSubstr("no image of camera180 has come"),
-                          HasSubstr("no image of camera300 has come"), "camera60 delivers again",
-                          "camera180 delivers again", "camera300 delivers again"));
+  EXPECT_THAT(
+      news_of({shot(0), std::nullopt, std::nullopt, shot(1)}, &statistics),
+      ElementsAre(HasSubstr("no images of camera60 come"), HasSubstr("no images of camera180 come"),
+                  HasSubstr("no images of camera300 come"), "camera60 delivers again",
+                  "camera180 delivers again", "camera300 delivers again"));
   EXPECT_EQ(statistics.cameras[0].missing, 2);
+}
+
+TEST(CameraFeed, fault_52_NamesACameraThatIsLateForLongAndCountsSingleImages) {
+  std::vector<std::optional<ScriptedSource::Shot>> shots;
+  for (std::int64_t i = 0; i < 40; ++i) {
+    auto images = shot(i);
+    // One drops every tenth image, the other one twenty in a row.
+    if (i % 10 == 5) images[0] = {};
+    if (i >= 10 && i < 30) images[1] = {};
+    shots.emplace_back(images);
+  }
+  EXPECT_THAT(news_of(shots),
+              ElementsAre("no images of camera180 come: it is late or loses them",
+                          "camera180 delivers again", "4 images of camera60 were lost or damaged",
+                          "20 images of camera180 were lost or damaged"));
 }
 
 TEST(CameraFeed, fault_54_NamesACameraThatIsOutOfStep) {

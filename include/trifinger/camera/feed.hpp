@@ -51,14 +51,17 @@ class CameraFeed {
  private:
   // What was said last about a camera.
   struct Told {
-    Frame::State state{Frame::State::kGood};
+    bool is_lost{false};
+    bool is_late{false};
+    int absent{0};  // elements in a row without its image
     std::int64_t number{-1};
     std::int64_t missed{0};  // since the last sentence about it
     bool is_out_of_step{false};
   };
 
   void count(Instant now);
-  void judge(Instant now);
+  // `is_silent`: no camera has delivered anything for some periods.
+  void judge(Instant now, bool is_silent);
   void judge_steps();
   void tell_missed();
 
