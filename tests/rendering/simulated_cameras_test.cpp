@@ -70,7 +70,7 @@ class Rig {
     action.torque.fill(0.02);
     TimeIndex t = -1;
     for (int i = 0; i < steps; ++i) t = robot->append_desired_action(action);
-    robot->wait_until_time_index(t);
+    robot->wait_until_time_index(t + 1);  // what follows the last action
   }
 
   test::SessionFolder folder;

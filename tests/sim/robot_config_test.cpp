@@ -82,7 +82,7 @@ TEST_F(RobotConfigFile, EveryOneThatComesWithTheProgramRuns) {
     std::visit([&](const auto& options) { run_ten_steps(options, config.session); },
                config.simulation);
   }
-  EXPECT_EQ(count, 10);
+  EXPECT_EQ(count, 12);
 }
 
 TEST_F(RobotConfigFile, ExtendsOneThatComesWithTheProgramByName) {
