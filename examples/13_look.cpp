@@ -19,7 +19,7 @@ std::vector<double> mean_colour(const trifinger::camera::ImageFormat& format,
   std::vector<std::byte> rgb(pixels.size() * 3 / trifinger::camera::channels(format.pixels));
   trifinger::camera::to_rgb(format, pixels, rgb);
   std::vector<double> sum(3);
-  for (std::size_t i = 0; i < rgb.size(); ++i) sum[i % 3] += std::to_integer<double>(rgb[i]);
+  for (std::size_t i = 0; i < rgb.size(); ++i) sum[i % 3] += std::to_integer<int>(rgb[i]);
   for (double& value : sum) value /= static_cast<double>(rgb.size() / 3);
   return sum;
 }
