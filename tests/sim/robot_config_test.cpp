@@ -82,7 +82,7 @@ TEST_F(RobotConfigFile, EveryOneThatComesWithTheProgramRuns) {
     std::visit([&](const auto& options) { run_ten_steps(options, config.session); },
                config.simulation);
   }
-  EXPECT_EQ(count, 12);
+  EXPECT_EQ(count, 11);
 }
 
 TEST_F(RobotConfigFile, ExtendsOneThatComesWithTheProgramByName) {
