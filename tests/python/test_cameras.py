@@ -114,7 +114,9 @@ def test_images_of_another_process_are_read_by_step(
 def test_live_cameras_see_without_a_step_of_the_robot(
     start_program: StartProgram, folder: Path, tmp_path: Path
 ) -> None:
-    start_program("run", "sim_cameras", *settings(folder, "bayer_rggb8")).wait_for("holds its")
+    start_program("run", "sim_cameras", "--no-sensors", *settings(folder, "bayer_rggb8")).wait_for(
+        "holds its"
+    )
     with trifinger.observe("sim") as robot:
         live = LiveCameras("sim", calibration_of(robot))
         assert live.next(0) is None
