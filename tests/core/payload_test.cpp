@@ -62,7 +62,8 @@ PayloadReference write(PayloadWriter& writer, std::uint64_t number) {
 std::vector<std::uint64_t> different_words(std::span<const std::byte> bytes) {
   std::vector<std::uint64_t> words(bytes.size() / 8);
   std::memcpy(words.data(), bytes.data(), bytes.size());
-  words.erase(std::unique(words.begin(), words.end()), words.end());
+  const auto repeated = std::ranges::unique(words);
+  words.erase(repeated.begin(), repeated.end());
   return words;
 }
 
