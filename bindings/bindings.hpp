@@ -41,7 +41,7 @@ void bind_estimation(nanobind::module_& m);
 void bind_grasping(nanobind::module_& m);
 
 /// Lens, Camera, CameraCalibration.
-void bind_cameras(nanobind::module_& m);
+void bind_camera_calibration(nanobind::module_& m);
 
 /// Policy.
 void bind_policy(nanobind::module_& m);

@@ -28,7 +28,7 @@ NB_MODULE(_trifinger, m) {
   bind_forces(m);
   bind_estimation(m);
   bind_grasping(m);
-  bind_cameras(m);
+  bind_camera_calibration(m);
   bind_policy(m);
   bind_environment(m);
   bind_log(m);

@@ -10,12 +10,12 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-import tracking
+import trifinger
 from tracking_scenes import CONFIG, VARIANTS, Scenes, config_of
 from trifinger.colours import Samples
 from trifinger.tracking import tracked_object
 
-import trifinger
+import tracking
 
 SEED = 2311
 ORIGIN = "Learned from rendered\n# images by evaluation/standard_colours.py."
@@ -41,9 +41,7 @@ def main() -> int:
             renderer.set_options(**tracking.QUALITY, calibration_error=0.0)
             images = [np.asarray(image) for image in renderer.render(scene.configuration, 0)]
             cube = tracked_object(configs[kind])
-            samples.add(
-                images, renderer.calibration, cube, scene.position, scene.orientation
-            )
+            samples.add(images, renderer.calibration, cube, scene.position, scene.orientation)
     options.output.write_text(samples.learn(ORIGIN))
     return 0
 

@@ -94,7 +94,7 @@ Array<RowMajor> unproject(const Lens& lens, nb::handle pixels) {
 
 }  // namespace
 
-void bind_cameras(nb::module_& m) {
+void bind_camera_calibration(nb::module_& m) {
   nb::class_<Lens>(m, "Lens", docs::Lens::Lens)
       .def(
           "__init__",

@@ -101,7 +101,7 @@ void bind_tracking(nb::module_& m) {
         RowMajor rows(static_cast<Eigen::Index>(blocks.size()), 3);
         for (std::size_t i = 0; i < blocks.size(); ++i)
           rows.row(static_cast<Eigen::Index>(i)) = blocks[i].cast<double>();
-        return nb::steal(write_array(rows));
+        return Array{rows};
       },
       "image"_a, docs::balanced_blocks);
   m.def(
@@ -113,7 +113,11 @@ void bind_tracking(nb::module_& m) {
           contents.push_back(faces_in_blocks(camera, object, pose_of(position, orientation)));
         return contents;
       },
-      "calibration"_a, "object"_a, "position"_a, "orientation"_a, docs::faces_in_blocks);
+      "calibration"_a, "object"_a, "position"_a, "orientation"_a,
+      nb::sig("def faces_in_blocks(calibration: str, object: TrackedObject, position: "
+              "numpy.typing.ArrayLike, "
+              "orientation: numpy.typing.ArrayLike) -> list[list[int]]"),
+      docs::faces_in_blocks);
   nb::class_<TrackedObject>(m, "TrackedObject", docs::TrackedObject::TrackedObject)
       .def_ro("name", &TrackedObject::name)
       .def_prop_ro(
@@ -176,7 +180,11 @@ void bind_tracking(nb::module_& m) {
                                {.calibration_error = calibration_error});
           },
           "calibration"_a, "object"_a, "colours"_a = nb::none(), "calibration_error"_a = 0.5)
-      .def("track", &track, "images"_a, "guess"_a = nb::none(), docs::Tracker::track);
+      .def("track", &track, "images"_a, "guess"_a = nb::none(),
+           nb::sig(
+               "def track(self, images: Sequence[NDArray[numpy.uint8] | None], guess: "
+               "tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike] | None = None) -> Estimate"),
+           docs::Tracker::track);
 }
 
 }  // namespace trifinger::bindings

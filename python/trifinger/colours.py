@@ -28,8 +28,8 @@ FOREIGN = 3.5  # features this many deviations off belong to something in front 
 HEADER = """\
 # SPDX-License-Identifier: BSD-3-Clause
 #
-# How surfaces look to cameras: normal distributions of the log of red over green, the log of blue over green and the log
-# of the mean. Covariances are xx, xy, xz, yy, yz, zz. {origin}
+# How surfaces look to cameras: normal distributions of the log of red over green, the log of blue
+# over green and the log of the mean. Covariances are xx, xy, xz, yy, yz, zz. {origin}
 colours:
 """
 

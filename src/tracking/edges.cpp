@@ -159,11 +159,14 @@ bool EdgeFit::find_step(const Spot& spot, double reach, double& offset) const no
     return false;
   }
   const Rgb inner = (colours[at(step - 4)] + colours[at(step - 3)]) / 2;
-  // A rim may be narrow: what lies beyond it is not what the face ends at.
-  Rgb outer = colours[at(step + 2)];
-  if ((colours[at(step + 1)] - inner).squaredNorm() > (outer - inner).squaredNorm()) {
-    outer = colours[at(step + 1)];
-  }
+  // The colour next to the face. A rim may be narrow, so what lies beyond it must not count as it:
+  // of two samples the darker one is the rim. Without a rim, the one that differs more is clear of
+  // the face.
+  const Rgb& near = colours[at(step + 1)];
+  const Rgb& far = colours[at(step + 2)];
+  const bool is_near = shape_->has_rims
+      ? near.sum()<far.sum() : (near - inner).squaredNorm()>(far - inner).squaredNorm();
+  const Rgb outer = is_near ? near : far;
   const Rgb contrast = inner - outer;
   const float size = contrast.squaredNorm();
   constexpr float kLeastContrast = 18;

@@ -34,7 +34,7 @@ std::vector<Eigen::Vector3d> spread(const std::vector<Eigen::Vector3d>& corners,
 }  // namespace
 
 Shape::Shape(const TrackedObject& object, const std::vector<std::string>& colours)
-    : radius(0), mean_width(0) {
+    : has_rims(object.rim > 0), radius(0), mean_width(0) {
   double surface = 0;
   for (const ColouredFace& given : object.faces) {
     if (given.corners.size() < 3) {

@@ -70,6 +70,7 @@ struct Shape {
   Shape(const TrackedObject& object, const std::vector<std::string>& colours);
 
   std::vector<Face> faces;
+  bool has_rims;
   double radius;      // of the ball around the centre that holds the object
   double mean_width;  // side of the square with the mean area of its silhouettes
 };
