@@ -143,7 +143,11 @@ void bind_tracking(nb::module_& m) {
         }
         throw InvalidArgument("the scene has no object '" + name + "'");
       },
-      "config"_a = "sim", "overrides"_a = nb::dict(), "name"_a = "cube", docs::tracked_object);
+      "config"_a = "sim", "overrides"_a = nb::dict(), "name"_a = "cube",
+      nb::sig(
+          "def tracked_object(config: str = 'sim', overrides: dict[str, object] = {}, name: str = "
+          "'cube') -> TrackedObject"),
+      docs::tracked_object);
   m.def(
       "coloured_mesh",
       [](std::string name, const std::vector<std::array<double, 3>>& vertices,

@@ -1,5 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import (
+    Callable,
+    Iterable,
+    Iterator,
+    Mapping,
+    Sequence
+)
 import enum
 import os
 import pathlib
@@ -14,6 +20,7 @@ import pandas
 import trifinger.log.types
 import trifinger.session_info
 
+
 version: str = ...
 
 class Element(numpy.void):  # type: ignore[misc]  # final in NumPy's own stub, not in NumPy
@@ -27,7 +34,6 @@ class Element(numpy.void):  # type: ignore[misc]  # final in NumPy's own stub, n
 
 class Action(Element):  # type: ignore[misc]
     """The action that a user requests for a step."""
-
     torque: numpy.typing.NDArray[numpy.float64]
     position: numpy.typing.NDArray[numpy.float64]
     position_kp: numpy.typing.NDArray[numpy.float64]
@@ -35,7 +41,6 @@ class Action(Element):  # type: ignore[misc]
 
 class AppliedAction(Element):  # type: ignore[misc]
     """The action that a robot has applied in a step."""
-
     torque: numpy.typing.NDArray[numpy.float64]
     position: numpy.typing.NDArray[numpy.float64]
     position_kp: numpy.typing.NDArray[numpy.float64]
@@ -45,7 +50,6 @@ class AppliedAction(Element):  # type: ignore[misc]
 
 class Observation(Element):  # type: ignore[misc]
     """The measurements of a robot or a companion."""
-
     position: numpy.typing.NDArray[numpy.float64]
     velocity: numpy.typing.NDArray[numpy.float64]
     torque: numpy.typing.NDArray[numpy.float64]
@@ -53,7 +57,6 @@ class Observation(Element):  # type: ignore[misc]
 
 class StatusElement(Element):  # type: ignore[misc]
     """The status that the back-end has written for a step."""
-
     time: numpy.int64
     tick: numpy.int64
     lateness: numpy.int64
@@ -131,6 +134,7 @@ class LatenessHistogram:
         """The longest time."""
 
     def __str__(self) -> str: ...
+
     def __repr__(self) -> str: ...
 
 class LateStep:
@@ -142,6 +146,7 @@ class LateStep:
 
     @property
     def time_index(self) -> int: ...
+
     @property
     def lateness(self) -> float:
         """
@@ -190,6 +195,7 @@ class TimingRecord:
         """
 
     def __str__(self) -> str: ...
+
     def __repr__(self) -> str: ...
 
 def duration_text(seconds: float) -> str:
@@ -200,9 +206,7 @@ def duration_text(seconds: float) -> str:
     `seconds` is the duration [s].
     """
 
-def lateness_of(
-    statuses: numpy.typing.NDArray[StatusElement], period: float
-) -> numpy.typing.NDArray[numpy.float64]:
+def lateness_of(statuses: numpy.typing.NDArray[StatusElement], period: float) -> numpy.typing.NDArray[numpy.float64]:
     """
     How late the step of `status` was: the time from the deadline to the beginning of the tick.
     If ticks were left out before it, the time counts from the deadline of the first of them.
@@ -242,17 +246,14 @@ class Payload:
         """
 
     def __enter__(self) -> numpy.typing.NDArray[numpy.void]: ...
-    def __exit__(
-        self,
-        type: type[BaseException] | None,
-        value: BaseException | None,
-        traceback: types.TracebackType | None,
-    ) -> None: ...
+
+    def __exit__(self, type: type[BaseException] | None, value: BaseException | None, traceback: types.TracebackType | None) -> None: ...
 
 class LiveCameras:
     """The images of a process of cameras, without the robot."""
 
     def __init__(self, robot: str, calibration: str) -> None: ...
+
     def next(self, timeout: float | None = None) -> tuple[Element, Payload | None] | None:
         """
         Returns the newest element and its payload if they are others than at the last call. Waits for
@@ -298,9 +299,7 @@ class Frontend:
         Raises InvalidArgument for anything but an action of this robot: see new_action.
         """
 
-    def append_desired_actions(
-        self, actions: numpy.typing.NDArray[Action], timeout: float | None = None
-    ) -> int:
+    def append_desired_actions(self, actions: numpy.typing.NDArray[Action], timeout: float | None = None) -> int:
         """
         Appends several actions, one per step, and returns the step of the last one.
 
@@ -333,22 +332,17 @@ class Frontend:
     def get_status(self, t: int, timeout: float | None = None) -> StatusElement:
         """Returns the status that the back-end has written for step t."""
 
-    def get_observations(
-        self, first: int, last: int, timeout: float | None = None
-    ) -> numpy.typing.NDArray[Observation]:
+    def get_observations(self, first: int, last: int, timeout: float | None = None) -> numpy.typing.NDArray[Observation]:
         """
         Returns the steps from `first` to before `last`; waits for the last one.
         """
 
-    def get_desired_actions(
-        self, first: int, last: int, timeout: float | None = None
-    ) -> numpy.typing.NDArray[Action]: ...
-    def get_applied_actions(
-        self, first: int, last: int, timeout: float | None = None
-    ) -> numpy.typing.NDArray[AppliedAction]: ...
-    def get_statuses(
-        self, first: int, last: int, timeout: float | None = None
-    ) -> numpy.typing.NDArray[StatusElement]: ...
+    def get_desired_actions(self, first: int, last: int, timeout: float | None = None) -> numpy.typing.NDArray[Action]: ...
+
+    def get_applied_actions(self, first: int, last: int, timeout: float | None = None) -> numpy.typing.NDArray[AppliedAction]: ...
+
+    def get_statuses(self, first: int, last: int, timeout: float | None = None) -> numpy.typing.NDArray[StatusElement]: ...
+
     def latest_observation(self, timeout: float | None = None) -> Observation:
         """
         Returns the newest observation, also before step 0: a user can look without acting.
@@ -438,6 +432,7 @@ class Frontend:
         """
 
     def __repr__(self) -> str: ...
+
     @property
     def action_dtype(self) -> numpy.dtype[Action]:
         """The layout of an action."""
@@ -455,12 +450,8 @@ class Frontend:
         """The layout of a status, the same for every robot."""
 
     def __enter__(self) -> Frontend: ...
-    def __exit__(
-        self,
-        type: type[BaseException] | None,
-        value: BaseException | None,
-        traceback: types.TracebackType | None,
-    ) -> None: ...
+
+    def __exit__(self, type: type[BaseException] | None, value: BaseException | None, traceback: types.TracebackType | None) -> None: ...
 
 def connect(name: str, *, strict: bool = False, timeout: float | None = 5.0) -> Frontend:
     """
@@ -489,6 +480,7 @@ class Backend:
     """
 
     def __repr__(self) -> str: ...
+
     @property
     def name(self) -> str:
         """Name for connect() and observe()."""
@@ -500,22 +492,10 @@ class Backend:
         """Ends the session, brings the robot to rest and gives the name back."""
 
     def __enter__(self) -> Backend: ...
-    def __exit__(
-        self,
-        type: type[BaseException] | None,
-        value: BaseException | None,
-        traceback: types.TracebackType | None,
-    ) -> None: ...
 
-def fake(
-    *,
-    strict: bool = ...,
-    history: int = ...,
-    sensor_period: int = ...,
-    sensor_delay: int = ...,
-    observation_fault_after: int = ...,
-    action_fault_after: int = ...,
-) -> Frontend:
+    def __exit__(self, type: type[BaseException] | None, value: BaseException | None, traceback: types.TracebackType | None) -> None: ...
+
+def fake(*, strict: bool = ..., history: int = ..., sensor_period: int = ..., sensor_delay: int = ..., observation_fault_after: int = ..., action_fault_after: int = ...) -> Frontend:
     """
     Starts the fake robot inside this program: no physics and no joints, for tests of your own
     code.
@@ -527,20 +507,7 @@ def fake(
     `action_fault_after` inject a fault after that many calls.
     """
 
-def run_fake(
-    name: str,
-    *,
-    real_time: bool = False,
-    period: float = 0.001,
-    max_action_repeats: int = 0,
-    max_skipped_ticks: int = 5,
-    first_action_timeout: float | None = None,
-    history: int = 16384,
-    sensor_period: int = 0,
-    sensor_delay: int = 0,
-    observation_fault_after: int = -1,
-    action_fault_after: int = -1,
-) -> Backend:
+def run_fake(name: str, *, real_time: bool = False, period: float = 0.001, max_action_repeats: int = 0, max_skipped_ticks: int = 5, first_action_timeout: float | None = None, history: int = 16384, sensor_period: int = 0, sensor_delay: int = 0, observation_fault_after: int = -1, action_fault_after: int = -1) -> Backend:
     """
     Runs the fake robot (see fake()) in a thread of this process, for every process of this
     machine.
@@ -572,12 +539,8 @@ class Recorder:
         """The newest file; None before the first session."""
 
     def __enter__(self) -> Recorder: ...
-    def __exit__(
-        self,
-        type: type[BaseException] | None,
-        value: BaseException | None,
-        traceback: types.TracebackType | None,
-    ) -> None: ...
+
+    def __exit__(self, type: type[BaseException] | None, value: BaseException | None, traceback: types.TracebackType | None) -> None: ...
 
 class Reason(enum.IntFlag):
     """
@@ -664,22 +627,31 @@ class Variation:
 
     @property
     def object_mass(self) -> float: ...
+
     @property
     def friction(self) -> float: ...
+
     @property
     def pair_friction(self) -> dict[str, float]: ...
+
     @property
     def contact_time(self) -> float: ...
+
     @property
     def motor_gain(self) -> float: ...
+
     @property
     def torque_delay(self) -> int: ...
+
     @property
     def rotor_inertia(self) -> float: ...
+
     @property
     def joint_damping(self) -> float: ...
+
     @property
     def joint_friction(self) -> float: ...
+
     @property
     def stop_margin(self) -> float: ...
 
@@ -692,13 +664,14 @@ class Simulation:
     restore() has left. During a session they take effect at once.
     """
 
-    def __init__(self, config: str = "sim", overrides: dict[str, object] = {}) -> None:
+    def __init__(self, config: str = 'sim', overrides: dict[str, object] = {}) -> None:
         """
         `config` is the name of a configuration that comes with the package, or a file; `overrides` changes single
         values: {"fingers.height": 0.3, "simulation.seed": 7}.
         """
 
     def __repr__(self) -> str: ...
+
     def connect(self, *, strict: bool = ...) -> Frontend:
         """
         Controls the robot in a new session.
@@ -706,9 +679,7 @@ class Simulation:
         Raises ControlHeld while another front-end controls it.
         """
 
-    def reset(
-        self, position: Sequence[float] | None = ..., seed: int | None = ..., episode: int = ...
-    ) -> None:
+    def reset(self, position: Sequence[float] | None = ..., seed: int | None = ..., episode: int = ...) -> None:
         """
         Resets the simulation: joints at `position` [rad] (default: the configuration's), objects as they
         are at the start of the configuration, random numbers of `episode` of `seed` (default: the
@@ -722,20 +693,7 @@ class Simulation:
         """
 
     @overload
-    def vary(
-        self,
-        *,
-        object_mass: float = 1.0,
-        friction: float = 1.0,
-        pair_friction: dict[str, float] = {},
-        contact_time: float = 1.0,
-        motor_gain: float = 1.0,
-        torque_delay: int = 0,
-        rotor_inertia: float = 1.0,
-        joint_damping: float = 1.0,
-        joint_friction: float = 0.0,
-        stop_margin: float = 1.0,
-    ) -> None:
+    def vary(self, *, object_mass: float = 1.0, friction: float = 1.0, pair_friction: dict[str, float] = {}, contact_time: float = 1.0, motor_gain: float = 1.0, torque_delay: int = 0, rotor_inertia: float = 1.0, joint_damping: float = 1.0, joint_friction: float = 0.0, stop_margin: float = 1.0) -> None:
         """
         Makes the simulation differ from its configuration from now on. A reset does not change this. Each
         number is a factor, except `torque_delay`, the steps until motors deliver a torque, and
@@ -743,9 +701,7 @@ class Simulation:
         for pairs of surfaces, for example {"tip_object": 0.8}; docs/simulation.md names them.
         """
 
-    def place_object(
-        self, name: str, position: Sequence[float], orientation: Sequence[float] = ...
-    ) -> None:
+    def place_object(self, name: str, position: Sequence[float], orientation: Sequence[float] = ...) -> None:
         """
         Places an object at rest at `pose`. The orientation is normalized.
 
@@ -754,9 +710,7 @@ class Simulation:
         The pose is `position` x, y, z [m] and `orientation`, a quaternion w, x, y, z.
         """
 
-    def set_object_velocity(
-        self, name: str, linear: Sequence[float], angular: Sequence[float] = ...
-    ) -> None:
+    def set_object_velocity(self, name: str, linear: Sequence[float], angular: Sequence[float] = ...) -> None:
         """
         Sets an object in motion from where it is, in the world frame: velocity of its centre [m/s]
         and angular velocity [rad/s].
@@ -772,12 +726,7 @@ class Simulation:
         Raises InvalidArgument that names the existing objects, or if the force is not finite.
         """
 
-    def object_velocity(
-        self, name: str
-    ) -> tuple[
-        Annotated[NDArray[numpy.float64], dict(shape=(3), order="C")],
-        Annotated[NDArray[numpy.float64], dict(shape=(3), order="C")],
-    ]:
+    def object_velocity(self, name: str) -> tuple[Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]]:
         """
         The object's velocity now, without delay and noise: velocity of its centre [m/s] and angular
         velocity [rad/s].
@@ -785,12 +734,7 @@ class Simulation:
         Raises InvalidArgument that names the existing objects.
         """
 
-    def object_pose(
-        self, name: str
-    ) -> tuple[
-        Annotated[NDArray[numpy.float64], dict(shape=(3), order="C")],
-        Annotated[NDArray[numpy.float64], dict(shape=(4), order="C")],
-    ]:
+    def object_pose(self, name: str) -> tuple[Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], Annotated[NDArray[numpy.float64], dict(shape=(4), order='C')]]:
         """
         The object's pose now, without delay and noise: position [m] and quaternion w, x, y, z.
 
@@ -813,7 +757,7 @@ class Simulation:
         not diverged. `trifinger run` saves it in `log_folder()`.
         """
 
-    def configuration(self) -> Annotated[NDArray[numpy.float64], dict(shape=(None,), order="C")]:
+    def configuration(self) -> Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C')]:
         """
         Positions and velocities of joints and objects in MuJoCo's layout, to draw the scene:
         `qpos`, then `qvel`.
@@ -827,7 +771,7 @@ class Simulation:
         that waits for the robot.
         """
 
-    def record(self, folder: str | os.PathLike[str], *, precision: str = "double") -> Recorder:
+    def record(self, folder: str | os.PathLike[str], *, precision: str = 'double') -> Recorder:
         """
         Records every session from the next one on, without loss, into a file in `folder`. The precision
         "single" takes half of the space.
@@ -836,14 +780,7 @@ class Simulation:
     def mjcf(self) -> str:
         """The scene in MuJoCo's format."""
 
-def simulate(
-    config: str = "sim",
-    overrides: dict[str, object] = {},
-    *,
-    strict: bool = True,
-    record: str | os.PathLike[str] | None = None,
-    checks: Iterable[Callable[[Observation, Action], None]] = (),
-) -> Frontend:
+def simulate(config: str = 'sim', overrides: dict[str, object] = {}, *, strict: bool = True, record: str | os.PathLike[str] | None = None, checks: Iterable[Callable[[Observation, Action], None]] = ()) -> Frontend:
     """
     Starts a simulated robot in this process and controls it strictly: an action that would be
     late on a real robot raises. For a robot that runs elsewhere, use `connect`.
@@ -852,7 +789,7 @@ def simulate(
     Simulation.add_check().
     """
 
-def export_mjcf(config: str = "sim", overrides: dict[str, object] = {}) -> str:
+def export_mjcf(config: str = 'sim', overrides: dict[str, object] = {}) -> str:
     """
     The whole scene in MuJoCo's own format, with objects, cameras and lights. It needs no other
     file.
@@ -863,7 +800,7 @@ def export_mjcf(config: str = "sim", overrides: dict[str, object] = {}) -> str:
     Raises InvalidArgument if the description cannot be built.
     """
 
-def export_urdf(config: str = "sim", overrides: dict[str, object] = {}) -> str:
+def export_urdf(config: str = 'sim', overrides: dict[str, object] = {}) -> str:
     """
     The robot as URDF, for planners and other simulations: links with the source's inertias,
     joints with limits, tips and cameras as frames (cameras as `NAME_optical_frame`: x right, y
@@ -884,25 +821,14 @@ class CameraRenderer:
     Any thread may use a renderer, one thread at a time.
     """
 
-    def __init__(
-        self,
-        config: str = "sim",
-        overrides: dict[str, object] = {},
-        *,
-        calibration: str | None = None,
-        reduction: int = 1,
-        pixels: str = "bayer_rggb8",
-        **options: object,
-    ) -> None:
+    def __init__(self, config: str = 'sim', overrides: dict[str, object] = {}, *, calibration: str | None = None, reduction: int = 1, pixels: str = 'bayer_rggb8', **options: object) -> None:
         """
         The robot of the configuration, with its own cameras or those of the text of a `calibration`. A
         `reduction` of 2 halves width and height. `pixels` are "bayer_rggb8", "rgb8" or "mono8". `options` are
         those of `options`.
         """
 
-    def render(
-        self, configuration: NDArray[numpy.float64], number: int = 0
-    ) -> list[NDArray[numpy.uint8]]:
+    def render(self, configuration: NDArray[numpy.float64], number: int = 0) -> list[NDArray[numpy.uint8]]:
         """
         Draws one image per camera, height x width or height x width x 3. `configuration` is that of
         `Simulation.configuration`: positions, and velocities if what moves shall be blurred. `number` is that of
@@ -944,7 +870,7 @@ class Kinematics:
     One object must not be used by several threads at once: make one for each.
     """
 
-    def __init__(self, config: str = "sim", overrides: dict[str, object] = {}) -> None:
+    def __init__(self, config: str = 'sim', overrides: dict[str, object] = {}) -> None:
         """
         `config` is the name of a configuration that comes with the package, or a file. `overrides` changes
         single values.
@@ -958,33 +884,25 @@ class Kinematics:
     def num_joints(self) -> int:
         """Number of joints: three for each finger."""
 
-    def tip_positions(
-        self, position: numpy.typing.ArrayLike
-    ) -> numpy.typing.NDArray[numpy.float64]:
+    def tip_positions(self, position: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
         """
         Centres of all tip spheres: x, y, z for each finger [m].
 
         The result has a row for each finger.
         """
 
-    def tip_jacobian(
-        self, finger: int, position: numpy.typing.ArrayLike
-    ) -> numpy.typing.NDArray[numpy.float64]:
+    def tip_jacobian(self, finger: int, position: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
         """
         Derivative of one tip's position by all joints [m/rad]: 3 rows, `num_joints` columns.
         """
 
-    def tip_jacobians(
-        self, position: numpy.typing.ArrayLike
-    ) -> numpy.typing.NDArray[numpy.float64]:
+    def tip_jacobians(self, position: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
         """
         The Jacobians of all tips, one below the other [m/rad]: square, `num_joints` rows and
         columns.
         """
 
-    def tip_accelerations(
-        self, position: numpy.typing.ArrayLike, velocity: numpy.typing.ArrayLike
-    ) -> numpy.typing.NDArray[numpy.float64]:
+    def tip_accelerations(self, position: numpy.typing.ArrayLike, velocity: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
         """
         Accelerations of the tips when joints move with constant `velocity` [rad/s]: x, y, z for
         each finger [m/s^2].
@@ -992,14 +910,10 @@ class Kinematics:
         The result has a row for each finger.
         """
 
-    def gravity_torques(
-        self, position: numpy.typing.ArrayLike
-    ) -> numpy.typing.NDArray[numpy.float64]:
+    def gravity_torques(self, position: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
         """Torques that hold the pose against gravity [Nm]."""
 
-    def bias_torques(
-        self, position: numpy.typing.ArrayLike, velocity: numpy.typing.ArrayLike
-    ) -> numpy.typing.NDArray[numpy.float64]:
+    def bias_torques(self, position: numpy.typing.ArrayLike, velocity: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
         """
         Torques that keep joints at their `velocity` [rad/s] without acceleration, against gravity,
         Coriolis and centrifugal forces [Nm]. Friction is not included.
@@ -1008,9 +922,7 @@ class Kinematics:
     def mass_matrix(self, position: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
         """Inertia at the joints, including that of the rotors [kg m^2]."""
 
-    def inverse_kinematics(
-        self, finger: int, tip: numpy.typing.ArrayLike, near: numpy.typing.ArrayLike | None = None
-    ) -> tuple[numpy.typing.NDArray[numpy.float64], str]:
+    def inverse_kinematics(self, finger: int, tip: numpy.typing.ArrayLike, near: numpy.typing.ArrayLike | None = None) -> tuple[numpy.typing.NDArray[numpy.float64], str]:
         """
         Joint positions of `finger` that bring its tip to `tip` [m], and whether it can reach it. If
         it cannot, they are a pose within the hard limits whose tip is near the point. Among up to
@@ -1023,9 +935,8 @@ class Kinematics:
 class Pose:
     """Position and orientation of a body."""
 
-    def __init__(
-        self, position: numpy.typing.ArrayLike = ..., orientation: numpy.typing.ArrayLike = ...
-    ) -> None: ...
+    def __init__(self, position: numpy.typing.ArrayLike = ..., orientation: numpy.typing.ArrayLike = ...) -> None: ...
+
     @property
     def position(self) -> numpy.typing.NDArray[numpy.float64]:
         """Position of its centre of mass [m]."""
@@ -1039,9 +950,8 @@ class Pose:
 class Twist:
     """Velocity and angular velocity of a body."""
 
-    def __init__(
-        self, linear: numpy.typing.ArrayLike = ..., angular: numpy.typing.ArrayLike = ...
-    ) -> None: ...
+    def __init__(self, linear: numpy.typing.ArrayLike = ..., angular: numpy.typing.ArrayLike = ...) -> None: ...
+
     @property
     def linear(self) -> numpy.typing.NDArray[numpy.float64]:
         """Velocity of its centre of mass [m/s]."""
@@ -1053,9 +963,8 @@ class Twist:
 class Acceleration:
     """Rate of change of a body's twist."""
 
-    def __init__(
-        self, linear: numpy.typing.ArrayLike = ..., angular: numpy.typing.ArrayLike = ...
-    ) -> None: ...
+    def __init__(self, linear: numpy.typing.ArrayLike = ..., angular: numpy.typing.ArrayLike = ...) -> None: ...
+
     @property
     def linear(self) -> numpy.typing.NDArray[numpy.float64]:
         """[m/s^2]"""
@@ -1067,25 +976,22 @@ class Acceleration:
 class Motion:
     """A body at one instant of a motion."""
 
-    def __init__(
-        self, pose: Pose = ..., twist: Twist = ..., acceleration: Acceleration = ...
-    ) -> None: ...
+    def __init__(self, pose: Pose = ..., twist: Twist = ..., acceleration: Acceleration = ...) -> None: ...
+
     @property
     def pose(self) -> Pose: ...
+
     @property
     def twist(self) -> Twist: ...
+
     @property
     def acceleration(self) -> Acceleration: ...
 
 class PointMotion:
     """A point at one instant of a motion."""
 
-    def __init__(
-        self,
-        position: numpy.typing.ArrayLike = ...,
-        velocity: numpy.typing.ArrayLike = ...,
-        acceleration: numpy.typing.ArrayLike = ...,
-    ) -> None: ...
+    def __init__(self, position: numpy.typing.ArrayLike = ..., velocity: numpy.typing.ArrayLike = ..., acceleration: numpy.typing.ArrayLike = ...) -> None: ...
+
     @property
     def position(self) -> numpy.typing.NDArray[numpy.float64]:
         """[m]"""
@@ -1110,9 +1016,7 @@ def rotation_vector(rotation: numpy.typing.ArrayLike) -> numpy.typing.NDArray[nu
     Its length is at most pi.
     """
 
-def rotation_error(
-    desired: numpy.typing.ArrayLike, actual: numpy.typing.ArrayLike
-) -> numpy.typing.NDArray[numpy.float64]:
+def rotation_error(desired: numpy.typing.ArrayLike, actual: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
     """
     The rotation that still turns `actual` into `desired` [rad], in the frame in which both are
     given: `log(desired * actual^-1)`.
@@ -1154,9 +1058,8 @@ def minimum_jerk(time: float, duration: float) -> Progress:
 class LineTrajectory:
     """A straight line with the least jerk."""
 
-    def __init__(
-        self, start: numpy.typing.ArrayLike, end: numpy.typing.ArrayLike, duration: float
-    ) -> None: ...
+    def __init__(self, start: numpy.typing.ArrayLike, end: numpy.typing.ArrayLike, duration: float) -> None: ...
+
     @property
     def duration(self) -> float:
         """Time from the start to the end [s]."""
@@ -1174,6 +1077,7 @@ class PoseTrajectory:
     """
 
     def __init__(self, start: Pose, end: Pose, duration: float) -> None: ...
+
     @property
     def duration(self) -> float:
         """Time from the start to the end [s]."""
@@ -1189,15 +1093,7 @@ class CircleTrajectory:
     A horizontal circle that gains its speed smoothly and loses it at the end.
     """
 
-    def __init__(
-        self,
-        centre: numpy.typing.ArrayLike,
-        radius: float = ...,
-        start_angle: float = ...,
-        turns: float = ...,
-        period: float = ...,
-        ramp_time: float = ...,
-    ) -> None:
+    def __init__(self, centre: numpy.typing.ArrayLike, radius: float = ..., start_angle: float = ..., turns: float = ..., period: float = ..., ramp_time: float = ...) -> None:
         """
         `start_angle` is measured from x towards y [rad]. Negative `turns` go clockwise. `period` is the time of one
         turn at full speed [s], `ramp_time` that from rest to full speed and back.
@@ -1218,9 +1114,8 @@ class Wrench:
     A force and a moment. The moment is about a point that is stated with each use.
     """
 
-    def __init__(
-        self, force: numpy.typing.ArrayLike = ..., moment: numpy.typing.ArrayLike = ...
-    ) -> None: ...
+    def __init__(self, force: numpy.typing.ArrayLike = ..., moment: numpy.typing.ArrayLike = ...) -> None: ...
+
     @property
     def force(self) -> numpy.typing.NDArray[numpy.float64]:
         """[N]"""
@@ -1236,14 +1131,8 @@ class Contact:
     A tip that does not touch is a contact whose `max_normal_force` is 0. It gets no force.
     """
 
-    def __init__(
-        self,
-        position: numpy.typing.ArrayLike,
-        normal: numpy.typing.ArrayLike,
-        friction: float = ...,
-        min_normal_force: float = ...,
-        max_normal_force: float = ...,
-    ) -> None: ...
+    def __init__(self, position: numpy.typing.ArrayLike, normal: numpy.typing.ArrayLike, friction: float = ..., min_normal_force: float = ..., max_normal_force: float = ...) -> None: ...
+
     @property
     def position(self) -> numpy.typing.NDArray[numpy.float64]:
         """[m]"""
@@ -1274,18 +1163,14 @@ def contact_frame(normal: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.
     first tangent is perpendicular to z, or to x if the normal is nearly along z.
     """
 
-def grasp_map(
-    grasp: Sequence[Contact], centre: numpy.typing.ArrayLike
-) -> numpy.typing.NDArray[numpy.float64]:
+def grasp_map(grasp: Sequence[Contact], centre: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
     """
     The map from contact forces to the wrench on the object about `centre` [m]. It has 6 rows,
     force and moment, and 9 columns, three for each of the three contacts. Its rank is 6 if the
     contacts do not lie on one line.
     """
 
-def wrench_of(
-    grasp: Sequence[Contact], centre: numpy.typing.ArrayLike, forces: numpy.typing.ArrayLike
-) -> Wrench:
+def wrench_of(grasp: Sequence[Contact], centre: numpy.typing.ArrayLike, forces: numpy.typing.ArrayLike) -> Wrench:
     """
     The total wrench of nine `forces` [N] at the three contacts, about `centre` [m].
     """
@@ -1300,8 +1185,10 @@ class FrictionPyramid:
     """
 
     def __init__(self, sides: int = ...) -> None: ...
+
     @property
     def sides(self) -> int: ...
+
     def side(self, i: int, friction: float) -> numpy.typing.NDArray[numpy.float64]:
         """
         Points inward from side `i`, in the contact frame: forces with `side.dot(force) >= 0` are on
@@ -1320,12 +1207,8 @@ class TorqueLimits:
     coordinate i of the contacts' positions changes when the joints move.
     """
 
-    def __init__(
-        self,
-        jacobians: numpy.typing.ArrayLike,
-        bias: numpy.typing.ArrayLike,
-        limits: numpy.typing.ArrayLike,
-    ) -> None: ...
+    def __init__(self, jacobians: numpy.typing.ArrayLike, bias: numpy.typing.ArrayLike, limits: numpy.typing.ArrayLike) -> None: ...
+
     @property
     def jacobians(self) -> numpy.typing.NDArray[numpy.float64]:
         """
@@ -1378,6 +1261,7 @@ class ForceDistribution:
 
     @property
     def status(self) -> ForceStatus: ...
+
     def __bool__(self) -> bool: ...
 
 class ForceOptimizer:
@@ -1398,16 +1282,9 @@ class ForceOptimizer:
     be used by several threads at once.
     """
 
-    def __init__(
-        self, friction_sides: int = ..., normal_weight: float = ..., tangential_weight: float = ...
-    ) -> None: ...
-    def solve(
-        self,
-        grasp: Sequence[Contact],
-        centre: numpy.typing.ArrayLike,
-        wrench: Wrench,
-        torques: TorqueLimits | None = ...,
-    ) -> ForceDistribution:
+    def __init__(self, friction_sides: int = ..., normal_weight: float = ..., tangential_weight: float = ...) -> None: ...
+
+    def solve(self, grasp: Sequence[Contact], centre: numpy.typing.ArrayLike, wrench: Wrench, torques: TorqueLimits | None = ...) -> ForceDistribution:
         """
         Distributes `wrench`, which is given about `centre` [m], over the three contacts. If that is
         impossible, the result comes closest to it and its `status` says so.
@@ -1417,6 +1294,7 @@ class RigidBody:
     """Mass and inertia of a rigid body."""
 
     def __init__(self, mass: float, inertia: numpy.typing.ArrayLike) -> None: ...
+
     @property
     def mass(self) -> float:
         """[kg]"""
@@ -1440,31 +1318,29 @@ def gravity() -> numpy.typing.NDArray[numpy.float64]:
 class ObjectGains:
     """How stiffly an object is held."""
 
-    def __init__(
-        self,
-        stiffness: float = ...,
-        damping: float = ...,
-        rotational_stiffness: float = ...,
-        rotational_damping: float = ...,
-    ) -> None: ...
+    def __init__(self, stiffness: float = ..., damping: float = ..., rotational_stiffness: float = ..., rotational_damping: float = ...) -> None: ...
+
     @property
     def stiffness(self) -> float:
         """[N/m]"""
 
     @stiffness.setter
     def stiffness(self, arg: float, /) -> None: ...
+
     @property
     def damping(self) -> float:
         """[Ns/m]"""
 
     @damping.setter
     def damping(self, arg: float, /) -> None: ...
+
     @property
     def rotational_stiffness(self) -> float:
         """[Nm/rad]"""
 
     @rotational_stiffness.setter
     def rotational_stiffness(self, arg: float, /) -> None: ...
+
     @property
     def rotational_damping(self) -> float:
         """[Nms/rad]"""
@@ -1472,9 +1348,7 @@ class ObjectGains:
     @rotational_damping.setter
     def rotational_damping(self, arg: float, /) -> None: ...
 
-def object_impedance(
-    desired: Motion, pose: Pose, twist: Twist, body: RigidBody, gains: ObjectGains = ...
-) -> Wrench:
+def object_impedance(desired: Motion, pose: Pose, twist: Twist, body: RigidBody, gains: ObjectGains = ...) -> Wrench:
     """
     The wrench about the object's centre that keeps the object on its way, in the world frame:
 
@@ -1490,12 +1364,14 @@ class TipGains:
     """How stiffly a tip is held."""
 
     def __init__(self, stiffness: float = ..., damping: float = ...) -> None: ...
+
     @property
     def stiffness(self) -> float:
         """[N/m]"""
 
     @stiffness.setter
     def stiffness(self, arg: float, /) -> None: ...
+
     @property
     def damping(self) -> float:
         """[Ns/m]"""
@@ -1503,12 +1379,7 @@ class TipGains:
     @damping.setter
     def damping(self, arg: float, /) -> None: ...
 
-def tip_impedance(
-    desired: PointMotion,
-    position: numpy.typing.ArrayLike,
-    velocity: numpy.typing.ArrayLike,
-    gains: TipGains = ...,
-) -> numpy.typing.NDArray[numpy.float64]:
+def tip_impedance(desired: PointMotion, position: numpy.typing.ArrayLike, velocity: numpy.typing.ArrayLike, gains: TipGains = ...) -> numpy.typing.NDArray[numpy.float64]:
     """
     The force that brings a tip to its desired position [N]: `stiffness * dx + damping * dv`.
     Add the force with which the tip should press. The joint torques for a force are `J' force`
@@ -1521,9 +1392,8 @@ class LowPassFilter:
     """
 
     def __init__(self, cutoff_frequency: float) -> None: ...
-    def update(
-        self, sample: numpy.typing.ArrayLike, elapsed: float
-    ) -> numpy.typing.NDArray[numpy.float64]:
+
+    def update(self, sample: numpy.typing.ArrayLike, elapsed: float) -> numpy.typing.NDArray[numpy.float64]:
         """
         Takes the next sample, `elapsed` [s] after the previous one, and returns the filtered
         signal. The first sample passes unchanged. A sample with another number of values passes
@@ -1537,9 +1407,8 @@ class Derivative:
     """The rate at which up to nine numbers change, low-pass filtered."""
 
     def __init__(self, cutoff_frequency: float) -> None: ...
-    def update(
-        self, sample: numpy.typing.ArrayLike, elapsed: float
-    ) -> numpy.typing.NDArray[numpy.float64]:
+
+    def update(self, sample: numpy.typing.ArrayLike, elapsed: float) -> numpy.typing.NDArray[numpy.float64]:
         """
         Takes the next sample, `elapsed` [s] after the previous one, and returns the rate [1/s]. The
         rate of the first sample is zero. A sample with no time since the previous one changes
@@ -1564,6 +1433,7 @@ class PoseEstimator:
     """
 
     def __init__(self, bandwidth: float = ...) -> None: ...
+
     def update(self, time: float, pose: Pose, known: Motion = ...) -> bool:
         """
         Takes `pose`, measured at `time`, when the known motion was at `known`. Ignores a pose that
@@ -1587,6 +1457,7 @@ class Touch:
     """The place where one tip touches an object, in the object's frame."""
 
     def __init__(self, point: numpy.typing.ArrayLike, normal: numpy.typing.ArrayLike) -> None: ...
+
     @property
     def point(self) -> numpy.typing.NDArray[numpy.float64]:
         """Point on the surface, from the centre [m]."""
@@ -1618,60 +1489,57 @@ def approach_to(touch: Touch, object: Pose, tip_radius: float) -> Approach:
 class GraspPlannerConfig:
     """The candidates that a planner compares, and its requirements."""
 
-    def __init__(
-        self,
-        *,
-        offsets: Sequence[float] = ...,
-        heights: Sequence[float] = ...,
-        friction: float = ...,
-        friction_sides: int = ...,
-        min_normal_force: float = ...,
-        clearance: float = ...,
-        limit_margin: float = ...,
-        largest_torque: float = ...,
-    ) -> None: ...
+    def __init__(self, *, offsets: Sequence[float] = ..., heights: Sequence[float] = ..., friction: float = ..., friction_sides: int = ..., min_normal_force: float = ..., clearance: float = ..., limit_margin: float = ..., largest_torque: float = ...) -> None: ...
+
     @property
     def offsets(self) -> list[float]:
         """Candidate offsets to both sides of a face's middle [m]."""
 
     @offsets.setter
     def offsets(self, arg: Sequence[float], /) -> None: ...
+
     @property
     def heights(self) -> list[float]:
         """Candidate heights above the object's centre [m]."""
 
     @heights.setter
     def heights(self, arg: Sequence[float], /) -> None: ...
+
     @property
     def friction(self) -> float:
         """Friction coefficient that the forces rely on."""
 
     @friction.setter
     def friction(self, arg: float, /) -> None: ...
+
     @property
     def friction_sides(self) -> int:
         """Sides of its friction pyramids, 3 to 8."""
 
     @friction_sides.setter
     def friction_sides(self, arg: int, /) -> None: ...
+
     @property
     def min_normal_force(self) -> float:
         """[N]"""
 
     @min_normal_force.setter
     def min_normal_force(self, arg: float, /) -> None: ...
+
     @property
     def clearance(self) -> float:
         """Distance that fingers keep, except at touching tips [m]."""
 
     @clearance.setter
     def clearance(self, arg: float, /) -> None: ...
+
     @property
     def limit_margin(self) -> float:
         """Distance that joints keep from their soft limits [rad]."""
 
     @limit_margin.setter
     def limit_margin(self, arg: float, /) -> None: ...
+
     @property
     def largest_torque(self) -> float:
         """Share of the motors' torque that carrying may need."""
@@ -1700,13 +1568,7 @@ class GraspPlanner:
     must not be used by several threads at once.
     """
 
-    def __init__(
-        self,
-        config: str = "sim",
-        overrides: dict[str, object] = {},
-        object: str = "cube",
-        settings: GraspPlannerConfig = ...,
-    ) -> None:
+    def __init__(self, config: str = 'sim', overrides: dict[str, object] = {}, object: str = 'cube', settings: GraspPlannerConfig = ...) -> None:
         """
         `config` and `overrides` give the robot, its limits and the scene, as in `Kinematics`. `object` is
         the name of the box.
@@ -1722,123 +1584,120 @@ class GraspPlanner:
 class GraspControllerConfig:
     """Settings of a `GraspController`. docs/control.md explains the gains."""
 
-    def __init__(
-        self,
-        *,
-        object: ObjectGains = ...,
-        tips: TipGains = ...,
-        friction: float = ...,
-        friction_sides: int = ...,
-        slip_friction: float = ...,
-        min_normal_force: float = ...,
-        max_normal_force: float = ...,
-        touch_force: float = ...,
-        approach_speed: float = ...,
-        closing_speed: float = ...,
-        penetration: float = ...,
-        closing_time: float = ...,
-        engage_time: float = ...,
-        roll_time: float = ...,
-        slip_speed: float = ...,
-        lost_time: float = ...,
-        lost_distance: float = ...,
-    ) -> None: ...
+    def __init__(self, *, object: ObjectGains = ..., tips: TipGains = ..., friction: float = ..., friction_sides: int = ..., slip_friction: float = ..., min_normal_force: float = ..., max_normal_force: float = ..., touch_force: float = ..., approach_speed: float = ..., closing_speed: float = ..., penetration: float = ..., closing_time: float = ..., engage_time: float = ..., roll_time: float = ..., slip_speed: float = ..., lost_time: float = ..., lost_distance: float = ...) -> None: ...
+
     @property
     def object(self) -> ObjectGains:
         """How stiffly the object is held."""
 
     @object.setter
     def object(self, arg: ObjectGains, /) -> None: ...
+
     @property
     def tips(self) -> TipGains:
         """How stiffly each tip is held."""
 
     @tips.setter
     def tips(self, arg: TipGains, /) -> None: ...
+
     @property
     def friction(self) -> float:
         """Friction coefficient that the holding forces rely on."""
 
     @friction.setter
     def friction(self, arg: float, /) -> None: ...
+
     @property
     def friction_sides(self) -> int:
         """Sides of its friction pyramids, 3 to 8."""
 
     @friction_sides.setter
     def friction_sides(self, arg: int, /) -> None: ...
+
     @property
     def slip_friction(self) -> float:
         """Largest ratio of tangential to normal force of holding tips."""
 
     @slip_friction.setter
     def slip_friction(self, arg: float, /) -> None: ...
+
     @property
     def min_normal_force(self) -> float:
         """Smallest normal force of each holding tip [N]."""
 
     @min_normal_force.setter
     def min_normal_force(self, arg: float, /) -> None: ...
+
     @property
     def max_normal_force(self) -> float:
         """Largest normal force of each holding tip [N]."""
 
     @max_normal_force.setter
     def max_normal_force(self, arg: float, /) -> None: ...
+
     @property
     def touch_force(self) -> float:
         """Force that counts as a touch [N]."""
 
     @touch_force.setter
     def touch_force(self, arg: float, /) -> None: ...
+
     @property
     def approach_speed(self) -> float:
         """Average speed of the tips on the way [m/s]."""
 
     @approach_speed.setter
     def approach_speed(self, arg: float, /) -> None: ...
+
     @property
     def closing_speed(self) -> float:
         """Speed of tips that search for the faces [m/s]."""
 
     @closing_speed.setter
     def closing_speed(self, arg: float, /) -> None: ...
+
     @property
     def penetration(self) -> float:
         """Depth inside the object up to which tips search for a face [m]."""
 
     @penetration.setter
     def penetration(self, arg: float, /) -> None: ...
+
     @property
     def closing_time(self) -> float:
         """Time in which all tips must have felt their faces [s]."""
 
     @closing_time.setter
     def closing_time(self, arg: float, /) -> None: ...
+
     @property
     def engage_time(self) -> float:
         """Time in which a touch becomes a hold [s]."""
 
     @engage_time.setter
     def engage_time(self, arg: float, /) -> None: ...
+
     @property
     def roll_time(self) -> float:
         """Time constant with which targets follow rolling tips [s]."""
 
     @roll_time.setter
     def roll_time(self, arg: float, /) -> None: ...
+
     @property
     def slip_speed(self) -> float:
         """Speed of a tip along its face above which it slips [m/s]."""
 
     @slip_speed.setter
     def slip_speed(self, arg: float, /) -> None: ...
+
     @property
     def lost_time(self) -> float:
         """Time without touch after which the object is lost [s]."""
 
     @lost_time.setter
     def lost_time(self, arg: float, /) -> None: ...
+
     @property
     def lost_distance(self) -> float:
         """Distance from its target at which the object is lost [m]."""
@@ -1877,12 +1736,8 @@ class JointState:
     Measurements of the nine joints, finger 0 first, from the base to the tip.
     """
 
-    def __init__(
-        self,
-        position: numpy.typing.ArrayLike,
-        velocity: numpy.typing.ArrayLike,
-        torque: numpy.typing.ArrayLike,
-    ) -> None: ...
+    def __init__(self, position: numpy.typing.ArrayLike, velocity: numpy.typing.ArrayLike, torque: numpy.typing.ArrayLike) -> None: ...
+
     @property
     def position(self) -> numpy.typing.NDArray[numpy.float64]:
         """[rad]"""
@@ -1900,6 +1755,7 @@ class GraspState:
 
     @property
     def phase(self) -> GraspPhase: ...
+
     @property
     def wanted(self) -> ForceDistribution:
         """
@@ -1960,13 +1816,7 @@ class GraspController:
     not be used by several threads at once.
     """
 
-    def __init__(
-        self,
-        body: RigidBody,
-        config: str = "sim",
-        overrides: dict[str, object] = {},
-        settings: GraspControllerConfig = ...,
-    ) -> None:
+    def __init__(self, body: RigidBody, config: str = 'sim', overrides: dict[str, object] = {}, settings: GraspControllerConfig = ...) -> None:
         """
         `body` is the object. `config` and `overrides` give the robot and its limits, as in `Kinematics`.
         """
@@ -1980,9 +1830,7 @@ class GraspController:
     def release(self) -> None:
         """Releases the object in any phase."""
 
-    def update(
-        self, elapsed: float, joints: JointState, object: Motion, desired: Motion
-    ) -> numpy.typing.NDArray[numpy.float64]:
+    def update(self, elapsed: float, joints: JointState, object: Motion, desired: Motion) -> numpy.typing.NDArray[numpy.float64]:
         """
         Returns the nine joint torques for the next step [Nm], `elapsed` [s] after the previous
         step. `object` is the object's pose and motion. `desired` is its desired motion while it is
@@ -2001,12 +1849,8 @@ class Lens:
     (0, 0) is the centre of the first one.
     """
 
-    def __init__(
-        self,
-        focal_length: numpy.typing.ArrayLike,
-        principal_point: numpy.typing.ArrayLike,
-        distortion: numpy.typing.ArrayLike = ...,
-    ) -> None: ...
+    def __init__(self, focal_length: numpy.typing.ArrayLike, principal_point: numpy.typing.ArrayLike, distortion: numpy.typing.ArrayLike = ...) -> None: ...
+
     @property
     def focal_length(self) -> numpy.typing.NDArray[numpy.float64]:
         """Focal lengths [pixel]."""
@@ -2036,16 +1880,8 @@ class Lens:
 class Camera:
     """A calibrated camera."""
 
-    def __init__(
-        self,
-        name: str,
-        width: int,
-        height: int,
-        pixels: str,
-        lens: Lens,
-        pose: numpy.typing.ArrayLike,
-        serial: str = ...,
-    ) -> None: ...
+    def __init__(self, name: str, width: int, height: int, pixels: str, lens: Lens, pose: numpy.typing.ArrayLike, serial: str = ...) -> None: ...
+
     @property
     def name(self) -> str:
         """For example "camera60"."""
@@ -2099,9 +1935,8 @@ class CameraCalibration:
     The cameras of a robot as they were calibrated, in the order of its images.
     """
 
-    def __init__(
-        self, cameras: Sequence[Camera], date: str = ..., residual: float = ...
-    ) -> None: ...
+    def __init__(self, cameras: Sequence[Camera], date: str = ..., residual: float = ...) -> None: ...
+
     @property
     def date(self) -> str:
         """When it was measured: "2026-11-22 21:50:00 UTC"; empty if unknown."""
@@ -2142,38 +1977,14 @@ class Policy:
     One policy must not be used by several threads at once: each needs its own.
     """
 
-    def __init__(self, path: str | os.PathLike[str], *, precision: str = "double") -> None:
+    def __init__(self, path: str | os.PathLike[str], *, precision: str = 'double') -> None:
         """
         Reads the file at `path`. Sums have 'double' or 'single' precision. 'single' takes about half the
         time and rounds as much as PyTorch does.
         """
 
     @staticmethod
-    def from_layers(
-        layers: Sequence[
-            tuple[
-                Annotated[
-                    NDArray[numpy.float32],
-                    dict(shape=(None, None), order="C", device="cpu", writable=False),
-                ],
-                Annotated[
-                    NDArray[numpy.float32],
-                    dict(shape=(None,), order="C", device="cpu", writable=False),
-                ],
-                str,
-            ]
-        ],
-        *,
-        mean: Sequence[float] | None = ...,
-        variance: Sequence[float] | None = ...,
-        epsilon: float = ...,
-        clip: float = ...,
-        low: Sequence[float] | None = ...,
-        high: Sequence[float] | None = ...,
-        bounding: str = ...,
-        metadata: Mapping[str, str] = ...,
-        precision: str = ...,
-    ) -> Policy:
+    def from_layers(layers: Sequence[tuple[Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], str]], *, mean: Sequence[float] | None = ..., variance: Sequence[float] | None = ..., epsilon: float = ..., clip: float = ..., low: Sequence[float] | None = ..., high: Sequence[float] | None = ..., bounding: str = ..., metadata: Mapping[str, str] = ..., precision: str = ...) -> Policy:
         """
         Makes a policy from layers: weights with one row per output, bias, and 'identity', 'relu' or 'tanh'.
         Inputs are normalised with `mean` and `variance`. Outputs are brought between `low` and `high`, by
@@ -2195,8 +2006,10 @@ class Policy:
 
     @property
     def num_inputs(self) -> int: ...
+
     @property
     def num_outputs(self) -> int: ...
+
     @property
     def widths(self) -> list[int]:
         """Number of inputs, then number of outputs of each layer."""
@@ -2256,12 +2069,9 @@ class Episodes:
     `trifinger.environments` uses it.
     """
 
-    def __init__(
-        self, task: object, options: str, config: str, overrides: dict[str, object]
-    ) -> None: ...
-    def begin(
-        self, seed: int, number: int
-    ) -> tuple[list[float], list[float], list[float], list[float], Variation, int]:
+    def __init__(self, task: object, options: str, config: str, overrides: dict[str, object]) -> None: ...
+
+    def begin(self, seed: int, number: int) -> tuple[list[float], list[float], list[float], list[float], Variation, int]:
         """
         Draws the beginning of episode `number` of `seed`. The same arguments give the same episode.
 
@@ -2277,17 +2087,10 @@ class Episodes:
         Joint positions that bring a robot to where the episode begins: a row for each action [rad].
         """
 
-    def take_action(
-        self, numbers: numpy.typing.NDArray[numpy.float32]
-    ) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64]]:
+    def take_action(self, numbers: numpy.typing.NDArray[numpy.float32]) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64]]:
         """Torques [Nm] and positions [rad] of the joints for one action."""
 
-    def observe(
-        self,
-        position: numpy.typing.ArrayLike,
-        velocity: numpy.typing.ArrayLike,
-        object: tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike] | None = None,
-    ) -> tuple[float, bool, bool, bool]:
+    def observe(self, position: numpy.typing.ArrayLike, velocity: numpy.typing.ArrayLike, object: tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike] | None = None) -> tuple[float, bool, bool, bool]:
         """
         Computes the observation after the actions that `episode` counts. The outcome is judged by
         the goal that was shown before, which is written to `desired`. If a new goal begins now, it
@@ -2306,35 +2109,34 @@ class Episodes:
 
     @property
     def goal(self) -> tuple[str, str, list[float], list[float]]: ...
+
     @property
     def flat_names(self) -> list[str]: ...
+
     @property
     def episode_actions(self) -> int: ...
+
     @property
     def num_joints(self) -> int: ...
+
     @property
     def object_name(self) -> str: ...
-    def compute_reward(
-        self,
-        achieved: Annotated[
-            NDArray[numpy.float64],
-            dict(shape=(None, None), order="C", device="cpu", writable=False),
-        ],
-        desired: Annotated[
-            NDArray[numpy.float64],
-            dict(shape=(None, None), order="C", device="cpu", writable=False),
-        ],
-    ) -> Annotated[NDArray[numpy.float64], dict(shape=(None,), order="C")]:
+
+    def compute_reward(self, achieved: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], desired: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C')]:
         """One reward for each row."""
 
     @property
     def observation(self) -> numpy.typing.NDArray[numpy.float32]: ...
+
     @property
     def achieved(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
     @property
     def desired(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
     @property
     def distance(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
     @property
     def finger_rewards(self) -> numpy.typing.NDArray[numpy.float64]: ...
 
@@ -2350,18 +2152,13 @@ class EnvironmentBatch:
     `trifinger.environments.VectorEnvironment` uses it.
     """
 
-    def __init__(
-        self,
-        task: str,
-        options: str,
-        size: int,
-        num_threads: int,
-        config: str,
-        overrides: dict[str, object],
-    ) -> None: ...
+    def __init__(self, task: str, options: str, size: int, num_threads: int, config: str, overrides: dict[str, object]) -> None: ...
+
     def __len__(self) -> int: ...
+
     @property
     def num_threads(self) -> int: ...
+
     def seed(self, index: int, seed: int, episode: int = ...) -> None:
         """
         Makes the next `reset` of simulation `index` begin this episode of `seed`. Each later reset
@@ -2399,57 +2196,67 @@ class EnvironmentBatch:
 
     @property
     def goal(self) -> tuple[str, str, list[float], list[float]]: ...
+
     @property
     def flat_names(self) -> list[str]: ...
+
     @property
     def episode_actions(self) -> int: ...
+
     @property
     def num_joints(self) -> int: ...
+
     @property
     def object_name(self) -> str: ...
-    def compute_reward(
-        self,
-        achieved: Annotated[
-            NDArray[numpy.float64],
-            dict(shape=(None, None), order="C", device="cpu", writable=False),
-        ],
-        desired: Annotated[
-            NDArray[numpy.float64],
-            dict(shape=(None, None), order="C", device="cpu", writable=False),
-        ],
-    ) -> Annotated[NDArray[numpy.float64], dict(shape=(None,), order="C")]:
+
+    def compute_reward(self, achieved: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], desired: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C')]:
         """One reward for each row."""
 
     @property
     def observation(self) -> numpy.typing.NDArray[numpy.float32]: ...
+
     @property
     def achieved(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
     @property
     def desired(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
     @property
     def final_observation(self) -> numpy.typing.NDArray[numpy.float32]: ...
+
     @property
     def final_achieved(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
     @property
     def final_desired(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
     @property
     def distance(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
     @property
     def finger_rewards(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
     @property
     def final_distance(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
     @property
     def final_finger_rewards(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
     @property
     def reward(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
     @property
     def terminated(self) -> numpy.typing.NDArray[numpy.uint8]: ...
+
     @property
     def truncated(self) -> numpy.typing.NDArray[numpy.uint8]: ...
+
     @property
     def success(self) -> numpy.typing.NDArray[numpy.uint8]: ...
+
     @property
     def final_success(self) -> numpy.typing.NDArray[numpy.uint8]: ...
+
     @property
     def fault(self) -> numpy.typing.NDArray[numpy.int32]: ...
 
@@ -2476,6 +2283,7 @@ class StepsIterator:
     """Iterator that LoggedSession.chunks() returns."""
 
     def __iter__(self) -> StepsIterator: ...
+
     def __next__(self) -> trifinger.log.types.Steps: ...
 
 class LoggedSession:
@@ -2493,6 +2301,7 @@ class LoggedSession:
     """
 
     def __repr__(self) -> str: ...
+
     @property
     def name(self) -> str:
         """Name of the session, "sim", or "sim.object" for a companion."""
@@ -2503,10 +2312,13 @@ class LoggedSession:
 
     @property
     def is_companion(self) -> bool: ...
+
     @property
     def session_id(self) -> int: ...
+
     @property
     def is_real_time(self) -> bool: ...
+
     @property
     def realtime_lacks(self) -> list[str] | None:
         """
@@ -2524,8 +2336,10 @@ class LoggedSession:
 
     @property
     def host(self) -> str: ...
+
     @property
     def backend_pid(self) -> int: ...
+
     @property
     def documents(self) -> dict[str, str]:
         """
@@ -2567,10 +2381,13 @@ class LoggedSession:
 
     @property
     def desired_actions(self) -> numpy.typing.NDArray[Action]: ...
+
     @property
     def applied_actions(self) -> numpy.typing.NDArray[AppliedAction]: ...
+
     @property
     def statuses(self) -> numpy.typing.NDArray[StatusElement]: ...
+
     @property
     def time_index(self) -> numpy.typing.NDArray[numpy.int64]:
         """
@@ -2589,11 +2406,12 @@ class LoggedSession:
         """
 
     def get_desired_action(self, t: int) -> Action: ...
+
     def get_applied_action(self, t: int) -> AppliedAction: ...
+
     def get_status(self, t: int) -> StatusElement: ...
-    def get_observations(
-        self, first: int, last: int, fields: str | Sequence[str] | None = None
-    ) -> numpy.typing.NDArray[Observation]:
+
+    def get_observations(self, first: int, last: int, fields: str | Sequence[str] | None = None) -> numpy.typing.NDArray[Observation]:
         """
         Returns the steps from `first` to before `last`, with only these `fields` if given. Row
         i is step `first + i`, so all steps must be in the log.
@@ -2601,15 +2419,12 @@ class LoggedSession:
         If the session ended in step N, the log has an observation and a status N, but no actions N.
         """
 
-    def get_desired_actions(
-        self, first: int, last: int, fields: str | Sequence[str] | None = None
-    ) -> numpy.typing.NDArray[Action]: ...
-    def get_applied_actions(
-        self, first: int, last: int, fields: str | Sequence[str] | None = None
-    ) -> numpy.typing.NDArray[AppliedAction]: ...
-    def get_statuses(
-        self, first: int, last: int, fields: str | Sequence[str] | None = None
-    ) -> numpy.typing.NDArray[StatusElement]: ...
+    def get_desired_actions(self, first: int, last: int, fields: str | Sequence[str] | None = None) -> numpy.typing.NDArray[Action]: ...
+
+    def get_applied_actions(self, first: int, last: int, fields: str | Sequence[str] | None = None) -> numpy.typing.NDArray[AppliedAction]: ...
+
+    def get_statuses(self, first: int, last: int, fields: str | Sequence[str] | None = None) -> numpy.typing.NDArray[StatusElement]: ...
+
     def get_latest_at(self, t: int) -> Observation | None:
         """
         For companions: returns the newest element that arrived at or before the robot's step
@@ -2637,12 +2452,7 @@ class LoggedSession:
         real-time mode, or if the statuses have another version. Reads all statuses.
         """
 
-    def read(
-        self,
-        first: int | None = None,
-        last: int | None = None,
-        series: Mapping[str, Sequence[str] | None] | Sequence[str] | None = None,
-    ) -> trifinger.log.types.Steps:
+    def read(self, first: int | None = None, last: int | None = None, series: Mapping[str, Sequence[str] | None] | Sequence[str] | None = None) -> trifinger.log.types.Steps:
         """
         Reads the existing whole steps from `first` to before `last`.
 
@@ -2651,13 +2461,7 @@ class LoggedSession:
         `{"observation": ("position",), "status": None}`.
         """
 
-    def chunks(
-        self,
-        count: int = 10000,
-        first: int | None = None,
-        last: int | None = None,
-        series: Mapping[str, Sequence[str] | None] | Sequence[str] | None = None,
-    ) -> Iterator[trifinger.log.types.Steps]:
+    def chunks(self, count: int = 10000, first: int | None = None, last: int | None = None, series: Mapping[str, Sequence[str] | None] | Sequence[str] | None = None) -> Iterator[trifinger.log.types.Steps]:
         """
         Reads like read(), but `count` rows at a time, for a log larger than memory.
         """
@@ -2679,35 +2483,18 @@ class LoggedSession:
         Units of the fields of each series: `units["observation"]["position"]` is "rad".
         """
 
-    def to_pandas(
-        self,
-        first: int | None = None,
-        last: int | None = None,
-        series: Mapping[str, Sequence[str] | None] | Sequence[str] | None = None,
-    ) -> pandas.DataFrame:
+    def to_pandas(self, first: int | None = None, last: int | None = None, series: Mapping[str, Sequence[str] | None] | Sequence[str] | None = None) -> pandas.DataFrame:
         """
         Reads like read() into a pandas.DataFrame: a row per step, a column per number, for
         example "observation.position[0]". Needs the extra "export".
         """
 
-    def to_csv(
-        self,
-        path: str | os.PathLike[str],
-        first: int | None = None,
-        last: int | None = None,
-        series: Mapping[str, Sequence[str] | None] | Sequence[str] | None = None,
-    ) -> None:
+    def to_csv(self, path: str | os.PathLike[str], first: int | None = None, last: int | None = None, series: Mapping[str, Sequence[str] | None] | Sequence[str] | None = None) -> None:
         """
         Writes the table of to_pandas() to a CSV file, in parts, so that it may be larger than memory.
         """
 
-    def to_parquet(
-        self,
-        path: str | os.PathLike[str],
-        first: int | None = None,
-        last: int | None = None,
-        series: Mapping[str, Sequence[str] | None] | Sequence[str] | None = None,
-    ) -> None:
+    def to_parquet(self, path: str | os.PathLike[str], first: int | None = None, last: int | None = None, series: Mapping[str, Sequence[str] | None] | Sequence[str] | None = None) -> None:
         """Writes the table of to_pandas() to a Parquet file, in parts."""
 
     @property
@@ -2740,7 +2527,9 @@ class Log:
     """
 
     def __init__(self, path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]]) -> None: ...
+
     def __repr__(self) -> str: ...
+
     @property
     def files(self) -> list[pathlib.Path]:
         """The files, in the order of the parts."""
@@ -2786,14 +2575,7 @@ class Log:
         Number of bytes of the files that could not be used. Reads the whole log once.
         """
 
-def replay(
-    log: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | Log | LoggedSession,
-    *,
-    robot: str = "",
-    first: int | None = None,
-    last: int | None = None,
-    strict: bool = True,
-) -> Frontend:
+def replay(log: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | Log | LoggedSession, *, robot: str = '', first: int | None = None, last: int | None = None, strict: bool = True) -> Frontend:
     """
     Plays a session of a log as if it were the robot, inside the waits of the front-end.
 
@@ -2809,9 +2591,7 @@ def replay(
     Raises NotInLog if a step is missing in the log, InvalidArgument.
     """
 
-def balanced_blocks(
-    image: Annotated[NDArray[numpy.uint8], dict(order="C", device="cpu", writable=False)],
-) -> numpy.typing.NDArray[numpy.float64]:
+def balanced_blocks(image: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu', writable=False)]) -> numpy.typing.NDArray[numpy.float64]:
     """
     The mean red, green and blue of each block, 0 to 255, with a white balance that makes most
     of the image grey.
@@ -2819,12 +2599,7 @@ def balanced_blocks(
     Raises InvalidArgument if the image has no colours, or another size than its format says.
     """
 
-def faces_in_blocks(
-    calibration: str,
-    object: TrackedObject,
-    position: numpy.typing.ArrayLike,
-    orientation: numpy.typing.ArrayLike,
-) -> list[list[int]]:
+def faces_in_blocks(calibration: str, object: TrackedObject, position: numpy.typing.ArrayLike, orientation: numpy.typing.ArrayLike) -> list[list[int]]:
     """
     For each block of a camera's image the index of the face that it shows if the object has
     this `pose`, or a `BlockContent`. Whatever stands in front of the object is not known.
@@ -2835,13 +2610,12 @@ class TrackedObject:
 
     @property
     def name(self) -> str: ...
+
     @property
     def colours(self) -> list[str]:
         """The colour of each face."""
 
-def coloured_box(
-    name: str, size: numpy.typing.ArrayLike, colours: Sequence[str] = ..., rim: float = ...
-) -> TrackedObject:
+def coloured_box(name: str, size: numpy.typing.ArrayLike, colours: Sequence[str] = ..., rim: float = ...) -> TrackedObject:
     """
     A box with whole lengths `size` [m]. The colour of a face ends `rim` before its edges [m];
     the rest is dark.
@@ -2849,7 +2623,7 @@ def coloured_box(
     Raises InvalidArgument if the rim leaves nothing of a face.
     """
 
-def tracked_object(config: str = ..., overrides: dict = ..., name: str = ...) -> TrackedObject:
+def tracked_object(config: str = 'sim', overrides: dict[str, object] = {}, name: str = 'cube') -> TrackedObject:
     """
     An object of a scene as the simulation draws it: boxes have the colours of the competition's
     cubes, and rims.
@@ -2857,12 +2631,7 @@ def tracked_object(config: str = ..., overrides: dict = ..., name: str = ...) ->
     Raises InvalidArgument if it has no faces with different colours, like a stick or a ball.
     """
 
-def coloured_mesh(
-    name: str,
-    vertices: Sequence[Sequence[float]],
-    triangles: Sequence[Sequence[int]],
-    colours: Sequence[str],
-) -> TrackedObject:
+def coloured_mesh(name: str, vertices: Sequence[Sequence[float]], triangles: Sequence[Sequence[int]], colours: Sequence[str]) -> TrackedObject:
     """
     A convex mesh: the hull of `vertices` [m], whose triangles have colours. Triangles of one
     colour in one plane become one face.
@@ -2875,12 +2644,16 @@ class Estimate:
 
     @property
     def is_sure(self) -> bool: ...
+
     @property
     def is_found(self) -> bool: ...
+
     @property
     def position(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
     @property
     def orientation(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
     @property
     def position_deviation(self) -> numpy.typing.NDArray[numpy.float64]:
         """Standard deviations [m]."""
@@ -2912,18 +2685,9 @@ class Tracker:
     Knows nothing of earlier images: the same images give the same estimate. Not thread-safe.
     """
 
-    def __init__(
-        self,
-        calibration: str,
-        object: TrackedObject,
-        colours: str | None = ...,
-        calibration_error: float = ...,
-    ) -> None: ...
-    def track(
-        self,
-        images: Sequence[NDArray[numpy.uint8] | None],
-        guess: tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike] | None = None,
-    ) -> Estimate:
+    def __init__(self, calibration: str, object: TrackedObject, colours: str | None = ..., calibration_error: float = ...) -> None: ...
+
+    def track(self, images: Sequence[NDArray[numpy.uint8] | None], guess: tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike] | None = None) -> Estimate:
         """
         Where the object is in these images, one of each camera. An empty image stands for one that
         is missing or damaged. `guess` is where the object may be, such as its last pose. It saves
