@@ -128,6 +128,7 @@ int track(const TrackOptions& options) {
                                             ? tracking::read_colour_model(*options.colours)
                                             : tracking::ColourModel::standard();
   std::vector<TrackedThing> things;
+  things.reserve(description.objects.size());
   for (const ObjectDescription& object : description.objects) {
     things.emplace_back(cameras, object, colours);
   }

@@ -108,8 +108,10 @@ void bind_tracking(nb::module_& m) {
       "faces_in_blocks",
       [](const std::string& calibration, const TrackedObject& object, const Vector3& position,
          const Vector4& orientation) {
+        const std::vector<camera::Camera> cameras = cameras_from(calibration);
         std::vector<std::vector<int>> contents;
-        for (const camera::Camera& camera : cameras_from(calibration))
+        contents.reserve(cameras.size());
+        for (const camera::Camera& camera : cameras)
           contents.push_back(faces_in_blocks(camera, object, pose_of(position, orientation)));
         return contents;
       },
@@ -124,6 +126,7 @@ void bind_tracking(nb::module_& m) {
           "colours",
           [](const TrackedObject& object) {
             std::vector<std::string> colours;
+            colours.reserve(object.faces.size());
             for (const ColouredFace& face : object.faces) colours.push_back(face.colour);
             return colours;
           },
@@ -154,6 +157,7 @@ void bind_tracking(nb::module_& m) {
          const std::vector<std::array<int, 3>>& triangles,
          const std::vector<std::string>& colours) {
         std::vector<Eigen::Vector3d> points;
+        points.reserve(vertices.size());
         for (const auto& [x, y, z] : vertices) points.emplace_back(x, y, z);
         return coloured_mesh(std::move(name), points, triangles, colours);
       },

@@ -118,7 +118,7 @@ TrackedObject coloured_mesh(std::string name, const std::vector<Eigen::Vector3d>
     std::array<Eigen::Vector3d, 3> corners;
     for (std::size_t k = 0; k < 3; ++k) {
       const int vertex = triangles[i][k];
-      if (vertex < 0 || vertex >= static_cast<int>(vertices.size())) {
+      if (vertex < 0 || static_cast<std::size_t>(vertex) >= vertices.size()) {
         throw InvalidArgument(
             text_of("triangle ", i, " has vertex ", vertex, "; the mesh has ", vertices.size()));
       }

@@ -201,7 +201,7 @@ Estimate Tracker::Parts::searched() noexcept {
       } else if (count < kFinalists) {
         finalists[count++] = {score, pose};
       } else {
-        const auto worst = std::ranges::min_element(
+        auto* const worst = std::ranges::min_element(
             finalists, {}, [](const auto& finalist) { return finalist.first; });
         if (score > worst->first) *worst = {score, pose};
       }
