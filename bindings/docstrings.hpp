@@ -667,7 +667,7 @@ of the image grey.
 
 Raises InvalidArgument if the image has no colours, or another size than its format says.)";
 inline constexpr const char* coloured_box = R"(A box with whole lengths `size` [m]. The colour of a face ends `rim` before its edges [m];
-the rest is as dark as the rims of the simulation's boxes, or as the background.
+the rest is dark.
 
 Raises InvalidArgument if the rim leaves nothing of a face.)";
 inline constexpr const char* coloured_mesh = R"(A convex mesh: the hull of `vertices` [m], whose triangles have colours. Triangles of one

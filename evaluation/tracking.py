@@ -11,12 +11,11 @@ import tempfile
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import trifinger
 from tracking_scenes import VARIANTS, Scene, Scenes, angle, config_of
-from trifinger.arrays import Array
 from trifinger.tracking import Tracker, tracked_object
 
 SEED = 23
@@ -24,7 +23,7 @@ WRONG_ANGLE = 20.0  # [degrees]: a pose this far off shows other faces
 WRONG_DISTANCE = 0.02  # [m]
 AGAIN = 10  # images of each repeated scene
 REPEATED = 10  # one of this many scenes is repeated
-QUALITY: dict[str, Any] = {"detail": 1.0, "multisampling": 4, "shadows": True}
+QUALITY = {"detail": 1.0, "multisampling": 4, "shadows": True}
 RESULTS = Path(__file__).parent.parent / "docs/results/tracking.md"
 TEXT = """\
 <!-- SPDX-License-Identifier: BSD-3-Clause -->
@@ -33,15 +32,16 @@ TEXT = """\
 Written by `./run evaluate tracking --scenes {scenes}`: {scenes} scenes of the three robots, the
 cube anywhere in the arena up to 13 cm high, {contacts:.1f} fingers at it on average, three images
 of 540 x 540 in Bayer mosaic. Light, colours, dust, noise and exposure differ; cameras differ from
-their calibration by 0.5 pixel. The tracker knows nothing of earlier images.
+their calibration by 0.5 pixel. The tracker knows nothing of earlier images. The first four rows
+and the repeated scenes count what it was sure of.
 
 | measure | reach | is | held |
 |---|---|---|---|
 {rows}
 
-The tracker was sure of {sure} of {scenes} scenes. All others it called unsure or not found,
-{good} of them with a pose within 3 mm and 2.5 degrees. With a guess a few millimetres off, an
-estimate takes {guessed:.1f} ms (median). The error of a sure estimate is within twice its standard
+The tracker was sure of {sure} of {scenes} scenes. All others it called unsure or not found, {good}
+of them with a pose within 3 mm and 2.5 degrees. With a guess a few millimetres off, an estimate
+takes {guessed:.1f} ms (median). The error of a sure estimate is within twice its standard
 deviations in {within:.0f} % of the scenes.
 """
 
@@ -73,7 +73,7 @@ class Row(NamedTuple):
 
     @property
     def holds(self) -> bool:
-        """Whether the value is within its limit."""
+        """True if the value is within the limit."""
         return self.value <= self.limit
 
     def __str__(self) -> str:
@@ -81,7 +81,9 @@ class Row(NamedTuple):
         return f"{text} {'yes' if self.holds else 'no'} |"
 
 
-def perturbed(position: Array, orientation: Array, number: int) -> tuple[Array, Array]:
+def perturbed(
+    position: np.ndarray, orientation: np.ndarray, number: int
+) -> tuple[np.ndarray, np.ndarray]:
     """A guess that is some millimetres and degrees off."""
     random = np.random.default_rng([SEED, number, 1])
     turned = orientation + random.normal(scale=0.02, size=4)

@@ -101,28 +101,32 @@ void bind_tracking(nb::module_& m) {
         RowMajor rows(static_cast<Eigen::Index>(blocks.size()), 3);
         for (std::size_t i = 0; i < blocks.size(); ++i)
           rows.row(static_cast<Eigen::Index>(i)) = blocks[i].cast<double>();
-        return nb::steal(write_array(rows));
+        return Array{rows};
       },
-      "image"_a,
-      nb::sig("def balanced_blocks(image: numpy.typing.ArrayLike) -> "
-              "numpy.typing.NDArray[numpy.float64]"),
-      docs::balanced_blocks);
+      "image"_a, docs::balanced_blocks);
   m.def(
       "faces_in_blocks",
       [](const std::string& calibration, const TrackedObject& object, const Vector3& position,
          const Vector4& orientation) {
+        const std::vector<camera::Camera> cameras = cameras_from(calibration);
         std::vector<std::vector<int>> contents;
-        for (const camera::Camera& camera : cameras_from(calibration))
+        contents.reserve(cameras.size());
+        for (const camera::Camera& camera : cameras)
           contents.push_back(faces_in_blocks(camera, object, pose_of(position, orientation)));
         return contents;
       },
-      "calibration"_a, "object"_a, "position"_a, "orientation"_a, docs::faces_in_blocks);
+      "calibration"_a, "object"_a, "position"_a, "orientation"_a,
+      nb::sig("def faces_in_blocks(calibration: str, object: TrackedObject, position: "
+              "numpy.typing.ArrayLike, "
+              "orientation: numpy.typing.ArrayLike) -> list[list[int]]"),
+      docs::faces_in_blocks);
   nb::class_<TrackedObject>(m, "TrackedObject", docs::TrackedObject::TrackedObject)
       .def_ro("name", &TrackedObject::name)
       .def_prop_ro(
           "colours",
           [](const TrackedObject& object) {
             std::vector<std::string> colours;
+            colours.reserve(object.faces.size());
             for (const ColouredFace& face : object.faces) colours.push_back(face.colour);
             return colours;
           },
@@ -143,8 +147,9 @@ void bind_tracking(nb::module_& m) {
         throw InvalidArgument("the scene has no object '" + name + "'");
       },
       "config"_a = "sim", "overrides"_a = nb::dict(), "name"_a = "cube",
-      nb::sig("def tracked_object(config: str = 'sim', overrides: dict[str, object] = {}, "
-              "name: str = 'cube') -> TrackedObject"),
+      nb::sig(
+          "def tracked_object(config: str = 'sim', overrides: dict[str, object] = {}, name: str = "
+          "'cube') -> TrackedObject"),
       docs::tracked_object);
   m.def(
       "coloured_mesh",
@@ -152,6 +157,7 @@ void bind_tracking(nb::module_& m) {
          const std::vector<std::array<int, 3>>& triangles,
          const std::vector<std::string>& colours) {
         std::vector<Eigen::Vector3d> points;
+        points.reserve(vertices.size());
         for (const auto& [x, y, z] : vertices) points.emplace_back(x, y, z);
         return coloured_mesh(std::move(name), points, triangles, colours);
       },
@@ -182,7 +188,11 @@ void bind_tracking(nb::module_& m) {
                                {.calibration_error = calibration_error});
           },
           "calibration"_a, "object"_a, "colours"_a = nb::none(), "calibration_error"_a = 0.5)
-      .def("track", &track, "images"_a, "guess"_a = nb::none(), docs::Tracker::track);
+      .def("track", &track, "images"_a, "guess"_a = nb::none(),
+           nb::sig(
+               "def track(self, images: Sequence[NDArray[numpy.uint8] | None], guess: "
+               "tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike] | None = None) -> Estimate"),
+           docs::Tracker::track);
 }
 
 }  // namespace trifinger::bindings

@@ -851,9 +851,7 @@ class CameraRenderer:
 
     @property
     def options(self) -> dict[str, object]:
-        """
-        What the images look like. docs/simulated_cameras.md explains each value.
-        """
+        """What the images look like. docs/cameras.md explains each value."""
 
     def set_options(self, **options: object) -> None:
         """Changes what the next images look like."""
@@ -1790,13 +1788,6 @@ class GraspState:
         """Speeds of `travel`, low-pass filtered at 5 Hz [m/s]."""
 
     @property
-    def felt(self) -> Twist:
-        """
-        The motion of the held object as the tips feel it: they roll on its faces without slipping.
-        Zero while it is not held.
-        """
-
-    @property
     def is_slipping(self) -> bool:
         """True if a tip moves along its face faster than tips roll."""
 
@@ -2600,7 +2591,7 @@ def replay(log: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | Log 
     Raises NotInLog if a step is missing in the log, InvalidArgument.
     """
 
-def balanced_blocks(image: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
+def balanced_blocks(image: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu', writable=False)]) -> numpy.typing.NDArray[numpy.float64]:
     """
     The mean red, green and blue of each block, 0 to 255, with a white balance that makes most
     of the image grey.
@@ -2627,7 +2618,7 @@ class TrackedObject:
 def coloured_box(name: str, size: numpy.typing.ArrayLike, colours: Sequence[str] = ..., rim: float = ...) -> TrackedObject:
     """
     A box with whole lengths `size` [m]. The colour of a face ends `rim` before its edges [m];
-    the rest is as dark as the rims of the simulation's boxes, or as the background.
+    the rest is dark.
 
     Raises InvalidArgument if the rim leaves nothing of a face.
     """
@@ -2696,7 +2687,7 @@ class Tracker:
 
     def __init__(self, calibration: str, object: TrackedObject, colours: str | None = ..., calibration_error: float = ...) -> None: ...
 
-    def track(self, images: Sequence[Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu', writable=False)] | None], guess: tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike] | None = ...) -> Estimate:
+    def track(self, images: Sequence[NDArray[numpy.uint8] | None], guess: tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike] | None = None) -> Estimate:
         """
         Where the object is in these images, one of each camera. An empty image stands for one that
         is missing or damaged. `guess` is where the object may be, such as its last pose. It saves

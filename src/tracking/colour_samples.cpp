@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <numbers>
+#include <string>
 
 #include "colour_table.hpp"
 #include "trifinger/base/error.hpp"
@@ -48,6 +50,7 @@ std::vector<int> faces_in_blocks(const camera::Camera& camera, const TrackedObje
                                  const Eigen::Isometry3d& pose) {
   constexpr double kMargin = 4;  // around edges [pixel]
   std::vector<std::string> colours;
+  colours.reserve(object.faces.size());
   for (const ColouredFace& face : object.faces) colours.push_back(face.colour);
   const detail::Shape shape(object, colours);
   const detail::View view(camera, {});
@@ -57,7 +60,7 @@ std::vector<int> faces_in_blocks(const camera::Camera& camera, const TrackedObje
                             static_cast<int>(BlockContent::kNothing));
   if (view.seen(pose.translation()).z() < 1.5 * shape.radius) return contents;
   const detail::Projected centre = view.project_with_slope(pose.translation());
-  const double reach = shape.radius * centre.slope.norm() / std::sqrt(2.0) + 3 * kMargin;
+  const double reach = shape.radius * centre.slope.norm() / std::numbers::sqrt2 + 3 * kMargin;
   std::size_t block = 0;
   for (int row = 0; row < rows; ++row) {
     for (int column = 0; column < columns; ++column, ++block) {

@@ -100,8 +100,9 @@ void ColourTable::set_cells(const Eigen::Vector3d& gains, Cells& cells) noexcept
 
 Eigen::Vector3d white_balance(const camera::ImageFormat& format,
                               std::span<const std::byte> pixels) noexcept {
-  constexpr int kPerOctave = 32;                 // bins
-  constexpr int kBins = 2 * 2 * kPerOctave + 1;  // ratios from a quarter to four
+  constexpr int kPerOctave = 32;           // bins
+  constexpr int kMiddle = 2 * kPerOctave;  // ratios from a quarter to four
+  constexpr int kBins = 2 * kMiddle + 1;
   constexpr unsigned kDark = 12;
   constexpr unsigned kBright = 250;
   static const std::array<int, kLevels> logs = [] {
@@ -131,7 +132,7 @@ Eigen::Vector3d white_balance(const camera::ImageFormat& format,
       if (green < kDark || std::max({red, green, blue}) > kBright) continue;
       const auto bin = [&](unsigned level) {
         return static_cast<std::size_t>(
-            std::clamp(logs[level] - logs[green] + kBins / 2, 0, kBins - 1));
+            std::clamp(logs[level] - logs[green] + kMiddle, 0, kBins - 1));
       };
       ++reds[bin(red)];
       ++blues[bin(blue)];
@@ -145,7 +146,7 @@ Eigen::Vector3d white_balance(const camera::ImageFormat& format,
     std::size_t i = 0;
     while (2 * (below + bins[i]) < count) below += bins[i++];
     const double within = (0.5 * count - below) / bins[i];
-    return (static_cast<double>(i) - 0.5 + within - kBins / 2) / kPerOctave;
+    return (static_cast<double>(i) - 0.5 + within - kMiddle) / kPerOctave;
   };
   // The balance changes the colours, not the brightness.
   const double red = median(reds);
@@ -174,7 +175,8 @@ void LabelledImage::read(std::span<const std::byte> pixels, const ColourTable& t
   const std::size_t stride =
       static_cast<std::size_t>(format_.width) * camera::channels(format_.pixels);
   const auto columns = static_cast<std::size_t>(columns_);
-  for (std::size_t row = 0; row < static_cast<std::size_t>(rows_); ++row) {
+  const auto rows = static_cast<std::size_t>(rows_);
+  for (std::size_t row = 0; row < rows; ++row) {
     const std::uint8_t* upper = pixels_ + 2 * row * stride;
     const std::uint8_t* lower = upper + stride;
     Labels* const row_labels = labels_.data() + row * columns;
@@ -213,7 +215,8 @@ void LabelledImage::sum_up() noexcept {
     steps_[i] = static_cast<std::uint32_t>(std::lround(kUnit * weights_[i]));
   }
   const auto columns = static_cast<std::size_t>(columns_);
-  for (std::size_t row = 0; row < static_cast<std::size_t>(rows_); ++row) {
+  const auto rows = static_cast<std::size_t>(rows_);
+  for (std::size_t row = 0; row < rows; ++row) {
     const Labels* const labels = labels_.data() + row * columns;
     const std::uint32_t* const above = sums_.data() + row * (columns + 1);
     std::uint32_t* const sums = sums_.data() + (row + 1) * (columns + 1);

@@ -86,9 +86,8 @@ class LabelledImage {
   [[nodiscard]] Labels labels_at(const Eigen::Vector2d& pixel) const noexcept {
     const double x = 0.5 * pixel.x() + 0.25;  // the centre of block 0 is at pixel 0.5
     const double y = 0.5 * pixel.y() + 0.25;
-    const bool is_inside = x >= 0 && y >= 0 && x < columns_ && y < rows_;  // no NaN is
-    if (!is_inside) return {};
-    return labels(static_cast<int>(x), static_cast<int>(y));
+    const bool is_inside = x >= 0 && y >= 0 && x < columns_ && y < rows_;
+    return is_inside ? labels(static_cast<int>(x), static_cast<int>(y)) : Labels{};
   }
   // Whether `margin` pixels around this pixel belong to the image.
   [[nodiscard]] bool contains(const Eigen::Vector2d& pixel, double margin) const noexcept {

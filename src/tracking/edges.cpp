@@ -21,10 +21,7 @@ using Normals = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 7 + 2 *
 
 EdgeFit::EdgeFit(const std::vector<View>& views, const Shape& shape, const ColourTable& table,
                  double calibration_error)
-    : shape_(&shape),
-      table_(&table),
-      calibration_error_(std::max(0.05, calibration_error)),
-      most_lines_(0) {
+    : shape_(&shape), table_(&table), calibration_error_(std::max(0.05, calibration_error)) {
   for (const Face& face : shape.faces) {
     most_lines_ += views.size() * face.corners.size() * kMostSpots;
   }
@@ -90,10 +87,10 @@ bool EdgeFit::find_label_step(const Spot& spot, double reach, double& offset) no
   if (!spot.view->image.contains(spot.pixel, 2)) return false;
   std::array<int, 2 * kMost + 1> is_face{};
   int total = 0;
-  for (int i = -half; i <= half; ++i) {
-    const bool same =
-        spot.view->image.labels_at(spot.pixel + i * kStep * spot.normal).may_be(spot.label);
-    is_face[static_cast<std::size_t>(i + half)] = same ? 1 : -1;
+  for (int i = 0; i <= 2 * half; ++i) {
+    const Eigen::Vector2d pixel = spot.pixel + (i - half) * kStep * spot.normal;
+    const bool same = spot.view->image.labels_at(pixel).may_be(spot.label);
+    is_face[static_cast<std::size_t>(i)] = same ? 1 : -1;
     total += same ? 1 : -1;
   }
   // Inside the step as many blocks as possible have the colour, outside as few as possible.
@@ -159,11 +156,14 @@ bool EdgeFit::find_step(const Spot& spot, double reach, double& offset) const no
     return false;
   }
   const Rgb inner = (colours[at(step - 4)] + colours[at(step - 3)]) / 2;
-  // A rim may be narrow: what lies beyond it is not what the face ends at.
-  Rgb outer = colours[at(step + 2)];
-  if ((colours[at(step + 1)] - inner).squaredNorm() > (outer - inner).squaredNorm()) {
-    outer = colours[at(step + 1)];
-  }
+  // The colour next to the face. A rim may be narrow, so what lies beyond it must not count as it:
+  // of two samples the darker one is the rim. Without a rim, the one that differs more is clear of
+  // the face.
+  const Rgb& near = colours[at(step + 1)];
+  const Rgb& far = colours[at(step + 2)];
+  const bool is_near = shape_->has_rims
+      ? near.sum()<far.sum() : (near - inner).squaredNorm()>(far - inner).squaredNorm();
+  const Rgb outer = is_near ? near : far;
   const Rgb contrast = inner - outer;
   const float size = contrast.squaredNorm();
   constexpr float kLeastContrast = 18;

@@ -24,7 +24,7 @@ std::vector<Eigen::Vector3d> spread(const std::vector<Eigen::Vector3d>& corners,
       const Eigen::Vector3d& to = corners[(i + 1) % corners.size()];
       for (int k = 0; k < kOnEdge[ring]; ++k) {
         const Eigen::Vector3d on_edge = from + (to - from) * k / kOnEdge[ring];
-        points.push_back(centre + kRings[ring] * (on_edge - centre));
+        points.emplace_back(centre + kRings[ring] * (on_edge - centre));
       }
     }
   }
@@ -34,7 +34,7 @@ std::vector<Eigen::Vector3d> spread(const std::vector<Eigen::Vector3d>& corners,
 }  // namespace
 
 Shape::Shape(const TrackedObject& object, const std::vector<std::string>& colours)
-    : radius(0), mean_width(0) {
+    : has_rims(object.rim > 0) {
   double surface = 0;
   for (const ColouredFace& given : object.faces) {
     if (given.corners.size() < 3) {

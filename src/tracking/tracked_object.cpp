@@ -70,7 +70,7 @@ TrackedObject coloured_box(std::string name, const Eigen::Vector3d& size, const 
     double sign;
   };
   constexpr Side kSides[] = {{0, 1}, {1, 1}, {2, 1}, {2, -1}, {0, -1}, {1, -1}};
-  TrackedObject object{.name = std::move(name), .faces = {}};
+  TrackedObject object{.name = std::move(name), .faces = {}, .rim = rim};
   const Eigen::Vector3d half = size / 2;
   for (std::size_t i = 0; i < colours.size(); ++i) {
     const auto [axis, sign] = kSides[i];
@@ -118,7 +118,7 @@ TrackedObject coloured_mesh(std::string name, const std::vector<Eigen::Vector3d>
     std::array<Eigen::Vector3d, 3> corners;
     for (std::size_t k = 0; k < 3; ++k) {
       const int vertex = triangles[i][k];
-      if (vertex < 0 || vertex >= static_cast<int>(vertices.size())) {
+      if (vertex < 0 || static_cast<std::size_t>(vertex) >= vertices.size()) {
         throw InvalidArgument(
             text_of("triangle ", i, " has vertex ", vertex, "; the mesh has ", vertices.size()));
       }
@@ -146,7 +146,7 @@ TrackedObject coloured_mesh(std::string name, const std::vector<Eigen::Vector3d>
       facets.push_back({normal, height, colours[i], {triangles[i]}});
     }
   }
-  TrackedObject object{.name = std::move(name), .faces = {}};
+  TrackedObject object{.name = std::move(name), .faces = {}, .rim = 0};
   for (const Facet& facet : facets) {
     object.faces.push_back({.colour = facet.colour, .corners = outline(facet, vertices)});
   }

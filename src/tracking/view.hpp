@@ -70,8 +70,9 @@ struct Shape {
   Shape(const TrackedObject& object, const std::vector<std::string>& colours);
 
   std::vector<Face> faces;
-  double radius;      // of the ball around the centre that holds the object
-  double mean_width;  // side of the square with the mean area of its silhouettes
+  bool has_rims;
+  double radius{0};      // of the ball around the centre that holds the object
+  double mean_width{0};  // side of the square with the mean area of its silhouettes
 };
 
 // How far a face leans: 1 if it faces the camera, 0 or less if it cannot be seen.

@@ -53,7 +53,8 @@ struct BoxMesh {
         corners[i] = static_cast<int>(vertices.size());
         for (std::size_t k = 0; k < vertices.size(); ++k)
           if ((vertices[k] - face.corners[i]).norm() < 1e-9) corners[i] = static_cast<int>(k);
-        if (corners[i] == static_cast<int>(vertices.size())) vertices.push_back(face.corners[i]);
+        if (static_cast<std::size_t>(corners[i]) == vertices.size())
+          vertices.push_back(face.corners[i]);
       }
       triangles.push_back({corners[0], corners[1], corners[2]});
       triangles.push_back({corners[0], corners[2], corners[3]});

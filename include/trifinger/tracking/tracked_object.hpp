@@ -21,6 +21,7 @@ struct ColouredFace {
 struct TrackedObject {
   std::string name{"cube"};
   std::vector<ColouredFace> faces;
+  double rim{0};  ///< About how wide the dark rims around the faces are [m]; 0 if there are none.
 };
 
 /// The colours of a box's faces: +x, +y, +z, -z, -x, -y.
@@ -29,7 +30,7 @@ using BoxColours = std::array<std::string, 6>;
 [[nodiscard]] BoxColours competition_colours();
 
 /// A box with whole lengths `size` [m]. The colour of a face ends `rim` before its edges [m]; the
-/// rest is as dark as the rims of the simulation's boxes, or as the background.
+/// rest is dark.
 /// @throws InvalidArgument if the rim leaves nothing of a face
 [[nodiscard]] TrackedObject coloured_box(std::string name, const Eigen::Vector3d& size,
                                          const BoxColours& colours = competition_colours(),
