@@ -27,7 +27,7 @@ namespace trifinger::test {
 namespace {
 
 using namespace std::chrono_literals;
-using camera::Camera;
+
 using camera::Frame;
 
 // A camera that delivers what the test says, when it says so.

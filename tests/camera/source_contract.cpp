@@ -10,13 +10,13 @@
 namespace trifinger::test {
 
 TEST_P(SourceContract, HasThreeCamerasThatNeverChange) {
-  const std::vector<std::string> names = under_test.source->names();
-  const std::vector<camera::ImageFormat> formats = under_test.source->formats();
+  const std::vector<std::string> names = under_test_.source->names();
+  const std::vector<camera::ImageFormat> formats = under_test_.source->formats();
   EXPECT_EQ(names.size(), 3U);
   EXPECT_EQ(formats.size(), 3U);
   for (int i = 0; i < 3; ++i) grab();
-  EXPECT_EQ(under_test.source->names(), names);
-  EXPECT_EQ(under_test.source->formats(), formats);
+  EXPECT_EQ(under_test_.source->names(), names);
+  EXPECT_EQ(under_test_.source->formats(), formats);
 }
 
 TEST_P(SourceContract, CountsImagesAndTimesRise) {
@@ -27,7 +27,7 @@ TEST_P(SourceContract, CountsImagesAndTimesRise) {
     grab();
     if (HasFatalFailure()) return;
     for (std::size_t i = 0; i < 3; ++i) {
-      const camera::Frame& frame = grabbed.frames[i];
+      const camera::Frame& frame = grabbed_.frames[i];
       if (frame.state != camera::Frame::State::kGood) continue;
       EXPECT_GE(frame.number, 0);
       EXPECT_GE(frame.exposure, Nanoseconds(0));
@@ -44,18 +44,19 @@ TEST_P(SourceContract, CountsImagesAndTimesRise) {
 
 TEST_P(SourceContract, DeliversAgainAfterNobodyTookItsImages) {
   grab();
-  const std::int64_t number = grabbed.frames[0].number;
+  const std::int64_t number = grabbed_.frames[0].number;
   std::this_thread::sleep_for(std::chrono::milliseconds(300));  // more than any queue holds
   do {
     grab();
     if (HasFatalFailure()) return;
-  } while (grabbed.frames[0].state != camera::Frame::State::kGood);
-  EXPECT_GT(grabbed.frames[0].number, number);
+  } while (grabbed_.frames[0].state != camera::Frame::State::kGood);
+  EXPECT_GT(grabbed_.frames[0].number, number);
 }
 
 TEST_P(SourceContract, LooksWithoutWaiting) {
   for (int i = 0; i < 100; ++i) {
-    static_cast<void>(under_test.source->grab(grabbed.images, grabbed.frames, Nanoseconds::zero()));
+    static_cast<void>(
+        under_test_.source->grab(grabbed_.images, grabbed_.frames, Nanoseconds::zero()));
   }
   grab();
 }

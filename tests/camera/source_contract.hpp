@@ -26,13 +26,13 @@ class SourceContract : public ::testing::TestWithParam<MakeSource> {
  protected:
   // Waits for images.
   void grab() {
-    while (!under_test.source->grab(grabbed.images, grabbed.frames, std::chrono::seconds(1))) {
-      ASSERT_FALSE(under_test.source->has_ended());
+    while (!under_test_.source->grab(grabbed_.images, grabbed_.frames, std::chrono::seconds(1))) {
+      ASSERT_FALSE(under_test_.source->has_ended());
     }
   }
 
-  SourceUnderTest under_test{GetParam()()};
-  Grabbed grabbed{*under_test.source};
+  SourceUnderTest under_test_{GetParam()()};
+  Grabbed grabbed_{*under_test_.source};
 };
 
 }  // namespace trifinger::test

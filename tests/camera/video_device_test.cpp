@@ -200,6 +200,7 @@ std::vector<int> grab(camera::VideoDevice& device, const ImageFormat& format,
   EXPECT_TRUE(device.grab(pixels, found, 0ns));
   if (frame != nullptr) *frame = found;
   std::vector<int> values;
+  values.reserve(pixels.size());
   for (const std::byte pixel : pixels) values.push_back(static_cast<int>(pixel));
   return values;
 }
