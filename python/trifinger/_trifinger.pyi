@@ -851,7 +851,9 @@ class CameraRenderer:
 
     @property
     def options(self) -> dict[str, object]:
-        """What the images look like. docs/cameras.md explains each value."""
+        """
+        What the images look like. docs/simulated_cameras.md explains each value.
+        """
 
     def set_options(self, **options: object) -> None:
         """Changes what the next images look like."""
@@ -1786,6 +1788,13 @@ class GraspState:
     @property
     def slip_speeds(self) -> numpy.typing.NDArray[numpy.float64]:
         """Speeds of `travel`, low-pass filtered at 5 Hz [m/s]."""
+
+    @property
+    def felt(self) -> Twist:
+        """
+        The motion of the held object as the tips feel it: they roll on its faces without slipping.
+        Zero while it is not held.
+        """
 
     @property
     def is_slipping(self) -> bool:
