@@ -26,6 +26,7 @@
 #include "trifinger/manipulation/config.hpp"
 #include "trifinger/manipulation/run.hpp"
 #include "trifinger/realtime/thread.hpp"
+#include "trifinger/sim/robot_cameras.hpp"
 #include "trifinger/sim/robot_config.hpp"
 
 namespace trifinger::apps {
@@ -55,8 +56,7 @@ struct KnownRobot {
 
 KnownRobot robot_of(const Session& session, bool needs_sight) {
   RobotConfig config = robot_config_of(session);
-  const bool sees = config.tracks_objects || (config.boards && config.cameras);
-  if (needs_sight && !sees) {
+  if (needs_sight && !has_tracked_objects(config)) {
     throw InvalidArgument("'" + session.info().name +
                           "' does not see: its simulation says where objects are; 'trifinger run "
                           "sim_tracked' runs a robot that finds them in images");

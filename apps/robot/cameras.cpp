@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <memory>
@@ -25,6 +24,7 @@
 #include "trifinger/core/session.hpp"
 #include "trifinger/realtime/thread.hpp"
 #include "trifinger/rendering/simulated_cameras.hpp"
+#include "trifinger/rendering/simulation_that_sees.hpp"
 #include "trifinger/sim/robot_cameras.hpp"
 #include "trifinger/sim/robot_config.hpp"
 
@@ -91,8 +91,7 @@ std::unique_ptr<camera::Source> open_source(const Cameras& cameras) {
   }
   return std::make_unique<rendering::SimulatedCameras>(
       cameras.robot, cameras.description, cameras.cameras, options.period,
-      rendering::RenderingOptions{.exposure = options.exposure,
-                                  .gain = std::pow(10, options.gain / 20)});
+      rendering::rendering_options(options));
 }
 
 void say(const std::string& robot, const std::string& sentence) {

@@ -118,7 +118,9 @@ void run_boards(const std::string& name, const RobotConfig& config,
   boards::Emulator<R> emulator(options, boards::open_buses(config.boards->bus, options.names, name),
                                plant, clock.now());
   std::optional<SimulatedTracker<R>> tracker;
-  if (!simulation.description.objects.empty()) tracker.emplace(name, plant);
+  if (!simulation.description.objects.empty() && !config.tracks_objects) {
+    tracker.emplace(name, plant);
+  }
   std::optional<SimulatedScene<R>> scene;
   if (has_simulated_cameras(config)) scene.emplace(name, plant, config.cameras->period);
   Faults<R> faults(emulator, name);

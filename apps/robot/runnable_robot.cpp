@@ -123,13 +123,7 @@ std::vector<std::vector<std::string>> programs_for(const RunnableRobot& robot,
                                                    const RobotConfig& config) {
   if (!config.cameras || robot.backend.mode != BackendOptions::Mode::kRealTime) return {};
   std::vector<std::vector<std::string>> programs{{"cameras", robot.name}};
-  // The emulator of boards says itself where objects are.
-  const bool has_objects = std::visit(
-      [](const auto& options) { return !options.description.objects.empty(); }, config.simulation);
-  const bool is_hardware = config.boards && config.boards->bus == boards::BusKind::kSocketCan;
-  if (has_objects && (config.tracks_objects || is_hardware)) {
-    programs.push_back({"track", robot.name});
-  }
+  if (has_tracked_objects(config)) programs.push_back({"track", robot.name});
   return programs;
 }
 

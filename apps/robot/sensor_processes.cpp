@@ -87,6 +87,7 @@ void SensorProcesses::start(Process& process, std::vector<std::string>& news) {
   } catch (const SystemError& error) {
     news.emplace_back(error.what());
     process.next_start = now() + process.pause;
+    process.pause = std::min(2 * process.pause, kLongestPause);
   }
 }
 

@@ -20,6 +20,7 @@
 #include "shared/signals.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/camera/images.hpp"
+#include "trifinger/core/errors.hpp"
 #include "trifinger/core/sensor.hpp"
 #include "trifinger/core/session.hpp"
 #include "trifinger/sim/object_observation.hpp"
@@ -73,8 +74,16 @@ class TrackedThing {
   // A sentence if the object was lost for a while or found again.
   [[nodiscard]] std::optional<std::string> news(Instant time) {
     constexpr Nanoseconds kPatience = std::chrono::milliseconds(500);
+    constexpr Nanoseconds kFirstPatience = std::chrono::seconds(5);
+    if (!begin_) begin_ = time;
     const bool is_there = last_ && time - last_time_ < kPatience;
     if (is_there == was_there_) return std::nullopt;
+    if (!was_there_ && !is_there) {
+      if (time - *begin_ < kFirstPatience) return std::nullopt;
+      was_there_ = false;
+      return name_ + " was not found yet: 'trifinger look' shows what the cameras see, --colours "
+                     "takes colours that were learned from it";
+    }
     was_there_ = is_there;
     if (!is_there) return name_ + " is lost: no pose is written until it is found";
     return fmt::format("{} is found, by {} cameras, to about {:.1f} mm", name_, latest_.cameras,
@@ -87,7 +96,8 @@ class TrackedThing {
   std::optional<Eigen::Isometry3d> last_;
   Instant last_time_{};
   tracking::Estimate latest_;
-  bool was_there_{false};
+  std::optional<bool> was_there_;
+  std::optional<Instant> begin_;
 };
 
 // The good images that were taken together with the newest one; the others are empty.
@@ -152,7 +162,12 @@ int track(const TrackOptions& options) {
     const Instant begin = std::chrono::time_point_cast<Nanoseconds>(Clock::now());
     if (images) {
       Instant time{};
-      const auto pixels = usable(*images, time);
+      std::vector<std::span<const std::byte>> pixels;
+      try {
+        pixels = usable(*images, time);
+      } catch (const HistoryLost&) {
+        continue;  // the process of the cameras has ended meanwhile
+      }
       bool is_complete = true;
       for (std::size_t i = 0; i < things.size(); ++i) {
         const std::optional<ObjectPose> pose = things[i].track(pixels, time);

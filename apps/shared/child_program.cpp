@@ -61,6 +61,8 @@ pid_t start(std::vector<std::string>& words, int input, int output) {
 }  // namespace
 
 ChildProgram::ChildProgram(std::vector<std::string> words) {
+  // Who starts this program may have said that children need not be waited for.
+  std::signal(SIGCHLD, SIG_DFL);
   words.insert(words.begin(), "trifinger");
   Pipe input;
   Pipe output;
@@ -88,8 +90,9 @@ std::vector<std::string> ChildProgram::take_lines() {
 
 std::optional<int> ChildProgram::has_ended() const {
   int status = 0;
-  if (::waitpid(pid_, &status, WNOHANG) != pid_) return std::nullopt;
-  return status;
+  const pid_t ended = ::waitpid(pid_, &status, WNOHANG);
+  if (ended < 0 && errno == ECHILD) return 0;  // somebody else has waited for it
+  return ended == pid_ ? std::optional(status) : std::nullopt;
 }
 
 void ChildProgram::signal(int number) const noexcept { ::kill(pid_, number); }

@@ -139,6 +139,8 @@ void Manipulation::finish_look() noexcept {
   plan_.reset();
   desired_ = {.pose = rest_};
   memory_.assign(kMemory, {.desired = desired_});
+  felt_ = {};
+  known_ = {.pose = rest_};
   estimator_.reset();
   enter(Phase::kPlan);
 }

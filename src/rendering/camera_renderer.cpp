@@ -69,8 +69,8 @@ class CameraRenderer::Implementation {
     const bool changes_pictures =
         moves_cameras || options.multisampling != options_.multisampling ||
         options.shadows != options_.shadows || options.roundness != options_.roundness;
+    if (moves_cameras) make_views(options);
     options_ = options;
-    if (moves_cameras) make_views();
     if (changes_pictures) make_pictures();
     scene_.set_options(options_);
     sensors_.clear();
@@ -119,29 +119,34 @@ class CameraRenderer::Implementation {
     return *data_;
   }
 
-  void make_views() {
-    true_cameras_ = cameras_;
-    Random random{.seed = options_.seed, .episode = 3};
-    if (options_.calibration_error > 0) {
-      for (camera::Camera& camera : true_cameras_) {
-        camera = misaligned(camera, options_.calibration_error, random);
+  void make_views(const RenderingOptions& options) {
+    // Nothing of this object changes if the pictures would be too large.
+    std::vector<camera::Camera> true_cameras = cameras_;
+    Random random{.seed = options.seed, .episode = 3};
+    if (options.calibration_error > 0) {
+      for (camera::Camera& camera : true_cameras) {
+        camera = misaligned(camera, options.calibration_error, random);
       }
     }
     std::vector<detail::View> views;
-    width_ = height_ = 0;
-    for (const camera::Camera& camera : true_cameras_) {
-      views.emplace_back(camera, options_.detail);
-      width_ += views.back().width();
-      height_ = std::max(height_, views.back().height());
+    int width = 0;
+    int height = 0;
+    for (const camera::Camera& camera : true_cameras) {
+      views.emplace_back(camera, options.detail);
+      width += views.back().width();
+      height = std::max(height, views.back().height());
     }
-    require(width_ <= kLargestPicture && height_ <= kLargestPicture,
-            text_of("the images need pictures of ", width_, " x ", height_,
+    require(width <= kLargestPicture && height <= kLargestPicture,
+            text_of("the images need pictures of ", width, " x ", height,
                     " pixels side by side, more than ", kLargestPicture));
     int left = 0;
     for (detail::View& view : views) {
-      view.place(left, width_);
+      view.place(left, width);
       left += view.width();
     }
+    true_cameras_ = std::move(true_cameras);
+    width_ = width;
+    height_ = height;
     views_ = std::move(views);
     sums_.clear();
     for (const camera::Camera& camera : cameras_) sums_.emplace_back(camera.format.size());
@@ -152,7 +157,7 @@ class CameraRenderer::Implementation {
   // Makes what MuJoCo needs to draw, inside of OpenGL.
   void make_pictures() {
     const Context::Use use(context_);
-    if (has_pictures_) mjr_freeContext(&pictures_);
+    if (std::exchange(has_pictures_, false)) mjr_freeContext(&pictures_);
     mjVisual& visual = drawn_->vis;
     visual.global.offwidth = width_;
     visual.global.offheight = height_;

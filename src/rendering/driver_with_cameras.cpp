@@ -112,6 +112,7 @@ bool DriverWithCameras<R>::get_companion_element(std::size_t index, TimeIndex ti
   if (!is_images && (finder_ == nullptr || companion.name != kObjectCompanion)) {
     return robot_.get_companion_element(index, time_index, element);
   }
+  if (has_failed_) return false;
   try {
     advance(time_index);
     return is_images ? get_images({bytes, companion.element.size()}) : get_poses(time_index, bytes);

@@ -46,8 +46,8 @@ bool SimulatedCameras::grab(std::span<const std::span<std::byte>> images,
   while (true) {
     if (!find_robot(deadline)) return false;
     try {
-      if (!find_scene(deadline)) return false;
-      break;
+      if (find_scene(deadline)) break;
+      if (companion_ || deadline.passed()) return false;
     } catch (const RobotStopped&) {
       companion_.reset();  // The next session has a companion of its own.
     }
@@ -100,6 +100,7 @@ bool SimulatedCameras::find_scene(const Deadline& deadline) {
       // The robot stands still, but cameras do not stop.
       const Instant now = steady_clock::now();
       if (now >= *last_ + period_) {
+        if (!goes_on()) return false;
         scene_.time = now;
         return true;
       }
@@ -113,6 +114,14 @@ bool SimulatedCameras::find_scene(const Deadline& deadline) {
       // Far behind: the newest one counts.
     }
   }
+}
+
+// False if the robot's session has ended, or its process. Then its next session is looked for.
+bool SimulatedCameras::goes_on() {
+  const SessionInfo info = companion_->session().info();
+  if (info.phase != SessionInfo::Phase::kEnded && info.backend_is_alive) return true;
+  companion_.reset();
+  return false;
 }
 
 bool SimulatedCameras::is_due() const noexcept {

@@ -3,6 +3,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <optional>
 #include <span>
@@ -57,6 +58,13 @@ class TrackerOfObjects final : public ObjectFinder {
 
 }  // namespace
 
+RenderingOptions rendering_options(const camera::CameraOptions& cameras,
+                                   RenderingOptions rendering) {
+  rendering.exposure = cameras.exposure;
+  rendering.gain *= std::pow(10, cameras.gain / 20);
+  return rendering;
+}
+
 std::unique_ptr<ObjectFinder> make_object_finder(const RobotDescription& description,
                                                  const std::vector<camera::Camera>& cameras) {
   return std::make_unique<TrackerOfObjects>(description, cameras);
@@ -72,8 +80,7 @@ std::unique_ptr<DriverWithCameras<R>> make_driver_with_cameras(SimulatedRobot<R>
   const CaptureOptions capture{.period = std::max<TimeIndex>(config.cameras->period / step, 1),
                                .delay = config.cameras->simulated.delay / step};
   const std::vector<camera::Camera> cameras = camera_calibration(config, name).cameras;
-  RenderingOptions look = rendering;
-  look.exposure = config.cameras->exposure;
+  RenderingOptions look = rendering_options(*config.cameras, rendering);
   look.seed += robot.options().seed;
   return std::make_unique<DriverWithCameras<R>>(
       robot, cameras, capture, look,

@@ -49,6 +49,14 @@ camera::Calibration camera_calibration(const RobotConfig& config, const std::str
   });
 }
 
+bool has_tracked_objects(const RobotConfig& config) noexcept {
+  const bool has_objects = std::visit(
+      [](const auto& options) { return !options.description.objects.empty(); }, config.simulation);
+  // Nobody else knows where objects are beside boards of metal.
+  const bool is_hardware = config.boards && config.boards->bus == boards::BusKind::kSocketCan;
+  return has_objects && config.cameras && (config.tracks_objects || is_hardware);
+}
+
 bool has_simulated_cameras(const RobotConfig& config) noexcept {
   return config.cameras && config.cameras->source == camera::SourceKind::kSimulated;
 }

@@ -233,7 +233,7 @@ Fit EdgeFit::solve(std::size_t cameras, double scale, Eigen::Isometry3d& pose) n
     sum(growth, growth) += 1 / (kGrowth * kGrowth);
     const Eigen::LDLT<Normals> factors(sum);
     unknowns = factors.solve(right);
-    if (round + 1 == kRounds) {
+    if (round + 1 == kRounds || lines_.empty()) {
       inverse.setIdentity(size, size);
       inverse = factors.solve(inverse);
       break;

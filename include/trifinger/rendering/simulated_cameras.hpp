@@ -52,6 +52,7 @@ class SimulatedCameras final : public camera::Source {
 
   [[nodiscard]] bool find_robot(const Deadline& deadline);
   [[nodiscard]] bool find_scene(const Deadline& deadline);
+  [[nodiscard]] bool goes_on();
   [[nodiscard]] bool is_due() const noexcept;
   [[nodiscard]] bool read_newest();
 

@@ -14,6 +14,11 @@
 
 namespace trifinger::rendering {
 
+/// What the simulated cameras of a configuration look like: `rendering`, with their exposure and
+/// gain.
+[[nodiscard]] RenderingOptions rendering_options(const camera::CameraOptions& cameras,
+                                                 RenderingOptions rendering = {});
+
 /// Finds the objects of a scene in the images of its cameras, with a `tracking::Tracker` for each.
 /// There are poses only if all objects were found and are sure.
 /// @throws InvalidArgument if an object has no faces with different colours, or the images none
@@ -30,7 +35,8 @@ template <class R>
     const RenderingOptions& rendering = {});
 
 /// A simulation of a configured robot in this process, without real time, with the cameras and the
-/// tracker of its configuration. The same configuration gives the same series, bit for bit.
+/// tracker of its configuration. The same configuration gives the same observations, poses
+/// and images, bit for bit.
 /// @throws InvalidArgument, Error that says what to install if this machine cannot draw
 template <class R>
 [[nodiscard]] Simulation<R> make_simulation(const RobotConfig& config,

@@ -22,6 +22,10 @@ namespace trifinger {
 /// True if the images of this robot are drawn: then its companion "scene" says what they show.
 [[nodiscard]] bool has_simulated_cameras(const RobotConfig& config) noexcept;
 
+/// True if a tracker finds the objects of this robot in images: that of `trifinger track`, or one
+/// in the simulation's own process. False if a simulation says where they are.
+[[nodiscard]] bool has_tracked_objects(const RobotConfig& config) noexcept;
+
 /// The calibration as a document of the robot's sessions.
 [[nodiscard]] Document camera_document(const camera::Calibration& calibration);
 
