@@ -89,9 +89,9 @@ std::unique_ptr<camera::Source> open_source(const Cameras& cameras) {
   if (options.source != camera::SourceKind::kSimulated) {
     return camera::open_source(options, cameras.cameras);
   }
-  return std::make_unique<rendering::SimulatedCameras>(
-      cameras.robot, cameras.description, cameras.cameras, options.period,
-      rendering::rendering_options(options));
+  return std::make_unique<rendering::SimulatedCameras>(cameras.robot, cameras.description,
+                                                       cameras.cameras, options.period,
+                                                       rendering::rendering_options(options));
 }
 
 void say(const std::string& robot, const std::string& sentence) {

@@ -81,8 +81,9 @@ class TrackedThing {
     if (!was_there_ && !is_there) {
       if (time - *begin_ < kFirstPatience) return std::nullopt;
       was_there_ = false;
-      return name_ + " was not found yet: 'trifinger look' shows what the cameras see, --colours "
-                     "takes colours that were learned from it";
+      return name_ +
+             " was not found yet: 'trifinger look' shows what the cameras see, --colours "
+             "takes colours that were learned from it";
     }
     was_there_ = is_there;
     if (!is_there) return name_ + " is lost: no pose is written until it is found";

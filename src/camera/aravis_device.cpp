@@ -244,12 +244,12 @@ bool AravisDevice::grab(std::span<std::byte> pixels, Frame& frame, Timeout timeo
     }
     return false;
   }
-  last_image_ = arrival;
   const int status = aravis.buffer_status(buffer);
   if (status == Aravis::kCleared || status == Aravis::kAborted) {
     aravis.push_buffer(stream_, buffer);
     return false;
   }
+  last_image_ = arrival;
   std::size_t size = 0;
   const void* const data = aravis.buffer_data(buffer, &size);
   const bool is_whole =

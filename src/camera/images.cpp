@@ -87,9 +87,11 @@ ElementDescription image_payload(const std::vector<Camera>& cameras) {
     std::vector<std::size_t> shape{static_cast<std::size_t>(camera.format.height),
                                    static_cast<std::size_t>(camera.format.width)};
     if (channels(camera.format.pixels) > 1) shape.push_back(channels(camera.format.pixels));
-    append(
-        fields,
-        {.name = camera.name, .type = ScalarType::kUint8, .shape = std::move(shape), .unit = {}});
+    // Brightness and mosaics have one shape. Whoever takes one for the other is refused.
+    append(fields, {.name = camera.name,
+                    .type = ScalarType::kUint8,
+                    .shape = std::move(shape),
+                    .unit = std::string(name_of(camera.format.pixels))});
   }
   return ElementDescription(std::move(fields));
 }

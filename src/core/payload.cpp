@@ -153,7 +153,8 @@ class PayloadMemory {
   [[nodiscard]] bool still_has(std::int64_t number) const noexcept {
     // The fence: if a byte read before it belongs to a later payload, the number does, too.
     std::atomic_thread_fence(std::memory_order_acquire);
-    return sequence(number).load(std::memory_order_relaxed) == even(number);
+    return sequence(number).load(std::memory_order_relaxed) == even(number) &&
+           !memory_.is_damaged();
   }
   [[nodiscard]] std::span<const std::byte> bytes(std::int64_t number) const noexcept {
     return {slot(number), header_.size};
