@@ -11,7 +11,7 @@ import tempfile
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import trifinger
@@ -23,7 +23,7 @@ WRONG_ANGLE = 20.0  # [degrees]: a pose this far off shows other faces
 WRONG_DISTANCE = 0.02  # [m]
 AGAIN = 10  # images of each repeated scene
 REPEATED = 10  # one of this many scenes is repeated
-QUALITY = {"detail": 1.0, "multisampling": 4, "shadows": True}
+QUALITY: dict[str, Any] = {"detail": 1.0, "multisampling": 4, "shadows": True}
 RESULTS = Path(__file__).parent.parent / "docs/results/tracking.md"
 TEXT = """\
 <!-- SPDX-License-Identifier: BSD-3-Clause -->
