@@ -32,9 +32,9 @@ struct Pair {
 
 Pair make_pair(const std::vector<std::string>& settings, const std::string& task,
                const std::vector<std::string>& task_settings) {
-  const std::vector<std::string> cameras =
+  const std::vector<std::string> seeing_settings =
       with(with(settings, "cameras.rate=30"), "cameras.delay=0.035");
-  return {.seeing = make_trial("sim_tracked", cameras, "edu", task, task_settings),
+  return {.seeing = make_trial("sim_tracked", seeing_settings, "edu", task, task_settings),
           .knowing = make_trial("sim", settings, "edu", task, task_settings)};
 }
 

@@ -20,7 +20,8 @@ std::vector<double> mean_colour(const trifinger::camera::ImageFormat& format,
   trifinger::camera::to_rgb(format, pixels, rgb);
   std::vector<double> sum(3);
   for (std::size_t i = 0; i < rgb.size(); ++i) sum[i % 3] += std::to_integer<int>(rgb[i]);
-  for (double& value : sum) value /= static_cast<double>(rgb.size() / 3);
+  const auto pixel_count = static_cast<double>(rgb.size()) / 3;
+  for (double& value : sum) value /= pixel_count;
   return sum;
 }
 
