@@ -214,7 +214,7 @@ TEST(Images, AreDescribedByTheNamesOfTheirCameras) {
   ASSERT_NE(element.find("camera180.state"), nullptr);
   EXPECT_EQ(element.find("camera180.number")->offset,
             offsetof(camera::CameraImages<3>, images) + sizeof(camera::ImageInfo));
-  EXPECT_THAT(camera::image_payload(cameras).text(), HasSubstr("camera300 uint8[32,32,3]\n"));
+  EXPECT_THAT(camera::image_payload(cameras).text(), HasSubstr("camera300 uint8[32,32,3] rgb8\n"));
   auto wrong = cameras;
   wrong[0].name = "camera.60";
   EXPECT_THROW(static_cast<void>(camera::image_elements(wrong)), InvalidArgument);
