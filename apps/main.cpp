@@ -48,10 +48,14 @@ std::string full_name(const CLI::App& program, const Commands& words) {
 
 // Returns the verbs of programs of others on the PATH.
 Commands foreign_verbs(const CLI::App& program) {
-  const Commands own = commands_of(program);
+  const std::vector<const CLI::App*> own = program.get_subcommands({});
   Commands verbs = external_verbs();
+  // trifinger-log-plot is the program of `trifinger log plot`.
   std::erase_if(verbs, [&own](const std::string& verb) {
-    return verb.starts_with("log-") || std::ranges::find(own, verb) != own.end();
+    return std::ranges::any_of(own, [&verb](const CLI::App* command) {
+      return verb == command->get_name() ||
+             (!commands_of(*command).empty() && verb.starts_with(command->get_name() + "-"));
+    });
   });
   return verbs;
 }
@@ -81,10 +85,10 @@ std::string footer(const CLI::App& program) {
                   verb, verb, near.empty() ? "." : fmt::format("; did you mean '{}'?", near)));
 }
 
-// Refuses an unknown verb after a command that has verbs of its own: "trifinger log inof".
+// Refuses an unknown verb after a command that needs one of its own: "trifinger log inof".
 void require_known_verb(const CLI::App& command, const std::vector<std::string>& words) {
   const Commands names = commands_of(command);
-  if (names.empty() || words.size() < 2 || words[1].starts_with('-') ||
+  if (command.get_require_subcommand_min() == 0 || words.size() < 2 || words[1].starts_with('-') ||
       std::ranges::find(names, words[1]) != names.end()) {
     return;
   }
@@ -111,6 +115,9 @@ int run_program(const std::vector<std::string>& words) {
   add_record(program, action);
   add_stop(program, action);
   add_emulate(program, action);
+  add_cameras(program, action);
+  add_look(program, action);
+  add_track(program, action);
   add_home(program, action);
   add_calibrate(program, action);
   add_self_test(program, action);

@@ -37,6 +37,8 @@ MEASURES = (
     Measure("emulated_robot", "figures"),
     Measure("safety_chain", "figures"),
     Measure("simulation", "figures"),
+    Measure("cameras", "figures"),
+    Measure("images", "figures"),
     Measure("control_cycle", "figures"),
     Measure("policy", "figures"),
     Measure("single_precision_policy", "figures"),

@@ -11,6 +11,8 @@ void bind_session(nanobind::module_& m);
 void bind_timing(nanobind::module_& m);
 /// Frontend, connect, observe.
 void bind_frontend(nanobind::module_& m);
+/// Payload, LiveCameras, to_rgb: what python/trifinger/cameras.py is made of.
+void bind_cameras(nanobind::module_& m);
 /// Backend, fake, run_fake.
 void bind_backend(nanobind::module_& m);
 
@@ -23,6 +25,8 @@ void bind_replay(nanobind::module_& m);
 
 /// Simulation, simulate, export_mjcf, export_urdf.
 void bind_simulation(nanobind::module_& m);
+/// CameraRenderer.
+void bind_rendering(nanobind::module_& m);
 /// Kinematics.
 void bind_kinematics(nanobind::module_& m);
 
@@ -36,9 +40,15 @@ void bind_estimation(nanobind::module_& m);
 /// GraspPlanner, GraspController.
 void bind_grasping(nanobind::module_& m);
 
+/// Lens, Camera, CameraCalibration.
+void bind_camera_calibration(nanobind::module_& m);
+
 /// Policy.
 void bind_policy(nanobind::module_& m);
 /// Episodes, EnvironmentBatch: what python/trifinger/environments is made of.
 void bind_environment(nanobind::module_& m);
+
+/// Tracker, Estimate: what python/trifinger/tracking.py names.
+void bind_tracking(nanobind::module_& m);
 
 }  // namespace trifinger::bindings

@@ -19,6 +19,26 @@ inline constexpr const char* above = R"([m])";
 inline constexpr const char* beside = R"([m])";
 }
 
+namespace Camera {
+inline constexpr const char* Camera = R"(A calibrated camera.)";
+inline constexpr const char* name = R"(For example "camera60".)";
+inline constexpr const char* pose = R"(Pose of the camera's frame in the world: z up, origin on the table.)";
+inline constexpr const char* reduced = R"(The same camera with smaller images, scaled by 1 / `factor`: 2 makes 270 of 540 pixels.
+
+Raises InvalidArgument if the size cannot be divided by it.)";
+inline constexpr const char* serial = R"(The number of the device that is meant; "any" if nobody said it.)";
+}
+
+namespace CameraRenderer {
+inline constexpr const char* CameraRenderer = R"(Draws what cameras see of a simulated scene: lens with distortion, Bayer mosaic, blur of
+what moves, noise.
+
+A point of the scene appears where `camera.Camera.project` says, to a tenth of a pixel.
+Equal arguments give equal images on one machine, bit for bit.
+
+Any thread may use a renderer, one thread at a time.)";
+}
+
 namespace CircleTrajectory {
 inline constexpr const char* CircleTrajectory = R"(A horizontal circle that gains its speed smoothly and loses it at the end.)";
 inline constexpr const char* at = R"(The motion at `time` since the beginning [s]. Before time 0 it rests at its start, and after
@@ -29,6 +49,10 @@ inline constexpr const char* duration = R"(`|turns| * period + ramp_time` [s].)"
 namespace Companion {
 inline constexpr const char* get_latest_at = R"(Returns the newest element that arrived at or before the robot's step `t`; waits for that
 step. Returns None if no element had arrived by then.)";
+inline constexpr const char* payload = R"(The payload of `element`, which was read from this companion, in place.
+
+Raises HistoryLost if it was overwritten, or if its writer was started again;
+InvalidArgument if the element has no payload.)";
 }
 
 namespace Contact {
@@ -82,6 +106,16 @@ for `Environment.take_action`.
 
 Raises InvalidArgument if there are too many or too few numbers, or one is not finite; then
 nothing moves.)";
+}
+
+namespace Estimate {
+inline constexpr const char* Estimate = R"(Where an object is, as images show it.)";
+inline constexpr const char* cameras = R"(Cameras that show the object.)";
+inline constexpr const char* confidence = R"(From 0 to 1, at least 0.5 if the state is `SURE`.)";
+inline constexpr const char* faces = R"(Faces that at least one camera shows.)";
+inline constexpr const char* position_deviation = R"(Standard deviations [m].)";
+inline constexpr const char* residual = R"(Root mean square distance of measured from expected edges [pixel].)";
+inline constexpr const char* rotation_deviation = R"(Standard deviations of a rotation about the world's axes [rad].)";
 }
 
 namespace ForceDistribution {
@@ -256,6 +290,8 @@ inline constexpr const char* offsets = R"(Candidate offsets to both sides of a f
 
 namespace GraspState {
 inline constexpr const char* GraspState = R"(The state of a `GraspController`: its phase and its forces.)";
+inline constexpr const char* felt = R"(The motion of the held object as the tips feel it: they roll on its faces without slipping.
+Zero while it is not held.)";
 inline constexpr const char* is_slipping = R"(True if a tip moves along its face faster than tips roll.)";
 inline constexpr const char* normal_forces = R"(Forces with which the three tips press along their faces' normals [N], computed from the
 joints' torques.)";
@@ -267,6 +303,11 @@ everything above 1.)";
 inline constexpr const char* travel = R"(How far each of the three tips has moved along its face by rolling and slipping, since all
 tips touched [m].)";
 inline constexpr const char* wanted = R"(The wanted contact forces while the object is held, in the world frame.)";
+}
+
+namespace ImageFormat {
+inline constexpr const char* height = R"([pixel])";
+inline constexpr const char* width = R"([pixel])";
 }
 
 namespace JointState {
@@ -311,6 +352,20 @@ quantile is therefore known to an eighth of its value, however many times were c
 inline constexpr const char* count = R"(Number of counted times.)";
 inline constexpr const char* max = R"(The longest time.)";
 inline constexpr const char* quantile = R"(The time below which the share `fraction` of all times lies; zero if no time was counted.)";
+}
+
+namespace Lens {
+inline constexpr const char* Lens = R"(The lens of a camera in OpenCV's model: a pinhole, and radial and tangential distortion.
+
+Points are in the camera's frame: x right, y down, z forward. A pixel is (column, row), and
+(0, 0) is the centre of the first one.)";
+inline constexpr const char* cropped = R"(The lens of the part of the images that begins at this pixel.)";
+inline constexpr const char* cx = R"(Principal point [pixel].)";
+inline constexpr const char* distortion = R"(k1 k2 p1 p2 k3.)";
+inline constexpr const char* fx = R"(Focal lengths [pixel].)";
+inline constexpr const char* scaled = R"(The lens of the same camera with images scaled by `factor`, such as 0.5 for half the size.)";
+inline constexpr const char* unproject = R"(The ray (x, y, 1) through a pixel: the inverse of `project`, to 1e-9 of the focal length
+within the part of the image plane where the distortion can be inverted.)";
 }
 
 namespace LineTrajectory {
@@ -387,6 +442,10 @@ inline constexpr const char* damping = R"([Ns/m])";
 inline constexpr const char* rotational_damping = R"([Nms/rad])";
 inline constexpr const char* rotational_stiffness = R"([Nm/rad])";
 inline constexpr const char* stiffness = R"([N/m])";
+}
+
+namespace PixelFormat {
+inline constexpr const char* PixelFormat = R"(How the pixels of an image are stored, row by row without gaps, 8 bits per channel.)";
 }
 
 namespace PlannedGrasp {
@@ -570,6 +629,21 @@ inline constexpr const char* normal = R"(Direction into the object, of unit leng
 inline constexpr const char* point = R"(Point on the surface, from the centre [m].)";
 }
 
+namespace TrackedObject {
+inline constexpr const char* TrackedObject = R"(A convex object whose faces have known colours.)";
+}
+
+namespace Tracker {
+inline constexpr const char* Tracker = R"(Finds an object with coloured faces in the images of calibrated cameras, taken at one time.
+
+Knows nothing of earlier images: the same images give the same estimate. Not thread-safe.)";
+inline constexpr const char* track = R"(Where the object is in these images, one of each camera. An empty image stands for one that
+is missing or damaged. `guess` is where the object may be, such as its last pose. It saves
+time if it is near, and it is forgotten if the images do not confirm it. Does not allocate.
+
+Raises InvalidArgument if the number of images or the size of one is wrong.)";
+}
+
 namespace Twist {
 inline constexpr const char* Twist = R"(Velocity and angular velocity of a body.)";
 inline constexpr const char* angular = R"([rad/s], not in the body's frame.)";
@@ -588,6 +662,18 @@ inline constexpr const char* moment = R"([Nm])";
 
 inline constexpr const char* approach_to = R"(The approach of a tip with radius `tip_radius` [m] to an object that rests at the pose
 `object`.)";
+inline constexpr const char* balanced_blocks = R"(The mean red, green and blue of each block, 0 to 255, with a white balance that makes most
+of the image grey.
+
+Raises InvalidArgument if the image has no colours, or another size than its format says.)";
+inline constexpr const char* coloured_box = R"(A box with whole lengths `size` [m]. The colour of a face ends `rim` before its edges [m];
+the rest is dark.
+
+Raises InvalidArgument if the rim leaves nothing of a face.)";
+inline constexpr const char* coloured_mesh = R"(A convex mesh: the hull of `vertices` [m], whose triangles have colours. Triangles of one
+colour in one plane become one face.
+
+Raises InvalidArgument if a triangle has no area or the mesh is not convex.)";
 inline constexpr const char* connect = R"(Takes control of the robot `name`, which runs in a back-end of its own (`trifinger run`).
 
 Raises SessionNotFound with the names of running robots and how to start one, ControlHeld
@@ -610,6 +696,8 @@ down, z forward). It has no boundary and needs no other file. Gravity points alo
 link's -z, flipped or not.
 
 Raises InvalidArgument if the description cannot be built.)";
+inline constexpr const char* faces_in_blocks = R"(For each block of a camera's image the index of the face that it shows if the object has
+this `pose`, or a `BlockContent`. Whatever stands in front of the object is not known.)";
 inline constexpr const char* grasp_map = R"(The map from contact forces to the wrench on the object about `centre` [m]. It has 6 rows,
 force and moment, and 9 columns, three for each of the three contacts. Its rank is 6 if the
 contacts do not lie on one line.)";
@@ -654,7 +742,28 @@ inline constexpr const char* task_names = R"(Names of all tasks, for example "re
 inline constexpr const char* tip_impedance = R"(The force that brings a tip to its desired position [N]: `stiffness * dx + damping * dv`.
 Add the force with which the tip should press. The joint torques for a force are `J' force`
 plus `Kinematics.bias_torques`.)";
+inline constexpr const char* tracked_object = R"(An object of a scene as the simulation draws it: boxes have the colours of the competition's
+cubes, and rims.
+
+Raises InvalidArgument if it has no faces with different colours, like a stick or a ball.)";
 inline constexpr const char* wrench_of = R"(The total wrench of nine `forces` [N] at the three contacts, about `centre` [m].)";
+
+namespace camera::Calibration {
+inline constexpr const char* Calibration = R"(The cameras of a robot as they were calibrated, in the order of its images.)";
+inline constexpr const char* date = R"(When it was measured: "2026-11-22 21:50:00 UTC"; empty if unknown.)";
+inline constexpr const char* residual = R"(Root mean square of what the calibration could not explain [pixel].)";
+inline constexpr const char* text = R"(As the text of a file, in YAML.)";
+}
+
+namespace camera {
+inline constexpr const char* calibration_file = R"(The file with the calibration of the cameras of the robot `robot`: ROBOT.cameras.yml in the
+folder of calibrations, $TRIFINGER_CALIBRATION_DIR or ~/.config/trifinger/calibration.
+
+Raises InvalidArgument if the environment names no folder.)";
+inline constexpr const char* read_calibration = R"(Reads the section or file of a calibration.
+
+Raises config.ConfigError at what makes no sense.)";
+}
 
 namespace control::Progress {
 inline constexpr const char* Progress = R"(Progress of a movement, with its derivatives.)";

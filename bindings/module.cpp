@@ -17,19 +17,23 @@ NB_MODULE(_trifinger, m) {
   bind_element(m);
   bind_session(m);
   bind_timing(m);
+  bind_cameras(m);
   bind_frontend(m);
   bind_backend(m);
   bind_recorder(m);
   bind_simulation(m);
+  bind_rendering(m);
   bind_kinematics(m);
   bind_motion(m);
   bind_forces(m);
   bind_estimation(m);
   bind_grasping(m);
+  bind_camera_calibration(m);
   bind_policy(m);
   bind_environment(m);
   bind_log(m);
   bind_replay(m);
+  bind_tracking(m);
   // Handlers run in reverse order at exit. Threads are parked first, so that they do not notice
   // that their robots stop.
   stop_recorders_at_exit();

@@ -3,21 +3,15 @@
 // is varied. Prints a table of the results. The exit status says whether the table holds.
 #include <fmt/core.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <cstdint>
-#include <exception>
-#include <filesystem>
-#include <fstream>
-#include <functional>
 #include <numbers>
 #include <string>
-#include <thread>
 #include <utility>
 #include <vector>
 
+#include "rows.hpp"
 #include "trial.hpp"
 #include "trifinger/base/error.hpp"
 
@@ -27,105 +21,12 @@ namespace {
 using manipulation::LiftTask;
 using manipulation::Report;
 
-constexpr double kDegree = std::numbers::pi / 180;
-constexpr double kMillimetre = 1e-3;
-
-struct Options {
-  int seeds{20};
-  std::uint64_t first_seed{1};
-  std::filesystem::path output{"docs/results/control.md"};
-};
-
-// Limits that a trial must stay within.
-struct Limits {
-  double position_rms;     // [m]
-  double orientation_rms;  // [rad]
-  double hold_drift;       // [m]
-};
-constexpr double kAny = std::numeric_limits<double>::infinity();
-
-// One line of the table.
-struct Row {
-  std::string what;
-  std::string reach;
-  double needed;  // Share of the trials.
-  Limits limits;
-  std::vector<Report> reports;
-  // Limits of all trials together.
-  double most_position_rms{kAny};     // [m]
-  double most_orientation_rms{kAny};  // [rad]
-
-  [[nodiscard]] bool succeeds(const Report& report) const {
-    return report.is_done && report.grasps == 1 && report.position_rms <= limits.position_rms &&
-           report.orientation_rms <= limits.orientation_rms &&
-           report.hold_drift <= limits.hold_drift;
-  }
-  [[nodiscard]] int successes() const {
-    return static_cast<int>(
-        std::ranges::count_if(reports, [this](const Report& report) { return succeeds(report); }));
-  }
-  [[nodiscard]] bool holds() const {
-    return successes() >= std::ceil(needed * static_cast<double>(reports.size()) - 1e-9) &&
-           together(&Report::position_rms) <= most_position_rms &&
-           together(&Report::orientation_rms) <= most_orientation_rms;
-  }
-  // The root mean square of a value that is one itself, of all trials.
-  [[nodiscard]] double together(double Report::* value) const {
-    double sum = 0.0;
-    for (const Report& report : reports) sum += report.*value * report.*value;
-    return std::sqrt(sum / static_cast<double>(reports.size()));
-  }
-  [[nodiscard]] double worst(double Report::* value) const {
-    double worst = 0.0;
-    for (const Report& report : reports) worst = std::max(worst, report.*value);
-    return worst;
-  }
-  [[nodiscard]] double least(double Report::* value) const {
-    double least = kAny;
-    for (const Report& report : reports) least = std::min(least, report.*value);
-    return least;
-  }
-};
-
-// Returns the reports of `trial_of(seed)`. Uses as many threads as there are processors.
-std::vector<Report> run_all(const Options& options,
-                            const std::function<Trial(std::uint64_t seed)>& trial_of) {
-  std::vector<Report> reports(static_cast<std::size_t>(options.seeds));
-  std::atomic<std::size_t> next{0};
-  std::exception_ptr failure;
-  std::atomic_flag has_failed;
-  const auto work = [&] {
-    try {
-      for (std::size_t i = next++; i < reports.size(); i = next++)
-        reports[i] = run_trial(trial_of(options.first_seed + i)).report;
-    } catch (...) {
-      if (!has_failed.test_and_set()) failure = std::current_exception();
-      next = reports.size();
-    }
-  };
-  {
-    std::vector<std::jthread> threads;
-    for (unsigned i = 0; i < std::max(1U, std::thread::hardware_concurrency()); ++i)
-      threads.emplace_back(work);
-  }
-  if (failure) std::rethrow_exception(failure);
-  return reports;
-}
-
-void tell(const Row& row) {
-  fmt::print("{:<62} {:>3} of {:<3} {}\n", row.what, row.successes(), row.reports.size(),
-             row.holds() ? "holds" : "DOES NOT HOLD");
-  std::fflush(stdout);
-}
-
 Row run_row(const Options& options, Row row, const Trial& trial, bool is_pushed = false) {
-  row.reports = run_all(options, [&](std::uint64_t seed) {
+  return run_row(options, std::move(row), [&](std::uint64_t seed) {
     Trial made = varied(trial, seed);
     if (is_pushed) made.push = push_from_any_side(seed);
     return made;
   });
-  tell(row);
-  return row;
 }
 
 // The same as in `simulated`, over emulated motor boards. Each trial must meet the same limits, and
@@ -185,39 +86,6 @@ Heaviest find_heaviest(const Options& options) {
              heaviest.mass >= Heaviest::kReach ? "holds" : "DOES NOT HOLD");
   std::fflush(stdout);
   return heaviest;
-}
-
-std::string line_of(const Row& row) {
-  return fmt::format(
-      "| {} | {} | {} of {} | {:.2f} mm | {:.2f}° | {} | {:.2f} to {:.2f} N | {:.0f} % | {} |\n",
-      row.what, row.reach, row.successes(), row.reports.size(),
-      row.worst(&Report::position_rms) / kMillimetre, row.worst(&Report::orientation_rms) / kDegree,
-      row.worst(&Report::hold_drift) > 0.0
-          ? fmt::format("{:.2f} mm", row.worst(&Report::hold_drift) / kMillimetre)
-          : "",
-      row.least(&Report::normal_force_min), row.worst(&Report::normal_force_max),
-      100 * row.least(&Report::torque_margin), row.holds() ? "yes" : "**no**");
-}
-
-std::string details_of(const Row& row, std::uint64_t first_seed) {
-  std::string text = fmt::format(
-      "\n## {}\n\n| seed | position rms, max [mm] | orientation rms, max [°] | drift, slip while "
-      "held [mm] | normal force "
-      "[N] | tangential force [N] | torque left [%] | grasps | "
-      "|\n|---|---|---|---|---|---|---|---|---|\n",
-      row.what);
-  for (std::size_t i = 0; i < row.reports.size(); ++i) {
-    const Report& r = row.reports[i];
-    text += fmt::format(
-        "| {} | {:.2f}, {:.2f} | {:.2f}, {:.2f} | {:.2f}, {:.2f} | {:.2f} to {:.2f} | {:.2f} | "
-        "{:.0f} | {} | {} |\n",
-        first_seed + i, r.position_rms / kMillimetre, r.position_max / kMillimetre,
-        r.orientation_rms / kDegree, r.orientation_max / kDegree, r.hold_drift / kMillimetre,
-        r.hold_slip / kMillimetre, r.normal_force_min, r.normal_force_max, r.tangential_force_max,
-        100 * r.torque_margin, r.grasps,
-        r.is_done ? (row.succeeds(r) ? "" : "beyond the reach") : text_of(r.failure));
-  }
-  return text;
 }
 
 std::string page(const Options& options, const std::vector<Row>& rows, const Heaviest& heaviest,
@@ -297,38 +165,15 @@ int evaluate(const Options& options) {
                                make_trial("trifinger_edu_emulated", {}, "edu", "slide")));
   const Heaviest heaviest = find_heaviest(options);
 
-  if (options.output.has_parent_path())
-    std::filesystem::create_directories(options.output.parent_path());
-  std::ofstream file(options.output);
-  file << page(options, rows, heaviest, pro_height);
-  file.close();
-  if (!file) throw Error("cannot write " + options.output.string());
-  fmt::print("{} written.\n", options.output.string());
+  write_page(options.output, page(options, rows, heaviest, pro_height));
   const bool holds = std::ranges::all_of(rows, &Row::holds) && heaviest.mass >= Heaviest::kReach &&
                      pro_height >= pro_lifted;
   return holds ? 0 : 1;
 }
 
 int run_program(const std::vector<std::string>& words) {
-  Options options;
-  CLI::App program("Lifts and slides cubes, and writes what came out.", "evaluate control");
-  program.add_option("--seeds", options.seeds, "Trials of each kind")
-      ->check(CLI::Range(1, 100000))
-      ->capture_default_str();
-  program.add_option("--first-seed", options.first_seed, "Seed of the first")
-      ->capture_default_str();
-  program.add_option("--output", options.output, "Where the table goes")->capture_default_str();
-  try {
-    program.parse(std::vector<std::string>(words.rbegin(), words.rend()));
-  } catch (const CLI::ParseError& error) {
-    return program.exit(error);
-  }
-  try {
-    return evaluate(options);
-  } catch (const std::exception& error) {
-    fmt::print(stderr, "evaluate control: {}\n", error.what());
-    return 1;
-  }
+  return run_evaluation("control", "Lifts and slides cubes, and writes what came out.",
+                        {.output = "docs/results/control.md"}, words, evaluate);
 }
 
 }  // namespace

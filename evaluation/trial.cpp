@@ -13,6 +13,7 @@
 #include "trifinger/core/backend.hpp"
 #include "trifinger/manipulation/config.hpp"
 #include "trifinger/manipulation/run.hpp"
+#include "trifinger/rendering/simulation_that_sees.hpp"
 #include "trifinger/sim/robot_config.hpp"
 #include "trifinger/sim/simulation.hpp"
 
@@ -70,6 +71,13 @@ TrialResult run_trial(const Trial& trial, Frontend<TriFinger>& robot, const True
   return result;
 }
 
+Simulation<TriFinger> simulation_of(const Trial& trial) {
+  if (!trial.sight) return Simulation<TriFinger>(trial.simulation);
+  RobotConfig config = trial.sight->config;
+  config.simulation = trial.simulation;
+  return rendering::make_simulation<TriFinger>(config, trial.sight->rendering);
+}
+
 }  // namespace
 
 Trial make_trial(const std::string& robot, const std::vector<std::string>& settings,
@@ -86,6 +94,7 @@ Trial make_trial(const std::string& robot, const std::vector<std::string>& setti
     trial.boards = std::get<boards::BoardRobotOptions<TriFinger>>(config.boards->options);
   }
   trial.believed = trial.simulation.description;
+  if (config.tracks_objects) trial.sight = Trial::Sight{.config = std::move(config)};
   return trial;
 }
 
@@ -108,6 +117,10 @@ Trial varied(const Trial& trial, std::uint64_t seed) {
   simulation.object_position_noise = 1e-3;
   simulation.object_orientation_noise = 0.5 * kPi / 180;
   simulation.seed = seed;
+  if (made.sight) {
+    trifinger::Random light{.seed = seed};
+    made.sight->rendering = rendering::RenderingVariation{}.draw(made.sight->rendering, light);
+  }
   return made;
 }
 
@@ -133,7 +146,7 @@ TrialResult run_trial(const Trial& trial) {
           throw InvalidArgument("nobody pushes what is beside emulated boards");
         });
   }
-  const Simulation<TriFinger> simulation(trial.simulation);
+  const Simulation<TriFinger> simulation = simulation_of(trial);
   auto robot = simulation.connect();
   const std::string& object = trial.config.object;
   return run_trial(

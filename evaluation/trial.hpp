@@ -9,6 +9,8 @@
 #include "trifinger/boards/board_robot.hpp"
 #include "trifinger/manipulation/report.hpp"
 #include "trifinger/manipulation/task.hpp"
+#include "trifinger/rendering/options.hpp"
+#include "trifinger/sim/robot_config.hpp"
 #include "trifinger/sim/simulated_robot.hpp"
 
 namespace trifinger::evaluation {
@@ -29,6 +31,12 @@ struct Trial {
   std::optional<Push> push;
   // The robot has emulated motor boards, which drive the simulation.
   std::optional<boards::BoardRobotOptions<TriFinger>> boards{};
+  // The robot knows its objects only from the images of its cameras.
+  struct Sight {
+    RobotConfig config;
+    rendering::RenderingOptions rendering{};
+  };
+  std::optional<Sight> sight{};
 };
 
 // Makes a trial from the configurations of a robot and of a manipulation, without any variation.
@@ -40,7 +48,8 @@ struct Trial {
 
 // Returns `trial` with everything varied that is not known in advance: where the cube lies (within
 // 3 cm, any yaw), its mass (within 20 %), the friction of the tips (0.6 to 1.0), the delay of its
-// poses (10 to 30 ms) and their noise (1 mm, 0.5 degrees).
+// poses (10 to 30 ms) and their noise (1 mm, 0.5 degrees). A robot with cameras has these instead
+// of poses: with other light, colours, dust, noise, and a calibration that is 0.5 pixels off.
 [[nodiscard]] Trial varied(const Trial& trial, std::uint64_t seed);
 
 // Returns a push of 1 N from a side that depends on the seed.

@@ -26,6 +26,7 @@
 #include "trifinger/manipulation/config.hpp"
 #include "trifinger/manipulation/run.hpp"
 #include "trifinger/realtime/thread.hpp"
+#include "trifinger/sim/robot_cameras.hpp"
 #include "trifinger/sim/robot_config.hpp"
 
 namespace trifinger::apps {
@@ -41,6 +42,7 @@ struct ManipulateOptions {
   std::string task;
   std::string config;
   std::string robot{"sim"};
+  bool needs_sight{false};
   std::vector<std::string> settings;
   std::filesystem::path output{"manipulate_output"};
   Demand scheduling{Demand::kTry};
@@ -52,8 +54,13 @@ struct KnownRobot {
   control::SafetyLimits limits;
 };
 
-KnownRobot robot_of(const Session& session) {
+KnownRobot robot_of(const Session& session, bool needs_sight) {
   RobotConfig config = robot_config_of(session);
+  if (needs_sight && !has_tracked_objects(config)) {
+    throw InvalidArgument("'" + session.info().name +
+                          "' does not see: its simulation says where objects are; 'trifinger run "
+                          "sim_tracked' runs a robot that finds them in images");
+  }
   auto* const options = std::get_if<SimulationOptions<TriFinger>>(&config.simulation);
   if (options == nullptr) throw InvalidArgument("the robot has not three fingers");
   const JointLimits<TriFinger::kJoints> limits =
@@ -78,6 +85,12 @@ void tell_phase(const Manipulation& at) {
   std::fflush(stdout);
 }
 
+void tell_sight(const Manipulation& at) {
+  fmt::print("  {}\n", at.is_in_sight() ? "the object is in sight again"
+                                        : "the object is out of sight: the tips feel where it is");
+  std::fflush(stdout);
+}
+
 nlohmann::ordered_json json_of(const Report& report) {
   return {{"is_done", report.is_done},
           {"failure", text_of(report.failure)},
@@ -96,6 +109,7 @@ nlohmann::ordered_json json_of(const Report& report) {
           {"tangential_force_max", report.tangential_force_max},
           {"friction_used", report.friction_used},
           {"travel_max", report.travel_max},
+          {"blind_time", report.blind_time.count()},
           {"slip_time", report.slip_time.count()},
           {"torque_margin", report.torque_margin},
           {"exact_wrenches", report.exact_wrenches},
@@ -115,6 +129,9 @@ void print(const Report& report) {
   line("highest", fmt::format("{:.1f} cm", 100 * report.height));
   line("drift, slip while held",
        fmt::format("{:.2f} mm, {:.2f} mm", 1e3 * report.hold_drift, 1e3 * report.hold_slip));
+  if (report.blind_time.count() > 0)
+    line("out of sight",
+         fmt::format("{:.1f} s, led by what the tips felt", report.blind_time.count()));
   line("normal forces", fmt::format("{:.2f} to {:.2f} N, mean {:.2f} N", report.normal_force_min,
                                     report.normal_force_max, report.normal_force_mean));
   line("tangential forces", fmt::format("up to {:.2f} N, {:.2f} of the normal force",
@@ -159,7 +176,7 @@ std::string table_of(const Trace& trace) {
 
 int manipulate(const ManipulateOptions& options) {
   auto robot = connect<TriFinger>(options.robot);
-  const KnownRobot known = robot_of(robot.session());
+  const KnownRobot known = robot_of(robot.session(), options.needs_sight);
   const std::string name = options.config.empty()
                                ? std::string(variant_figures(known.description.variant).name)
                                : options.config;
@@ -175,7 +192,8 @@ int manipulate(const ManipulateOptions& options) {
       .realtime = realtime_beside(robot.session().info(), options.scheduling),
       .stop = &stop,
       .on_step = {},
-      .on_phase = tell_phase};
+      .on_phase = tell_phase,
+      .on_sight = tell_sight};
   const Trace trace = manipulation::run(robot, known.description, config, run_options);
 
   const Report report = manipulation::make_report(trace, trace.seen);
@@ -204,11 +222,21 @@ int manipulate_command(const std::vector<std::string>& words) {
   program.footer(
       "Example:\n"
       "  trifinger run sim --set fingers.height=0.3     in one terminal\n"
-      "  trifinger manipulate lift                      in another");
+      "  trifinger manipulate lift                      in another\n"
+      "With nothing but eyes and joints:\n"
+      "  trifinger run sim_tracked --set fingers.height=0.3\n"
+      "  trifinger manipulate lift --poses cameras --set lift.height=0.15");
   program.add_option("TASK", options.task, "The task: lift or slide")->required();
   program.add_option("CONFIG", options.config,
                      "A configuration or the path of one; default: that of the robot's variant");
   program.add_option("--robot", options.robot, "Name of the running robot")->capture_default_str();
+  program
+      .add_option_function<std::string>(
+          "--poses",
+          [&options](const std::string& poses) { options.needs_sight = poses == "cameras"; },
+          "Where poses may come from. cameras: only from images; any (the default)")
+      ->check(CLI::IsMember({"cameras", "any"}))
+      ->option_text("SOURCE");
   program.add_option("--set", options.settings, "A setting, as in lift.height=0.1")
       ->allow_extra_args(false);
   program.add_option("--output", options.output, "Folder of the report")->capture_default_str();

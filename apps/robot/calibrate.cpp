@@ -10,6 +10,7 @@
 
 #include "commands.hpp"
 #include "robot/maintenance.hpp"
+#include "shared/external_command.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/boards/calibration.hpp"
 
@@ -96,7 +97,14 @@ void add_calibrate(CLI::App& program, Action& action) {
       "the robot's name.\n"
       "Example:\n"
       "  trifinger calibrate trifinger_edu_can --serial 0042\n"
-      "  trifinger calibrate ./my_robot.yml --pose 0 0.9 -1.7");
+      "  trifinger calibrate ./my_robot.yml --pose 0 0.9 -1.7\n"
+      "Cameras have a calibration of their own: 'trifinger calibrate cameras --help' tells more. "
+      "So have\n"
+      "the colours of objects: 'trifinger calibrate colours --help'.");
+  declare_external(command, "cameras",
+                   "Find out where the cameras of a robot are, and their lenses", Package::kPython);
+  declare_external(command, "colours", "Learn how the faces of an object look to the cameras",
+                   Package::kPython);
 }
 
 }  // namespace trifinger::apps

@@ -23,6 +23,7 @@
 #include "trifinger/can/interface_state.hpp"
 #include "trifinger/realtime/clock.hpp"
 #include "trifinger/realtime/thread.hpp"
+#include "trifinger/sim/robot_cameras.hpp"
 #include "trifinger/sim/robot_config.hpp"
 #include "trifinger/sim/simulated_plant.hpp"
 
@@ -108,16 +109,20 @@ class Faults {
 
 // Runs the boards until a signal comes.
 template <class R>
-void run_boards(const std::string& name, const BoardsConfig& config,
+void run_boards(const std::string& name, const RobotConfig& config,
                 const SimulationOptions<R>& simulation, const std::vector<std::string>& texts,
                 const Signals& signals) {
-  const auto& options = std::get<boards::BoardRobotOptions<R>>(config.options);
+  const auto& options = std::get<boards::BoardRobotOptions<R>>(config.boards->options);
   Clock& clock = MonotonicClock::instance();
   SimulatedPlant<R> plant(simulation);
-  boards::Emulator<R> emulator(options, boards::open_buses(config.bus, options.names, name), plant,
-                               clock.now());
+  boards::Emulator<R> emulator(options, boards::open_buses(config.boards->bus, options.names, name),
+                               plant, clock.now());
   std::optional<SimulatedTracker<R>> tracker;
-  if (!simulation.description.objects.empty()) tracker.emplace(name, plant);
+  if (!simulation.description.objects.empty() && !config.tracks_objects) {
+    tracker.emplace(name, plant);
+  }
+  std::optional<SimulatedScene<R>> scene;
+  if (has_simulated_cameras(config)) scene.emplace(name, plant, config.cameras->period);
   Faults<R> faults(emulator, name);
   for (const std::string& text : texts) faults.add(text, clock.now());
   TypedLines typed;
@@ -140,6 +145,7 @@ void run_boards(const std::string& name, const BoardsConfig& config,
     const Instant now = clock.now();
     emulator.tick(now);
     if (tracker) tracker->tick(now);
+    if (scene) scene->tick(now);
     faults.report();
     for (const std::string& line : typed.take()) obey(line);
     next += kTick;
@@ -187,8 +193,7 @@ int emulate(const EmulateOptions& options) {
   }
   std::visit(
       [&](const auto& simulation) {
-        run_boards(options.name.value_or(config.name), *config.boards, simulation, options.faults,
-                   signals);
+        run_boards(options.name.value_or(config.name), config, simulation, options.faults, signals);
       },
       config.simulation);
   return kDone;

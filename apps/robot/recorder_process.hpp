@@ -1,16 +1,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <sys/types.h>
-
 #include <filesystem>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "robot/run_recorder.hpp"
+#include "shared/child_program.hpp"
 #include "trifinger/base/time.hpp"
-#include "trifinger/ipc/file_descriptor.hpp"
 
 namespace trifinger::apps {
 
@@ -29,10 +28,9 @@ class RecorderProcess final : public RunRecorder {
 
  private:
   struct Child {
-    pid_t pid{0};
-    ipc::FileDescriptor input;
-    ipc::FileDescriptor output;
-    std::string text{};  // output that is not a whole line yet
+    explicit Child(ChildProgram started) : program(std::move(started)) {}
+
+    ChildProgram program;
     std::string last_words{};
     bool has_given_sign{false};
     bool is_told{false};  // that the robot has stopped

@@ -19,6 +19,7 @@
 #include "robot/run_recorder.hpp"
 #include "robot/run_reporter.hpp"
 #include "robot/runnable_robot.hpp"
+#include "robot/sensor_processes.hpp"
 #include "robot/wear_keeper.hpp"
 #include "shared/options.hpp"
 #include "shared/signals.hpp"
@@ -44,6 +45,7 @@ struct RunOptions {
   std::optional<BackendOptions::Mode> mode;
   Nanoseconds fault_log{std::chrono::seconds(10)};
   std::optional<std::filesystem::path> record;
+  bool has_sensors{true};
   RealtimeOptions realtime;
 };
 
@@ -51,8 +53,8 @@ RunnableRobot robot_for(const RunOptions& options) {
   RunnableRobot robot = make_robot({.robot = options.robot,
                                     .name = options.name,
                                     .overrides = options.overrides,
-                                    .state = options.state});
-  robot.backend.mode = options.mode.value_or(robot.backend.mode);
+                                    .state = options.state,
+                                    .mode = options.mode});
   if (robot.needs_real_time && robot.backend.mode != BackendOptions::Mode::kRealTime) {
     throw InvalidArgument("a robot on motor boards runs in real time only");
   }
@@ -148,6 +150,7 @@ class Run {
     BackendThread loop(backend_, realtime, Signals::notify);
     for (const std::string& sentence : loop.refused()) reporter_.print(sentence, Style::kWarning);
 
+    if (options_.has_sensors) sensors_.emplace(robot_.sensor_programs);
     while (!loop.wait_for_end(Timeout::zero())) {
       if (const std::optional<int> signal = signals_.wait(kRefresh)) {
         if (is_stopping_) Signals::die_of(*signal);
@@ -158,6 +161,7 @@ class Run {
       report();
     }
     report();
+    sensors_.reset();
     finish_recording();
     if (recorder_ != nullptr && !recorder_->failure().empty()) leave_memory_behind(loop);
     loop.stop();
@@ -174,6 +178,9 @@ class Run {
     for (const std::string& sentence : sentences) reporter_.print(sentence);
     if (wear_) print_news(wear_->look());
     for (const std::string& sentence : robot_.news()) reporter_.print(sentence);
+    if (sensors_) {
+      for (const std::string& sentence : sensors_->look()) reporter_.print(sentence);
+    }
     if (recorder_ != nullptr) {
       for (const RunRecorder::Line& line : recorder_->look()) {
         reporter_.print("recorder", line.text, line.style);
@@ -232,6 +239,7 @@ class Run {
   std::unique_ptr<RunRecorder> recorder_;  // before the back-end, which it must outlive
   Backend backend_;
   RunReporter reporter_;
+  std::optional<SensorProcesses> sensors_;
   bool is_stopping_{false};
 };
 
@@ -297,6 +305,9 @@ void add_run(CLI::App& program, Action& action) {
       .add_option("--record", options.record,
                   "Record everything into this folder, as 'trifinger record' does")
       ->option_text("DIR");
+  command.add_flag_callback(
+      "--no-sensors", [&options] { options.has_sensors = false; },
+      "Do not start 'trifinger cameras' and 'trifinger track' beside a robot with cameras");
   add_realtime(command, options.realtime);
   command.footer(
       "Ctrl-C, SIGTERM and SIGHUP bring the robot to rest, exit code 0; a second one kills.\n"

@@ -16,6 +16,7 @@
 #include "trifinger/base/regular_file.hpp"
 #include "trifinger/boards/board_robot.hpp"
 #include "trifinger/boards/calibration.hpp"
+#include "trifinger/camera/images.hpp"
 #include "trifinger/config/file.hpp"
 #include "trifinger/core/fake_robot.hpp"
 #include "trifinger/core/sensor.hpp"
@@ -24,8 +25,11 @@
 #include "trifinger/log/replay.hpp"
 #include "trifinger/model/kinematics.hpp"
 #include "trifinger/realtime/clock.hpp"
+#include "trifinger/rendering/simulation_that_sees.hpp"
 #include "trifinger/sim/object_observation.hpp"
+#include "trifinger/sim/robot_cameras.hpp"
 #include "trifinger/sim/robot_config.hpp"
+#include "trifinger/sim/scene_observation.hpp"
 #include "trifinger/sim/simulated_robot.hpp"
 
 namespace trifinger::apps {
@@ -93,16 +97,49 @@ SimulationState read_state(const std::filesystem::path& path) {
   return {begin, begin + bytes.size()};
 }
 
-RunnableRobot named(RunnableRobot robot, const std::optional<std::string>& name) {
-  if (name) robot.name = *name;
+RunnableRobot as_chosen(RunnableRobot robot, const RobotChoice& choice) {
+  robot.name = choice.name.value_or(robot.name);
+  robot.backend.mode = choice.mode.value_or(robot.backend.mode);
   return robot;
 }
 
+// Adds what other processes measure: `sensors`, and the cameras if there are any.
+void add_sensors(RunnableRobot& robot, std::vector<CompanionDescription> sensors,
+                 const RobotConfig& config) {
+  if (config.cameras) {
+    const camera::Calibration calibration = camera_calibration(config, robot.name);
+    robot.session.documents.push_back(camera_document(calibration));
+    sensors.push_back(camera::camera_companion(calibration.cameras));
+  }
+  if (sensors.empty()) return;
+  auto with_sensors =
+      std::make_unique<DriverWithSensors>(std::move(robot.driver), robot.name, std::move(sensors));
+  robot.news = [sensors = with_sensors.get()] { return sensors->take_news(); };
+  robot.driver = std::move(with_sensors);
+}
+
+// The programs that deliver what the cameras see, and where they see objects.
+std::vector<std::vector<std::string>> programs_for(const RunnableRobot& robot,
+                                                   const RobotConfig& config) {
+  if (!config.cameras || robot.backend.mode != BackendOptions::Mode::kRealTime) return {};
+  std::vector<std::vector<std::string>> programs{{"cameras", robot.name}};
+  if (has_tracked_objects(config)) programs.push_back({"track", robot.name});
+  return programs;
+}
+
 template <class R>
-void add_simulation(RunnableRobot& robot, SimulationOptions<R> options,
+void add_simulation(RunnableRobot& robot, SimulationOptions<R> options, const RobotConfig& config,
                     const std::optional<std::filesystem::path>& state) {
   std::ranges::move(model_documents(options.description),
                     std::back_inserter(robot.session.documents));
+  const bool is_real_time = robot.backend.mode == BackendOptions::Mode::kRealTime;
+  std::vector<CompanionDescription> sensors;
+  if (is_real_time && config.tracks_objects) {
+    options.exact_poses = false;
+    if (auto objects = object_companion(options.description)) {
+      sensors.push_back(std::move(*objects));
+    }
+  }
   auto driver = std::make_unique<SimulatedRobot<R>>(std::move(options));
   if (state) {
     try {
@@ -116,7 +153,17 @@ void add_simulation(RunnableRobot& robot, SimulationOptions<R> options,
         fault.code == Fault::Code::kDriver && fault.detail == SimulatedRobot<R>::kDiverged;
     return has_diverged ? simulation->state_before_divergence() : SimulationState();
   };
+  if (!is_real_time) {
+    // Time stands still while images are drawn, so nothing is gained by other processes.
+    if (auto seeing = rendering::make_driver_with_cameras(*driver, config, robot.name)) {
+      robot.session.documents.push_back(camera_document(camera_calibration(config, robot.name)));
+      robot.driver = std::move(seeing);
+      robot.owned = std::move(driver);
+      return;
+    }
+  }
   robot.driver = std::move(driver);
+  add_sensors(robot, std::move(sensors), config);
 }
 
 // The torques that carry the weight of the fingers, from their model.
@@ -159,56 +206,58 @@ void add_calibration(RunnableRobot& robot, boards::BoardRobotOptions<R>& options
 
 template <class R>
 void add_boards(RunnableRobot& robot, const SimulationOptions<R>& simulation,
-                const BoardsConfig& config, bool is_calibrated) {
+                const RobotConfig& config, bool is_calibrated) {
   std::ranges::move(model_documents(simulation.description),
                     std::back_inserter(robot.session.documents));
-  auto options = std::get<boards::BoardRobotOptions<R>>(config.options);
+  auto options = std::get<boards::BoardRobotOptions<R>>(config.boards->options);
   if (is_calibrated) add_calibration(robot, options);
   options.weight = weight_of<R>(simulation.description);
-  auto buses = boards::open_buses(config.bus, options.names, robot.name);
+  auto buses = boards::open_buses(config.boards->bus, options.names, robot.name);
   auto boards = std::make_unique<boards::BoardRobot<R>>(std::move(options), std::move(buses),
                                                         MonotonicClock::instance());
   robot.boards = boards.get();
   robot.wear = boards.get();
-  std::unique_ptr<UntypedDriver> driver = std::move(boards);
+  robot.driver = std::move(boards);
+  std::vector<CompanionDescription> sensors;
+  // Cameras, or the emulator, say where the objects are.
   if (auto objects = object_companion(simulation.description)) {
-    // Cameras, or the emulator, say where the objects are.
-    auto with_sensors = std::make_unique<DriverWithSensors>(std::move(driver), robot.name,
-                                                            std::vector{std::move(*objects)});
-    robot.news = [sensors = with_sensors.get()] { return sensors->take_news(); };
-    driver = std::move(with_sensors);
+    sensors.push_back(std::move(*objects));
   }
-  robot.driver = std::move(driver);
+  // The emulator says what simulated cameras see.
+  if (has_simulated_cameras(config)) sensors.push_back(scene_companion(simulation.description));
+  add_sensors(robot, std::move(sensors), config);
 }
 
 }  // namespace
 
 RunnableRobot make_robot(const RobotChoice& choice) {
-  const auto& [robot, name, overrides, state, is_calibrated] = choice;
+  const auto& [robot, name, overrides, state, mode, is_calibrated] = choice;
   if (robot == kFakeRobot) {
     if (state) throw UsageError("--state is for simulations; the fake robot has no state to save");
-    return named(make_fake_robot(overrides), name);
+    return as_chosen(make_fake_robot(overrides), choice);
   }
   if (is_log(robot)) {
     if (state) throw UsageError("--state is for simulations; a log begins as it was recorded");
-    return named(make_replay(robot, overrides), name);
+    return as_chosen(make_replay(robot, overrides), choice);
   }
 
   RobotConfig config = load_robot_config(robot, overrides);
   RunnableRobot made;
   made.name = name.value_or(config.name);
   made.backend = config.backend;
+  made.backend.mode = mode.value_or(config.backend.mode);
   made.session = std::move(config.session);
   if (config.boards) {
     if (state) throw UsageError("--state is for simulations; a robot on boards begins where it is");
     made.needs_real_time = true;
     const bool counts = is_calibrated;
-    std::visit([&](const auto& options) { add_boards(made, options, *config.boards, counts); },
+    std::visit([&](const auto& options) { add_boards(made, options, config, counts); },
                config.simulation);
   } else {
-    std::visit([&](auto& options) { add_simulation(made, std::move(options), state); },
+    std::visit([&](const auto& options) { add_simulation(made, options, config, state); },
                config.simulation);
   }
+  made.sensor_programs = programs_for(made, config);
   return made;
 }
 

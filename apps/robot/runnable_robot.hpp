@@ -25,7 +25,8 @@ using AnyBoardRobot =
 
 // Everything that a back-end needs.
 struct RunnableRobot {
-  std::string name;  // name of its session
+  std::string name;               // name of its session
+  std::shared_ptr<void> owned{};  // what `driver` uses
   std::unique_ptr<UntypedDriver> driver;
   BackendOptions backend;
   SessionOptions session;
@@ -33,6 +34,8 @@ struct RunnableRobot {
   std::string calibration;           // a sentence about it; empty for a robot that needs none
   AnyBoardRobot boards{};            // a part of `driver`
   boards::WearMeter* wear{nullptr};  // a part of `driver`, if it counts running hours
+  // Programs that should run beside it, as words after `trifinger`: its cameras.
+  std::vector<std::vector<std::string>> sensor_programs{};
   // Returns the state before the simulation diverged, if that is the `fault`; otherwise an empty
   // state. Call this only while nobody uses the driver.
   std::function<SimulationState(const Fault& fault)> state_before{
@@ -47,6 +50,7 @@ struct RobotChoice {
   std::optional<std::string> name{};             // replaces its own name
   std::vector<std::string> overrides{};          // settings such as "fingers.height=0.3"
   std::optional<std::filesystem::path> state{};  // a saved state in which a simulation begins
+  std::optional<BackendOptions::Mode> mode{};    // replaces that of its configuration
   bool is_calibrated{true};                      // its calibration counts, if there is one
 };
 

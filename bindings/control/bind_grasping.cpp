@@ -192,6 +192,7 @@ void bind_controller(nb::module_& m) {
                    docs::GraspState::tangential_forces)
       .def_prop_ro("travel", array_of(&GraspState::travel), docs::GraspState::travel)
       .def_prop_ro("slip_speeds", array_of(&GraspState::slip_speeds), docs::GraspState::slip_speeds)
+      .def_ro("felt", &GraspState::felt, docs::GraspState::felt)
       .def_ro("is_slipping", &GraspState::is_slipping, docs::GraspState::is_slipping)
       .def_ro("torque_share", &GraspState::torque_share, docs::GraspState::torque_share);
 

@@ -133,6 +133,25 @@ ElementType::New ElementType::new_array(std::size_t count) const {
   return {std::move(array), data};
 }
 
+ElementType::New ElementType::new_scalar_array() const {
+  nb::object array = new_numpy_array(dtype_, {});
+  if (!array.is_valid()) throw nb::python_error();
+  std::byte* const data = data_of(array);
+  return {std::move(array), data};
+}
+
+nb::object ElementType::view(const std::byte* memory, const nb::object& owner) const {
+  PyArray_Descr* const descr = descr_of(dtype_);
+  Py_INCREF(descr);  // the call takes one reference
+  // NumPy has no pointer to constants; without NPY_ARRAY_WRITEABLE it does not write.
+  nb::object array = nb::steal(PyArray_NewFromDescr(&PyArray_Type, descr, 0, nullptr, nullptr,
+                                                    const_cast<std::byte*>(memory), 0, nullptr));
+  if (!array.is_valid()) throw nb::python_error();
+  Py_INCREF(owner.ptr());  // the call takes one reference
+  if (PyArray_SetBaseObject(as_array(array), owner.ptr()) != 0) throw nb::python_error();
+  return array;
+}
+
 bool ElementType::is_same(const void* descr) const {
   const auto* const found = static_cast<const PyArray_Descr*>(descr);
   return found == descr_of(dtype_) ||

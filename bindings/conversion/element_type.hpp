@@ -31,6 +31,11 @@ class ElementType {
   /// One element: a record on an array of its own, so that what is written into its fields stays.
   [[nodiscard]] New new_element() const;
   [[nodiscard]] New new_array(std::size_t count) const;
+  /// One element as an array without dimensions.
+  [[nodiscard]] New new_scalar_array() const;
+  /// The element at `memory` as an array without dimensions that cannot be written. It keeps
+  /// `owner`, whose memory this is.
+  [[nodiscard]] nanobind::object view(const std::byte* memory, const nanobind::object& owner) const;
 
   /// The memory of `element`. @throws InvalidArgument unless it is one element of exactly this type
   [[nodiscard]] const std::byte* bytes_of(nanobind::handle element) const;

@@ -126,6 +126,9 @@ field. The action can be changed and appended as often as you like.)")
            nb::sig("def get_latest_at(self, t: int, timeout: float | None = None) -> Observation "
                    "| None"),
            also(docs::Companion::get_latest_at, R"(Only companions have this.)").c_str())
+      .def("payload", &PythonFrontend::payload, "element"_a.none(),
+           nb::sig("def payload(self, element: Observation) -> Payload"),
+           also(docs::Companion::payload, R"(Only companions have this.)").c_str())
       .def("wait_until_time_index", &PythonFrontend::wait_until_time_index, "t"_a,
            "timeout"_a = nb::none(),
            nb::sig("def wait_until_time_index(self, t: int, timeout: float | None = None) -> None"),

@@ -9,6 +9,7 @@
 #include "conversion/gil.hpp"
 #include "conversion/text.hpp"
 #include "conversion/timeout.hpp"
+#include "payload.hpp"
 #include "trifinger/core/errors.hpp"
 
 namespace nb = nanobind;
@@ -221,6 +222,14 @@ nb::object PythonFrontend::get_latest_at(TimeIndex t, nb::handle timeout) const 
         return frontend.get_latest_at(t, target, limit);
       });
   return is_there ? element : nb::none();
+}
+
+nb::object PythonFrontend::payload(nb::handle element) const {
+  const std::shared_ptr<Handle> handle = open();
+  const UntypedFrontend& frontend = handle->frontend;
+  const std::byte* const bytes = type_of(Series::kObservation).bytes_of(element);
+  return nb::cast(
+      PythonPayload{frontend.payload(bytes), ElementType(frontend.session().payload())});
 }
 
 void PythonFrontend::wait_until_time_index(TimeIndex t, nb::handle timeout) const {

@@ -46,6 +46,8 @@ class PythonFrontend {
                                           nanobind::handle timeout) const;
   [[nodiscard]] nanobind::object latest_observation(nanobind::handle timeout) const;
   [[nodiscard]] nanobind::object get_latest_at(TimeIndex t, nanobind::handle timeout) const;
+  /// The payload of an element of this companion, as a Payload.
+  [[nodiscard]] nanobind::object payload(nanobind::handle element) const;
   void wait_until_time_index(TimeIndex t, nanobind::handle timeout) const;
   [[nodiscard]] TimeIndex current_time_index() const;
   [[nodiscard]] std::pair<TimeIndex, TimeIndex> range(Series series) const;

@@ -9,6 +9,7 @@
 #include "conversion/text.hpp"
 #include "session/checks.hpp"
 #include "trifinger/model/export.hpp"
+#include "trifinger/rendering/simulation_that_sees.hpp"
 
 namespace nb = nanobind;
 
@@ -48,13 +49,8 @@ PythonSimulation::PythonSimulation(const RobotConfig& config)
     : name_(config.name),
       checks_(nb::cast(new Checks, nb::rv_policy::take_ownership)),
       simulation_(std::visit(
-          [&](const auto& options) -> decltype(simulation_) {
-            if constexpr (std::is_same_v<std::decay_t<decltype(options)>,
-                                         SimulationOptions<Finger>>) {
-              return Simulation<Finger>(options, config.session, config.backend, config.name);
-            } else {
-              return Simulation<TriFinger>(options, config.session, config.backend, config.name);
-            }
+          [&]<class R>(const SimulationOptions<R>&) -> decltype(simulation_) {
+            return rendering::make_simulation<R>(config);
           },
           config.simulation)) {}
 

@@ -216,6 +216,57 @@ def lateness_of(statuses: numpy.typing.NDArray[StatusElement], period: float) ->
     Returns one number [s] for each of `statuses`. `period` is the session's [s].
     """
 
+class Payload:
+    """
+    Large data of an element, such as images, in the memory of the process that wrote them.
+
+    `payload.copy()` is a copy that is certainly whole. Without a copy:
+
+        with companion.payload(element) as images:  # a read-only structured array
+            brightness = images["camera60"].mean()
+
+    If the writer has overwritten the data before the end of the block, the block raises HistoryLost.
+    """
+
+    def array(self) -> numpy.typing.NDArray[numpy.void]:
+        """
+        The data in place, as a read-only structured array without dimensions: `array["camera60"]`.
+        Check is_valid() after using it.
+        """
+
+    def copy(self) -> numpy.typing.NDArray[numpy.void]:
+        """
+        A copy like `array()`. Raises HistoryLost if the data were overwritten meanwhile.
+        """
+
+    def is_valid(self) -> bool:
+        """
+        False if the writer has begun to overwrite the data. What was read before a call that returns
+        True was whole.
+        """
+
+    def __enter__(self) -> numpy.typing.NDArray[numpy.void]: ...
+
+    def __exit__(self, type: type[BaseException] | None, value: BaseException | None, traceback: types.TracebackType | None) -> None: ...
+
+class LiveCameras:
+    """The images of a process of cameras, without the robot."""
+
+    def __init__(self, robot: str, calibration: str) -> None: ...
+
+    def next(self, timeout: float | None = None) -> tuple[Element, Payload | None] | None:
+        """
+        Returns the newest element and its payload if they are others than at the last call. Waits for
+        them up to `timeout` [s].
+        """
+
+def to_rgb(image: numpy.typing.ArrayLike, pixels: str) -> numpy.typing.NDArray[numpy.uint8]:
+    """
+    Returns an image in the format `pixels` ("bayer_rggb8", "rgb8", "mono8") as RGB of the same size,
+    uint8[height, width, 3]. The colours that a pixel of a Bayer mosaic lacks are the mean of its
+    nearest neighbours.
+    """
+
 class Frontend:
     """
     The user's view of a running robot: append desired actions, read back what happened.
@@ -301,6 +352,16 @@ class Frontend:
         """
         Returns the newest element that arrived at or before the robot's step `t`; waits for that
         step. Returns None if no element had arrived by then.
+
+        Only companions have this.
+        """
+
+    def payload(self, element: Observation) -> Payload:
+        """
+        The payload of `element`, which was read from this companion, in place.
+
+        Raises HistoryLost if it was overwritten, or if its writer was started again;
+        InvalidArgument if the element has no payload.
 
         Only companions have this.
         """
@@ -748,6 +809,59 @@ def export_urdf(config: str = 'sim', overrides: dict[str, object] = {}) -> str:
 
     Raises InvalidArgument if the description cannot be built.
     """
+
+class CameraRenderer:
+    """
+    Draws what cameras see of a simulated scene: lens with distortion, Bayer mosaic, blur of
+    what moves, noise.
+
+    A point of the scene appears where `camera.Camera.project` says, to a tenth of a pixel.
+    Equal arguments give equal images on one machine, bit for bit.
+
+    Any thread may use a renderer, one thread at a time.
+    """
+
+    def __init__(self, config: str = 'sim', overrides: dict[str, object] = {}, *, calibration: str | None = None, reduction: int = 1, pixels: str = 'bayer_rggb8', **options: object) -> None:
+        """
+        The robot of the configuration, with its own cameras or those of the text of a `calibration`. A
+        `reduction` of 2 halves width and height. `pixels` are "bayer_rggb8", "rgb8" or "mono8". `options` are
+        those of `options`.
+        """
+
+    def render(self, configuration: NDArray[numpy.float64], number: int = 0) -> list[NDArray[numpy.uint8]]:
+        """
+        Draws one image per camera, height x width or height x width x 3. `configuration` is that of
+        `Simulation.configuration`: positions, and velocities if what moves shall be blurred. `number` is that of
+        the images: each has its own noise.
+        """
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the cameras."""
+
+    @property
+    def calibration(self) -> str:
+        """The cameras as they are said to be, as text in YAML."""
+
+    @property
+    def true_calibration(self) -> str:
+        """
+        The cameras as they are: others if the options have an error of the calibration.
+        """
+
+    @property
+    def options(self) -> dict[str, object]:
+        """
+        What the images look like. docs/simulated_cameras.md explains each value.
+        """
+
+    def set_options(self, **options: object) -> None:
+        """Changes what the next images look like."""
+
+    def vary(self, seed: int = ..., episode: int = ...) -> None:
+        """
+        Draws light, colours, dust, noise and the error of the calibration at random.
+        """
 
 class Kinematics:
     """
@@ -1676,6 +1790,13 @@ class GraspState:
         """Speeds of `travel`, low-pass filtered at 5 Hz [m/s]."""
 
     @property
+    def felt(self) -> Twist:
+        """
+        The motion of the held object as the tips feel it: they roll on its faces without slipping.
+        Zero while it is not held.
+        """
+
+    @property
     def is_slipping(self) -> bool:
         """True if a tip moves along its face faster than tips roll."""
 
@@ -1728,6 +1849,134 @@ class GraspController:
     @property
     def state(self) -> GraspState:
         """The state after the last `update`."""
+
+class Lens:
+    """
+    The lens of a camera in OpenCV's model: a pinhole, and radial and tangential distortion.
+
+    Points are in the camera's frame: x right, y down, z forward. A pixel is (column, row), and
+    (0, 0) is the centre of the first one.
+    """
+
+    def __init__(self, focal_length: numpy.typing.ArrayLike, principal_point: numpy.typing.ArrayLike, distortion: numpy.typing.ArrayLike = ...) -> None: ...
+
+    @property
+    def focal_length(self) -> numpy.typing.NDArray[numpy.float64]:
+        """Focal lengths [pixel]."""
+
+    @property
+    def principal_point(self) -> numpy.typing.NDArray[numpy.float64]:
+        """Principal point [pixel]."""
+
+    @property
+    def distortion(self) -> numpy.typing.NDArray[numpy.float64]:
+        """k1 k2 p1 p2 k3."""
+
+    def unproject(self, pixels: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        The ray (x, y, 1) through a pixel: the inverse of `project`, to 1e-9 of the focal length
+        within the part of the image plane where the distortion can be inverted.
+        """
+
+    def scaled(self, factor: float) -> Lens:
+        """
+        The lens of the same camera with images scaled by `factor`, such as 0.5 for half the size.
+        """
+
+    def cropped(self, left: int, top: int) -> Lens:
+        """The lens of the part of the images that begins at this pixel."""
+
+class Camera:
+    """A calibrated camera."""
+
+    def __init__(self, name: str, width: int, height: int, pixels: str, lens: Lens, pose: numpy.typing.ArrayLike, serial: str = ...) -> None: ...
+
+    @property
+    def name(self) -> str:
+        """For example "camera60"."""
+
+    @property
+    def serial(self) -> str:
+        """The number of the device that is meant; "any" if nobody said it."""
+
+    @property
+    def width(self) -> int:
+        """[pixel]"""
+
+    @property
+    def height(self) -> int:
+        """[pixel]"""
+
+    @property
+    def pixels(self) -> str:
+        """
+        How the pixels of an image are stored, row by row without gaps, 8 bits per channel.
+        """
+
+    @property
+    def lens(self) -> Lens:
+        """
+        The lens of a camera in OpenCV's model: a pinhole, and radial and tangential distortion.
+
+        Points are in the camera's frame: x right, y down, z forward. A pixel is (column, row), and
+        (0, 0) is the centre of the first one.
+        """
+
+    @property
+    def pose(self) -> numpy.typing.NDArray[numpy.float64]:
+        """Pose of the camera's frame in the world: z up, origin on the table."""
+
+    def project(self, points: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Where points of the world are seen, a row for each [pixel]; NaN if a point is not in front of the camera.
+        The pixel may lie outside the image.
+        """
+
+    def reduced(self, factor: int) -> Camera:
+        """
+        The same camera with smaller images, scaled by 1 / `factor`: 2 makes 270 of 540 pixels.
+
+        Raises InvalidArgument if the size cannot be divided by it.
+        """
+
+class CameraCalibration:
+    """
+    The cameras of a robot as they were calibrated, in the order of its images.
+    """
+
+    def __init__(self, cameras: Sequence[Camera], date: str = ..., residual: float = ...) -> None: ...
+
+    @property
+    def date(self) -> str:
+        """When it was measured: "2026-11-22 21:50:00 UTC"; empty if unknown."""
+
+    @property
+    def residual(self) -> float:
+        """Root mean square of what the calibration could not explain [pixel]."""
+
+    @property
+    def cameras(self) -> list[Camera]:
+        """In the order of the robot's images."""
+
+    def text(self) -> str:
+        """As the text of a file, in YAML."""
+
+    @staticmethod
+    def read(path: str | os.PathLike[str]) -> CameraCalibration:
+        """
+        Reads the section or file of a calibration.
+
+        Raises config.ConfigError at what makes no sense.
+        """
+
+    @staticmethod
+    def file_of(robot: str) -> pathlib.Path:
+        """
+        The file with the calibration of the cameras of the robot `robot`: ROBOT.cameras.yml in the
+        folder of calibrations, $TRIFINGER_CALIBRATION_DIR or ~/.config/trifinger/calibration.
+
+        Raises InvalidArgument if the environment names no folder.
+        """
 
 class Policy:
     """
@@ -2350,3 +2599,108 @@ def replay(log: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | Log 
 
     Raises NotInLog if a step is missing in the log, InvalidArgument.
     """
+
+def balanced_blocks(image: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu', writable=False)]) -> numpy.typing.NDArray[numpy.float64]:
+    """
+    The mean red, green and blue of each block, 0 to 255, with a white balance that makes most
+    of the image grey.
+
+    Raises InvalidArgument if the image has no colours, or another size than its format says.
+    """
+
+def faces_in_blocks(calibration: str, object: TrackedObject, position: numpy.typing.ArrayLike, orientation: numpy.typing.ArrayLike) -> list[list[int]]:
+    """
+    For each block of a camera's image the index of the face that it shows if the object has
+    this `pose`, or a `BlockContent`. Whatever stands in front of the object is not known.
+    """
+
+class TrackedObject:
+    """A convex object whose faces have known colours."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def colours(self) -> list[str]:
+        """The colour of each face."""
+
+def coloured_box(name: str, size: numpy.typing.ArrayLike, colours: Sequence[str] = ..., rim: float = ...) -> TrackedObject:
+    """
+    A box with whole lengths `size` [m]. The colour of a face ends `rim` before its edges [m];
+    the rest is dark.
+
+    Raises InvalidArgument if the rim leaves nothing of a face.
+    """
+
+def tracked_object(config: str = 'sim', overrides: dict[str, object] = {}, name: str = 'cube') -> TrackedObject:
+    """
+    An object of a scene as the simulation draws it: boxes have the colours of the competition's
+    cubes, and rims.
+
+    Raises InvalidArgument if it has no faces with different colours, like a stick or a ball.
+    """
+
+def coloured_mesh(name: str, vertices: Sequence[Sequence[float]], triangles: Sequence[Sequence[int]], colours: Sequence[str]) -> TrackedObject:
+    """
+    A convex mesh: the hull of `vertices` [m], whose triangles have colours. Triangles of one
+    colour in one plane become one face.
+
+    Raises InvalidArgument if a triangle has no area or the mesh is not convex.
+    """
+
+class Estimate:
+    """Where an object is, as images show it."""
+
+    @property
+    def is_sure(self) -> bool: ...
+
+    @property
+    def is_found(self) -> bool: ...
+
+    @property
+    def position(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
+    @property
+    def orientation(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
+    @property
+    def position_deviation(self) -> numpy.typing.NDArray[numpy.float64]:
+        """Standard deviations [m]."""
+
+    @property
+    def rotation_deviation(self) -> numpy.typing.NDArray[numpy.float64]:
+        """Standard deviations of a rotation about the world's axes [rad]."""
+
+    @property
+    def confidence(self) -> float:
+        """From 0 to 1, at least 0.5 if the state is `SURE`."""
+
+    @property
+    def cameras(self) -> int:
+        """Cameras that show the object."""
+
+    @property
+    def faces(self) -> int:
+        """Faces that at least one camera shows."""
+
+    @property
+    def residual(self) -> float:
+        """Root mean square distance of measured from expected edges [pixel]."""
+
+class Tracker:
+    """
+    Finds an object with coloured faces in the images of calibrated cameras, taken at one time.
+
+    Knows nothing of earlier images: the same images give the same estimate. Not thread-safe.
+    """
+
+    def __init__(self, calibration: str, object: TrackedObject, colours: str | None = ..., calibration_error: float = ...) -> None: ...
+
+    def track(self, images: Sequence[NDArray[numpy.uint8] | None], guess: tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike] | None = None) -> Estimate:
+        """
+        Where the object is in these images, one of each camera. An empty image stands for one that
+        is missing or damaged. `guess` is where the object may be, such as its last pose. It saves
+        time if it is near, and it is forgotten if the images do not confirm it. Does not allocate.
+
+        Raises InvalidArgument if the number of images or the size of one is wrong.
+        """

@@ -58,6 +58,10 @@ class HistoryLost(Error):
         self.oldest = oldest
 
 
+class CameraLost(Error):
+    """There is no good image of a camera: unplugged, late, lost or damaged."""
+
+
 class AcausalAction(Error):
     """An action was appended for a step whose observation had already been read.
 

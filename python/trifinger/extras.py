@@ -13,6 +13,7 @@ MODULES = {
     "demo": ("matplotlib", "OpenGL"),
     "plot": ("matplotlib", "plotly"),
     "film": ("matplotlib", "OpenGL", "av"),
+    "cameras": ("cv2",),
     "export": ("pandas", "pyarrow"),
     "learning": ("gymnasium", "stable_baselines3", "torch", "tensorboard", "tqdm", "moviepy"),
     "window": ("glfw",),

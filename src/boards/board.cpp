@@ -22,7 +22,7 @@ constexpr int kForeignCommands = 5;
 // So many ticks in a row may find the bus full.
 constexpr int kMostRefusals = 3;
 constexpr int kMostTicksOfABacklog = 20;
-// So many implausible positions in a row are the truth: the checks of the robot then see the jump.
+// So many implausible measurements in a row are the truth: the checks of the robot then see them.
 constexpr int kBelievedJumps = 3;
 
 Trouble trouble_of(Link link) noexcept {
@@ -214,8 +214,19 @@ void Board::take(const can::BoardStatus& status, Instant time) noexcept {
 
 void Board::take(const can::MotorCurrents& currents, Instant time) noexcept {
   for (std::size_t i = 0; i < motors_.size(); ++i) {
-    if (!is_newer(time, motors_[i].current_time)) return;
-    motors_[i].amperes = currents.amperes[i];
+    MotorReading& motor = motors_[i];
+    const Instant before = motor.current_time;
+    if (!is_newer(time, motor.current_time)) return;
+    // A wrong current would warm the model of the motor as a true one does.
+    int& in_a_row = implausible_currents_in_a_row_[i];
+    if (std::abs(currents.amperes[i]) > options_.max_current && in_a_row < kBelievedJumps) {
+      ++counts_.implausible;
+      ++in_a_row;
+      motor.current_time = before;
+      continue;
+    }
+    in_a_row = 0;
+    motor.amperes = currents.amperes[i];
   }
 }
 

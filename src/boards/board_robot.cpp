@@ -25,6 +25,8 @@ BoardRobotOptions<R> with_torque_of_current(BoardRobotOptions<R> options) {
   options.validate();
   const double most = options.max_current * options.drive.torque_per_ampere();
   for (JointLimit& limit : options.limits) limit.max_torque = std::min(limit.max_torque, most);
+  // A controller of currents overshoots; twice the largest command is something else.
+  options.board.max_current = std::min(options.board.max_current, 2.0 * options.max_current);
   return options;
 }
 

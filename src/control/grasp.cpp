@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "trifinger/control/grasp.hpp"
 
+#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <cmath>
 #include <limits>
@@ -51,6 +52,18 @@ Wrench wrench_of(const Grasp& grasp, const Eigen::Vector3d& centre,
     wrench.moment += (grasp[static_cast<std::size_t>(i)].position - centre).cross(force);
   }
   return wrench;
+}
+
+Twist twist_of(const Grasp& grasp, const Eigen::Vector3d& centre,
+               const ContactForces& velocities) noexcept {
+  // The transpose of the grasp map turns a twist into velocities of the contacts. A length scales
+  // the rotations, so that all numbers of the equations are of one size.
+  constexpr double kLength = 0.03;  // [m]
+  GraspMap map = grasp_map(grasp, centre);
+  map.bottomRows<3>() /= kLength;
+  const Eigen::Matrix<double, 6, 6> squares = map * map.transpose();
+  const Eigen::Matrix<double, 6, 1> twist = squares.ldlt().solve(map * velocities);
+  return {.linear = twist.head<3>(), .angular = twist.tail<3>() / kLength};
 }
 
 FrictionPyramid::FrictionPyramid(int sides)

@@ -148,6 +148,7 @@ struct GraspController::State {
     wrench.moment *= share;
     torque_limits.jacobians = jacobians;
     torque_limits.bias = bias + damping.cwiseProduct(velocity);
+    state.felt = twist_of(grasp, object.pose.position, rolling_velocities(velocity));
     state.wanted = optimizer.solve(grasp, object.pose.position, wrench, torque_limits);
 
     TipMotions motions;
@@ -171,6 +172,17 @@ struct GraspController::State {
     state.is_slipping = state.slip_speeds.maxCoeff() > config.slip_speed;
     if (is_lost) lose();
     return motions;
+  }
+
+  // The velocities of the tips' surfaces where they touch.
+  [[nodiscard]] ContactForces rolling_velocities(const JointValues& velocity) const {
+    ContactForces velocities;
+    for (int i = 0; i < kContacts; ++i) {
+      const Eigen::Vector3d turning = kinematics.tip_rotation_jacobian(i) * velocity;
+      velocities.segment<3>(3 * i) = tip_velocity.segment<3>(3 * i) +
+                                     turning.cross(radius * normals[static_cast<std::size_t>(i)]);
+    }
+    return velocities;
   }
 
   void plan_approach() {
@@ -287,6 +299,7 @@ const JointValues& GraspController::update(Seconds elapsed, const JointState& jo
   s.time += elapsed;
   s.sense(joints, object.pose);
   s.state.wanted = {};
+  s.state.felt = {};
   s.state.slip_speeds.setZero();
   s.state.is_slipping = false;
 

@@ -16,6 +16,7 @@
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/fault.hpp"
 #include "trifinger/core/frontend.hpp"
+#include "trifinger/core/payload.hpp"
 #include "trifinger/core/session.hpp"
 #include "trifinger/ipc/ring.hpp"
 
@@ -160,6 +161,18 @@ bool UntypedFrontend::get_latest_at(TimeIndex t, void* element, Timeout timeout)
     oldest = stamp.arrival_index;
   }
   return false;
+}
+
+PayloadView UntypedFrontend::payload(const void* element) const {
+  state_->require_own();
+  if (state_->payloads == nullptr) {
+    throw InvalidArgument("the elements of '" + state_->mapping->name() + "' have no payloads");
+  }
+  PayloadReference reference;
+  // The caller's buffer may not be aligned.
+  std::memcpy(&reference, static_cast<const std::byte*>(element) + sizeof(Stamp),
+              sizeof(reference));
+  return state_->payloads->view(reference);
 }
 
 TimeIndex UntypedFrontend::current_time_index() const {

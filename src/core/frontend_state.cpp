@@ -15,6 +15,12 @@ FrontendState::FrontendState(Part part, bool its_strictness, Backend* backend,
       action(std::move(part.action)),
       is_strict(its_strictness),
       inline_backend(backend) {
+  if (mapping->payload().size() > 0) {
+    const std::string& name = mapping->name();
+    const std::string robot = robot_of(name);
+    payloads = std::make_unique<const PayloadReader>(robot, name.substr(robot.size() + 1),
+                                                     mapping->payload());
+  }
   if (!action) return;
   const RingPlace& place = header().queue;
   queue = ipc::Ring(action->data() + place.offset, place.shape);

@@ -16,6 +16,7 @@
 #include "trifinger/base/time.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/errors.hpp"
+#include "trifinger/core/payload.hpp"
 #include "trifinger/core/session.hpp"
 #include "trifinger/ipc/fork.hpp"
 #include "trifinger/ipc/futex.hpp"
@@ -68,6 +69,7 @@ struct FrontendState {
   std::shared_ptr<const SessionMapping> mapping;
   Session session{mapping};
   std::optional<ipc::SharedMemory> action;
+  std::unique_ptr<const PayloadReader> payloads;  // only for companions with payloads
   bool is_strict;
   Backend* inline_backend;
   std::thread::id thread{std::this_thread::get_id()};

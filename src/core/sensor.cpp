@@ -2,7 +2,6 @@
 #include "trifinger/core/sensor.hpp"
 
 #include <fcntl.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -23,10 +22,11 @@
 #include <thread>
 #include <utility>
 
-#include "session_directory.hpp"
+#include "sensor_file.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/regular_file.hpp"
 #include "trifinger/base/text_of.hpp"
+#include "trifinger/core/payload.hpp"
 #include "trifinger/core/session.hpp"
 #include "trifinger/ipc/file_descriptor.hpp"
 #include "trifinger/ipc/file_lock.hpp"
@@ -41,7 +41,6 @@ namespace {
 using detail::text_of;
 
 constexpr std::uint64_t kMagic = 0x3153532d52474654;  // "TFGR-SS1"
-constexpr unsigned kOwnerAlone = 0600;
 
 // The beginning of a sensor's file. The text of its element and its ring follow.
 struct Header {
@@ -57,11 +56,10 @@ constexpr std::size_t ring_offset(std::size_t text_size) {
   return sizeof(Header) + (text_size + 7) / 8 * 8;
 }
 
-// Files of robots begin with "trifinger."; whoever takes a robot's name removes those.
-std::string file_of(const std::string& robot, const std::string& sensor) {
-  detail::require_valid_name(robot);
-  detail::require_valid_name(sensor);
-  return "trifinger-sensor." + robot + "." + sensor;
+// The text in a sensor's file: the fields of its elements, and those of their payload if they have
+// one.
+std::string text_of_fields(const ElementDescription& element, const ElementDescription& payload) {
+  return payload.size() == 0 ? element.text() : element.text() + "payload:\n" + payload.text();
 }
 
 void require_stamp(const ElementDescription& element, const std::string& sensor) {
@@ -87,51 +85,21 @@ struct UntypedSensorWriter::State {
   }
 };
 
-namespace {
-
-// Takes the lock of a sensor, which its process keeps as long as it lives.
-ipc::SharedMemory lock_sensor(const std::string& file, const std::string& what) {
-  const auto directory = detail::directory_in(session_folder());
-  const std::string name = file + ".lock";
-  ipc::SharedMemory lock = directory->open_or_create(name, kOwnerAlone);
-  const ipc::LockPatience patience;
-  while (!ipc::try_lock(lock.file())) {
-    const std::vector<ipc::ProcessIdentity> owners = ipc::owners_of(session_folder() / name);
-    const bool is_ending = std::ranges::any_of(owners, &ipc::ProcessIdentity::is_ending);
-    if (patience.wait(is_ending)) continue;
-    throw Error((owners.empty() ? "another process" : ipc::describe(owners.front())) +
-                " is already " + what + "; end it first");
-  }
-  return lock;
-}
-
-// Removes the hidden names of files that killed processes have left: they keep memory. Only the
-// owner of the lock may do this. Names of the lock itself belong to whoever wants it.
-void remove_leftovers(const std::string& file) {
-  std::error_code error;
-  for (const auto& entry : std::filesystem::directory_iterator(session_folder(), error)) {
-    const std::string name = entry.path().filename().string();
-    if (name.starts_with("." + file + ".") && !name.starts_with("." + file + ".lock.")) {
-      ::unlink(entry.path().c_str());
-    }
-  }
-}
-
-}  // namespace
-
 UntypedSensorWriter::UntypedSensorWriter(const std::string& robot, const std::string& sensor,
-                                         const ElementDescription& element, std::size_t history) {
+                                         const ElementDescription& element, std::size_t history,
+                                         const ElementDescription& payload) {
   require_stamp(element, sensor);
+  if (payload.size() > 0) require_payload_reference(element);
   detail::require(
       history > 0 && history <= (std::size_t{1} << 20U),
       "the history of a sensor is " + std::to_string(history) + " elements, must be 1 to 1048576");
-  const std::string file = file_of(robot, sensor);
-  const std::string text = element.text();
+  const std::string file = detail::sensor_file(robot, sensor);
+  const std::string text = text_of_fields(element, payload);
   const ipc::RingShape shape{.capacity = std::bit_ceil(history), .element_size = element.size()};
-  ipc::SharedMemory lock = lock_sensor(file, "sensor '" + sensor + "' of robot '" + robot + "'");
-  remove_leftovers(file);
+  ipc::SharedMemory lock =
+      detail::own_sensor_file(file, "sensor '" + sensor + "' of robot '" + robot + "'");
   ipc::SharedMemory memory = ipc::SharedMemory::create_file(
-      session_folder(), file, ring_offset(text.size()) + shape.size(), kOwnerAlone);
+      session_folder(), file, ring_offset(text.size()) + shape.size(), detail::kOwnerAlone);
   static_cast<void>(ipc::try_lock(memory.file()));
   new (memory.data())
       Header{.magic = kMagic, .text_size = text.size(), .ring = shape, .pid = ::getpid(), .end = 0};
@@ -171,14 +139,11 @@ namespace {
 // The memory of a sensor's process, as the robot sees it.
 class Mapping {
  public:
-  // Throws InvalidArgument for a file of another kind or with other elements, SystemError.
-  Mapping(const std::string& file, const ElementDescription& expected)
+  // `expected` is the text of the fields. Throws InvalidArgument for a file of another kind or with
+  // other elements, SystemError.
+  Mapping(const std::string& file, const std::string& expected, std::size_t element_size)
       : memory_(ipc::SharedMemory::open(session_folder() / file, ipc::Access::kReadOnly)) {
-    struct stat status{};
-    if (::fstat(memory_.file().get(), &status) != 0) throw SystemError("inspect " + file, errno);
-    // What it says moves the robot, so it must come from its user.
-    detail::require(status.st_uid == ::geteuid() || status.st_uid == 0,
-                    "it belongs to user " + user_name(status.st_uid));
+    detail::require_own_file(memory_.file(), file);
     detail::require(memory_.size() >= sizeof(Header) && header().magic == kMagic,
                     "its file is none of a sensor of this version");
     // Copied, because the other process may change it.
@@ -189,9 +154,8 @@ class Mapping {
                     "its file has a wrong size");
     const std::string text(reinterpret_cast<const char*>(memory_.data()) + sizeof(Header),
                            text_size);
-    detail::require(
-        text == expected.text() && shape.element_size == expected.size(),
-        "its elements have the fields\n" + text + "but the robot expects\n" + expected.text());
+    detail::require(text == expected && shape.element_size == element_size,
+                    "its elements have the fields\n" + text + "but the robot expects\n" + expected);
     ring_ = ipc::Ring(memory_.data() + ring_offset(text_size), shape);
   }
 
@@ -229,21 +193,85 @@ namespace {
 bool is_worth_mapping(const std::filesystem::path& path) {
   const ipc::FileDescriptor file(
       [&path] { return open_regular_file(path, O_RDONLY, NamedBy::kProgram); });
-  struct stat status{};
-  if (::fstat(file.get(), &status) != 0) throw SystemError("inspect " + path.string(), errno);
-  // What it says moves the robot, so it must come from its user.
-  detail::require(status.st_uid == ::geteuid() || status.st_uid == 0,
-                  "it belongs to user " + user_name(status.st_uid));
+  detail::require_own_file(file, path.string());
   return ipc::is_locked_by_other(file);
 }
 
 }  // namespace
 
+// ---- a reader without a robot ----
+
+struct UntypedSensorReader::State {
+  std::string file;
+  std::string fields;
+  std::size_t element_size;
+  std::unique_ptr<Mapping> mapping{};
+  std::int64_t seen{0};  // elements of this process
+  Instant looked{};
+
+  // Looks for a process, at most a few times per second while there is none.
+  void find_process() {
+    constexpr auto kPeriod = std::chrono::milliseconds(50);
+    const Instant now = std::chrono::steady_clock::now();
+    if (now - looked < kPeriod) return;
+    looked = now;
+    if (mapping != nullptr && mapping->is_in_use()) return;
+    mapping.reset();
+    try {
+      if (!is_worth_mapping(session_folder() / file)) return;
+      auto found = std::make_unique<Mapping>(file, fields, element_size);
+      if (!found->is_in_use()) return;
+      mapping = std::move(found);
+      seen = 0;
+    } catch (const SystemError& error) {
+      if (error.error_number() != ENOENT) throw;
+    }
+  }
+  bool read(void* element) {
+    if (mapping == nullptr) return false;
+    const std::int64_t end = mapping->end();
+    if (end <= 0 || end == seen) return false;
+    if (mapping->ring().read(end - 1, element) != ipc::ReadResult::kDone) return false;
+    seen = end;
+    return true;
+  }
+};
+
+UntypedSensorReader::UntypedSensorReader(const std::string& robot, const std::string& sensor,
+                                         const ElementDescription& element,
+                                         const ElementDescription& payload)
+    : state_(new State{.file = detail::sensor_file(robot, sensor),
+                       .fields = text_of_fields(element, payload),
+                       .element_size = element.size()}) {
+  require_stamp(element, sensor);
+}
+
+UntypedSensorReader::UntypedSensorReader(UntypedSensorReader&&) noexcept = default;
+UntypedSensorReader& UntypedSensorReader::operator=(UntypedSensorReader&&) noexcept = default;
+UntypedSensorReader::~UntypedSensorReader() = default;
+
+bool UntypedSensorReader::next(void* element, Timeout timeout) {
+  const Deadline deadline(timeout);
+  while (true) {
+    state_->find_process();
+    if (state_->read(element)) return true;
+    if (deadline.passed() || timeout == Timeout::zero()) return false;
+    // The writer wakes nobody: it must not know who reads.
+    constexpr auto kPause = std::chrono::microseconds(500);
+    std::this_thread::sleep_for(deadline.remaining(kPause));
+  }
+}
+
+// ---- the sensors of a robot ----
+
 // One sensor: the watcher finds its memory, the loop reads it.
 class DriverWithSensors::Sensor {
  public:
   Sensor(const std::string& robot, const CompanionDescription& companion)
-      : name_(companion.name), file_(file_of(robot, companion.name)), element_(companion.element) {}
+      : name_(companion.name),
+        file_(detail::sensor_file(robot, companion.name)),
+        fields_(text_of_fields(companion.element, companion.payload)),
+        element_size_(companion.element.size()) {}
 
   // ---- for the watcher ----
 
@@ -259,7 +287,7 @@ class DriverWithSensors::Sensor {
     }
     try {
       if (!is_worth_mapping(session_folder() / file_)) return news;
-      auto found = std::make_unique<Mapping>(file_, element_);
+      auto found = std::make_unique<Mapping>(file_, fields_, element_size_);
       // A process that was killed leaves its file.
       if (!found->is_in_use()) return news;
       news = text_of("sensor '", name_, "': process ", found->pid(), " delivers");
@@ -347,7 +375,8 @@ class DriverWithSensors::Sensor {
 
   std::string name_;
   std::string file_;
-  ElementDescription element_;
+  std::string fields_;
+  std::size_t element_size_;
 
   // Of the watcher.
   std::unique_ptr<Mapping> newest_;

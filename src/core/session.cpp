@@ -164,6 +164,8 @@ const ElementDescription& Session::element(Series series) const {
   return mapping_->element(series);
 }
 
+const ElementDescription& Session::payload() const noexcept { return mapping_->payload(); }
+
 std::vector<Document> Session::documents() const { return mapping_->documents(); }
 
 const std::vector<std::string>& Session::companion_names() const noexcept {

@@ -11,6 +11,7 @@
 #include <cstdio>
 #include <map>
 #include <mutex>
+#include <random>
 #include <string_view>
 #include <system_error>
 #include <utility>
@@ -202,6 +203,12 @@ std::vector<std::string> session_names(const std::filesystem::path& folder) {
   }
   std::ranges::sort(names);
   return names;
+}
+
+std::uint64_t random_id() {
+  std::random_device device;
+  const std::uint64_t id = (std::uint64_t{device()} << 32U) | device();
+  return id == 0 ? 1 : id;
 }
 
 void require_valid_name(const std::string& name) {

@@ -60,6 +60,8 @@ class Directory {
 [[nodiscard]] std::string robot_of(const std::string& name);
 // The names of the sessions in `folder`, of robots and companions, sorted.
 [[nodiscard]] std::vector<std::string> session_names(const std::filesystem::path& folder);
+// A number by which everybody knows a session, or a memory with payloads. Never 0.
+[[nodiscard]] std::uint64_t random_id();
 // Throws InvalidArgument unless `name` can be the name of a robot.
 void require_valid_name(const std::string& name);
 

@@ -19,7 +19,7 @@ namespace trifinger::detail {
 
 inline constexpr std::uint64_t kStateMagic = 0x3154532d52474654;   // "TFGR-ST1"
 inline constexpr std::uint64_t kActionMagic = 0x3143412d52474654;  // "TFGR-AC1"
-inline constexpr std::uint32_t kLayoutVersion = 5;
+inline constexpr std::uint32_t kLayoutVersion = 6;
 
 inline constexpr std::size_t kNumSeries = 6;
 inline constexpr std::size_t kNumWaitSlots = 8;
@@ -55,10 +55,11 @@ struct DocumentPlace {
   TextPlace text;
 };
 
-// The hash of a session's type and of the fields of its series, FNV-1a with 64 bits. It shows a
-// mismatch in one comparison.
+// The hash of a session's type and of the fields of its series and payload, FNV-1a with 64 bits. It
+// shows a mismatch in one comparison.
 [[nodiscard]] inline std::uint64_t description_hash(
-    std::string_view type, const std::array<std::string, kNumSeries>& fields) noexcept {
+    std::string_view type, const std::array<std::string, kNumSeries>& fields,
+    std::string_view payload) noexcept {
   std::uint64_t hash = 0xcbf29ce484222325;
   const auto add = [&hash](std::string_view text) {
     for (const char character : text) {
@@ -67,6 +68,7 @@ struct DocumentPlace {
   };
   add(type);
   for (const std::string& text : fields) add(text);
+  add(payload);
   return hash;
 }
 
@@ -92,6 +94,7 @@ struct StateConstants {
   TextPlace type;
   TextPlace host;
   std::array<TextPlace, kNumSeries> descriptions;
+  TextPlace payload;         // fields of a companion's payload; empty if it has none
   TextPlace default_action;  // bytes
   TextPlace companions;      // names, each followed by a newline
   TextPlace documents;       // DocumentPlaces

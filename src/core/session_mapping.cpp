@@ -12,6 +12,7 @@
 
 #include "trifinger/core/driver.hpp"
 #include "trifinger/core/errors.hpp"
+#include "trifinger/core/payload.hpp"
 #include "trifinger/core/status.hpp"
 #include "trifinger/ipc/file_lock.hpp"
 
@@ -107,7 +108,8 @@ void SessionMapping::read_elements() {
   for (std::size_t i = 0; i < kNumSeries; ++i) {
     if (has(static_cast<Series>(i))) fields[i] = text(header_->descriptions[i]);
   }
-  require(description_hash(description_.type, fields) == header_->description_hash,
+  const std::string payload = text(header_->payload);
+  require(description_hash(description_.type, fields, payload) == header_->description_hash,
           "its type and fields do not have the hash that its header gives");
   const auto parse = [&](Series series) {
     ElementDescription element = ElementDescription::parse(fields[index_of(series)]);
@@ -116,6 +118,7 @@ void SessionMapping::read_elements() {
     return element;
   };
   description_.observation = parse(Series::kObservation);
+  payload_ = ElementDescription::parse(payload);
   if (is_companion()) return;
   description_.action = parse(Series::kDesiredAction);
   description_.applied_action = parse(Series::kAppliedAction);
@@ -134,9 +137,11 @@ void SessionMapping::check_companion() const {
           "its elements do not begin with a stamp");
   require(companion_names_.empty() && description_.default_action.empty(),
           "it is a companion and has companions or a default action");
+  if (payload_.size() > 0) require_payload_reference(element);
 }
 
 void SessionMapping::check_robot() const {
+  require(payload_.size() == 0, "it is a robot and has payloads");
   const std::size_t action_size = description_.action.size();
   require(description_.default_action.size() == action_size, "its default action has a wrong size");
   // Larger than any header, and far from overflow.

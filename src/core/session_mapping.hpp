@@ -40,6 +40,7 @@ class SessionMapping {
   [[nodiscard]] const std::string& host() const noexcept { return host_; }
   [[nodiscard]] const RobotTypes& description() const noexcept { return description_; }
   [[nodiscard]] const ElementDescription& element(Series series) const;
+  [[nodiscard]] const ElementDescription& payload() const noexcept { return payload_; }
   [[nodiscard]] const std::vector<std::string>& companion_names() const noexcept {
     return companion_names_;
   }
@@ -99,6 +100,7 @@ class SessionMapping {
   std::string host_;
   RobotTypes description_;
   ElementDescription status_;
+  ElementDescription payload_;
   ipc::Ring timing_;
   std::vector<std::string> companion_names_;
   std::vector<std::string> realtime_lacks_;

@@ -7,7 +7,6 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
-#include <random>
 #include <thread>
 #include <utility>
 
@@ -15,20 +14,12 @@
 #include "session_mapping.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/errors.hpp"
+#include "trifinger/core/payload.hpp"
 #include "trifinger/core/status.hpp"
 #include "trifinger/ipc/file_lock.hpp"
 #include "trifinger/ipc/process.hpp"
 
 namespace trifinger::detail {
-namespace {
-
-std::uint64_t random_id() {
-  std::random_device device;
-  const std::uint64_t id = (std::uint64_t{device()} << 32U) | device();
-  return id == 0 ? 1 : id;
-}
-
-}  // namespace
 
 SessionPlace::SessionPlace(std::shared_ptr<Directory> directory, std::string name,
                            SessionOptions options)
@@ -173,8 +164,10 @@ SessionPlace::Writers SessionPlace::begin(const UntypedDriver& driver, bool is_r
         .robot_session_id = plan.session_id,
         .is_real_time = is_real_time,
         .period = period,
+        .payload = companion.payload.text(),
         .mode = options_.mode,
     };
+    if (companion.payload.size() > 0) require_payload_reference(companion.element);
     companion_plan.elements[index_of(Series::kObservation)] = &companion.element;
     companion_plan.capacities[index_of(Series::kObservation)] = companion.history;
     plan.companions += companion.name + "\n";

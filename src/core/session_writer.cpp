@@ -122,7 +122,7 @@ void SessionWriter::make_state_file(const SessionPlan& plan) {
         file.add(ring_shape(plan.capacities[i], plan.elements[i]->size(), "history"));
     constants.descriptions[i] = file.add(fields[i]);
   }
-  constants.description_hash = description_hash(plan.type, fields);
+  constants.description_hash = description_hash(plan.type, fields, plan.payload);
   if (plan.is_real_time && plan.queue > 0) {
     // A reader that the back-end overtakes finds the next record.
     constexpr std::size_t kTimingHistory = 4;
@@ -133,6 +133,7 @@ void SessionWriter::make_state_file(const SessionPlan& plan) {
   constants.name = file.add(plan.name);
   constants.type = file.add(plan.type);
   constants.host = file.add(host);
+  constants.payload = file.add(plan.payload);
   constants.default_action = file.add(plan.default_action);
   constants.companions = file.add(plan.companions);
   // All sessions of a back-end have the same size, so that one can reuse the memory of another.

@@ -37,6 +37,7 @@ struct SessionPlan {
   TimeIndex first_index{0};
   std::array<const ElementDescription*, kNumSeries> elements{};  // nullptr: no such series
   std::array<std::size_t, kNumSeries> capacities{};
+  std::string payload{};  // fields
   std::vector<std::byte> default_action{};
   std::string companions{};  // names, each followed by a newline
   std::span<const Document> documents{};

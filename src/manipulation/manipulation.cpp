@@ -17,6 +17,10 @@ using control::GraspPhase;
 
 constexpr Seconds kLongestLook{5.0};
 
+// An object that was not seen for so long is out of sight. Poses come at 10 Hz or more, and are up
+// to 0.1 s late.
+constexpr Seconds kOutOfSight{0.3};
+
 const ObjectDescription& object_of(const RobotDescription& description, const std::string& name) {
   const auto object = std::ranges::find(description.objects, name, &ObjectDescription::name);
   if (object == description.objects.end())
@@ -93,9 +97,36 @@ void Manipulation::take_news() noexcept {
     orientation_sum_ += orientation_sum_.dot(orientation) < 0.0 ? -orientation : orientation;
     return;
   }
+  const Remembered& then = memory_at(captured);
+  if (estimator_.update(time_of(captured), pose, then.desired)) {
+    known_ = {estimator_.predict(time_of(captured), then.desired).pose, then.felt};
+    return;
+  }
+  // The tips have told more since. What they have felt brings the pose to the present step.
+  (void)estimator_.update(time_of(step_), carried(pose, then.felt), desired_);
+  known_ = {estimator_.predict(time_of(step_), desired_).pose, felt_};
+}
+
+// A held object in the present step that was at `pose` when the tips had felt `felt`.
+Pose Manipulation::carried(const Pose& pose, const Pose& felt) const noexcept {
+  const Eigen::Quaterniond turn = felt_.orientation * felt.orientation.conjugate();
+  return {pose.position + felt_.position - felt.position, (turn * pose.orientation).normalized()};
+}
+
+const Manipulation::Remembered& Manipulation::memory_at(TimeIndex step) const noexcept {
   // Before step 0, the desired object was at rest, as in step 0.
-  const auto slot = static_cast<std::size_t>(std::max<TimeIndex>(captured, 0)) % kMemory;
-  (void)estimator_.update(time_of(captured), pose, memory_[slot]);
+  return memory_[static_cast<std::size_t>(std::max<TimeIndex>(step, 0)) % kMemory];
+}
+
+bool Manipulation::is_in_sight() const noexcept {
+  return controller_.state().phase != GraspPhase::kHold ||
+         time_of(step_) - time_of(last_seen_) <= kOutOfSight;
+}
+
+// Takes the motion of an object that is out of sight from the tips.
+void Manipulation::feel() noexcept {
+  if (is_in_sight()) return;
+  (void)estimator_.update(time_of(step_), carried(known_.pose, known_.felt), desired_);
 }
 
 void Manipulation::finish_look() noexcept {
@@ -107,7 +138,9 @@ void Manipulation::finish_look() noexcept {
   rest_.position.z() = object_height_;
   plan_.reset();
   desired_ = {.pose = rest_};
-  memory_.assign(kMemory, desired_);
+  memory_.assign(kMemory, {.desired = desired_});
+  felt_ = {};
+  known_ = {.pose = rest_};
   estimator_.reset();
   enter(Phase::kPlan);
 }
@@ -232,12 +265,15 @@ const JointValues& Manipulation::update(TimeIndex step,
   // Skipped steps get the previous entry.
   for (TimeIndex i = std::max<TimeIndex>(step_ + 1, 0);
        i < std::min(step, step_ + static_cast<TimeIndex>(kMemory)); ++i)
-    memory_[static_cast<std::size_t>(i) % kMemory] = desired_;
+    memory_[static_cast<std::size_t>(i) % kMemory] = {.desired = desired_, .felt = felt_};
   step_ = step;
   follow_phases();
   set_desired();
-  if (step >= 0) memory_[static_cast<std::size_t>(step) % kMemory] = desired_;
+  felt_ = moved(felt_, controller_.state().felt, time_of(elapsed));
+  if (step >= 0)
+    memory_[static_cast<std::size_t>(step) % kMemory] = {.desired = desired_, .felt = felt_};
   take_news();
+  feel();
   object_ = estimator_.predict(time_of(step), desired_);
   return controller_.update(time_of(elapsed), joints, object_, desired_);
 }

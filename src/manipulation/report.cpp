@@ -131,6 +131,7 @@ void judge_grasp(Steps steps, Seconds period, Drift drift, Report& report) {
     friction.push_back(
         step.tangential_forces.cwiseQuotient(step.normal_forces.cwiseMax(1e-3)).maxCoeff());
     report.travel_max = std::max(report.travel_max, step.travel.maxCoeff());
+    if (!step.is_in_sight) report.blind_time += period;
     if (step.is_slipping) report.slip_time += period;
     torque_share = std::max(torque_share, step.torque_share);
     if (step.status == control::ForceStatus::kExact) ++exact;

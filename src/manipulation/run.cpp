@@ -107,6 +107,7 @@ TraceStep traced(TimeIndex step, const Manipulation& manipulation, Seconds cycle
           .normal_forces = grasp.normal_forces,
           .tangential_forces = grasp.tangential_forces,
           .travel = grasp.travel,
+          .is_in_sight = manipulation.is_in_sight(),
           .is_slipping = grasp.is_slipping,
           .torque_share = grasp.torque_share,
           .status = grasp.wanted.status,
@@ -135,6 +136,7 @@ Trace run(Frontend<TriFinger>& robot, const RobotDescription& description,
   TriFinger::Observation y = robot.latest_observation();
   TimeIndex t = -1;
   Phase phase = manipulation.phase();
+  bool is_in_sight = true;
   while (!manipulation.has_ended()) {
     const auto begin = Clock::now();
     see_object(object, t, most, manipulation, trace);
@@ -152,6 +154,10 @@ Trace run(Frontend<TriFinger>& robot, const RobotDescription& description,
     if (manipulation.phase() != phase) {
       phase = manipulation.phase();
       if (options.on_phase) options.on_phase(manipulation);
+    }
+    if (manipulation.is_in_sight() != is_in_sight) {
+      is_in_sight = manipulation.is_in_sight();
+      if (options.on_sight) options.on_sight(manipulation);
     }
 
     t = robot.append_desired_action(action);

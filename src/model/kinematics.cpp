@@ -208,6 +208,14 @@ TipJacobian Kinematics::tip_jacobian(int finger) const noexcept {
   return rows;
 }
 
+TipJacobian Kinematics::tip_rotation_jacobian(int finger) const noexcept {
+  const int site = state_->model.tip_sites()[static_cast<std::size_t>(finger)];
+  // MuJoCo writes row-major.
+  Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor, 3, kMaxJoints> rows(3, num_joints());
+  mj_jacSite(state_->model.mujoco(), state_->data.get(), nullptr, rows.data(), site);
+  return rows;
+}
+
 JointMatrix Kinematics::tip_jacobians() const noexcept {
   JointMatrix jacobians(3 * num_fingers(), num_joints());
   for (int finger = 0; finger < num_fingers(); ++finger)

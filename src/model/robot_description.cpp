@@ -253,6 +253,8 @@ ObjectDescription ball(std::string name) {
   return {.name = std::move(name), .shape = ObjectShape::kBall, .size = {0.06, 0, 0}, .mass = 0.05};
 }
 
+double box_rim(const ObjectDescription& box) noexcept { return 0.06 * box.size[0]; }
+
 const VariantFigures& variant_figures(Variant variant, Arrangement arrangement) noexcept {
   const bool single_finger = arrangement == Arrangement::kSingleFinger;
   switch (variant) {

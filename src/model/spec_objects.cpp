@@ -68,7 +68,7 @@ void SpecBuilder::add_box_object(mjsBody* body, const ObjectDescription& object)
       {0, 1, {0.765F, 0.188F, 0.000F, 1}},  {1, 1, {0.600F, 0.816F, 0.376F, 1}},
       {2, 1, {0.016F, 0.137F, 0.376F, 1}},  {2, -1, {0.455F, 0.784F, 0.749F, 1}},
       {0, -1, {0.643F, 0.357F, 0.643F, 1}}, {1, -1, {1.000F, 0.922F, 0.424F, 1}}};
-  const double rim = 0.06 * object.size[0];
+  const double rim = box_rim(object);
   for (const Face& face : kFaces) {
     Eigen::Vector3d plate = half.array() - rim;
     plate[face.axis] = 0.0002;

@@ -263,6 +263,21 @@ SimulationOptions<R> read_simulation(const Node& root, RobotDescription descript
   return options;
 }
 
+// Reads how a simulated robot knows its objects, and what its simulated cameras need.
+void read_sight(const Node& simulation, RobotConfig& config) {
+  const auto poses = simulation.find("object_poses");
+  config.tracks_objects = poses && poses->as_choice<bool>({{"exact", false}, {"tracked", true}});
+  if (config.tracks_objects && !config.cameras) {
+    poses->fail("is tracked, but the robot has no cameras: a section 'cameras' is missing");
+  }
+  if (!config.cameras || config.cameras->source != camera::SourceKind::kSimulated) return;
+  std::visit(
+      [&config](auto& options) {
+        options.scene_period = std::max<TimeIndex>(config.cameras->period / options.period, 1);
+      },
+      config.simulation);
+}
+
 // The limits, poses and the stop of the simulated robot are those of the one on boards, too.
 BoardsConfig read_boards(
     const Node& section,
@@ -305,7 +320,8 @@ std::map<std::string, std::string> noticed_values(const config::File& file) {
     const std::string& key = entry.first;
     return key == "name" || key == "driver" || key == "fingers.initial_position" ||
            key == "simulation.seed" || key.ends_with("_noise") || key.starts_with("stop.") ||
-           (key.starts_with("backend.") && key != "backend.period") || key.starts_with("objects");
+           (key.starts_with("backend.") && key != "backend.period") || key.starts_with("objects") ||
+           key.starts_with("cameras.");
   });
   if (const auto objects = file.root().find("objects"); objects && objects->is_list()) {
     for (const Node& node : objects->items()) {
@@ -389,6 +405,10 @@ RobotConfig read_robot_config(const config::File& file) {
         read_simulation<Finger>(root, std::move(description), config.backend.period);
   }
   if (is_on_boards) config.boards = read_boards(root.section("boards"), config.simulation);
+  if (const auto cameras = root.optional_section("cameras")) {
+    config.cameras = camera::read_camera_options(*cameras);
+  }
+  read_sight(root.section("simulation"), config);
   file.reject_unknown_keys();
   try {
     std::visit([](const auto& options) { options.validate(); }, config.simulation);

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "trifinger/sim/simulated_plant.hpp"
 
+#include <mujoco/mujoco.h>
+
 #include <utility>
 
 #include "trifinger/base/error.hpp"
+#include "trifinger/sim/scene_observation.hpp"
 
 namespace trifinger {
 namespace {
@@ -83,9 +86,40 @@ void SimulatedTracker<R>::tick(Instant now) noexcept {
   writer_.write(time_of(received->capture_index), element_.data());
 }
 
+template <class R>
+std::span<const double> SimulatedPlant<R>::configuration_position() const noexcept {
+  return {data_->qpos, static_cast<std::size_t>(simulator_.model().mujoco()->nq)};
+}
+
+template <class R>
+std::span<const double> SimulatedPlant<R>::configuration_velocity() const noexcept {
+  return {data_->qvel, static_cast<std::size_t>(simulator_.model().mujoco()->nv)};
+}
+
+template <class R>
+SimulatedScene<R>::SimulatedScene(const std::string& robot, const SimulatedPlant<R>& plant,
+                                  Nanoseconds period)
+    : plant_(plant),
+      period_(period / kPhysicsStep),
+      element_(scene_companion(plant.options().description).element.size()),
+      writer_(robot, kSceneCompanion, scene_companion(plant.options().description).element) {
+  detail::require(period_ >= 1, "the period of a scene must be at least a millisecond");
+}
+
+template <class R>
+void SimulatedScene<R>::tick(Instant now) noexcept {
+  if (plant_.step_count() < next_) return;
+  next_ = plant_.step_count() + period_;
+  write_scene({}, plant_.configuration_position(), plant_.configuration_velocity(),
+              element_.data());
+  writer_.write(now, element_.data());
+}
+
 template class SimulatedPlant<TriFinger>;
 template class SimulatedPlant<Finger>;
 template class SimulatedTracker<TriFinger>;
 template class SimulatedTracker<Finger>;
+template class SimulatedScene<TriFinger>;
+template class SimulatedScene<Finger>;
 
 }  // namespace trifinger

@@ -16,6 +16,7 @@
 
 #include "trifinger/base/error.hpp"
 #include "trifinger/model/export.hpp"
+#include "trifinger/sim/scene_observation.hpp"
 #include "trifinger/sim/simulator.hpp"
 
 namespace trifinger {
@@ -66,8 +67,12 @@ SimulatedRobot<R>::SimulatedRobot(Options options)
       changed_by_step_(parts_changed_by_step()),
       after_step_(before_step_.size()),
       physics_(state_size_of(model(), kWholeState)) {
-  if (auto objects = object_companion(this->options().description)) {
+  if (auto objects = object_companion(this->options().description);
+      objects && this->options().exact_poses) {
     companions_.push_back(std::move(*objects));
+  }
+  if (this->options().scene_period > 0) {
+    companions_.push_back(scene_companion(this->options().description));
   }
   begin_state_.resize(state_size());
   spare_state_.resize(state_size());
@@ -79,6 +84,7 @@ DriverReport SimulatedRobot<R>::prepare(TimeIndex) noexcept {
   read_state(begin_state_);
   simulator_.begin(state_);
   has_safety_fault_ = false;
+  next_scene_ = -1;
   return DriverReport::ready();
 }
 
@@ -145,13 +151,31 @@ std::span<const CompanionDescription> SimulatedRobot<R>::companions() const noex
 }
 
 template <class R>
-bool SimulatedRobot<R>::get_companion_element(std::size_t, TimeIndex time_index,
+bool SimulatedRobot<R>::get_companion_element(std::size_t index, TimeIndex time_index,
                                               void* element) noexcept {
+  const bool is_scene = companions_[index].name == kSceneCompanion;
+  return is_scene ? get_scene(time_index, element) : get_poses(time_index, element);
+}
+
+template <class R>
+bool SimulatedRobot<R>::get_poses(TimeIndex time_index, void* element) noexcept {
   const auto* const received = simulator_.receive_poses(time_index, *data_, state_);
   if (received == nullptr) return false;
   const Stamp stamp{.arrival_index = time_index < 0 ? -1 : received->arrival_index,
                     .capture_index = received->capture_index};
   write_objects(stamp, received->objects, static_cast<std::byte*>(element));
+  return true;
+}
+
+template <class R>
+bool SimulatedRobot<R>::get_scene(TimeIndex time_index, void* element) noexcept {
+  if (time_index < next_scene_) return false;
+  // The first one is that before step 0; the others count from there.
+  next_scene_ = time_index < 0 ? 0 : time_index + options().scene_period;
+  const mjModel& model = mujoco();
+  write_scene({.arrival_index = time_index, .capture_index = time_index},
+              {data_->qpos, static_cast<std::size_t>(model.nq)},
+              {data_->qvel, static_cast<std::size_t>(model.nv)}, static_cast<std::byte*>(element));
   return true;
 }
 

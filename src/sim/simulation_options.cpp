@@ -82,6 +82,8 @@ void SimulationOptions<R>::validate() const {
   require(object_delay >= 0 && object_delay <= kMaxDelay,
           "object_delay is " + std::to_string(object_delay) + " steps, must be 0 to " +
               std::to_string(kMaxDelay));
+  require(scene_period >= 0, "scene_period is " + std::to_string(scene_period) +
+                                 " steps, must be at least 0; 0 leaves the scene out");
   for (const auto& [name, noise] :
        {std::pair{"object_position_noise", object_position_noise},
         std::pair{"object_orientation_noise", object_orientation_noise}}) {

@@ -381,6 +381,24 @@ TEST(BoardRobot, fault_39_CorruptFramesAreDroppedAndCounted) {
   expect_true_positions(rig);
 }
 
+// Without the check, motors at rest would soon be too warm.
+TEST(BoardRobot, fault_39_CorruptCurrentsDoNotWarmTheMotors) {
+  Rig<TriFinger> rig;
+  ASSERT_TRUE(is_prepared(rig));
+  rig.buses[1]->add({.kind = can::BusFault::Kind::kCorrupt,
+                     .probability = 0.01,
+                     .node = 1,
+                     .id = static_cast<std::uint32_t>(encode(can::MotorCurrents{}).id)});
+  const auto options = options_of_tests<TriFinger>();
+  const double most = 2 * options.max_current * options.drive.torque_per_ampere();
+  for (int i = 0; i < 5000; ++i) {
+    const DriverReport report = rig.step(hold_at<TriFinger>(0.3));
+    ASSERT_EQ(report.state, State::kReady) << text_of(rig, report);
+    for (const double torque : rig.observation.torque) ASSERT_LE(std::abs(torque), most);
+  }
+  EXPECT_GT(rig.robot->boards()[1].counts().implausible, 0U);
+}
+
 TEST(BoardRobot, fault_41_AFloodOfForeignFramesDoesNotStopIt) {
   Rig<TriFinger> rig;
   ASSERT_TRUE(is_prepared(rig));

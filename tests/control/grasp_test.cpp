@@ -35,6 +35,35 @@ TEST(GraspMap, DoesTheWorkOfTheForces) {
   }
 }
 
+TEST(TwistOf, FindsTheMotionOfABodyFromThreeOfItsPoints) {
+  Random random(7);
+  for (int i = 0; i < 1000; ++i) {
+    const Eigen::Vector3d centre = random.numbers<3>(0.2);
+    const Grasp grasp = random.grasp(centre);
+    const Motion body{.pose = {.position = centre},
+                      .twist = {random.numbers<3>(1.0), random.numbers<3>(5.0)}};
+    ContactForces velocities;
+    for (int c = 0; c < kContacts; ++c) {
+      const Eigen::Vector3d arm = grasp[static_cast<std::size_t>(c)].position - centre;
+      velocities.segment<3>(3 * c) = point_of_body(body, arm).velocity;
+    }
+    const Twist found = twist_of(grasp, centre, velocities);
+    EXPECT_LT((found.linear - body.twist.linear).norm(), 1e-9);
+    EXPECT_LT((found.angular - body.twist.angular).norm(), 1e-6);
+    // What no motion of a body explains does not count.
+    const Eigen::Vector3d along = (grasp[1].position - grasp[0].position).normalized();
+    velocities.segment<3>(0) -= along;
+    velocities.segment<3>(3) += along;
+    const Twist stretched = twist_of(grasp, centre, velocities);
+    const Eigen::Matrix<double, 6, 1> change =
+        grasp_map(grasp, centre) *
+        (grasp_map(grasp, centre).transpose() *
+             (Eigen::Matrix<double, 6, 1>() << stretched.linear, stretched.angular).finished() -
+         velocities);
+    EXPECT_LT(change.norm(), 1e-9);  // the rest is perpendicular to all motions
+  }
+}
+
 TEST(GraspMap, SumsForcesAndTheirMoments) {
   Random random(2);
   for (int i = 0; i < 1000; ++i) {

@@ -5,6 +5,10 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cmath>
+#include <cstdint>
+#include <deque>
+#include <functional>
 #include <random>
 #include <thread>
 #include <vector>
@@ -196,6 +200,84 @@ TEST(Manipulation, DoesNotAllocate) {
   }
   EXPECT_EQ(manipulation.failure(), Failure::kStopped);
   EXPECT_EQ(count, 0U);
+}
+
+// A lift of 20 cm whose poses come only while `is_seen` says so, as from cameras.
+struct LiftWithCameras {
+  Phase end{};
+  double rms{0.0};    // [m] while it is led, from where it should be
+  double worst{0.0};  // [m]
+  double angle{0.0};  // [rad], the largest
+  int blind_steps{0};
+};
+
+LiftWithCameras lift_with_cameras(std::uint64_t seed,
+                                  const std::function<bool(const ObjectPose& truth)>& is_seen) {
+  Trial trial = varied(make_trial("sim", {"fingers.height=0.3"}, "edu", "lift"), seed);
+  trial.simulation.object_period = 33;
+  trial.simulation.object_delay = 35;
+  const Simulation<TriFinger> simulation(trial.simulation);
+  auto robot = simulation.connect();
+  const Companion<CubeObservation> object(robot.companion("object"));
+  Manipulation manipulation(trial.believed, trial.config);
+  TaskPlanner planner(trial.believed, trial.config);
+  LiftWithCameras result;
+  std::deque<ObjectPose> truths;
+  double squares = 0.0;
+  int count = 0;
+  auto y = robot.latest_observation();
+  TimeIndex t = -1;
+  while (!manipulation.has_ended()) {
+    const ObjectPose truth = simulation.robot().object_pose("cube");
+    const auto seen = object.get_latest_at(t);
+    const auto& q = seen->cube.orientation;
+    if (is_seen(seen->cube)) {
+      manipulation.see(seen->stamp.capture_index,
+                       {.position = Eigen::Vector3d::Map(seen->cube.position.data()),
+                        .orientation = Eigen::Quaterniond(q[0], q[1], q[2], q[3])});
+    }
+    if (manipulation.phase() == Phase::kPlan)
+      manipulation.begin(planner.plan(manipulation.resting_pose()));
+    const JointValues& torques =
+        manipulation.update(t, {.position = JointValues::Map(y.position.data(), 9),
+                                .velocity = JointValues::Map(y.velocity.data(), 9),
+                                .torque = JointValues::Map(y.torque.data(), 9)});
+    const Phase phase = manipulation.phase();
+    if (phase == Phase::kFollow || phase == Phase::kHold || phase == Phase::kLower) {
+      if (!manipulation.is_in_sight()) ++result.blind_steps;
+      const Pose& desired = manipulation.desired().pose;
+      const double distance =
+          (Eigen::Vector3d::Map(truth.position.data()) - desired.position).norm();
+      const auto& [w, a, b, c] = truth.orientation;
+      result.angle = std::max(
+          result.angle,
+          control::rotation_error(desired.orientation, Eigen::Quaterniond(w, a, b, c)).norm());
+      squares += distance * distance;
+      ++count;
+    }
+    TriFinger::Action action;
+    JointValues::Map(action.torque.data(), 9) = torques;
+    t = robot.append_desired_action(action);
+    y = robot.get_observation(t);
+  }
+  result.end = manipulation.phase();
+  result.rms = std::sqrt(squares / std::max(count, 1));
+  return result;
+}
+
+TEST(Manipulation, GoesOnByWhatTheTipsFeelWhenTheObjectLeavesTheImages) {
+  for (const std::uint64_t seed : {2U, 6U, 8U}) {
+    const LiftWithCameras lift =
+        lift_with_cameras(seed, [](const ObjectPose& cube) { return cube.position[2] < 0.15; });
+    EXPECT_EQ(lift.end, Phase::kDone);
+    EXPECT_GT(lift.blind_steps, 10000);
+    EXPECT_LT(lift.rms, 5e-3);
+    EXPECT_LT(lift.angle, 0.12);
+  }
+}
+
+TEST(Manipulation, IsNeverBlindWhileTheObjectIsSeen) {
+  EXPECT_EQ(lift_with_cameras(2, [](const ObjectPose&) { return true; }).blind_steps, 0);
 }
 
 }  // namespace

@@ -221,6 +221,26 @@ TEST(TipJacobians, AreTheDerivativesOfTheTipPositions) {
   }
 }
 
+TEST(TipJacobians, TellHowTheTipsTurn) {
+  for (const RobotDescription& robot : test::all_robots()) {
+    Kinematics kinematics(robot);
+    RandomPoses poses(robot);
+    for (int sample = 0; sample < 50; ++sample) {
+      kinematics.update(poses.next(kinematics.num_fingers()));
+      for (int finger = 0; finger < kinematics.num_fingers(); ++finger) {
+        const TipJacobian turning = kinematics.tip_rotation_jacobian(finger);
+        const TipJacobian moving = kinematics.tip_jacobian(finger);
+        for (int joint = 0; joint < kinematics.num_joints(); ++joint) {
+          const bool is_own = joint / kJointsPerFinger == finger;
+          // A joint turns a tip about its own axis, which has length 1 and is across the motion.
+          EXPECT_NEAR(turning.col(joint).norm(), is_own ? 1 : 0, 1e-12) << label(robot);
+          EXPECT_NEAR(turning.col(joint).dot(moving.col(joint)), 0, 1e-12) << label(robot);
+        }
+      }
+    }
+  }
+}
+
 TEST(TipJacobians, LieBelowEachOtherInOneMatrix) {
   for (const RobotDescription& robot : test::all_robots()) {
     const Kinematics kinematics(robot);
@@ -553,6 +573,7 @@ TEST(Kinematics, DoesNotAllocateOnceItExists) {
     (void)kinematics.tip_positions();
     (void)kinematics.tip_jacobian(0);
     (void)kinematics.tip_jacobians();
+    (void)kinematics.tip_rotation_jacobian(0);
     (void)kinematics.gravity_torques();
     (void)kinematics.bias_torques(position);
     (void)kinematics.mass_matrix();

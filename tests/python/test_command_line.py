@@ -95,7 +95,15 @@ def test_the_help_lists_every_command() -> None:
     assert all(re.search(rf"^  {command} ", text, re.MULTILINE) for command in COMMANDS)
 
 
-PROGRAMS_OF_PYTHON = ("demo", "evaluate", "film", "train", "log plot", "log export")
+PROGRAMS_OF_PYTHON = (
+    "demo",
+    "evaluate",
+    "film",
+    "train",
+    "log plot",
+    "log export",
+    "calibrate cameras",
+)
 
 
 @pytest.mark.parametrize("command", PROGRAMS_OF_PYTHON)

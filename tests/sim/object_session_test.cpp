@@ -4,10 +4,13 @@
 
 #include <array>
 #include <cmath>
+#include <cstddef>
+#include <cstring>
 #include <vector>
 
 #include "sim/robots.hpp"
 #include "trifinger/core/errors.hpp"
+#include "trifinger/sim/scene_observation.hpp"
 #include "trifinger/sim/simulation.hpp"
 
 namespace trifinger::test {
@@ -169,6 +172,41 @@ TEST(ObjectSession, RefusesNamesThatCannotBeNamesOfFields) {
     options.description.objects[0].name = name;
     EXPECT_THROW(SimulatedRobot<TriFinger>{options}, InvalidArgument) << name;
   }
+}
+
+TEST(SceneSession, SaysWhereEverythingIsAtEveryPeriod) {
+  SimulationOptions<TriFinger> options;
+  options.scene_period = 7;
+  // What is known of objects is late and noisy; the scene is not.
+  options.object_delay = 50;
+  options.object_position_noise = 0.01;
+  const Simulation<TriFinger> simulation(options);
+  auto robot = simulation.connect();
+  const UntypedFrontend scene = robot.companion(kSceneCompanion);
+  const std::size_t numbers = configuration_size(options.description);
+  ASSERT_EQ(scene.session().element(Series::kObservation).size(),
+            sizeof(Stamp) + numbers * sizeof(double));
+  std::vector<std::byte> element(sizeof(Stamp) + numbers * sizeof(double));
+  std::vector<double> expected = simulation.robot().configuration();
+  ASSERT_TRUE(scene.get_latest_at(-1, element.data(), Nanoseconds::zero()));
+  for (TimeIndex t = 0; t < 60; ++t) {
+    if (t % 7 == 0) expected = simulation.robot().configuration();
+    ASSERT_EQ(robot.append_desired_action({}), t);
+    ASSERT_TRUE(scene.get_latest_at(t, element.data(), kForever));
+    Stamp stamp;
+    std::memcpy(&stamp, element.data(), sizeof(stamp));
+    EXPECT_EQ(stamp.capture_index, t / 7 * 7);
+    EXPECT_EQ(stamp.arrival_index, t / 7 * 7);
+    std::vector<double> found(numbers);
+    std::memcpy(found.data(), element.data() + sizeof(stamp), numbers * sizeof(double));
+    EXPECT_EQ(found, expected) << t;
+  }
+}
+
+TEST(SceneSession, IsThereOnlyIfItIsAskedFor) {
+  auto robot = simulate<TriFinger>();
+  EXPECT_THROW(static_cast<void>(robot.companion(kSceneCompanion)), SessionNotFound);
+  EXPECT_THROW(static_cast<void>(simulate<TriFinger>({.scene_period = -1})), InvalidArgument);
 }
 
 }  // namespace

@@ -18,6 +18,7 @@
 #include "support/config_message.hpp"
 #include "support/folder.hpp"
 #include "trifinger/model/export.hpp"
+#include "trifinger/sim/robot_cameras.hpp"
 #include "trifinger/sim/simulation.hpp"
 
 namespace trifinger::test {
@@ -81,7 +82,7 @@ TEST_F(RobotConfigFile, EveryOneThatComesWithTheProgramRuns) {
     std::visit([&](const auto& options) { run_ten_steps(options, config.session); },
                config.simulation);
   }
-  EXPECT_EQ(count, 9);
+  EXPECT_EQ(count, 11);
 }
 
 TEST_F(RobotConfigFile, ExtendsOneThatComesWithTheProgramByName) {
@@ -100,6 +101,39 @@ TEST_F(RobotConfigFile, ExtendsOneThatComesWithTheProgramByName) {
               AllOf(HasSubstr("there is no such file in " + folder_.path().string()),
                     HasSubstr(std::filesystem::path(TRIFINGER_CONFIG_DIR).string()),
                     HasSubstr("did you mean 'trifinger_edu'?")));
+}
+
+TEST_F(RobotConfigFile, HasTheCamerasOfItsModel) {
+  const RobotConfig config = load_robot_config("sim_cameras", {"cameras.size=270"});
+  const camera::Calibration calibration = camera_calibration(config, "sim");
+  ASSERT_EQ(calibration.cameras.size(), 3U);
+  for (std::size_t i = 0; i < 3; ++i) {
+    const camera::Camera& camera = calibration.cameras[i];
+    EXPECT_EQ(camera.name, camera_figures()[i].name);
+    EXPECT_EQ(camera.format.width, 270);
+    // It looks at the middle of the table, from half a metre.
+    const auto seen = camera.project({0, 0, 0});
+    ASSERT_TRUE(seen);
+    EXPECT_NEAR(seen->x(), 145, 10);
+    EXPECT_NEAR(seen->y(), 139, 10);
+    EXPECT_NEAR(camera.pose.translation().norm(), 0.53, 0.01);
+  }
+  // The document is read again as it was written.
+  const config::File file = config::File::parse(camera_document(calibration).text, "cameras.yml");
+  const camera::Calibration again = camera::read_calibration(file.root());
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_TRUE(again.cameras[i].pose.isApprox(calibration.cameras[i].pose, 1e-12));
+    EXPECT_EQ(again.cameras[i].lens.cy, calibration.cameras[i].lens.cy);
+  }
+  // Those of a flipped platform turn with it, and see its ceiling as before.
+  const RobotConfig flipped = load_robot_config("sim_cameras", {"platform=flipped"});
+  const RobotDescription& description =
+      std::get<SimulationOptions<TriFinger>>(flipped.simulation).description;
+  const camera::Camera camera = calibration_of_figures(description).cameras[0];
+  const auto seen = camera.project({0, 0, flip_height(description)});
+  ASSERT_TRUE(seen);
+  EXPECT_NEAR(seen->x(), 290, 20);
+  EXPECT_THROW((void)camera_calibration(load_robot_config("sim"), "sim"), InvalidArgument);
 }
 
 TEST_F(RobotConfigFile, DiffersInWhatAControllerNotices) {

@@ -54,6 +54,8 @@ EVALUATIONS = {
     "environments": "evaluation/evaluate_environments.py",
     "learning": "evaluation/learning.py",
     "push": "evaluation/push.py",
+    "tracking": "evaluation/tracking.py",
+    "vision": "build/release/evaluation/evaluate_vision",
 }
 
 
@@ -64,5 +66,5 @@ def evaluate(experiment: str, *arguments: str) -> NoReturn:
     if program.endswith(".py"):
         build("release", "bindings/all")
         become(PYTHON, program, *arguments, **uses("release"))
-    build("release", "evaluate_control")
+    build("release", program.rpartition("/")[2])
     become(program, *arguments)

@@ -50,7 +50,8 @@ struct BoardOptions {
   Nanoseconds start_timeout{std::chrono::seconds(20)};
   /// The board lets its motors go when no currents came for so long. A whole number of ms.
   Nanoseconds receive_timeout{std::chrono::milliseconds(10)};
-  double max_speed{95.0};  ///< Speed that a motor cannot exceed [revolutions/s].
+  double max_speed{95.0};    ///< Speed that a motor cannot exceed [revolutions/s].
+  double max_current{40.0};  ///< Current that a motor cannot have, in either direction [A].
 };
 
 /// The host's side of one motor board, for a loop at 1 kHz: no call blocks, allocates or throws.
@@ -60,10 +61,11 @@ class Board {
  public:
   /// Numbers since the object was made.
   struct Counts {
-    std::uint64_t missing{0};      ///< Positions that did not come.
-    std::uint64_t outdated{0};     ///< Measurements that were older than the one before.
-    std::uint64_t implausible{0};  ///< Positions that no motor can reach so fast.
-    std::uint64_t invalid{0};      ///< Frames that are no message of a board.
+    std::uint64_t missing{0};   ///< Positions that did not come.
+    std::uint64_t outdated{0};  ///< Measurements that were older than the one before.
+    /// Positions that no motor can reach so fast, currents that no motor can have.
+    std::uint64_t implausible{0};
+    std::uint64_t invalid{0};  ///< Frames that are no message of a board.
   };
 
   explicit Board(std::unique_ptr<can::Bus> bus, const BoardOptions& options = {}) noexcept;
@@ -154,6 +156,7 @@ class Board {
   std::array<MotorReading, 2> motors_{};
   std::array<can::PositionUnwrapper, 2> unwrappers_{};
   std::array<int, 2> implausible_in_a_row_{};
+  std::array<int, 2> implausible_currents_in_a_row_{};
   std::array<double, 2> analog_inputs_{};
   can::MotorPair sent_{};                  // currents sent last [A]
   std::array<Instant, 2> current_seen_{};  // when the current of a motor was last right

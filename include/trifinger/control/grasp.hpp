@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <array>
 
+#include "trifinger/control/motion.hpp"
 #include "trifinger/model/robot_description.hpp"
 
 /// \file
@@ -54,6 +55,13 @@ using Grasp = std::array<Contact, kContacts>;
 /// The total wrench of nine `forces` [N] at the three contacts, about `centre` [m].
 [[nodiscard]] Wrench wrench_of(const Grasp& grasp, const Eigen::Vector3d& centre,
                                const ContactForces& forces) noexcept;
+
+/// The motion of the rigid body whose points at the three contacts move with `velocities` [m/s],
+/// x, y, z for each contact: the twist about `centre` [m] that explains them best, by least
+/// squares. Contacts that do not move with one body leave a rest, which is not returned. The
+/// contacts must not lie on one line.
+[[nodiscard]] Twist twist_of(const Grasp& grasp, const Eigen::Vector3d& centre,
+                             const ContactForces& velocities) noexcept;
 
 /// A pyramid of 3 to 8 sides inside Coulomb's friction cone: a contact whose force lies in the
 /// pyramid does not slip.

@@ -70,6 +70,9 @@ struct GraspState {
   Eigen::Vector3d travel{Eigen::Vector3d::Zero()};
   /// Speeds of `travel`, low-pass filtered at 5 Hz [m/s].
   Eigen::Vector3d slip_speeds{Eigen::Vector3d::Zero()};
+  /// The motion of the held object as the tips feel it: they roll on its faces without slipping.
+  /// Zero while it is not held.
+  Twist felt{};
   /// True if a tip moves along its face faster than tips roll.
   bool is_slipping{false};
   /// The largest ratio of a requested torque to its joint's limit. The safety checks cut off

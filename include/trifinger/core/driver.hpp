@@ -78,6 +78,8 @@ struct CompanionDescription {
   std::string type;            ///< Name of the element's type, for example "object_observation".
   ElementDescription element;  ///< Begins with a `Stamp stamp`.
   std::size_t history{1024};   ///< Number of elements kept.
+  /// Fields of the payload, see payload.hpp; none if the elements have no payload.
+  ElementDescription payload{};
 };
 
 /// The robot as the back-end sees it, without types. Robots derive from `Driver` instead.

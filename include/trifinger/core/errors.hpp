@@ -25,8 +25,10 @@ class RobotStopped : public Error {
 class HistoryLost : public Error {
  public:
   HistoryLost(TimeIndex time_index, TimeIndex oldest);
+  /// For payloads, which have a count of their own.
+  HistoryLost(TimeIndex oldest, const std::string& text) : Error(text), oldest_(oldest) {}
 
-  /// The oldest step that can still be read.
+  /// The oldest step, or the oldest payload, that can still be read; -1 if there is none.
   [[nodiscard]] TimeIndex oldest() const noexcept { return oldest_; }
 
  private:

@@ -10,6 +10,7 @@
 
 #include "trifinger/base/time.hpp"
 #include "trifinger/core/errors.hpp"
+#include "trifinger/core/payload.hpp"
 #include "trifinger/core/robot.hpp"
 #include "trifinger/core/session.hpp"
 #include "trifinger/core/status.hpp"
@@ -68,6 +69,10 @@ class UntypedFrontend {
   /// For companions: copies the newest element that arrived at or before the robot's step `t`, and
   /// waits for that step. False if no element had arrived by then.
   [[nodiscard]] bool get_latest_at(TimeIndex t, void* element, Timeout timeout) const;
+
+  /// For companions: the payload of `element`, which was read from this companion, in place. See
+  /// payload.hpp.
+  [[nodiscard]] PayloadView payload(const void* element) const;
 
   /// Newest step whose observation exists; -1 before step 0.
   [[nodiscard]] TimeIndex current_time_index() const;
@@ -247,6 +252,11 @@ class Companion {
     if (!untyped_.get_latest_at(t, &element, timeout)) return std::nullopt;
     return element;
   }
+
+  /// The payload of `element`, which was read from this companion, in place.
+  /// @throws HistoryLost if it was overwritten, or if its writer was started again; InvalidArgument
+  /// if the element has no payload
+  [[nodiscard]] PayloadView payload(const T& element) const { return untyped_.payload(&element); }
 
  private:
   UntypedFrontend untyped_;

@@ -22,9 +22,11 @@ class UntypedSensorWriter {
  public:
   /// Becomes the sensor `sensor` of `robot`, for example "object" of "sim". `element` begins with a
   /// `Stamp stamp`. Of elements that the robot has not read, only the newest `history` are kept.
+  /// `payload` are the fields of their payloads, if they have any; a PayloadWriter makes these.
   /// @throws InvalidArgument, SystemError, Error if another process is this sensor already
   UntypedSensorWriter(const std::string& robot, const std::string& sensor,
-                      const ElementDescription& element, std::size_t history = 64);
+                      const ElementDescription& element, std::size_t history = 64,
+                      const ElementDescription& payload = {});
   UntypedSensorWriter(const UntypedSensorWriter&) = delete;
   UntypedSensorWriter& operator=(const UntypedSensorWriter&) = delete;
   ~UntypedSensorWriter();
@@ -54,6 +56,30 @@ class SensorWriter {
 
  private:
   UntypedSensorWriter untyped_;
+};
+
+/// Reads a sensor in a process of its own without its robot: for programs that work before the
+/// robot's first step, too, such as a tracker or a calibration. Nobody promises here that an answer
+/// can be repeated: a controller reads the robot's companion instead.
+class UntypedSensorReader {
+ public:
+  /// Reads the sensor `sensor` of `robot`. Its process need not run yet and may be started again at
+  /// any time.
+  /// @throws InvalidArgument
+  UntypedSensorReader(const std::string& robot, const std::string& sensor,
+                      const ElementDescription& element, const ElementDescription& payload = {});
+  UntypedSensorReader(UntypedSensorReader&&) noexcept;
+  UntypedSensorReader& operator=(UntypedSensorReader&&) noexcept;
+  ~UntypedSensorReader();
+
+  /// Copies the newest element if it is another one than at the last call; waits for it up to
+  /// `timeout`. Its stamp has no steps. False if none has come or no process writes.
+  /// @throws InvalidArgument if the process writes elements of another kind, SystemError
+  [[nodiscard]] bool next(void* element, Timeout timeout);
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
 };
 
 /// A robot's driver with sensors in other processes: they become companions after the driver's own.

@@ -84,6 +84,8 @@ class Session {
   [[nodiscard]] const RobotTypes& description() const noexcept;
   /// The layout of the elements of one series.
   [[nodiscard]] const ElementDescription& element(Series series) const;
+  /// The fields of a companion's payload, see payload.hpp; none if its elements have no payload.
+  [[nodiscard]] const ElementDescription& payload() const noexcept;
 
   /// The documents that explain the robot, by name: "configuration.yml", "model.xml". Companions
   /// have none.

@@ -76,6 +76,10 @@ class Manipulation {
   /// Puts the object down where it is, releases it, and fails with kStopped.
   void stop() noexcept;
 
+  /// False if the object is held and was not seen for 0.3 s. Its motion is then the one that the
+  /// tips feel.
+  [[nodiscard]] bool is_in_sight() const noexcept;
+
   [[nodiscard]] Phase phase() const noexcept { return phase_; }
   [[nodiscard]] bool has_ended() const noexcept {
     return phase_ == Phase::kDone || phase_ == Phase::kFailed;
@@ -98,6 +102,8 @@ class Manipulation {
   void enter(Phase phase) noexcept;
   void fail(Failure failure) noexcept;
   void take_news() noexcept;
+  void feel() noexcept;
+  [[nodiscard]] Pose carried(const Pose& pose, const Pose& felt) const noexcept;
   void look_again() noexcept;
   void finish_look() noexcept;
   void release(Failure failure) noexcept;
@@ -105,8 +111,13 @@ class Manipulation {
   void follow_phases() noexcept;
   void set_desired() noexcept;
 
-  // Number of desired motions kept for poses that arrive late.
+  // What is kept of each step for poses that arrive late.
+  struct Remembered {
+    Motion desired{};
+    Pose felt{};  // Where the tips have felt the object move, from anywhere.
+  };
   static constexpr std::size_t kMemory = 1024;
+  [[nodiscard]] const Remembered& memory_at(TimeIndex step) const noexcept;
 
   Seconds period_;
   Seconds look_time_;
@@ -124,11 +135,17 @@ class Manipulation {
   TimeIndex way_begin_{0};
   std::optional<SeenPose> news_;
   TimeIndex last_seen_;
+  // The object when it was last seen, and what the tips had felt by then.
+  struct Known {
+    Pose pose{};
+    Pose felt{};
+  } known_;
   std::optional<Plan> plan_;
   Pose rest_;
   Motion desired_;
   Motion object_;
-  std::vector<Motion> memory_;
+  Pose felt_;  // See `Remembered::felt`.
+  std::vector<Remembered> memory_;
 
   // Sums over the poses seen while looking.
   int num_seen_{0};

@@ -17,6 +17,7 @@ struct TraceStep {
   Eigen::Vector3d normal_forces{Eigen::Vector3d::Zero()};      ///< Measured at the tips [N].
   Eigen::Vector3d tangential_forces{Eigen::Vector3d::Zero()};  ///< Measured at the tips [N].
   Eigen::Vector3d travel{Eigen::Vector3d::Zero()};  ///< Travel of the tips along their faces [m].
+  bool is_in_sight{true};                           ///< The object was seen lately.
   bool is_slipping{false};   ///< A tip moves along its face faster than tips roll.
   double torque_share{0.0};  ///< Largest requested torque, as a share of its limit.
   control::ForceStatus status{control::ForceStatus::kInvalid};
@@ -59,6 +60,7 @@ struct Report {
   double friction_used{0.0};   ///< Tangential by normal force at the worst tip [1], 99.9 %
                                ///< quantile.
   double travel_max{0.0};      ///< Travel of a tip along its face, by rolling and slipping [m].
+  Seconds blind_time{0};       ///< Time in which the object was out of sight.
   Seconds slip_time{0};        ///< Time in which a tip slipped.
   double torque_margin{0.0};   ///< Smallest distance to the torque limit, as a share of the limit.
   double exact_wrenches{0.0};  ///< Share of steps in which the wrench was exactly the wanted one.

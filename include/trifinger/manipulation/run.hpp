@@ -21,6 +21,8 @@ struct RunOptions {
   std::function<void(TimeIndex step)> on_step{};
   /// Called when another phase begins.
   std::function<void(const Manipulation& manipulation)> on_phase{};
+  /// Called when a held object is no longer in sight, and when it is in sight again.
+  std::function<void(const Manipulation& manipulation)> on_sight{};
 };
 
 /// Carries out a manipulation on `robot` and ends the session. Nobody may have driven the robot in

@@ -82,6 +82,10 @@ class Kinematics {
   /// Derivative of one tip's position by all joints [m/rad]: 3 rows, `num_joints` columns.
   [[nodiscard]] TipJacobian tip_jacobian(int finger) const noexcept;
 
+  /// The angular velocity of one tip per velocity of each joint: 3 rows, `num_joints` columns. It
+  /// tells how a round tip rolls on what it touches.
+  [[nodiscard]] TipJacobian tip_rotation_jacobian(int finger) const noexcept;
+
   /// The Jacobians of all tips, one below the other [m/rad]: square, `num_joints` rows and columns.
   [[nodiscard]] JointMatrix tip_jacobians() const noexcept;
 

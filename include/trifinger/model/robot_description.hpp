@@ -197,6 +197,9 @@ struct ObjectDescription {
 /// A ball of 60 mm and 50 g; estimate.
 [[nodiscard]] ObjectDescription ball(std::string name = "ball");
 
+/// How wide the dark rim around each coloured face of a drawn box is [m].
+[[nodiscard]] double box_rim(const ObjectDescription& box) noexcept;
+
 /// A whole scene. The default is the paper's robot with a cube on the table.
 struct RobotDescription {
   Variant variant{Variant::kEdu};

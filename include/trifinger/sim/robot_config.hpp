@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "trifinger/boards/read_options.hpp"
+#include "trifinger/camera/options.hpp"
 #include "trifinger/config/file.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/session.hpp"
@@ -27,7 +28,10 @@ struct RobotConfig {
   /// The robot, and how it is simulated; of a robot on boards, its model and its plant in an
   /// emulator.
   std::variant<SimulationOptions<TriFinger>, SimulationOptions<Finger>> simulation;
-  std::optional<BoardsConfig> boards{};  ///< Only for a robot on motor boards.
+  std::optional<BoardsConfig> boards{};            ///< Only for a robot on motor boards.
+  std::optional<camera::CameraOptions> cameras{};  ///< Only for a robot with cameras.
+  /// A simulated robot knows its objects only from the images of its cameras.
+  bool tracks_objects{false};
   BackendOptions backend;
   SessionOptions session;  ///< Its documents include the configuration, but not the model.
 };

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstddef>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -41,6 +42,9 @@ class SimulatedPlant final : public boards::Plant<R> {
   /// The object's pose now, without delay and noise.
   /// @throws InvalidArgument that names the existing objects
   [[nodiscard]] ObjectPose object_pose(const std::string& name) const;
+  /// Positions and velocities of joints and objects in MuJoCo's layout: `qpos`, and `qvel`.
+  [[nodiscard]] std::span<const double> configuration_position() const noexcept;
+  [[nodiscard]] std::span<const double> configuration_velocity() const noexcept;
   /// Places all objects where they were in the beginning, at rest.
   void reset_objects() noexcept;
 
@@ -74,9 +78,31 @@ class SimulatedTracker {
   UntypedSensorWriter writer_;
 };
 
+/// Says where everything above a plant really is: the sensor "scene" of a robot, for cameras that
+/// are drawn and for evaluations.
+template <class R>
+class SimulatedScene {
+ public:
+  /// `period` is the time between two elements, in whole steps of the plant.
+  /// @throws SystemError, InvalidArgument, Error if another process writes the scene of `robot`
+  SimulatedScene(const std::string& robot, const SimulatedPlant<R>& plant, Nanoseconds period);
+
+  /// Call it after each step of the plant, at `now` of the monotonic clock.
+  void tick(Instant now) noexcept;
+
+ private:
+  const SimulatedPlant<R>& plant_;
+  TimeIndex period_;
+  TimeIndex next_{0};
+  std::vector<std::byte> element_;
+  UntypedSensorWriter writer_;
+};
+
 extern template class SimulatedPlant<TriFinger>;
 extern template class SimulatedPlant<Finger>;
 extern template class SimulatedTracker<TriFinger>;
 extern template class SimulatedTracker<Finger>;
+extern template class SimulatedScene<TriFinger>;
+extern template class SimulatedScene<Finger>;
 
 }  // namespace trifinger

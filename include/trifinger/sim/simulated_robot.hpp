@@ -136,6 +136,8 @@ class SimulatedRobot final : public Driver<R> {
   [[nodiscard]] const mjModel_& mujoco() const noexcept;
   void vary_model(const Variation& variation);
   void begin_here() noexcept;
+  [[nodiscard]] bool get_poses(TimeIndex time_index, void* element) noexcept;
+  [[nodiscard]] bool get_scene(TimeIndex time_index, void* element) noexcept;
 
   // Saved states.
   [[nodiscard]] std::uint64_t fingerprint() const;
@@ -158,7 +160,8 @@ class SimulatedRobot final : public Driver<R> {
   bool has_safety_fault_{false};  // A safety check has ended the session.
   std::vector<std::string> joint_names_;
   FixedText rejection_text_;
-  std::vector<CompanionDescription> companions_;
+  std::vector<CompanionDescription> companions_;  // "object" if there are any, then "scene"
+  TimeIndex next_scene_{-1};
 
   std::uint64_t fingerprint_;
   SimulationState begin_state_;  // Every session begins here.

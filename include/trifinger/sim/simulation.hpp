@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <functional>
 #include <iterator>
 #include <memory>
 #include <string>
@@ -36,7 +37,17 @@ class Simulation {
   /// @throws InvalidArgument
   explicit Simulation(SimulationOptions<R> options = {}, SessionOptions session = {},
                       BackendOptions backend = {}, const std::string& name = {})
-      : parts_(std::make_shared<Parts>(std::move(options), std::move(session), backend, name)) {}
+      : Simulation(
+            std::move(options), [](SimulatedRobot<R>&) { return nullptr; }, std::move(session),
+            backend, name) {}
+  /// The simulated robot with more sensors: `around` returns a driver that uses the robot, and that
+  /// the back-end then uses instead of it; nullptr for the robot itself.
+  /// @throws InvalidArgument
+  Simulation(SimulationOptions<R> options,
+             const std::function<std::unique_ptr<UntypedDriver>(SimulatedRobot<R>&)>& around,
+             SessionOptions session = {}, BackendOptions backend = {}, const std::string& name = {})
+      : parts_(std::make_shared<Parts>(std::move(options), around, std::move(session), backend,
+                                       name)) {}
 
   /// The robot itself: reset it, place objects, save and restore its state.
   [[nodiscard]] SimulatedRobot<R>& robot() const noexcept { return parts_->robot; }
@@ -60,12 +71,15 @@ class Simulation {
 
  private:
   struct Parts {
-    Parts(SimulationOptions<R> options, SessionOptions session,
-          const BackendOptions& backend_options, const std::string& name)
+    Parts(SimulationOptions<R> options,
+          const std::function<std::unique_ptr<UntypedDriver>(SimulatedRobot<R>&)>& around,
+          SessionOptions session, const BackendOptions& backend_options, const std::string& name)
         : robot(std::move(options)),
+          outer(around(robot)),
           host(SessionHost::anonymous(with_model(std::move(session), robot.options().description),
                                       name.empty() ? default_name() : name)),
-          backend(robot, host, without_deadlines(backend_options, robot.options().period)) {}
+          backend(outer ? *outer : static_cast<UntypedDriver&>(robot), host,
+                  without_deadlines(backend_options, robot.options().period)) {}
 
     [[nodiscard]] std::string default_name() const {
       const Variant variant = robot.options().description.variant;
@@ -83,6 +97,7 @@ class Simulation {
     }
 
     SimulatedRobot<R> robot;
+    std::unique_ptr<UntypedDriver> outer;
     SessionHost host;
     std::vector<std::shared_ptr<Follower>> followers;
     Backend backend;

@@ -39,6 +39,12 @@ struct SimulationOptions {
   TimeIndex object_delay{0};             ///< Steps from the capture of a pose to its arrival.
   double object_position_noise{0.0};     ///< Standard deviation of a pose's position, per axis [m].
   double object_orientation_noise{0.0};  ///< Standard deviation of its rotation, per axis [rad].
+  /// The simulation itself says where objects are, in its companion "object". False: there is no
+  /// such companion, because a tracker in another process says it.
+  bool exact_poses{true};
+  /// Steps between two elements of the companion "scene", which says where everything really is; 0:
+  /// there is no such companion.
+  TimeIndex scene_period{0};
 
   /// @throws InvalidArgument that names the option, the value found and the values allowed
   void validate() const;

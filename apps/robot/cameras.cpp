@@ -1,0 +1,188 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <memory>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "commands.hpp"
+#include "shared/child_program.hpp"
+#include "shared/options.hpp"
+#include "shared/signals.hpp"
+#include "shared/text.hpp"
+#include "trifinger/base/error.hpp"
+#include "trifinger/camera/feed.hpp"
+#include "trifinger/camera/images.hpp"
+#include "trifinger/camera/options.hpp"
+#include "trifinger/core/errors.hpp"
+#include "trifinger/core/session.hpp"
+#include "trifinger/realtime/thread.hpp"
+#include "trifinger/rendering/simulated_cameras.hpp"
+#include "trifinger/rendering/simulation_that_sees.hpp"
+#include "trifinger/sim/robot_cameras.hpp"
+#include "trifinger/sim/robot_config.hpp"
+
+namespace trifinger::apps {
+namespace {
+
+struct CamerasOptions {
+  std::optional<std::string> robot;
+  std::optional<std::string> name;
+  std::vector<std::string> overrides;
+  bool list{false};
+  Nanoseconds length{0};  // 0: until a signal
+  pid_t parent{0};        // ends with it, unless 0
+  // Images come before the user's programs, but after the robot's loop and its boards.
+  RealtimeOptions realtime{
+      .demand = Demand::kTry, .priority = 60, .lock_memory = false, .keep_cpus_awake = false};
+};
+
+// The cameras of a robot, and for whom they are.
+struct Cameras {
+  std::string robot;
+  RobotDescription description;
+  camera::CameraOptions options;
+  std::vector<camera::Camera> cameras;
+};
+
+RobotDescription description_of(const RobotConfig& config) {
+  return std::visit([](const auto& options) { return options.description; }, config.simulation);
+}
+
+// Takes what the robot's session says if it runs, so that both agree; otherwise its configuration.
+Cameras cameras_of(const CamerasOptions& options) {
+  if (options.overrides.empty()) {
+    const std::string name = options.name.value_or(*options.robot);
+    try {
+      const Session session = Session::open(name);
+      if (session.info().backend_is_alive) {
+        const RobotConfig config = robot_config_of(session);
+        const std::vector<camera::Camera> cameras = camera::calibration_of(session).cameras;
+        return {.robot = name,
+                .description = description_of(config),
+                .options = config.cameras.value(),
+                .cameras = cameras};
+      }
+    } catch (const SessionNotFound&) {
+    } catch (const InvalidArgument&) {
+      // Not a name but a file, or a robot without cameras: see below.
+      if (options.robot->find('/') == std::string::npos && !options.robot->ends_with(".yml")) throw;
+    }
+  }
+  const RobotConfig config = load_robot_config(*options.robot, options.overrides);
+  const std::string name = options.name.value_or(config.name);
+  const camera::Calibration calibration = camera_calibration(config, name);
+  return {.robot = name,
+          .description = description_of(config),
+          .options = *config.cameras,
+          .cameras = calibration.cameras};
+}
+
+std::unique_ptr<camera::Source> open_source(const Cameras& cameras) {
+  const camera::CameraOptions& options = cameras.options;
+  if (options.source != camera::SourceKind::kSimulated) {
+    return camera::open_source(options, cameras.cameras);
+  }
+  return std::make_unique<rendering::SimulatedCameras>(cameras.robot, cameras.description,
+                                                       cameras.cameras, options.period,
+                                                       rendering::rendering_options(options));
+}
+
+void say(const std::string& robot, const std::string& sentence) {
+  fmt::print("{}: {}\n", robot, sentence);
+  std::fflush(stdout);
+}
+
+void print(const std::string& robot, const camera::FeedStatistics& statistics) {
+  const double seconds = std::chrono::duration<double>(statistics.duration).count();
+  for (const auto& camera : statistics.cameras) {
+    const double rate = seconds > 0 ? static_cast<double>(camera.good - 1) / seconds : 0.0;
+    std::string text = fmt::format("{}: {} images", camera.name, camera.good);
+    if (rate > 0) text += fmt::format(", {}", rate_text(rate));
+    if (camera.damaged > 0) text += fmt::format(", {} damaged", camera.damaged);
+    if (camera.missing > 0) text += fmt::format(", {} missing", camera.missing);
+    if (camera.lost > 0) text += fmt::format(", {} times not there", camera.lost);
+    say(robot, text);
+  }
+  say(robot,
+      fmt::format("images arrive {} after the middle of their exposure, at most {}; those "
+                  "that belong together differ by {} at most",
+                  duration_text(statistics.mean_delay), duration_text(statistics.largest_delay),
+                  duration_text(statistics.largest_skew)));
+}
+
+int list() {
+  std::vector<std::string> lacks;
+  const std::vector<camera::DeviceInfo> devices = camera::list_devices(lacks);
+  for (const camera::DeviceInfo& device : devices) {
+    fmt::print("{:7} {:24} {}  {}\n", device.kind, device.id, device.name, device.detail);
+  }
+  if (devices.empty()) fmt::print("There is no camera.\n");
+  for (const std::string& lack : lacks) fmt::print(stderr, "{}\n", lack);
+  return kDone;
+}
+
+int cameras(const CamerasOptions& options) {
+  if (options.list) return list();
+  if (!options.robot) {
+    throw UsageError("'trifinger cameras' needs the name of a robot, or --list");
+  }
+  std::signal(SIGPIPE, SIG_IGN);
+  const Signals signals;
+  if (options.parent > 0) end_with_parent(options.parent);
+  const Cameras found = cameras_of(options);
+  const std::unique_ptr<camera::Source> source = open_source(found);
+  camera::CameraFeed feed(*source, found.robot, found.cameras, found.options.period);
+  for (const std::string& lack : enter_realtime(options.realtime)) say(found.robot, lack);
+  std::string names;
+  for (const camera::Camera& camera : found.cameras) {
+    names += (names.empty() ? "" : ", ") + camera.name;
+  }
+  say(found.robot, fmt::format("{} deliver images, {}", names,
+                               rate_text(1e9 / static_cast<double>(found.options.period.count()))));
+  const Deadline deadline(options.length > Nanoseconds(0) ? options.length : kForever);
+  while (!deadline.passed() && !signals.wait(Nanoseconds::zero())) {
+    const bool goes_on = feed.step();
+    for (const std::string& sentence : feed.take_news()) say(found.robot, sentence);
+    if (!goes_on) break;
+  }
+  print(found.robot, feed.statistics());
+  return kDone;
+}
+
+}  // namespace
+
+void add_cameras(CLI::App& program, Action& action) {
+  const auto& [command, options] =
+      add_command(program, action, "cameras", "Deliver the images of a robot's cameras", cameras);
+  command.add_option("ROBOT", options.robot,
+                     "A robot that runs, or a configuration with cameras, by name or file");
+  command.add_option("--name", options.name, "Name of the robot; default: the configuration's")
+      ->option_text("NAME");
+  command
+      .add_option("--set", options.overrides,
+                  "Change a value of the configuration, as in cameras.source=folder")
+      ->allow_extra_args(false)
+      ->option_text("KEY=VALUE ...");
+  add_seconds(command, "--seconds", options.length, 1e9, "End after this time; default: at Ctrl-C");
+  command.add_option("--with-process", options.parent)->group("");
+  command.add_flag("--list", options.list, "List the devices that could be cameras, and end");
+  add_scheduling(command, options.realtime.demand,
+                 "Whether real-time priority is required; default: try");
+  command.footer(
+      "The robot runs beside it, in another terminal, and does not wait for images. Both may be\n"
+      "started again at any time, in any order. Images are the robot's companion 'cameras'.\n"
+      "At the end, figures say how many images came, how late, and how far apart.\n"
+      "Example:\n"
+      "  trifinger cameras trifinger-pro-3\n"
+      "  trifinger cameras sim_cameras --set cameras.source=folder --set cameras.folder=images\n"
+      "  trifinger cameras --list");
+}
+
+}  // namespace trifinger::apps

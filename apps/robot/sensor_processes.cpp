@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "robot/sensor_processes.hpp"
+
+#include <fmt/core.h>
+#include <poll.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <csignal>
+#include <utility>
+
+#include "trifinger/base/error.hpp"
+
+namespace trifinger::apps {
+namespace {
+
+// Pauses before a process is started again: longer and longer if it ends at once.
+constexpr Nanoseconds kShortestPause = std::chrono::seconds(1);
+constexpr Nanoseconds kLongestPause = std::chrono::seconds(30);
+constexpr Nanoseconds kLongLife = std::chrono::seconds(10);
+constexpr Nanoseconds kPatience = std::chrono::seconds(3);
+
+// Takes what it has printed. Each line begins with the name of the robot, which is known here.
+void take_sentences(ChildProgram& program, std::vector<std::string>& news) {
+  for (const std::string& line : program.take_lines()) {
+    const std::size_t colon = line.find(": ");
+    news.push_back(colon == std::string::npos ? line : line.substr(colon + 2));
+  }
+}
+
+[[nodiscard]] Instant now() noexcept { return std::chrono::steady_clock::now(); }
+
+}  // namespace
+
+SensorProcesses::SensorProcesses(std::vector<std::vector<std::string>> commands) {
+  for (std::vector<std::string>& words : commands) {
+    processes_.push_back({.words = std::move(words),
+                          .program = {},
+                          .started = {},
+                          .next_start = {},
+                          .pause = kShortestPause});
+  }
+}
+
+SensorProcesses::~SensorProcesses() {
+  for (const Process& process : processes_) {
+    if (process.program) process.program->signal(SIGTERM);
+  }
+  const Instant deadline = now() + kPatience;
+  for (Process& process : processes_) {
+    if (!process.program) continue;
+    while (!process.program->has_ended()) {
+      static_cast<void>(process.program->take_lines());
+      if (now() > deadline) process.program->signal(SIGKILL);
+      // The child's output ends when the child ends.
+      pollfd output{.fd = process.program->output(), .events = POLLIN, .revents = 0};
+      ::poll(&output, 1, 50);
+    }
+  }
+}
+
+std::vector<std::string> SensorProcesses::look() {
+  std::vector<std::string> news;
+  for (Process& process : processes_) {
+    if (!process.program) {
+      if (now() >= process.next_start) start(process, news);
+      continue;
+    }
+    take_sentences(*process.program, news);
+    if (const std::optional<int> status = process.program->has_ended()) {
+      take_sentences(*process.program, news);
+      see_end(process, *status, news);
+    }
+  }
+  return news;
+}
+
+void SensorProcesses::start(Process& process, std::vector<std::string>& news) {
+  process.started = now();
+  try {
+    std::vector<std::string> words = process.words;
+    words.emplace_back("--with-process");
+    words.push_back(std::to_string(::getpid()));
+    process.program.emplace(std::move(words));
+  } catch (const SystemError& error) {
+    news.emplace_back(error.what());
+    process.next_start = now() + process.pause;
+    process.pause = std::min(2 * process.pause, kLongestPause);
+  }
+}
+
+void SensorProcesses::see_end(Process& process, int status, std::vector<std::string>& news) {
+  process.program.reset();
+  if (now() - process.started > kLongLife) process.pause = kShortestPause;
+  const std::string how =
+      WIFEXITED(status) && WEXITSTATUS(status) == 0 ? "has ended" : ending_text(status);
+  news.push_back(
+      fmt::format("'trifinger {}' {}; it is started again in {} s", process.words.front(), how,
+                  std::chrono::duration_cast<std::chrono::seconds>(process.pause).count()));
+  process.next_start = now() + process.pause;
+  process.pause = std::min(2 * process.pause, kLongestPause);
+}
+
+}  // namespace trifinger::apps

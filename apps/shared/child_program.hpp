@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <sys/types.h>
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "trifinger/ipc/file_descriptor.hpp"
+
+namespace trifinger::apps {
+
+// This program with other words, as a child process in a process group of its own: Ctrl-C on a
+// terminal does not reach it. What it prints comes here. It does not end by itself when this object
+// or this process does.
+class ChildProgram {
+ public:
+  // Throws SystemError.
+  explicit ChildProgram(std::vector<std::string> words);
+
+  [[nodiscard]] pid_t pid() const noexcept { return pid_; }
+  // Its standard input.
+  [[nodiscard]] int input() const noexcept { return input_.get(); }
+  // What it prints, to be polled. It is closed when the child has ended.
+  [[nodiscard]] int output() const noexcept { return output_.get(); }
+
+  // Returns the whole lines that it has printed since the last call.
+  [[nodiscard]] std::vector<std::string> take_lines();
+  // Returns how it has ended, as waitpid does; nothing while it runs. Do not call it again after it
+  // has ended.
+  [[nodiscard]] std::optional<int> has_ended() const;
+  void signal(int number) const noexcept;
+
+ private:
+  pid_t pid_{0};
+  ipc::FileDescriptor input_;
+  ipc::FileDescriptor output_;
+  std::string text_;  // output that is not a whole line yet
+};
+
+// Ends this program, by SIGTERM, when the process `parent`, which has started it, ends.
+void end_with_parent(pid_t parent) noexcept;
+
+// Describes how a child has ended, for a sentence about it: "was killed by signal 9".
+[[nodiscard]] std::string ending_text(int status);
+
+}  // namespace trifinger::apps

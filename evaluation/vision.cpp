@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// `./run evaluate vision`: lifts and slides a cube that is only seen by cameras. Everything that is
+// not known in advance is varied. Writes a table of the results. The exit status says whether it
+// holds.
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "rows.hpp"
+#include "trial.hpp"
+
+namespace trifinger::evaluation {
+namespace {
+
+constexpr TimeIndex kPeriod = 33;  // [ms], of images
+constexpr TimeIndex kDelay = 35;   // [ms], from an image to the pose in it
+
+std::vector<std::string> with(std::vector<std::string> settings, const char* more) {
+  settings.emplace_back(more);
+  return settings;
+}
+
+// The robot that sees, and one that knows the exact poses as late and as seldom.
+struct Pair {
+  Trial seeing;
+  Trial knowing;
+};
+
+Pair make_pair(const std::vector<std::string>& settings, const std::string& task,
+               const std::vector<std::string>& task_settings) {
+  const std::vector<std::string> seeing_settings =
+      with(with(settings, "cameras.rate=30"), "cameras.delay=0.035");
+  return {.seeing = make_trial("sim_tracked", seeing_settings, "edu", task, task_settings),
+          .knowing = make_trial("sim", settings, "edu", task, task_settings)};
+}
+
+Row run_seeing(const Options& options, Row row, const Pair& pair) {
+  return run_row(options, std::move(row),
+                 [&](std::uint64_t seed) { return varied(pair.seeing, seed); });
+}
+
+Row run_knowing(const Options& options, Row row, const Pair& pair) {
+  return run_row(options, std::move(row), [&](std::uint64_t seed) {
+    Trial made = varied(pair.knowing, seed);
+    made.simulation.object_period = kPeriod;
+    made.simulation.object_delay = kDelay;
+    made.simulation.object_position_noise = 0;
+    made.simulation.object_orientation_noise = 0;
+    return made;
+  });
+}
+
+std::string page(const Options& options, const std::vector<Row>& rows) {
+  std::string text = fmt::format(
+      "<!-- SPDX-License-Identifier: BSD-3-Clause -->\n# Lifting and sliding by sight: results\n\n"
+      "Written by `./run evaluate vision --seeds {} --first-seed {}`. The cube is known only from "
+      "the images of three\n"
+      "simulated cameras, 540 x 540 pixels at 30 Hz; its poses are 35 ms old. Light, colours, "
+      "dust, noise and gain vary, and the\n"
+      "calibration is 0.5 pixels off. Start, mass and friction vary as in "
+      "[control.md](control.md). "
+      "It is judged by the true poses.\n\n"
+      "| what | reach | succeed | worst position rms | worst orientation rms | worst drift | "
+      "normal forces | least torque left | holds |\n"
+      "|---|---|---|---|---|---|---|---|---|\n",
+      options.seeds, options.first_seed);
+  for (const Row& row : rows) text += line_of(row);
+  for (const Row& row : rows) text += details_of(row, options.first_seed);
+  return text;
+}
+
+int evaluate(const Options& options) {
+  constexpr double kNeeded = 0.95;
+  const Limits seen{3 * kMillimetre, kAny, kAny};
+  const Limits any{kAny, kAny, kAny};
+  const Pair lift = make_pair({"fingers.height=0.3"}, "lift", {"lift.height=0.15"});
+  const Pair high = make_pair({"fingers.height=0.3"}, "lift", {"lift.height=0.2"});
+  const Pair slide = make_pair({}, "slide", {});
+  std::vector<Row> rows;
+  rows.push_back(
+      run_seeing(options, {"lift 15 cm, by sight", "95 %; 3 mm", kNeeded, seen, {}}, lift));
+  rows.push_back(run_knowing(
+      options, {"lift 15 cm, poses exact and as late", "for comparison", 0, any, {}}, lift));
+  rows.push_back(run_seeing(
+      options, {"slide on a circle of 5 cm, by sight", "95 %; 3 mm", kNeeded, seen, {}}, slide));
+  rows.push_back(run_knowing(
+      options, {"slide, poses exact and as late", "for comparison", 0, any, {}}, slide));
+  rows.push_back(run_seeing(
+      options, {"lift 20 cm, out of sight at the top", "95 % put back", kNeeded, any, {}}, high));
+  write_page(options.output, page(options, rows));
+  return std::ranges::all_of(rows, &Row::holds) ? 0 : 1;
+}
+
+int run_program(const std::vector<std::string>& words) {
+  return run_evaluation("vision", "Lifts and slides cubes that are only seen by cameras.",
+                        {.output = "docs/results/vision.md"}, words, evaluate);
+}
+
+}  // namespace
+}  // namespace trifinger::evaluation
+
+int main(int argument_count, char** arguments) {
+  return trifinger::evaluation::run_program({arguments + 1, arguments + argument_count});
+}

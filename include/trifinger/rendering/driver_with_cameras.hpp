@@ -1,0 +1,175 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "trifinger/base/text.hpp"
+#include "trifinger/camera/calibration.hpp"
+#include "trifinger/camera/images.hpp"
+#include "trifinger/core/driver.hpp"
+#include "trifinger/rendering/camera_renderer.hpp"
+#include "trifinger/sim/simulated_robot.hpp"
+#include "trifinger/sim/simulation.hpp"
+
+namespace trifinger::rendering {
+
+/// Finds objects in images: what a tracker is for a simulation.
+class ObjectFinder {
+ public:
+  ObjectFinder() = default;
+  ObjectFinder(const ObjectFinder&) = delete;
+  ObjectFinder& operator=(const ObjectFinder&) = delete;
+  virtual ~ObjectFinder() = default;
+
+  /// Writes the pose of each object of the scene, in their order. False if one was not found or may
+  /// be wrong: then there are no poses of these images.
+  [[nodiscard]] virtual bool find(std::span<const std::span<const std::byte>> images,
+                                  std::span<ObjectPose> poses) = 0;
+  /// Forgets what it knows of earlier images: the next ones are those of a new session.
+  virtual void forget() {}
+};
+
+/// When the cameras of a simulated robot see something.
+struct CaptureOptions {
+  TimeIndex period{10};  ///< Steps between two captures, at least 1.
+  TimeIndex delay{20};   ///< Steps from a capture until its images arrive.
+  /// Steps from a capture until the poses of its objects arrive, with an `ObjectFinder`; at least
+  /// `delay`. Default: `delay`.
+  std::optional<TimeIndex> pose_delay{};
+
+  /// @throws InvalidArgument that names the option, the value found and the values allowed
+  void validate() const;
+};
+
+/// A simulated robot whose cameras are drawn in its own process, for simulations without real time.
+/// Their images are the companion "cameras". With an `ObjectFinder`, the companion "object" has
+/// what it finds in these images, instead of the true poses.
+///
+/// It is deterministic: options, states and actions decide all images, bit for bit, on one machine.
+/// A session begins with images of its first state, at step -1. Images that are under way are no
+/// part of the state that `SimulatedRobot::save` returns. Times of images are those of simulated
+/// time, from step 0.
+template <class R>
+class DriverWithCameras final : public UntypedDriver {
+ public:
+  /// Fault code in addition to those of `SimulatedRobot`: drawing or finding has failed.
+  static constexpr std::int32_t kBlind = 65;
+
+  /// `robot` must outlive the driver.
+  /// @throws InvalidArgument, Error that says what to install if this machine cannot draw
+  DriverWithCameras(SimulatedRobot<R>& robot, const std::vector<camera::Camera>& cameras,
+                    const CaptureOptions& capture = {}, const RenderingOptions& rendering = {},
+                    std::unique_ptr<ObjectFinder> finder = nullptr);
+
+  /// What draws the images. Change its options between sessions.
+  [[nodiscard]] CameraRenderer& renderer() noexcept { return renderer_; }
+
+  [[nodiscard]] const RobotTypes& description() const noexcept override;
+  [[nodiscard]] std::span<const CompanionDescription> companions() const noexcept override;
+  [[nodiscard]] DriverReport prepare(TimeIndex step) noexcept override;
+  [[nodiscard]] DriverReport get_latest_observation(void* observation) noexcept override;
+  [[nodiscard]] DriverReport apply_action(const void* desired, void* applied) noexcept override;
+  [[nodiscard]] DriverReport hold(const void* observation, void* action) noexcept override;
+  [[nodiscard]] DriverReport stop(TimeIndex step) noexcept override;
+  void cut() noexcept override {}
+  [[nodiscard]] bool get_companion_element(std::size_t index, TimeIndex time_index,
+                                           void* element) noexcept override;
+  [[nodiscard]] std::string_view fault_text(std::int32_t fault_code) const noexcept override;
+  [[nodiscard]] std::string_view rejection_text() const noexcept override;
+
+ private:
+  // The scene at one instant. Its images are drawn when they arrive.
+  struct Capture {
+    TimeIndex step;  // -1: before step 0
+    std::int64_t number;
+    std::vector<double> configuration;
+    std::vector<ObjectPose> poses{};  // as found; none if they were not
+    bool has_arrived{false};
+    bool needs_images{true};
+    bool needs_poses;
+  };
+
+  void advance(TimeIndex time_index);
+  void capture(TimeIndex step);
+  void arrive(Capture& capture);
+  void forget();
+  [[nodiscard]] bool get_images(std::span<std::byte> element);
+  [[nodiscard]] bool get_poses(TimeIndex time_index, std::byte* element);
+  [[nodiscard]] Stamp stamp_of(const Capture& capture, TimeIndex delay) const noexcept;
+
+  SimulatedRobot<R>& robot_;
+  CaptureOptions options_;
+  CameraRenderer renderer_;
+  std::unique_ptr<ObjectFinder> finder_;
+  std::vector<CompanionDescription> companions_;
+  camera::ImageWriter writer_;
+  std::vector<std::vector<std::byte>> pixels_;  // of the images that arrived last
+  std::vector<std::span<std::byte>> places_;    // of these
+  std::vector<camera::Frame> frames_;
+  std::deque<Capture> under_way_;
+  std::int64_t num_captures_{0};
+  TimeIndex next_capture_{0};
+  FixedText failure_;  // of a drawing, for the fault
+  bool has_failed_{false};
+};
+
+/// A simulation with cameras, without real time: see `Simulation` and `DriverWithCameras`. Sessions
+/// have the calibration, so `camera::CameraReader` reads the images.
+///
+///     rendering::SimulationWithCameras<TriFinger> simulation(options, cameras_of(description));
+///     auto robot = simulation.connect();
+///     const camera::CameraReader cameras(robot);
+///     const auto images = cameras.get_latest_at(t);
+template <class R>
+class SimulationWithCameras {
+ public:
+  /// @throws InvalidArgument, Error that says what to install if this machine cannot draw
+  SimulationWithCameras(SimulationOptions<R> options, const camera::Calibration& calibration,
+                        const CaptureOptions& capture = {}, const RenderingOptions& rendering = {},
+                        std::unique_ptr<ObjectFinder> finder = nullptr, SessionOptions session = {},
+                        BackendOptions backend = {}, const std::string& name = {})
+      : simulation_(
+            std::move(options),
+            [&](SimulatedRobot<R>& robot) {
+              auto driver = std::make_unique<DriverWithCameras<R>>(
+                  robot, calibration.cameras, capture, rendering, std::move(finder));
+              driver_ = driver.get();
+              return driver;
+            },
+            with_document(std::move(session), calibration), backend, name) {}
+
+  [[nodiscard]] const Simulation<R>& simulation() const noexcept { return simulation_; }
+  [[nodiscard]] SimulatedRobot<R>& robot() const noexcept { return simulation_.robot(); }
+  /// What draws the images. Change its options between sessions.
+  [[nodiscard]] CameraRenderer& renderer() const noexcept { return driver_->renderer(); }
+  /// Controls the robot in a new session.
+  /// @throws ControlHeld while another front-end controls it
+  [[nodiscard]] Frontend<R> connect(FrontendOptions options = {.strict = true}) const {
+    return simulation_.connect(options);
+  }
+
+ private:
+  static SessionOptions with_document(SessionOptions session,
+                                      const camera::Calibration& calibration) {
+    session.documents.push_back(
+        {.name = camera::kDocument, .media_type = "application/yaml", .text = calibration.text()});
+    return session;
+  }
+
+  DriverWithCameras<R>* driver_{nullptr};  // before the simulation, which sets it
+  Simulation<R> simulation_;
+};
+
+extern template class DriverWithCameras<TriFinger>;
+extern template class DriverWithCameras<Finger>;
+
+}  // namespace trifinger::rendering

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "trifinger/camera/camera.hpp"
+#include "trifinger/model/robot_description.hpp"
+#include "trifinger/rendering/driver_with_cameras.hpp"
+#include "trifinger/rendering/options.hpp"
+#include "trifinger/sim/robot_config.hpp"
+#include "trifinger/sim/simulated_robot.hpp"
+#include "trifinger/sim/simulation.hpp"
+
+namespace trifinger::rendering {
+
+/// What the simulated cameras of a configuration look like: `rendering`, with their exposure and
+/// gain.
+[[nodiscard]] RenderingOptions rendering_options(const camera::CameraOptions& cameras,
+                                                 RenderingOptions rendering = {});
+
+/// Finds the objects of a scene in the images of its cameras, with a `tracking::Tracker` for each.
+/// There are poses only if all objects were found and are sure.
+/// @throws InvalidArgument if an object has no faces with different colours, or the images none
+[[nodiscard]] std::unique_ptr<ObjectFinder> make_object_finder(
+    const RobotDescription& description, const std::vector<camera::Camera>& cameras);
+
+/// The driver of a configured robot that sees, for a simulation without real time: with its
+/// cameras, if it has simulated ones, and with poses that a tracker has found, if its configuration
+/// says so. Nothing if the robot sees nothing. `name` is that of the robot's session.
+/// @throws InvalidArgument, Error that says what to install if this machine cannot draw
+template <class R>
+[[nodiscard]] std::unique_ptr<DriverWithCameras<R>> make_driver_with_cameras(
+    SimulatedRobot<R>& robot, const RobotConfig& config, const std::string& name,
+    const RenderingOptions& rendering = {});
+
+/// A simulation of a configured robot in this process, without real time, with the cameras and the
+/// tracker of its configuration. The same configuration gives the same observations, poses
+/// and images, bit for bit.
+/// @throws InvalidArgument, Error that says what to install if this machine cannot draw
+template <class R>
+[[nodiscard]] Simulation<R> make_simulation(const RobotConfig& config,
+                                            const RenderingOptions& rendering = {});
+
+}  // namespace trifinger::rendering

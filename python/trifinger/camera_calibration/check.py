@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Checks a calibration with new images of a board: do the cameras still stand where they stood?"""
+
+import dataclasses
+
+import numpy as np
+
+from trifinger._trifinger import CameraCalibration
+from trifinger.camera_calibration import findings
+from trifinger.camera_calibration.adjustment import (
+    CAMERA,
+    LENS,
+    Adjustment,
+    State,
+    root_mean_square,
+)
+from trifinger.camera_calibration.board import Board
+from trifinger.camera_calibration.calibration import placements_of, used_views
+from trifinger.camera_calibration.detection import View, look_at_all
+from trifinger.camera_calibration.geometry import angle_between, inverse
+from trifinger.camera_calibration.images import ImageSet, Kind
+from trifinger.camera_calibration.result import (
+    Flatness,
+    measure_flatness,
+    place_boards,
+    plane_through,
+    state_of,
+)
+from trifinger.errors import Error, InvalidArgument
+
+WORN = 0.5  # what a calibration may leave unexplained in new images [pixel]
+
+
+@dataclasses.dataclass
+class Check:
+    """How well a calibration explains new images."""
+
+    images: int
+    residuals: dict[str, float]
+    """Of each camera: root mean square [pixel]."""
+    flatness: list[Flatness]
+    problems: list[str] = dataclasses.field(default_factory=list)
+
+    def lines(self) -> list[str]:
+        """What was found, in sentences."""
+        lines = [
+            f"{camera}: corners miss by {miss:.2f} pixels"
+            for camera, miss in self.residuals.items()
+        ]
+        if self.flatness:
+            height, tilt = plane_through(self.flatness)
+            lines.append(
+                f"the table is at z = {height * 1e3:+.1f} mm, tilted by {np.degrees(tilt):.2f} "
+                "degrees"
+            )
+        return lines
+
+
+def check(images: ImageSet, board: Board, calibration: CameraCalibration) -> Check:
+    """Checks a calibration; what is wrong is in `problems`."""
+    return check_views(look_at_all(images, board), board, calibration)
+
+
+def check_views(all_views: list[View], board: Board, calibration: CameraCalibration) -> Check:
+    """Checks a calibration with what images show."""
+    cameras = [camera.name for camera in calibration.cameras]
+    seen = dict.fromkeys(view.camera for view in all_views)
+    if strange := [name for name in seen if name not in cameras]:
+        raise InvalidArgument(
+            f"the calibration does not know {findings.listed(strange)}; it has "
+            f"{findings.listed(cameras)}"
+        )
+    views = used_views(all_views)
+    for view in views:
+        camera = calibration.cameras[cameras.index(view.camera)]
+        if view.size != (camera.width, camera.height):
+            raise InvalidArgument(
+                f"{view.path} has {view.size[0]} x {view.size[1]} pixels, the calibration of "
+                f"{view.camera} is of {camera.width} x {camera.height}"
+            )
+    # The mark and the table are what is checked, so they are not believed.
+    said = placements_of(views)
+    places = [dataclasses.replace(place, kind=Kind.FREE) for place in said]
+    if all(sum(view.name == place.name for view in views) < 2 for place in places):
+        raise Error("no two images of one name show the board, so cameras cannot be compared")
+    state = state_of(calibration, len(places))
+    adjustment, fit = place_boards(board, state, cameras, places, views)
+    residuals = {
+        name: root_mean_square(fit.residuals[adjustment.camera == i])
+        for i, name in enumerate(cameras)
+        if (adjustment.camera == i).any()
+    }
+    flatness = measure_flatness(board, state, cameras, said, views)
+    found = Check(len(views), residuals, flatness)
+    if max(residuals.values()) > max(WORN, 3 * calibration.residual):
+        found.problems.append(what_moved(adjustment, fit.state))
+    if flatness:
+        height, tilt = plane_through(flatness)
+        if abs(height) > 0.001 or tilt > np.radians(0.3):
+            found.problems.append(
+                f"the table lies {abs(height) * 1e3:.1f} mm {'above' if height > 0 else 'below'} "
+                f"z = 0 of the calibration and is tilted by {np.degrees(tilt):.1f} degrees"
+            )
+    return found
+
+
+def what_moved(adjustment: Adjustment, state: State) -> str:
+    """A sentence about the camera that must have moved to explain the images."""
+    cameras = range(len(adjustment.cameras))
+    fits = []
+    for camera in cameras:
+        free = adjustment.free_numbers(lenses=False, cameras=False)
+        free[CAMERA * camera + LENS : CAMERA * (camera + 1)] = True
+        fits.append(adjustment.fit(state, free, robust=2.0))
+    best = min(cameras, key=lambda camera: fits[camera].rms)
+    others = [fits[camera].rms for camera in cameras if camera != best]
+    if fits[best].rms > WORN or min(others) < 2 * fits[best].rms:
+        return (
+            "the cameras do not agree about the board: at least one has moved or has changed its "
+            "lens; calibrate them again"
+        )
+    before, after = (inverse(each.camera_from_world(best)) for each in (state, fits[best].state))
+    way = np.linalg.norm(after[:3, 3] - before[:3, 3])
+    turn = np.degrees(angle_between(before[:3, :3], after[:3, :3]))
+    return (
+        f"{adjustment.cameras[best]} has moved by {way * 1e3:.1f} mm and {turn:.2f} degrees since "
+        "its calibration; calibrate the cameras again"
+    )

@@ -1,0 +1,178 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/camera/feed.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <iterator>
+#include <utility>
+
+#include "trifinger/base/error.hpp"
+#include "trifinger/base/text_of.hpp"
+
+namespace trifinger::camera {
+namespace {
+
+using trifinger::detail::text_of;
+
+// Images that come later than this are not waited for.
+Nanoseconds patience(Nanoseconds period) {
+  return std::max<Nanoseconds>(5 * period, std::chrono::milliseconds(100));
+}
+
+void require_same(const Source& source, const std::vector<Camera>& cameras) {
+  const auto list = [](const auto& items, const auto& name) {
+    std::string text;
+    for (const auto& item : items) text += (text.empty() ? "" : ", ") + name(item);
+    return text;
+  };
+  std::vector<std::string> names;
+  names.reserve(cameras.size());
+  for (const Camera& camera : cameras) names.push_back(camera.name);
+  const auto same = [](const std::string& name) { return name; };
+  detail::require(source.names() == names, "the source has the cameras " +
+                                               list(source.names(), same) + ", the robot has " +
+                                               list(names, same));
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    const ImageFormat& found = source.formats()[i];
+    const ImageFormat& expected = cameras[i].format;
+    detail::require(found == expected, text_of("images of ", names[i], " have ", found.width, " x ",
+                                               found.height, " pixels in ", name_of(found.pixels),
+                                               ", the robot expects ", expected.width, " x ",
+                                               expected.height, " in ", name_of(expected.pixels)));
+  }
+}
+
+}  // namespace
+
+CameraFeed::CameraFeed(Source& source, const std::string& robot, const std::vector<Camera>& cameras,
+                       Nanoseconds period)
+    : source_((require_same(source, cameras), source)),
+      sensor_(robot, cameras),
+      period_(period),
+      names_(source.names()),
+      frames_(cameras.size()),
+      told_(cameras.size()) {
+  for (const std::string& name : names_) statistics_.cameras.push_back({.name = name});
+}
+
+bool CameraFeed::step() {
+  std::ranges::fill(frames_, Frame{});
+  const bool has_come = source_.grab(sensor_.begin(), frames_, patience(period_));
+  for (std::string& sentence : source_.take_news()) news_.push_back(std::move(sentence));
+  if (!has_come) {
+    if (source_.has_ended()) {
+      tell_missed();
+      return false;
+    }
+    std::ranges::fill(frames_, Frame{});
+  }
+  sensor_.write(frames_);
+  const Instant now = std::chrono::steady_clock::now();
+  count(now);
+  judge(now, !has_come);
+  return true;
+}
+
+void CameraFeed::count(Instant now) {
+  ++statistics_.elements;
+  Instant oldest = Instant::max();
+  Instant newest = Instant::min();
+  for (std::size_t i = 0; i < frames_.size(); ++i) {
+    FeedStatistics::OfCamera& camera = statistics_.cameras[i];
+    switch (frames_[i].state) {
+      case Frame::State::kNone:
+        ++camera.missing;
+        continue;
+      case Frame::State::kDamaged:
+        ++camera.damaged;
+        continue;
+      case Frame::State::kLost:
+        ++camera.lost;
+        continue;
+      case Frame::State::kGood:
+        break;
+    }
+    ++camera.good;
+    oldest = std::min(oldest, frames_[i].time);
+    newest = std::max(newest, frames_[i].time);
+    const Nanoseconds delay = now - frames_[i].time;
+    sum_of_delays_ += delay;
+    statistics_.mean_delay = sum_of_delays_ / ++delays_;
+    statistics_.largest_delay = std::max(statistics_.largest_delay, delay);
+  }
+  if (oldest > newest) return;
+  statistics_.largest_skew = std::max<Nanoseconds>(statistics_.largest_skew, newest - oldest);
+  if (first_ == Instant{}) first_ = oldest;
+  statistics_.duration = newest - first_;
+}
+
+void CameraFeed::judge(Instant now, bool is_silent) {
+  constexpr int kTold = 5;  // images in a row
+  for (std::size_t i = 0; i < frames_.size(); ++i) {
+    const Frame& frame = frames_[i];
+    Told& told = told_[i];
+    if (frame.state == Frame::State::kDamaged) ++told.missed;
+    if (frame.number >= 0) {
+      if (told.number >= 0 && frame.number > told.number + 1) {
+        told.missed += frame.number - told.number - 1;
+      }
+      told.number = frame.number;
+    }
+    // Single images that are missing or damaged are counted and told once per second.
+    told.absent = frame.state == Frame::State::kNone ? told.absent + (is_silent ? kTold : 1) : 0;
+    const bool is_lost = frame.state == Frame::State::kLost;
+    if (is_lost && !told.is_lost) {
+      news_.push_back(names_[i] + " is lost; the others go on");
+    } else if (told.absent >= kTold && !told.is_late) {
+      news_.push_back("no images of " + names_[i] + " come: it is late or loses them");
+    } else if ((told.is_lost || told.is_late) && !is_lost && told.absent == 0) {
+      news_.push_back(names_[i] + " delivers again");
+    }
+    told.is_lost = is_lost;
+    told.is_late = told.absent >= kTold;
+  }
+  judge_steps();
+  if (now - told_of_missed_ < std::chrono::seconds(1)) return;
+  told_of_missed_ = now;
+  tell_missed();
+}
+
+void CameraFeed::tell_missed() {
+  for (std::size_t i = 0; i < told_.size(); ++i) {
+    const std::int64_t missed = std::exchange(told_[i].missed, 0);
+    if (missed > 0) {
+      news_.push_back(text_of(missed, missed == 1 ? " image" : " images", " of ", names_[i],
+                              missed == 1 ? " was" : " were", " lost or damaged"));
+    }
+  }
+}
+
+// A camera that is more than a quarter of a period away from the middle one is out of step, until
+// it is nearer than an eighth.
+void CameraFeed::judge_steps() {
+  std::vector<Instant> times;
+  for (const Frame& frame : frames_) {
+    if (frame.state == Frame::State::kGood) times.push_back(frame.time);
+  }
+  if (times.size() < 2) return;
+  std::ranges::sort(times);
+  const Instant middle = times[(times.size() - 1) / 2];
+  for (std::size_t i = 0; i < frames_.size(); ++i) {
+    if (frames_[i].state != Frame::State::kGood) continue;
+    const Nanoseconds ahead = frames_[i].time - middle;
+    const bool is_out = std::chrono::abs(ahead) > period_ / (told_[i].is_out_of_step ? 8 : 4);
+    if (is_out == told_[i].is_out_of_step) continue;
+    told_[i].is_out_of_step = is_out;
+    if (!is_out) {
+      news_.push_back(names_[i] + " is in step again");
+    } else {
+      news_.push_back(text_of(
+          names_[i], " is out of step: its image is ", duration_text(std::chrono::abs(ahead)),
+          ahead > Nanoseconds(0) ? " later" : " earlier", " than those of the others"));
+    }
+  }
+}
+
+std::vector<std::string> CameraFeed::take_news() { return std::exchange(news_, {}); }
+
+}  // namespace trifinger::camera

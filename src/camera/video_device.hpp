@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <linux/videodev2.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "trifinger/camera/device.hpp"
+#include "trifinger/camera/options.hpp"
+#include "video_system.hpp"
+
+namespace trifinger::camera {
+
+struct VideoSettings {
+  std::string path;  // "/dev/video0"
+  ImageFormat format{};
+  Nanoseconds period{0};
+  Nanoseconds exposure{0};
+};
+
+// A camera of Video4Linux. It delivers the middle of its images if these are larger than wanted.
+class VideoDevice final : public Device {
+ public:
+  // Throws InvalidArgument for a device that cannot deliver such images. One that is not there is
+  // looked for later.
+  explicit VideoDevice(VideoSettings settings, VideoSystem& system = VideoSystem::machine());
+  ~VideoDevice() override;
+
+  [[nodiscard]] bool grab(std::span<std::byte> pixels, Frame& frame, Timeout timeout) override;
+  [[nodiscard]] bool is_there() const noexcept override { return file_ >= 0; }
+  [[nodiscard]] std::vector<std::string> take_news() override;
+
+ private:
+  struct Buffer {
+    std::byte* memory;
+    std::size_t size;
+  };
+
+  // True if the device could be opened and delivers.
+  bool open();
+  void close() noexcept;
+  void lose(const std::string& why);
+  // Throws InvalidArgument.
+  void choose_format();
+  void set_rate_and_exposure();
+  void start();
+  [[nodiscard]] int call(unsigned long request, void* argument);
+  // False if the image is damaged.
+  [[nodiscard]] bool convert(std::span<const std::byte> image, std::span<std::byte> pixels);
+  [[nodiscard]] Frame frame_of(const v4l2_buffer& buffer, Instant arrival) const;
+
+  VideoSettings settings_;
+  VideoSystem& system_;
+  int file_{-1};
+  std::vector<Buffer> buffers_;
+  std::uint32_t fourcc_{0};
+  int width_{0};
+  int height_{0};
+  std::size_t stride_{0};
+  std::int64_t first_number_{-1};
+  std::int64_t count_{0};  // images of earlier connections
+  Instant next_try_{};
+  std::vector<std::byte> rgb_;
+  std::vector<std::string> news_;
+};
+
+// The cameras of Video4Linux on this machine.
+[[nodiscard]] std::vector<DeviceInfo> list_video_devices(
+    VideoSystem& system = VideoSystem::machine());
+
+}  // namespace trifinger::camera

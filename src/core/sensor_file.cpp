@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "sensor_file.hpp"
+
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <system_error>
+#include <vector>
+
+#include "session_directory.hpp"
+#include "trifinger/base/error.hpp"
+#include "trifinger/base/regular_file.hpp"
+#include "trifinger/core/session.hpp"
+#include "trifinger/ipc/file_lock.hpp"
+#include "trifinger/ipc/process.hpp"
+
+namespace trifinger::detail {
+namespace {
+
+std::string file_of(const char* kind, const std::string& robot, const std::string& sensor) {
+  require_valid_name(robot);
+  require_valid_name(sensor);
+  return kind + robot + "." + sensor;
+}
+
+// Removes the hidden names of files that killed processes have left: they keep memory. Only the
+// owner of the lock may do this. Names of the lock itself belong to whoever wants it.
+void remove_leftovers(const std::string& file) {
+  std::error_code error;
+  for (const auto& entry : std::filesystem::directory_iterator(session_folder(), error)) {
+    const std::string name = entry.path().filename().string();
+    if (name.starts_with("." + file + ".") && !name.starts_with("." + file + ".lock.")) {
+      ::unlink(entry.path().c_str());
+    }
+  }
+}
+
+}  // namespace
+
+std::string sensor_file(const std::string& robot, const std::string& sensor) {
+  return file_of("trifinger-sensor.", robot, sensor);
+}
+
+std::string payload_file(const std::string& robot, const std::string& sensor) {
+  return file_of("trifinger-payload.", robot, sensor);
+}
+
+ipc::SharedMemory own_sensor_file(const std::string& file, const std::string& what) {
+  const auto directory = directory_in(session_folder());
+  const std::string name = file + ".lock";
+  ipc::SharedMemory lock = directory->open_or_create(name, kOwnerAlone);
+  const ipc::LockPatience patience;
+  while (!ipc::try_lock(lock.file())) {
+    const std::vector<ipc::ProcessIdentity> owners = ipc::owners_of(session_folder() / name);
+    const bool is_ending = std::ranges::any_of(owners, &ipc::ProcessIdentity::is_ending);
+    if (patience.wait(is_ending)) continue;
+    throw Error((owners.empty() ? "another process" : ipc::describe(owners.front())) +
+                " is already " + what + "; end it first");
+  }
+  remove_leftovers(file);
+  return lock;
+}
+
+void require_own_file(const ipc::FileDescriptor& file, const std::string& name) {
+  struct stat status{};
+  if (::fstat(file.get(), &status) != 0) throw SystemError("inspect " + name, errno);
+  require(status.st_uid == ::geteuid() || status.st_uid == 0,
+          "it belongs to user " + user_name(status.st_uid));
+}
+
+}  // namespace trifinger::detail

@@ -1,0 +1,286 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "edges.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace trifinger::tracking::detail {
+namespace {
+
+constexpr double kGrazing = 0.12;    // faces that lean more than this show edges that are too near
+constexpr int kMostSpots = 14;       // on an edge
+constexpr double kSpotDistance = 5;  // [pixel]
+
+using Unknowns = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 7 + 2 * kMostCameras, 1>;
+using Normals = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 7 + 2 * kMostCameras,
+                              7 + 2 * kMostCameras>;
+
+}  // namespace
+
+EdgeFit::EdgeFit(const std::vector<View>& views, const Shape& shape, const ColourTable& table,
+                 double calibration_error)
+    : shape_(&shape), table_(&table), calibration_error_(std::max(0.05, calibration_error)) {
+  for (const Face& face : shape.faces) {
+    most_lines_ += views.size() * face.corners.size() * kMostSpots;
+  }
+  most_lines_ = std::min<std::size_t>(most_lines_, 4000);
+  lines_.reserve(most_lines_);
+  sorted_.reserve(most_lines_);
+}
+
+// Calls `measure(spot, offset)` at places on all visible edges, and keeps what it finds.
+template <class Measure>
+void EdgeFit::measure_edges(const std::vector<View>& views, const Eigen::Isometry3d& pose,
+                            Measure measure) noexcept {
+  lines_.clear();
+  looked_ = 0;
+  for (std::size_t c = 0; c < views.size(); ++c) {
+    const View& view = views[c];
+    if (!view.image.exists()) continue;
+    if (view.seen(pose.translation()).z() < 1.5 * shape_->radius) continue;
+    for (const Face& face : shape_->faces) {
+      if (facing(view, pose, face) < kGrazing) continue;
+      const Eigen::Vector2d middle = view.project(pose * face.centre);
+      for (std::size_t i = 0; i < face.corners.size(); ++i) {
+        if (face.same_beyond[i] >= 0 &&
+            facing(view, pose, shape_->faces[static_cast<std::size_t>(face.same_beyond[i])]) > 0) {
+          continue;
+        }
+        const Eigen::Vector3d from = pose * face.corners[i];
+        const Eigen::Vector3d along =
+            pose.linear() * (face.corners[(i + 1) % face.corners.size()] - face.corners[i]);
+        const double length = (view.project(from + along) - view.project(from)).norm();
+        const int spots = std::min(kMostSpots, static_cast<int>(length / kSpotDistance));
+        for (int k = 0; k < spots; ++k) {
+          // Corners show other edges, so the ends are left out.
+          const double share = 0.06 + 0.88 * (k + 0.5) / spots;
+          const Eigen::Vector3d point = from + share * along;
+          const Projected at = view.project_with_slope(point);
+          const Eigen::Vector2d tangent = (at.slope * along).normalized();
+          Eigen::Vector2d normal(tangent.y(), -tangent.x());
+          if (normal.dot(at.pixel - middle) < 0) normal = -normal;
+          if (lines_.size() == most_lines_) return;
+          const Spot spot{&view, face.label, at.pixel, normal};
+          double offset = 0;
+          ++looked_;
+          if (!measure(spot, offset)) continue;
+          const Eigen::Vector3d arm = point - pose.translation();
+          Line line{.camera = c, .normal = normal, .slope = {}, .offset = offset};
+          const Eigen::RowVector3d across = normal.transpose() * at.slope;
+          line.slope.head<3>() = across;
+          // across * (w x arm) = w * (arm x across)
+          line.slope.tail<3>() = arm.cross(across.transpose()).transpose();
+          lines_.push_back(line);
+        }
+      }
+    }
+  }
+}
+
+// Finds where blocks of pixels cease to have the face's colour.
+bool EdgeFit::find_label_step(const Spot& spot, double reach, double& offset) noexcept {
+  constexpr double kStep = 2;  // a block [pixel]
+  constexpr int kMost = 12;
+  const int half = std::min(kMost, static_cast<int>(reach / kStep));
+  if (!spot.view->image.contains(spot.pixel, 2)) return false;
+  std::array<int, 2 * kMost + 1> is_face{};
+  int total = 0;
+  for (int i = 0; i <= 2 * half; ++i) {
+    const Eigen::Vector2d pixel = spot.pixel + (i - half) * kStep * spot.normal;
+    const bool same = spot.view->image.labels_at(pixel).may_be(spot.label);
+    is_face[static_cast<std::size_t>(i)] = same ? 1 : -1;
+    total += same ? 1 : -1;
+  }
+  // Inside the step as many blocks as possible have the colour, outside as few as possible.
+  int inside = 0;
+  double best = 0;
+  int best_step = 0;
+  for (int i = 0; i <= 2 * half; ++i) {
+    const double score = inside - (total - inside) - 0.15 * std::abs(i - half);
+    if (i == 0 || score > best) {
+      best = score;
+      best_step = i;
+    }
+    inside += is_face[static_cast<std::size_t>(i)];
+  }
+  // Nothing of this colour: hidden, or far away. Nothing else: the edge is farther out than the
+  // line.
+  if (best_step < 2 || best < half) return false;
+  offset = (best_step - half - 0.5) * kStep;
+  return true;
+}
+
+// Finds the step to a part of a pixel. The colours on both sides are taken from the image itself,
+// so light and shadow do not matter.
+bool EdgeFit::find_step(const Spot& spot, double reach, double& offset) const noexcept {
+  constexpr int kMost = 12;
+  constexpr int kMargin = 4;  // read on both sides of the step to know the colours
+  const int half = std::min(kMost, static_cast<int>(std::lround(reach)) + kMargin);
+  const LabelledImage& image = spot.view->image;
+  if (!image.contains(spot.pixel + half * spot.normal, 3) ||
+      !image.contains(spot.pixel - half * spot.normal, 3)) {
+    return false;
+  }
+  std::array<Rgb, 2 * kMost + 1> colours;
+  std::array<int, 2 * kMost + 1> is_face{};
+  const auto x = static_cast<float>(spot.pixel.x());
+  const auto y = static_cast<float>(spot.pixel.y());
+  const auto nx = static_cast<float>(spot.normal.x());
+  const auto ny = static_cast<float>(spot.normal.y());
+  const int count = 2 * half + 1;
+  int total = 0;
+  for (int i = 0; i < count; ++i) {
+    const auto d = static_cast<float>(i - half);
+    const auto place = static_cast<std::size_t>(i);
+    colours[place] = image.colour(x + d * nx, y + d * ny);
+    is_face[place] = image.labels_of(*table_, colours[place]).may_be(spot.label) ? 1 : -1;
+    total += is_face[place];
+  }
+  int inside = 0;
+  double best = -1e9;
+  int step = 0;  // the first sample outside
+  for (int i = 0; i < count - 2; ++i) {
+    if (i >= kMargin) {
+      const double score = inside - (total - inside) - 0.15 * std::abs(i - half);
+      if (score > best) {
+        best = score;
+        step = i;
+      }
+    }
+    inside += is_face[static_cast<std::size_t>(i)];
+  }
+  const auto at = [](int i) { return static_cast<std::size_t>(i); };
+  if (is_face[at(step - 2)] < 0 || is_face[at(step - 3)] < 0 || is_face[at(step + 1)] > 0) {
+    return false;
+  }
+  const Rgb inner = (colours[at(step - 4)] + colours[at(step - 3)]) / 2;
+  // The colour next to the face. A rim may be narrow, so what lies beyond it must not count as it:
+  // of two samples the darker one is the rim. Without a rim, the one that differs more is clear of
+  // the face.
+  const Rgb& near = colours[at(step + 1)];
+  const Rgb& far = colours[at(step + 2)];
+  const bool is_near = shape_->has_rims
+      ? near.sum()<far.sum() : (near - inner).squaredNorm()>(far - inner).squaredNorm();
+  const Rgb outer = is_near ? near : far;
+  const Rgb contrast = inner - outer;
+  const float size = contrast.squaredNorm();
+  constexpr float kLeastContrast = 18;
+  if (size < kLeastContrast * kLeastContrast) return false;
+  const auto share = [&](int i) { return (colours[at(i)] - outer).dot(contrast) / size; };
+  for (int i = step - 3; i < step + 2; ++i) {
+    const float here = share(i);
+    const float next = share(i + 1);
+    if (here < 0.5F || next >= 0.5F) continue;
+    offset = i - half + static_cast<double>((here - 0.5F) / (here - next));
+    return std::abs(offset) <= reach + 1;
+  }
+  return false;
+}
+
+Fit EdgeFit::solve(std::size_t cameras, double scale, Eigen::Isometry3d& pose) noexcept {
+  Fit fit;
+  fit.looked = looked_;
+  fit.lines = static_cast<int>(lines_.size());
+  const auto size = static_cast<Eigen::Index>(7 + 2 * cameras);
+  const Eigen::Index growth = size - 1;  // how far all edges seem to lie outside of where they are
+  Unknowns unknowns = Unknowns::Zero(size);
+  Normals inverse(size, size);
+  constexpr int kRounds = 4;
+  double spread = scale;
+  // The noise of neighbouring lines is alike, so a line counts for less than its own noise says.
+  constexpr double kLineError = 0.6;  // [pixel]
+  for (int round = 0; round < kRounds; ++round) {
+    Normals sum = Normals::Zero(size, size);
+    Unknowns right = Unknowns::Zero(size);
+    fit.used = 0;
+    double squares = 0;
+    for (const Line& line : lines_) {
+      const auto shift = static_cast<Eigen::Index>(6 + 2 * line.camera);
+      const double error = line.offset - line.slope.dot(unknowns.head<6>()) -
+                           line.normal.dot(unknowns.segment<2>(shift)) - unknowns[growth];
+      const double relative = error / (3 * spread);
+      if (std::abs(relative) >= 1) continue;
+      ++fit.used;
+      squares += error * error;
+      const double root = 1 - relative * relative;  // Tukey
+      const double weight = root * root / (kLineError * kLineError);
+      const double target = line.offset;
+      Eigen::Matrix<double, 8, 1> slope;
+      slope << line.slope.transpose(), line.normal;
+      sum.topLeftCorner<6, 6>() += weight * slope.head<6>() * slope.head<6>().transpose();
+      sum.block<6, 2>(0, shift) += weight * slope.head<6>() * slope.tail<2>().transpose();
+      sum.block<2, 2>(shift, shift) += weight * slope.tail<2>() * slope.tail<2>().transpose();
+      right.head<6>() += weight * target * slope.head<6>();
+      right.segment<2>(shift) += weight * target * slope.tail<2>();
+      sum.block<6, 1>(0, growth) += weight * slope.head<6>();
+      sum.block<2, 1>(shift, growth) += weight * slope.tail<2>();
+      sum(growth, growth) += weight;
+      right[growth] += weight * target;
+    }
+    fit.residual = fit.used > 0 ? std::sqrt(squares / fit.used) : 0;
+    sum.triangularView<Eigen::StrictlyLower>() = sum.transpose();
+    // Without any lines the pose stays where it is, and is known to nothing better than this.
+    constexpr double kUnknownPosition = 0.05;  // [m]
+    constexpr double kUnknownRotation = 0.5;   // [rad]
+    sum.diagonal().head<3>().array() += 1 / (kUnknownPosition * kUnknownPosition);
+    sum.diagonal().segment<3>(3).array() += 1 / (kUnknownRotation * kUnknownRotation);
+    sum.diagonal().segment(6, size - 7).array() += 1 / (calibration_error_ * calibration_error_);
+    // Blur next to dark rims, rims that are not as wide as they are said to be, and lenses make
+    // faces look larger or smaller than they are.
+    constexpr double kGrowth = 0.7;  // [pixel]
+    sum(growth, growth) += 1 / (kGrowth * kGrowth);
+    const Eigen::LDLT<Normals> factors(sum);
+    unknowns = factors.solve(right);
+    if (round + 1 == kRounds || lines_.empty()) {
+      inverse.setIdentity(size, size);
+      inverse = factors.solve(inverse);
+      break;
+    }
+    // The spread that most lines have.
+    sorted_.clear();
+    for (const Line& line : lines_) {
+      const auto shift = static_cast<Eigen::Index>(6 + 2 * line.camera);
+      sorted_.push_back(std::abs(line.offset - line.slope.dot(unknowns.head<6>()) -
+                                 line.normal.dot(unknowns.segment<2>(shift)) - unknowns[growth]));
+    }
+    if (sorted_.empty()) break;
+    const auto middle = sorted_.begin() + static_cast<std::ptrdiff_t>(sorted_.size() / 2);
+    std::nth_element(sorted_.begin(), middle, sorted_.end());
+    spread = std::clamp(1.5 * *middle, 0.2 * scale, scale);
+  }
+  fit.covariance = inverse.topLeftCorner<6, 6>();
+  const Eigen::Vector3d turn = unknowns.segment<3>(3);
+  pose.translation() += unknowns.head<3>();
+  if (turn.norm() > 1e-12) {
+    pose.linear() =
+        Eigen::Quaterniond(Eigen::AngleAxisd(turn.norm(), turn.normalized()).toRotationMatrix() *
+                           pose.linear())
+            .normalized()
+            .toRotationMatrix();
+  }
+  return fit;
+}
+
+void EdgeFit::approach(const std::vector<View>& views, Eigen::Isometry3d& pose) noexcept {
+  for (const double reach : {20.0, 16.0, 12.0}) {
+    measure_edges(views, pose, [reach](const Spot& spot, double& offset) noexcept {
+      return find_label_step(spot, reach, offset);
+    });
+    (void)solve(views.size(), reach / 4, pose);
+  }
+}
+
+Fit EdgeFit::refine(const std::vector<View>& views, Eigen::Isometry3d& pose) noexcept {
+  Fit fit;
+  for (const double reach : {6.0, 4.0, 3.0, 3.0}) {
+    measure_edges(views, pose, [this, reach](const Spot& spot, double& offset) noexcept {
+      return find_step(spot, reach, offset);
+    });
+    fit = solve(views.size(), reach / 4, pose);
+  }
+  return fit;
+}
+
+}  // namespace trifinger::tracking::detail

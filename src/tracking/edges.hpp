@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <cstddef>
+#include <vector>
+
+#include "view.hpp"
+
+namespace trifinger::tracking::detail {
+
+// What the edges of faces say about a pose.
+struct Fit {
+  // Covariance of the position [m] and of a turn about the world's axes [rad].
+  Eigen::Matrix<double, 6, 6> covariance{Eigen::Matrix<double, 6, 6>::Zero()};
+  double residual{0};  // root mean square of what is unexplained [pixel]
+  int lines{0};        // places on edges that were measured
+  int looked{0};       // places on edges that were looked at
+  int used{0};         // measured places that agree with the pose
+};
+
+// Moves a pose until the edges of the coloured faces are where the cameras show them.
+//
+// At many places of each visible edge, the image is read along a line across the edge. Where the
+// colour of the face ends, there is the edge; nothing is measured where the face is hidden.
+// Gauss-Newton with robust weights then finds the pose, and with it how far each camera's image is
+// shifted: calibrations are not exact, and a shift of one image must not turn the object.
+class EdgeFit {
+ public:
+  EdgeFit(const std::vector<View>& views, const Shape& shape, const ColourTable& table,
+          double calibration_error);
+
+  // From a guess that is good to some 15 pixels to some pixels, with labels only.
+  void approach(const std::vector<View>& views, Eigen::Isometry3d& pose) noexcept;
+  // From some pixels to the limit of what the images tell.
+  [[nodiscard]] Fit refine(const std::vector<View>& views, Eigen::Isometry3d& pose) noexcept;
+
+ private:
+  // A measured place on an edge.
+  struct Line {
+    std::size_t camera;
+    Eigen::Vector2d normal;             // out of the face
+    Eigen::Matrix<double, 1, 6> slope;  // of the edge along the normal [pixel per m, rad]
+    double offset;                      // of the measured edge from the expected one [pixel]
+  };
+  // A place on an edge, before it is measured.
+  struct Spot {
+    const View* view;
+    Label label;
+    Eigen::Vector2d pixel;
+    Eigen::Vector2d normal;
+  };
+
+  template <class Measure>
+  void measure_edges(const std::vector<View>& views, const Eigen::Isometry3d& pose,
+                     Measure measure) noexcept;
+  [[nodiscard]] static bool find_label_step(const Spot& spot, double reach,
+                                            double& offset) noexcept;
+  [[nodiscard]] bool find_step(const Spot& spot, double reach, double& offset) const noexcept;
+  Fit solve(std::size_t cameras, double scale, Eigen::Isometry3d& pose) noexcept;
+
+  const Shape* shape_;
+  const ColourTable* table_;
+  double calibration_error_;
+  std::size_t most_lines_{0};
+  int looked_{0};
+  std::vector<Line> lines_;
+  std::vector<double> sorted_;
+};
+
+}  // namespace trifinger::tracking::detail

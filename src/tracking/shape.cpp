@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <cmath>
+
+#include "trifinger/base/error.hpp"
+#include "trifinger/base/text_of.hpp"
+#include "view.hpp"
+
+namespace trifinger::tracking::detail {
+namespace {
+
+using trifinger::detail::text_of;
+
+// Points inside a convex polygon, seen from its centre: on rings of growing size. The outermost
+// ring stays away from the edges, where blocks of pixels show two colours.
+std::vector<Eigen::Vector3d> spread(const std::vector<Eigen::Vector3d>& corners,
+                                    const Eigen::Vector3d& centre) {
+  constexpr double kRings[] = {0.30, 0.58, 0.84};
+  constexpr int kOnEdge[] = {2, 3, 4};
+  std::vector<Eigen::Vector3d> points{centre};
+  for (std::size_t ring = 0; ring < 3; ++ring) {
+    for (std::size_t i = 0; i < corners.size(); ++i) {
+      const Eigen::Vector3d& from = corners[i];
+      const Eigen::Vector3d& to = corners[(i + 1) % corners.size()];
+      for (int k = 0; k < kOnEdge[ring]; ++k) {
+        const Eigen::Vector3d on_edge = from + (to - from) * k / kOnEdge[ring];
+        points.emplace_back(centre + kRings[ring] * (on_edge - centre));
+      }
+    }
+  }
+  return points;
+}
+
+}  // namespace
+
+Shape::Shape(const TrackedObject& object, const std::vector<std::string>& colours)
+    : has_rims(object.rim > 0) {
+  double surface = 0;
+  for (const ColouredFace& given : object.faces) {
+    if (given.corners.size() < 3) {
+      throw InvalidArgument(text_of("a face of '", object.name, "' has ", given.corners.size(),
+                                    " corners, must have at least 3"));
+    }
+    Face face{
+        .label = static_cast<Label>(std::ranges::find(colours, given.colour) - colours.begin()),
+        .corners = given.corners,
+        .same_beyond = std::vector<int>(given.corners.size(), -1),
+        .normal = Eigen::Vector3d::Zero(),
+        .centre = Eigen::Vector3d::Zero(),
+        .area = 0,
+        .samples = {}};
+    Eigen::Vector3d twice_area = Eigen::Vector3d::Zero();
+    for (std::size_t i = 1; i + 1 < face.corners.size(); ++i) {
+      const Eigen::Vector3d cross =
+          (face.corners[i] - face.corners[0]).cross(face.corners[i + 1] - face.corners[0]);
+      twice_area += cross;
+      face.centre += cross.norm() / 3 * (face.corners[0] + face.corners[i] + face.corners[i + 1]);
+    }
+    if (!(twice_area.norm() > 0)) {
+      throw InvalidArgument(text_of("a face of '", object.name, "' has no area"));
+    }
+    face.normal = twice_area.normalized();
+    face.centre /= twice_area.norm();
+    face.area = twice_area.norm() / 2;
+    face.samples = spread(face.corners, face.centre);
+    for (const Eigen::Vector3d& corner : face.corners) radius = std::max(radius, corner.norm());
+    surface += face.area;
+    faces.push_back(std::move(face));
+  }
+  // The mean silhouette of a convex body has a quarter of its surface (Cauchy).
+  mean_width = std::sqrt(surface / 4);
+  const double tolerance = 1e-4 * radius;
+  for (std::size_t a = 0; a < faces.size(); ++a) {
+    for (std::size_t i = 0; i < faces[a].corners.size(); ++i) {
+      const Eigen::Vector3d& from = faces[a].corners[i];
+      const Eigen::Vector3d& to = faces[a].corners[(i + 1) % faces[a].corners.size()];
+      for (std::size_t b = 0; b < faces.size(); ++b) {
+        const auto has = [&](const Eigen::Vector3d& point) {
+          return std::ranges::any_of(faces[b].corners, [&](const Eigen::Vector3d& corner) {
+            return (corner - point).norm() < tolerance;
+          });
+        };
+        if (b != a && faces[b].label == faces[a].label && has(from) && has(to)) {
+          faces[a].same_beyond[i] = static_cast<int>(b);
+        }
+      }
+    }
+  }
+}
+
+}  // namespace trifinger::tracking::detail

@@ -1,0 +1,271 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/tracking/tracker.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <utility>
+
+#include "colour_table.hpp"
+#include "edges.hpp"
+#include "judgement.hpp"
+#include "search.hpp"
+#include "trifinger/base/error.hpp"
+#include "trifinger/base/text_of.hpp"
+#include "view.hpp"
+
+namespace trifinger::tracking {
+namespace {
+
+using detail::Fit;
+using detail::Guess;
+using detail::Verdict;
+using trifinger::detail::text_of;
+
+// The colours of an object, each once. Their places are their labels.
+std::vector<std::string> colours_of(const TrackedObject& object, const ColourModel& model) {
+  std::vector<std::string> colours;
+  for (const ColouredFace& face : object.faces) {
+    if (model.find(face.colour) == nullptr) {
+      std::string known;
+      for (const Colour& colour : model.colours) known += (known.empty() ? "" : ", ") + colour.name;
+      throw InvalidArgument(text_of("a face of '", object.name, "' is ", face.colour,
+                                    ", a colour that the colour model does not know; it knows ",
+                                    known));
+    }
+    if (std::ranges::find(colours, face.colour) == colours.end()) colours.push_back(face.colour);
+  }
+  constexpr std::size_t kMostColours = 64;
+  constexpr std::size_t kMostFaces = 256;
+  if (colours.empty() || colours.size() > kMostColours || object.faces.size() > kMostFaces) {
+    throw InvalidArgument(text_of("'", object.name, "' has ", object.faces.size(), " faces in ",
+                                  colours.size(), " colours; a tracker knows objects of 1 to ",
+                                  kMostFaces, " faces in up to ", kMostColours, " colours"));
+  }
+  return colours;
+}
+
+// The number of blocks that a camera shows of each colour at most, with the object near.
+std::vector<double> most_blocks(const camera::Camera& camera, const detail::Shape& shape,
+                                std::size_t num_colours) {
+  constexpr double kNear = 0.7;  // of the distance between camera and the middle of the table
+  constexpr double kSpare = 1.3;
+  const double distance = kNear * camera.pose.translation().norm();
+  const double blocks = camera.lens.fx * camera.lens.fy / (4 * distance * distance);
+  std::vector<double> most(num_colours, 0.0);
+  for (const detail::Face& face : shape.faces) most[face.label] += kSpare * face.area * blocks;
+  return most;
+}
+
+std::vector<detail::View> views_of(const std::vector<camera::Camera>& cameras,
+                                   const detail::Shape& shape, std::size_t num_colours) {
+  if (cameras.empty() || cameras.size() > detail::kMostCameras) {
+    throw InvalidArgument(
+        text_of("a tracker of ", cameras.size(), " cameras; it needs 1 to ", detail::kMostCameras));
+  }
+  std::vector<detail::View> views;
+  for (const camera::Camera& camera : cameras) {
+    const camera::ImageFormat& format = camera.format;
+    if (format.pixels == camera::PixelFormat::kMono8) {
+      throw InvalidArgument(text_of("the images of ", camera.name,
+                                    " have no colours (mono8), but faces are told apart by colour; "
+                                    "set the camera to bayer_rggb8 or rgb8"));
+    }
+    if (format.width < 16 || format.height < 16 || format.width % 2 != 0 ||
+        format.height % 2 != 0) {
+      throw InvalidArgument(text_of("the images of ", camera.name, " have ", format.width, " x ",
+                                    format.height,
+                                    " pixels; width and height must be even and at least 16"));
+    }
+    views.emplace_back(camera, most_blocks(camera, shape, num_colours));
+  }
+  return views;
+}
+
+// Whether two poses are one that is not refined yet.
+bool are_same(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) noexcept {
+  constexpr double kAngle = 0.35;     // [rad]
+  constexpr double kDistance = 0.03;  // [m]
+  return Eigen::AngleAxisd(a.linear().transpose() * b.linear()).angle() < kAngle &&
+         (a.translation() - b.translation()).norm() < kDistance;
+}
+
+}  // namespace
+
+struct Tracker::Parts {
+  // A pose that was refined.
+  struct Candidate {
+    Eigen::Isometry3d pose{Eigen::Isometry3d::Identity()};
+    Fit fit{};
+    Verdict verdict{};
+  };
+
+  Parts(std::vector<camera::Camera> given_cameras, TrackedObject given_object,
+        const ColourModel& model, const TrackerOptions& options)
+      : cameras(std::move(given_cameras)),
+        object(std::move(given_object)),
+        colours(colours_of(object, model)),
+        shape(object, colours),
+        views(views_of(cameras, shape, colours.size())),
+        table(model, colours),
+        search(views, shape, colours.size(), options),
+        edges(views, shape, table, options.calibration_error),
+        judge(shape) {}
+
+  [[nodiscard]] Candidate refined(Eigen::Isometry3d pose) noexcept {
+    Candidate candidate;
+    candidate.fit = edges.refine(views, pose);
+    candidate.pose = pose;
+    candidate.verdict = judge.judge(views, pose);
+    return candidate;
+  }
+  [[nodiscard]] Estimate searched() noexcept;
+  [[nodiscard]] static Estimate estimate(const Candidate& candidate, double rival) noexcept;
+
+  std::vector<camera::Camera> cameras;
+  TrackedObject object;
+  std::vector<std::string> colours;
+  detail::Shape shape;
+  std::vector<detail::View> views;
+  detail::ColourTable table;
+  detail::Search search;
+  detail::EdgeFit edges;
+  detail::Judge judge;
+};
+
+// Judges a candidate. `rival` is the score of the best pose with other faces in front, relative to
+// that of the candidate.
+Estimate Tracker::Parts::estimate(const Candidate& candidate, double rival) noexcept {
+  const Verdict& verdict = candidate.verdict;
+  const Fit& fit = candidate.fit;
+  Estimate estimate;
+  constexpr double kLeastMatched = 25;  // [block]
+  if (verdict.matched < kLeastMatched || verdict.score() <= 0) return estimate;
+  estimate.pose = candidate.pose;
+  estimate.cameras = verdict.cameras;
+  estimate.faces = verdict.faces;
+  estimate.residual = fit.residual;
+  estimate.position_deviation = fit.covariance.diagonal().head<3>().cwiseSqrt();
+  estimate.rotation_deviation = fit.covariance.diagonal().tail<3>().cwiseSqrt();
+  // Each is 1 if all is well, 0.5 at the limit of what can be trusted, and 0 far beyond.
+  const auto at_least = [](double value, double limit, double good) {
+    return std::clamp(0.5 + 0.5 * (value - limit) / (good - limit), 0.0, 1.0);
+  };
+  const auto at_most = [&](double value, double limit, double good) {
+    return at_least(-value, -limit, -good);
+  };
+  const double agreeing = fit.lines > 0 ? static_cast<double>(fit.used) / fit.lines : 0;
+  double confidence = 1;
+  for (const double each : {
+           at_least(verdict.purity(), 0.80, 0.95),
+           at_most(verdict.contradicted / verdict.matched, 0.08, 0.0),
+           at_least(verdict.completeness(), 0.25, 0.6),
+           // One camera alone may be another one than it is said to be.
+           at_least(verdict.cameras, 1.5, 2),
+           at_least(agreeing, 0.55, 0.85),
+           at_least(fit.used, 24, 80),
+           at_least(verdict.matched, 80, 300),
+           at_most(fit.residual, 1.2, 0.5),
+           at_most(estimate.position_deviation.norm(), 0.003, 0.001),
+           at_most(estimate.rotation_deviation.norm(), 0.04, 0.012),
+           at_most(rival, 0.75, 0.4),
+           at_least(verdict.directions, 1.5, 2),
+       }) {
+    confidence = std::min(confidence, each);
+  }
+  estimate.confidence = confidence;
+  estimate.state = confidence >= 0.5 ? Estimate::State::kSure : Estimate::State::kUnsure;
+  return estimate;
+}
+
+Estimate Tracker::Parts::searched() noexcept {
+  constexpr std::size_t kFinalists = 3;
+  std::array<std::pair<double, Eigen::Isometry3d>, kFinalists> finalists;
+  std::size_t count = 0;
+  bool is_clear = false;
+  search.begin(views);
+  // The places come in the order of how much speaks for them. One that leaves little to explain is
+  // the last one.
+  for (auto guesses = search.next(views); !guesses.empty(); guesses = search.next(views)) {
+    for (const Guess& guess : guesses) {
+      Eigen::Isometry3d pose = guess.pose;
+      edges.approach(views, pose);
+      const Verdict verdict = judge.judge(views, pose);
+      is_clear = is_clear || (verdict.purity() > 0.9 && verdict.completeness() > 0.55 &&
+                              verdict.directions > 1 && verdict.matched > 200);
+      const double score = verdict.score();
+      std::size_t place = 0;
+      while (place < count && !are_same(finalists[place].second, pose)) ++place;
+      if (place < count) {  // the same pose again
+        if (score > finalists[place].first) finalists[place] = {score, pose};
+      } else if (count < kFinalists) {
+        finalists[count++] = {score, pose};
+      } else {
+        auto* const worst = std::ranges::min_element(
+            finalists, {}, [](const auto& finalist) { return finalist.first; });
+        if (score > worst->first) *worst = {score, pose};
+      }
+    }
+    if (is_clear) break;
+  }
+  if (count == 0) return {};
+  std::array<Candidate, kFinalists> candidates;
+  std::size_t best = 0;
+  const double leader =
+      std::max_element(finalists.begin(), finalists.begin() + count,
+                       [](const auto& a, const auto& b) { return a.first < b.first; })
+          ->first;
+  for (std::size_t i = 0; i < count; ++i) {
+    constexpr double kChance = 0.4;  // refining moves a pose by a few pixels only
+    if (finalists[i].first < kChance * leader) continue;
+    candidates[i] = refined(finalists[i].second);
+    if (candidates[best].verdict.matched <= 0) best = i;
+    if (candidates[i].verdict.score() > candidates[best].verdict.score()) best = i;
+  }
+  double rival = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    if (candidates[i].verdict.matched <= 0) continue;
+    if (are_same(candidates[i].pose, candidates[best].pose)) continue;
+    rival = std::max(
+        rival, candidates[i].verdict.score() / std::max(1.0, candidates[best].verdict.score()));
+  }
+  return estimate(candidates[best], rival);
+}
+
+Tracker::Tracker(std::vector<camera::Camera> cameras, TrackedObject object,
+                 const ColourModel& colours, const TrackerOptions& options)
+    : parts_(std::make_unique<Parts>(std::move(cameras), std::move(object), colours, options)) {}
+Tracker::Tracker(Tracker&&) noexcept = default;
+Tracker& Tracker::operator=(Tracker&&) noexcept = default;
+Tracker::~Tracker() = default;
+
+const std::vector<camera::Camera>& Tracker::cameras() const noexcept { return parts_->cameras; }
+const TrackedObject& Tracker::object() const noexcept { return parts_->object; }
+
+Estimate Tracker::track(std::span<const std::span<const std::byte>> images,
+                        const Eigen::Isometry3d* guess) {
+  Parts& parts = *parts_;
+  if (images.size() != parts.cameras.size()) {
+    throw InvalidArgument(text_of(images.size(), " images for ", parts.cameras.size(),
+                                  " cameras; give one for each, empty if it is missing"));
+  }
+  for (std::size_t i = 0; i < images.size(); ++i) {
+    const std::size_t size = parts.cameras[i].format.size();
+    if (!images[i].empty() && images[i].size() != size) {
+      throw InvalidArgument(text_of("the image of ", parts.cameras[i].name, " has ",
+                                    images[i].size(), " bytes, must have ", size));
+    }
+  }
+  for (std::size_t i = 0; i < images.size(); ++i) parts.views[i].image.read(images[i], parts.table);
+  if (guess != nullptr) {
+    Eigen::Isometry3d pose = *guess;
+    parts.edges.approach(parts.views, pose);
+    const Estimate near = Parts::estimate(parts.refined(pose), 0);
+    // A guess is taken if it leaves nothing to explain, so a search could find nothing better.
+    constexpr double kEnough = 0.7;
+    if (near.confidence >= kEnough) return near;
+  }
+  return parts.searched();
+}
+
+}  // namespace trifinger::tracking

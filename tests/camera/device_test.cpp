@@ -1,0 +1,238 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/camera/device.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <deque>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "camera/cameras_of_tests.hpp"
+#include "camera/grabbed.hpp"
+#include "support/message_of.hpp"
+#include "trifinger/base/error.hpp"
+#include "trifinger/base/random.hpp"
+
+// Single cameras become a source: those that belong together are found by their times.
+
+namespace trifinger::test {
+namespace {
+
+using namespace std::chrono_literals;
+
+using camera::Frame;
+
+// A camera that delivers what the test says, when it says so.
+class ScriptedDevice final : public camera::Device {
+ public:
+  // What the test holds in its hands.
+  struct Script {
+    std::mutex mutex;
+    std::condition_variable changed;
+    std::deque<Frame> frames;
+    bool is_there{true};
+    bool fails{false};
+
+    void add(Frame frame) {
+      const std::lock_guard lock(mutex);
+      frames.push_back(frame);
+      changed.notify_all();
+    }
+    void plug(bool in) {
+      const std::lock_guard lock(mutex);
+      is_there = in;
+      changed.notify_all();
+    }
+  };
+
+  ScriptedDevice(std::shared_ptr<Script> script, std::size_t camera)
+      : script_(std::move(script)), camera_(camera) {}
+
+  [[nodiscard]] bool grab(std::span<std::byte> pixels, Frame& frame, Timeout timeout) override {
+    std::unique_lock lock(script_->mutex);
+    script_->changed.wait_for(
+        lock, timeout, [this] { return !script_->frames.empty() || was_ != is_there_now(); });
+    if (script_->fails) throw Error("broken for good");
+    was_ = is_there_now();
+    if (script_->frames.empty()) return false;
+    frame = script_->frames.front();
+    script_->frames.pop_front();
+    fill_pattern(pixels, camera_, frame.number);
+    return true;
+  }
+  [[nodiscard]] bool is_there() const noexcept override { return was_; }
+  [[nodiscard]] std::vector<std::string> take_news() override { return {}; }
+
+ private:
+  [[nodiscard]] bool is_there_now() const noexcept { return script_->is_there; }
+
+  std::shared_ptr<Script> script_;
+  std::size_t camera_;
+  bool was_{true};
+};
+
+class Group {
+ public:
+  Group() {
+    std::vector<std::unique_ptr<camera::Device>> devices;
+    for (std::size_t i = 0; i < 3; ++i) {
+      scripts.push_back(std::make_shared<ScriptedDevice::Script>());
+      devices.push_back(std::make_unique<ScriptedDevice>(scripts.back(), i));
+    }
+    group.emplace(three_cameras(), std::move(devices), 10ms);
+    grabbed.emplace(*group);
+  }
+  // Delivers image `number` of a camera, taken `later` than planned.
+  void deliver(std::size_t camera, std::int64_t number, Nanoseconds later = 0ns,
+               Frame::State state = Frame::State::kGood) {
+    scripts[camera]->add(
+        {.state = state, .number = number, .time = begin + number * 10ms + later, .exposure = 1ms});
+  }
+  std::array<std::int64_t, 3> next() {
+    EXPECT_TRUE(group->grab(grabbed->images, grabbed->frames, kForever));
+    std::array<std::int64_t, 3> numbers{};
+    for (std::size_t i = 0; i < 3; ++i) {
+      const Frame& frame = grabbed->frames[i];
+      const bool is_good = frame.state == Frame::State::kGood;
+      numbers[i] = is_good ? frame.number : -static_cast<std::int64_t>(frame.state) - 1;
+      if (is_good) {
+        EXPECT_TRUE(has_pattern(grabbed->images[i], i, frame.number));
+      }
+    }
+    return numbers;
+  }
+
+  const Instant begin = std::chrono::steady_clock::now();
+  std::vector<std::shared_ptr<ScriptedDevice::Script>> scripts;
+  std::optional<camera::CameraGroup> group;
+  std::optional<Grabbed> grabbed;
+};
+
+constexpr std::int64_t kNone = -1;
+constexpr std::int64_t kDamaged = -3;
+constexpr std::int64_t kLost = -4;
+
+using Numbers = std::array<std::int64_t, 3>;
+
+TEST(CameraGroup, PutsTogetherWhatWasTakenAtOneTime) {
+  Group group;
+  Random random{.seed = 3};
+  for (std::int64_t i = 0; i < 100; ++i) {
+    for (std::size_t c = 0; c < 3; ++c) {
+      group.deliver(c, i, Nanoseconds(random.integer(-2'400'000, 2'400'000)));
+    }
+    EXPECT_EQ(group.next(), (Numbers{i, i, i}));
+  }
+}
+
+TEST(CameraGroup, fault_52_AnImageThatWasDroppedLeavesTheOthersTogether) {
+  Group group;
+  for (std::size_t c = 0; c < 3; ++c) {
+    for (std::int64_t i = 0; i < 4; ++i) {
+      if (c != 1 || i != 1) group.deliver(c, i);
+    }
+  }
+  EXPECT_EQ(group.next(), (Numbers{0, 0, 0}));
+  EXPECT_EQ(group.next(), (Numbers{1, kNone, 1}));
+  EXPECT_EQ(group.next(), (Numbers{2, 2, 2}));
+  EXPECT_EQ(group.next(), (Numbers{3, 3, 3}));
+}
+
+TEST(CameraGroup, fault_52_ACameraThatIsLateIsNotWaitedForLong) {
+  Group group;
+  group.deliver(0, 0);
+  group.deliver(2, 0);
+  EXPECT_EQ(group.next(), (Numbers{0, kNone, 0}));
+  // What comes too late is delivered alone.
+  group.deliver(1, 0);
+  EXPECT_EQ(group.next(), (Numbers{kNone, 0, kNone}));
+  for (std::size_t c = 0; c < 3; ++c) group.deliver(c, 1);
+  EXPECT_EQ(group.next(), (Numbers{1, 1, 1}));
+}
+
+TEST(CameraGroup, fault_53_ADamagedImageStaysWithItsPartners) {
+  Group group;
+  for (std::size_t c = 0; c < 3; ++c) {
+    group.deliver(c, 0, 0ns, c == 2 ? Frame::State::kDamaged : Frame::State::kGood);
+  }
+  EXPECT_EQ(group.next(), (Numbers{0, 0, kDamaged}));
+}
+
+TEST(CameraGroup, fault_51_WithoutACameraTheOthersGoOnAtOnce) {
+  Group group;
+  group.scripts[1]->plug(false);
+  Numbers numbers{};
+  for (std::int64_t i = 0; numbers != Numbers{i - 1, kLost, i - 1}; ++i) {
+    group.deliver(0, i);
+    group.deliver(2, i);
+    numbers = group.next();  // the first may be kNone: its thread has not looked yet
+  }
+  group.scripts[0]->plug(false);
+  group.scripts[2]->plug(false);
+  while (!group.group->grab(group.grabbed->images, group.grabbed->frames, 1ms)) {
+  }
+  for (const Frame& frame : group.grabbed->frames) EXPECT_EQ(frame.state, Frame::State::kLost);
+}
+
+TEST(CameraGroup, WithoutAReaderKeepsTheNewestImages) {
+  Group group;
+  for (std::int64_t i = 0; i < 50; ++i) {
+    for (std::size_t c = 0; c < 3; ++c) group.deliver(c, i);
+  }
+  for (const auto& script : group.scripts) {
+    for (bool is_empty = false; !is_empty;) {
+      const std::lock_guard lock(script->mutex);
+      is_empty = script->frames.empty();
+    }
+  }
+  Numbers numbers{};
+  while (numbers[0] < 49 && numbers[1] < 49 && numbers[2] < 49) numbers = group.next();
+  EXPECT_EQ(std::max({numbers[0], numbers[1], numbers[2]}), 49);
+}
+
+TEST(CameraGroup, OfADeviceThatIsBrokenForGoodThrows) {
+  Group group;
+  group.scripts[1]->fails = true;
+  group.deliver(1, 0);
+  EXPECT_EQ(message_of<Error>([&] {
+              static_cast<void>(
+                  group.group->grab(group.grabbed->images, group.grabbed->frames, kForever));
+            }),
+            "broken for good");
+}
+
+TEST(DeviceClock, GivesTimesThatAreNeverLateAndFollowTheDrift) {
+  camera::DeviceClock clock;
+  Random random{.seed = 5};
+  const Instant begin(1h);
+  Nanoseconds worst{0};
+  for (int i = 0; i < 60'000; ++i) {  // ten minutes at 100 Hz
+    const Instant truth = begin + i * 10ms;
+    // The device's clock is 50 millionths fast and began elsewhere.
+    const Nanoseconds device = 77s + i * 10ms * 20001 / 20000;
+    const Nanoseconds way = 2ms + Nanoseconds(random.integer(0, 3'000'000));
+    const Instant found = clock.host_time(device, truth + way);
+    EXPECT_LE(found, truth + way);
+    if (i > 100) worst = std::max<Nanoseconds>(worst, std::chrono::abs(found - truth - 2ms));
+  }
+  // 20 s of drift at most, and the shortest way among some hundreds.
+  EXPECT_LE(worst, 1100us);
+}
+
+TEST(DeviceClock, BeginsAnewWithADeviceThatWasStartedAgain) {
+  camera::DeviceClock clock;
+  static_cast<void>(clock.host_time(1000s, Instant(5000s)));
+  EXPECT_EQ(clock.host_time(1s, Instant(5010s)), Instant(5010s));
+  EXPECT_EQ(clock.host_time(2s, Instant(5011s + 3ms)), Instant(5011s));
+}
+
+}  // namespace
+}  // namespace trifinger::test

@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/camera/options.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cstdlib>
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include "camera/cameras_of_tests.hpp"
+#include "support/folder.hpp"
+#include "support/message_of.hpp"
+#include "trifinger/base/error.hpp"
+#include "trifinger/config/file.hpp"
+
+namespace trifinger::test {
+namespace {
+
+using namespace std::chrono_literals;
+using ::testing::HasSubstr;
+
+camera::CameraOptions read(const std::string& text) {
+  const config::File file = config::File::parse("cameras: {" + text + "}", "robot.yml");
+  camera::CameraOptions options = camera::read_camera_options(file.root().section("cameras"));
+  file.reject_unknown_keys();
+  return options;
+}
+
+camera::Calibration figures() { return {.date = {}, .residual = 0, .cameras = three_cameras()}; }
+
+TEST(CameraOptions, HaveDefaultsForAllButTheSource) {
+  const camera::CameraOptions options = read("source: aravis");
+  EXPECT_EQ(options.source, camera::SourceKind::kAravis);
+  EXPECT_EQ(options.period, 10ms);
+  EXPECT_EQ(options.exposure, 1500us);
+  EXPECT_THAT(message_of<config::ConfigError>([] { read("rate: 10"); }), HasSubstr("source"));
+  EXPECT_THAT(message_of<config::ConfigError>([] { read("source: eyes"); }),
+              HasSubstr("simulated"));
+  EXPECT_THAT(message_of<config::ConfigError>([] { read("source: folder"); }),
+              HasSubstr("cameras.folder"));
+  EXPECT_THAT(
+      message_of<config::ConfigError>([] { read("source: v4l2, rate: 500, exposure: 0.01"); }),
+      HasSubstr("cameras.exposure is longer than the time between two images, 2 ms"));
+}
+
+TEST(CameraOptions, ChangeSizeAndFormatOfTheCalibration) {
+  const camera::CameraOptions options = read("source: simulated, size: 16, pixels: mono8");
+  const camera::Calibration calibration = camera::resolve_calibration(options, "robot", figures);
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_EQ(
+        calibration.cameras[i].format,
+        (camera::ImageFormat{.width = 16, .height = 16, .pixels = camera::PixelFormat::kMono8}));
+    EXPECT_EQ(calibration.cameras[i].lens.fx, figures().cameras[i].lens.fx / 2);
+  }
+  EXPECT_THAT(message_of<InvalidArgument>([] {
+                static_cast<void>(camera::resolve_calibration(read("source: simulated, size: 20"),
+                                                              "robot", figures));
+              }),
+              HasSubstr("cameras.size is 20, must be the 32 of the calibration of camera60, or a "
+                        "whole part of it"));
+}
+
+TEST(CameraOptions, fault_54_ACameraThatWasNotCalibratedInItsPlaceIsRefused) {
+  const auto calibrated = [] {
+    camera::Calibration calibration = figures();
+    for (std::size_t i = 0; i < 3; ++i) calibration.cameras[i].serial = "4001" + std::to_string(i);
+    return calibration;
+  };
+  // Without a list the calibration decides.
+  EXPECT_EQ(
+      camera::resolve_calibration(read("source: aravis"), "robot", calibrated).cameras[2].serial,
+      "40012");
+  EXPECT_EQ(camera::resolve_calibration(read("source: aravis, devices: ['40010', 'any', '40012']"),
+                                        "robot", calibrated)
+                .cameras[1]
+                .serial,
+            "40011");
+  EXPECT_EQ(
+      message_of<InvalidArgument>([&] {
+        static_cast<void>(camera::resolve_calibration(
+            read("source: aravis, devices: ['40011', '40010', '40012']"), "robot", calibrated));
+      }),
+      "camera60 was calibrated with serial number 40010, but is to be 40011; correct "
+      "cameras.devices, or calibrate the cameras again");
+  EXPECT_THAT(message_of<InvalidArgument>([&] {
+                static_cast<void>(camera::resolve_calibration(
+                    read("source: aravis, devices: ['40011']"), "robot", calibrated));
+              }),
+              HasSubstr("cameras.devices names 1 devices, but the calibration has 3 cameras"));
+}
+
+TEST(CameraOptions, TakeTheCalibrationOfTheRobotOrOfAFile) {
+  const Folder folder;
+  ::setenv("TRIFINGER_CALIBRATION_DIR", folder.path().c_str(), 1);
+  const camera::CameraOptions own = read("source: simulated, calibration: own");
+  EXPECT_THAT(message_of<InvalidArgument>(
+                  [&] { static_cast<void>(camera::resolve_calibration(own, "left", figures)); }),
+              HasSubstr("the cameras of robot 'left' have not been calibrated: there is no "));
+  camera::Calibration measured = figures();
+  measured.cameras.resize(1);
+  measured.cameras[0].name = "only";
+  std::ofstream(folder.path() / "left.cameras.yml") << measured.text();
+  EXPECT_EQ(camera::resolve_calibration(own, "left", figures).cameras[0].name, "only");
+  const camera::CameraOptions file = read("source: simulated, calibration: '" +
+                                          (folder.path() / "left.cameras.yml").string() + "'");
+  EXPECT_EQ(camera::resolve_calibration(file, "right", figures).cameras.size(), 1U);
+  ::unsetenv("TRIFINGER_CALIBRATION_DIR");
+}
+
+TEST(CameraOptions, SimulatedCamerasNeedASimulation) {
+  EXPECT_EQ(message_of<InvalidArgument>([] {
+              static_cast<void>(camera::open_source(read("source: simulated"), three_cameras()));
+            }),
+            "simulated cameras need their simulation");
+}
+
+}  // namespace
+}  // namespace trifinger::test

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Finding the cube in rendered images, in Python and by the program."""
+
+import signal
+from pathlib import Path
+
+import numpy as np
+import PIL.Image
+import pytest
+import trifinger
+from conftest import StartProgram
+from trifinger.colours import Samples
+from trifinger.commands import calibrate_colours
+from trifinger.tracking import Tracker, faces_in_blocks, tracked_object
+
+pytestmark = pytest.mark.release
+
+POSITION = np.array([0.05, -0.04, 0.0325])
+ORIENTATION = np.array([np.cos(0.4), 0.0, 0.0, np.sin(0.4)])
+
+
+@pytest.fixture(scope="module")
+def renderer() -> trifinger.CameraRenderer:
+    return trifinger.CameraRenderer("sim", multisampling=4)
+
+
+@pytest.fixture(scope="module")
+def images(renderer: trifinger.CameraRenderer) -> list:
+    configuration = np.concatenate([[0.0, 0.9, -1.7] * 3, POSITION, ORIENTATION])
+    return renderer.render(configuration)
+
+
+def test_a_cube_is_found_where_it_is(renderer: trifinger.CameraRenderer, images: list) -> None:
+    tracker = Tracker(renderer.calibration, tracked_object("sim"))
+    estimate = tracker.track(images)
+    assert estimate.is_sure
+    assert estimate.cameras == 3
+    assert estimate.confidence >= 0.5
+    np.testing.assert_allclose(estimate.position, POSITION, atol=0.001)
+    assert abs(estimate.orientation @ ORIENTATION) > np.cos(np.radians(1) / 2)
+    near = tracker.track(images, (estimate.position, estimate.orientation))
+    np.testing.assert_allclose(near.position, estimate.position, atol=0.0003)
+    assert not tracker.track([None, None, None]).is_found
+
+
+def test_colours_are_learned_from_images_of_a_known_pose(
+    renderer: trifinger.CameraRenderer,
+) -> None:
+    cube = tracked_object("sim")
+    samples = Samples()
+    # Each face must be seen.
+    for turn in ([1, 0, 0, 0], [0, 1, 0, 0], [1, 1, 0, 0], [1, 0, 1, 0]):
+        orientation = np.array(turn) / np.linalg.norm(turn)
+        configuration = np.concatenate([[0.0, 0.9, -1.7] * 3, POSITION, orientation])
+        shown = renderer.render(configuration)
+        samples.add(shown, renderer.calibration, cube, POSITION, orientation)
+    model = samples.learn("A test.")
+    tracker = Tracker(renderer.calibration, cube, model)
+    estimate = tracker.track(shown)
+    assert estimate.is_sure
+    np.testing.assert_allclose(estimate.position, POSITION, atol=0.001)
+
+
+def test_faces_are_named_where_they_are_seen(renderer: trifinger.CameraRenderer) -> None:
+    contents = faces_in_blocks(renderer.calibration, tracked_object("sim"), POSITION, ORIENTATION)
+    top, bottom = 2, 3
+    assert all(np.count_nonzero(np.array(content) == top) > 200 for content in contents)
+    assert all(np.count_nonzero(np.array(content) == bottom) == 0 for content in contents)
+
+
+def test_the_program_writes_the_poses_of_a_running_robot(start_program: StartProgram) -> None:
+    start_program("run", "sim_cameras", "--no-sensors").wait_for("holds")
+    cameras = start_program("cameras", "sim")
+    cameras.wait_for("deliver images")
+    tracking = start_program("track", "sim")
+    tracking.wait_for("cube is found")
+    code, output = tracking.end(signal.SIGINT)
+    assert code == 0
+    assert "images gave poses" in output
+
+
+def test_the_command_learns_colours_from_saved_images(
+    renderer: trifinger.CameraRenderer,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("TRIFINGER_CALIBRATION_DIR", str(tmp_path))
+    (tmp_path / "sim.cameras.yml").write_text(renderer.calibration)
+    folders = []
+    for number, turn in enumerate(([1, 0, 0, 0], [0, 1, 0, 0], [1, 1, 0, 0], [1, 0, 1, 0])):
+        orientation = np.array(turn) / np.linalg.norm(turn)
+        shown = renderer.render(np.concatenate([[0.0, 0.9, -1.7] * 3, POSITION, orientation]))
+        folder = tmp_path / f"images_{number}"
+        folder.mkdir()
+        for name, image in zip(renderer.names, shown, strict=True):
+            PIL.Image.fromarray(image).save(folder / f"{name}.png")
+        folders.append(str(folder))
+    target = tmp_path / "colours.yml"
+    assert calibrate_colours.main(["sim", "--images", *folders, "--to", str(target)]) == 0
+    assert "left out" not in capsys.readouterr().out
+    tracker = Tracker(renderer.calibration, tracked_object("sim"), target.read_text())
+    assert tracker.track(shown).is_sure
+    assert calibrate_colours.main(["sim", "--images", str(tmp_path), "--to", str(target)]) == 1
+    assert "camera60.png is missing" in capsys.readouterr().err

@@ -1,0 +1,275 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/tracking/tracker.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "painter.hpp"
+#include "support/allocation_counter.hpp"
+#include "trifinger/base/error.hpp"
+
+namespace trifinger::tracking {
+namespace {
+
+using test::Painter;
+using test::Pictures;
+using test::three_cameras;
+
+constexpr double kDegree = std::numbers::pi / 180;
+constexpr double kRim = 0.0039;  // [m]
+const Eigen::Vector3d kCubeSize = Eigen::Vector3d::Constant(0.065);
+
+TrackedObject cube(double rim = kRim) {
+  return coloured_box("cube", kCubeSize, competition_colours(), rim);
+}
+
+Eigen::Isometry3d pose_at(const Eigen::Vector3d& position, const Eigen::Vector3d& turn) {
+  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+  pose.translation() = position;
+  if (turn.norm() > 0)
+    pose.linear() = Eigen::AngleAxisd(turn.norm(), turn.normalized()).toRotationMatrix();
+  return pose;
+}
+
+// On the table and in the air, with each face up once.
+std::vector<Eigen::Isometry3d> some_poses() {
+  return {pose_at({0, 0, 0.0325}, {0, 0, 0.4}),
+          pose_at({0.10, 0.05, 0.0325}, {std::numbers::pi / 2, 0, 0}),
+          pose_at({-0.12, 0.03, 0.0325}, {0, std::numbers::pi / 2, 0}),
+          pose_at({0.03, -0.11, 0.07}, {0.3, 2.8, 0.2}),
+          pose_at({-0.05, -0.06, 0.10}, {-1.3, 0.5, 1.1}),
+          pose_at({0.02, 0.08, 0.12}, {1.0, -1.6, -0.4})};
+}
+
+Pictures painted(const std::vector<camera::Camera>& cameras, const TrackedObject& object,
+                 const TrackedObject& hull, const Eigen::Isometry3d& pose,
+                 const Painter& painter = {}) {
+  Pictures pictures;
+  for (const camera::Camera& camera : cameras)
+    pictures.images.push_back(painter.paint(camera, object, hull, pose));
+  return pictures;
+}
+Pictures painted(const Eigen::Isometry3d& pose, const Painter& painter = {}) {
+  return painted(three_cameras(), cube(), cube(0), pose, painter);
+}
+
+double distance(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
+  return (a.translation() - b.translation()).norm();
+}
+double turn(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
+  return Eigen::AngleAxisd(a.linear().transpose() * b.linear()).angle();
+}
+
+void expect_right(const Estimate& estimate, const Eigen::Isometry3d& truth) {
+  EXPECT_TRUE(estimate.is_sure()) << estimate.confidence;
+  EXPECT_LT(distance(estimate.pose, truth), 0.0003);
+  EXPECT_LT(turn(estimate.pose, truth), 0.35 * kDegree);
+}
+
+void expect_not_wrong(const Estimate& estimate, const Eigen::Isometry3d& truth) {
+  if (!estimate.is_sure()) return;
+  EXPECT_LT(distance(estimate.pose, truth), 0.002);
+  EXPECT_LT(turn(estimate.pose, truth), 2 * kDegree);
+}
+
+TEST(Tracker, FindsACubeWhereverItIs) {
+  Tracker tracker(three_cameras(), cube());
+  for (const Eigen::Isometry3d& pose : some_poses()) {
+    expect_right(tracker.track(painted(pose).spans()), pose);
+  }
+}
+
+TEST(Tracker, FindsACubeWithoutRims) {
+  Tracker tracker(three_cameras(), cube(0));
+  for (const Eigen::Isometry3d& pose : some_poses()) {
+    const Estimate estimate =
+        tracker.track(painted(three_cameras(), cube(0), cube(0), pose).spans());
+    expect_right(estimate, pose);
+  }
+}
+
+TEST(Tracker, FindsACubeInImagesWithAllColours) {
+  const auto cameras = three_cameras(camera::PixelFormat::kRgb8);
+  Tracker tracker(cameras, cube());
+  const Eigen::Isometry3d pose = some_poses().back();
+  expect_right(tracker.track(painted(cameras, cube(), cube(0), pose).spans()), pose);
+}
+
+TEST(Tracker, FindsTheCuboid) {
+  const Eigen::Vector3d size(0.02, 0.08, 0.02);
+  const TrackedObject cuboid = coloured_box("cuboid", size, competition_colours(), 0.0012);
+  Tracker tracker(three_cameras(), cuboid);
+  const Eigen::Isometry3d pose = pose_at({0.03, 0.02, 0.05}, {0.3, 0.2, 0.9});
+  const Estimate estimate =
+      tracker.track(painted(three_cameras(), cuboid, coloured_box("hull", size), pose).spans());
+  EXPECT_NE(estimate.state, Estimate::State::kNotFound);
+  EXPECT_LT(distance(estimate.pose, pose), 0.001);
+  EXPECT_LT(turn(estimate.pose, pose), 2 * kDegree);
+}
+
+TEST(Tracker, DoesNotCareForTheOrderOfCameras) {
+  const Eigen::Isometry3d pose = some_poses()[3];
+  auto cameras = three_cameras();
+  Pictures pictures = painted(pose);
+  const Estimate first = Tracker(cameras, cube()).track(pictures.spans());
+  std::swap(cameras[0], cameras[2]);
+  std::swap(pictures.images[0], pictures.images[2]);
+  const Estimate second = Tracker(cameras, cube()).track(pictures.spans());
+  EXPECT_LT(distance(first.pose, second.pose), 1e-5);
+  EXPECT_LT(turn(first.pose, second.pose), 1e-4);
+}
+
+TEST(Tracker, DoesNotCareForTheLight) {
+  Tracker tracker(three_cameras(), cube());
+  const Eigen::Isometry3d pose = some_poses()[1];
+  Painter painter;
+  for (const double light : {0.5, 0.8, 1.1}) {
+    painter.light = light;
+    expect_right(tracker.track(painted(pose, painter).spans()), pose);
+  }
+}
+
+TEST(Tracker, IsNotConfusedByAColouredTable) {
+  Tracker tracker(three_cameras(), cube());
+  Painter painter;
+  painter.background = {88, 125, 60};
+  for (const Eigen::Isometry3d& pose : some_poses()) {
+    expect_not_wrong(tracker.track(painted(pose, painter).spans()), pose);
+  }
+}
+
+TEST(Tracker, SaysTheSameOfTheSameImages) {
+  Tracker tracker(three_cameras(), cube());
+  const Pictures pictures = painted(some_poses()[4]);
+  const Pictures others = painted(some_poses()[0]);
+  const Estimate first = tracker.track(pictures.spans());
+  (void)tracker.track(others.spans());
+  const Estimate again = tracker.track(pictures.spans());
+  EXPECT_EQ(first.pose.matrix(), again.pose.matrix());
+  EXPECT_EQ(first.confidence, again.confidence);
+}
+
+TEST(Tracker, TakesAGuessThatIsNear) {
+  Tracker tracker(three_cameras(), cube());
+  const Eigen::Isometry3d pose = some_poses()[4];
+  const Pictures pictures = painted(pose);
+  const Eigen::Isometry3d guess = pose_at({0.004, -0.003, 0.003}, Eigen::Vector3d::Zero()) * pose *
+                                  pose_at(Eigen::Vector3d::Zero(), {0.04, -0.03, 0.05});
+  expect_right(tracker.track(pictures.spans(), &guess), pose);
+}
+
+TEST(Tracker, ForgetsAGuessThatTheImagesDoNotConfirm) {
+  Tracker tracker(three_cameras(), cube());
+  const Eigen::Isometry3d pose = some_poses()[0];
+  const Pictures pictures = painted(pose);
+  const Eigen::Isometry3d other_face =
+      pose * pose_at(Eigen::Vector3d::Zero(), {0, 0, std::numbers::pi / 2});
+  expect_right(tracker.track(pictures.spans(), &other_face), pose);
+  const Eigen::Isometry3d elsewhere = pose_at({0.1, 0.1, 0.1}, {1, 0, 0});
+  expect_right(tracker.track(pictures.spans(), &elsewhere), pose);
+}
+
+TEST(Tracker, FindsNothingWhereNothingIs) {
+  Tracker tracker(three_cameras(), cube());
+  const Eigen::Isometry3d outside = pose_at({0, 0, -5}, {0, 0, 0});
+  const Pictures pictures = painted(outside);
+  EXPECT_EQ(tracker.track(pictures.spans()).state, Estimate::State::kNotFound);
+  const Eigen::Isometry3d guess = some_poses()[0];
+  EXPECT_FALSE(tracker.track(pictures.spans(), &guess).is_sure());
+}
+
+TEST(Tracker, IsNotSureOfACubeWithOtherColours) {
+  BoxColours colours = competition_colours();
+  std::swap(colours[4], colours[5]);
+  Tracker tracker(three_cameras(), coloured_box("cube", kCubeSize, colours, kRim));
+  for (const Eigen::Isometry3d& pose : some_poses()) {
+    // Where no camera shows the two faces, the pose is right.
+    expect_not_wrong(tracker.track(painted(pose).spans()), pose);
+  }
+}
+
+TEST(Tracker, fault_51_WorksWithoutOneCameraAndKnowsThatItIsLessSure) {
+  Tracker tracker(three_cameras(), cube());
+  for (const Eigen::Isometry3d& pose : some_poses()) {
+    const Pictures pictures = painted(pose);
+    const Estimate all = tracker.track(pictures.spans());
+    for (std::size_t lost = 0; lost < 3; ++lost) {
+      auto spans = pictures.spans();
+      spans[lost] = {};
+      const Estimate estimate = tracker.track(spans);
+      expect_not_wrong(estimate, pose);
+      EXPECT_LE(estimate.cameras, 2);
+      if (estimate.state != Estimate::State::kNotFound) {
+        EXPECT_GT(estimate.position_deviation.norm(), all.position_deviation.norm());
+      }
+    }
+  }
+}
+
+TEST(Tracker, fault_51_FindsNothingWithoutImages) {
+  Tracker tracker(three_cameras(), cube());
+  const std::vector<std::span<const std::byte>> none(3);
+  const Eigen::Isometry3d guess = some_poses()[0];
+  EXPECT_EQ(tracker.track(none).state, Estimate::State::kNotFound);
+  EXPECT_EQ(tracker.track(none, &guess).state, Estimate::State::kNotFound);
+}
+
+TEST(Tracker, fault_54_IsNotSureWhenCamerasAreSwapped) {
+  Tracker tracker(three_cameras(), cube());
+  for (const Eigen::Isometry3d& pose : some_poses()) {
+    Pictures pictures = painted(pose);
+    std::swap(pictures.images[0], pictures.images[1]);
+    EXPECT_FALSE(tracker.track(pictures.spans()).is_sure());
+  }
+}
+
+TEST(Tracker, DoesNotAllocateWhenItTracks) {
+  Tracker tracker(three_cameras(), cube());
+  const Eigen::Isometry3d pose = some_poses()[2];
+  const Pictures pictures = painted(pose);
+  const auto spans = pictures.spans();
+  const ::trifinger::test::AllocationCounter allocations;
+  (void)tracker.track(spans);
+  (void)tracker.track(spans, &pose);
+  EXPECT_EQ(allocations.count(), 0);
+}
+
+template <class Make>
+std::string error_of(Make make) {
+  try {
+    make();
+  } catch (const InvalidArgument& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(Tracker, SaysWhyItRefusesWhatItCannotUse) {
+  using testing::HasSubstr;
+  EXPECT_THAT(error_of([] { Tracker(three_cameras(camera::PixelFormat::kMono8), cube()); }),
+              HasSubstr("no colours"));
+  EXPECT_THAT(error_of([] { Tracker({}, cube()); }), HasSubstr("0 cameras"));
+  EXPECT_THAT(error_of([] {
+                BoxColours colours = competition_colours();
+                colours[2] = "mauve";
+                Tracker(three_cameras(), coloured_box("cube", kCubeSize, colours));
+              }),
+              HasSubstr("mauve"));
+  Tracker tracker(three_cameras(), cube());
+  const std::vector<std::byte> small(100);
+  EXPECT_THAT(error_of([&] {
+                (void)tracker.track(std::vector<std::span<const std::byte>>{small, small, small});
+              }),
+              HasSubstr("100 bytes"));
+  EXPECT_THAT(error_of([&] { (void)tracker.track({}); }), HasSubstr("0 images"));
+}
+
+}  // namespace
+}  // namespace trifinger::tracking
