@@ -225,7 +225,7 @@ std::vector<std::string> CameraGroup::take_news() {
 }
 
 Instant DeviceClock::host_time(Nanoseconds device_time, Instant arrival) noexcept {
-  constexpr std::int64_t kDrift = 2000;  // clocks drift apart by a 2000th of the time at most
+  constexpr std::int64_t kDrift = 5000;  // clocks drift apart by a 5000th of the time at most
   constexpr Nanoseconds kVeryLate = std::chrono::seconds(1);
   constexpr Nanoseconds kPatience = std::chrono::seconds(10);
   const Nanoseconds difference = arrival.time_since_epoch() - device_time;

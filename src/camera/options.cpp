@@ -163,6 +163,14 @@ Calibration resolve_calibration(const CameraOptions& options, const std::string&
   for (std::size_t i = 0; i < calibration.cameras.size(); ++i) {
     Camera& camera = calibration.cameras[i];
     if (options.size && *options.size != camera.format.width) {
+      const bool is_device =
+          options.source == SourceKind::kAravis || options.source == SourceKind::kV4l2;
+      detail::require(
+          !is_device || options.calibration == "figures",
+          text_of("cameras.size is ", *options.size, ", but ", camera.name,
+                  " was calibrated with images of ", camera.format.width,
+                  " pixels. Devices deliver a part of the image then, not a smaller one; leave "
+                  "cameras.size out, or calibrate the cameras again"));
       const int factor = camera.format.width / *options.size;
       detail::require(
           factor >= 1 && camera.format.width == factor * *options.size,
