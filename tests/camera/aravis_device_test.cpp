@@ -1,13 +1,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "aravis_device.hpp"
 
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/file.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
 #include <cstring>
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <set>
@@ -112,6 +116,11 @@ struct Wanted {
 // elsewhere on the sensor.
 ChildProcess network_camera(const std::string& serial, double lost, std::size_t size) {
   return ChildProcess([serial, lost, size] {
+    // There is one port for all tests of this machine (tests/python/test_cameras.py has one, too).
+    const auto lock = std::filesystem::temp_directory_path() / "trifinger_network_camera.lock";
+    const int file = ::open(lock.c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0666);
+    while (::flock(file, LOCK_EX) != 0 && errno == EINTR) {
+    }
     const camera::Aravis& aravis = camera::Aravis::instance();
     const camera::Library library("libaravis-0.8.so.0", "a test", "");
     void* (*make)(const char*, const char*, const char*) = nullptr;

@@ -4,6 +4,7 @@
 import os
 import signal
 import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -11,7 +12,7 @@ import numpy as np
 import PIL.Image
 import pytest
 import trifinger
-from conftest import PROGRAM, StartProgram
+from conftest import PROGRAM, StartChild, StartProgram
 from numpy.typing import NDArray
 from trifinger.cameras import Cameras, Images, LiveCameras, calibration_of, to_rgb
 
@@ -172,6 +173,66 @@ def test_fault_51_images_end_with_their_process_and_come_again(
         np.testing.assert_array_equal(again["camera60"], picture(0, number % 10))
 
 
+# A camera at the network, of which there is one at a time on a machine (aravis_device_test.cpp).
+NETWORK_CAMERA = """
+import ctypes, fcntl, pathlib, sys, tempfile
+lock = open(pathlib.Path(tempfile.gettempdir()) / "trifinger_network_camera.lock", "a")
+fcntl.flock(lock, fcntl.LOCK_EX)
+aravis = ctypes.CDLL("libaravis-0.8.so.0")
+aravis.arv_gv_fake_camera_new_full.restype = ctypes.c_void_p
+camera = aravis.arv_gv_fake_camera_new_full(b"127.0.0.1", sys.argv[1].encode(), None)
+aravis.arv_gv_fake_camera_is_running.argtypes = [ctypes.c_void_p]
+assert aravis.arv_gv_fake_camera_is_running(camera)
+print("ready", flush=True)
+sys.stdin.read()
+"""
+
+
+def has_aravis() -> bool:
+    """Whether the library for GenICam cameras is there."""
+    done = subprocess.run([PROGRAM, "cameras", "--list"], capture_output=True, text=True)
+    return not done.stderr
+
+
+def test_fault_51_a_camera_that_is_unplugged_is_camera_lost_until_it_is_back(
+    start_program: StartProgram, start_child: StartChild
+) -> None:
+    if not has_aravis():
+        pytest.skip("Aravis is missing")
+    serial = f"P{os.getpid()}"
+    words = (
+        *("--set", "cameras.source=aravis", "--set", "cameras.rate=10"),
+        *("--set", "cameras.size=90"),
+        *("--set", f"cameras.devices=[Fake_1, {serial}, Fake_1]"),
+    )
+    start_program("run", "sim_cameras", "--non-real-time", "--no-sensors", *words).wait_for("holds")
+    camera = start_child(sys.executable, "-c", NETWORK_CAMERA, serial)
+    process = start_program("cameras", "sim")
+    process.wait_for("deliver images")
+    with trifinger.connect("sim") as robot:
+        cameras = Cameras(robot)
+
+        def look_until(state: str) -> Images:
+            while True:
+                images = wait_for_images(robot, cameras)
+                states = {name: images.frame(name).state for name in CAMERAS}
+                if states == {"camera60": "good", "camera180": state, "camera300": "good"}:
+                    return images
+
+        before = look_until("good")
+        camera.kill()
+        images = look_until("lost")
+        with pytest.raises(trifinger.CameraLost, match="camera180 is not there: unplugged"):
+            images["camera180"]
+        # What is known of its last image is as old as it is.
+        assert images.frame("camera180").number >= before.frame("camera180").number
+        process.wait_for("camera180 is lost; the others go on")
+        start_child(sys.executable, "-c", NETWORK_CAMERA, serial)
+        after = look_until("good")
+        assert after.frame("camera180").number > images.frame("camera180").number
+        process.wait_for("camera180 delivers again")
+
+
 def look_until_refused(path: Path) -> str:
     """Looks until there is no new image any more; returns what the last look has said."""
     while True:
@@ -238,7 +299,7 @@ def test_a_second_ctrl_c_does_not_wait_for_cameras_that_hang(
 def test_image_taking_threads_have_real_time_priority(
     start_program: StartProgram, folder: Path
 ) -> None:
-    if subprocess.run([PROGRAM, "cameras", "--list"], capture_output=True).stderr:
+    if not has_aravis():
         pytest.skip("Aravis is missing")
     process = start_program(
         *("cameras", "sim_cameras", "--set", "cameras.source=aravis", "--set", "cameras.rate=10"),
@@ -246,7 +307,8 @@ def test_image_taking_threads_have_real_time_priority(
     )
     process.wait_for("deliver images")
     pid = process.process.pid
-    policies = {os.sched_getscheduler(int(task)) for task in os.listdir(f"/proc/{pid}/task")}
+    tasks = [int(task.name) for task in Path(f"/proc/{pid}/task").iterdir()]
+    policies = {os.sched_getscheduler(task) for task in tasks}
     if policies != {os.SCHED_OTHER}:  # this machine grants it
         assert policies == {os.SCHED_FIFO}
     # Files are work like any other.
