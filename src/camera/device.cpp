@@ -9,6 +9,7 @@
 #include <deque>
 #include <exception>
 #include <mutex>
+#include <optional>
 #include <stop_token>
 #include <thread>
 #include <utility>
@@ -78,7 +79,7 @@ struct CameraGroup::State {
         lane.free.pop_back();
       }
       bool is_new = false;
-      std::string failure;
+      std::optional<std::string> failure;
       try {
         is_new = devices[camera]->grab(shot.pixels, shot.frame, kSlice);
       } catch (const std::exception& error) {
@@ -86,7 +87,7 @@ struct CameraGroup::State {
       }
       shot.arrival = std::chrono::steady_clock::now();
       std::unique_lock lock(mutex);
-      lane.is_there = failure.empty() && devices[camera]->is_there();
+      lane.is_there = !failure && devices[camera]->is_there();
       take_news(camera);
       if (is_new) {
         lane.trouble.end();
@@ -95,11 +96,11 @@ struct CameraGroup::State {
       } else {
         lane.free.push_back(std::move(shot.pixels));
       }
-      if (!failure.empty() && lane.trouble.is_news(failure, shot.arrival)) {
-        lane.news.push_back(names[camera] + ": " + failure);
+      if (failure && lane.trouble.is_news(*failure, shot.arrival)) {
+        lane.news.push_back(names[camera] + ": " + *failure);
       }
       has_come.notify_all();
-      if (failure.empty()) continue;
+      if (!failure) continue;
       std::condition_variable_any pause;
       pause.wait_for(lock, stop, kRetry, [] { return false; });
     }

@@ -292,14 +292,14 @@ TEST(DeviceClock, GivesTimesThatAreNeverLateAndFollowTheDrift) {
   for (int i = 0; i < 60'000; ++i) {  // ten minutes at 100 Hz
     const Instant truth = begin + i * 10ms;
     // The device's clock is 50 millionths fast and began elsewhere.
-    const Nanoseconds device = 77s + i * 10ms * 20001 / 20000;
+    const Nanoseconds device = 77s + i * Nanoseconds(10ms) * 20001 / 20000;
     const Nanoseconds way = 2ms + Nanoseconds(random.integer(0, 3'000'000));
     const Instant found = clock.host_time(device, truth + way);
     EXPECT_LE(found, truth + way);
     if (i > 100) worst = std::max<Nanoseconds>(worst, std::chrono::abs(found - truth - 2ms));
   }
-  // 20 s of drift at most, and the shortest way among some hundreds.
-  EXPECT_LE(worst, 1100us);
+  // What clocks may drift apart until a short way is met again.
+  EXPECT_LE(worst, 600us);
 }
 
 TEST(DeviceClock, BeginsAnewWithADeviceThatWasStartedAgain) {
