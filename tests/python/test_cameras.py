@@ -113,6 +113,29 @@ def test_images_of_another_process_are_read_by_step(
     assert "camera300:" in output
 
 
+def test_images_that_the_robots_process_draws_are_read_by_others(
+    start_program: StartProgram, tmp_path: Path
+) -> None:
+    words = ("--set", "cameras.size=90", "--set", "cameras.rate=20", "--set", "cameras.delay=0")
+    start_program("run", "sim_cameras", "--non-real-time", *words).wait_for("holds its")
+    with trifinger.connect("sim") as robot:
+        cameras = Cameras(robot)
+        seen = set()
+        for _ in range(200):
+            t = robot.append_desired_action(robot.new_action())
+            images = cameras.get_latest_at(t)
+            assert images is not None  # a session begins with them
+            if t % 50 == 49:
+                seen.add(images.frame("camera60").number)
+                assert images["camera60"].std() > 1
+        assert len(seen) == 4
+        # The robot's time stands still, so its newest images are not old.
+        command = [PROGRAM, "look", "sim", "-o", str(tmp_path / "all.png")]
+        subprocess.run(command, check=True)
+    with PIL.Image.open(tmp_path / "all.png") as picture:
+        assert picture.size == (270, 90)
+
+
 def test_live_cameras_see_without_a_step_of_the_robot(
     start_program: StartProgram, folder: Path, tmp_path: Path
 ) -> None:
