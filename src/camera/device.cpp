@@ -85,7 +85,8 @@ struct CameraGroup::State {
       } catch (const std::exception& error) {
         failure = error.what();
       }
-      shot.arrival = std::chrono::steady_clock::now();
+      const Instant now = std::chrono::steady_clock::now();
+      shot.arrival = now;
       std::unique_lock lock(mutex);
       lane.is_there = !failure && devices[camera]->is_there();
       take_news(camera);
@@ -96,7 +97,7 @@ struct CameraGroup::State {
       } else {
         lane.free.push_back(std::move(shot.pixels));
       }
-      if (failure && lane.trouble.is_news(*failure, shot.arrival)) {
+      if (failure && lane.trouble.is_news(*failure, now)) {
         lane.news.push_back(names[camera] + ": " + *failure);
       }
       has_come.notify_all();

@@ -104,6 +104,7 @@ std::size_t bytes_per_pixel(std::uint32_t fourcc) {
 std::vector<std::string> video_paths() {
   constexpr int kMostNodes = 64;
   std::vector<std::string> paths;
+  paths.reserve(kMostNodes);
   for (int i = 0; i < kMostNodes; ++i) paths.push_back(text_of("/dev/video", i));
   return paths;
 }

@@ -32,7 +32,6 @@ namespace {
 
 using namespace std::chrono_literals;
 using camera::Frame;
-using camera::ImageFormat;
 using camera::PixelFormat;
 using ::testing::HasSubstr;
 
@@ -92,6 +91,7 @@ TEST(AravisDevice, fault_54_IsFoundByItsSerialNumberAndNoOther) {
 
 SourceUnderTest make_pretended_cameras() {
   std::vector<std::unique_ptr<camera::Device>> devices;
+  devices.reserve(3);
   for (int i = 0; i < 3; ++i) {
     // There is only one pretended camera, but it may be opened often.
     devices.push_back(

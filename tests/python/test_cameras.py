@@ -284,6 +284,35 @@ def test_fault_51_look_does_not_take_old_images_for_new_ones(
     assert "old, and no newer ones come" in look_until_refused(picture)
 
 
+def test_raw_images_of_different_formats_do_not_go_into_one_file(
+    start_program: StartProgram, folder: Path, tmp_path: Path
+) -> None:
+    first = start_program("run", "sim_cameras", "--no-sensors", *settings(folder, "bayer_rggb8"))
+    first.wait_for("holds its")
+    with trifinger.observe("sim") as robot:
+        calibration = calibration_of(robot)
+    first.end()
+    mixed = calibration.replace("pixels: bayer_rggb8", "pixels: rgb8", 1)
+    assert mixed != calibration
+    (tmp_path / "cameras.yml").write_text(mixed)
+    (tmp_path / "robot.yml").write_text(
+        f"extends: sim\nname: sim\ncameras: {{source: folder, folder: {folder}, rate: 20,"
+        f" calibration: {tmp_path / 'cameras.yml'}}}\n"
+    )
+    start_program("run", str(tmp_path / "robot.yml")).wait_for("deliver images")
+    command = [PROGRAM, "look", "sim", "--raw", "-o", str(tmp_path / "all.png")]
+    refused = subprocess.run(command, capture_output=True, text=True)
+    assert refused.returncode == 2
+    assert "raw images of camera60 are in rgb8, those of camera180 in bayer_rggb8" in (
+        refused.stderr
+    )
+    subprocess.run([*command[:-1], str(tmp_path / "all")], check=True)
+    for name, mode in zip(CAMERAS, ("RGB", "L", "L"), strict=True):
+        with PIL.Image.open(tmp_path / "all" / f"{name}.png") as image:
+            assert image.mode == mode
+    subprocess.run([PROGRAM, "look", "sim", "-o", str(tmp_path / "all.png")], check=True)
+
+
 def child_of(pid: int) -> int:
     """The only child process of a process with one thread that starts children."""
     children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
