@@ -127,11 +127,11 @@ void AravisDevice::connect(const std::string& name) {
   }
   try {
     configure();
-    start();
   } catch (...) {
     close();
     throw;
   }
+  is_there_ = true;
 }
 
 void AravisDevice::close() noexcept {
@@ -239,7 +239,6 @@ void AravisDevice::start() {
   clock_ = {};
   last_stamp_ = {};
   is_counting_ = false;
-  is_there_ = true;
 }
 
 // Continues the count over connections and over the end of the camera's 16 bits.
@@ -285,14 +284,17 @@ bool AravisDevice::grab(std::span<std::byte> pixels, Frame& frame, Timeout timeo
       std::this_thread::sleep_for(deadline.remaining(next_try_ - now));
       return false;
     }
-    try {
-      open();
-    } catch (const Error& error) {
-      // Whatever it is: the other cameras go on, and this one may be mended.
-      tell(error.what());
-      next_try_ = std::chrono::steady_clock::now() + kRetry;
-      return false;
-    }
+  }
+  try {
+    if (!is_there_) open();
+    // Not before somebody takes images: those that nobody took would count as lost.
+    if (stream_ == nullptr) start();
+  } catch (const Error& error) {
+    // Whatever it is: the other cameras go on, and this one may be mended.
+    tell(error.what());
+    is_there_ = false;
+    next_try_ = std::chrono::steady_clock::now() + kRetry;
+    return false;
   }
   const Nanoseconds patience = deadline.remaining(kSilence);
   void* const buffer = aravis.pop_buffer(
