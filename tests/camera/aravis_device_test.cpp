@@ -259,6 +259,7 @@ TEST(AravisNetworkCamera, fault_54_AnotherOneIsNotTakenForTheOneThatWasThereFirs
     connect(*device, pixels);
     EXPECT_THAT(await(*device, pixels, "any camera"),
                 HasSubstr("it is '" + serial_number() + "' from now on"));
+    EXPECT_GE(next(*device, pixels).number, 0);
     // Nobody else gets it.
     camera::AravisDevice second(wanted);
     EXPECT_FALSE(second.is_there());
