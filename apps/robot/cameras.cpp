@@ -38,7 +38,8 @@ struct CamerasOptions {
   bool list{false};
   Nanoseconds length{0};  // 0: until a signal
   pid_t parent{0};        // ends with it, unless 0
-  // Images come before the user's programs, but after the robot's loop and its boards.
+  // For devices alone. Images come before the user's programs, but after the robot's loop and its
+  // boards.
   RealtimeOptions realtime{
       .demand = Demand::kTry, .priority = 60, .lock_memory = false, .keep_cpus_awake = false};
 };
@@ -82,6 +83,13 @@ Cameras cameras_of(const CamerasOptions& options) {
           .description = description_of(config),
           .options = *config.cameras,
           .cameras = calibration.cameras};
+}
+
+// To take an image from a device takes little time, but must be done at once. To draw or decode one
+// takes much, and with a real-time priority it would keep everybody else from running.
+bool has_devices(const camera::CameraOptions& options) {
+  return options.source == camera::SourceKind::kAravis ||
+         options.source == camera::SourceKind::kV4l2;
 }
 
 std::unique_ptr<camera::Source> open_source(const Cameras& cameras) {
@@ -137,9 +145,16 @@ int cameras(const CamerasOptions& options) {
   const Signals signals;
   if (options.parent > 0) end_with_parent(options.parent);
   const Cameras found = cameras_of(options);
+  // Before the source is opened: each device has a thread, which inherits the priority.
+  if (has_devices(found.options)) {
+    for (const std::string& lack : enter_realtime(options.realtime)) say(found.robot, lack);
+  } else if (options.realtime.demand == Demand::kRequire) {
+    throw UsageError(
+        "--scheduling require is for cameras that are devices; simulated images and "
+        "files are work that must not keep programs from running");
+  }
   const std::unique_ptr<camera::Source> source = open_source(found);
   camera::CameraFeed feed(*source, found.robot, found.cameras, found.options.period);
-  for (const std::string& lack : enter_realtime(options.realtime)) say(found.robot, lack);
   std::string names;
   for (const camera::Camera& camera : found.cameras) {
     names += (names.empty() ? "" : ", ") + camera.name;
@@ -173,8 +188,10 @@ void add_cameras(CLI::App& program, Action& action) {
   add_seconds(command, "--seconds", options.length, 1e9, "End after this time; default: at Ctrl-C");
   command.add_option("--with-process", options.parent)->group("");
   command.add_flag("--list", options.list, "List the devices that could be cameras, and end");
-  add_scheduling(command, options.realtime.demand,
-                 "Whether real-time priority is required; default: try");
+  add_scheduling(
+      command, options.realtime.demand,
+      "Whether real-time priority is required to take images from devices; default: try. "
+      "Simulated images and files never have it");
   command.footer(
       "The robot runs beside it, in another terminal, and does not wait for images. Both may be\n"
       "started again at any time, in any order. Images are the robot's companion 'cameras'.\n"

@@ -161,7 +161,7 @@ class Run {
       report();
     }
     report();
-    sensors_.reset();
+    finish_sensors();
     finish_recording();
     if (recorder_ != nullptr && !recorder_->failure().empty()) leave_memory_behind(loop);
     loop.stop();
@@ -197,6 +197,15 @@ class Run {
 
   void print_news(const std::string& news) {
     if (!news.empty()) reporter_.print(news, Style::kWarning);
+  }
+
+  void finish_sensors() {
+    while (sensors_ && !sensors_->finish(kRefresh)) {
+      if (const std::optional<int> signal = signals_.wait(Nanoseconds::zero())) {
+        Signals::die_of(*signal);
+      }
+    }
+    sensors_.reset();
   }
 
   void finish_recording() {

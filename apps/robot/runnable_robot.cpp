@@ -157,6 +157,7 @@ void add_simulation(RunnableRobot& robot, SimulationOptions<R> options, const Ro
     // Time stands still while images are drawn, so nothing is gained by other processes.
     if (auto seeing = rendering::make_driver_with_cameras(*driver, config, robot.name)) {
       robot.session.documents.push_back(camera_document(camera_calibration(config, robot.name)));
+      seeing->share_images(robot.name);
       robot.driver = std::move(seeing);
       robot.owned = std::move(driver);
       return;

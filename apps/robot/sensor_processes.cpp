@@ -45,19 +45,36 @@ SensorProcesses::SensorProcesses(std::vector<std::vector<std::string>> commands)
 }
 
 SensorProcesses::~SensorProcesses() {
-  for (const Process& process : processes_) {
-    if (process.program) process.program->signal(SIGTERM);
+  while (!finish(kPatience)) {
   }
-  const Instant deadline = now() + kPatience;
-  for (Process& process : processes_) {
-    if (!process.program) continue;
-    while (!process.program->has_ended()) {
-      static_cast<void>(process.program->take_lines());
-      if (now() > deadline) process.program->signal(SIGKILL);
-      // The child's output ends when the child ends.
-      pollfd output{.fd = process.program->output(), .events = POLLIN, .revents = 0};
-      ::poll(&output, 1, 50);
+}
+
+bool SensorProcesses::finish(Nanoseconds timeout) {
+  if (kill_at_ == Instant::max()) {
+    kill_at_ = now() + kPatience;
+    for (const Process& process : processes_) {
+      if (process.program) process.program->signal(SIGTERM);
     }
+  }
+  const Deadline deadline(timeout);
+  while (true) {
+    pollfd output{.fd = -1, .events = POLLIN, .revents = 0};
+    for (Process& process : processes_) {
+      if (!process.program) continue;
+      static_cast<void>(process.program->take_lines());
+      if (now() > kill_at_) process.program->signal(SIGKILL);
+      if (process.program->has_ended()) {
+        process.program.reset();
+      } else {
+        output.fd = process.program->output();
+      }
+    }
+    if (output.fd < 0) return true;
+    if (deadline.passed()) return false;
+    // The child's output ends when the child ends.
+    constexpr Nanoseconds kSlice = std::chrono::milliseconds(50);
+    const auto slice = std::chrono::ceil<std::chrono::milliseconds>(deadline.remaining(kSlice));
+    ::poll(&output, 1, static_cast<int>(slice.count()));
   }
 }
 

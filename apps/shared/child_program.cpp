@@ -98,8 +98,9 @@ std::optional<int> ChildProgram::has_ended() const {
 void ChildProgram::signal(int number) const noexcept { ::kill(pid_, number); }
 
 void end_with_parent(pid_t parent) noexcept {
-  ::prctl(PR_SET_PDEATHSIG, SIGTERM);
-  if (::getppid() != parent) ::raise(SIGTERM);  // it has ended already
+  // Not SIGTERM: a program that hangs does not look whether this signal has come.
+  ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+  if (::getppid() != parent) ::raise(SIGKILL);  // it has ended already
 }
 
 std::string ending_text(int status) {

@@ -39,7 +39,8 @@ class ChildProgram {
   std::string text_;  // output that is not a whole line yet
 };
 
-// Ends this program, by SIGTERM, when the process `parent`, which has started it, ends.
+// Kills this program when the process `parent`, which has started it, ends: it was killed itself,
+// for otherwise it would have waited for an orderly end.
 void end_with_parent(pid_t parent) noexcept;
 
 // Describes how a child has ended, for a sentence about it: "was killed by signal 9".

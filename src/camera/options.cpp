@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "trifinger/camera/options.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <filesystem>
+#include <set>
 #include <system_error>
 #include <utility>
 
@@ -51,22 +54,39 @@ std::string device_of(const Camera& camera, const std::string& wanted) {
   return wanted;
 }
 
+// A device that is named is that camera's.
+std::shared_ptr<Claims> claims_of_names(const std::vector<Camera>& cameras) {
+  std::set<std::string> names;
+  for (const Camera& camera : cameras) {
+    if (camera.serial == "any") continue;
+    names.insert(camera.serial);
+    // Links such as /dev/v4l/by-id/... say for good which device is meant.
+    std::error_code error;
+    const std::filesystem::path path = std::filesystem::canonical(camera.serial, error);
+    if (!error) names.insert(path.string());
+  }
+  return std::make_shared<Claims>(std::move(names));
+}
+
 std::unique_ptr<Source> open_video(const CameraOptions& options,
                                    const std::vector<Camera>& cameras) {
   const std::vector<DeviceInfo> found = list_video_devices();
+  const std::shared_ptr<Claims> claims = claims_of_names(cameras);
   std::vector<std::unique_ptr<Device>> devices;
   devices.reserve(cameras.size());
-  for (std::size_t i = 0; i < cameras.size(); ++i) {
-    std::string path = cameras[i].serial;
+  for (const Camera& camera : cameras) {
+    std::string path = camera.serial;
     if (path == "any") {
-      detail::require(i < found.size(),
-                      text_of("there is no device for ", cameras[i].name, ": Video4Linux has ",
+      const auto free = std::ranges::find_if(
+          found, [&](const DeviceInfo& device) { return claims->take({}, device.id); });
+      detail::require(free != found.end(),
+                      text_of("there is no device for ", camera.name, ": Video4Linux has ",
                               found.size(), " cameras, needed are ", cameras.size(),
                               "; connect them, or name them in cameras.devices"));
-      path = found[i].id;
+      path = free->id;
     }
     devices.push_back(std::make_unique<VideoDevice>(VideoSettings{.path = path,
-                                                                  .format = cameras[i].format,
+                                                                  .format = camera.format,
                                                                   .period = options.period,
                                                                   .exposure = options.exposure}));
   }
@@ -75,12 +95,14 @@ std::unique_ptr<Source> open_video(const CameraOptions& options,
 
 std::unique_ptr<Source> open_aravis(const CameraOptions& options,
                                     const std::vector<Camera>& cameras) {
+  const std::shared_ptr<Claims> claims = claims_of_names(cameras);
   std::vector<std::unique_ptr<Device>> devices;
   devices.reserve(cameras.size());
-  for (std::size_t i = 0; i < cameras.size(); ++i) {
-    devices.push_back(std::make_unique<AravisDevice>(AravisSettings{.device = cameras[i].serial,
-                                                                    .index = i,
-                                                                    .format = cameras[i].format,
+  for (const Camera& camera : cameras) {
+    devices.push_back(std::make_unique<AravisDevice>(AravisSettings{.device = camera.serial,
+                                                                    .claims = claims,
+                                                                    .format = camera.format,
+                                                                    .offset = options.offset,
                                                                     .period = options.period,
                                                                     .exposure = options.exposure,
                                                                     .gain = options.gain}));
@@ -117,6 +139,9 @@ CameraOptions read_camera_options(const config::Node& section) {
                                                      {"rgb8", PixelFormat::kRgb8},
                                                      {"mono8", PixelFormat::kMono8}});
   }
+  if (const auto offset = section.find("offset")) {
+    options.offset = offset->as<std::array<int, 2>>({.unit = "pixel", .min = 0, .max = 65535});
+  }
   options.devices = section.optional<std::vector<std::string>>("devices", {});
   if (options.source == SourceKind::kFolder) {
     options.folder = section.required<std::string>("folder");
@@ -138,6 +163,14 @@ Calibration resolve_calibration(const CameraOptions& options, const std::string&
   for (std::size_t i = 0; i < calibration.cameras.size(); ++i) {
     Camera& camera = calibration.cameras[i];
     if (options.size && *options.size != camera.format.width) {
+      const bool is_device =
+          options.source == SourceKind::kAravis || options.source == SourceKind::kV4l2;
+      detail::require(
+          !is_device || options.calibration == "figures",
+          text_of("cameras.size is ", *options.size, ", but ", camera.name,
+                  " was calibrated with images of ", camera.format.width,
+                  " pixels. Devices deliver a part of the image then, not a smaller one; leave "
+                  "cameras.size out, or calibrate the cameras again"));
       const int factor = camera.format.width / *options.size;
       detail::require(
           factor >= 1 && camera.format.width == factor * *options.size,

@@ -50,6 +50,11 @@ DriverWithCameras<R>::DriverWithCameras(SimulatedRobot<R>& robot,
 }
 
 template <class R>
+void DriverWithCameras<R>::share_images(const std::string& robot) {
+  writer_ = camera::ImageWriter(robot, renderer().cameras());
+}
+
+template <class R>
 const RobotTypes& DriverWithCameras<R>::description() const noexcept {
   return robot_.description();
 }

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <chrono>
 #include <cstdlib>
 #include <fstream>
@@ -108,6 +109,31 @@ TEST(CameraOptions, TakeTheCalibrationOfTheRobotOrOfAFile) {
                                           (folder.path() / "left.cameras.yml").string() + "'");
   EXPECT_EQ(camera::resolve_calibration(file, "right", figures).cameras.size(), 1U);
   ::unsetenv("TRIFINGER_CALIBRATION_DIR");
+}
+
+TEST(CameraOptions, DevicesMakeNoSmallerImagesThanTheyWereCalibratedWith) {
+  const Folder folder;
+  const auto path = folder.path() / "cameras.yml";
+  std::ofstream(path) << figures().text();
+  const auto size = [&](int pixels, const std::string& source) {
+    const auto options = read("source: " + source + ", calibration: '" + path.string() +
+                              "', size: " + std::to_string(pixels));
+    return camera::resolve_calibration(options, "robot", figures).cameras[0].format.width;
+  };
+  EXPECT_EQ(size(32, "aravis"), 32);
+  EXPECT_EQ(size(16, "simulated"), 16);
+  EXPECT_THAT(
+      message_of<InvalidArgument>([&] { size(16, "v4l2"); }),
+      HasSubstr("cameras.size is 16, but camera60 was calibrated with images of 32 pixels"));
+}
+
+TEST(CameraOptions, TheOffsetOnTheSensorIsTwoWholeNumbers) {
+  EXPECT_FALSE(read("source: aravis").offset);
+  EXPECT_EQ(read("source: aravis, offset: [92, 2]").offset, (std::array<int, 2>{92, 2}));
+  EXPECT_THAT(message_of<config::ConfigError>([] { read("source: aravis, offset: [92]"); }),
+              HasSubstr("cameras.offset"));
+  EXPECT_THAT(message_of<config::ConfigError>([] { read("source: aravis, offset: [-1, 2]"); }),
+              HasSubstr("cameras.offset"));
 }
 
 TEST(CameraOptions, SimulatedCamerasNeedASimulation) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -40,6 +41,9 @@ struct CameraOptions {
   double gain{0};             ///< [dB]
   std::optional<int> size{};  ///< Width of the images [pixel], if smaller than calibrated.
   std::optional<PixelFormat> pixels{};  ///< If other than calibrated.
+  /// Column and row at which images of GenICam cameras begin on the sensor [pixel]. Default: where
+  /// they do when a camera is first opened.
+  std::optional<std::array<int, 2>> offset{};
   /// Which device each camera is, in the order of the calibration: a serial number, or for
   /// Video4Linux the path of its device. Empty: the calibration says it.
   std::vector<std::string> devices{};

@@ -70,6 +70,11 @@ class DriverWithCameras final : public UntypedDriver {
                     const CaptureOptions& capture = {}, const RenderingOptions& rendering = {},
                     std::unique_ptr<ObjectFinder> finder = nullptr);
 
+  /// Lets other processes read the pixels: they are those of the robot `robot`. Without it only
+  /// readers in this process find them. Call it before the first session.
+  /// @throws InvalidArgument, SystemError, Error if another process writes images of this robot
+  void share_images(const std::string& robot);
+
   /// What draws the images. Change its options between sessions.
   [[nodiscard]] CameraRenderer& renderer() noexcept { return renderer_; }
 
