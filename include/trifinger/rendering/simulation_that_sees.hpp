@@ -2,12 +2,15 @@
 #pragma once
 
 #include <memory>
+#include <optional>
+#include <string>
 #include <vector>
 
 #include "trifinger/camera/camera.hpp"
 #include "trifinger/model/robot_description.hpp"
 #include "trifinger/rendering/driver_with_cameras.hpp"
 #include "trifinger/rendering/options.hpp"
+#include "trifinger/rendering/sight.hpp"
 #include "trifinger/sim/robot_config.hpp"
 #include "trifinger/sim/simulated_robot.hpp"
 #include "trifinger/sim/simulation.hpp"
@@ -24,6 +27,24 @@ namespace trifinger::rendering {
 /// @throws InvalidArgument if an object has no faces with different colours, or the images none
 [[nodiscard]] std::unique_ptr<ObjectFinder> make_object_finder(
     const RobotDescription& description, const std::vector<camera::Camera>& cameras);
+
+/// How a simulated robot sees, without real time.
+struct SightOptions {
+  std::vector<camera::Camera> cameras;
+  CaptureOptions capture;
+  RenderingOptions rendering;
+  bool finds_objects{false};  ///< A tracker finds the objects in the images.
+};
+
+/// How a configured robot sees whose session is called `name`. Nothing if it sees nothing.
+/// @throws InvalidArgument
+[[nodiscard]] std::optional<SightOptions> sight_options(const RobotConfig& config,
+                                                        const std::string& name,
+                                                        const RenderingOptions& rendering = {});
+
+/// The eyes of a robot that sees, with a tracker if it has to find its objects.
+/// @throws InvalidArgument, Error that says what to install if this machine cannot draw
+[[nodiscard]] Eyes make_eyes(const RobotDescription& description, const SightOptions& options);
 
 /// The driver of a configured robot that sees, for a simulation without real time: with its
 /// cameras, if it has simulated ones, and with poses that a tracker has found, if its configuration

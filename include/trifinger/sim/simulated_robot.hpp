@@ -95,6 +95,8 @@ class SimulatedRobot final : public Driver<R> {
   /// Makes the robot differ from its description from now on. A reset does not change this.
   /// @throws InvalidArgument
   void vary(const Variation& variation);
+  /// The random numbers of the noise on poses.
+  [[nodiscard]] const Random& random() const noexcept { return state_.memory.random; }
   /// Places an object at rest at `pose`. The orientation is normalized.
   /// @throws InvalidArgument that names the existing objects, or if the pose is not valid
   void place_object(const std::string& name, const ObjectPose& pose);
