@@ -120,6 +120,42 @@ TEST(DriverWithCameras, AfterResetAndRestoreImagesShowTheNewScene) {
   EXPECT_EQ(moved, run_session(simulation, 20));
 }
 
+TEST(DriverWithCameras, EachEpisodeHasNoiseOfItsOwn) {
+  const Cameras simulation({}, small_cameras(), kCapture);
+  const auto session = [&](std::uint64_t seed, std::uint64_t episode) {
+    simulation.robot().reset(simulation.robot().initial_position(),
+                             Random{.seed = seed, .episode = episode});
+    return run_session(simulation, 5);
+  };
+  const auto first = session(1, 2);
+  EXPECT_NE(first, session(1, 3));
+  EXPECT_NE(first, session(2, 2));
+  EXPECT_EQ(first, session(1, 2));
+}
+
+TEST(Sight, WithoutAFinderOnlyTheNewestImagesAreDrawn) {
+  const RobotDescription description;
+  const std::vector<camera::Camera> cameras = small_cameras().cameras;
+  const std::vector<double> scene = configuration(description, {0, 0, 0.0325});
+  Eyes eyes(description, cameras, {}, nullptr);
+  Sight sight({.period = 2, .delay = 1}, 1);
+  sight.begin({});
+  EXPECT_TRUE(sight.is_due(-1));
+  sight.capture(-1, scene);
+  EXPECT_FALSE(sight.is_due(-1));
+  for (TimeIndex t = 0; t < 6; ++t) {
+    EXPECT_EQ(sight.is_due(t), t % 2 == 0);
+    if (sight.is_due(t)) sight.capture(t, scene);
+  }
+  EXPECT_TRUE(sight.look(4, eyes));
+  EXPECT_EQ(sight.images().capture_index, 2) << "that of step 4 arrives at step 5";
+  EXPECT_EQ(sight.images().number, 2);
+  EXPECT_FALSE(sight.look(4, eyes));
+  EXPECT_TRUE(sight.look(5, eyes));
+  EXPECT_EQ(sight.images().capture_index, 4);
+  EXPECT_FALSE(sight.take_poses(5));
+}
+
 // Finds the object where a test says it is; it counts what it was shown.
 class Finder final : public ObjectFinder {
  public:

@@ -111,6 +111,10 @@ class SimulatedRobot final : public Driver<R> {
   /// The object's pose now, without delay and noise: position [m] and quaternion w, x, y, z.
   /// @throws InvalidArgument that names the existing objects
   [[nodiscard]] ObjectPose object_pose(const std::string& name) const;
+  /// The object's pose at the newest observation, without delay and noise. The action of that step
+  /// may have moved it since.
+  /// @throws InvalidArgument that names the existing objects
+  [[nodiscard]] ObjectPose observed_object_pose(const std::string& name) const;
   /// The object's velocity now, without delay and noise: velocity of its centre [m/s] and angular
   /// velocity [rad/s].
   /// @throws InvalidArgument that names the existing objects
