@@ -51,8 +51,11 @@ class OptionFields:
     """Images of each simulated camera per second [Hz]. Tracked poses come at this rate."""
     camera_delay: float = 0.02
     """Delay from the middle of the exposure of a simulated image to its arrival [s]."""
-    camera_size: int = 270
+    camera_size: int = 540
     """Width and height of simulated images [pixel]: 540, or a whole part of it."""
+    camera_varies: bool = False
+    """Whether light, colours, dust and noise of simulated images differ in each episode.
+    docs/simulated_cameras.md says how much."""
     object_mass: FloatRange = (1.0, 1.0)
     """Factor on the mass of simulated objects."""
     friction: FloatRange = (1.0, 1.0)

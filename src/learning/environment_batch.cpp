@@ -171,7 +171,10 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
     if (sight && (options.needs_cameras() || sight->finds_objects)) {
       is_tracked_ = sight->finds_objects;
       const std::size_t num_objects = model.objects().size();
-      for (Simulation& one : simulations_) one.sight.emplace(sight->capture, num_objects);
+      for (Simulation& one : simulations_) {
+        one.sight.emplace(sight->capture, num_objects);
+        if (sight->varies) one.sight->vary(sight->rendering);
+      }
       for (int i = 0; i < mjb_nthread(batch_.get()); ++i) {
         eyes_.add(rendering::make_eyes(simulation.description, *sight));
       }

@@ -93,6 +93,9 @@ void visit(Options& options, const Visitor& field) {
         About{"Delay from the middle of the exposure of a simulated image to its arrival [s]."});
   field("camera_size", options.camera_size,
         About{"Width and height of simulated images [pixel]: 540, or a whole part of it."});
+  field("camera_varies", options.camera_varies,
+        About{"Whether light, colours, dust and noise of simulated images differ in each episode. "
+              "docs/simulated_cameras.md says how much."});
   field("object_mass", options.object_mass,
         factor("Factor on the mass of simulated objects.", 0.01, 100));
   field("friction", options.friction,

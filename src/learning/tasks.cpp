@@ -100,6 +100,7 @@ std::vector<std::string> config_overrides(const TaskDescription& task,
   add("cameras.rate", options.camera_rate);
   add("cameras.delay", options.camera_delay);
   add("cameras.size", options.camera_size);
+  overrides.push_back(text_of("cameras.varies=", options.camera_varies ? "true" : "false"));
   return overrides;
 }
 

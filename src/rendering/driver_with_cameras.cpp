@@ -18,7 +18,7 @@ DriverWithCameras<R>::DriverWithCameras(SimulatedRobot<R>& robot,
                                         const std::vector<camera::Camera>& cameras,
                                         const CaptureOptions& capture,
                                         const RenderingOptions& rendering,
-                                        std::unique_ptr<ObjectFinder> finder)
+                                        std::unique_ptr<ObjectFinder> finder, bool varies)
     : robot_(robot),
       eyes_(robot.options().description, cameras, rendering, std::move(finder)),
       sight_(capture, robot.model().objects().size()),
@@ -26,6 +26,7 @@ DriverWithCameras<R>::DriverWithCameras(SimulatedRobot<R>& robot,
       writer_(camera::ImageWriter::anonymous(cameras)),
       frames_(cameras.size()) {
   companions_.push_back(camera::camera_companion(cameras));
+  if (varies) sight_.vary(rendering);
 }
 
 template <class R>

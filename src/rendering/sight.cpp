@@ -6,6 +6,7 @@
 
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/text_of.hpp"
+#include "trifinger/rendering/options.hpp"
 
 namespace trifinger::rendering {
 namespace {
@@ -14,6 +15,8 @@ using trifinger::detail::require;
 using trifinger::detail::text_of;
 
 constexpr TimeIndex kMostSteps = 100000;  // of a period or a delay
+// Where the random numbers of a session's look begin, far behind those of the noise on poses.
+constexpr std::uint64_t kLook = std::uint64_t{1} << 62;
 
 }  // namespace
 
@@ -49,6 +52,11 @@ Sight::Sight(const CaptureOptions& options, std::size_t num_objects)
 void Sight::begin(const Random& random) {
   // Odd factors spread seeds and episodes over all numbers. Seed 0 and episode 0 give 0.
   noise_ = random.seed * 0x9e3779b97f4a7c15U + random.episode * 0xd1b54a32d192ed03U;
+  if (nominal_) {
+    Random series = random;
+    series.count = kLook;
+    look_ = varied(*nominal_, series);
+  }
   num_captures_ = 0;
   next_ = 0;
   under_way_.clear();
@@ -78,6 +86,7 @@ bool Sight::look(TimeIndex now, Eyes& eyes) {
     if (!is_newest && !eyes.can_find()) continue;
     images_ = capture.images;
     has_new = true;
+    if (nominal_ && eyes.renderer().options() != look_) eyes.renderer().set_options(look_);
     eyes.look(capture.configuration, noise_ + static_cast<std::uint64_t>(images_.number), found_);
     const bool are_all_found =
         std::ranges::all_of(found_, [](const auto& pose) { return pose.has_value(); });

@@ -59,7 +59,8 @@ class TrackerOfObjects final : public ObjectFinder {
 }  // namespace
 
 RenderingOptions rendering_options(const camera::CameraOptions& cameras,
-                                   RenderingOptions rendering) {
+                                   const std::optional<RenderingOptions>& look) {
+  RenderingOptions rendering = look.value_or(cameras.simulated.look);
   rendering.exposure = cameras.exposure;
   rendering.gain *= std::pow(10, cameras.gain / 20);
   return rendering;
@@ -71,7 +72,7 @@ std::unique_ptr<ObjectFinder> make_object_finder(const RobotDescription& descrip
 }
 
 std::optional<SightOptions> sight_options(const RobotConfig& config, const std::string& name,
-                                          const RenderingOptions& rendering) {
+                                          const std::optional<RenderingOptions>& look) {
   if (!has_simulated_cameras(config)) return std::nullopt;
   return std::visit(
       [&](const auto& simulation) {
@@ -84,7 +85,8 @@ std::optional<SightOptions> sight_options(const RobotConfig& config, const std::
             .capture = {.period = std::max<TimeIndex>(steps(config.cameras->period), 1),
                         .delay = delay,
                         .pose_delay = std::max(delay, simulation.object_delay)},
-            .rendering = rendering_options(*config.cameras, rendering),
+            .rendering = rendering_options(*config.cameras, look),
+            .varies = config.cameras->simulated.varies,
             .finds_objects = config.tracks_objects && !simulation.description.objects.empty()};
         options.rendering.seed += simulation.seed;
         return options;
@@ -98,20 +100,21 @@ Eyes make_eyes(const RobotDescription& description, const SightOptions& options)
 }
 
 template <class R>
-std::unique_ptr<DriverWithCameras<R>> make_driver_with_cameras(SimulatedRobot<R>& robot,
-                                                               const RobotConfig& config,
-                                                               const std::string& name,
-                                                               const RenderingOptions& rendering) {
-  const std::optional<SightOptions> sight = sight_options(config, name, rendering);
+std::unique_ptr<DriverWithCameras<R>> make_driver_with_cameras(
+    SimulatedRobot<R>& robot, const RobotConfig& config, const std::string& name,
+    const std::optional<RenderingOptions>& look) {
+  const std::optional<SightOptions> sight = sight_options(config, name, look);
   if (!sight) return nullptr;
   const RobotDescription& description = robot.options().description;
   return std::make_unique<DriverWithCameras<R>>(
       robot, sight->cameras, sight->capture, sight->rendering,
-      sight->finds_objects ? make_object_finder(description, sight->cameras) : nullptr);
+      sight->finds_objects ? make_object_finder(description, sight->cameras) : nullptr,
+      sight->varies);
 }
 
 template <class R>
-Simulation<R> make_simulation(const RobotConfig& config, const RenderingOptions& rendering) {
+Simulation<R> make_simulation(const RobotConfig& config,
+                              const std::optional<RenderingOptions>& look) {
   SessionOptions session = config.session;
   if (has_simulated_cameras(config)) {
     session.documents.push_back(camera_document(camera_calibration(config, config.name)));
@@ -119,16 +122,20 @@ Simulation<R> make_simulation(const RobotConfig& config, const RenderingOptions&
   return Simulation<R>(
       std::get<SimulationOptions<R>>(config.simulation),
       [&](SimulatedRobot<R>& robot) {
-        return make_driver_with_cameras(robot, config, config.name, rendering);
+        return make_driver_with_cameras(robot, config, config.name, look);
       },
       std::move(session), config.backend, config.name);
 }
 
 template std::unique_ptr<DriverWithCameras<TriFinger>> make_driver_with_cameras(
-    SimulatedRobot<TriFinger>&, const RobotConfig&, const std::string&, const RenderingOptions&);
+    SimulatedRobot<TriFinger>&, const RobotConfig&, const std::string&,
+    const std::optional<RenderingOptions>&);
 template std::unique_ptr<DriverWithCameras<Finger>> make_driver_with_cameras(
-    SimulatedRobot<Finger>&, const RobotConfig&, const std::string&, const RenderingOptions&);
-template Simulation<TriFinger> make_simulation(const RobotConfig&, const RenderingOptions&);
-template Simulation<Finger> make_simulation(const RobotConfig&, const RenderingOptions&);
+    SimulatedRobot<Finger>&, const RobotConfig&, const std::string&,
+    const std::optional<RenderingOptions>&);
+template Simulation<TriFinger> make_simulation(const RobotConfig&,
+                                               const std::optional<RenderingOptions>&);
+template Simulation<Finger> make_simulation(const RobotConfig&,
+                                            const std::optional<RenderingOptions>&);
 
 }  // namespace trifinger::rendering

@@ -135,6 +135,7 @@ def test_the_noise_of_images_is_another_in_each_episode() -> None:
     "options",
     [
         SMALL,
+        SMALL | {"camera_varies": True},
         TRACKED | {"camera_size": 270},
         TRACKED | {"camera_size": 270, "object_delay": 0.045, "mapping": "state_augmentation"},
         {"observation": "dictionary", "object_loss": 0.5, "object_delay": 0.013},
@@ -184,6 +185,20 @@ def row(observations: dict[str, Any], index: int) -> dict[str, Any]:
 def compare_infos(infos: dict[str, Any], info: dict[str, Any], index: int) -> None:
     for name in {"object_age", "object_is_sure", "distance"} & info.keys():
         assert infos[name][index] == info[name], name
+
+
+def test_light_and_colours_differ_in_each_episode_if_they_shall() -> None:
+    def brightness(**options: Any) -> list[float]:
+        environment = environment_of("reach", **SMALL, **options)
+        means = []
+        for number in range(4):
+            observation, _ = environment.reset(seed=1, options={"episode": number})
+            means.append(float(observation["camera60"].mean()))
+        environment.close()
+        return means
+
+    assert np.ptp(brightness()) < 5
+    assert np.ptp(brightness(camera_varies=True)) > 10
 
 
 @pytest.mark.parametrize("size", [270, 540])

@@ -24,7 +24,7 @@ using ::testing::HasSubstr;
 constexpr CaptureOptions kCapture{.period = 10, .delay = 4};
 
 camera::Calibration small_cameras(const RobotDescription& description = {}) {
-  camera::Calibration calibration = cameras_of(description);
+  camera::Calibration calibration = calibration_of_figures(description);
   for (camera::Camera& camera : calibration.cameras) camera = camera.reduced(6);
   return calibration;
 }

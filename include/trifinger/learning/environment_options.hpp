@@ -67,7 +67,9 @@ struct EnvironmentOptions {
   double object_loss{0.0};               ///< Probability that one of its poses never arrives.
   double camera_rate{30.0};              ///< Images of each simulated camera per second [Hz].
   double camera_delay{0.02};             ///< From a simulated image to its arrival [s].
-  int camera_size{540};                  ///< Width and height of simulated images [pixel].
+  /// Light, colours, dust and noise of simulated images differ in each episode.
+  bool camera_varies{false};
+  int camera_size{540};  ///< Width and height of simulated images [pixel].
   /// A simulation draws these values at the beginning of each episode; see `Variation`.
   Range<double> object_mass{1.0, 1.0};
   Range<double> friction{1.0, 1.0};

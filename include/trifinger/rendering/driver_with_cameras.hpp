@@ -36,11 +36,12 @@ class DriverWithCameras final : public UntypedDriver {
   /// Fault code in addition to those of `SimulatedRobot`: drawing or finding has failed.
   static constexpr std::int32_t kBlind = 65;
 
-  /// `robot` must outlive the driver.
+  /// `robot` must outlive the driver. With `varies`, each session looks different; see
+  /// `Sight::vary`.
   /// @throws InvalidArgument, Error that says what to install if this machine cannot draw
   DriverWithCameras(SimulatedRobot<R>& robot, const std::vector<camera::Camera>& cameras,
                     const CaptureOptions& capture = {}, const RenderingOptions& rendering = {},
-                    std::unique_ptr<ObjectFinder> finder = nullptr);
+                    std::unique_ptr<ObjectFinder> finder = nullptr, bool varies = false);
 
   /// What draws the images. Change its options between sessions.
   [[nodiscard]] CameraRenderer& renderer() noexcept { return eyes_.renderer(); }
@@ -77,10 +78,9 @@ class DriverWithCameras final : public UntypedDriver {
 /// A simulation with cameras, without real time: see `Simulation` and `DriverWithCameras`. Sessions
 /// have the calibration, so `camera::CameraReader` reads the images.
 ///
-///     rendering::SimulationWithCameras<TriFinger> simulation(options, cameras_of(description));
-///     auto robot = simulation.connect();
-///     const camera::CameraReader cameras(robot);
-///     const auto images = cameras.get_latest_at(t);
+///     rendering::SimulationWithCameras<TriFinger> simulation(options,
+///     calibration_of_figures(description)); auto robot = simulation.connect(); const
+///     camera::CameraReader cameras(robot); const auto images = cameras.get_latest_at(t);
 template <class R>
 class SimulationWithCameras {
  public:

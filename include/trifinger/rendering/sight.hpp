@@ -97,8 +97,12 @@ class Sight {
   /// @throws InvalidArgument
   Sight(const CaptureOptions& options, std::size_t num_objects);
 
-  /// Begins a session. The noise of its images follows from `random`.
+  /// Begins a session. The noise of its images follows from `random`, and what they look like if
+  /// that varies.
   void begin(const Random& random);
+  /// Makes each session look different, in the ways of `RenderingVariation` but with one error of
+  /// the calibration: that of `nominal`.
+  void vary(const RenderingOptions& nominal) { nominal_ = nominal; }
   /// True if the scene is to be captured at this step: once before step 0, then every `period`.
   [[nodiscard]] bool is_due(TimeIndex now) const noexcept;
   /// Captures the scene: MuJoCo's `qpos`, then `qvel`.
@@ -119,6 +123,8 @@ class Sight {
   };
 
   CaptureOptions options_;
+  std::optional<RenderingOptions> nominal_;
+  RenderingOptions look_;  // of this session, if sessions differ
   std::uint64_t noise_{0};
   std::int64_t num_captures_{0};
   TimeIndex next_{0};

@@ -17,10 +17,10 @@
 
 namespace trifinger::rendering {
 
-/// What the simulated cameras of a configuration look like: `rendering`, with their exposure and
-/// gain.
+/// What images of simulated cameras look like: as their configuration says, or as `look` says with
+/// the exposure and the gain of the configuration.
 [[nodiscard]] RenderingOptions rendering_options(const camera::CameraOptions& cameras,
-                                                 RenderingOptions rendering = {});
+                                                 const std::optional<RenderingOptions>& look = {});
 
 /// Finds the objects of a scene in the images of its cameras, with a `tracking::Tracker` for each.
 /// There are poses only if all objects were found and are sure.
@@ -33,14 +33,16 @@ struct SightOptions {
   std::vector<camera::Camera> cameras;
   CaptureOptions capture;
   RenderingOptions rendering;
+  /// Light, colours, dust and noise differ in each session as `RenderingVariation` says.
+  bool varies{false};
   bool finds_objects{false};  ///< A tracker finds the objects in the images.
 };
 
 /// How a configured robot sees whose session is called `name`. Nothing if it sees nothing.
 /// @throws InvalidArgument
-[[nodiscard]] std::optional<SightOptions> sight_options(const RobotConfig& config,
-                                                        const std::string& name,
-                                                        const RenderingOptions& rendering = {});
+[[nodiscard]] std::optional<SightOptions> sight_options(
+    const RobotConfig& config, const std::string& name,
+    const std::optional<RenderingOptions>& look = {});
 
 /// The eyes of a robot that sees, with a tracker if it has to find its objects.
 /// @throws InvalidArgument, Error that says what to install if this machine cannot draw
@@ -53,7 +55,7 @@ struct SightOptions {
 template <class R>
 [[nodiscard]] std::unique_ptr<DriverWithCameras<R>> make_driver_with_cameras(
     SimulatedRobot<R>& robot, const RobotConfig& config, const std::string& name,
-    const RenderingOptions& rendering = {});
+    const std::optional<RenderingOptions>& look = {});
 
 /// A simulation of a configured robot in this process, without real time, with the cameras and the
 /// tracker of its configuration. The same configuration gives the same observations, poses
@@ -61,6 +63,6 @@ template <class R>
 /// @throws InvalidArgument, Error that says what to install if this machine cannot draw
 template <class R>
 [[nodiscard]] Simulation<R> make_simulation(const RobotConfig& config,
-                                            const RenderingOptions& rendering = {});
+                                            const std::optional<RenderingOptions>& look = {});
 
 }  // namespace trifinger::rendering

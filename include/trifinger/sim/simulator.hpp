@@ -75,7 +75,7 @@ class Simulator {
     Observation observation{};        ///< The newest observation, which the checks use.
     /// True poses of all objects at that observation.
     std::vector<ObjectPose> objects{};
-    FixedText thrown{};               ///< Text of the last exception from an added check.
+    FixedText thrown{};  ///< Text of the last exception from an added check.
     bool has_initial_pose{false};
   };
 
