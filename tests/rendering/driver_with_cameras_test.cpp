@@ -133,7 +133,7 @@ TEST(DriverWithCameras, EachEpisodeHasNoiseOfItsOwn) {
   EXPECT_EQ(first, session(1, 2));
 }
 
-TEST(Sight, WithoutAFinderOnlyTheNewestImagesAreDrawn) {
+TEST(Sight, IsOfTheNewestImagesThatHaveArrived) {
   const RobotDescription description;
   const std::vector<camera::Camera> cameras = small_cameras().cameras;
   const std::vector<double> scene = configuration(description, {0, 0, 0.0325});
