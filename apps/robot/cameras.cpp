@@ -97,9 +97,13 @@ std::unique_ptr<camera::Source> open_source(const Cameras& cameras) {
   if (options.source != camera::SourceKind::kSimulated) {
     return camera::open_source(options, cameras.cameras);
   }
+  rendering::RenderingOptions look = rendering::rendering_options(options);
+  if (options.simulated.varies) {
+    Random random{.seed = look.seed};
+    look = rendering::varied(look, random);
+  }
   return std::make_unique<rendering::SimulatedCameras>(cameras.robot, cameras.description,
-                                                       cameras.cameras, options.period,
-                                                       rendering::rendering_options(options));
+                                                       cameras.cameras, options.period, look);
 }
 
 void say(const std::string& robot, const std::string& sentence) {

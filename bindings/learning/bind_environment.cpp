@@ -33,6 +33,8 @@
 #include "trifinger/base/error.hpp"
 #include "trifinger/learning/environment.hpp"
 #include "trifinger/learning/environment_batch.hpp"
+#include "trifinger/rendering/simulation_that_sees.hpp"
+#include "trifinger/sim/robot_cameras.hpp"
 
 namespace nb = nanobind;
 using namespace nanobind::literals;
@@ -65,13 +67,14 @@ nb::object view(nb::handle owner, std::vector<T>& values, std::size_t rows = 0) 
 // `Environment`, one episode of it, and what was seen last.
 struct Episodes {
   Episodes(nb::object its_task, const EnvironmentOptions& options, const RobotDescription& robot,
-           Nanoseconds step)
+           Nanoseconds step, std::vector<camera::Camera> its_cameras)
       : task(std::move(its_task)),
         environment(nb::isinstance<nb::str>(task) ? find_task(nb::cast<std::string>(task))
                                                   : describe_task(task, failure),
                     options, robot, step),
         description(robot),
         period(step),
+        cameras(std::move(its_cameras)),
         observation(environment.observation_size()),
         achieved(environment.goal_size()),
         desired(environment.goal_size()) {}
@@ -88,6 +91,7 @@ struct Episodes {
   Environment environment;
   RobotDescription description;
   Nanoseconds period;
+  std::vector<camera::Camera> cameras;  // that are observed
   Start start;
   Episode episode;
   Outcome outcome;
@@ -96,8 +100,34 @@ struct Episodes {
   std::vector<double> desired;
 };
 
+// A pose from position and quaternion, if there is one.
+std::optional<ObjectPose> to_pose(nb::handle given) {
+  if (given.is_none()) return std::nullopt;
+  const auto [at, turned] =
+      nb::cast<std::tuple<Array<Eigen::Vector3d>, Array<Eigen::Vector4d>>>(given);
+  ObjectPose pose;
+  std::copy_n(at.value.data(), 3, pose.position.begin());
+  std::copy_n(turned.value.data(), 4, pose.orientation.begin());
+  return pose;
+}
+
 Nanoseconds period_of(const RobotConfig& config) {
   return std::visit([](const auto& options) { return options.period; }, config.simulation);
+}
+
+// The cameras that an environment with these options observes.
+std::vector<camera::Camera> observed_cameras(const EnvironmentOptions& options,
+                                             const RobotConfig& config) {
+  if (options.layout != Layout::kImages) return {};
+  return camera_calibration(config, config.name).cameras;
+}
+
+nb::list describe_cameras(const std::vector<camera::Camera>& cameras) {
+  nb::list all;
+  for (const camera::Camera& camera : cameras) {
+    all.append(nb::make_tuple(camera.name, camera.format.height, camera.format.width));
+  }
+  return all;
 }
 
 // What both classes tell of their task.
@@ -126,6 +156,14 @@ void bind_description(nb::class_<T>& type, const Environment& (*environment_of)(
       .def_prop_ro(
           "episode_actions",
           [environment_of](const T& self) { return environment_of(self).episode_actions(); })
+      .def_prop_ro(
+          "oldest_sure_age",
+          [environment_of](const T& self) { return environment_of(self).oldest_sure_age(); },
+          docs::Environment::oldest_sure_age)
+      .def_prop_ro(
+          "judges_by_truth",
+          [environment_of](const T& self) { return environment_of(self).judges_by_truth(); },
+          docs::Environment::judges_by_truth)
       .def_prop_ro("num_joints",
                    [environment_of](const T& self) { return environment_of(self).num_joints(); })
       .def_prop_ro("object_name",
@@ -163,8 +201,9 @@ void bind_episodes(nb::module_& m) {
           [](Episodes* self, const nb::object& task, const std::string& options,
              const std::string& config, const nb::dict& overrides) {
             const RobotConfig robot = load_config(config, overrides);
-            new (self)
-                Episodes(task, read_options(options), description_of(robot), period_of(robot));
+            const EnvironmentOptions wanted = read_options(options);
+            new (self) Episodes(task, wanted, description_of(robot), period_of(robot),
+                                observed_cameras(wanted, robot));
           },
           "task"_a, "options"_a, "config"_a, "overrides"_a,
           nb::sig("def __init__(self, task: object, options: str, config: str, "
@@ -254,7 +293,7 @@ the series of random numbers.)")
       .def(
           "observe",
           [](Episodes& self, const Array<JointValues>& position, const Array<JointValues>& velocity,
-             nb::handle object) {
+             nb::handle object, nb::handle true_object) {
             const auto joints = static_cast<Eigen::Index>(self.environment.num_joints());
             if (position.value.size() != joints || velocity.value.size() != joints) {
               throw InvalidArgument("a measurement must have " + std::to_string(joints) +
@@ -263,18 +302,13 @@ the series of random numbers.)")
             if (object.is_none() != self.environment.object_name().empty()) {
               throw InvalidArgument("the pose of an object is for tasks that have one");
             }
-            std::optional<ObjectPose> pose;
-            if (!object.is_none()) {
-              const auto [at, turned] =
-                  nb::cast<std::tuple<Array<Eigen::Vector3d>, Array<Eigen::Vector4d>>>(object);
-              pose.emplace();
-              std::copy_n(at.value.data(), 3, pose->position.begin());
-              std::copy_n(turned.value.data(), 4, pose->orientation.begin());
-            }
+            const std::optional<ObjectPose> pose = to_pose(object);
+            const std::optional<ObjectPose> truth = to_pose(true_object);
             const auto size = static_cast<std::size_t>(joints);
             self.outcome = self.environment.observe({.position = {position.value.data(), size},
                                                      .velocity = {velocity.value.data(), size},
-                                                     .object = pose ? &*pose : nullptr},
+                                                     .object = pose ? &*pose : nullptr,
+                                                     .true_object = truth ? &*truth : nullptr},
                                                     self.episode, self.observation, self.achieved,
                                                     self.desired);
             self.failure->rethrow();
@@ -282,13 +316,19 @@ the series of random numbers.)")
             return nb::make_tuple(outcome.reward, outcome.terminated, outcome.truncated,
                                   outcome.success);
           },
-          "position"_a, "velocity"_a, "object"_a = nb::none(),
+          "position"_a, "velocity"_a, "object"_a = nb::none(), "true_object"_a = nb::none(),
           nb::sig("def observe(self, position: numpy.typing.ArrayLike, velocity: "
                   "numpy.typing.ArrayLike, object: tuple[numpy.typing.ArrayLike, "
-                  "numpy.typing.ArrayLike] | None = None) -> tuple[float, bool, bool, bool]"),
+                  "numpy.typing.ArrayLike] | None = None, true_object: "
+                  "tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike] | None = None) -> "
+                  "tuple[float, bool, bool, bool]"),
           also(docs::Environment::observe,
                R"(Returns reward, terminated, truncated, success; the arrays below change.)")
               .c_str());
+  type.def_prop_ro(
+      "cameras", [](const Episodes& self) { return describe_cameras(self.cameras); },
+      nb::sig("def cameras(self) -> list[tuple[str, int, int]]"),
+      "Name, height and width of each camera that is observed.");
   bind_description<Episodes>(
       type, [](const Episodes& self) -> const Environment& { return self.environment; });
   const auto array = [&type](const char* name, const char* signature, auto get) {
@@ -326,7 +366,10 @@ void bind_batch(nb::module_& m) {
             const EnvironmentOptions wanted = read_options(options);
             std::visit(
                 [&](const auto& simulation) {
-                  new (self) EnvironmentBatch(task, wanted, simulation, size, num_threads);
+                  new (self) EnvironmentBatch(task, wanted, simulation, size, num_threads,
+                                              wanted.needs_cameras()
+                                                  ? rendering::sight_options(robot, robot.name)
+                                                  : std::nullopt);
                 },
                 robot.simulation);
           },
@@ -397,6 +440,36 @@ void bind_batch(nb::module_& m) {
   array("success", "uint8", [](Results& r) -> auto& { return r.seen.success; }, !kRows);
   array("final_success", "uint8", [](Results& r) -> auto& { return r.final.success; }, !kRows);
   array("fault", "int32", [](Results& r) -> auto& { return r.fault; }, !kRows);
+  array("object_age", "int64", [](Results& r) -> auto& { return r.seen.object_age; }, !kRows);
+  array(
+      "final_object_age", "int64", [](Results& r) -> auto& { return r.final.object_age; }, !kRows);
+  array("image_age", "float32", [](Results& r) -> auto& { return r.seen.image_age; }, kRows);
+  array("final_image_age", "float32", [](Results& r) -> auto& { return r.final.image_age; }, kRows);
+  type.def_prop_ro(
+      "cameras", [](const EnvironmentBatch& self) { return describe_cameras(self.cameras()); },
+      nb::sig("def cameras(self) -> list[tuple[str, int, int]]"), docs::EnvironmentBatch::cameras);
+  const auto images = [&type](const char* name, auto get) {
+    const std::string signature =
+        "def " + std::string(name) + "(self) -> list[numpy.typing.NDArray[numpy.uint8]]";
+    type.def_prop_ro(
+        name,
+        [get](nb::handle self) {
+          auto& batch = nb::cast<EnvironmentBatch&>(self);
+          nb::list all;
+          for (std::size_t k = 0; k < batch.cameras().size(); ++k) {
+            const camera::ImageFormat& format = batch.cameras()[k].format;
+            const std::array<std::size_t, 4> shape{batch.size(),
+                                                   static_cast<std::size_t>(format.height),
+                                                   static_cast<std::size_t>(format.width), 3};
+            std::uint8_t* const pixels = get(batch.results())[k].data();
+            all.append(nb::ndarray<nb::numpy, std::uint8_t>(pixels, 4, shape.data(), self));
+          }
+          return all;
+        },
+        nb::sig(signature.c_str()));
+  };
+  images("images", [](Results& r) -> auto& { return r.seen.images; });
+  images("final_images", [](Results& r) -> auto& { return r.final.images; });
 }
 
 }  // namespace

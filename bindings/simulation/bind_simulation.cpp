@@ -126,6 +126,10 @@ Variation to_variation(const nb::kwargs& given) {
   return variation;
 }
 
+std::pair<Eigen::Vector3d, Eigen::Vector4d> to_arrays(const ObjectPose& pose) {
+  return {Eigen::Vector3d(pose.position.data()), Eigen::Vector4d(pose.orientation.data())};
+}
+
 }  // namespace
 
 void bind_simulation(nb::module_& m) {
@@ -195,11 +199,15 @@ void bind_simulation(nb::module_& m) {
       .def(
           "object_pose",
           [](const PythonSimulation& simulation, const std::string& name) {
-            const ObjectPose pose = simulation.object_pose(name);
-            return std::pair(Eigen::Vector3d(pose.position.data()),
-                             Eigen::Vector4d(pose.orientation.data()));
+            return to_arrays(simulation.object_pose(name));
           },
           "name"_a, docs::SimulatedRobot::object_pose)
+      .def(
+          "observed_object_pose",
+          [](const PythonSimulation& simulation, const std::string& name) {
+            return to_arrays(simulation.observed_object_pose(name));
+          },
+          "name"_a, docs::SimulatedRobot::observed_object_pose)
       .def("save", &PythonSimulation::save, docs::SimulatedRobot::save)
       .def("restore", &PythonSimulation::restore, "state"_a, docs::SimulatedRobot::restore)
       .def("state_before_divergence", &PythonSimulation::state_before_divergence,

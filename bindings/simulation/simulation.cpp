@@ -116,6 +116,12 @@ ObjectPose PythonSimulation::object_pose(const std::string& name) const {
                     simulation_);
 }
 
+ObjectPose PythonSimulation::observed_object_pose(const std::string& name) const {
+  return std::visit(
+      [&](const auto& simulation) { return simulation.robot().observed_object_pose(name); },
+      simulation_);
+}
+
 nb::bytes PythonSimulation::save() const {
   return std::visit([](const auto& simulation) { return to_bytes(simulation.robot().save()); },
                     simulation_);

@@ -40,6 +40,7 @@ class PythonSimulation {
   void set_object_velocity(const std::string& name, const std::vector<double>& linear,
                            const std::vector<double>& angular) const;
   [[nodiscard]] ObjectPose object_pose(const std::string& name) const;
+  [[nodiscard]] ObjectPose observed_object_pose(const std::string& name) const;
   [[nodiscard]] ObjectVelocity object_velocity(const std::string& name) const;
   [[nodiscard]] nanobind::bytes save() const;
   void restore(const nanobind::bytes& state) const;

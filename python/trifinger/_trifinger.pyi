@@ -741,6 +741,14 @@ class Simulation:
         Raises InvalidArgument that names the existing objects.
         """
 
+    def observed_object_pose(self, name: str) -> tuple[Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], Annotated[NDArray[numpy.float64], dict(shape=(4), order='C')]]:
+        """
+        The object's pose at the newest observation, without delay and noise. The action of that
+        step may have moved it since.
+
+        Raises InvalidArgument that names the existing objects.
+        """
+
     def save(self) -> bytes:
         """Saves the state: physics, safety chain, delays, random numbers."""
 
@@ -2099,7 +2107,7 @@ class Episodes:
     def take_action(self, numbers: numpy.typing.NDArray[numpy.float32]) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64]]:
         """Torques [Nm] and positions [rad] of the joints for one action."""
 
-    def observe(self, position: numpy.typing.ArrayLike, velocity: numpy.typing.ArrayLike, object: tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike] | None = None) -> tuple[float, bool, bool, bool]:
+    def observe(self, position: numpy.typing.ArrayLike, velocity: numpy.typing.ArrayLike, object: tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike] | None = None, true_object: tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike] | None = None) -> tuple[float, bool, bool, bool]:
         """
         Computes the observation after the actions that `episode` counts. The outcome is judged by
         the goal that was shown before, which is written to `desired`. If a new goal begins now, it
@@ -2109,9 +2117,14 @@ class Episodes:
         """
 
     @property
+    def cameras(self) -> list[tuple[str, int, int]]:
+        """Name, height and width of each camera that is observed."""
+
+    @property
     def entries(self) -> list[tuple[str, str, list[float], list[float]]]:
         """
-        The parts of an observation, in the order of `Layout.DICTIONARY`.
+        The parts of an observation, in the order of `Layout.DICTIONARY`. Images are not among them:
+        whoever has cameras adds these.
 
         Each is name, unit, low and high.
         """
@@ -2124,6 +2137,20 @@ class Episodes:
 
     @property
     def episode_actions(self) -> int: ...
+
+    @property
+    def oldest_sure_age(self) -> int:
+        """
+        Age of the newest pose of the object just before the next one arrives [steps]. If it is
+        older, the tracker was not sure since then, or poses were lost.
+        """
+
+    @property
+    def judges_by_truth(self) -> bool:
+        """
+        True if a simulation shall judge the outcome by the True pose of the object, because it is
+        not observed, or tracked.
+        """
 
     @property
     def num_joints(self) -> int: ...
@@ -2158,6 +2185,9 @@ class EnvironmentBatch:
     Each simulation gives the same results, bit for bit, as an `Environment` with a simulation
     of its own. One batch must not be used by several threads at once.
 
+    Simulations that see share one pair of eyes per thread. An image is drawn when an
+    observation needs it.
+
     `trifinger.environments.VectorEnvironment` uses it.
     """
 
@@ -2190,7 +2220,7 @@ class EnvironmentBatch:
         for `Environment.take_action`.
 
         Raises InvalidArgument if there are too many or too few numbers, or one is not finite; then
-        nothing moves.
+        nothing moves. Error if an image could not be drawn.
 
         The arrays below change.
         """
@@ -2198,7 +2228,8 @@ class EnvironmentBatch:
     @property
     def entries(self) -> list[tuple[str, str, list[float], list[float]]]:
         """
-        The parts of an observation, in the order of `Layout.DICTIONARY`.
+        The parts of an observation, in the order of `Layout.DICTIONARY`. Images are not among them:
+        whoever has cameras adds these.
 
         Each is name, unit, low and high.
         """
@@ -2211,6 +2242,20 @@ class EnvironmentBatch:
 
     @property
     def episode_actions(self) -> int: ...
+
+    @property
+    def oldest_sure_age(self) -> int:
+        """
+        Age of the newest pose of the object just before the next one arrives [steps]. If it is
+        older, the tracker was not sure since then, or poses were lost.
+        """
+
+    @property
+    def judges_by_truth(self) -> bool:
+        """
+        True if a simulation shall judge the outcome by the True pose of the object, because it is
+        not observed, or tracked.
+        """
 
     @property
     def num_joints(self) -> int: ...
@@ -2268,6 +2313,30 @@ class EnvironmentBatch:
 
     @property
     def fault(self) -> numpy.typing.NDArray[numpy.int32]: ...
+
+    @property
+    def object_age(self) -> numpy.typing.NDArray[numpy.int64]: ...
+
+    @property
+    def final_object_age(self) -> numpy.typing.NDArray[numpy.int64]: ...
+
+    @property
+    def image_age(self) -> numpy.typing.NDArray[numpy.float32]: ...
+
+    @property
+    def final_image_age(self) -> numpy.typing.NDArray[numpy.float32]: ...
+
+    @property
+    def cameras(self) -> list[tuple[str, int, int]]:
+        """
+        The cameras of each simulation that are observed; none without `Layout.IMAGES`.
+        """
+
+    @property
+    def images(self) -> list[numpy.typing.NDArray[numpy.uint8]]: ...
+
+    @property
+    def final_images(self) -> list[numpy.typing.NDArray[numpy.uint8]]: ...
 
 def task_names() -> list[str]:
     """Names of all tasks, for example "reach"."""

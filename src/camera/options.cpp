@@ -24,6 +24,30 @@ Nanoseconds in_nanoseconds(double seconds) {
   return std::chrono::round<Nanoseconds>(std::chrono::duration<double>(seconds));
 }
 
+// Exposure and gain are keys of all cameras.
+void read_look(const config::Node& section, RenderingOptions& look) {
+  const auto read = [&section, &look]<class T>(const RenderingField<T>& row) {
+    if constexpr (!std::is_same_v<T, Nanoseconds>) {
+      if (std::string_view(row.name) == "gain") return;
+      const std::optional<config::Node> value = section.find(row.name);
+      if (!value) return;
+      if constexpr (std::is_same_v<T, bool>) {
+        look.*row.value = value->as<bool>();
+      } else {
+        const bool has_bounds = row.low < row.high;
+        look.*row.value = value->as<T>(has_bounds ? config::Range{.min = row.low, .max = row.high}
+                                                  : config::Range{});
+      }
+    }
+  };
+  std::apply([&read](const auto&... row) { (read(row), ...); }, RenderingOptions::fields());
+  try {
+    look.validate();
+  } catch (const InvalidArgument& error) {
+    section.fail(std::string("does not fit: ") + error.what());
+  }
+}
+
 Calibration chosen_calibration(const CameraOptions& options, const std::string& robot,
                                const std::function<Calibration()>& figures) {
   if (options.calibration == "figures") return figures();
@@ -150,6 +174,8 @@ CameraOptions read_camera_options(const config::Node& section) {
   }
   options.simulated.delay =
       in_nanoseconds(section.optional<double>("delay", 0.0, {.unit = "s", .min = 0, .max = 1}));
+  options.simulated.varies = section.optional<bool>("varies", false);
+  if (const auto look = section.optional_section("look")) read_look(*look, options.simulated.look);
   return options;
 }
 

@@ -59,6 +59,27 @@ void draw_what_varies(const EnvironmentOptions& options, Random& random, Start& 
   }
 }
 
+// A quaternion and its negative mean the same; the one with w >= 0 is shown.
+ObjectPose upward(const ObjectPose& pose) noexcept {
+  ObjectPose shown = pose;
+  if (shown.orientation[0] < 0.0) {
+    for (double& value : shown.orientation) value = -value;
+  }
+  return shown;
+}
+
+// Age of the newest pose just before the next one arrives, if none is lost [steps].
+TimeIndex oldest_sure_age_of(const EnvironmentOptions& options, double step) {
+  // A delay that is a whole number of steps may be a little less in binary.
+  const auto steps = [step](double time) -> TimeIndex {
+    return static_cast<TimeIndex>(std::floor(time / step + 1e-6));
+  };
+  const TimeIndex delay = steps(options.object_delay);
+  if (options.object_poses == ObjectPoses::kExact) return delay + steps(options.object_period) - 1;
+  const TimeIndex period = std::max<TimeIndex>(steps(1.0 / options.camera_rate), 1);
+  return std::max(delay, steps(options.camera_delay)) + period - 1;
+}
+
 // The range of desired positions in the authors' simulation of their reaching task, in the sign
 // convention of the variant and clipped to the soft limits.
 Workspace make_workspace(const Kinematics& kinematics) {
@@ -90,7 +111,8 @@ struct Environment::Implementation {
         action_time(std::chrono::duration<double>(step).count() * wanted.steps_per_action),
         max_torque(actuator(description).torque_limit),
         num_joints(workspace.low.size()),
-        episode_actions(std::llround(options.duration / action_time)) {
+        episode_actions(std::llround(options.duration / action_time)),
+        oldest_sure_age(oldest_sure_age_of(options, std::chrono::duration<double>(step).count())) {
     if (episode_actions < 1) {
       throw InvalidArgument(text_of("duration is ", options.duration,
                                     " s, must be at least that of an action, ", action_time, " s"));
@@ -99,6 +121,10 @@ struct Environment::Implementation {
       throw InvalidArgument(
           text_of("per_finger is for tasks with a goal for each finger, the task '", its_task.name,
                   "' has none"));
+    }
+    if (options.object_poses == ObjectPoses::kTracked && task->object_name().empty()) {
+      throw InvalidArgument(
+          text_of("object_poses is 'tracked', but the task '", its_task.name, "' has no object"));
     }
     list_entries();
     list_flat();
@@ -127,6 +153,8 @@ struct Environment::Implementation {
       add("tip_position", "m", num_joints, -kMaxSideways, kMaxSideways);
       for (std::size_t i = 2; i < num_joints; i += 3) entries.back().low[i] = 0.0;
       for (std::size_t i = 2; i < num_joints; i += 3) entries.back().high[i] = kMaxHeight;
+    }
+    if (shows_object()) {
       add("object_position", "m", 3, -kMaxSideways, kMaxSideways);
       entries.back().low[2] = 0.0;
       entries.back().high[2] = kMaxHeight;
@@ -147,7 +175,7 @@ struct Environment::Implementation {
       low.insert(low.end(), entry.low.begin(), entry.low.end());
       high.insert(high.end(), entry.high.begin(), entry.high.end());
     }
-    if (options.layout == Layout::kDictionary || !task->has_goals_of_fingers()) {
+    if (!is_flat() || !task->has_goals_of_fingers()) {
       flat.resize(begin);
       std::iota(flat.begin(), flat.end(), std::size_t{0});
       return;
@@ -157,6 +185,14 @@ struct Environment::Implementation {
         for (std::size_t i = 0; i < 3; ++i) flat.push_back(entry_begin + 3 * finger + i);
       }
     }
+  }
+
+  // Observations in SI units have their entries one after the other.
+  [[nodiscard]] bool is_flat() const noexcept {
+    return options.layout == Layout::kFlat || options.layout == Layout::kGoal;
+  }
+  [[nodiscard]] bool shows_object() const noexcept {
+    return !task->object_name().empty() && options.layout != Layout::kImages;
   }
 
   [[nodiscard]] double time_of(const Episode& episode) const noexcept {
@@ -209,6 +245,7 @@ struct Environment::Implementation {
   double max_torque;   // [Nm]
   std::size_t num_joints;
   std::int64_t episode_actions;
+  TimeIndex oldest_sure_age;
   std::vector<Entry> entries;
   std::size_t goal_entry{0};
   std::vector<std::size_t> flat;  // Index in all entries of each number observed.
@@ -238,6 +275,10 @@ std::int64_t Environment::episode_actions() const noexcept {
 std::string_view Environment::object_name() const noexcept {
   return implementation_->task->object_name();
 }
+bool Environment::judges_by_truth() const noexcept {
+  return !implementation_->task->object_name().empty() && options().needs_cameras();
+}
+TimeIndex Environment::oldest_sure_age() const noexcept { return implementation_->oldest_sure_age; }
 const std::vector<Entry>& Environment::entries() const noexcept { return implementation_->entries; }
 std::size_t Environment::observation_size() const noexcept { return implementation_->flat.size(); }
 std::size_t Environment::goal_size() const noexcept { return implementation_->goal.low.size(); }
@@ -366,15 +407,13 @@ Outcome Environment::observe(const Measurement& measurement, Episode& episode,
   View view{
       .tips = self.kinematics.tip_positions(position), .object = {}, .time = self.time_of(episode)};
   if (measurement.object != nullptr) {
-    view.object = *measurement.object;
-    // A quaternion and its negative mean the same; the one with w >= 0 is shown.
-    auto& orientation = view.object.orientation;
-    if (orientation[0] < 0.0) {
-      for (double& value : orientation) value = -value;
-    }
+    view.object = upward(*measurement.object);
     next = std::ranges::copy(view.tips, next).out;
-    next = std::ranges::copy(view.object.position, next).out;
-    next = std::ranges::copy(orientation, next).out;
+    if (self.shows_object()) {
+      next = std::ranges::copy(view.object.position, next).out;
+      next = std::ranges::copy(view.object.orientation, next).out;
+    }
+    if (measurement.true_object != nullptr) view.object = upward(*measurement.true_object);
   }
   if (options.mapping == Mapping::kStateAugmentation) {
     next = std::copy_n(episode.action.begin(), n, next);
@@ -392,7 +431,7 @@ Outcome Environment::observe(const Measurement& measurement, Episode& episode,
     const std::size_t k = self.flat[i];
     const double value = std::clamp(values[k], self.low[k], self.high[k]);
     const double scaled = 2.0 * (value - self.low[k]) / (self.high[k] - self.low[k]) - 1.0;
-    observation[i] = static_cast<float>(options.layout == Layout::kDictionary ? value : scaled);
+    observation[i] = static_cast<float>(self.is_flat() ? scaled : value);
   }
   return outcome;
 }

@@ -260,6 +260,8 @@ SimulationOptions<R> read_simulation(const Node& root, RobotDescription descript
       section.required<double>("object_position_noise", {.unit = "m", .min = 0, .max = 0.1});
   options.object_orientation_noise =
       section.required<double>("object_orientation_noise", {.unit = "rad", .min = 0, .max = 1});
+  // Files of older versions do not have this key.
+  options.object_loss = section.optional<double>("object_loss", 0.0, {.min = 0, .max = 1});
   return options;
 }
 

@@ -47,6 +47,27 @@ TEST(CameraOptions, HaveDefaultsForAllButTheSource) {
       HasSubstr("cameras.exposure is longer than the time between two images, 2 ms"));
 }
 
+TEST(CameraOptions, SayWhatSimulatedCamerasSee) {
+  using camera::RenderingOptions;
+  EXPECT_EQ(read("source: simulated").simulated.look, RenderingOptions{});
+  const camera::CameraOptions options = read(
+      "source: simulated, varies: true, look: {lamp: [0, 0, 2], lamp_power: 0.7, shadows: true, "
+      "multisampling: 4, seed: 5}");
+  EXPECT_TRUE(options.simulated.varies);
+  EXPECT_EQ(
+      options.simulated.look,
+      (RenderingOptions{
+          .multisampling = 4, .shadows = true, .lamp = {0, 0, 2}, .lamp_power = 0.7, .seed = 5}));
+  const auto message = [](const std::string& look) {
+    return message_of<config::ConfigError>(
+        [&] { read("source: simulated, look: {" + look + "}"); });
+  };
+  EXPECT_THAT(message("dust: 2"), HasSubstr("cameras.look.dust"));
+  EXPECT_THAT(message("multisampling: 3"), HasSubstr("multisampling is 3, must be 0, 2, 4 or 8"));
+  EXPECT_THAT(message("gain: 2"), HasSubstr("gain"));
+  EXPECT_THAT(message("lamp: [0, 0, 0]"), HasSubstr("must be a direction"));
+}
+
 TEST(CameraOptions, ChangeSizeAndFormatOfTheCalibration) {
   const camera::CameraOptions options = read("source: simulated, size: 16, pixels: mono8");
   const camera::Calibration calibration = camera::resolve_calibration(options, "robot", figures);

@@ -14,6 +14,7 @@
 
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/random.hpp"
+#include "trifinger/sim/robot_cameras.hpp"
 
 namespace trifinger::learning {
 namespace {
@@ -73,6 +74,44 @@ TEST(EnvironmentBatch, GivesTheSameWhateverTheNumberOfThreadsAndSimulations) {
       }
     }
   }
+}
+
+rendering::SightOptions small_images() {
+  rendering::SightOptions sight{.cameras = calibration_of_figures({}).cameras,
+                                .capture = {.period = 12, .delay = 7},
+                                .rendering = {},
+                                .varies = true};
+  for (camera::Camera& camera : sight.cameras) camera = camera.reduced(18);
+  return sight;
+}
+
+TEST(EnvironmentBatch, SeesTheSameWhateverTheNumberOfThreads) {
+  EnvironmentOptions options = noisy("push");
+  options.layout = Layout::kImages;
+  EnvironmentBatch one("push", options, late_poses(), 3, 1, small_images());
+  EnvironmentBatch many("push", options, late_poses(), 3, 3, small_images());
+  ASSERT_EQ(many.cameras().size(), 3U);
+  ASSERT_EQ(many.results().seen.images[0].size(), 3U * 30 * 30 * 3);
+  one.reset();
+  many.reset();
+  Random random{.seed = 1};
+  for (int step = 0; step < 12; ++step) {
+    const std::vector<float> actions = random_actions(random, 3 * std::size_t{9});
+    const auto before = many.results().seen.images;
+    one.step(actions, Autoreset::kSameStep);
+    many.step(actions, Autoreset::kSameStep);
+    EXPECT_EQ(one.results().seen.images, many.results().seen.images);
+    EXPECT_EQ(one.results().seen.image_age, many.results().seen.image_age);
+    EXPECT_EQ(one.results().final.images, many.results().final.images);
+    EXPECT_NE(before, many.results().seen.images);
+  }
+}
+
+TEST(EnvironmentBatch, NeedsCamerasForWhatIsSeen) {
+  EnvironmentOptions options = noisy("push");
+  options.layout = Layout::kImages;
+  EXPECT_THAT([&] { EnvironmentBatch("push", options, late_poses(), 1); },
+              ThrowsMessage<InvalidArgument>(HasSubstr("need simulated cameras")));
 }
 
 TEST(EnvironmentBatch, BeginsOnlyThoseEpisodesThatAreMarked) {

@@ -24,7 +24,7 @@ using ::testing::HasSubstr;
 constexpr CaptureOptions kCapture{.period = 10, .delay = 4};
 
 camera::Calibration small_cameras(const RobotDescription& description = {}) {
-  camera::Calibration calibration = cameras_of(description);
+  camera::Calibration calibration = calibration_of_figures(description);
   for (camera::Camera& camera : calibration.cameras) camera = camera.reduced(6);
   return calibration;
 }
@@ -120,24 +120,60 @@ TEST(DriverWithCameras, AfterResetAndRestoreImagesShowTheNewScene) {
   EXPECT_EQ(moved, run_session(simulation, 20));
 }
 
+TEST(DriverWithCameras, EachEpisodeHasNoiseOfItsOwn) {
+  const Cameras simulation({}, small_cameras(), kCapture);
+  const auto session = [&](std::uint64_t seed, std::uint64_t episode) {
+    simulation.robot().reset(simulation.robot().initial_position(),
+                             Random{.seed = seed, .episode = episode});
+    return run_session(simulation, 5);
+  };
+  const auto first = session(1, 2);
+  EXPECT_NE(first, session(1, 3));
+  EXPECT_NE(first, session(2, 2));
+  EXPECT_EQ(first, session(1, 2));
+}
+
+TEST(Sight, IsOfTheNewestImagesThatHaveArrived) {
+  const RobotDescription description;
+  const std::vector<camera::Camera> cameras = small_cameras().cameras;
+  const std::vector<double> scene = configuration(description, {0, 0, 0.0325});
+  Eyes eyes(description, cameras, {}, nullptr);
+  Sight sight({.period = 2, .delay = 1}, 1);
+  sight.begin({});
+  EXPECT_TRUE(sight.is_due(-1));
+  sight.capture(-1, scene);
+  EXPECT_FALSE(sight.is_due(-1));
+  for (TimeIndex t = 0; t < 6; ++t) {
+    EXPECT_EQ(sight.is_due(t), t % 2 == 0);
+    if (sight.is_due(t)) sight.capture(t, scene);
+  }
+  EXPECT_TRUE(sight.look(4, eyes));
+  EXPECT_EQ(sight.images().capture_index, 2) << "that of step 4 arrives at step 5";
+  EXPECT_EQ(sight.images().number, 2);
+  EXPECT_FALSE(sight.look(4, eyes));
+  EXPECT_TRUE(sight.look(5, eyes));
+  EXPECT_EQ(sight.images().capture_index, 4);
+  EXPECT_FALSE(sight.take_poses(5));
+}
+
 // Finds the object where a test says it is; it counts what it was shown.
 class Finder final : public ObjectFinder {
  public:
   struct Answers {
     int shown{0};
-    int resets{0};
+    int first_sights{0};  // in which no earlier pose was known
     int fails_at{-1};
     std::size_t bytes{0};
   };
   explicit Finder(std::shared_ptr<Answers> answers) : answers_(std::move(answers)) {}
 
-  bool find(std::span<const std::span<const std::byte>> images,
-            std::span<ObjectPose> poses) override {
+  void find(std::span<const std::span<const std::byte>> images,
+            std::span<std::optional<ObjectPose>> poses) override {
     answers_->bytes = images[0].size();
-    poses[0].position = {0.001 * answers_->shown, 0, 0};
-    return answers_->shown++ != answers_->fails_at;
+    if (!poses[0]) ++answers_->first_sights;
+    poses[0] = ObjectPose{.position = {0.001 * answers_->shown, 0, 0}};
+    if (answers_->shown++ == answers_->fails_at) poses[0].reset();
   }
-  void forget() override { ++answers_->resets; }
 
  private:
   std::shared_ptr<Answers> answers_;
@@ -163,14 +199,15 @@ TEST(DriverWithCameras, PosesAreThoseThatTheFinderFoundInImagesOfThatTime) {
     EXPECT_NEAR(object->cube.position[0], 0.001 * static_cast<double>(number), 1e-12);
   }
   EXPECT_EQ(answers->bytes, small_cameras().cameras[0].format.size());
-  EXPECT_EQ(answers->resets, 1);
+  EXPECT_EQ(answers->first_sights, 2) << "at the beginning, and after image 3";
 }
 
 class Failing final : public ObjectFinder {
  public:
-  bool find(std::span<const std::span<const std::byte>>, std::span<ObjectPose>) override {
+  void find(std::span<const std::span<const std::byte>>,
+            std::span<std::optional<ObjectPose>> poses) override {
     if (++count_ > 2) throw Error("the lens cap is on");
-    return true;
+    poses[0].emplace();
   }
 
  private:

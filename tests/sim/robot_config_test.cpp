@@ -125,6 +125,8 @@ TEST_F(RobotConfigFile, HasTheCamerasOfItsModel) {
     EXPECT_TRUE(again.cameras[i].pose.isApprox(calibration.cameras[i].pose, 1e-12));
     EXPECT_EQ(again.cameras[i].lens.cy, calibration.cameras[i].lens.cy);
   }
+  // The file says what is so without it.
+  EXPECT_EQ(load_robot_config("sim_cameras").cameras->simulated.look, camera::RenderingOptions{});
   // Those of a flipped platform turn with it, and see its ceiling as before.
   const RobotConfig flipped = load_robot_config("sim_cameras", {"platform=flipped"});
   const RobotDescription& description =

@@ -12,6 +12,7 @@
 
 #include "trifinger/base/time.hpp"
 #include "trifinger/camera/calibration.hpp"
+#include "trifinger/camera/rendering_options.hpp"
 #include "trifinger/camera/source.hpp"
 #include "trifinger/config/node.hpp"
 
@@ -28,6 +29,10 @@ enum class SourceKind : std::uint8_t {
 /// What only simulated cameras have.
 struct SimulatedCameraOptions {
   Nanoseconds delay{0};  ///< From the middle of the exposure until the images arrive.
+  /// Light, colours, noise and the like. Its exposure and gain mean nothing: those of the cameras
+  /// count.
+  RenderingOptions look{};
+  bool varies{false};  ///< Light, colours, dust and noise differ in each session.
 };
 
 /// The section `cameras` of a robot's configuration. config/sim_cameras.yml documents every key.

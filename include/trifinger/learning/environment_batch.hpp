@@ -4,11 +4,14 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string_view>
 #include <vector>
 
+#include "trifinger/camera/camera.hpp"
 #include "trifinger/learning/environment.hpp"
+#include "trifinger/rendering/simulation_that_sees.hpp"
 #include "trifinger/sim/simulation_options.hpp"
 
 namespace trifinger::learning {
@@ -28,6 +31,11 @@ struct Observations {
   std::vector<double> distance;        ///< `Outcome::distance`, `kMaxFingers` per simulation.
   std::vector<double> finger_rewards;  ///< `Outcome::finger_rewards`, as many.
   std::vector<std::uint8_t> success;
+  /// Age of the object's pose [steps]; -1 if it was not found yet. Empty if there is no object.
+  std::vector<TimeIndex> object_age;
+  /// With `Layout::kImages`: per camera the newest images that have arrived, in RGB.
+  std::vector<std::vector<std::uint8_t>> images;
+  std::vector<float> image_age;  ///< Ages of these images [steps], one per camera and simulation.
 };
 
 /// The results of a call of `EnvironmentBatch`. They stay at the same addresses as long as the
@@ -48,13 +56,18 @@ struct Results {
 ///
 /// Each simulation gives the same results, bit for bit, as an `Environment` with a simulation of
 /// its own. One batch must not be used by several threads at once.
+///
+/// Simulations that see share one pair of eyes per thread. An image is drawn when an observation
+/// needs it.
 class EnvironmentBatch {
  public:
-  /// `num_threads` includes the calling thread; 0 means one per processor.
-  /// @throws InvalidArgument
+  /// `num_threads` includes the calling thread; 0 means one per processor. Options that need
+  /// cameras need `sight`.
+  /// @throws InvalidArgument, Error that says what to install if this machine cannot draw
   template <class R>
   EnvironmentBatch(std::string_view task, const EnvironmentOptions& options,
-                   const SimulationOptions<R>& simulation, int size, int num_threads = 0);
+                   const SimulationOptions<R>& simulation, int size, int num_threads = 0,
+                   const std::optional<rendering::SightOptions>& sight = {});
   ~EnvironmentBatch();
   EnvironmentBatch(const EnvironmentBatch&) = delete;
   EnvironmentBatch& operator=(const EnvironmentBatch&) = delete;
@@ -62,6 +75,8 @@ class EnvironmentBatch {
   [[nodiscard]] const Environment& environment() const noexcept;
   [[nodiscard]] std::size_t size() const noexcept;
   [[nodiscard]] int num_threads() const noexcept;
+  /// The cameras of each simulation that are observed; none without `Layout::kImages`.
+  [[nodiscard]] const std::vector<camera::Camera>& cameras() const noexcept;
 
   /// Makes the next `reset` of simulation `index` begin this episode of `seed`. Each later reset
   /// begins the next episode.
@@ -74,7 +89,7 @@ class EnvironmentBatch {
   /// Applies one action in each simulation. `actions` has one row of numbers per simulation, as for
   /// `Environment::take_action`.
   /// @throws InvalidArgument if there are too many or too few numbers, or one is not finite; then
-  /// nothing moves
+  /// nothing moves. Error if an image could not be drawn.
   void step(std::span<const float> actions, Autoreset autoreset = Autoreset::kNextStep);
 
   [[nodiscard]] Results& results() noexcept;
@@ -87,8 +102,10 @@ class EnvironmentBatch {
 };
 
 extern template EnvironmentBatch::EnvironmentBatch(std::string_view, const EnvironmentOptions&,
-                                                   const SimulationOptions<TriFinger>&, int, int);
+                                                   const SimulationOptions<TriFinger>&, int, int,
+                                                   const std::optional<rendering::SightOptions>&);
 extern template EnvironmentBatch::EnvironmentBatch(std::string_view, const EnvironmentOptions&,
-                                                   const SimulationOptions<Finger>&, int, int);
+                                                   const SimulationOptions<Finger>&, int, int,
+                                                   const std::optional<rendering::SightOptions>&);
 
 }  // namespace trifinger::learning
