@@ -43,6 +43,8 @@ std::string encode_jpeg(const ImageFormat& format, std::span<const std::byte> pi
   return compress_jpeg(colour, rgb_of(format, pixels), quality);
 }
 
+void require_jpeg() { require_turbojpeg(); }
+
 Picture decode_image(std::string_view file) {
   if (file.starts_with("\x89PNG\r\n\x1a\n")) return decompress_png(file);
   if (file.starts_with("\xff\xd8")) return decompress_jpeg(file);

@@ -86,6 +86,8 @@ const unsigned char* bytes_of(std::string_view file) {
 
 }  // namespace
 
+void require_turbojpeg() { static_cast<void>(TurboJpeg::instance()); }
+
 std::string compress_jpeg(const ImageFormat& format, std::span<const std::byte> pixels,
                           int quality) {
   const TurboJpeg& jpeg = TurboJpeg::instance();
