@@ -45,8 +45,7 @@ std::uint16_t next_id(const Map& map, const char* what) {
 
 class Writer::Implementation {
  public:
-  Implementation(Sink& sink, WriterOptions options)
-      : sink_(sink), options_(std::move(options)) {
+  Implementation(Sink& sink, WriterOptions options) : sink_(sink), options_(std::move(options)) {
     set_compression(options_.compression);
     if (sink_.size() != 0) {
       throw InvalidArgument("a new MCAP file begins in an empty sink; this one has " +

@@ -308,8 +308,8 @@ TEST(ImagesInLogs, OfAFileThatWasCutOffAreReadAndRecovered) {
 TEST(ImagesInLogs, ThatWereOverwrittenAreLeftOutAndCounted) {
   const Folder folder;
   SeeingDriver driver({.period = 1});
-  SessionHost host = SessionHost::anonymous(
-      {.documents = RecordedSight::documents(three_cameras())}, "robot");
+  SessionHost host =
+      SessionHost::anonymous({.documents = RecordedSight::documents(three_cameras())}, "robot");
   Backend backend(driver, host, kPatient);
   Frontend<FakeRobot> robot(backend);
   const Session session = robot.session();

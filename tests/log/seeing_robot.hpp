@@ -56,7 +56,8 @@ class SeeingDriver final : public Driver<FakeRobot> {
     next_ = 0;
     return robot_.prepare(step);
   }
-  [[nodiscard]] DriverReport get_latest_observation(FakeObservation& observation) noexcept override {
+  [[nodiscard]] DriverReport get_latest_observation(
+      FakeObservation& observation) noexcept override {
     return robot_.get_latest_observation(observation);
   }
   [[nodiscard]] DriverReport apply_action(const FakeAction& desired,
@@ -81,11 +82,11 @@ class SeeingDriver final : public Driver<FakeRobot> {
     std::array<camera::Frame, 3> frames;
     for (std::size_t i = 0; i < 3; ++i) {
       // The cameras are some microseconds apart.
-      frames[i] = {.state = states[i],
-                   .number = number,
-                   .time = Instant(std::chrono::milliseconds(next_) +
-                                   std::chrono::microseconds(7 * i)),
-                   .exposure = std::chrono::microseconds(1500)};
+      frames[i] = {
+          .state = states[i],
+          .number = number,
+          .time = Instant(std::chrono::milliseconds(next_) + std::chrono::microseconds(7 * i)),
+          .exposure = std::chrono::microseconds(1500)};
       if (states[i] == camera::Frame::State::kGood) seen_.draw(places[i], i, number);
     }
     auto* const bytes = static_cast<std::byte*>(element);

@@ -51,7 +51,7 @@ class ImageSource final : public camera::Source {
   std::vector<Set> sets_;
   std::vector<std::string> names_;
   std::vector<camera::ImageFormat> formats_;
-  Nanoseconds round_{0};       // from the beginning to the next one
+  Nanoseconds round_{0};              // from the beginning to the next one
   std::vector<std::int64_t> counts_;  // images of each camera in a round
   std::vector<std::string> news_;
   Instant begin_{};

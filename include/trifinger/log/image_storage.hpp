@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string_view>
 
 namespace trifinger::log {
 
@@ -12,5 +13,18 @@ enum class ImageStorage : std::uint8_t {
   kJpeg,  ///< JPEG in colour. What viewers show; some twentieth of the pixels' size.
   kRaw,   ///< The pixels as the camera delivers them, such as a Bayer mosaic; bit for bit.
 };
+
+/// "none", "jpeg", "raw"
+[[nodiscard]] constexpr std::string_view name_of(ImageStorage storage) noexcept {
+  switch (storage) {
+    case ImageStorage::kNone:
+      return "none";
+    case ImageStorage::kJpeg:
+      return "jpeg";
+    case ImageStorage::kRaw:
+      return "raw";
+  }
+  return "";
+}
 
 }  // namespace trifinger::log

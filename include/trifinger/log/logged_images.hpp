@@ -47,6 +47,8 @@ class LoggedImages {
   /// @throws camera::CameraLost and NotInLog as above, InvalidArgument for a damaged image, Error
   /// if the library for JPEG is missing
   [[nodiscard]] std::vector<std::byte> pixels(std::size_t camera) const;
+  /// The image in RGB, three bytes per pixel. Throws like `pixels`.
+  [[nodiscard]] std::vector<std::byte> rgb(std::size_t camera) const;
 
  private:
   friend class LoggedCameras;

@@ -26,7 +26,8 @@ LogData::LogData(const std::vector<std::filesystem::path>& parts, Several severa
     size_ += files_[i].size;
     if (origin_.empty()) origin_ = files_[i].origin;
     const std::size_t count = files_[i].reader.contents().chunks.size();
-    for (std::size_t index = 0; index < count; ++index) chunks_.push_back({.file = i, .index = index, .runs = {}});
+    for (std::size_t index = 0; index < count; ++index)
+      chunks_.push_back({.file = i, .index = index, .runs = {}});
   }
   bool is_certain = true;
   for (LogFile& file : files_) {
@@ -165,8 +166,7 @@ std::optional<ImageMessage> LogData::find_image_in(std::size_t n, const std::str
   const auto wanted = static_cast<std::uint64_t>(std::max<std::int64_t>(time, 0));
   if (wanted < place.first_time || wanted > place.last_time) return std::nullopt;
   for (const mcap::Message& message : load(n)) {
-    if (message.log_time != wanted ||
-        message.sequence != static_cast<std::uint32_t>(element)) {
+    if (message.log_time != wanted || message.sequence != static_cast<std::uint32_t>(element)) {
       continue;
     }
     const ChannelReader* const channel = channel_of(file, message.channel_id);

@@ -126,8 +126,8 @@ class LogData {
   /// Returns the image of the robot's camera that belongs to element `element` of its companion and
   /// was taken at `time`.
   [[nodiscard]] std::optional<ImageMessage> find_image(const std::string& robot,
-                                                       const std::string& camera,
-                                                       std::int64_t time, TimeIndex element);
+                                                       const std::string& camera, std::int64_t time,
+                                                       TimeIndex element);
 
   /// Returns the steps or elements [first, end) of `stream` that a log without gaps has.
   [[nodiscard]] std::pair<TimeIndex, TimeIndex> range(const Stream& stream);

@@ -10,6 +10,7 @@
 #include "read/log_data.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/camera/image_file.hpp"
+#include "trifinger/camera/pixels.hpp"
 #include "trifinger/config/file.hpp"
 
 namespace trifinger::log {
@@ -58,8 +59,8 @@ RecordedImage LoggedImages::recorded(std::size_t camera) const {
                    std::to_string(index_));
   }
   return {.encoding = image->encoding,
-          .bytes = std::string(reinterpret_cast<const char*>(image->bytes.data()),
-                               image->bytes.size())};
+          .bytes =
+              std::string(reinterpret_cast<const char*>(image->bytes.data()), image->bytes.size())};
 }
 
 std::vector<std::byte> LoggedImages::pixels(std::size_t camera) const {
@@ -76,6 +77,17 @@ std::vector<std::byte> LoggedImages::pixels(std::size_t camera) const {
   }
   const auto bytes = std::as_bytes(std::span(image.bytes));
   return {bytes.begin(), bytes.end()};
+}
+
+std::vector<std::byte> LoggedImages::rgb(std::size_t camera) const {
+  const camera::ImageFormat& format = cameras_->at(camera).format;
+  const camera::ImageFormat colour{
+      .width = format.width, .height = format.height, .pixels = camera::PixelFormat::kRgb8};
+  const RecordedImage image = recorded(camera);
+  if (image.encoding == kJpeg) return camera::converted(camera::decode_image(image.bytes), colour);
+  std::vector<std::byte> rgb(colour.size());
+  camera::to_rgb(format, pixels(camera), rgb);
+  return rgb;
 }
 
 // ---- LoggedCameras ----

@@ -56,13 +56,13 @@ class CompanionPart {
       const camera::Camera& camera = images.cameras()[i];
       const std::string frame = frame_of(cameras_->companion().header().name, camera);
       const bool is_compressed = image.encoding == kJpegImages;
-      writer.write_image(
-          session, {.camera = i,
-                    .element = index_,
-                    .time = images.times()[i],
-                    .is_compressed = is_compressed,
-                    .message = is_compressed ? compressed_image(frame, bytes)
-                                             : raw_image(frame, camera.format, bytes)});
+      writer.write_image(session,
+                         {.camera = i,
+                          .element = index_,
+                          .time = images.times()[i],
+                          .is_compressed = is_compressed,
+                          .message = is_compressed ? compressed_image(frame, bytes)
+                                                   : raw_image(frame, camera.format, bytes)});
     }
     if (writer.waiting_images_size() > kMaxWaitingImages) writer.flush();
   }

@@ -499,8 +499,8 @@ class Recorder::Implementation {
   std::int64_t lost_before_trouble_{0};
   std::int64_t images_{0};           // sum over finished sessions
   std::int64_t left_out_images_{0};  // sum over finished sessions
-  std::int64_t steps_{0};       // sum over finished sessions
-  std::int64_t lost_steps_{0};  // sum over finished sessions
+  std::int64_t steps_{0};            // sum over finished sessions
+  std::int64_t lost_steps_{0};       // sum over finished sessions
 
   mutable std::mutex mutex_;
   // The mutex guards the following members.

@@ -207,9 +207,9 @@ void SessionCopier::begin_images() {
       image_options_.storage = ImageStorage::kRaw;
     }
   }
-  images_ = std::make_unique<ImageThread>(companion_sessions_[cameras_->companion], header_,
-                                          *cameras_, image_options_,
-                                          companions_[cameras_->companion].next);
+  images_ =
+      std::make_unique<ImageThread>(companion_sessions_[cameras_->companion], header_, *cameras_,
+                                    image_options_, companions_[cameras_->companion].next);
 }
 
 void SessionCopier::pump_images(LogWriter& log) {

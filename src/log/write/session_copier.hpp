@@ -114,9 +114,9 @@ class SessionCopier {
   SessionHeader header_;
   TimeIndex next_{0};                                  // first step that is not in the log
   std::shared_ptr<std::atomic<TimeIndex>> next_step_;  // the same for the back-end
-  bool is_fresh_{true};                // begins with the oldest part of the history
-  bool has_time_{false};               // the time of step 0 is known
-  std::optional<std::size_t> number_;  // number of the session in the log
+  bool is_fresh_{true};                                // begins with the oldest part of the history
+  bool has_time_{false};                               // the time of step 0 is known
+  std::optional<std::size_t> number_;                  // number of the session in the log
   int file_{-1};
   bool has_end_{false};
   bool is_done_{false};
@@ -126,7 +126,7 @@ class SessionCopier {
   ImageOptions image_options_;
   std::optional<SessionCameras> cameras_;
   std::unique_ptr<ImageThread> images_;
-  bool has_all_images_{false};  // of those that `images_` has made
+  bool has_all_images_{false};              // of those that `images_` has made
   std::deque<UnreadImages> unread_images_;  // outside real-time mode
   std::int64_t num_images_{0};
   std::int64_t left_out_images_{0};
