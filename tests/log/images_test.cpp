@@ -26,6 +26,7 @@
 #include "trifinger/log/log.hpp"
 #include "trifinger/log/logged_images.hpp"
 #include "trifinger/log/repair.hpp"
+#include "trifinger/log/replay.hpp"
 #include "trifinger/mcap/reader.hpp"
 
 // The images of a session on their way into a log and out of it.
@@ -410,6 +411,40 @@ TEST(ImageSource, ShowsWhatWasRecordedAtItsDistancesInTime) {
   }
   EXPECT_TRUE(source.has_ended());
   EXPECT_FALSE(source.grab(grabbed.images, grabbed.frames, kForever));
+}
+
+TEST(ImagesInLogs, AreSeenAgainByWhoRunsAgainstTheLog) {
+  const Folder folder;
+  Seen seen;
+  seen.states = [](std::int64_t number) {
+    ImageStates states{Frame::State::kGood, Frame::State::kGood, Frame::State::kGood};
+    if (number == 12) states[2] = Frame::State::kLost;
+    return states;
+  };
+  RecordedSight sight(folder.path(), ImageStorage::kRaw, seen);
+  sight.run(400);
+  sight.stop();
+  const log::Replay replay(Log(folder.path()).session(), {.first = 100, .last = 300});
+  for (int session = 0; session < 2; ++session) {
+    auto robot = replay.connect<FakeRobot>();
+    const camera::CameraReader cameras(robot);
+    for (TimeIndex t = 0; t < 200; ++t) {
+      static_cast<void>(robot.get_status(robot.append_desired_action({})));
+      const std::optional<camera::Images> images = cameras.get_latest_at(t);
+      ASSERT_TRUE(images);
+      const std::int64_t number = 10 + t / 10;
+      for (std::size_t camera = 0; camera < 3; ++camera) {
+        ASSERT_EQ(images->infos()[camera].number, number);
+        if (seen.states(number)[camera] == Frame::State::kGood) {
+          ASSERT_TRUE(has_pattern(images->pixels(camera), camera, number)) << t;
+        } else {
+          EXPECT_THROW(static_cast<void>(images->pixels(camera)), CameraLost);
+        }
+      }
+      EXPECT_TRUE(images->is_valid());
+    }
+    robot.finish();
+  }
 }
 
 TEST(ImageSource, RefusesALogWithoutImages) {

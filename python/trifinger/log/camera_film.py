@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
@@ -34,14 +35,12 @@ class Plot:
 
     def __init__(self, session: LoggedSession, width: int, height: int) -> None:
         import matplotlib as mpl
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
         curves = plot_curves.read(session)
         rows = panels.panels_of(curves)[:ROWS]
         with mpl.rc_context(matplotlib_figure.STYLE):
             figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI, layout="constrained")
-            canvas = FigureCanvasAgg(figure)
             grid = figure.add_gridspec(len(rows), 12)
             axes = []
             for row, panel in enumerate(rows):
@@ -55,8 +54,10 @@ class Plot:
             for place in axes:
                 place.set_xlim(0, max(curves.duration, 1e-6))
             axes[-1].set_xlabel("time since the first step [s]")
-            canvas.draw()
-        self._pixels: NDArray[np.uint8] = np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
+            drawn = io.BytesIO()
+            figure.savefig(drawn, format="rgba", dpi=DPI)
+        colours = np.frombuffer(drawn.getvalue(), np.uint8).reshape(height, width, 4)
+        self._pixels: NDArray[np.uint8] = colours[:, :, :3].copy()
         self._axes = [
             (place.transData.transform, place.get_window_extent().extents) for place in axes
         ]
@@ -67,7 +68,7 @@ class Plot:
         height, width = pixels.shape[:2]
         for transform, (left, bottom, right, top) in self._axes:
             x = round(float(transform((time, 0))[0]))
-            if left <= x <= right:
+            if left - 1 <= x <= right + 1:
                 columns = slice(max(x - 1, 0), min(x + 1, width))
                 pixels[height - round(top) : height - round(bottom), columns] = CURSOR
         return pixels
