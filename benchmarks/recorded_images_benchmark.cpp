@@ -183,7 +183,7 @@ Row measure(const Effort& effort, log::ImageStorage storage) {
   for (int i = 0; i < effort.windows; ++i) {
     report_progress(i, effort.windows);
     const test::Folder folder;
-    Recording recording("bench", {.folder = folder.path(), .keep_free = 0, .images = storage});
+    Recording recording("bench", {.folder = folder.path(), .images = storage, .keep_free = 0});
     const std::int64_t before = cameras.triples();
     cameras.set_wanted(true);
     lateness.measure.add(robot.window(effort.window_time));

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Images in logs: what the cameras saw is what the log has, for us and for other programs."""
 
+import contextlib
 import csv
 import io
 import itertools
@@ -13,13 +14,13 @@ from typing import Any
 import numpy as np
 import pytest
 import trifinger
-from conftest import PROGRAM
+from conftest import PROGRAM, StartProgram
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from PIL import Image
 from trifinger.cameras import Cameras
 from trifinger.commands import export
-from trifinger.errors import CameraLost, InvalidArgument, NotInLog
+from trifinger.errors import CameraLost, HistoryLost, InvalidArgument, NotInLog
 from trifinger.log import camera_film
 from trifinger.log.images import LoggedCameras
 
@@ -298,3 +299,91 @@ def test_a_lost_camera_is_said(raw: Recorded) -> None:
     with pytest.raises(CameraLost, match="camera60 is not there"):
         lost["camera60"]
     assert not lost.has("camera60")
+
+
+def test_a_log_can_be_the_cameras_of_a_robot(
+    raw: Recorded, start_program: StartProgram, tmp_path: Path
+) -> None:
+    # A simulation without real time would draw its images itself.
+    values = {
+        "cameras.source": "folder",
+        "cameras.folder": tmp_path,
+        "cameras.size": SIZE,
+        "cameras.rate": 20,
+    }
+    settings = [word for key, value in values.items() for word in ("--set", f"{key}={value}")]
+    start_program("run", "sim_cameras", "--non-real-time", "--no-sensors", *settings).wait_for(
+        "waits for a user"
+    )
+    start_program("cameras", "sim", "--log", str(raw.path))
+    with trifinger.connect("sim") as robot:
+        cameras = Cameras(robot)
+        numbers = set()
+        while len(numbers) < 4:
+            t = robot.append_desired_action(robot.new_action())
+            robot.wait_until_time_index(t)
+            images = cameras.get_latest_at(t)
+            if images is None:
+                continue
+            try:
+                pixels = {name: images.raw(name) for name in NAMES}
+            except HistoryLost:  # this test was interrupted for long
+                continue
+            number = images.frame("camera60").number
+            for name in NAMES:
+                np.testing.assert_array_equal(pixels[name], raw.seen[number % len(raw.seen)][name])
+            numbers.add(number)
+        robot.finish()
+
+
+def test_a_log_with_other_cameras_is_refused(raw: Recorded, start_program: StartProgram) -> None:
+    program = start_program("cameras", "sim_cameras", "--log", str(raw.path))
+    status, output = program.process.wait(), program.process.stdout
+    assert status == 2
+    assert output is not None
+    text = output.read()
+    assert "has images of camera60 (270 x 270, bayer_rggb8)" in text
+    assert "sim has camera60 (540 x 540, bayer_rggb8)" in text
+
+
+def test_a_log_that_is_the_robot_shows_its_images(
+    raw: Recorded, start_program: StartProgram
+) -> None:
+    start_program("run", str(raw.path)).wait_for("waits for a user")
+    with trifinger.connect("sim") as robot:
+        cameras = Cameras(robot)
+        for _ in range(STEPS - 1):
+            t = robot.append_desired_action(robot.new_action())
+            robot.wait_until_time_index(t)
+            images = cameras.get_latest_at(t)
+            assert images is not None
+            number = images.frame("camera300").number
+            np.testing.assert_array_equal(images.raw("camera300"), raw.seen[number]["camera300"])
+
+
+def test_a_robot_in_real_time_is_recorded(start_program: StartProgram, tmp_path: Path) -> None:
+    words = ["--set", "cameras.size=270", "--set", "cameras.rate=5"]
+    running = start_program(
+        "run", "sim_cameras", *words, "--record", str(tmp_path), "--images", "raw"
+    )
+    running.wait_for("deliver images")
+    with trifinger.connect("sim") as robot:
+        cameras = Cameras(robot)
+        seen: dict[int, Any] = {}
+        hold = robot.new_action(position=robot.latest_observation().position)
+        while len(seen) < 5:
+            t = robot.append_desired_action(hold)
+            robot.wait_until_time_index(t)
+            images = cameras.get_latest_at(t)
+            if images is not None:
+                with contextlib.suppress(HistoryLost):
+                    seen[images.frame("camera60").number] = images.raw("camera60")
+        robot.finish()
+    running.wait_for("finished at step")
+    running.end()
+    logged = LoggedCameras(trifinger.Log(tmp_path).session())
+    by_number = {images.frame("camera60").number: images for images in logged}
+    for number, image in seen.items():
+        if by_number[number].has("camera60"):  # a very busy machine may be too slow
+            np.testing.assert_array_equal(by_number[number].raw("camera60"), image)
+    assert sum(by_number[number].has("camera60") for number in seen) > 0
