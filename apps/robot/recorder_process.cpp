@@ -30,8 +30,9 @@ constexpr std::string_view kFailure = "trifinger: ";
 
 }  // namespace
 
-RecorderProcess::RecorderProcess(std::string robot, std::filesystem::path folder)
-    : robot_(std::move(robot)), folder_(std::move(folder)) {
+RecorderProcess::RecorderProcess(std::string robot, std::filesystem::path folder,
+                                 log::ImageStorage images)
+    : robot_(std::move(robot)), folder_(std::move(folder)), images_(images) {
   spawn();
 }
 
@@ -69,7 +70,8 @@ void RecorderProcess::look_after() {
 
 void RecorderProcess::spawn() {
   const auto self = ipc::ProcessIdentity::of_this_process();
-  child_.emplace(ChildProgram({"record", robot_, "--to", folder_.string(), "--with-process",
+  child_.emplace(ChildProgram({"record", robot_, "--to", folder_.string(), "--images",
+                               std::string(log::name_of(images_)), "--with-process",
                                fmt::format("{}:{}", self.pid, self.start_time)}));
   begin_watch();
 }

@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "commands.hpp"
+#include "log/options.hpp"
 #include "robot/run_recorder.hpp"
 #include "robot/run_reporter.hpp"
 #include "robot/runnable_robot.hpp"
@@ -45,6 +46,7 @@ struct RunOptions {
   std::optional<BackendOptions::Mode> mode;
   Nanoseconds fault_log{std::chrono::seconds(10)};
   std::optional<std::filesystem::path> record;
+  log::ImageStorage images{log::ImageStorage::kJpeg};
   bool has_sensors{true};
   RealtimeOptions realtime;
 };
@@ -133,7 +135,8 @@ class Run {
     });
     if (options.fault_log > Nanoseconds::zero()) backend_.follow(flight_recorder_);
     if (options.record) {
-      recorder_ = RunRecorder::start(robot_.name, *options.record, robot_.backend, backend_);
+      recorder_ = RunRecorder::start(robot_.name, *options.record, options.images, robot_.backend,
+                                     backend_);
     }
   }
   Run(const Run&) = delete;
@@ -314,6 +317,7 @@ void add_run(CLI::App& program, Action& action) {
       .add_option("--record", options.record,
                   "Record everything into this folder, as 'trifinger record' does")
       ->option_text("DIR");
+  add_images(command, options.images);
   command.add_flag_callback(
       "--no-sensors", [&options] { options.has_sensors = false; },
       "Do not start 'trifinger cameras' and 'trifinger track' beside a robot with cameras");

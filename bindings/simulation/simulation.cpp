@@ -144,8 +144,9 @@ std::vector<double> PythonSimulation::configuration() const {
 }
 
 std::shared_ptr<log::RecorderThread> PythonSimulation::record(const std::filesystem::path& folder,
-                                                              const std::string& precision) const {
-  auto recorder = start_recorder(name_, folder, precision);
+                                                              const std::string& precision,
+                                                              const std::string& images) const {
+  auto recorder = start_recorder(name_, folder, precision, images);
   std::visit([&](const auto& simulation) { simulation.follow(recorder); }, simulation_);
   return recorder;
 }

@@ -49,7 +49,8 @@ class PythonSimulation {
   [[nodiscard]] std::string mjcf() const;
   /// Records every session from the next one on.
   [[nodiscard]] std::shared_ptr<log::RecorderThread> record(const std::filesystem::path& folder,
-                                                            const std::string& precision) const;
+                                                            const std::string& precision,
+                                                            const std::string& images) const;
   /// Adds `function(observation, action)` to the safety checks; it changes the action in place.
   void add_check(nanobind::object function);
 

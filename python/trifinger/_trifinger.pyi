@@ -779,10 +779,10 @@ class Simulation:
         that waits for the robot.
         """
 
-    def record(self, folder: str | os.PathLike[str], *, precision: str = 'double') -> Recorder:
+    def record(self, folder: str | os.PathLike[str], *, precision: str = 'double', images: str = 'jpeg') -> Recorder:
         """
         Records every session from the next one on, without loss, into a file in `folder`. The precision
-        "single" takes half of the space.
+        "single" takes half of the space. `images` says what is kept of images: "jpeg", "raw" or "none".
         """
 
     def mjcf(self) -> str:
@@ -2652,6 +2652,50 @@ class Log:
         """
         Number of bytes of the files that could not be used. Reads the whole log once.
         """
+
+class LoggedCameras:
+    """
+    The images in a log by the number of their element; trifinger.log.images is for users.
+    """
+
+    def __init__(self, session: LoggedSession) -> None: ...
+
+    @property
+    def calibration(self) -> str:
+        """The text of the calibration."""
+
+    @property
+    def names(self) -> list[str]:
+        """The names of the cameras, in the order of their images."""
+
+    def range(self) -> tuple[int, int]:
+        """The first element in the log, and the one after the last."""
+
+    def has(self, index: int, camera: int) -> bool:
+        """True if the log has the image."""
+
+    def times(self, index: int) -> list[int]:
+        """The middle of each exposure, since 1970 [ns]."""
+
+    def recorded(self, index: int, camera: int) -> tuple[str, bytes]:
+        """The encoding of the image in the log, and its bytes."""
+
+    def file(self, index: int, camera: int) -> tuple[str, bytes]:
+        """
+        The image as a file, ".jpg" as it was recorded or ".png", and its bytes.
+        """
+
+    def pixels(self, index: int, camera: int) -> numpy.typing.NDArray[numpy.uint8]:
+        """The pixels in the format of the camera."""
+
+    def rgb(self, index: int, camera: int) -> numpy.typing.NDArray[numpy.uint8]:
+        """The image in RGB."""
+
+    def index_at(self, t: int) -> int | None:
+        """The newest element that had arrived at the robot's step `t`."""
+
+    def find(self, time: int) -> int | None:
+        """The first element that arrived at or after this time, since 1970 [ns]."""
 
 def replay(log: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | Log | LoggedSession, *, robot: str = '', first: int | None = None, last: int | None = None, strict: bool = True) -> Frontend:
     """
