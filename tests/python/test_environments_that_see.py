@@ -96,7 +96,9 @@ def test_images_are_those_of_the_same_scene_drawn_outside() -> None:
         # A cube elsewhere looks different.
         moved = environment.simulation.configuration()
         moved[9:11] += 0.02
-        other = to_rgb(renderer.render(moved)[0], "bayer_rggb8").astype(int) - observation["camera60"]
+        other = (
+            to_rgb(renderer.render(moved)[0], "bayer_rggb8").astype(int) - observation["camera60"]
+        )
         assert np.abs(other).mean() > 2.0
         observation, *_ = environment.step(next(actions))
     environment.close()
