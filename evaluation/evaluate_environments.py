@@ -58,8 +58,8 @@ A cube that slides has {100 * solvers.TABLE_SHARE:.0f} % of its weight on the ta
 
 `push, seen` knows the cube only from a tracker (`object_poses="tracked"`), in three images of
 540 x 540 pixels, {RATE:.0f} times a second, and each pose is {1e3 * DELAY:.0f} ms old when it
-arrives. `push, as late` has exact poses as seldom and as late, for comparison. Both have the same
-starts and goals, and the true pose decides about success.
+arrives. The true pose decides about success. `push, as late` has exact poses as seldom and as
+late, for comparison, with the same starts and goals.
 
 | task | in the reachable set | solved | median distance | worst | planned with two grasps \
 | grasped again after a loss | at least {100 * NEEDED:.0f} % |

@@ -52,11 +52,7 @@ class SharedEyes {
   // A pair that nobody else uses.
   class Use {
    public:
-    explicit Use(SharedEyes& shared) : shared_(shared) {
-      const std::lock_guard lock(shared_.mutex_);
-      eyes_ = shared_.free_.back();
-      shared_.free_.pop_back();
-    }
+    explicit Use(SharedEyes& shared) : shared_(shared), eyes_(shared.take()) {}
     Use(const Use&) = delete;
     Use& operator=(const Use&) = delete;
     ~Use() {
@@ -72,6 +68,13 @@ class SharedEyes {
   };
 
  private:
+  rendering::Eyes* take() {
+    const std::lock_guard lock(mutex_);
+    rendering::Eyes* const eyes = free_.back();
+    free_.pop_back();
+    return eyes;
+  }
+
   std::mutex mutex_;
   std::deque<rendering::Eyes> all_;
   std::vector<rendering::Eyes*> free_;

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Environments with images, and with poses that a tracker finds in them."""
 
+import os
+import subprocess
+import sys
 from typing import Any
 
 import gymnasium
@@ -96,7 +99,9 @@ def test_images_are_those_of_the_same_scene_drawn_outside() -> None:
         # A cube elsewhere looks different.
         moved = environment.simulation.configuration()
         moved[9:11] += 0.02
-        other = to_rgb(renderer.render(moved)[0], "bayer_rggb8").astype(int) - observation["camera60"]
+        other = (
+            to_rgb(renderer.render(moved)[0], "bayer_rggb8").astype(int) - observation["camera60"]
+        )
         assert np.abs(other).mean() > 2.0
         observation, *_ = environment.step(next(actions))
     environment.close()
@@ -286,6 +291,24 @@ def test_options_that_make_no_sense_are_refused(
     for make in (environment_of, vector_of):
         with pytest.raises((InvalidArgument, trifinger.Error), match=message):
             make(task, **options)
+
+
+def test_without_opengl_an_error_says_how_to_get_it() -> None:
+    program = """
+import trifinger
+from trifinger.environments import Environment, Options, VectorEnvironment
+options = Options.of("push", observation="images", camera_size=54)
+for make in Environment, lambda task, options: VectorEnvironment(task, 2, options=options):
+    try:
+        make("push", options=options)
+    except trifinger.Error as error:
+        print(error)
+"""
+    nobody = {**os.environ, "__EGL_VENDOR_LIBRARY_FILENAMES": "/nonexistent"}
+    done = subprocess.run(
+        [sys.executable, "-c", program], env=nobody, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.count("apt-get install libegl1") == 2, done.stdout + done.stderr
 
 
 def vector_of(task: str, **options: Any) -> VectorEnvironment:
