@@ -199,14 +199,17 @@ TEST(ImagesInLogs, StandInEachFileOfARecording) {
   for (const std::filesystem::path& file : log.files()) {
     const mcap::Reader reader(file);
     int infos = 0;
+    bool has_images = false;
     for (const auto& [id, channel] : reader.contents().channels) {
       const auto count = reader.contents().channel_message_counts.find(id);
       if (channel.topic.ends_with("/camera_info")) {
         EXPECT_EQ(count->second, 1U);
         ++infos;
       }
+      has_images = has_images || channel.topic.ends_with("/image");
     }
-    EXPECT_EQ(infos, 3);
+    // The last file may have the end alone.
+    EXPECT_EQ(infos, has_images ? 3 : 0);
   }
 }
 
