@@ -51,7 +51,8 @@ std::vector<std::vector<std::byte>> noisy_pictures(const camera::ImageFormat& fo
         const bool is_dark = (x / 70 + y / 70) % 2 == 0;
         const double value =
             110 + 50 * std::sin(0.02 * x) + 30 * std::cos(0.05 * y) + (is_dark ? -20 : 20);
-        picture[static_cast<std::size_t>(y * format.width + x)] =
+        picture[static_cast<std::size_t>(y) * static_cast<std::size_t>(format.width) +
+                static_cast<std::size_t>(x)] =
             static_cast<std::byte>(std::lround(value + noise(random)));
       }
     }

@@ -35,7 +35,6 @@ namespace trifinger::test {
 namespace {
 
 using namespace std::chrono_literals;
-using camera::Camera;
 using camera::CameraLost;
 using camera::Frame;
 using log::ImageStorage;
