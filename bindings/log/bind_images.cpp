@@ -140,7 +140,7 @@ void bind_logged_images(nb::module_& m) {
            "The encoding of the image in the log, and its bytes.")
       .def("file", file, "index"_a, "camera"_a,
            nb::sig("def file(self, index: int, camera: int) -> tuple[str, bytes]"),
-           "The image as a file, \".jpg\" as it was recorded or \".png\", and its bytes.")
+           R"(The image as a file, ".jpg" as it was recorded or ".png", and its bytes.)")
       .def(
           "pixels", pixels_of, "index"_a, "camera"_a,
           nb::sig("def pixels(self, index: int, camera: int) -> numpy.typing.NDArray[numpy.uint8]"),

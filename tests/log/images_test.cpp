@@ -35,7 +35,6 @@ namespace trifinger::test {
 namespace {
 
 using namespace std::chrono_literals;
-using camera::Camera;
 using camera::CameraLost;
 using camera::Frame;
 using log::ImageStorage;
@@ -199,14 +198,17 @@ TEST(ImagesInLogs, StandInEachFileOfARecording) {
   for (const std::filesystem::path& file : log.files()) {
     const mcap::Reader reader(file);
     int infos = 0;
+    bool has_images = false;
     for (const auto& [id, channel] : reader.contents().channels) {
       const auto count = reader.contents().channel_message_counts.find(id);
       if (channel.topic.ends_with("/camera_info")) {
         EXPECT_EQ(count->second, 1U);
         ++infos;
       }
+      has_images = has_images || channel.topic.ends_with("/image");
     }
-    EXPECT_EQ(infos, 3);
+    // The last file may have the end alone.
+    EXPECT_EQ(infos, has_images ? 3 : 0);
   }
 }
 
@@ -306,7 +308,61 @@ TEST(ImagesInLogs, OfAFileThatWasCutOffAreReadAndRecovered) {
   }
 }
 
-TEST(ImagesInLogs, ThatWereOverwrittenAreLeftOutAndCounted) {
+// Counts the images in a log, and checks that they are those of the cameras.
+std::int64_t count_images(const LoggedCameras& cameras) {
+  std::int64_t images = 0;
+  const auto [first, end] = cameras.range();
+  for (TimeIndex i = first; i < end; ++i) {
+    try {
+      const LoggedImages found = cameras.at(i);
+      for (std::size_t camera = 0; camera < 3; ++camera) {
+        if (!found.has(camera)) continue;
+        ++images;
+        EXPECT_TRUE(has_pattern(found.pixels(camera), camera, found.infos()[camera].number));
+      }
+    } catch (const log::NotInLog&) {  // NOLINT(bugprone-empty-catch): busy machines lose elements
+    }
+  }
+  return images;
+}
+
+log::RecorderOptions raw_follower(const Folder& folder) {
+  log::RecorderOptions options;
+  options.folder = folder.path();
+  options.keep_free = 0;
+  options.is_follower = true;
+  options.images = ImageStorage::kRaw;
+  return options;
+}
+
+TEST(ImagesInLogs, ThatComeTooFastInRealTimeAreLeftOutAndCounted) {
+  const Folder folder;
+  SeeingDriver driver({.period = 1});
+  SessionHost host =
+      SessionHost::anonymous({.documents = RecordedSight::documents(three_cameras())}, "robot");
+  RecorderUnderTest recorder({"robot"}, raw_follower(folder));
+  {
+    // In the 5 ms between two looks come 25 images; at most 16 of them are still there.
+    Backend backend(driver, host, kRealTime);
+    backend.follow(*recorder);
+    const BackendThread thread(backend, {.demand = Demand::kOff});
+    Frontend<FakeRobot> robot(host);
+    robot.append_desired_action({});
+    robot.wait_until_time_index(3000);
+    robot.finish();
+    recorder.wait_for_event("robot: the controller finished");
+  }
+  recorder.stop();
+  const log::RecorderState state = recorder->state();
+  EXPECT_GT(state.images, 0);
+  EXPECT_GT(state.left_out_images, 0);
+  EXPECT_GT(recorder.count_events("images of robot are not in the log"), 0U);
+  const Log log(folder.path());
+  EXPECT_EQ(count_images(LoggedCameras(log.session())), state.images);
+  EXPECT_TRUE(log.damage().empty());
+}
+
+TEST(ImagesInLogs, FromBeforeTheRecorderAreNotLeftOut) {
   const Folder folder;
   SeeingDriver driver({.period = 1});
   SessionHost host =
@@ -314,37 +370,19 @@ TEST(ImagesInLogs, ThatWereOverwrittenAreLeftOutAndCounted) {
   Backend backend(driver, host, kPatient);
   Frontend<FakeRobot> robot(backend);
   const Session session = robot.session();
-  std::vector<Session> companions{session.companion("cameras")};
-  // 100 images, of which at most 16 are still there when the recorder comes.
+  const std::vector<Session> companions{session.companion("cameras")};
   for (int i = 0; i < 100; ++i) {
     static_cast<void>(robot.get_status(robot.append_desired_action({})));
   }
   robot.finish();
-  log::RecorderOptions options;
-  options.folder = folder.path();
-  options.keep_free = 0;
-  options.is_follower = true;
-  options.images = ImageStorage::kRaw;
-  RecorderUnderTest recorder({"robot"}, options);
+  RecorderUnderTest recorder({"robot"}, raw_follower(folder));
   recorder->begin_session(session, companions);
   recorder.stop();
-  const log::RecorderState state = recorder->state();
-  EXPECT_EQ(state.images + state.left_out_images, 303);
-  EXPECT_GE(state.left_out_images, 3 * (101 - 16));
-  EXPECT_GE(state.images, 3 * 10);
-  EXPECT_GT(recorder.count_events("images of robot are not in the log"), 0U);
-  const Log log(only_file(folder));
-  const LoggedCameras cameras(log.session());
-  std::int64_t images = 0;
-  for (TimeIndex i = 0; i <= 100; ++i) {
-    for (std::size_t camera = 0; camera < 3; ++camera) {
-      if (!cameras.at(i).has(camera)) continue;
-      ++images;
-      EXPECT_TRUE(has_pattern(cameras.at(i).pixels(camera), camera, i));
-    }
-  }
-  EXPECT_EQ(images, state.images);
-  EXPECT_TRUE(log.damage().empty());
+  EXPECT_GE(recorder->state().images, 3 * 10);
+  EXPECT_LE(recorder->state().left_out_images, 3);
+  const LoggedCameras cameras(Log(folder.path()).session());
+  EXPECT_EQ(cameras.range().second, 101);
+  EXPECT_EQ(count_images(cameras), recorder->state().images);
 }
 
 TEST(ImagesInLogs, WaitForADiskThatIsFull) {

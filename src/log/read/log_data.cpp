@@ -164,11 +164,10 @@ std::optional<ImageMessage> LogData::find_image_in(std::size_t n, const std::str
   LogFile& file = files_[chunks_[n].file];
   const mcap::ChunkPlace& place = file.reader.contents().chunks[chunks_[n].index];
   const auto wanted = static_cast<std::uint64_t>(std::max<std::int64_t>(time, 0));
+  const auto sequence = static_cast<std::uint32_t>(element);
   if (wanted < place.first_time || wanted > place.last_time) return std::nullopt;
   for (const mcap::Message& message : load(n)) {
-    if (message.log_time != wanted || message.sequence != static_cast<std::uint32_t>(element)) {
-      continue;
-    }
+    if (message.log_time != wanted || message.sequence != sequence) continue;
     const ChannelReader* const channel = channel_of(file, message.channel_id);
     if (channel == nullptr || channel->role != ChannelReader::Role::kImage ||
         channel->session != robot || channel->camera != camera) {

@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <cstring>
+#include <span>
 #include <utility>
 
 #include "trifinger/camera/image_file.hpp"
@@ -32,7 +33,8 @@ ImageThread::ImageThread(const Session& companion, const SessionHeader& header,
   for (const camera::Camera& camera : cameras_.cameras) {
     frames_.push_back(frame_of(header_.name, camera));
   }
-  thread_ = std::thread([this] { run(); });
+  grabber_ = std::thread([this] { grab(); });
+  if (options_.storage == ImageStorage::kJpeg) compressor_ = std::thread([this] { compress(); });
 }
 
 ImageThread::~ImageThread() { end(); }
@@ -52,7 +54,7 @@ ImageThread::Taken ImageThread::take(std::size_t max_size) {
   return taken;
 }
 
-// acquire: the messages of all earlier elements can be taken then.
+// acquire: the pixels of all earlier elements were copied before.
 TimeIndex ImageThread::next() const noexcept { return next_.load(std::memory_order_acquire); }
 bool ImageThread::has_ended() const noexcept { return has_ended_.load(std::memory_order_acquire); }
 
@@ -62,39 +64,44 @@ void ImageThread::request_end() noexcept {
 }
 
 void ImageThread::end() noexcept {
-  if (!thread_.joinable()) return;
   if (fork_.is_inherited()) {
-    thread_.detach();  // it belongs to the parent process
+    // They belong to the parent process.
+    for (std::thread* const thread : {&grabber_, &compressor_}) {
+      if (thread->joinable()) thread->detach();
+    }
     return;
   }
   // relaxed: no data depends on it.
   is_hasty_.store(true, std::memory_order_relaxed);
   request_end();
-  thread_.join();
+  for (std::thread* const thread : {&grabber_, &compressor_}) {
+    if (thread->joinable()) thread->join();
+  }
 }
 
-void ImageThread::run() {
+void ImageThread::grab() {
   while (true) {
     // The request is read first: then everything from before it is seen below.
     const bool is_last = end_requested_.load(std::memory_order_acquire);
     const TimeIndex end = companion_.range(Series::kObservation).second;
     // relaxed: only this thread writes it.
     for (TimeIndex i = next_.load(std::memory_order_relaxed); i < end; ++i) {
-      handle(i);
+      grab(i);
       next_.store(i + 1, std::memory_order_release);
     }
     if (is_last) break;
     // Nobody wakes it: the back-end would need a system call for that.
     std::this_thread::sleep_for(kPollPeriod);
   }
-  has_ended_.store(true, std::memory_order_release);
+  has_grabbed_.store(true, std::memory_order_release);
+  if (options_.storage == ImageStorage::kRaw) has_ended_.store(true, std::memory_order_release);
 }
 
-void ImageThread::handle(TimeIndex element) {
+void ImageThread::grab(TimeIndex element) {
   const std::size_t count = cameras_.cameras.size();
   std::vector<camera::ImageInfo> infos(count);
   Stamp stamp;
-  std::int64_t left = 0;  // good images that are no messages yet
+  std::int64_t left = 0;  // good images that were not copied yet
   try {
     if (!companion_.try_get(Series::kObservation, element, element_.data())) return;
     std::memcpy(&stamp, element_.data(), sizeof(stamp));
@@ -115,8 +122,8 @@ void ImageThread::handle(TimeIndex element) {
       LogWriter::Image image{.camera = i,
                              .element = element,
                              .time = times[i],
-                             .is_compressed = options_.storage == ImageStorage::kJpeg,
-                             .message = message_of(i, pixels)};
+                             .is_compressed = false,
+                             .message = raw_image(frames_[i], cameras_.cameras[i].format, pixels)};
       view.require_valid();
       if (put(image)) --left;
     }
@@ -128,12 +135,43 @@ void ImageThread::handle(TimeIndex element) {
   }
 }
 
-std::vector<std::byte> ImageThread::message_of(std::size_t camera,
-                                               std::span<const std::byte> pixels) {
-  const camera::ImageFormat& format = cameras_.cameras[camera].format;
-  if (options_.storage == ImageStorage::kRaw) return raw_image(frames_[camera], format, pixels);
-  const std::string jpeg = camera::encode_jpeg(format, pixels, options_.quality);
-  return compressed_image(frames_[camera], std::as_bytes(std::span(jpeg)));
+void ImageThread::compress() {
+  while (true) {
+    // acquire: then all that was grabbed is seen below.
+    const bool is_last = has_grabbed_.load(std::memory_order_acquire);
+    while (std::optional<LogWriter::Image> image = next_to_compress()) {
+      const std::size_t before = image->message.size();
+      try {
+        compress(*image);
+      } catch (const Error& error) {
+        leave_out(1, error.what());
+        image->message.clear();
+      }
+      const std::lock_guard lock(mutex_);
+      size_ -= before - image->message.size();
+      if (!image->message.empty()) images_.push_back(std::move(*image));
+    }
+    if (is_last) break;
+    std::this_thread::sleep_for(kPollPeriod);
+  }
+  has_ended_.store(true, std::memory_order_release);
+}
+
+std::optional<LogWriter::Image> ImageThread::next_to_compress() {
+  const std::lock_guard lock(mutex_);
+  if (grabbed_.empty()) return std::nullopt;
+  LogWriter::Image image = std::move(grabbed_.front());
+  grabbed_.pop_front();
+  return image;
+}
+
+void ImageThread::compress(LogWriter::Image& image) const {
+  const std::optional<ImageInMessage> raw = image_in(false, image.message);
+  if (!raw) throw Error("a message cannot be read");  // never: it is ours
+  const std::string jpeg =
+      camera::encode_jpeg(cameras_.cameras[image.camera].format, raw->bytes, options_.quality);
+  image.message = compressed_image(frames_[image.camera], std::as_bytes(std::span(jpeg)));
+  image.is_compressed = true;
 }
 
 // Returns false if there is no room.
@@ -144,7 +182,7 @@ bool ImageThread::put(LogWriter::Image& image) {
       const std::lock_guard lock(mutex_);
       if (size_ + image.message.size() <= kMaxSize) {
         size_ += image.message.size();
-        images_.push_back(std::move(image));
+        (options_.storage == ImageStorage::kRaw ? images_ : grabbed_).push_back(std::move(image));
         return true;
       }
     }

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <deque>
 #include <mutex>
-#include <span>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -26,8 +26,9 @@ struct ImageOptions {
   int quality{90};  // of JPEG
 };
 
-// Makes the messages of a session's images, in a thread of its own. Pixels are soon overwritten, so
-// nothing else may make it late. An image that cannot be had is left out and counted.
+// Makes the messages of a session's images, in threads of its own. Pixels are soon overwritten, so
+// one thread copies them and does nothing else; another one compresses them. An image that cannot
+// be had is left out and counted.
 class ImageThread {
  public:
   // What has become of the images since the last call of `take`.
@@ -47,25 +48,26 @@ class ImageThread {
   // Takes messages of `max_size` bytes together, or one that is larger. Their times are those on
   // the log's clock if step 0 was at 0.
   [[nodiscard]] Taken take(std::size_t max_size);
-  // First element whose images are not messages yet.
+  // First element whose pixels are still needed.
   [[nodiscard]] TimeIndex next() const noexcept;
 
-  // The thread shall end with the elements that are there now.
+  // The threads shall end with the elements that are there now.
   void request_end() noexcept;
-  // True when it has ended.
+  // True when they have ended: `take` gives all that is left.
   [[nodiscard]] bool has_ended() const noexcept;
-  // Waits until it has ended. What finds no room is left out.
+  // Waits until they have ended. What finds no room is left out.
   void end() noexcept;
 
  private:
-  // All messages that nobody has taken may have this size together: more than comes while a disk
-  // synchronises a second.
+  // All messages that nobody has taken may have this size together, as raw images: more than comes
+  // in a second, while a disk synchronises or other programs take the processors.
   static constexpr std::size_t kMaxSize = std::size_t{128} << 20U;
 
-  void run();
-  void handle(TimeIndex element);
-  [[nodiscard]] std::vector<std::byte> message_of(std::size_t camera,
-                                                  std::span<const std::byte> pixels);
+  void grab();
+  void grab(TimeIndex element);
+  void compress();
+  void compress(LogWriter::Image& image) const;
+  [[nodiscard]] std::optional<LogWriter::Image> next_to_compress();
   [[nodiscard]] bool put(LogWriter::Image& image);
   void leave_out(std::int64_t count, const std::string& trouble = {});
 
@@ -78,18 +80,21 @@ class ImageThread {
   std::vector<std::byte> element_;
   std::atomic<TimeIndex> next_;
   std::atomic<bool> end_requested_{false};
-  std::atomic<bool> is_hasty_{false};  // does not wait for room
+  std::atomic<bool> is_hasty_{false};     // does not wait for room
+  std::atomic<bool> has_grabbed_{false};  // all there is
   std::atomic<bool> has_ended_{false};
 
   std::mutex mutex_;
   // The mutex guards the following members.
+  std::deque<LogWriter::Image> grabbed_;  // raw images that are to be compressed
   std::deque<LogWriter::Image> images_;
-  std::size_t size_{0};
+  std::size_t size_{0};  // of both
   std::int64_t left_out_{0};
   std::string trouble_;
 
   ipc::ForkGuard fork_;
-  std::thread thread_;
+  std::thread grabber_;
+  std::thread compressor_;
 };
 
 }  // namespace trifinger::log::detail

@@ -10,6 +10,7 @@
 
 #include "trifinger/camera/image_file.hpp"
 #include "trifinger/core/errors.hpp"
+#include "trifinger/core/payload.hpp"
 
 namespace trifinger::log::detail {
 namespace {
@@ -170,6 +171,12 @@ void SessionCopier::pump(LogWriter& log, int file) {
       const TimeIndex oldest = companion.series.range(Series::kObservation).first;
       if (oldest > 0) companion.next = oldest + margin(companion.series);
     }
+    // Images from before are not left out.
+    constexpr TimeIndex kPayloads = PayloadWriter::kDefaultHistory;
+    if (cameras_) {
+      const UntypedFrontend& elements = companions_[cameras_->companion].series;
+      first_images_ = elements.range(Series::kObservation).second - kPayloads;
+    }
     is_fresh_ = false;
   }
   if (cameras_ && !images_) begin_images();
@@ -207,9 +214,9 @@ void SessionCopier::begin_images() {
       image_options_.storage = ImageStorage::kRaw;
     }
   }
-  images_ =
-      std::make_unique<ImageThread>(companion_sessions_[cameras_->companion], header_, *cameras_,
-                                    image_options_, companions_[cameras_->companion].next);
+  images_ = std::make_unique<ImageThread>(
+      companion_sessions_[cameras_->companion], header_, *cameras_, image_options_,
+      std::max(first_images_, companions_[cameras_->companion].next));
 }
 
 void SessionCopier::pump_images(LogWriter& log) {
