@@ -261,9 +261,7 @@ class Tracer:
         self._world, self._filters, self._random = world, filters, random
         nothing = np.zeros(len(BANDS))
         own = np.array([each.spectrum for each in world.surfaces])
-        other = np.array(
-            [nothing if s.other is None else s.other for s in world.surfaces]
-        )
+        other = np.array([nothing if s.other is None else s.other for s in world.surfaces])
         # What the sensor gets from each surface under each light is all that spectra are needed
         # for: light adds up.
         lights = np.array([*(lamp.spectrum for lamp in world.lamps), world.sky])
@@ -272,9 +270,14 @@ class Tracer:
         self._plain = (lights @ filters.T).astype(np.float32)
         self._gloss = np.array([s.gloss for s in world.surfaces], np.float32)
         self._sharpness = np.array([s.sharpness for s in world.surfaces], np.float32)
+        self._spots = np.zeros((len(world.lamps), 3))  # of lamps, where a pass looks at them
+        self._turn = 0.0
 
     def light(self, origin: Array, direction: Array, number: int, count: int) -> Array:
         """What comes along each ray: red, green, blue. Pass `number` of `count` of a picture."""
+        for i, lamp in enumerate(self._world.lamps):
+            self._spots[i] = self._random.normal(scale=0.5 * lamp.radius, size=3)
+        self._turn = self._random.uniform(0, 2 * np.pi)
         hits = self._first(origin, direction)
         light = self._surroundings(direction)
         seen = np.flatnonzero(hits.surface >= 0)
@@ -331,8 +334,9 @@ class Tracer:
         surface: Array,
         mixture: Array,
     ) -> Array:
-        spread = self._random.standard_normal((len(point), 3), np.float32)
-        ray = lamp.position.astype(np.float32) + np.float32(0.5 * lamp.radius) * spread - point
+        # All rays of a pass go to one point of the lamp: noise of its own in each pixel would look
+        # like colours to a mosaic of filters.
+        ray = (lamp.position + self._spots[number]).astype(np.float32) - point
         distance = np.linalg.norm(ray, axis=1)
         ray /= distance[:, None]
         cosine = np.maximum(0, (ray * normal).sum(axis=1))
@@ -360,15 +364,14 @@ class Tracer:
         count: int,
     ) -> Array:
         """Light from everything but lamps: one ray to somewhere."""
-        turn = self._random.random(len(point), np.float32) * np.float32(2 * np.pi)
-        rise = (number + self._random.random(len(point), np.float32)) / np.float32(count)
+        turn = np.float32(2.399963 * number + self._turn)
+        rise = np.float32((number + 0.5) / count)
         flat = np.sqrt(rise)
         side = np.where(np.abs(normal[:, :1]) > 0.7, np.float32([0, 1, 0]), np.float32([1, 0, 0]))
         u = np.cross(normal, side)
         u /= np.linalg.norm(u, axis=1, keepdims=True)
         v = np.cross(normal, u)
-        ray = (flat * np.cos(turn))[:, None] * u + (flat * np.sin(turn))[:, None] * v
-        ray += np.sqrt(1 - rise)[:, None] * normal
+        ray = flat * np.cos(turn) * u + flat * np.sin(turn) * v + np.sqrt(1 - rise) * normal
         hits = self._first(point, ray)
         light = self._surroundings(ray) / np.float32(0.6)
         stopped = np.flatnonzero(hits.surface >= 0)

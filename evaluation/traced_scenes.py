@@ -35,7 +35,7 @@ from trifinger.arrays import Array
 
 SAMPLES = 9  # rays per pixel where the object is
 COARSE = 3  # pixels per ray elsewhere, in each direction
-COARSE_SAMPLES = 3
+COARSE_SAMPLES = 4
 MARGIN = 14  # around the object [pixel]
 EXPOSURE = 0.0015  # [s]
 CALIBRATION_ERROR = 0.5  # root mean square in the arena [pixel]
@@ -121,8 +121,7 @@ class Studio:
         if random.random() < 0.4:
             velocity = np.concatenate([random.normal(0, 0.15, 3), random.normal(0, 1.0, 3)])
         pictures = [
-            self._picture(camera, scene, world, light, velocity, random)
-            for camera in self._cameras
+            self._picture(camera, scene, world, light, velocity, random) for camera in self._cameras
         ]
         light = _exposed(light, pictures, random.uniform(*MEAN_LEVEL))
         noise = np.random.default_rng([seed, number, again, 8])
@@ -161,12 +160,10 @@ class Studio:
         world.shapes += self._fingers(scene.configuration)
         if random.random() < 0.35:
             world.shapes += _hand(scene, self._half, random)
-        world.shapes.append(
-            FacedBox(_matrix(scene.position, scene.orientation), self._half, box_surfaces)
-        )
-        box = world.shapes[-1]
-        assert isinstance(box, FacedBox)
+        pose = _matrix(scene.position, scene.orientation)
+        box = FacedBox(pose, self._half, box_surfaces)
         box.rim, box.rim_surface = np.float32(width), rim_surface
+        world.shapes.append(box)
         return world
 
     def _fingers(self, configuration: Array) -> list[Shape]:
@@ -177,10 +174,12 @@ class Studio:
         for finger in range(model.nsite):
             base, shoulder, elbow = data.xanchor[3 * finger : 3 * finger + 3]
             tip = data.site_xpos[finger]
-            shapes.append(Capsule(base, base + 1.6 * (shoulder - base) + (0, 0, 0.01), 0.028, 3))
+            shapes.append(
+                Capsule(base, base + 1.6 * (shoulder - base) + np.array([0, 0, 0.01]), 0.028, 3)
+            )
             shapes.append(Capsule(shoulder, elbow, 0.019, 2))
             shapes.append(Capsule(elbow, tip, 0.0075, 3))
-            shapes.append(Capsule(tip, tip + (0, 0, 0.002), 0.0085, 4))
+            shapes.append(Capsule(tip, tip + np.array([0, 0, 0.002]), 0.0085, 4))
         return shapes
 
     def _light(self, world: World, random: np.random.Generator) -> Light:
@@ -222,7 +221,7 @@ class Studio:
         box = next(shape for shape in world.shapes if isinstance(shape, FacedBox))
         grid = np.arange(0, 540, COARSE) + 0.5 * (COARSE - 1)
         coarse = _traced(tracer, real, grid, grid, light.blur, COARSE_SAMPLES, lambda _: None)
-        picture = _enlarged(_smooth(coarse))
+        picture = _enlarged(coarse)
 
         def move(share: float) -> None:
             time = EXPOSURE * (share - 0.5)
@@ -364,7 +363,7 @@ def _hand(scene: Scene, half: Array, random: np.random.Generator) -> list[Shape]
     for place in np.linspace(-1, 1, random.integers(2, 5)):
         knuckle = palm + 0.03 * place * side
         tip = scene.position + away * random.uniform(0.2, 1) * reach + 0.025 * place * side
-        tip = tip + [0, 0, half[2] * random.uniform(0.6, 1.2) + 0.008]
+        tip[2] += half[2] * random.uniform(0.6, 1.2) + 0.008
         middle = (knuckle + tip) / 2 + [0, 0, 0.012]
         shapes += [Capsule(knuckle, middle, 0.0085, 5), Capsule(middle, tip, 0.0075, 5)]
     return shapes
@@ -372,7 +371,9 @@ def _hand(scene: Scene, half: Array, random: np.random.Generator) -> list[Shape]
 
 def _misaligned(camera: Any, random: np.random.Generator) -> Any:
     """The camera as it is: half a pixel beside its calibration."""
-    grid = np.array([[x, y, z] for x in (-0.12, 0, 0.12) for y in (-0.12, 0, 0.12) for z in (0, 0.1)])
+    grid = np.array(
+        [[x, y, z] for x in (-0.12, 0, 0.12) for y in (-0.12, 0, 0.12) for z in (0, 0.1)]
+    )
     turn, shift = random.normal(size=3), random.normal(size=3)
     focus = random.normal(size=2)
 
@@ -421,14 +422,6 @@ def _traced(
         origin = np.broadcast_to(place, direction.shape)
         sum_ += tracer.light(origin, direction.astype(np.float32), number, count)
     return (sum_ / count).reshape(len(rows), len(columns), 3)
-
-
-def _smooth(coarse: Array) -> Array:
-    """Few rays leave much noise; this mixes neighbours."""
-    for axis in (0, 1):
-        before, after = (np.roll(coarse, way, axis) for way in (1, -1))
-        coarse = 0.25 * before + 0.5 * coarse + 0.25 * after
-    return coarse
 
 
 def _enlarged(coarse: Array) -> Array:
