@@ -9,7 +9,6 @@ namespace trifinger::tracking::detail {
 namespace {
 
 constexpr double kLeastFace = 12;    // that counts as shown [block]
-constexpr double kLeastImage = 100;  // colours in an image that tells something [block]
 constexpr double kLeastShare = 0.2;  // of a face that counts as shown
 
 }  // namespace
@@ -18,21 +17,16 @@ Judge::Judge(const Shape& shape)
     : shape_(&shape), outlines_(shape.faces.size()), shown_(shape.faces.size()) {
   for (std::size_t i = 0; i < outlines_.size(); ++i) {
     outlines_[i].sides.reserve(shape.faces[i].corners.size());
-    num_colours_ = std::max(num_colours_, std::size_t{shape.faces[i].label} + 1);
   }
-  coloured_.resize(shape.faces.size());
-  seen_.resize(shape.faces.size() * num_colours_);
 }
 
 Verdict Judge::judge(const std::vector<View>& views, const Eigen::Isometry3d& pose) noexcept {
   Verdict verdict;
   std::ranges::fill(shown_, 0.0);
-  std::ranges::fill(coloured_, 0.0);
-  std::ranges::fill(seen_, 0.0);
   for (const View& view : views) {
     if (!view.image.exists()) continue;
     if (view.seen(pose.translation()).z() < 1.5 * shape_->radius) continue;
-    const Verdict before = verdict;
+    const double matched_before = verdict.matched;
     for (std::size_t i = 0; i < shape_->faces.size(); ++i) {
       const Face& face = shape_->faces[i];
       const double cosine = facing(view, pose, face);
@@ -49,11 +43,6 @@ Verdict Judge::judge(const std::vector<View>& views, const Eigen::Isometry3d& po
         if (!view.image.contains(pixel, 0)) continue;
         all += blocks;
         const Labels labels = view.image.labels_at(pixel);
-        if (labels.is_coloured()) {
-          coloured_[i] += blocks;
-          seen_[i * num_colours_ + labels.first] += blocks;
-          if (labels.second != kNoColour) seen_[i * num_colours_ + labels.second] += blocks;
-        }
         if (labels.may_be(face.label)) {
           matched += blocks;
         } else if (labels.is_coloured()) {
@@ -67,13 +56,9 @@ Verdict Judge::judge(const std::vector<View>& views, const Eigen::Isometry3d& po
       if (other > matched && other > 0.4 * all) verdict.contradicted += other;
       if (matched >= kLeastFace && matched >= kLeastShare * all) shown_[i] += matched;
     }
-    if (verdict.matched - before.matched >= kLeastFace) ++verdict.cameras;
+    if (verdict.matched - matched_before >= kLeastFace) ++verdict.cameras;
     draw_outlines(view, pose);
-    look_around(view, pose, verdict);
-    const double matched = verdict.matched - before.matched;
-    const double seen =
-        matched + verdict.other - before.other + verdict.unexplained - before.unexplained;
-    if (seen >= kLeastImage) verdict.worst = std::min(verdict.worst, matched / seen);
+    verdict.unexplained += unexplained(view, pose);
   }
   for (std::size_t i = 0; i < shown_.size(); ++i) {
     if (shown_[i] <= 0) continue;
@@ -85,24 +70,23 @@ Verdict Judge::judge(const std::vector<View>& views, const Eigen::Isometry3d& po
         });
     if (is_new) ++verdict.directions;
   }
-  compare_turns(verdict);
+  verdict.twin = twin();
   return verdict;
 }
 
-// Whether the same places show the colours of the object after a turn.
-void Judge::compare_turns(Verdict& verdict) const noexcept {
-  const double own = verdict.matched - kOther * verdict.other;
-  if (own <= 0) return;
-  for (const Shape::Turn& turn : shape_->turns) {
+double Judge::twin() const noexcept {
+  double best = 0;
+  for (const std::vector<std::size_t>& order : shape_->turns) {
+    double all = 0;
     double score = 0;
-    for (std::size_t i = 0; i < turn.faces.size(); ++i) {
-      const double matched = seen_[i * num_colours_ + shape_->faces[turn.faces[i]].label];
-      score += matched - kOther * (coloured_[i] - matched);
+    for (std::size_t i = 0; i < order.size(); ++i) {
+      all += shown_[i];
+      const bool is_same = shape_->faces[order[i]].label == shape_->faces[i].label;
+      score += is_same ? shown_[i] : -kOther * shown_[i];
     }
-    if (score / own <= verdict.twin) continue;
-    verdict.twin = score / own;
-    verdict.turn = &turn.rotation;
+    if (all > 0) best = std::max(best, score / all);
   }
+  return best;
 }
 
 // Draws the visible faces, a little larger than they are: the blocks on their edges belong to them.
@@ -128,37 +112,32 @@ void Judge::draw_outlines(const View& view, const Eigen::Isometry3d& pose) noexc
   }
 }
 
-void Judge::look_around(const View& view, const Eigen::Isometry3d& pose,
-                        Verdict& verdict) const noexcept {
+double Judge::unexplained(const View& view, const Eigen::Isometry3d& pose) const noexcept {
   const Projected at = view.project_with_slope(pose.translation());
   const double reach = 1.1 * shape_->radius * at.slope.norm() / std::numbers::sqrt2 / 2;  // [block]
   const Eigen::Vector2d middle = at.pixel / 2;
-  if (!middle.allFinite() || middle.cwiseAbs().maxCoeff() > 1e4) return;
+  if (!middle.allFinite() || middle.cwiseAbs().maxCoeff() > 1e4) return 0;
   const LabelledImage& image = view.image;
   const int top = std::max(0, static_cast<int>(middle.y() - reach));
   const int bottom = std::min(image.rows(), static_cast<int>(middle.y() + reach) + 1);
   const int left = std::max(0, static_cast<int>(middle.x() - reach));
   const int right = std::min(image.columns(), static_cast<int>(middle.x() + reach) + 1);
+  double count = 0;
   for (int row = top; row < bottom; ++row) {
     for (int column = left; column < right; ++column) {
       const Labels labels = image.labels(column, row);
       if (!labels.is_coloured()) continue;
       if ((Eigen::Vector2d(column, row) - middle).squaredNorm() > reach * reach) continue;
       const Eigen::Vector3d pixel(2 * column + 0.5, 2 * row + 0.5, 1);
-      bool is_inside = false;
-      bool is_explained = false;
-      for (const Outline& outline : outlines_) {
-        const bool is_here = !outline.sides.empty() &&
-                             std::ranges::all_of(outline.sides, [&](const Eigen::Vector3d& side) {
-                               return side.dot(pixel) > 0;
-                             });
-        is_inside = is_inside || is_here;
-        is_explained = is_explained || (is_here && labels.may_be(outline.label));
-      }
-      if (is_explained) continue;
-      (is_inside ? verdict.mixed : verdict.unexplained) += image.weight(labels.first);
+      const bool is_explained = std::ranges::any_of(outlines_, [&](const Outline& outline) {
+        return labels.may_be(outline.label) && !outline.sides.empty() &&
+               std::ranges::all_of(
+                   outline.sides, [&](const Eigen::Vector3d& side) { return side.dot(pixel) > 0; });
+      });
+      if (!is_explained) count += image.weight(labels.first);
     }
   }
+  return count;
 }
 
 }  // namespace trifinger::tracking::detail

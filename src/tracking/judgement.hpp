@@ -3,7 +3,6 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
-#include <algorithm>
 #include <vector>
 
 #include "view.hpp"
@@ -18,22 +17,17 @@ struct Verdict {
   double other{0};         // of faces that show the colour of another face
   double contradicted{0};  // of whole faces that show the colour of another face
   double hidden{0};        // of faces that show no colour: something stands in front of them
-  double unexplained{0};   // of colours around the object
-  double mixed{0};         // of other colours on the object, in any block of it
-  double worst{1};         // the lowest purity of a camera's image
+  double unexplained{0};   // of colours around the object where it has none
   int cameras{0};          // that show the object
   int faces{0};            // that are shown
   int directions{0};       // that faces which are shown have; opposite ones count once
   // The score of the best pose that differs by a turn of the object onto itself, relative to that
-  // of this pose, and that turn. Dirt and light change colours, but not to those of such a pose.
+  // of this pose, as far as the faces that are shown tell it.
   double twin{0};
-  const Eigen::Matrix3d* turn{nullptr};
 
   // What speaks for the pose less what speaks against it.
   [[nodiscard]] double score() const noexcept {
-    // A hand or a table beside the object may have much of a colour, but takes no face away.
-    const double beside = std::min(unexplained, 0.5 * matched);
-    return matched - kOther * other - 0.2 * hidden - 0.7 * (beside + mixed);
+    return matched - kOther * other - 0.2 * hidden - 0.7 * unexplained;
   }
   // Share of the colours seen that are where the pose has them.
   [[nodiscard]] double purity() const noexcept {
@@ -60,17 +54,13 @@ class Judge {
     std::vector<Eigen::Vector3d> sides;  // a x + b y + c > 0 inside [pixel]
   };
 
-  void compare_turns(Verdict& verdict) const noexcept;
+  [[nodiscard]] double twin() const noexcept;
   void draw_outlines(const View& view, const Eigen::Isometry3d& pose) noexcept;
-  void look_around(const View& view, const Eigen::Isometry3d& pose,
-                   Verdict& verdict) const noexcept;
+  [[nodiscard]] double unexplained(const View& view, const Eigen::Isometry3d& pose) const noexcept;
 
   const Shape* shape_;
   std::vector<Outline> outlines_;
-  std::size_t num_colours_{0};
-  std::vector<double> shown_;     // of each face [block]
-  std::vector<double> coloured_;  // of each face that shows any colour [block]
-  std::vector<double> seen_;      // of each face that may show each colour [block]
+  std::vector<double> shown_;  // of each face [block]
 };
 
 }  // namespace trifinger::tracking::detail

@@ -157,9 +157,7 @@ Estimate Tracker::Parts::estimate(const Candidate& candidate, double rival) noex
   const double agreeing = fit.lines > 0 ? static_cast<double>(fit.used) / fit.lines : 0;
   double confidence = 1;
   for (const double each : {
-           at_least(verdict.purity(), 0.65, 0.85),
-           // An image that shows something else may be that of another camera.
-           at_least(verdict.worst, 0.45, 0.7),
+           at_least(verdict.purity(), 0.80, 0.95),
            at_most(verdict.contradicted / verdict.matched, 0.08, 0.0),
            at_least(verdict.completeness(), 0.25, 0.6),
            // One camera alone may be another one than it is said to be.
@@ -223,12 +221,6 @@ Estimate Tracker::Parts::searched() noexcept {
     candidates[i] = refined(finalists[i].second);
     if (candidates[best].verdict.matched <= 0) best = i;
     if (candidates[i].verdict.score() > candidates[best].verdict.score()) best = i;
-  }
-  if (const Verdict& verdict = candidates[best].verdict; verdict.twin > 1) {
-    Eigen::Isometry3d turned = candidates[best].pose;
-    turned.linear() *= *verdict.turn;
-    const Candidate candidate = refined(turned);
-    if (candidate.verdict.score() > verdict.score()) candidates[best] = candidate;
   }
   double rival = 0;
   for (std::size_t i = 0; i < count; ++i) {
