@@ -53,6 +53,16 @@ class TrackedThing {
                const tracking::ColourModel& colours)
       : name_(object.name), tracker_(cameras, tracking::tracked_object(object), colours) {}
 
+  // A sentence if no pose can ever be sure.
+  [[nodiscard]] std::optional<std::string> warning() const {
+    const int count = tracking::look_alikes(tracker_.object());
+    if (count == 0) return std::nullopt;
+    return fmt::format(
+        "{} looks the same after {} different turn{}, so no pose of it will be sure: give its "
+        "faces other 'colours' in the configuration",
+        name_, count, count == 1 ? "" : "s");
+  }
+
   // The pose at this time; nothing unless it is sure.
   std::optional<ObjectPose> track(std::span<const std::span<const std::byte>> images,
                                   Instant time) {
@@ -144,7 +154,8 @@ int track(const TrackOptions& options) {
   std::vector<TrackedThing> things;
   things.reserve(description.objects.size());
   for (const ObjectDescription& object : description.objects) {
-    things.emplace_back(cameras, object, colours);
+    const TrackedThing& thing = things.emplace_back(cameras, object, colours);
+    if (const auto warning = thing.warning()) say(options.robot, *warning);
   }
   camera::LiveCameras live(options.robot, cameras);
   UntypedSensorWriter writer(options.robot, options.sensor, companion->element);

@@ -49,4 +49,9 @@ using BoxColours = std::array<std::string, 6>;
                                           const std::vector<std::array<int, 3>>& triangles,
                                           const std::vector<std::string>& colours);
 
+/// The number of turns after which the object looks the same. If there are any, images cannot tell
+/// its orientation, and no estimate of its pose is ever sure.
+/// @throws InvalidArgument if the object has no faces
+[[nodiscard]] int look_alikes(const TrackedObject& object);
+
 }  // namespace trifinger::tracking
