@@ -65,6 +65,10 @@ ObjectDescription read_object(const Node& node) {
       node.optional<Triple>("velocity", object.velocity, {.unit = "m/s", .min = -10, .max = 10});
   object.angular_velocity = node.optional<Triple>("angular_velocity", object.angular_velocity,
                                                   {.unit = "rad/s", .min = -100, .max = 100});
+  if (const auto colours = node.find("colours")) {
+    if (object.shape != ObjectShape::kBox) colours->fail("is for a cube or a cuboid");
+    object.colours = colours->as<BoxColours>();
+  }
   return object;
 }
 
