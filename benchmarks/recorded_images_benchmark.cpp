@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <random>
@@ -24,6 +25,8 @@
 #include "trifinger/core/fake_robot.hpp"
 #include "trifinger/core/frontend.hpp"
 #include "trifinger/core/sensor.hpp"
+#include "trifinger/log/log.hpp"
+#include "trifinger/log/logged_images.hpp"
 #include "trifinger/log/recorder.hpp"
 
 // A source of 100 triples of 540 x 540 pixels per second beside a robot at 1 kHz, all recorded.
@@ -127,11 +130,6 @@ class Recording {
     thread_.join();
   }
   [[nodiscard]] log::RecorderState state() const { return recorder_.state(); }
-  // Waits until nothing is to be read, and returns the number of images.
-  [[nodiscard]] std::int64_t images_so_far() const {
-    std::this_thread::sleep_for(std::chrono::milliseconds(200));
-    return state().images;
-  }
 
  private:
   log::Recorder recorder_;
@@ -178,6 +176,20 @@ class Robot {
   Frontend<FakeRobot> robot_{host_};
 };
 
+// Counts the images in a log with numbers from `first` on.
+std::int64_t images_in(const std::filesystem::path& folder, std::int64_t first) {
+  const log::LoggedCameras cameras(log::Log(folder).session());
+  std::int64_t count = 0;
+  const auto [begin, end] = cameras.range();
+  for (TimeIndex i = begin; i < end; ++i) {
+    const log::LoggedImages images = cameras.at(i);
+    for (std::size_t camera = 0; camera < images.infos().size(); ++camera) {
+      if (images.infos()[camera].number >= first && images.has(camera)) ++count;
+    }
+  }
+  return count;
+}
+
 Row measure(const Effort& effort, log::ImageStorage storage) {
   Robot robot;
   Cameras cameras("bench", robot.cameras);
@@ -190,8 +202,6 @@ Row measure(const Effort& effort, log::ImageStorage storage) {
     report_progress(i, effort.windows);
     const test::Folder folder;
     Recording recording("bench", {.folder = folder.path(), .images = storage, .keep_free = 0});
-    // Those of the window before.
-    const std::int64_t known = recording.images_so_far();
     const std::int64_t before = cameras.triples();
     cameras.set_wanted(true);
     lateness.measure.add(robot.window(effort.window_time));
@@ -200,7 +210,7 @@ Row measure(const Effort& effort, log::ImageStorage storage) {
     static_cast<void>(robot.window(0.1));
     recording.stop();
     written += 3 * (cameras.triples() - before);
-    recorded += recording.state().images - known;
+    recorded += images_in(folder.path(), before);
     left_out += recording.state().left_out_images;
     bytes += recording.state().bytes;
     lateness.reference.add(robot.window(effort.window_time));
