@@ -82,9 +82,14 @@ def read_outlines(path: Path) -> dict[str, Any]:
         outlines = json.loads(path.read_text())["images"]
         for each in outlines.values():
             for outline in each["outlines"]:
-                if len(np.array(outline["corners"], float).reshape(-1, 2)) < 3:
+                corners = np.array(outline["corners"], float)
+                if corners.ndim != 2 or corners.shape[1] != 2:
+                    raise ValueError("corners are no list of x and y")
+                if len(corners) < 3:
                     raise InvalidArgument(f"{path}: an outline has fewer than 3 corners")
                 str(outline["colour"])
+    except InvalidArgument:
+        raise
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise InvalidArgument(
             f"{path} is no file of labels; save one in the page that --page writes"

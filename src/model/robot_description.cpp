@@ -5,10 +5,10 @@
 #include <cmath>
 #include <set>
 
+#include "face_colours.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/suggestion.hpp"
 #include "trifinger/base/text_of.hpp"
-#include "face_colours.hpp"
 
 namespace trifinger {
 namespace {

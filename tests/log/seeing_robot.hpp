@@ -87,6 +87,7 @@ class SeeingDriver final : public Driver<FakeRobot> {
           .number = number,
           .time = Instant(std::chrono::milliseconds(next_) + std::chrono::microseconds(7 * i)),
           .exposure = std::chrono::microseconds(1500)};
+      if (states[i] == camera::Frame::State::kLost) frames[i] = {.state = states[i]};
       if (states[i] == camera::Frame::State::kGood) seen_.draw(places[i], i, number);
     }
     auto* const bytes = static_cast<std::byte*>(element);

@@ -37,6 +37,14 @@ def test_outlines_become_masks(tmp_path: Path) -> None:
     (tmp_path / "labels.json").write_text("{}")
     with pytest.raises(InvalidArgument, match="no file of labels"):
         read_outlines(tmp_path / "labels.json")
+    square["corners"] = [[10, 10], [29, 10]]
+    (tmp_path / "labels.json").write_text(json.dumps(labels))
+    with pytest.raises(InvalidArgument, match="fewer than 3 corners"):
+        read_outlines(tmp_path / "labels.json")
+    square["corners"] = [10, 10, 29, 10, 29, 29]
+    (tmp_path / "labels.json").write_text(json.dumps(labels))
+    with pytest.raises(InvalidArgument, match="no file of labels"):
+        read_outlines(tmp_path / "labels.json")
 
 
 def test_the_page_has_all_images_and_colours(tmp_path: Path) -> None:

@@ -40,6 +40,9 @@ class ImageSource final : public camera::Source {
   [[nodiscard]] std::vector<std::string> take_news() override;
 
  private:
+  void go_on() noexcept;
+  void leave_out_what_is_over(Instant now);
+
   // An element of the log.
   struct Set {
     TimeIndex index;

@@ -89,7 +89,8 @@ class Sights:
             raise InvalidArgument("there are no images in this part of the log")
         self._indices = np.array([index for index, _ in found])
         times = np.array([times for _, times in found], "datetime64[ns]")
-        self._times = (times - begin).astype(np.int64) * 1e-9
+        # Two images of one camera may come with times in another order if one of them is missing.
+        self._times = np.maximum.accumulate((times - begin).astype(np.int64) * 1e-9, axis=0)
         self._shown: dict[str, tuple[int, Array]] = {}
 
     def at(self, time: float) -> Array:
@@ -120,11 +121,13 @@ class Sights:
     def _labelled(image: Array | None, label: str) -> Array:
         from PIL import Image, ImageDraw, ImageFont
 
-        if image is None:
-            drawn = Image.new("RGB", (SIZE, SIZE), (DARK, DARK, DARK))
-        else:
-            height = round(SIZE * image.shape[0] / image.shape[1])
-            drawn = Image.fromarray(image).resize((SIZE, height), Image.Resampling.BILINEAR)
+        # A square for each camera, whatever the shape of its images.
+        drawn = Image.new("RGB", (SIZE, SIZE), (DARK, DARK, DARK))
+        if image is not None:
+            scale = SIZE / max(image.shape[:2])
+            height, width = (round(length * scale) for length in image.shape[:2])
+            scaled = Image.fromarray(image).resize((width, height), Image.Resampling.BILINEAR)
+            drawn.paste(scaled, ((SIZE - width) // 2, (SIZE - height) // 2))
         brush = ImageDraw.Draw(drawn)
         font = ImageFont.load_default(16)
         box = brush.textbbox((8, 6), label, font=font)

@@ -56,18 +56,25 @@ std::int64_t stamp_time(const SessionHeader& header, TimeIndex step,
 std::vector<std::int64_t> image_times(const SessionHeader& header,
                                       std::span<const camera::ImageInfo> infos,
                                       const Stamp& stamp) {
-  // An element counts as captured in the middle of its good images.
+  // An element counts as captured in the middle of its good images. Only they have a time.
+  const auto is_good = [](const camera::ImageInfo& info) {
+    return info.frame().state == camera::Frame::State::kGood;
+  };
+  const auto first = std::ranges::find_if(infos, is_good);
   std::int64_t sum = 0;
   std::int64_t count = 0;
   for (const camera::ImageInfo& info : infos) {
-    if (info.frame().state != camera::Frame::State::kGood) continue;
-    sum += info.time - infos[0].time;
+    if (!is_good(info)) continue;
+    sum += info.time - first->time;
     ++count;
   }
-  const std::int64_t middle = infos[0].time + (count > 0 ? sum / count : 0);
   const std::int64_t capture = stamp_time(header, stamp.capture_index, stamp.capture_time);
   std::vector<std::int64_t> times;
-  for (const camera::ImageInfo& info : infos) times.push_back(capture + (info.time - middle));
+  times.reserve(infos.size());
+  for (const camera::ImageInfo& info : infos) {
+    const std::int64_t offset = is_good(info) ? info.time - first->time - sum / count : 0;
+    times.push_back(capture + offset);
+  }
   return times;
 }
 

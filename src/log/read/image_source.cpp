@@ -56,11 +56,32 @@ bool ImageSource::has_ended() const noexcept { return !options_.repeats && round
 
 std::vector<std::string> ImageSource::take_news() { return std::exchange(news_, {}); }
 
+void ImageSource::go_on() noexcept {
+  if (++next_ < sets_.size()) return;
+  next_ = 0;
+  ++rounds_;
+}
+
+// After a pause of the program, or if decoding takes longer than a period.
+void ImageSource::leave_out_what_is_over(Instant now) {
+  if (!options_.repeats) return;
+  if (const auto rounds = (now - begin_) / round_; rounds > rounds_) {
+    rounds_ = rounds;
+    next_ = 0;
+  }
+  const auto due_after = [this] {
+    return next_ + 1 < sets_.size() ? begin_ + rounds_ * round_ + sets_[next_ + 1].time
+                                    : begin_ + (rounds_ + 1) * round_;
+  };
+  while (due_after() <= now) go_on();
+}
+
 bool ImageSource::grab(std::span<const std::span<std::byte>> images, std::span<Frame> frames,
                        Timeout timeout) {
   if (has_ended()) return false;
   const Instant now = std::chrono::steady_clock::now();
   if (rounds_ == 0 && next_ == 0 && begin_ == Instant{}) begin_ = now;
+  leave_out_what_is_over(now);
   const Set& set = sets_[next_];
   const Instant due = begin_ + rounds_ * round_ + set.time;
   if (timeout != kForever && due - now > timeout) {
@@ -87,10 +108,7 @@ bool ImageSource::grab(std::span<const std::span<std::byte>> images, std::span<F
       if (rounds_ == 0) news_.emplace_back(error.what());
     }
   }
-  if (++next_ == sets_.size()) {
-    next_ = 0;
-    ++rounds_;
-  }
+  go_on();
   return true;
 }
 

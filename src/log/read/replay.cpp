@@ -39,9 +39,12 @@ std::vector<std::byte> read(const LoggedSession& session, Series series, TimeInd
 bool is_jpeg(const LoggedCameras& cameras) {
   const auto [first, end] = cameras.range();
   for (TimeIndex i = first; i < end; ++i) {
-    const LoggedImages images = cameras.at(i);
-    for (std::size_t camera = 0; camera < images.cameras().size(); ++camera) {
-      if (images.has(camera)) return images.recorded(camera).encoding == kJpegImages;
+    try {
+      const LoggedImages images = cameras.at(i);
+      for (std::size_t camera = 0; camera < images.cameras().size(); ++camera) {
+        if (images.has(camera)) return images.recorded(camera).encoding == kJpegImages;
+      }
+    } catch (const NotInLog&) {  // NOLINT(bugprone-empty-catch): a gap has no images
     }
   }
   return false;
@@ -122,6 +125,17 @@ struct ReplayDriver::Images {
         frames[i].state = camera::Frame::State::kNone;  // not recorded, or damaged
       }
     }
+    commit(target);
+  }
+
+  // The file has changed meanwhile: these images have not come.
+  void show_none(std::byte* target) noexcept {
+    for (camera::Frame& frame : frames) frame = {};
+    commit(target);
+  }
+
+  // All but the stamp.
+  void commit(std::byte* target) noexcept {
     writer.commit(frames, element);
     std::memcpy(target + sizeof(Stamp), element.data() + sizeof(Stamp),
                 element.size() - sizeof(Stamp));
@@ -241,9 +255,7 @@ bool ReplayDriver::get_companion_element(std::size_t index, TimeIndex time_index
                     period_ * std::max<TimeIndex>(stamp.capture_index, 0),
                     static_cast<std::byte*>(element));
     } catch (...) {
-      // The file has changed meanwhile: these images have not come.
-      const PayloadReference none;
-      std::memcpy(static_cast<std::byte*>(element) + sizeof(stamp), &none, sizeof(none));
+      images_->show_none(static_cast<std::byte*>(element));
     }
   }
   ++companion.next;

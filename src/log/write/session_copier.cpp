@@ -66,6 +66,12 @@ SessionCopier::SessionCopier(const Session& robot, const std::vector<Session>& c
                            .element_size = size,
                            .elements = std::vector<std::byte>(std::max(size, kBatchSize))});
   }
+  if (cameras_) {
+    // Images from before the recorder knew of the session are not left out.
+    constexpr TimeIndex kPayloads = PayloadWriter::kDefaultHistory;
+    const UntypedFrontend& elements = companions_[cameras_->companion].series;
+    images_when_found_ = elements.range(Series::kObservation).second - kPayloads;
+  }
   const RobotTypes& types = header_.types;
   const std::size_t step_size =
       types.action.size() + types.applied_action.size() + types.observation.size() + sizeof(Status);
@@ -171,12 +177,7 @@ void SessionCopier::pump(LogWriter& log, int file) {
       const TimeIndex oldest = companion.series.range(Series::kObservation).first;
       if (oldest > 0) companion.next = oldest + margin(companion.series);
     }
-    // Images from before are not left out.
-    constexpr TimeIndex kPayloads = PayloadWriter::kDefaultHistory;
-    if (cameras_) {
-      const UntypedFrontend& elements = companions_[cameras_->companion].series;
-      first_images_ = elements.range(Series::kObservation).second - kPayloads;
-    }
+    first_images_ = images_when_found_;
     is_fresh_ = false;
   }
   if (cameras_ && !images_) begin_images();
@@ -233,9 +234,7 @@ void SessionCopier::pump_images(LogWriter& log) {
       ++num_images_;
     }
     left_out_images_ += taken.left_out;
-    if (!taken.trouble.empty()) {
-      tell_(Level::kError, kRecorder, "an image of " + header_.name + ": " + taken.trouble);
-    }
+    if (!taken.trouble.empty()) image_trouble_ = taken.trouble;
   }
   has_all_images_ = is_over;
   publish_next();
@@ -249,9 +248,12 @@ void SessionCopier::tell_of_images(bool is_end) {
   if (count == 0 || (now < next_sentence_ && !is_end)) return;
   told_left_out_ = left_out_images_;
   next_sentence_ = now + std::chrono::seconds(1);
-  tell_(Level::kWarning, kRecorder,
+  const std::string why =
+      image_trouble_.empty() ? "processors or disk were too slow" : image_trouble_;
+  tell_(image_trouble_.empty() ? Level::kWarning : Level::kError, kRecorder,
         std::to_string(count) + (count == 1 ? " image of " : " images of ") + header_.name +
-            (count == 1 ? " is" : " are") + " not in the log: overwritten before being recorded");
+            (count == 1 ? " is" : " are") + " not in the log: " + why);
+  image_trouble_.clear();
 }
 
 void SessionCopier::pump_steps(LogWriter& log, TimeIndex end) {

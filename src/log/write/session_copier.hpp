@@ -125,13 +125,15 @@ class SessionCopier {
 
   ImageOptions image_options_;
   std::optional<SessionCameras> cameras_;
-  TimeIndex first_images_{0};  // first element whose images are wanted
+  TimeIndex images_when_found_{0};  // oldest element whose pixels were there then
+  TimeIndex first_images_{0};       // first element whose images are wanted
   std::unique_ptr<ImageThread> images_;
   bool has_all_images_{false};              // of those that `images_` has made
   std::deque<UnreadImages> unread_images_;  // outside real-time mode
   std::int64_t num_images_{0};
   std::int64_t left_out_images_{0};
   std::int64_t told_left_out_{0};
+  std::string image_trouble_;  // a sentence that is still to be told
   Instant next_sentence_{};
 
   std::size_t batch_;  // number of steps read at once
