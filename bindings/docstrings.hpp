@@ -652,7 +652,8 @@ inline constexpr const char* Tracker = R"(Finds an object with coloured faces in
 Knows nothing of earlier images: the same images give the same estimate. Not thread-safe.)";
 inline constexpr const char* track = R"(Where the object is in these images, one of each camera. An empty image stands for one that
 is missing or damaged. `guess` is where the object may be, such as its last pose. It saves
-time if it is near, and it is forgotten if the images do not confirm it. Does not allocate.
+time if it is near, and it is forgotten if the images do not confirm it or if a number in it
+is not finite. Does not allocate.
 
 Raises InvalidArgument if the number of images or the size of one is wrong.)";
 }
@@ -755,8 +756,7 @@ inline constexpr const char* task_names = R"(Names of all tasks, for example "re
 inline constexpr const char* tip_impedance = R"(The force that brings a tip to its desired position [N]: `stiffness * dx + damping * dv`.
 Add the force with which the tip should press. The joint torques for a force are `J' force`
 plus `Kinematics.bias_torques`.)";
-inline constexpr const char* tracked_object = R"(An object of a scene as the simulation draws it: boxes have the colours of the competition's
-cubes, and rims.
+inline constexpr const char* tracked_object = R"(An object of a scene as the simulation draws it: boxes have colours and rims.
 
 Raises InvalidArgument if it has no faces with different colours, like a stick or a ball.)";
 inline constexpr const char* wrench_of = R"(The total wrench of nine `forces` [N] at the three contacts, about `centre` [m].)";

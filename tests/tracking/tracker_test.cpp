@@ -233,7 +233,7 @@ TrackedObject gem(double radius) {
       for (std::size_t c = b + 1; c < corners; ++c) {
         if (!are_near(a, b) || !are_near(b, c) || !are_near(a, c)) continue;
         const auto middle = [&](std::size_t i, std::size_t k) {
-          vertices.push_back((vertices[i] + vertices[k]).normalized() * radius);
+          vertices.emplace_back((vertices[i] + vertices[k]).normalized() * radius);
           return static_cast<int>(vertices.size()) - 1;
         };
         const int ab = middle(a, b);
