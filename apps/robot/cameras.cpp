@@ -42,8 +42,8 @@ struct CamerasOptions {
   bool list{false};
   Nanoseconds length{0};  // 0: until a signal
   pid_t parent{0};        // ends with it, unless 0
-  // For devices alone. Images come before the user's programs, but after the robot's loop and its
-  // boards.
+  // For GenICam cameras alone. Images come before the user's programs, but after the robot's loop
+  // and its boards.
   RealtimeOptions realtime{
       .demand = Demand::kTry, .priority = 60, .lock_memory = false, .keep_cpus_awake = false};
 };
@@ -107,11 +107,11 @@ Cameras cameras_of(const CamerasOptions& options) {
           .cameras = calibration.cameras};
 }
 
-// To take an image from a device takes little time, but must be done at once. To draw or decode one
-// takes much, and with a real-time priority it would keep everybody else from running.
-bool takes_from_devices(const CamerasOptions& options, const Cameras& cameras) {
-  return !options.log && (cameras.options.source == camera::SourceKind::kAravis ||
-                          cameras.options.source == camera::SourceKind::kV4l2);
+// To copy an image of a GenICam camera takes little time, but must be done at once. To draw or
+// decode one, or to convert that of a webcam, takes much, and with a real-time priority it would
+// keep everybody else from running.
+bool only_copies(const CamerasOptions& options, const Cameras& cameras) {
+  return !options.log && cameras.options.source == camera::SourceKind::kAravis;
 }
 
 // The images of a log must be those of cameras with these names and formats.
@@ -190,12 +190,12 @@ int cameras(const CamerasOptions& options) {
   if (options.parent > 0) end_with_parent(options.parent);
   const Cameras found = cameras_of(options);
   // Before the source is opened: each device has a thread, which inherits the priority.
-  if (takes_from_devices(options, found)) {
+  if (only_copies(options, found)) {
     for (const std::string& lack : enter_realtime(options.realtime)) say(found.robot, lack);
   } else if (options.realtime.demand == Demand::kRequire) {
     throw UsageError(
-        "--scheduling require is for cameras that are devices; simulated images and "
-        "files are work that must not keep programs from running");
+        "--scheduling require is for GenICam cameras (cameras.source: aravis); to draw, decode or "
+        "convert images is work that must not keep programs from running");
   }
   const std::unique_ptr<camera::Source> source = open_source(found, options.log);
   camera::CameraFeed feed(*source, found.robot, found.cameras, found.options.period);
@@ -236,8 +236,8 @@ void add_cameras(CLI::App& program, Action& action) {
   command.add_flag("--list", options.list, "List the devices that could be cameras, and end");
   add_scheduling(
       command, options.realtime.demand,
-      "Whether real-time priority is required to take images from devices; default: try. "
-      "Simulated images and files never have it");
+      "Whether real-time priority is required to take images from GenICam cameras; default: try. "
+      "Other sources never have it");
   command.footer(
       "The robot runs beside it, in another terminal, and does not wait for images. Both may be\n"
       "started again at any time, in any order. Images are the robot's companion 'cameras'.\n"

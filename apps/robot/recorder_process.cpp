@@ -2,12 +2,12 @@
 #include "robot/recorder_process.hpp"
 
 #include <fmt/core.h>
-#include <poll.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <chrono>
 #include <csignal>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -43,10 +43,11 @@ bool RecorderProcess::finish(Nanoseconds timeout) {
   while (!is_over_ && !deadline.passed()) {
     tell_child();
     end_silence();
-    // The child's output ends when the child ends.
-    pollfd output{.fd = child_ ? child_->program.output() : -1, .events = POLLIN, .revents = 0};
-    const timespec time{.tv_sec = 0, .tv_nsec = deadline.remaining(timeout).count()};
-    ::ppoll(&output, 1, &time, nullptr);
+    if (child_) {
+      child_->program.wait(deadline.remaining(timeout));
+    } else {
+      std::this_thread::sleep_for(deadline.remaining(timeout));
+    }
     look_after();
   }
   return is_over_;

@@ -2,7 +2,6 @@
 #include "robot/sensor_processes.hpp"
 
 #include <fmt/core.h>
-#include <poll.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -58,7 +57,7 @@ bool SensorProcesses::finish(Nanoseconds timeout) {
   }
   const Deadline deadline(timeout);
   while (true) {
-    pollfd output{.fd = -1, .events = POLLIN, .revents = 0};
+    const ChildProgram* running = nullptr;
     for (Process& process : processes_) {
       if (!process.program) continue;
       static_cast<void>(process.program->take_lines());
@@ -66,15 +65,13 @@ bool SensorProcesses::finish(Nanoseconds timeout) {
       if (process.program->has_ended()) {
         process.program.reset();
       } else {
-        output.fd = process.program->output();
+        running = &*process.program;
       }
     }
-    if (output.fd < 0) return true;
+    if (running == nullptr) return true;
     if (deadline.passed()) return false;
-    // The child's output ends when the child ends.
     constexpr Nanoseconds kSlice = std::chrono::milliseconds(50);
-    const auto slice = std::chrono::ceil<std::chrono::milliseconds>(deadline.remaining(kSlice));
-    ::poll(&output, 1, static_cast<int>(slice.count()));
+    running->wait(deadline.remaining(kSlice));
   }
 }
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cstring>
+#include <exception>
 #include <mutex>
 #include <optional>
 #include <thread>
@@ -92,30 +93,33 @@ void AravisDevice::tell(const std::string& trouble) {
 void AravisDevice::open() {
   const std::vector<Found> devices = find_devices();
   const bool is_any = settings_.device == "any";
-  const auto found = std::ranges::find_if(devices, [&](const Found& device) {
-    return is_any ? settings_.claims->take(device.serial, device.id)
-                  : device.serial == settings_.device || device.id == settings_.device;
-  });
-  if (found == devices.end()) {
-    std::string others;
-    for (const Found& device : devices) {
-      others += (others.empty() ? "" : ", ") + device.identity();
+  std::exception_ptr trouble;
+  std::string others;
+  for (const Found& device : devices) {
+    others += (others.empty() ? "" : ", ") + device.identity();
+    const bool is_meant = is_any
+                              ? settings_.claims->take(device.serial, device.id)
+                              : device.serial == settings_.device || device.id == settings_.device;
+    if (!is_meant) continue;
+    is_loopback_ = device.address.starts_with("127.");
+    try {
+      connect(device.id);
+    } catch (const Error&) {
+      // One that cannot be used must not keep this camera from taking another one.
+      if (is_any) settings_.claims->give_back(device.serial, device.id);
+      if (!trouble) trouble = std::current_exception();
+      continue;
     }
-    throw Error((is_any ? "no camera is free" : "camera '" + settings_.device + "' is not there") +
-                (others.empty() ? "" : "; there are " + others));
+    if (!is_any) return;
+    // Another one that comes later must not take its place.
+    settings_.device = device.identity();
+    news_.push_back("any camera may be this one; it is '" + settings_.device +
+                    "' from now on, and cameras.devices can say so for good");
+    return;
   }
-  is_loopback_ = found->address.starts_with("127.");
-  try {
-    connect(found->id);
-  } catch (...) {
-    if (is_any) settings_.claims->give_back(found->serial, found->id);
-    throw;
-  }
-  if (!is_any) return;
-  // Another one that comes later must not take its place.
-  settings_.device = found->identity();
-  news_.push_back("any camera may be this one; it is '" + settings_.device +
-                  "' from now on, and cameras.devices can say so for good");
+  if (trouble) std::rethrow_exception(trouble);
+  throw Error((is_any ? "no camera is free" : "camera '" + settings_.device + "' is not there") +
+              (others.empty() ? "" : "; there are " + others));
 }
 
 void AravisDevice::connect(const std::string& name) {
@@ -159,7 +163,7 @@ void AravisDevice::configure() {
     throw InvalidArgument("camera '" + name_ + "' has no images in " +
                           std::string(name_of(format.pixels)) + ": " + outcome.text());
   }
-  set_region();
+  const std::array<int, 2> offset = set_region();
   aravis.set_acquisition_mode(camera_, Aravis::kContinuous, outcome.get());
   require("to deliver without a pause");
   aravis.set_frame_rate(camera_, 1e9 / static_cast<double>(settings_.period.count()),
@@ -178,10 +182,11 @@ void AravisDevice::configure() {
     if (is_loopback_) aravis.gv_set_stream_options(camera_, Aravis::kNoPacketSocket);
     static_cast<void>(aravis.gv_auto_packet_size(camera_, outcome.get()));
   }
+  settings_.offset = offset;
 }
 
 // The calibration is good for one place on the sensor. A camera forgets it without power.
-void AravisDevice::set_region() {
+std::array<int, 2> AravisDevice::set_region() {
   const Aravis& aravis = Aravis::instance();
   const ImageFormat& format = settings_.format;
   const std::optional<std::array<int, 2>>& offset = settings_.offset;
@@ -206,7 +211,7 @@ void AravisDevice::set_region() {
                           ") of its sensor and cannot begin at (", offset.value_or(kOrigin)[0],
                           ", ", offset.value_or(kOrigin)[1],
                           "), as cameras.offset or its first start says", refusal));
-  settings_.offset = {x, y};
+  return {x, y};
 }
 
 void AravisDevice::start() {

@@ -48,7 +48,8 @@ class AravisDevice final : public Device {
   void connect(const std::string& name);
   void close() noexcept;
   void configure();
-  void set_region();
+  // Returns where images begin.
+  [[nodiscard]] std::array<int, 2> set_region();
   void start();
   void tell(const std::string& trouble);
   [[nodiscard]] std::int64_t number_of(std::uint64_t id) noexcept;

@@ -66,6 +66,7 @@ class MachineVideo final : public VideoSystem {
 
 constexpr std::uint32_t kBuffers = 4;
 constexpr Nanoseconds kRetry = std::chrono::milliseconds(500);
+constexpr Nanoseconds kSilence = std::chrono::seconds(1);
 
 // What cameras may deliver, the best first: what is wanted, then colours, then what costs most
 // time.
@@ -305,7 +306,8 @@ void VideoDevice::start() {
   }
   int type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
   if (call(VIDIOC_STREAMON, &type) != 0) throw SystemError("start " + settings_.path, errno);
-  first_number_ = -1;
+  first_number_.reset();
+  last_image_ = std::chrono::steady_clock::now();
 }
 
 bool VideoDevice::grab(std::span<std::byte> pixels, Frame& frame, Timeout timeout) {
@@ -325,7 +327,13 @@ bool VideoDevice::grab(std::span<std::byte> pixels, Frame& frame, Timeout timeou
       return false;
     }
   }
-  if (!system_.wait(file_, deadline.remaining(std::chrono::hours(1)))) return false;
+  if (!system_.wait(file_, deadline.remaining(kSilence))) {
+    const Nanoseconds silence = std::chrono::steady_clock::now() - last_image_;
+    if (silence > std::max<Nanoseconds>(kSilence, 10 * settings_.period)) {
+      lose("it delivers nothing any more");
+    }
+    return false;
+  }
   v4l2_buffer buffer{};
   buffer.type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
   buffer.memory = V4L2_MEMORY_MMAP;
@@ -333,13 +341,15 @@ bool VideoDevice::grab(std::span<std::byte> pixels, Frame& frame, Timeout timeou
     if (errno != EAGAIN) lose(std::strerror(errno));
     return false;
   }
-  frame = frame_of(buffer, std::chrono::steady_clock::now());
+  last_image_ = std::chrono::steady_clock::now();
+  frame = frame_of(buffer, last_image_);
   if (trouble_.end()) {
     news_.push_back("the camera at " + settings_.path + " is back" +
                     (path_ == settings_.path ? "" : ", at " + path_));
   }
-  if (first_number_ < 0) first_number_ = static_cast<std::int64_t>(buffer.sequence) - count_;
-  frame.number = static_cast<std::int64_t>(buffer.sequence) - first_number_;
+  const std::int64_t sequence = buffer.sequence;
+  if (!first_number_) first_number_ = sequence - count_;
+  frame.number = sequence - *first_number_;
   count_ = frame.number + 1;
   const bool is_whole = (buffer.flags & V4L2_BUF_FLAG_ERROR) == 0 &&
                         buffer.index < buffers_.size() &&

@@ -5,6 +5,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -24,6 +25,7 @@ struct VideoSettings {
 };
 
 // A camera of Video4Linux. It delivers the middle of its images if these are larger than wanted.
+// One from which nothing comes for a second is opened again.
 //
 // The device that is opened first is meant from then on: its name, its port and its serial number.
 // When it comes back, it may have another path, and another one its path.
@@ -69,9 +71,10 @@ class VideoDevice final : public Device {
   int width_{0};
   int height_{0};
   std::size_t stride_{0};
-  std::int64_t first_number_{-1};
-  std::int64_t count_{0};  // images of earlier connections
+  std::optional<std::int64_t> first_number_;  // that of this connection
+  std::int64_t count_{0};                     // images of earlier connections
   Instant next_try_{};
+  Instant last_image_{};
   std::string path_;      // where it was found last
   std::string identity_;  // empty before the first connection
   std::vector<std::byte> rgb_;

@@ -12,6 +12,7 @@
 #include <chrono>
 #include <cstring>
 #include <filesystem>
+#include <fstream>
 #include <memory>
 #include <optional>
 #include <set>
@@ -274,6 +275,35 @@ TEST(AravisNetworkCamera, fault_54_AnotherOneIsNotTakenForTheOneThatWasThereFirs
   }
   const ChildProcess again = network_camera(serial_number(), 0, wanted.format.size());
   await(*device, pixels, "is connected");
+}
+
+TEST(AravisNetworkCamera, fault_51_OneThatCannotBeOpenedIsLeftForAnotherOne) {
+  // The library's own camera is the first one in the list. From now on it describes itself as one
+  // that can do nothing.
+  const camera::Library library("libaravis-0.8.so.0", "a test", "");
+  void (*describe)(const char*) = nullptr;
+  library.find("arv_set_fake_camera_genicam_filename", describe);
+  const auto wanted = settings("any", PixelFormat::kMono8, 64);
+  std::vector<std::byte> pixels(wanted.format.size());
+  const ChildProcess process = network_camera(serial_number(), 0, wanted.format.size());
+  camera::Aravis::instance().enable_interface("Fake");
+  const auto description = std::filesystem::path(::testing::TempDir()) / (serial_number() + ".xml");
+  std::ofstream(description) << "<RegisterDescription></RegisterDescription>";
+  describe(description.c_str());
+  std::optional<camera::AravisDevice> device;
+  while (!device) {
+    try {
+      device.emplace(wanted);
+    } catch (const InvalidArgument& error) {
+      // The other one is not found yet.
+      EXPECT_THAT(error.what(), HasSubstr("camera 'Fake_1' has no images in mono8"));
+    }
+  }
+  EXPECT_THAT(await(*device, pixels, "any camera"),
+              HasSubstr("it is '" + serial_number() + "' from now on"));
+  EXPECT_TRUE(device->is_there());
+  describe(nullptr);
+  std::filesystem::remove(description);
 }
 
 TEST(AravisNetworkCamera, fault_54_ItsImagesBeginAtTheSamePixelAfterItWasWithoutPower) {

@@ -64,6 +64,7 @@ class FakeVideo final : public camera::VideoSystem {
       sequence = static_cast<std::uint32_t>(count_);
       stamp = due;
     }
+    if (is_plugged && images.empty()) std::this_thread::sleep_for(timeout);
     return !is_plugged || !images.empty();
   }
   [[nodiscard]] std::byte* map(int, std::size_t size, std::size_t offset) override {
@@ -386,6 +387,52 @@ TEST(VideoDevice, fault_51_ADeviceThatIsUnpluggedIsFoundAgain) {
   EXPECT_TRUE(device.is_there());
   EXPECT_EQ(frame.number, 1);  // goes on, also if the device counts from 0 again
   EXPECT_THAT(device.take_news(), ElementsAre("the camera at /dev/video3 is back"));
+}
+
+TEST(VideoDevice, fault_51_ADeviceThatFallsSilentIsLostAndOpenedAgain) {
+  FakeVideo video(V4L2_PIX_FMT_GREY, 4, 2);
+  camera::VideoDevice device(settings(PixelFormat::kMono8), video);
+  const ImageFormat format{.width = 4, .height = 2, .pixels = PixelFormat::kMono8};
+  const auto grey = [](unsigned, unsigned) { return std::vector{1}; };
+  video.add(grey);
+  grab(device, format);
+  const Instant begin = std::chrono::steady_clock::now();
+  std::vector<std::byte> pixels(format.size());
+  Frame frame;
+  while (device.is_there()) EXPECT_FALSE(device.grab(pixels, frame, 10ms));
+  EXPECT_GT(std::chrono::steady_clock::now() - begin, 1s);
+  EXPECT_THAT(device.take_news(),
+              ElementsAre("the camera at /dev/video3 is lost: it delivers nothing any more"));
+  EXPECT_EQ(video.opened, video.closed);
+  video.queued.clear();
+  while (!device.is_there()) EXPECT_FALSE(device.grab(pixels, frame, 10ms));
+  video.add(grey);
+  while (!device.grab(pixels, frame, 10ms)) {
+  }
+  EXPECT_THAT(device.take_news(), ElementsAre("the camera at /dev/video3 is back"));
+}
+
+TEST(VideoDevice, fault_52_ImagesAreCountedAsLostAfterItsReturn) {
+  FakeVideo video(V4L2_PIX_FMT_GREY, 4, 2);
+  camera::VideoDevice device(settings(PixelFormat::kMono8), video);
+  std::vector<std::byte> pixels(8);
+  Frame frame;
+  const auto next_number = [&](std::uint32_t sequence) {
+    video.sequence = sequence;
+    video.add([](unsigned, unsigned) { return std::vector{1}; });
+    while (!device.grab(pixels, frame, 1s)) {
+    }
+    return frame.number;
+  };
+  EXPECT_EQ(next_number(0), 0);
+  EXPECT_EQ(next_number(1), 1);
+  video.is_plugged = false;
+  while (device.is_there()) EXPECT_FALSE(device.grab(pixels, frame, 1ms));
+  video.is_plugged = true;
+  video.queued.clear();
+  EXPECT_EQ(next_number(0), 2);
+  EXPECT_EQ(next_number(3), 5);  // two are missing
+  EXPECT_EQ(next_number(4), 6);
 }
 
 TEST(VideoDevice, fault_51_WhatHindersItsReturnIsToldOnceAndEndsNothing) {

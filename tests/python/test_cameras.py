@@ -367,10 +367,13 @@ def test_image_taking_threads_have_real_time_priority(
     files = start_program("cameras", "sim_cameras", "--name", "files", *settings(folder))
     files.wait_for("deliver images")
     assert os.sched_getscheduler(files.process.pid) == os.SCHED_OTHER
-    command = [PROGRAM, "cameras", "sim_cameras", "--scheduling", "require", *settings(folder)]
-    refused = subprocess.run(command, capture_output=True, text=True)
-    assert refused.returncode == 2
-    assert "is for cameras that are devices" in refused.stderr
+    # Images of webcams must be decoded or converted, too.
+    webcams = ["--set", "cameras.source=v4l2", "--set", "cameras.devices=[/dev/a, /dev/b, /dev/c]"]
+    for source in (settings(folder), webcams):
+        command = [PROGRAM, "cameras", "sim_cameras", "--scheduling", "require", *source]
+        refused = subprocess.run(command, capture_output=True, text=True)
+        assert refused.returncode == 2
+        assert "is for GenICam cameras" in refused.stderr
 
 
 def test_a_second_process_and_a_robot_without_cameras_are_told(
