@@ -82,13 +82,11 @@ An environment is constant. Threads may share one, each with its own episodes.)"
 inline constexpr const char* begin = R"(Draws the beginning of episode `number` of `seed`. The same arguments give the same episode.)";
 inline constexpr const char* entries = R"(The parts of an observation, in the order of `Layout.DICTIONARY`. Images are not among them:
 whoever has cameras adds these.)";
-inline constexpr const char* judges_by_truth = R"(True if a simulation shall judge the outcome by the True pose of the object, because it is
-not observed, or tracked.)";
+inline constexpr const char* judges_by_truth = R"(True if a simulation shall judge the outcome by where the object really is, because its pose
+is not observed, or tracked.)";
 inline constexpr const char* observe = R"(Computes the observation after the actions that `episode` counts. The outcome is judged by
 the goal that was shown before, which is written to `desired`. If a new goal begins now, it
 is in `observation`.)";
-inline constexpr const char* oldest_sure_age = R"(Age of the newest pose of the object just before the next one arrives [steps]. If it is
-older, the tracker was not sure since then, or poses were lost.)";
 }
 
 namespace EnvironmentBatch {
@@ -102,6 +100,8 @@ of its own. One batch must not be used by several threads at once.
 Simulations that see share one pair of eyes per thread. An image is drawn when an
 observation needs it.)";
 inline constexpr const char* cameras = R"(The cameras of each simulation that are observed; none without `Layout.IMAGES`.)";
+inline constexpr const char* oldest_sure_age = R"(Age of the newest pose of the object just before the next one arrives [steps]. If it is
+older, poses were lost, or the tracker was not sure since then.)";
 inline constexpr const char* reset = R"(Begins an episode in the simulations that `which` marks with a number other than 0, or in
 all of them without marks.
 
@@ -114,7 +114,8 @@ inline constexpr const char* step = R"(Applies one action in each simulation. `a
 for `Environment.take_action`.
 
 Raises InvalidArgument if there are too many or too few numbers, or one is not finite; then
-nothing moves. Error if an image could not be drawn.)";
+nothing moves. Error if an image could not be drawn; then the episode of that simulation has
+ended, and the others have moved on.)";
 }
 
 namespace Estimate {

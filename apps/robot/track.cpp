@@ -55,12 +55,7 @@ class TrackedThing {
 
   // A sentence if no pose can ever be sure.
   [[nodiscard]] std::optional<std::string> warning() const {
-    const int count = tracking::look_alikes(tracker_.object());
-    if (count == 0) return std::nullopt;
-    return fmt::format(
-        "{} looks the same after {} different turn{}, so no pose of it will be sure: give its "
-        "faces other 'colours' in the configuration",
-        name_, count, count == 1 ? "" : "s");
+    return tracking::look_alike_warning(tracker_.object());
   }
 
   // The pose at this time; nothing unless it is sure.

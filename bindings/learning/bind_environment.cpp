@@ -64,16 +64,20 @@ nb::object view(nb::handle owner, std::vector<T>& values, std::size_t rows = 0) 
   return view(owner, values.data(), values.size(), rows);
 }
 
+Nanoseconds period_of(const RobotConfig& config) {
+  return std::visit([](const auto& options) { return options.period; }, config.simulation);
+}
+
 // `Environment`, one episode of it, and what was seen last.
 struct Episodes {
-  Episodes(nb::object its_task, const EnvironmentOptions& options, const RobotDescription& robot,
-           Nanoseconds step, std::vector<camera::Camera> its_cameras)
+  Episodes(nb::object its_task, const EnvironmentOptions& options, RobotConfig its_config,
+           std::vector<camera::Camera> its_cameras)
       : task(std::move(its_task)),
         environment(nb::isinstance<nb::str>(task) ? find_task(nb::cast<std::string>(task))
                                                   : describe_task(task, failure),
-                    options, robot, step),
-        description(robot),
-        period(step),
+                    options, description_of(its_config), period_of(its_config)),
+        config(std::move(its_config)),
+        oldest_sure_age(rendering::oldest_sure_age(config)),
         cameras(std::move(its_cameras)),
         observation(environment.observation_size()),
         achieved(environment.goal_size()),
@@ -89,8 +93,8 @@ struct Episodes {
   nb::object task;  // a name, or an object of Python's class
   std::shared_ptr<TaskFailure> failure = std::make_shared<TaskFailure>();
   Environment environment;
-  RobotDescription description;
-  Nanoseconds period;
+  RobotConfig config;
+  TimeIndex oldest_sure_age;            // of a pose [steps]
   std::vector<camera::Camera> cameras;  // that are observed
   Start start;
   Episode episode;
@@ -109,10 +113,6 @@ std::optional<ObjectPose> to_pose(nb::handle given) {
   std::copy_n(at.value.data(), 3, pose.position.begin());
   std::copy_n(turned.value.data(), 4, pose.orientation.begin());
   return pose;
-}
-
-Nanoseconds period_of(const RobotConfig& config) {
-  return std::visit([](const auto& options) { return options.period; }, config.simulation);
 }
 
 // The cameras that an environment with these options observes.
@@ -157,9 +157,8 @@ void bind_description(nb::class_<T>& type, const Environment& (*environment_of)(
           "episode_actions",
           [environment_of](const T& self) { return environment_of(self).episode_actions(); })
       .def_prop_ro(
-          "oldest_sure_age",
-          [environment_of](const T& self) { return environment_of(self).oldest_sure_age(); },
-          docs::Environment::oldest_sure_age)
+          "oldest_image_age", [](const T&) { return kOldestImage; },
+          "Images that are older count as this old [steps].")
       .def_prop_ro(
           "judges_by_truth",
           [environment_of](const T& self) { return environment_of(self).judges_by_truth(); },
@@ -200,10 +199,10 @@ void bind_episodes(nb::module_& m) {
           "__init__",
           [](Episodes* self, const nb::object& task, const std::string& options,
              const std::string& config, const nb::dict& overrides) {
-            const RobotConfig robot = load_config(config, overrides);
+            RobotConfig robot = load_config(config, overrides);
             const EnvironmentOptions wanted = read_options(options);
-            new (self) Episodes(task, wanted, description_of(robot), period_of(robot),
-                                observed_cameras(wanted, robot));
+            std::vector<camera::Camera> cameras = observed_cameras(wanted, robot);
+            new (self) Episodes(task, wanted, std::move(robot), std::move(cameras));
           },
           "task"_a, "options"_a, "config"_a, "overrides"_a,
           nb::sig("def __init__(self, task: object, options: str, config: str, "
@@ -232,22 +231,32 @@ the series of random numbers.)")
               .c_str())
       .def(
           "check_robot",
-          [](const Episodes& self, const std::string& configuration) {
+          [](Episodes& self, const std::optional<std::string>& configuration) {
             const RobotConfig actual =
-                read_robot_config(config::File::parse(configuration, "configuration.yml"));
+                configuration
+                    ? read_robot_config(config::File::parse(*configuration, "configuration.yml"))
+                    : self.config;
             const RobotDescription& description = description_of(actual);
-            if (description.variant != self.description.variant ||
-                description.arrangement != self.description.arrangement) {
+            const RobotDescription& expected = description_of(self.config);
+            if (description.variant != expected.variant ||
+                description.arrangement != expected.arrangement) {
               throw InvalidArgument("the robot is a '" + actual.name +
                                     "', which is not what `config` says");
             }
-            if (period_of(actual) != self.period) {
+            if (period_of(actual) != period_of(self.config)) {
               throw InvalidArgument(
                   "the robot's period is " + std::to_string(to_seconds(period_of(actual))) +
-                  " s, `config` says " + std::to_string(to_seconds(self.period)) + " s");
+                  " s, `config` says " + std::to_string(to_seconds(period_of(self.config))) + " s");
             }
+            self.oldest_sure_age = rendering::oldest_sure_age_elsewhere(actual);
           },
-          "configuration"_a, "Refuses another robot than that of `config`, by its configuration.")
+          "configuration"_a.none(),
+          "Refuses another robot than that of `config`, by its configuration if that is known, and "
+          "takes\n"
+          "the age of its poses from there.")
+      .def_prop_ro(
+          "oldest_sure_age", [](const Episodes& self) { return self.oldest_sure_age; },
+          "Age of a pose up to which it is sure; of a connected robot once it was checked [steps].")
       .def(
           "way",
           [](const Episodes& self, const Array<JointValues>& from) {
@@ -367,7 +376,7 @@ void bind_batch(nb::module_& m) {
             std::visit(
                 [&](const auto& simulation) {
                   new (self) EnvironmentBatch(task, wanted, simulation, size, num_threads,
-                                              wanted.needs_cameras()
+                                              wanted.needs_cameras() || robot.tracks_objects
                                                   ? rendering::sight_options(robot, robot.name)
                                                   : std::nullopt);
                 },
@@ -378,6 +387,8 @@ void bind_batch(nb::module_& m) {
                   "num_threads: int, config: str, overrides: dict[str, object]) -> None"))
       .def("__len__", &EnvironmentBatch::size)
       .def_prop_ro("num_threads", &EnvironmentBatch::num_threads)
+      .def_prop_ro("oldest_sure_age", &EnvironmentBatch::oldest_sure_age,
+                   docs::EnvironmentBatch::oldest_sure_age)
       .def("seed", &EnvironmentBatch::seed, "index"_a, "seed"_a, "episode"_a = 0,
            docs::EnvironmentBatch::seed)
       .def(

@@ -2096,8 +2096,17 @@ class Episodes:
         the series of random numbers.
         """
 
-    def check_robot(self, configuration: str) -> None:
-        """Refuses another robot than that of `config`, by its configuration."""
+    def check_robot(self, configuration: str | None) -> None:
+        """
+        Refuses another robot than that of `config`, by its configuration if that is known, and takes
+        the age of its poses from there.
+        """
+
+    @property
+    def oldest_sure_age(self) -> int:
+        """
+        Age of a pose up to which it is sure; of a connected robot once it was checked [steps].
+        """
 
     def way(self, from_position: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
         """
@@ -2139,17 +2148,14 @@ class Episodes:
     def episode_actions(self) -> int: ...
 
     @property
-    def oldest_sure_age(self) -> int:
-        """
-        Age of the newest pose of the object just before the next one arrives [steps]. If it is
-        older, the tracker was not sure since then, or poses were lost.
-        """
+    def oldest_image_age(self) -> int:
+        """Images that are older count as this old [steps]."""
 
     @property
     def judges_by_truth(self) -> bool:
         """
-        True if a simulation shall judge the outcome by the True pose of the object, because it is
-        not observed, or tracked.
+        True if a simulation shall judge the outcome by where the object really is, because its pose
+        is not observed, or tracked.
         """
 
     @property
@@ -2198,6 +2204,13 @@ class EnvironmentBatch:
     @property
     def num_threads(self) -> int: ...
 
+    @property
+    def oldest_sure_age(self) -> int:
+        """
+        Age of the newest pose of the object just before the next one arrives [steps]. If it is
+        older, poses were lost, or the tracker was not sure since then.
+        """
+
     def seed(self, index: int, seed: int, episode: int = ...) -> None:
         """
         Makes the next `reset` of simulation `index` begin this episode of `seed`. Each later reset
@@ -2220,7 +2233,8 @@ class EnvironmentBatch:
         for `Environment.take_action`.
 
         Raises InvalidArgument if there are too many or too few numbers, or one is not finite; then
-        nothing moves. Error if an image could not be drawn.
+        nothing moves. Error if an image could not be drawn; then the episode of that simulation has
+        ended, and the others have moved on.
 
         The arrays below change.
         """
@@ -2244,17 +2258,14 @@ class EnvironmentBatch:
     def episode_actions(self) -> int: ...
 
     @property
-    def oldest_sure_age(self) -> int:
-        """
-        Age of the newest pose of the object just before the next one arrives [steps]. If it is
-        older, the tracker was not sure since then, or poses were lost.
-        """
+    def oldest_image_age(self) -> int:
+        """Images that are older count as this old [steps]."""
 
     @property
     def judges_by_truth(self) -> bool:
         """
-        True if a simulation shall judge the outcome by the True pose of the object, because it is
-        not observed, or tracked.
+        True if a simulation shall judge the outcome by where the object really is, because its pose
+        is not observed, or tracked.
         """
 
     @property
@@ -2747,8 +2758,7 @@ def coloured_box(name: str, size: numpy.typing.ArrayLike, colours: Sequence[str]
 
 def tracked_object(config: str = 'sim', overrides: dict[str, object] = {}, name: str = 'cube') -> TrackedObject:
     """
-    An object of a scene as the simulation draws it: boxes have the colours of the competition's
-    cubes, and rims.
+    An object of a scene as the simulation draws it: boxes have colours and rims.
 
     Raises InvalidArgument if it has no faces with different colours, like a stick or a ball.
     """
@@ -2813,7 +2823,8 @@ class Tracker:
         """
         Where the object is in these images, one of each camera. An empty image stands for one that
         is missing or damaged. `guess` is where the object may be, such as its last pose. It saves
-        time if it is near, and it is forgotten if the images do not confirm it. Does not allocate.
+        time if it is near, and it is forgotten if the images do not confirm it or if a number in it
+        is not finite. Does not allocate.
 
         Raises InvalidArgument if the number of images or the size of one is wrong.
         """

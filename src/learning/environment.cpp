@@ -68,18 +68,6 @@ ObjectPose upward(const ObjectPose& pose) noexcept {
   return shown;
 }
 
-// Age of the newest pose just before the next one arrives, if none is lost [steps].
-TimeIndex oldest_sure_age_of(const EnvironmentOptions& options, double step) {
-  // A delay that is a whole number of steps may be a little less in binary.
-  const auto steps = [step](double time) -> TimeIndex {
-    return static_cast<TimeIndex>(std::floor(time / step + 1e-6));
-  };
-  const TimeIndex delay = steps(options.object_delay);
-  if (options.object_poses == ObjectPoses::kExact) return delay + steps(options.object_period) - 1;
-  const TimeIndex period = std::max<TimeIndex>(steps(1.0 / options.camera_rate), 1);
-  return std::max(delay, steps(options.camera_delay)) + period - 1;
-}
-
 // The range of desired positions in the authors' simulation of their reaching task, in the sign
 // convention of the variant and clipped to the soft limits.
 Workspace make_workspace(const Kinematics& kinematics) {
@@ -111,8 +99,7 @@ struct Environment::Implementation {
         action_time(std::chrono::duration<double>(step).count() * wanted.steps_per_action),
         max_torque(actuator(description).torque_limit),
         num_joints(workspace.low.size()),
-        episode_actions(std::llround(options.duration / action_time)),
-        oldest_sure_age(oldest_sure_age_of(options, std::chrono::duration<double>(step).count())) {
+        episode_actions(std::llround(options.duration / action_time)) {
     if (episode_actions < 1) {
       throw InvalidArgument(text_of("duration is ", options.duration,
                                     " s, must be at least that of an action, ", action_time, " s"));
@@ -245,7 +232,6 @@ struct Environment::Implementation {
   double max_torque;   // [Nm]
   std::size_t num_joints;
   std::int64_t episode_actions;
-  TimeIndex oldest_sure_age;
   std::vector<Entry> entries;
   std::size_t goal_entry{0};
   std::vector<std::size_t> flat;  // Index in all entries of each number observed.
@@ -278,7 +264,6 @@ std::string_view Environment::object_name() const noexcept {
 bool Environment::judges_by_truth() const noexcept {
   return !implementation_->task->object_name().empty() && options().needs_cameras();
 }
-TimeIndex Environment::oldest_sure_age() const noexcept { return implementation_->oldest_sure_age; }
 const std::vector<Entry>& Environment::entries() const noexcept { return implementation_->entries; }
 std::size_t Environment::observation_size() const noexcept { return implementation_->flat.size(); }
 std::size_t Environment::goal_size() const noexcept { return implementation_->goal.low.size(); }

@@ -16,6 +16,7 @@
 
 #include "trifinger/base/error.hpp"
 #include "trifinger/camera/pixels.hpp"
+#include "trifinger/rendering/simulation_that_sees.hpp"
 #include "trifinger/sim/simulator.hpp"
 
 namespace trifinger::learning {
@@ -41,7 +42,7 @@ std::span<T> row(std::vector<T>& values, std::size_t index, std::size_t count) n
   return std::span(values).subspan(index * width, width);
 }
 
-// Eyes for the threads of a batch: there is a pair for each.
+// Eyes for the threads of a batch: a pair for each that can be at work at one time.
 class SharedEyes {
  public:
   void add(rendering::Eyes eyes) {
@@ -134,6 +135,7 @@ class EnvironmentBatch::Implementation {
   Environment environment;
   std::vector<camera::Camera> cameras;  // that are observed
   std::size_t size;
+  TimeIndex oldest_sure_age{0};
   std::vector<std::uint64_t> seeds;
   std::vector<Run> runs;
   Results results;
@@ -153,6 +155,8 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
       : Implementation(task, options, simulation.description, simulation.period, count, sight),
         simulator_(simulation),
         simulations_(count) {
+    oldest_sure_age = sight && sight->finds_objects ? rendering::oldest_sure_age(sight->capture)
+                                                    : rendering::oldest_sure_age(simulation);
     require(num_threads >= 0,
             "num_threads is " + std::to_string(num_threads) + ", must be at least 0");
     for (Simulation& one : simulations_) one.state = simulator_.make_state();
@@ -178,7 +182,8 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
         one.sight.emplace(sight->capture, num_objects);
         if (sight->varies) one.sight->vary(sight->rendering);
       }
-      for (int i = 0; i < mjb_nthread(batch_.get()); ++i) {
+      const std::size_t num_eyes = std::min(static_cast<std::size_t>(this->num_threads()), count);
+      for (std::size_t i = 0; i < num_eyes; ++i) {
         eyes_.add(rendering::make_eyes(simulation.description, *sight));
       }
     }
@@ -204,7 +209,6 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
 
   void run(std::span<const int> which) override {
     apply(which);
-    if (failure_ != nullptr) std::rethrow_exception(std::exchange(failure_, nullptr));
     given_up_.clear();
     const int* const status = mjb_status(batch_.get());
     for (const int i : which) {
@@ -215,9 +219,11 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
       keep_final(index);
       given_up_.push_back(i);
     }
-    if (given_up_.empty() || call != Call::kStep || autoreset != Autoreset::kSameStep) return;
-    call = Call::kBegin;
-    apply(given_up_);
+    if (!given_up_.empty() && call == Call::kStep && autoreset == Autoreset::kSameStep) {
+      call = Call::kBegin;
+      apply(given_up_);
+    }
+    // Only now, when all simulations are in order.
     if (failure_ != nullptr) std::rethrow_exception(std::exchange(failure_, nullptr));
   }
 
@@ -236,6 +242,7 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
     TimeIndex object_step{kNeverSeen};
     Action action{};  // The action in effect.
     std::optional<rendering::Sight> sight{};
+    bool is_blind{false};  // Drawing or reading an image has failed.
   };
   static constexpr TimeIndex kNeverSeen = -2;  // Step -1 is that before the first one.
 
@@ -246,6 +253,12 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
   }
 
   void run_one(const mjModel& model, mjData& data, std::size_t i) noexcept {
+    do_call(model, data, i);
+    // Whoever has called gets the exception, and this episode does not go on.
+    if (std::exchange(simulations_[i].is_blind, false)) end_with_fault(i, results.fault[i]);
+  }
+
+  void do_call(const mjModel& model, mjData& data, std::size_t i) noexcept {
     if (call == Call::kBegin) {
       reset(model, data, i);
       return;
@@ -368,6 +381,7 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
         one.object_step = poses->capture_index;
       }
     } catch (...) {
+      one.is_blind = true;
       const std::lock_guard lock(failure_mutex_);
       failure_ = std::current_exception();
     }
@@ -379,8 +393,8 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
     const TimeIndex now = one.state.memory.step;
     if (one.sight) {
       look(i);
-      const auto age = static_cast<float>(now - one.sight->images().capture_index);
-      std::ranges::fill(row(seen.image_age, i, size), age);
+      const TimeIndex age = std::min(now - one.sight->images().capture_index, kOldestImage);
+      std::ranges::fill(row(seen.image_age, i, size), static_cast<float>(age));
     }
     Measurement measurement{.position = one.state.observation.position,
                             .velocity = one.state.observation.velocity};
@@ -439,6 +453,9 @@ const Environment& EnvironmentBatch::environment() const noexcept {
 }
 std::size_t EnvironmentBatch::size() const noexcept { return implementation_->size; }
 int EnvironmentBatch::num_threads() const noexcept { return implementation_->num_threads(); }
+TimeIndex EnvironmentBatch::oldest_sure_age() const noexcept {
+  return implementation_->oldest_sure_age;
+}
 const std::vector<camera::Camera>& EnvironmentBatch::cameras() const noexcept {
   return implementation_->cameras;
 }

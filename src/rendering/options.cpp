@@ -4,8 +4,11 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
+#include <tuple>
+#include <type_traits>
 #include <vector>
 
 #include "trifinger/base/error.hpp"
@@ -43,6 +46,19 @@ double distance(const camera::Camera& one, const camera::Camera& other) {
   return count == 0 ? 0 : std::sqrt(sum / count);
 }
 
+// Moves numbers that left the range that is allowed to its end.
+void limit(RenderingOptions& options) {
+  const auto limit_row = [&options]<class T>(const RenderingField<T>& row) {
+    if (row.low == row.high) return;
+    T& value = options.*row.value;
+    if constexpr (std::is_same_v<T, double>) value = std::clamp(value, row.low, row.high);
+    if constexpr (std::is_same_v<T, std::array<double, 3>>) {
+      for (double& number : value) number = std::clamp(number, row.low, row.high);
+    }
+  };
+  std::apply([&](const auto&... row) { (limit_row(row), ...); }, RenderingOptions::fields());
+}
+
 }  // namespace
 
 RenderingOptions RenderingVariation::draw(const RenderingOptions& nominal, Random& random) const {
@@ -67,14 +83,15 @@ RenderingOptions RenderingVariation::draw(const RenderingOptions& nominal, Rando
   drawn.shot_noise *= random.uniform(1.0, std::max(1.0, noise));
   drawn.calibration_error = calibration_error;
   drawn.seed = static_cast<std::uint64_t>(random.integer(0, std::int64_t{1} << 62));
+  drawn.calibration_seed = drawn.seed;
+  limit(drawn);
   return drawn;
 }
 
 RenderingOptions varied(const RenderingOptions& nominal, Random& random) {
   RenderingOptions drawn = RenderingVariation{}.draw(nominal, random);
   drawn.calibration_error = nominal.calibration_error;
-  // The seed decides the error of the calibration, too.
-  if (nominal.calibration_error > 0) drawn.seed = nominal.seed;
+  drawn.calibration_seed = nominal.calibration_seed;
   return drawn;
 }
 

@@ -80,14 +80,21 @@ void Sight::capture(TimeIndex now, std::vector<double> configuration) {
 bool Sight::look(TimeIndex now, Eyes& eyes) {
   bool has_new = false;
   while (!under_way_.empty() && under_way_.front().images.arrival_index <= now) {
-    const Capture capture = std::move(under_way_.front());
-    under_way_.pop_front();
-    const bool is_newest = under_way_.empty() || under_way_.front().images.arrival_index > now;
-    if (!is_newest && !eyes.can_find()) continue;
-    images_ = capture.images;
-    has_new = true;
+    const bool is_newest = under_way_.size() == 1 || under_way_[1].images.arrival_index > now;
+    if (!is_newest && !eyes.can_find()) {
+      under_way_.pop_front();
+      continue;
+    }
+    // Nothing of this object changes if the eyes throw.
+    const Capture& capture = under_way_.front();
     if (nominal_ && eyes.renderer().options() != look_) eyes.renderer().set_options(look_);
-    eyes.look(capture.configuration, noise_ + static_cast<std::uint64_t>(images_.number), found_);
+    std::vector<std::optional<ObjectPose>> found = found_;
+    eyes.look(capture.configuration, noise_ + static_cast<std::uint64_t>(capture.images.number),
+              found);
+    found_ = std::move(found);
+    images_ = capture.images;
+    under_way_.pop_front();
+    has_new = true;
     const bool are_all_found =
         std::ranges::all_of(found_, [](const auto& pose) { return pose.has_value(); });
     if (!eyes.can_find() || !are_all_found) continue;

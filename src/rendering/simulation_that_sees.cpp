@@ -10,6 +10,7 @@
 #include <utility>
 #include <variant>
 
+#include "trifinger/base/error.hpp"
 #include "trifinger/sim/robot_cameras.hpp"
 #include "trifinger/tracking/tracked_object.hpp"
 #include "trifinger/tracking/tracker.hpp"
@@ -32,12 +33,24 @@ Eigen::Isometry3d transform_of(const ObjectPose& pose) {
   return transform;
 }
 
+template <class R>
+CaptureOptions capture_options(const camera::CameraOptions& cameras,
+                               const SimulationOptions<R>& simulation) {
+  const TimeIndex delay = cameras.simulated.delay / simulation.period;
+  return {.period = std::max<TimeIndex>(cameras.period / simulation.period, 1),
+          .delay = delay,
+          .pose_delay = std::max(delay, simulation.object_delay)};
+}
+
 class TrackerOfObjects final : public ObjectFinder {
  public:
   TrackerOfObjects(const RobotDescription& description,
                    const std::vector<camera::Camera>& cameras) {
     for (const ObjectDescription& object : description.objects) {
-      trackers_.emplace_back(cameras, tracking::tracked_object(object));
+      tracking::TrackedObject tracked = tracking::tracked_object(object);
+      if (const auto warning = tracking::look_alike_warning(tracked))
+        throw InvalidArgument(*warning);
+      trackers_.emplace_back(cameras, std::move(tracked));
     }
   }
 
@@ -76,20 +89,36 @@ std::optional<SightOptions> sight_options(const RobotConfig& config, const std::
   if (!has_simulated_cameras(config)) return std::nullopt;
   return std::visit(
       [&](const auto& simulation) {
-        const auto steps = [&simulation](Nanoseconds time) -> TimeIndex {
-          return time / simulation.period;
-        };
-        const TimeIndex delay = steps(config.cameras->simulated.delay);
         SightOptions options{
             .cameras = camera_calibration(config, name).cameras,
-            .capture = {.period = std::max<TimeIndex>(steps(config.cameras->period), 1),
-                        .delay = delay,
-                        .pose_delay = std::max(delay, simulation.object_delay)},
+            .capture = capture_options(*config.cameras, simulation),
             .rendering = rendering_options(*config.cameras, look),
             .varies = config.cameras->simulated.varies,
             .finds_objects = config.tracks_objects && !simulation.description.objects.empty()};
         options.rendering.seed += simulation.seed;
+        options.rendering.calibration_seed += simulation.seed;
         return options;
+      },
+      config.simulation);
+}
+
+TimeIndex oldest_sure_age(const RobotConfig& config) {
+  return std::visit(
+      [&config](const auto& simulation) {
+        return config.tracks_objects ? oldest_sure_age(capture_options(*config.cameras, simulation))
+                                     : oldest_sure_age(simulation);
+      },
+      config.simulation);
+}
+
+TimeIndex oldest_sure_age_elsewhere(const RobotConfig& config) {
+  return std::visit(
+      [&config](const auto& simulation) {
+        if (!has_tracked_objects(config)) {
+          return oldest_sure_age(simulation) + simulation.object_period;
+        }
+        const CaptureOptions capture = capture_options(*config.cameras, simulation);
+        return oldest_sure_age(capture) + capture.period;
       },
       config.simulation);
 }

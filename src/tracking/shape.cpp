@@ -155,4 +155,12 @@ int look_alikes(const TrackedObject& object) {
   }));
 }
 
+std::optional<std::string> look_alike_warning(const TrackedObject& object) {
+  const int count = look_alikes(object);
+  if (count == 0) return std::nullopt;
+  return trifinger::detail::text_of(
+      object.name, " looks the same after ", count, " different turn", count == 1 ? "" : "s",
+      ", so no pose of it will be sure: give its faces other 'colours' in the configuration");
+}
+
 }  // namespace trifinger::tracking

@@ -107,6 +107,35 @@ TEST(EnvironmentBatch, SeesTheSameWhateverTheNumberOfThreads) {
   }
 }
 
+TEST(EnvironmentBatch, AgesOfImagesEndWhereTheirSpaceEnds) {
+  EnvironmentOptions options = default_options("push");
+  options.layout = Layout::kImages;
+  options.steps_per_action = 1000;
+  options.duration = 100;
+  rendering::SightOptions sight = small_images();
+  sight.capture.period = 100000;
+  EnvironmentBatch batch("push", options, late_poses(), 1, 1, sight);
+  batch.reset();
+  const std::vector<float> actions(9);
+  std::vector<float> ages;
+  for (int i = 0; i < 11; ++i) {
+    batch.step(actions);
+    ages.push_back(batch.results().seen.image_age[0]);
+  }
+  EXPECT_EQ(ages[8], 9000);
+  EXPECT_EQ(ages[10], kOldestImage) << "at step 11000";
+}
+
+TEST(EnvironmentBatch, APoseIsSureUntilTheNextOneOfThisSimulationShouldBeThere) {
+  const EnvironmentOptions options = default_options("push");
+  EXPECT_EQ(EnvironmentBatch("push", options, late_poses(), 1).oldest_sure_age(), 13 + 10 - 1);
+  rendering::SightOptions sight = small_images();
+  sight.capture.pose_delay = 9;
+  sight.finds_objects = true;
+  EXPECT_EQ(EnvironmentBatch("push", options, late_poses(), 1, 1, sight).oldest_sure_age(),
+            9 + 12 - 1);
+}
+
 TEST(EnvironmentBatch, NeedsCamerasForWhatIsSeen) {
   EnvironmentOptions options = noisy("push");
   options.layout = Layout::kImages;

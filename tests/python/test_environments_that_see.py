@@ -262,6 +262,71 @@ def test_a_cube_that_nobody_sees_is_not_said_to_be_seen() -> None:
     environment.close()
 
 
+class NoImages:
+    def __init__(self, _robot: Any) -> None:
+        pass
+
+    def get_latest_at(self, _step: int) -> None:
+        return None
+
+
+def test_a_camera_that_never_delivered_has_the_oldest_image(monkeypatch: Any) -> None:
+    monkeypatch.setattr("trifinger.environments.single.Cameras", NoImages)
+    environment = environment_of("push", **SMALL)
+    observation, _ = environment.reset(seed=1)
+    assert observation["image_age"].tolist() == [10_000] * 3
+    assert environment.observation_space.contains(observation)
+    assert not observation["camera60"].any()
+    environment.close()
+
+
+def test_without_copies_images_and_ages_are_the_memory_that_is_written() -> None:
+    vector = VectorEnvironment("push", 2, options=Options.of("push", **SMALL), copy=False)
+    first, _ = vector.reset(seed=1)
+    second, *_ = vector.step(next(actions_of(vector)))
+    for name in ("image_age", *CAMERAS):
+        assert np.shares_memory(first[name], second[name]), name
+
+
+@pytest.mark.parametrize(
+    ("options", "overrides", "age"),
+    [
+        ({}, {"simulation.object_period": 0.05, "simulation.object_delay": 0.003}, 52),
+        (TRACKED, {"cameras.rate": 10.0}, 129),
+    ],
+)
+def test_how_old_a_pose_may_be_follows_from_the_robots_configuration(
+    options: dict[str, Any], overrides: dict[str, Any], age: int
+) -> None:
+    wanted = Options.of("push", **{**options, **({"camera_size": 270} if options else {})})
+    environment = Environment("push", options=wanted, config_overrides=overrides)
+    vector = VectorEnvironment("push", 1, options=wanted, config_overrides=overrides)
+    for one in (environment, vector):
+        _, info = one.reset(seed=2)
+        oldest = 0
+        for _ in range(15):
+            assert np.all(info["object_is_sure"])
+            oldest = max(oldest, int(np.max(info["object_age"])))
+            _, *_, info = one.step(np.zeros(one.action_space.shape, np.float32))
+        assert age - 20 < oldest <= age
+        assert one._core.oldest_sure_age == age
+        one.close()
+
+
+def test_a_connected_robot_says_how_old_its_poses_may_be() -> None:
+    overrides = trifinger._trifinger.environment_overrides("push", Options.of("push").to_json())
+    overrides["simulation.object_period"] = 0.05
+    simulation = trifinger.Simulation("trifinger_edu", overrides)
+    environment = Environment("push", connect=simulation.connect)
+    _, info = environment.reset(seed=2)
+    for _ in range(15):
+        assert info["object_is_sure"]
+        _, *_, info = environment.step(environment_hold(environment))
+    # One more period: poses of another process may be late.
+    assert environment._core.oldest_sure_age == 99
+    environment.close()
+
+
 def test_lost_poses_are_told() -> None:
     environment = environment_of("push", object_loss=0.5, object_period=0.02)
     _, info = environment.reset(seed=1)

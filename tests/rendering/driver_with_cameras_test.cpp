@@ -14,6 +14,8 @@
 #include "support/message_of.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/joint/types.hpp"
+#include "trifinger/rendering/options.hpp"
+#include "trifinger/rendering/simulation_that_sees.hpp"
 
 namespace trifinger::rendering {
 namespace {
@@ -154,6 +156,71 @@ TEST(Sight, IsOfTheNewestImagesThatHaveArrived) {
   EXPECT_TRUE(sight.look(5, eyes));
   EXPECT_EQ(sight.images().capture_index, 4);
   EXPECT_FALSE(sight.take_poses(5));
+}
+
+// Fails once, then finds the object.
+class Forgetful final : public ObjectFinder {
+ public:
+  void find(std::span<const std::span<const std::byte>>,
+            std::span<std::optional<ObjectPose>> poses) override {
+    if (!std::exchange(has_failed_, true)) throw Error("the lens cap is on");
+    poses[0].emplace();
+  }
+
+ private:
+  bool has_failed_{false};
+};
+
+TEST(Sight, ImagesAtWhichNobodyCouldLookDidNotArrive) {
+  const RobotDescription description;
+  Eyes eyes(description, small_cameras().cameras, {}, std::make_unique<Forgetful>());
+  Sight sight({.period = 2, .delay = 0}, 1);
+  sight.begin({});
+  sight.capture(0, configuration(description, {0, 0, 0.0325}));
+  EXPECT_THROW((void)sight.look(0, eyes), Error);
+  EXPECT_EQ(sight.images().number, -1);
+  EXPECT_FALSE(sight.take_poses(0));
+  EXPECT_TRUE(sight.look(0, eyes));
+  EXPECT_EQ(sight.images().number, 0);
+  EXPECT_TRUE(sight.take_poses(0));
+}
+
+TEST(ObjectFinder, RefusesObjectsWhoseOrientationNoImageShows) {
+  RobotDescription description;
+  EXPECT_NE(make_object_finder(description, small_cameras().cameras), nullptr);
+  description.objects[0].colours.fill("red");
+  EXPECT_THAT(test::message_of<InvalidArgument>(
+                  [&] { (void)make_object_finder(description, small_cameras().cameras); }),
+              HasSubstr("cube looks the same after 23 different turns"));
+}
+
+TEST(Varied, StaysInTheRangesThatAreAllowed) {
+  RenderingOptions nominal = rendering_options({.gain = 48});
+  nominal.lamp_power = nominal.ambient_power = 9;
+  nominal.light_colour = {10, 10, 10};
+  nominal.read_noise = nominal.shot_noise = 90;
+  EXPECT_NO_THROW(nominal.validate()) << "48 dB are a gain that a camera may have";
+  nominal.gain = 999;
+  Random random{.seed = 1};
+  for (int i = 0; i < 100; ++i) {
+    ASSERT_NO_THROW(varied(nominal, random).validate());
+    ASSERT_NO_THROW(RenderingVariation{}.draw(nominal, random).validate());
+  }
+}
+
+TEST(Varied, DustAndColoursDifferWhereCamerasStay) {
+  const RenderingOptions nominal{.calibration_error = 2, .calibration_seed = 5};
+  Random random{.seed = 1};
+  const RenderingOptions first = varied(nominal, random);
+  const RenderingOptions second = varied(nominal, random);
+  EXPECT_NE(first.seed, second.seed);
+  CameraRenderer renderer({}, small_cameras().cameras, first);
+  const Eigen::Vector3d place = renderer.true_cameras()[0].pose.translation();
+  EXPECT_NE(place, renderer.cameras()[0].pose.translation());
+  renderer.set_options(second);
+  EXPECT_EQ(place, renderer.true_cameras()[0].pose.translation());
+  renderer.set_options({.calibration_error = 2, .calibration_seed = 6});
+  EXPECT_NE(place, renderer.true_cameras()[0].pose.translation());
 }
 
 // Finds the object where a test says it is; it counts what it was shown.

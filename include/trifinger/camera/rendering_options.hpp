@@ -53,7 +53,8 @@ struct RenderingOptions {
   /// calibration says they are [pixel]. `CameraRenderer` then draws with other lenses and poses
   /// than it was given.
   double calibration_error{0};
-  std::uint64_t seed{0};  ///< Seed of noise, colours, dust, and the error of the calibration.
+  std::uint64_t calibration_seed{0};  ///< Seed of this error.
+  std::uint64_t seed{0};              ///< Seed of noise, colours and dust.
 
   /// One row for each value. Checking, configurations and Python loop over them.
   [[nodiscard]] static constexpr auto fields() noexcept {
@@ -74,11 +75,12 @@ struct RenderingOptions {
                       Number{"dust", &Options::dust, 0, 1},
                       RenderingField<Nanoseconds>{"exposure", &Options::exposure, 0, 1},
                       Count{"blur_steps", &Options::blur_steps, 1, 64},
-                      Number{"gain", &Options::gain, 0, 100},
+                      Number{"gain", &Options::gain, 0, 1000},
                       Number{"vignetting", &Options::vignetting, 0, 1},
                       Number{"read_noise", &Options::read_noise, 0, 100},
                       Number{"shot_noise", &Options::shot_noise, 0, 100},
                       Number{"calibration_error", &Options::calibration_error, 0, 20},
+                      RenderingField<std::uint64_t>{"calibration_seed", &Options::calibration_seed},
                       RenderingField<std::uint64_t>{"seed", &Options::seed}};
   }
 

@@ -123,12 +123,9 @@ class Environment {
   [[nodiscard]] std::int64_t episode_actions() const noexcept;
   /// Name of the object that the task is about; empty if there is none.
   [[nodiscard]] std::string_view object_name() const noexcept;
-  /// True if a simulation shall judge the outcome by the true pose of the object, because it is not
-  /// observed, or tracked.
+  /// True if a simulation shall judge the outcome by where the object really is, because its pose
+  /// is not observed, or tracked.
   [[nodiscard]] bool judges_by_truth() const noexcept;
-  /// Age of the newest pose of the object just before the next one arrives [steps]. If it is older,
-  /// the tracker was not sure since then, or poses were lost.
-  [[nodiscard]] TimeIndex oldest_sure_age() const noexcept;
   /// The parts of an observation, in the order of `Layout::kDictionary`. Images are not among them:
   /// whoever has cameras adds these.
   [[nodiscard]] const std::vector<Entry>& entries() const noexcept;

@@ -23,6 +23,9 @@ enum class Autoreset : std::uint8_t {
   kDisabled,  ///< Only when `reset` is called. Until then nothing moves.
 };
 
+/// Images that are older count as this old [steps].
+inline constexpr TimeIndex kOldestImage = 10'000;
+
 /// The observations of all simulations, one simulation after the other.
 struct Observations {
   std::vector<float> observation;
@@ -35,7 +38,8 @@ struct Observations {
   std::vector<TimeIndex> object_age;
   /// With `Layout::kImages`: per camera the newest images that have arrived, in RGB.
   std::vector<std::vector<std::uint8_t>> images;
-  std::vector<float> image_age;  ///< Ages of these images [steps], one per camera and simulation.
+  /// Ages of these images [steps], one per camera and simulation, at most `kOldestImage`.
+  std::vector<float> image_age;
 };
 
 /// The results of a call of `EnvironmentBatch`. They stay at the same addresses as long as the
@@ -75,6 +79,9 @@ class EnvironmentBatch {
   [[nodiscard]] const Environment& environment() const noexcept;
   [[nodiscard]] std::size_t size() const noexcept;
   [[nodiscard]] int num_threads() const noexcept;
+  /// Age of the newest pose of the object just before the next one arrives [steps]. If it is older,
+  /// poses were lost, or the tracker was not sure since then.
+  [[nodiscard]] TimeIndex oldest_sure_age() const noexcept;
   /// The cameras of each simulation that are observed; none without `Layout::kImages`.
   [[nodiscard]] const std::vector<camera::Camera>& cameras() const noexcept;
 
@@ -89,7 +96,8 @@ class EnvironmentBatch {
   /// Applies one action in each simulation. `actions` has one row of numbers per simulation, as for
   /// `Environment::take_action`.
   /// @throws InvalidArgument if there are too many or too few numbers, or one is not finite; then
-  /// nothing moves. Error if an image could not be drawn.
+  /// nothing moves. Error if an image could not be drawn; then the episode of that simulation has
+  /// ended, and the others have moved on.
   void step(std::span<const float> actions, Autoreset autoreset = Autoreset::kNextStep);
 
   [[nodiscard]] Results& results() noexcept;

@@ -83,9 +83,10 @@ class DriverWithCameras final : public UntypedDriver {
 /// A simulation with cameras, without real time: see `Simulation` and `DriverWithCameras`. Sessions
 /// have the calibration, so `camera::CameraReader` reads the images.
 ///
-///     rendering::SimulationWithCameras<TriFinger> simulation(options,
-///     calibration_of_figures(description)); auto robot = simulation.connect(); const
-///     camera::CameraReader cameras(robot); const auto images = cameras.get_latest_at(t);
+///     rendering::SimulationWithCameras<TriFinger> simulation(options, calibration);
+///     auto robot = simulation.connect();
+///     const camera::CameraReader cameras(robot);
+///     const auto images = cameras.get_latest_at(t);
 template <class R>
 class SimulationWithCameras {
  public:

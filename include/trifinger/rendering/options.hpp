@@ -24,7 +24,8 @@ struct RenderingVariation {
   double noise{3};             ///< Both noises are multiplied by up to this factor.
   double calibration_error{0.5};  ///< Sets `calibration_error` [pixel].
 
-  /// Draws the options of an episode. Those that are not named above are those of `nominal`.
+  /// Draws the options of an episode. Those that are not named above are those of `nominal`, except
+  /// both seeds. Numbers stay in the ranges of `RenderingOptions::fields`.
   [[nodiscard]] RenderingOptions draw(const RenderingOptions& nominal, Random& random) const;
 };
 

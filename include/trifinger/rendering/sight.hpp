@@ -108,7 +108,8 @@ class Sight {
   /// Captures the scene: MuJoCo's `qpos`, then `qvel`.
   void capture(TimeIndex now, std::vector<double> configuration);
   /// Looks at what has arrived by step `now`. Returns true if there were new images: `eyes` has the
-  /// newest ones until they look again. Without a finder, older ones are not drawn.
+  /// newest ones until they look again. Without a finder, older ones are not drawn. If the eyes
+  /// throw, the images at which they looked are still there to be looked at.
   bool look(TimeIndex now, Eyes& eyes);
   /// The newest images at which somebody has looked.
   [[nodiscard]] const Images& images() const noexcept { return images_; }

@@ -44,6 +44,22 @@ struct SightOptions {
     const RobotConfig& config, const std::string& name,
     const std::optional<RenderingOptions>& look = {});
 
+/// Age of the newest pose of an object just before the next one arrives [steps]. If it is older,
+/// poses were lost, or the tracker was not sure since then.
+[[nodiscard]] inline TimeIndex oldest_sure_age(const CaptureOptions& capture) {
+  return capture.pose_delay.value_or(capture.delay) + capture.period - 1;
+}
+/// The same for poses that a simulation says.
+template <class R>
+[[nodiscard]] TimeIndex oldest_sure_age(const SimulationOptions<R>& simulation) {
+  return simulation.object_delay + simulation.object_period - 1;
+}
+/// The same in a simulation of a configured robot, without real time.
+[[nodiscard]] TimeIndex oldest_sure_age(const RobotConfig& config);
+/// The same for a configured robot that runs elsewhere. It is a period longer, because poses of
+/// other processes may be late.
+[[nodiscard]] TimeIndex oldest_sure_age_elsewhere(const RobotConfig& config);
+
 /// The eyes of a robot that sees, with a tracker if it has to find its objects.
 /// @throws InvalidArgument, Error that says what to install if this machine cannot draw
 [[nodiscard]] Eyes make_eyes(const RobotDescription& description, const SightOptions& options);

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -47,5 +48,9 @@ struct TrackedObject {
 /// its orientation, and no estimate of its pose is ever sure.
 /// @throws InvalidArgument if the object has no faces
 [[nodiscard]] int look_alikes(const TrackedObject& object);
+
+/// A sentence that says so and what to do. Nothing if images can tell the orientation.
+/// @throws InvalidArgument if the object has no faces
+[[nodiscard]] std::optional<std::string> look_alike_warning(const TrackedObject& object);
 
 }  // namespace trifinger::tracking

@@ -17,7 +17,6 @@ from trifinger.cameras import Cameras
 from trifinger.environments.options import Options, default_options, overrides_of
 from trifinger.environments.task_environment import (
     AGE,
-    OLDEST,
     Info,
     Observation,
     Part,
@@ -31,7 +30,7 @@ from trifinger.picture import Painter, View
 from trifinger.tasks import Task
 
 OBJECT = "object"  # the companion with the poses of objects
-NEVER = -2  # Step -1 is that before the first one.
+NEVER = -(10**12)  # step of an image that never came: it counts as the oldest
 NOT_FOUND = (np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
 _MAPPINGS: dict[str, Callable[..., mappings.DecisionProcess[Any]]] = {
     "approximation": mappings.Approximation,
@@ -288,7 +287,8 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
                     f"camera_size is {self.options.camera_size}"
                 )
             self._image[name], self._captured[name] = image, captured
-        ages = [min(now - step, OLDEST) for step in self._captured.values()]
+        oldest = self._core.oldest_image_age
+        ages = [min(now - step, oldest) for step in self._captured.values()]
         self._image_age = np.array(ages, np.float32)
 
     def _observation(self) -> Observation:
@@ -308,9 +308,7 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
 
     # Moves a connected robot to where the episode begins.
     def _move_there(self, state: Any) -> Any:
-        configuration = self._process.robot.documents().get("configuration.yml")
-        if configuration is not None:
-            self._core.check_robot(configuration)
+        self._core.check_robot(self._process.robot.documents().get("configuration.yml"))
         if self._object:
             self._process.robot.companion(OBJECT)  # raises if there is none
         for point in self._core.way(_observed(state).position):

@@ -16,7 +16,6 @@ Info = dict[str, Any]
 Part = Literal["", "final_"]
 
 AGE = "image_age"
-OLDEST = 10_000.0  # Images that are older count as this old [steps].
 FARTHEST = 10.0  # bound of all coordinates of goals [m]
 
 
@@ -73,7 +72,9 @@ class TaskEnvironment:
             for name, height, width in core.cameras:
                 entries[name] = spaces.Box(0, 255, (height, width, 3), np.uint8)
             if core.cameras:
-                entries[AGE] = spaces.Box(0.0, OLDEST, (len(core.cameras),), np.float32)
+                entries[AGE] = spaces.Box(
+                    0.0, core.oldest_image_age, (len(core.cameras),), np.float32
+                )
             return spaces.Dict(entries)
         goal = spaces.Box(-FARTHEST, FARTHEST, (core.achieved.shape[-1],), np.float64)
         return spaces.Dict({"observation": flat, "achieved_goal": goal, "desired_goal": goal})

@@ -15,7 +15,6 @@ from trifinger.arrays import Array
 from trifinger.environments.options import Options, overrides_of
 from trifinger.environments.task_environment import (
     AGE,
-    OLDEST,
     Info,
     Observation,
     Part,
@@ -136,11 +135,14 @@ class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, 
             raise InvalidArgument(
                 f"the actions have shape {numbers.shape}, must have {self.action_space.shape}"
             )
-        self._core.step(numbers, self._mode)
         core = self._core
-        terminated, truncated = core.terminated.astype(bool), core.truncated.astype(bool)
+        try:
+            core.step(numbers, self._mode)
+        finally:
+            # Episodes in which an image could not be drawn have ended, too.
+            terminated, truncated = core.terminated.astype(bool), core.truncated.astype(bool)
+            self._has_ended = ended = terminated | truncated
         info = self._info(np.ones(self.num_envs, bool))
-        self._has_ended = ended = terminated | truncated
         if self._mode == "SameStep" and ended.any():
             final = self._views("final_")
             last = np.full(self.num_envs, None, object)
@@ -169,7 +171,7 @@ class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, 
         images = core.final_images if part else core.images
         names = [name for name, *_ in core.cameras]
         age = core.final_image_age if part else core.image_age
-        return dict(zip(names, images, strict=True)) | {AGE: np.minimum(age, np.float32(OLDEST))}
+        return dict(zip(names, images, strict=True)) | {AGE: age}
 
     def _object_age(self, part: Part) -> Array:
         return (self._core.final_object_age if part else self._core.object_age).copy()
