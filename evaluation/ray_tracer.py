@@ -318,7 +318,8 @@ class Tracer:
 
     def _colour(self, light: int, surface: Array, mixture: Array) -> Array:
         own, other = self._own[light][surface], self._other[light][surface]
-        return own + mixture * (other - own)
+        colour: Array = own + mixture * (other - own)
+        return colour
 
     def _surroundings(self, direction: Array) -> Array:
         share = 1 + direction @ self._world.tilt.astype(np.float32)
@@ -367,7 +368,7 @@ class Tracer:
         turn = np.float32(2.399963 * number + self._turn)
         rise = np.float32((number + 0.5) / count)
         flat = np.sqrt(rise)
-        side = np.where(np.abs(normal[:, :1]) > 0.7, np.float32([0, 1, 0]), np.float32([1, 0, 0]))
+        side = np.where(np.abs(normal[:, :1]) > 0.7, *np.eye(3, dtype=np.float32)[[1, 0]])
         u = np.cross(normal, side)
         u /= np.linalg.norm(u, axis=1, keepdims=True)
         v = np.cross(normal, u)

@@ -9,7 +9,7 @@ for which it finds a route.
 import itertools
 from collections import deque
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -262,10 +262,10 @@ def try_goal(
     route = planner.plan(on_table(start), observation["goal"])
     if route is None:
         return None
-    solver = Solver(planner, observation)
+    solver = Solver(planner, cast(Observation, observation))
     has_ended = False
     while not has_ended:
-        action = solver.act(observation, info)
+        action = solver.act(cast(Observation, observation), info)
         observation, _, terminated, truncated, info = environment.step(action)
         has_ended = terminated or truncated
     return Trial(

@@ -140,7 +140,10 @@ class Studio:
         colours = pigments(random)
         dirt_power = random.uniform(0, 1) ** 2
         dirt = random.uniform(0.08, 0.5) * (0.7 + 0.5 * step(570, 60))
-        plastic = {"gloss": random.uniform(0.02, 0.05), "sharpness": random.uniform(8, 200)}
+        plastic: dict[str, Any] = {
+            "gloss": random.uniform(0.02, 0.05),
+            "sharpness": random.uniform(8, 200),
+        }
         rim = np.full(len(BANDS), random.uniform(0.02, 0.07))
         width = 0.06 * 2 * self._half[0] * random.uniform(0.9, 1.1)
         box_surfaces = []
@@ -154,7 +157,7 @@ class Studio:
         lamps = _lamps(random)
         sky = lamp_spectrum(random) * random.uniform(0.15, 0.6)
         tilt = random.normal(0, 0.3, 3)
-        tilt *= min(1.0, 0.8 / np.linalg.norm(tilt))
+        tilt *= min(1.0, 0.8 / float(np.linalg.norm(tilt)))
         world = World(surfaces, lamps, sky, tilt)
         world.shapes += [Plane(0.6, 0), Wall(*_wall(random), 1)]
         world.shapes += self._fingers(scene.configuration)

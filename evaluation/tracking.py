@@ -251,7 +251,7 @@ def report(trials: Sequence[Trial], text: str) -> str:
         sure=len(sure),
         good=len(good),
         guessed=1e3 * np.median([trial.guessed_seconds for trial in trials]),
-        within=100 * np.mean([trial.deviations < 2 for trial in sure] or [0]),
+        within=100 * np.mean([trial.deviations < 2 for trial in sure] or [False]),
     )
 
 
