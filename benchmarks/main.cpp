@@ -45,6 +45,7 @@ constexpr std::array kMeasures{
     NamedMeasure{"lift", benchmarks::lift},
     NamedMeasure{"log", benchmarks::log_files},
     NamedMeasure{"recorded_simulation", benchmarks::recorded_simulation},
+    NamedMeasure{"recorded_images", benchmarks::recorded_images},
     NamedMeasure{"images", benchmarks::images},
     NamedMeasure{"dead_user", benchmarks::dead_user},
     NamedMeasure{"dead_user_with_repeats", benchmarks::dead_user_with_repeats},

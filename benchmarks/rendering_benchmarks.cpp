@@ -12,8 +12,8 @@
 #include "harness.hpp"
 #include "trifinger/model/robot_model.hpp"
 #include "trifinger/rendering/camera_renderer.hpp"
-#include "trifinger/rendering/cameras_of.hpp"
 #include "trifinger/rendering/context.hpp"
+#include "trifinger/sim/robot_cameras.hpp"
 
 namespace trifinger::benchmarks {
 namespace {
@@ -81,7 +81,7 @@ class BarePictures {
 
 Row rendered(const Effort& effort, int reduction, const std::string& reach, double least) {
   const RobotModel model({}, Detail::kPictures);
-  std::vector<camera::Camera> cameras = rendering::cameras_of({}).cameras;
+  std::vector<camera::Camera> cameras = calibration_of_figures({}).cameras;
   for (camera::Camera& camera : cameras) camera = camera.reduced(reduction);
   const int size = cameras[0].format.width;
   rendering::CameraRenderer renderer({}, cameras);

@@ -20,6 +20,7 @@ void bind_backend(nanobind::module_& m);
 void bind_recorder(nanobind::module_& m);
 /// Log, LoggedSession.
 void bind_log(nanobind::module_& m);
+void bind_logged_images(nanobind::module_& m);
 /// replay.
 void bind_replay(nanobind::module_& m);
 

@@ -80,7 +80,10 @@ functions serve a robot that is driven through a front-end and thousands of simu
 
 An environment is constant. Threads may share one, each with its own episodes.)";
 inline constexpr const char* begin = R"(Draws the beginning of episode `number` of `seed`. The same arguments give the same episode.)";
-inline constexpr const char* entries = R"(The parts of an observation, in the order of `Layout.DICTIONARY`.)";
+inline constexpr const char* entries = R"(The parts of an observation, in the order of `Layout.DICTIONARY`. Images are not among them:
+whoever has cameras adds these.)";
+inline constexpr const char* judges_by_truth = R"(True if a simulation shall judge the outcome by where the object really is, because its pose
+is not observed, or tracked.)";
 inline constexpr const char* observe = R"(Computes the observation after the actions that `episode` counts. The outcome is judged by
 the goal that was shown before, which is written to `desired`. If a new goal begins now, it
 is in `observation`.)";
@@ -92,7 +95,13 @@ computes the decision process and `Simulator` the physics, on the threads of MuJ
 batches.
 
 Each simulation gives the same results, bit for bit, as an `Environment` with a simulation
-of its own. One batch must not be used by several threads at once.)";
+of its own. One batch must not be used by several threads at once.
+
+Simulations that see share one pair of eyes per thread. An image is drawn when an
+observation needs it.)";
+inline constexpr const char* cameras = R"(The cameras of each simulation that are observed; none without `Layout.IMAGES`.)";
+inline constexpr const char* oldest_sure_age = R"(Age of the newest pose of the object just before the next one arrives [steps]. If it is
+older, poses were lost, or the tracker was not sure since then.)";
 inline constexpr const char* reset = R"(Begins an episode in the simulations that `which` marks with a number other than 0, or in
 all of them without marks.
 
@@ -105,7 +114,8 @@ inline constexpr const char* step = R"(Applies one action in each simulation. `a
 for `Environment.take_action`.
 
 Raises InvalidArgument if there are too many or too few numbers, or one is not finite; then
-nothing moves.)";
+nothing moves. Error if an image could not be drawn; then the episode of that simulation has
+ended, and the others have moved on.)";
 }
 
 namespace Estimate {
@@ -561,6 +571,10 @@ inline constexpr const char* object_velocity = R"(The object's velocity now, wit
 velocity [rad/s].
 
 Raises InvalidArgument that names the existing objects.)";
+inline constexpr const char* observed_object_pose = R"(The object's pose at the newest observation, without delay and noise. The action of that
+step may have moved it since.
+
+Raises InvalidArgument that names the existing objects.)";
 inline constexpr const char* place_object = R"(Places an object at rest at `pose`. The orientation is normalized.
 
 Raises InvalidArgument that names the existing objects, or if the pose is not valid.)";
@@ -639,7 +653,8 @@ inline constexpr const char* Tracker = R"(Finds an object with coloured faces in
 Knows nothing of earlier images: the same images give the same estimate. Not thread-safe.)";
 inline constexpr const char* track = R"(Where the object is in these images, one of each camera. An empty image stands for one that
 is missing or damaged. `guess` is where the object may be, such as its last pose. It saves
-time if it is near, and it is forgotten if the images do not confirm it. Does not allocate.
+time if it is near, and it is forgotten if the images do not confirm it or if a number in it
+is not finite. Does not allocate.
 
 Raises InvalidArgument if the number of images or the size of one is wrong.)";
 }
@@ -742,8 +757,7 @@ inline constexpr const char* task_names = R"(Names of all tasks, for example "re
 inline constexpr const char* tip_impedance = R"(The force that brings a tip to its desired position [N]: `stiffness * dx + damping * dv`.
 Add the force with which the tip should press. The joint torques for a force are `J' force`
 plus `Kinematics.bias_torques`.)";
-inline constexpr const char* tracked_object = R"(An object of a scene as the simulation draws it: boxes have the colours of the competition's
-cubes, and rims.
+inline constexpr const char* tracked_object = R"(An object of a scene as the simulation draws it: boxes have colours and rims.
 
 Raises InvalidArgument if it has no faces with different colours, like a stick or a ball.)";
 inline constexpr const char* wrench_of = R"(The total wrench of nine `forces` [N] at the three contacts, about `centre` [m].)";

@@ -7,15 +7,15 @@ for which it finds a route.
 """
 
 import itertools
+from collections import deque
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
-import gymnasium
 import numpy as np
 import numpy.typing as npt
-from trifinger import control
+from trifinger import Simulation, control
 from trifinger.control import GraspPhase, Motion, Pose, PoseTrajectory
-from trifinger.environments import Options
+from trifinger.environments import Environment, Options
 
 Array = npt.NDArray[np.float64]
 Observation = dict[str, npt.NDArray[Any]]
@@ -28,10 +28,10 @@ CUBE = control.rigid_body("box", [SIZE] * 3, mass=0.094)
 MAX_TORQUE = 0.36  # [Nm]
 SAFETY_KD = np.tile([0.09, 0.09, 0.05], 3)  # [Nms/rad]
 
-POSE_PERIOD = 0.01  # period of the simulated tracker [s]
 SPEED = 0.06  # mean speed at which the cube is moved [m/s]
 TURN_SPEED = 0.6  # [rad/s]
 SHORTEST_LEAD = 1.0  # [s]
+OLDEST = 1000  # age at which a pose of the cube says nothing any more [steps]
 REST_TIME = 0.2  # time in which a released cube comes to rest [s]
 # Share of its weight that a sliding cube leaves on the table. The planner does not know the drag.
 # With a much larger share, motors have no torque left for the drag.
@@ -47,7 +47,7 @@ VIA_TURNS = (0.0, 0.4, -0.4, 0.8, -0.8)  # turns on the way to the place of the 
 POINTS = np.linspace(0.0, 1.0, 8)  # points of a way that the planner checks
 
 
-def options(task: str) -> Options:
+def options(task: str, **changes: Any) -> Options:
     """Returns options of the environments in which a solver works: torques at 1 kHz."""
     return Options.of(
         task,
@@ -55,6 +55,7 @@ def options(task: str) -> Options:
         steps_per_action=1,
         mapping="state_augmentation",
         observation="dictionary",
+        **changes,
     )
 
 
@@ -147,7 +148,8 @@ class RoutePlanner:
 class Solver:
     """Brings the cube to its goal and holds it there.
 
-    It knows the observations and the robot's configuration. Planning takes no time of the episode.
+    It knows the observations, the age of the cube's pose, and the robot's configuration. Planning
+    takes no time of the episode.
     """
 
     def __init__(self, planner: RoutePlanner, observation: Observation) -> None:
@@ -158,8 +160,10 @@ class Solver:
         self._estimator = control.PoseEstimator()
         self._now = 0.0
         self._look_time = 0.0  # time at which the cube rests
-        self._seen_time = -np.inf
-        self._seen: Array = np.empty(0)
+        self._age = 0  # of the cube's pose [steps]
+        self._is_sure = False
+        self._seen = -OLDEST  # step of the newest pose, counted from the first observation
+        self._wanted: deque[Motion] = deque(maxlen=OLDEST)  # the newest desired motion is the last
         self._desired = Motion(on_table(pose_of(observation)))
         self._leg: Leg | None = None
         self._is_last = False
@@ -172,10 +176,12 @@ class Solver:
         """True while the cube is held, on its way or at its goal."""
         return self._controller.state.phase is GraspPhase.HOLD
 
-    def act(self, observation: Observation) -> npt.NDArray[np.float32]:
-        """Returns the action for an observation. Call this with every observation."""
+    def act(self, observation: Observation, info: dict[str, Any]) -> npt.NDArray[np.float32]:
+        """Returns the action for an observation. Call this with every observation and its info."""
+        self._age, self._is_sure = int(info["object_age"]), bool(info["object_is_sure"])
         self._follow_phases(observation)
         self._desired = self._desired_motion()
+        self._wanted.append(self._desired)
         self._see(observation)
         position, velocity = observation["joint_position"], observation["joint_velocity"]
         # The motors' torques are not observed. They follow from the last action.
@@ -202,6 +208,8 @@ class Solver:
             self._controller.release()
 
     def _begin_leg(self, observation: Observation) -> None:
+        if not self._is_sure:
+            return
         start = on_table(pose_of(observation))
         route = self._planner.plan(start, observation["goal"])
         self._estimator.reset()
@@ -222,12 +230,12 @@ class Solver:
         return self._leg.at(max(self._now - self._lead_begin, 0.0))
 
     def _see(self, observation: Observation) -> None:
-        pose = pose_of(observation)
-        seen = np.append(pose.position, pose.orientation)
-        is_due = self._now - self._seen_time > POSE_PERIOD - PERIOD / 2
-        if is_due or not np.array_equal(seen, self._seen):
-            self._estimator.update(self._now, pose, self._desired)
-            self._seen_time, self._seen = self._now, seen
+        captured = round(self._now / PERIOD) - self._age
+        if not 0 <= self._age < OLDEST or captured <= self._seen:
+            return
+        self._seen = captured
+        then = self._wanted[max(len(self._wanted) - 1 - self._age, 0)]
+        self._estimator.update(captured * PERIOD, pose_of(observation), then)
 
 
 class Trial(NamedTuple):
@@ -246,22 +254,29 @@ class Trial(NamedTuple):
 
 
 def try_goal(
-    environment: gymnasium.Env[Any, Any], planner: RoutePlanner, seed: int, episode: int
+    environment: Environment, planner: RoutePlanner, seed: int, episode: int
 ) -> Trial | None:
     """Plays an episode to its end. Returns None if its goal is not in the reachable set."""
     observation, info = environment.reset(seed=seed, options={"episode": episode})
-    route = planner.plan(on_table(pose_of(observation)), observation["goal"])
+    start = Pose(*_simulation_of(environment).object_pose("cube"))
+    route = planner.plan(on_table(start), observation["goal"])
     if route is None:
         return None
-    solver = Solver(planner, observation)
+    solver = Solver(planner, cast(Observation, observation))
     has_ended = False
     while not has_ended:
-        action = solver.act(observation)
+        action = solver.act(cast(Observation, observation), info)
         observation, _, terminated, truncated, info = environment.step(action)
         has_ended = terminated or truncated
     return Trial(
         seed, episode, len(route), solver.grasps, bool(info["is_success"]), info["distance"]
     )
+
+
+def _simulation_of(environment: Environment) -> Simulation:
+    if environment.simulation is None:
+        raise ValueError("the environment must have a simulation of its own")
+    return environment.simulation
 
 
 def _rotation(pose: Pose) -> Array:

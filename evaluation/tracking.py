@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""`./run evaluate tracking`: finds a cube in rendered images, and compares with the truth.
+"""`./run evaluate tracking`: finds a cube in images, and compares with the truth.
 
 Robots, poses, fingers, light, colours, dust, noise, exposure and the error of the calibration
-differ from scene to scene. Writes docs/results/tracking.md.
+differ from scene to scene. Most images are from the simulation's renderer, as those are from which
+the colours were learned. With `--traced`, others are from a ray tracer that shares nothing with it
+(traced_scenes.py): they stand for photographs. Writes docs/results/tracking.md.
 """
 
 import argparse
@@ -15,6 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import trifinger
+from traced_scenes import Studio
 from tracking_scenes import VARIANTS, Scene, Scenes, angle, config_of
 from trifinger.tracking import Tracker, tracked_object
 
@@ -25,9 +28,31 @@ AGAIN = 10  # images of each repeated scene
 REPEATED = 10  # one of this many scenes is repeated
 QUALITY: dict[str, Any] = {"detail": 1.0, "multisampling": 4, "shadows": True}
 RESULTS = Path(__file__).parent.parent / "docs/results/tracking.md"
-TEXT = """\
+TITLE = """\
 <!-- SPDX-License-Identifier: BSD-3-Clause -->
 # Tracking the cube
+"""
+TRACED_TEXT = """
+## In other light
+
+Written by `./run evaluate tracking --traced {scenes}`: {scenes} scenes of the same kind,
+{contacts:.1f} fingers at the cube on average, drawn by a ray tracer (evaluation/traced_scenes.py)
+that shares nothing with the simulation's renderer. It stands for photographs: up to three lamps of
+different colours and sizes, soft shadows, light from one surface to the next, pigments and filters
+with spectra, sheen, dirt and scratches, tables with grain, a hand in every third scene, blur,
+vignetting, tone curves, a white balance that is off, noise that depends on the channel. No colour
+was learned from it.
+
+| measure | reach | is | held |
+|---|---|---|---|
+{rows}
+
+The tracker was sure of {sure} of {scenes} scenes. All others it called unsure or not found, {good}
+of them with a pose within 3 mm and 2.5 degrees. The error of a sure estimate is within twice its
+standard deviations in {within:.0f} % of the scenes.
+"""
+TEXT = """
+## In rendered images
 
 Written by `./run evaluate tracking --scenes {scenes}`: {scenes} scenes of the three robots, the
 cube anywhere in the arena up to 13 cm high, {contacts:.1f} fingers at it on average, three images
@@ -90,8 +115,51 @@ def perturbed(
     return position + random.normal(scale=0.003, size=3), turned / np.linalg.norm(turned)
 
 
+class TracedExperiment:
+    """The scenes of one robot, as photographs."""
+
+    def __init__(self, config: str) -> None:
+        self.scenes = Scenes(config)
+        self.studio = Studio(config)
+        self.tracker = Tracker(self.studio.calibration, tracked_object(config))
+
+    def run(self, number: int) -> Trial:
+        """Takes photographs of a scene and tracks it."""
+        scene = self.scenes.draw(SEED, number)
+        return judged(self.tracker, scene, number, self.studio.take(scene, SEED, number))
+
+
+def judged(tracker: Tracker, scene: Scene, number: int, images: Sequence[Any]) -> Trial:
+    """What the tracker says of these images, and what it should say."""
+    begin = time.process_time()
+    estimate = tracker.track(images)
+    seconds = time.process_time() - begin
+    guess = perturbed(scene.position, scene.orientation, number)
+    begin = time.process_time()
+    tracker.track(images, guess)
+    guessed = time.process_time() - begin
+    distance = float(np.linalg.norm(estimate.position - scene.position))
+    turn = angle(estimate.orientation, scene.orientation)
+    deviations = max(
+        distance / max(1e-9, float(np.linalg.norm(estimate.position_deviation))),
+        np.radians(turn) / max(1e-9, float(np.linalg.norm(estimate.rotation_deviation))),
+    )
+    return Trial(
+        estimate.is_sure,
+        estimate.is_found,
+        distance,
+        turn,
+        estimate.confidence,
+        seconds,
+        guessed,
+        float(deviations),
+        scene.contacts,
+        [],
+    )
+
+
 class Experiment:
-    """The scenes of one robot."""
+    """The scenes of one robot, as the simulation's renderer draws them."""
 
     def __init__(self, config: str) -> None:
         self.scenes = Scenes(config)
@@ -104,32 +172,10 @@ class Experiment:
         self.renderer.vary(SEED, number)
         self.renderer.set_options(**QUALITY)
         images = self.renderer.render(scene.configuration, 0)
-        begin = time.process_time()
-        estimate = self.tracker.track(images)
-        seconds = time.process_time() - begin
-        guess = perturbed(scene.position, scene.orientation, number)
-        begin = time.process_time()
-        self.tracker.track(images, guess)
-        guessed = time.process_time() - begin
-        distance = float(np.linalg.norm(estimate.position - scene.position))
-        turn = angle(estimate.orientation, scene.orientation)
-        deviations = max(
-            distance / max(1e-9, float(np.linalg.norm(estimate.position_deviation))),
-            np.radians(turn) / max(1e-9, float(np.linalg.norm(estimate.rotation_deviation))),
-        )
-        spread = self._repeat(scene) if number % REPEATED == 0 and estimate.is_sure else []
-        return Trial(
-            estimate.is_sure,
-            estimate.is_found,
-            distance,
-            turn,
-            estimate.confidence,
-            seconds,
-            guessed,
-            float(deviations),
-            scene.contacts,
-            spread,
-        )
+        trial = judged(self.tracker, scene, number, images)
+        if number % REPEATED or not trial.is_sure:
+            return trial
+        return trial._replace(spread=self._repeat(scene))
 
     def _repeat(self, scene: Scene) -> list[tuple[float, float]]:
         poses = []
@@ -154,7 +200,7 @@ def is_wrong(trial: Trial) -> bool:
 
 
 def rows(trials: Sequence[Trial]) -> list[Row]:
-    """The rows of the table."""
+    """The rows of a table."""
     sure = [trial for trial in trials if trial.is_sure]
     found = [trial for trial in trials if trial.is_found]
     millimetres = 1e3 * np.array([trial.distance for trial in sure])
@@ -162,52 +208,59 @@ def rows(trials: Sequence[Trial]) -> list[Row]:
     spread = np.array([each for trial in trials for each in trial.spread]).reshape(-1, 2)
     wrong = [trial for trial in found if is_wrong(trial)]
     times = 1e3 * np.array([trial.seconds for trial in trials])
-    return [
-        Row("distance, median", 1, float(np.median(millimetres)), "mm"),
-        Row("distance, 95 %", 3, float(np.percentile(millimetres, 95)), "mm"),
-        Row("rotation, median", 0.8, float(np.median(degrees)), "deg"),
-        Row("rotation, 95 %", 2.5, float(np.percentile(degrees, 95)), "deg"),
+    table = [
+        Row("distance, median", 1, _share(millimetres, 50), "mm"),
+        Row("distance, 95 %", 3, _share(millimetres, 95), "mm"),
+        Row("rotation, median", 0.8, _share(degrees, 50), "deg"),
+        Row("rotation, 95 %", 2.5, _share(degrees, 95), "deg"),
         Row("wrong faces", 0.5, 100 * len(wrong) / len(trials), "%"),
         Row("wrong faces that were called sure", 0, sum(t.is_sure for t in wrong), "scenes"),
         Row("not sure", 10, 100 * (1 - len(sure) / len(trials)), "%"),
-        Row("same scene, other noise: distance, 95 %", 0.5, 1e3 * _p95(spread[:, 0]), "mm"),
-        Row("same scene, other noise: rotation, 95 %", 0.5, _p95(spread[:, 1]), "deg"),
-        Row("time of one core, 95 %", 9, float(np.percentile(times, 95)), "ms"),
     ]
+    if len(spread):
+        table += [
+            Row(
+                "same scene, other noise: distance, 95 %", 0.5, 1e3 * _share(spread[:, 0], 95), "mm"
+            ),
+            Row("same scene, other noise: rotation, 95 %", 0.5, _share(spread[:, 1], 95), "deg"),
+        ]
+    return [*table, Row("time of one core, 95 %", 9, float(np.percentile(times, 95)), "ms")]
 
 
-def _p95(values: np.ndarray) -> float:
-    return float(np.percentile(values, 95)) if len(values) else 0.0
+def _share(values: np.ndarray, percent: float) -> float:
+    return float(np.percentile(values, percent)) if len(values) else float("nan")
 
 
-def report(trials: Sequence[Trial]) -> str:
-    """The text of docs/results/tracking.md."""
+def with_section(document: str, section: str) -> str:
+    """The document with this section, which begins with its heading, added or replaced."""
+    heading = section.lstrip().splitlines()[0]
+    kept = [each for each in document.split("\n## ")[1:] if not f"## {each}".startswith(heading)]
+    sections = sorted(["\n## " + each for each in kept] + [section], reverse=True)
+    return TITLE + "".join(each.rstrip("\n") + "\n" for each in sections)
+
+
+def report(trials: Sequence[Trial], text: str) -> str:
+    """A section of docs/results/tracking.md."""
     unsure = [trial for trial in trials if not trial.is_sure]
     good = [trial for trial in unsure if trial.distance < 0.003 and trial.turn < 2.5]
     sure = [trial for trial in trials if trial.is_sure]
-    return TEXT.format(
+    return text.format(
         scenes=len(trials),
         contacts=np.mean([trial.contacts for trial in trials]),
         rows="\n".join(map(str, rows(trials))),
         sure=len(sure),
         good=len(good),
         guessed=1e3 * np.median([trial.guessed_seconds for trial in trials]),
-        within=100 * np.mean([trial.deviations < 2 for trial in sure]),
+        within=100 * np.mean([trial.deviations < 2 for trial in sure] or [False]),
     )
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Returns 0 if every row of the table holds, otherwise 1."""
-    parser = argparse.ArgumentParser(prog="./run evaluate tracking", description=__doc__)
-    parser.add_argument("--scenes", type=int, default=600, help="number of scenes (default 600)")
-    parser.add_argument("--output", type=Path, default=RESULTS, help="the table that is written")
-    options = parser.parse_args(arguments)
-    if options.scenes < 1:
-        parser.error(f"--scenes is {options.scenes}, must be at least 1")
+def run(kind: type[Experiment] | type[TracedExperiment], scenes: int) -> list[Trial]:
+    """Tracks the cube in so many scenes."""
     trials = []
     with tempfile.TemporaryDirectory() as folder:
-        experiments = [Experiment(config_of(variant, Path(folder))) for variant in VARIANTS]
-        for number in range(options.scenes):
+        experiments = [kind(config_of(variant, Path(folder))) for variant in VARIANTS]
+        for number in range(scenes):
             trial = experiments[number % len(experiments)].run(number)
             trials.append(trial)
             if not trial.is_sure or is_wrong(trial) or trial.distance > 0.003 or trial.turn > 2.5:
@@ -217,10 +270,35 @@ def main(arguments: Sequence[str] | None = None) -> int:
                     f" confidence {trial.confidence:.2f}",
                     flush=True,
                 )
-    options.output.write_text(report(trials))
-    for row in rows(trials):
-        print(row)
-    return 0 if all(row.holds for row in rows(trials)) else 1
+    return trials
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Returns 0 if every row of the tables holds, otherwise 1."""
+    parser = argparse.ArgumentParser(prog="./run evaluate tracking", description=__doc__)
+    parser.add_argument("--scenes", type=int, help="number of rendered scenes (default 600)")
+    parser.add_argument(
+        "--traced", type=int, default=0, help="number of ray-traced scenes, 5 s each (default 0)"
+    )
+    parser.add_argument("--output", type=Path, default=RESULTS, help="the document that is written")
+    options = parser.parse_args(arguments)
+    scenes = options.scenes if options.scenes is not None else 0 if options.traced else 600
+    if min(scenes, options.traced) < 0 or scenes + options.traced == 0:
+        parser.error("--scenes and --traced are numbers of scenes; one must be at least 1")
+    holds = True
+    for kind, count, text in (
+        (Experiment, scenes, TEXT),
+        (TracedExperiment, options.traced, TRACED_TEXT),
+    ):
+        if count == 0:
+            continue
+        trials = run(kind, count)
+        document = options.output.read_text() if options.output.exists() else TITLE
+        options.output.write_text(with_section(document, report(trials, text)))
+        for row in rows(trials):
+            print(row)
+        holds = holds and all(row.holds for row in rows(trials))
+    return 0 if holds else 1
 
 
 if __name__ == "__main__":

@@ -35,6 +35,7 @@ objects:
     orientation: [1, 0, 0, 0]
     velocity: [0, 0, 0]
     angular_velocity: [0, 0, 0]
+    colours: [red, green, blue, cyan, magenta, yellow]
 stop:
   damping_time: 0.5
   rest_position: [0, 0.9, -1.7]

@@ -8,6 +8,7 @@
 
 #include "shared/options.hpp"
 #include "trifinger/base/time.hpp"
+#include "trifinger/log/image_storage.hpp"
 #include "trifinger/log/message_layout.hpp"
 
 // Options that several commands for logs have.
@@ -37,6 +38,17 @@ inline void add_precision(CLI::App& command, log::Precision& precision) {
       command, "--precision", precision,
       {{"double", log::Precision::kDouble}, {"single", log::Precision::kSingle}},
       "single takes half the space, but its log cannot be replayed exactly; default: double");
+}
+
+// --images
+inline void add_images(CLI::App& command, log::ImageStorage& images) {
+  add_choice(
+      command, "--images", images,
+      {{"jpeg", log::ImageStorage::kJpeg},
+       {"raw", log::ImageStorage::kRaw},
+       {"none", log::ImageStorage::kNone}},
+      "What is kept of images, if the robot has cameras; raw keeps every bit and takes some 20 "
+      "times the space; default: jpeg");
 }
 
 }  // namespace trifinger::apps

@@ -100,6 +100,14 @@ class RecordReporter {
   void print_summary(const log::RecorderState& state) {
     print("recorder",
           fmt::format("{} in {}", counted(state.steps, "step"), size_text(state.bytes)));
+    if (state.images + state.left_out_images > 0) {
+      print(
+          "recorder",
+          fmt::format(
+              "{}{}", counted(state.images, "image"),
+              state.left_out_images > 0 ? fmt::format(", {} left out", state.left_out_images) : ""),
+          state.left_out_images > 0 ? Style::kBad : Style::kPlain);
+    }
     if (state.lost_steps > 0) {
       print("recorder",
             fmt::format("{} are not in the log; 'trifinger log info' says which",
@@ -243,6 +251,10 @@ void add_record(CLI::App& program, Action& action) {
                   "~/.local/state/trifinger")
       ->option_text("DIR");
   add_precision(command, recorder.precision);
+  add_images(command, recorder.images);
+  command.add_option("--jpeg-quality", recorder.jpeg_quality, "1 to 100; default: 90")
+      ->check(CLI::Range(1, 100))
+      ->option_text("N");
   add_choice(command, "--compression", recorder.compression,
              {{"zstd", mcap::Compression::kZstd},
               {"lz4", mcap::Compression::kLz4},

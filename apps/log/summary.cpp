@@ -7,8 +7,10 @@
 #include <filesystem>
 #include <utility>
 
+#include "trifinger/camera/images.hpp"
 #include "trifinger/core/description.hpp"
 #include "trifinger/core/status.hpp"
+#include "trifinger/log/logged_images.hpp"
 #include "trifinger/mcap/reader.hpp"
 
 namespace trifinger::apps {
@@ -43,8 +45,46 @@ StreamSummary summary_of(const log::LoggedSession& session, const std::vector<lo
   return summary;
 }
 
+bool has_images(const log::LoggedSession& session) {
+  const auto is_calibration = [](const Document& document) {
+    return document.name == camera::kDocument;
+  };
+  const std::string name = session.name() + "." + camera::kCompanion;
+  return std::ranges::any_of(session.header().documents, is_calibration) &&
+         std::ranges::any_of(session.companions(), [&](const log::LoggedSession& companion) {
+           return companion.name() == name && companion.has_elements();
+         });
+}
+
+std::vector<ImageSummary> images_of(const log::LoggedSession& session) {
+  if (!has_images(session)) return {};
+  const log::LoggedCameras cameras(session);
+  std::vector<ImageSummary> images;
+  for (const camera::Camera& camera : cameras.calibration().cameras) {
+    images.push_back({.camera = camera.name, .encoding = {}});
+  }
+  const auto [first, end] = cameras.range();
+  bool is_any = false;
+  for (TimeIndex i = first; i < end; ++i) {
+    try {
+      const log::LoggedImages found = cameras.at(i);
+      for (std::size_t k = 0; k < images.size(); ++k) {
+        if (found.infos()[k].frame().state != camera::Frame::State::kGood) continue;
+        const std::size_t size = found.size(k);
+        ++(size > 0 ? images[k].count : images[k].left_out);
+        images[k].bytes += size;
+        if (size > 0 && images[k].encoding.empty()) images[k].encoding = found.recorded(k).encoding;
+        is_any = is_any || size > 0;
+      }
+    } catch (const log::NotInLog&) {  // NOLINT(bugprone-empty-catch): the gaps say it
+    }
+  }
+  return is_any ? images : std::vector<ImageSummary>();
+}
+
 SessionSummary summary_of(const log::LoggedSession& session) {
-  SessionSummary summary{.session = session, .steps = {}, .loop = {}, .companions = {}};
+  SessionSummary summary{
+      .session = session, .steps = {}, .loop = {}, .companions = {}, .images = {}};
   std::vector<log::Column> columns;
   if (session.has_elements() && session.element(Series::kStatus) == describe<Status>()) {
     columns.push_back({Series::kStatus, {}});
@@ -67,6 +107,7 @@ SessionSummary summary_of(const log::LoggedSession& session) {
     summary.companions.push_back(
         summary_of(companion, {}, [](const auto&, const auto&, std::size_t) {}));
   }
+  summary.images = images_of(session);
   return summary;
 }
 

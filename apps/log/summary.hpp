@@ -37,11 +37,21 @@ struct StreamSummary {
   }
 };
 
+// Images of a camera.
+struct ImageSummary {
+  std::string camera;
+  std::int64_t count{0};     // in the log
+  std::int64_t left_out{0};  // good, but not in the log
+  std::uint64_t bytes{0};
+  std::string encoding;  // of the first one: "jpeg", "bayer_rggb8"
+};
+
 struct SessionSummary {
   log::LoggedSession session;
   StreamSummary steps;
   std::optional<LoopSummary> loop;  // only if this version knows the statuses
   std::vector<StreamSummary> companions;
+  std::vector<ImageSummary> images;  // none if no image was recorded
 };
 
 struct LogSummary {

@@ -70,6 +70,14 @@ Json json_of(const StreamSummary& companion) {
                        {"gaps", json_of(companion.gaps)}});
 }
 
+Json json_of(const ImageSummary& images) {
+  return Json::object({{"camera", images.camera},
+                       {"images", images.count},
+                       {"left_out", images.left_out},
+                       {"bytes", images.bytes},
+                       {"encoding", images.encoding}});
+}
+
 Json json_of(const SessionSummary& summary) {
   const log::LoggedSession& session = summary.session;
   const log::SessionHeader& header = session.header();
@@ -93,6 +101,7 @@ Json json_of(const SessionSummary& summary) {
        {"gaps", json_of(summary.steps.gaps)},
        {"companions",
         list_of(summary.companions, [](const StreamSummary& one) { return json_of(one); })},
+       {"images", list_of(summary.images, [](const ImageSummary& one) { return json_of(one); })},
        {"documents",
         list_of(header.documents, [](const Document& document) { return document.name; })}});
 }

@@ -112,6 +112,16 @@ void print_session(const InfoSheet& sheet, const SessionSummary& summary, std::s
         companion.name.substr(companion.name.find('.') + 1),
         fmt::format("{}, {}", counted(companion.count, "element"), rate_text(companion.rate())));
   }
+  for (const ImageSummary& images : summary.images) {
+    const double seconds = summary.steps.duration();
+    std::string text = fmt::format("{} in {}, {}", counted(images.count, "image"), images.encoding,
+                                   size_text(images.bytes));
+    if (seconds > 0) {
+      text += fmt::format(", {}", rate_text(static_cast<double>(images.count) / seconds));
+    }
+    if (images.left_out > 0) text += fmt::format("; {} left out", images.left_out);
+    sheet.line(images.camera, text, images.left_out > 0 ? Style::kWarning : Style::kPlain);
+  }
   sheet.line("end", end_text(session),
              session.fault().needs_recovery() ? Style::kBad : Style::kPlain);
   for (const Gap& gap : summary.steps.gaps) {

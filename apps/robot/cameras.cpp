@@ -5,6 +5,7 @@
 #include <chrono>
 #include <csignal>
 #include <cstdio>
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
@@ -22,6 +23,8 @@
 #include "trifinger/camera/options.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/session.hpp"
+#include "trifinger/log/image_source.hpp"
+#include "trifinger/log/log.hpp"
 #include "trifinger/realtime/thread.hpp"
 #include "trifinger/rendering/simulated_cameras.hpp"
 #include "trifinger/rendering/simulation_that_sees.hpp"
@@ -35,10 +38,12 @@ struct CamerasOptions {
   std::optional<std::string> robot;
   std::optional<std::string> name;
   std::vector<std::string> overrides;
+  std::optional<std::filesystem::path> log;
   bool list{false};
   Nanoseconds length{0};  // 0: until a signal
   pid_t parent{0};        // ends with it, unless 0
-  // Images come before the user's programs, but after the robot's loop and its boards.
+  // For GenICam cameras alone. Images come before the user's programs, but after the robot's loop
+  // and its boards.
   RealtimeOptions realtime{
       .demand = Demand::kTry, .priority = 60, .lock_memory = false, .keep_cpus_awake = false};
 };
@@ -50,6 +55,24 @@ struct Cameras {
   camera::CameraOptions options;
   std::vector<camera::Camera> cameras;
 };
+
+std::string text_of(const std::vector<camera::Camera>& cameras) {
+  std::string text;
+  for (const camera::Camera& camera : cameras) {
+    text += fmt::format("{}{} ({} x {}, {})", text.empty() ? "" : ", ", camera.name,
+                        camera.format.width, camera.format.height,
+                        camera::name_of(camera.format.pixels));
+  }
+  return text;
+}
+
+// The newest session of the robot in a log, or of the only robot there.
+log::LoggedSession log_session(const log::Log& log, const std::string& robot) {
+  for (const log::LoggedSession& session : log.sessions()) {
+    if (session.name() == robot) return log.session(robot);
+  }
+  return log.session();
+}
 
 RobotDescription description_of(const RobotConfig& config) {
   return std::visit([](const auto& options) { return options.description; }, config.simulation);
@@ -84,14 +107,43 @@ Cameras cameras_of(const CamerasOptions& options) {
           .cameras = calibration.cameras};
 }
 
-std::unique_ptr<camera::Source> open_source(const Cameras& cameras) {
+// To copy an image of a GenICam camera takes little time, but must be done at once. To draw or
+// decode one, or to convert that of a webcam, takes much, and with a real-time priority it would
+// keep everybody else from running.
+bool only_copies(const CamerasOptions& options, const Cameras& cameras) {
+  return !options.log && cameras.options.source == camera::SourceKind::kAravis;
+}
+
+// The images of a log must be those of cameras with these names and formats.
+std::unique_ptr<camera::Source> open_log(const Cameras& cameras,
+                                         const std::filesystem::path& path) {
+  auto source = std::make_unique<log::ImageSource>(log_session(log::Log(path), cameras.robot));
+  const std::vector<camera::Camera>& logged = source->calibration().cameras;
+  const bool is_same = std::ranges::equal(
+      logged, cameras.cameras, [](const camera::Camera& one, const camera::Camera& other) {
+        return one.name == other.name && one.format == other.format;
+      });
+  if (!is_same) {
+    throw InvalidArgument("the log " + path.string() + " has images of " + text_of(logged) + "; " +
+                          cameras.robot + " has " + text_of(cameras.cameras));
+  }
+  return source;
+}
+
+std::unique_ptr<camera::Source> open_source(const Cameras& cameras,
+                                            const std::optional<std::filesystem::path>& log) {
+  if (log) return open_log(cameras, *log);
   const camera::CameraOptions& options = cameras.options;
   if (options.source != camera::SourceKind::kSimulated) {
     return camera::open_source(options, cameras.cameras);
   }
+  rendering::RenderingOptions look = rendering::rendering_options(options);
+  if (options.simulated.varies) {
+    Random random{.seed = look.seed};
+    look = rendering::varied(look, random);
+  }
   return std::make_unique<rendering::SimulatedCameras>(cameras.robot, cameras.description,
-                                                       cameras.cameras, options.period,
-                                                       rendering::rendering_options(options));
+                                                       cameras.cameras, options.period, look);
 }
 
 void say(const std::string& robot, const std::string& sentence) {
@@ -137,9 +189,16 @@ int cameras(const CamerasOptions& options) {
   const Signals signals;
   if (options.parent > 0) end_with_parent(options.parent);
   const Cameras found = cameras_of(options);
-  const std::unique_ptr<camera::Source> source = open_source(found);
+  // Before the source is opened: each device has a thread, which inherits the priority.
+  if (only_copies(options, found)) {
+    for (const std::string& lack : enter_realtime(options.realtime)) say(found.robot, lack);
+  } else if (options.realtime.demand == Demand::kRequire) {
+    throw UsageError(
+        "--scheduling require is for GenICam cameras (cameras.source: aravis); to draw, decode or "
+        "convert images is work that must not keep programs from running");
+  }
+  const std::unique_ptr<camera::Source> source = open_source(found, options.log);
   camera::CameraFeed feed(*source, found.robot, found.cameras, found.options.period);
-  for (const std::string& lack : enter_realtime(options.realtime)) say(found.robot, lack);
   std::string names;
   for (const camera::Camera& camera : found.cameras) {
     names += (names.empty() ? "" : ", ") + camera.name;
@@ -172,9 +231,13 @@ void add_cameras(CLI::App& program, Action& action) {
       ->option_text("KEY=VALUE ...");
   add_seconds(command, "--seconds", options.length, 1e9, "End after this time; default: at Ctrl-C");
   command.add_option("--with-process", options.parent)->group("");
+  command.add_option("--log", options.log, "Show the images of this log again and again")
+      ->option_text("LOG");
   command.add_flag("--list", options.list, "List the devices that could be cameras, and end");
-  add_scheduling(command, options.realtime.demand,
-                 "Whether real-time priority is required; default: try");
+  add_scheduling(
+      command, options.realtime.demand,
+      "Whether real-time priority is required to take images from GenICam cameras; default: try. "
+      "Other sources never have it");
   command.footer(
       "The robot runs beside it, in another terminal, and does not wait for images. Both may be\n"
       "started again at any time, in any order. Images are the robot's companion 'cameras'.\n"
@@ -182,6 +245,7 @@ void add_cameras(CLI::App& program, Action& action) {
       "Example:\n"
       "  trifinger cameras trifinger-pro-3\n"
       "  trifinger cameras sim_cameras --set cameras.source=folder --set cameras.folder=images\n"
+      "  trifinger cameras sim_cameras --log logs\n"
       "  trifinger cameras --list");
 }
 

@@ -36,6 +36,8 @@ struct LookOptions {
 using Pixels = std::vector<std::byte>;
 
 constexpr Nanoseconds kLook = std::chrono::milliseconds(100);
+// Images that are older do not show what is there now.
+constexpr Nanoseconds kOld = std::chrono::seconds(2);
 
 // An image that can be saved: colours, or what the camera has measured.
 camera::Picture picture_of(const camera::Images& images, std::size_t index, bool raw) {
@@ -61,7 +63,8 @@ void save(const fs::path& path, const camera::Picture& picture) {
   if (!stream.flush()) throw Error("cannot write " + path.string());
 }
 
-// Puts pictures side by side. One that is missing is black.
+// Puts pictures side by side. One that is missing is black. Throws InvalidArgument for raw images
+// of different formats.
 camera::Picture joined(const std::vector<std::optional<camera::Picture>>& pictures,
                        const std::vector<camera::Camera>& cameras, bool raw) {
   camera::ImageFormat format{.width = 0, .height = 0, .pixels = camera::PixelFormat::kRgb8};
@@ -69,6 +72,12 @@ camera::Picture joined(const std::vector<std::optional<camera::Picture>>& pictur
     format.width += camera.format.width;
     format.height = std::max(format.height, camera.format.height);
     if (raw) format.pixels = camera.format.pixels;
+    if (!raw || camera.format.pixels == cameras[0].format.pixels) continue;
+    throw InvalidArgument(fmt::format(
+        "raw images of {} are in {}, those of {} in {}, so they do not fit into one file; name a "
+        "folder after --to, or leave out --raw",
+        cameras[0].name, name_of(cameras[0].format.pixels), camera.name,
+        name_of(camera.format.pixels)));
   }
   camera::Picture whole{.format = format, .pixels = Pixels(format.size())};
   const std::size_t channels = camera::channels(format.pixels);
@@ -92,21 +101,41 @@ bool is_any_good(const camera::Images& images) {
   });
 }
 
-// Images of the process of the cameras, or of the robot's own. Waits for good ones.
+// How long ago images were taken. A robot without real time ages by its steps.
+Nanoseconds age_of(const camera::Images& images, const Session& robot) {
+  const SessionInfo info = robot.info();
+  const bool is_running = info.backend_is_alive && info.phase != SessionInfo::Phase::kEnded;
+  if (!info.is_real_time && is_running) {
+    return (info.steps - std::max<TimeIndex>(images.stamp().arrival_index, 0)) * info.period;
+  }
+  return Instant(std::chrono::steady_clock::now()) -
+         Instant(Nanoseconds(images.stamp().capture_time));
+}
+
+// Images of the process of the cameras, or of the robot's own. Waits for good ones that are new: a
+// process that was stopped or killed leaves old ones.
 camera::Images newest_images(const Session& robot, const std::string& name, Nanoseconds patience) {
   const camera::CameraReader reader(robot, UntypedFrontend(robot.companion(camera::kCompanion)));
   camera::LiveCameras live(name, reader.calibration().cameras);
   const Deadline deadline(patience);
   std::optional<camera::Images> last;
+  bool is_old = false;
   do {
     std::optional<camera::Images> images = live.next(deadline.remaining(kLook));
     if (!images) images = reader.latest();
-    if (images) last = std::move(images);
-    if (last && is_any_good(*last)) return *last;
+    if (!images) continue;
+    last = std::move(images);
+    is_old = age_of(*last, robot) > kOld;
+    if (!is_old && is_any_good(*last)) return *last;
   } while (!deadline.passed());
-  if (last) return *last;
-  throw TimedOut("no images of robot '" + name + "' have come; 'trifinger cameras " + name +
-                 "' delivers them");
+  const std::string remedy = "'trifinger cameras " + name + "' delivers them";
+  if (!last) throw TimedOut("no images of robot '" + name + "' have come; " + remedy);
+  if (is_old) {
+    throw TimedOut(
+        fmt::format("the newest images of robot '{}' are {} old, and no newer ones come; {}", name,
+                    duration_text(age_of(*last, robot)), remedy));
+  }
+  return *last;
 }
 
 int look(const LookOptions& options) {

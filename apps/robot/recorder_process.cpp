@@ -2,12 +2,12 @@
 #include "robot/recorder_process.hpp"
 
 #include <fmt/core.h>
-#include <poll.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <chrono>
 #include <csignal>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -30,8 +30,9 @@ constexpr std::string_view kFailure = "trifinger: ";
 
 }  // namespace
 
-RecorderProcess::RecorderProcess(std::string robot, std::filesystem::path folder)
-    : robot_(std::move(robot)), folder_(std::move(folder)) {
+RecorderProcess::RecorderProcess(std::string robot, std::filesystem::path folder,
+                                 log::ImageStorage images)
+    : robot_(std::move(robot)), folder_(std::move(folder)), images_(images) {
   spawn();
 }
 
@@ -42,10 +43,11 @@ bool RecorderProcess::finish(Nanoseconds timeout) {
   while (!is_over_ && !deadline.passed()) {
     tell_child();
     end_silence();
-    // The child's output ends when the child ends.
-    pollfd output{.fd = child_ ? child_->program.output() : -1, .events = POLLIN, .revents = 0};
-    const timespec time{.tv_sec = 0, .tv_nsec = deadline.remaining(timeout).count()};
-    ::ppoll(&output, 1, &time, nullptr);
+    if (child_) {
+      child_->program.wait(deadline.remaining(timeout));
+    } else {
+      std::this_thread::sleep_for(deadline.remaining(timeout));
+    }
     look_after();
   }
   return is_over_;
@@ -69,7 +71,8 @@ void RecorderProcess::look_after() {
 
 void RecorderProcess::spawn() {
   const auto self = ipc::ProcessIdentity::of_this_process();
-  child_.emplace(ChildProgram({"record", robot_, "--to", folder_.string(), "--with-process",
+  child_.emplace(ChildProgram({"record", robot_, "--to", folder_.string(), "--images",
+                               std::string(log::name_of(images_)), "--with-process",
                                fmt::format("{}:{}", self.pid, self.start_time)}));
   begin_watch();
 }

@@ -22,7 +22,7 @@ inline constexpr std::string_view kRecorderSign = "goes on";
 class RecorderProcess final : public RunRecorder {
  public:
   // Throws SystemError. The child continues until this process has ended.
-  RecorderProcess(std::string robot, std::filesystem::path folder);
+  RecorderProcess(std::string robot, std::filesystem::path folder, log::ImageStorage images);
 
   [[nodiscard]] bool finish(Nanoseconds timeout) override;
 
@@ -50,6 +50,7 @@ class RecorderProcess final : public RunRecorder {
 
   std::string robot_;
   std::filesystem::path folder_;
+  log::ImageStorage images_;
   std::optional<Child> child_;
   Instant next_start_;
   bool is_ending_{false};

@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "commands.hpp"
+#include "log/options.hpp"
 #include "robot/run_recorder.hpp"
 #include "robot/run_reporter.hpp"
 #include "robot/runnable_robot.hpp"
@@ -45,6 +46,7 @@ struct RunOptions {
   std::optional<BackendOptions::Mode> mode;
   Nanoseconds fault_log{std::chrono::seconds(10)};
   std::optional<std::filesystem::path> record;
+  log::ImageStorage images{log::ImageStorage::kJpeg};
   bool has_sensors{true};
   RealtimeOptions realtime;
 };
@@ -133,7 +135,8 @@ class Run {
     });
     if (options.fault_log > Nanoseconds::zero()) backend_.follow(flight_recorder_);
     if (options.record) {
-      recorder_ = RunRecorder::start(robot_.name, *options.record, robot_.backend, backend_);
+      recorder_ = RunRecorder::start(robot_.name, *options.record, options.images, robot_.backend,
+                                     backend_);
     }
   }
   Run(const Run&) = delete;
@@ -161,7 +164,7 @@ class Run {
       report();
     }
     report();
-    sensors_.reset();
+    finish_sensors();
     finish_recording();
     if (recorder_ != nullptr && !recorder_->failure().empty()) leave_memory_behind(loop);
     loop.stop();
@@ -197,6 +200,15 @@ class Run {
 
   void print_news(const std::string& news) {
     if (!news.empty()) reporter_.print(news, Style::kWarning);
+  }
+
+  void finish_sensors() {
+    while (sensors_ && !sensors_->finish(kRefresh)) {
+      if (const std::optional<int> signal = signals_.wait(Nanoseconds::zero())) {
+        Signals::die_of(*signal);
+      }
+    }
+    sensors_.reset();
   }
 
   void finish_recording() {
@@ -305,6 +317,7 @@ void add_run(CLI::App& program, Action& action) {
       .add_option("--record", options.record,
                   "Record everything into this folder, as 'trifinger record' does")
       ->option_text("DIR");
+  add_images(command, options.images);
   command.add_flag_callback(
       "--no-sensors", [&options] { options.has_sensors = false; },
       "Do not start 'trifinger cameras' and 'trifinger track' beside a robot with cameras");

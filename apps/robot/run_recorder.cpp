@@ -20,8 +20,9 @@ constexpr Nanoseconds kWorryingSilence = std::chrono::seconds(2);
 // A recorder in a thread of this process. The back-end waits for it.
 class RecorderInThread final : public RunRecorder {
  public:
-  RecorderInThread(const std::string& robot, const std::filesystem::path& folder, Backend& backend)
-      : running_({robot}, options(folder)) {
+  RecorderInThread(const std::string& robot, const std::filesystem::path& folder,
+                   log::ImageStorage images, Backend& backend)
+      : running_({robot}, options(folder, images)) {
     backend.follow(running_.recorder());
   }
 
@@ -42,9 +43,11 @@ class RecorderInThread final : public RunRecorder {
   }
 
  private:
-  static log::RecorderOptions options(const std::filesystem::path& folder) {
+  static log::RecorderOptions options(const std::filesystem::path& folder,
+                                      log::ImageStorage images) {
     log::RecorderOptions options;
     options.folder = folder;
+    options.images = images;
     options.is_follower = true;
     return options;
   }
@@ -67,15 +70,16 @@ class RecorderInThread final : public RunRecorder {
 
 std::unique_ptr<RunRecorder> RunRecorder::start(const std::string& robot,
                                                 const std::filesystem::path& folder,
+                                                log::ImageStorage images,
                                                 const BackendOptions& options, Backend& backend) {
   if (options.mode == BackendOptions::Mode::kNonRealTime) {
-    return std::make_unique<RecorderInThread>(robot, folder, backend);
+    return std::make_unique<RecorderInThread>(robot, folder, images, backend);
   }
   {
     // Any reason not to record is reported before the robot moves.
     const log::Recorder attempt({robot}, {.folder = folder});
   }
-  return std::make_unique<RecorderProcess>(robot, folder);
+  return std::make_unique<RecorderProcess>(robot, folder, images);
 }
 
 void RunRecorder::see_sign() {

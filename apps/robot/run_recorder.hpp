@@ -11,6 +11,7 @@
 #include "shared/terminal.hpp"
 #include "trifinger/base/time.hpp"
 #include "trifinger/core/backend.hpp"
+#include "trifinger/log/image_storage.hpp"
 
 namespace trifinger::apps {
 
@@ -32,6 +33,7 @@ class RunRecorder {
   // AlreadyRecorded, SystemError.
   [[nodiscard]] static std::unique_ptr<RunRecorder> start(const std::string& robot,
                                                           const std::filesystem::path& folder,
+                                                          log::ImageStorage images,
                                                           const BackendOptions& options,
                                                           Backend& backend);
   RunRecorder(const RunRecorder&) = delete;

@@ -64,7 +64,8 @@ RunnableRobot make_fake_robot(const std::vector<std::string>& overrides) {
 }
 
 // Makes a robot that plays a log.
-RunnableRobot make_replay(const std::string& path, const std::vector<std::string>& overrides) {
+RunnableRobot make_replay(const std::string& path, const std::vector<std::string>& overrides,
+                          const std::optional<std::string>& name) {
   const config::File file = config::File::parse("", path, overrides);
   const config::Node root = file.root();
   const log::Log log{std::filesystem::path(path)};
@@ -74,10 +75,11 @@ RunnableRobot make_replay(const std::string& path, const std::vector<std::string
     if (!node) return std::nullopt;
     return node->as<TimeIndex>({.min = 0, .max = 1e15});
   };
-  const log::ReplayOptions part{.first = step("first"), .last = step("last")};
+  log::ReplayOptions part{.first = step("first"), .last = step("last")};
   RunnableRobot robot;
-  robot.name = root.optional<std::string>("name", session.name());
+  robot.name = name.value_or(root.optional<std::string>("name", session.name()));
   file.reject_unknown_keys();
+  part.images_of = robot.name;
   auto driver = std::make_unique<log::ReplayDriver>(session, part);
   robot.backend = driver->backend_options();
   robot.session = driver->session_options();
@@ -157,6 +159,7 @@ void add_simulation(RunnableRobot& robot, SimulationOptions<R> options, const Ro
     // Time stands still while images are drawn, so nothing is gained by other processes.
     if (auto seeing = rendering::make_driver_with_cameras(*driver, config, robot.name)) {
       robot.session.documents.push_back(camera_document(camera_calibration(config, robot.name)));
+      seeing->share_images(robot.name);
       robot.driver = std::move(seeing);
       robot.owned = std::move(driver);
       return;
@@ -238,7 +241,7 @@ RunnableRobot make_robot(const RobotChoice& choice) {
   }
   if (is_log(robot)) {
     if (state) throw UsageError("--state is for simulations; a log begins as it was recorded");
-    return as_chosen(make_replay(robot, overrides), choice);
+    return as_chosen(make_replay(robot, overrides, choice.name), choice);
   }
 
   RobotConfig config = load_robot_config(robot, overrides);

@@ -2,7 +2,6 @@
 #include "robot/sensor_processes.hpp"
 
 #include <fmt/core.h>
-#include <poll.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -45,19 +44,34 @@ SensorProcesses::SensorProcesses(std::vector<std::vector<std::string>> commands)
 }
 
 SensorProcesses::~SensorProcesses() {
-  for (const Process& process : processes_) {
-    if (process.program) process.program->signal(SIGTERM);
+  while (!finish(kPatience)) {
   }
-  const Instant deadline = now() + kPatience;
-  for (Process& process : processes_) {
-    if (!process.program) continue;
-    while (!process.program->has_ended()) {
-      static_cast<void>(process.program->take_lines());
-      if (now() > deadline) process.program->signal(SIGKILL);
-      // The child's output ends when the child ends.
-      pollfd output{.fd = process.program->output(), .events = POLLIN, .revents = 0};
-      ::poll(&output, 1, 50);
+}
+
+bool SensorProcesses::finish(Nanoseconds timeout) {
+  if (kill_at_ == Instant::max()) {
+    kill_at_ = now() + kPatience;
+    for (const Process& process : processes_) {
+      if (process.program) process.program->signal(SIGTERM);
     }
+  }
+  const Deadline deadline(timeout);
+  while (true) {
+    const ChildProgram* running = nullptr;
+    for (Process& process : processes_) {
+      if (!process.program) continue;
+      static_cast<void>(process.program->take_lines());
+      if (now() > kill_at_) process.program->signal(SIGKILL);
+      if (process.program->has_ended()) {
+        process.program.reset();
+      } else {
+        running = &*process.program;
+      }
+    }
+    if (running == nullptr) return true;
+    if (deadline.passed()) return false;
+    constexpr Nanoseconds kSlice = std::chrono::milliseconds(50);
+    running->wait(deadline.remaining(kSlice));
   }
 }
 

@@ -22,6 +22,10 @@ class SensorProcesses {
   // Ends them and waits for their end, but kills one that hangs.
   ~SensorProcesses();
 
+  // Asks them to end and waits for it up to `timeout`. True if all have ended. One that still runs
+  // some seconds after the first call is killed.
+  [[nodiscard]] bool finish(Nanoseconds timeout);
+
   // Looks after them. Returns what they have printed and what has happened to them, in sentences.
   [[nodiscard]] std::vector<std::string> look();
 
@@ -37,6 +41,7 @@ class SensorProcesses {
   void see_end(Process& process, int status, std::vector<std::string>& news);
 
   std::vector<Process> processes_;
+  Instant kill_at_{Instant::max()};
 };
 
 }  // namespace trifinger::apps

@@ -53,6 +53,11 @@ class TrackedThing {
                const tracking::ColourModel& colours)
       : name_(object.name), tracker_(cameras, tracking::tracked_object(object), colours) {}
 
+  // A sentence if no pose can ever be sure.
+  [[nodiscard]] std::optional<std::string> warning() const {
+    return tracking::look_alike_warning(tracker_.object());
+  }
+
   // The pose at this time; nothing unless it is sure.
   std::optional<ObjectPose> track(std::span<const std::span<const std::byte>> images,
                                   Instant time) {
@@ -144,7 +149,8 @@ int track(const TrackOptions& options) {
   std::vector<TrackedThing> things;
   things.reserve(description.objects.size());
   for (const ObjectDescription& object : description.objects) {
-    things.emplace_back(cameras, object, colours);
+    const TrackedThing& thing = things.emplace_back(cameras, object, colours);
+    if (const auto warning = thing.warning()) say(options.robot, *warning);
   }
   camera::LiveCameras live(options.robot, cameras);
   UntypedSensorWriter writer(options.robot, options.sensor, companion->element);

@@ -3,13 +3,16 @@
 
 #include <fcntl.h>
 #include <fmt/core.h>
+#include <poll.h>
 #include <spawn.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
+#include <chrono>
 #include <csignal>
 #include <utility>
 
@@ -72,11 +75,22 @@ ChildProgram::ChildProgram(std::vector<std::string> words) {
   output_ = std::move(output.read);
 }
 
+void ChildProgram::wait(Nanoseconds timeout) const noexcept {
+  // poll leaves out what is no file, and would not wait at the end of one.
+  constexpr Nanoseconds kShort = std::chrono::milliseconds(20);
+  pollfd output{.fd = output_.get(), .events = POLLIN, .revents = 0};
+  const Nanoseconds wait = output_ ? timeout : std::min(timeout, kShort);
+  const timespec time{.tv_sec = wait / std::chrono::seconds(1),
+                      .tv_nsec = (wait % std::chrono::seconds(1)).count()};
+  ::ppoll(&output, 1, &time, nullptr);
+}
+
 std::vector<std::string> ChildProgram::take_lines() {
   std::array<char, 4096> buffer;
-  while (true) {
+  while (output_) {
     const ssize_t size = ::read(output_.get(), buffer.data(), buffer.size());
     if (size < 0 && errno == EINTR) continue;
+    if (size == 0) output_ = {};
     if (size <= 0) break;
     text_.append(buffer.data(), static_cast<std::size_t>(size));
   }
@@ -98,8 +112,9 @@ std::optional<int> ChildProgram::has_ended() const {
 void ChildProgram::signal(int number) const noexcept { ::kill(pid_, number); }
 
 void end_with_parent(pid_t parent) noexcept {
-  ::prctl(PR_SET_PDEATHSIG, SIGTERM);
-  if (::getppid() != parent) ::raise(SIGTERM);  // it has ended already
+  // Not SIGTERM: a program that hangs does not look whether this signal has come.
+  ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+  if (::getppid() != parent) ::raise(SIGKILL);  // it has ended already
 }
 
 std::string ending_text(int status) {

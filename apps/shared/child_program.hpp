@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "trifinger/base/time.hpp"
 #include "trifinger/ipc/file_descriptor.hpp"
 
 namespace trifinger::apps {
@@ -22,8 +23,9 @@ class ChildProgram {
   [[nodiscard]] pid_t pid() const noexcept { return pid_; }
   // Its standard input.
   [[nodiscard]] int input() const noexcept { return input_.get(); }
-  // What it prints, to be polled. It is closed when the child has ended.
-  [[nodiscard]] int output() const noexcept { return output_.get(); }
+  // Waits until it has printed something or ends. Afterwards `take_lines` must be called. Only for
+  // a short time if it has closed its output: then it ends soon, or it hangs.
+  void wait(Nanoseconds timeout) const noexcept;
 
   // Returns the whole lines that it has printed since the last call.
   [[nodiscard]] std::vector<std::string> take_lines();
@@ -35,11 +37,12 @@ class ChildProgram {
  private:
   pid_t pid_{0};
   ipc::FileDescriptor input_;
-  ipc::FileDescriptor output_;
-  std::string text_;  // output that is not a whole line yet
+  ipc::FileDescriptor output_;  // none if it has closed it
+  std::string text_;            // output that is not a whole line yet
 };
 
-// Ends this program, by SIGTERM, when the process `parent`, which has started it, ends.
+// Kills this program when the process `parent`, which has started it, ends: it was killed itself,
+// for otherwise it would have waited for an orderly end.
 void end_with_parent(pid_t parent) noexcept;
 
 // Describes how a child has ended, for a sentence about it: "was killed by signal 9".

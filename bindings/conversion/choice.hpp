@@ -14,6 +14,7 @@ namespace trifinger::bindings {
 
 /// The enumerators of every `Precision`.
 inline constexpr std::array<std::string_view, 2> kPrecisions{"double", "single"};
+inline constexpr std::array<std::string_view, 3> kImageStorages{"none", "jpeg", "raw"};
 
 /// Returns the enumerator that has the same index in its enumeration as `word` in `words`.
 /// @throws InvalidArgument that names `what`, the value found and the values allowed

@@ -33,6 +33,8 @@
 #include "trifinger/base/error.hpp"
 #include "trifinger/learning/environment.hpp"
 #include "trifinger/learning/environment_batch.hpp"
+#include "trifinger/rendering/simulation_that_sees.hpp"
+#include "trifinger/sim/robot_cameras.hpp"
 
 namespace nb = nanobind;
 using namespace nanobind::literals;
@@ -62,16 +64,21 @@ nb::object view(nb::handle owner, std::vector<T>& values, std::size_t rows = 0) 
   return view(owner, values.data(), values.size(), rows);
 }
 
+Nanoseconds period_of(const RobotConfig& config) {
+  return std::visit([](const auto& options) { return options.period; }, config.simulation);
+}
+
 // `Environment`, one episode of it, and what was seen last.
 struct Episodes {
-  Episodes(nb::object its_task, const EnvironmentOptions& options, const RobotDescription& robot,
-           Nanoseconds step)
+  Episodes(nb::object its_task, const EnvironmentOptions& options, RobotConfig its_config,
+           std::vector<camera::Camera> its_cameras)
       : task(std::move(its_task)),
         environment(nb::isinstance<nb::str>(task) ? find_task(nb::cast<std::string>(task))
                                                   : describe_task(task, failure),
-                    options, robot, step),
-        description(robot),
-        period(step),
+                    options, description_of(its_config), period_of(its_config)),
+        config(std::move(its_config)),
+        oldest_sure_age(rendering::oldest_sure_age(config)),
+        cameras(std::move(its_cameras)),
         observation(environment.observation_size()),
         achieved(environment.goal_size()),
         desired(environment.goal_size()) {}
@@ -86,8 +93,9 @@ struct Episodes {
   nb::object task;  // a name, or an object of Python's class
   std::shared_ptr<TaskFailure> failure = std::make_shared<TaskFailure>();
   Environment environment;
-  RobotDescription description;
-  Nanoseconds period;
+  RobotConfig config;
+  TimeIndex oldest_sure_age;            // of a pose [steps]
+  std::vector<camera::Camera> cameras;  // that are observed
   Start start;
   Episode episode;
   Outcome outcome;
@@ -96,8 +104,30 @@ struct Episodes {
   std::vector<double> desired;
 };
 
-Nanoseconds period_of(const RobotConfig& config) {
-  return std::visit([](const auto& options) { return options.period; }, config.simulation);
+// A pose from position and quaternion, if there is one.
+std::optional<ObjectPose> to_pose(nb::handle given) {
+  if (given.is_none()) return std::nullopt;
+  const auto [at, turned] =
+      nb::cast<std::tuple<Array<Eigen::Vector3d>, Array<Eigen::Vector4d>>>(given);
+  ObjectPose pose;
+  std::copy_n(at.value.data(), 3, pose.position.begin());
+  std::copy_n(turned.value.data(), 4, pose.orientation.begin());
+  return pose;
+}
+
+// The cameras that an environment with these options observes.
+std::vector<camera::Camera> observed_cameras(const EnvironmentOptions& options,
+                                             const RobotConfig& config) {
+  if (options.layout != Layout::kImages) return {};
+  return camera_calibration(config, config.name).cameras;
+}
+
+nb::list describe_cameras(const std::vector<camera::Camera>& cameras) {
+  nb::list all;
+  for (const camera::Camera& camera : cameras) {
+    all.append(nb::make_tuple(camera.name, camera.format.height, camera.format.width));
+  }
+  return all;
 }
 
 // What both classes tell of their task.
@@ -126,6 +156,13 @@ void bind_description(nb::class_<T>& type, const Environment& (*environment_of)(
       .def_prop_ro(
           "episode_actions",
           [environment_of](const T& self) { return environment_of(self).episode_actions(); })
+      .def_prop_ro(
+          "oldest_image_age", [](const T&) { return kOldestImage; },
+          "Images that are older count as this old [steps].")
+      .def_prop_ro(
+          "judges_by_truth",
+          [environment_of](const T& self) { return environment_of(self).judges_by_truth(); },
+          docs::Environment::judges_by_truth)
       .def_prop_ro("num_joints",
                    [environment_of](const T& self) { return environment_of(self).num_joints(); })
       .def_prop_ro("object_name",
@@ -162,9 +199,10 @@ void bind_episodes(nb::module_& m) {
           "__init__",
           [](Episodes* self, const nb::object& task, const std::string& options,
              const std::string& config, const nb::dict& overrides) {
-            const RobotConfig robot = load_config(config, overrides);
-            new (self)
-                Episodes(task, read_options(options), description_of(robot), period_of(robot));
+            RobotConfig robot = load_config(config, overrides);
+            const EnvironmentOptions wanted = read_options(options);
+            std::vector<camera::Camera> cameras = observed_cameras(wanted, robot);
+            new (self) Episodes(task, wanted, std::move(robot), std::move(cameras));
           },
           "task"_a, "options"_a, "config"_a, "overrides"_a,
           nb::sig("def __init__(self, task: object, options: str, config: str, "
@@ -193,22 +231,32 @@ the series of random numbers.)")
               .c_str())
       .def(
           "check_robot",
-          [](const Episodes& self, const std::string& configuration) {
+          [](Episodes& self, const std::optional<std::string>& configuration) {
             const RobotConfig actual =
-                read_robot_config(config::File::parse(configuration, "configuration.yml"));
+                configuration
+                    ? read_robot_config(config::File::parse(*configuration, "configuration.yml"))
+                    : self.config;
             const RobotDescription& description = description_of(actual);
-            if (description.variant != self.description.variant ||
-                description.arrangement != self.description.arrangement) {
+            const RobotDescription& expected = description_of(self.config);
+            if (description.variant != expected.variant ||
+                description.arrangement != expected.arrangement) {
               throw InvalidArgument("the robot is a '" + actual.name +
                                     "', which is not what `config` says");
             }
-            if (period_of(actual) != self.period) {
+            if (period_of(actual) != period_of(self.config)) {
               throw InvalidArgument(
                   "the robot's period is " + std::to_string(to_seconds(period_of(actual))) +
-                  " s, `config` says " + std::to_string(to_seconds(self.period)) + " s");
+                  " s, `config` says " + std::to_string(to_seconds(period_of(self.config))) + " s");
             }
+            self.oldest_sure_age = rendering::oldest_sure_age_elsewhere(actual);
           },
-          "configuration"_a, "Refuses another robot than that of `config`, by its configuration.")
+          "configuration"_a.none(),
+          "Refuses another robot than that of `config`, by its configuration if that is known, and "
+          "takes\n"
+          "the age of its poses from there.")
+      .def_prop_ro(
+          "oldest_sure_age", [](const Episodes& self) { return self.oldest_sure_age; },
+          "Age of a pose up to which it is sure; of a connected robot once it was checked [steps].")
       .def(
           "way",
           [](const Episodes& self, const Array<JointValues>& from) {
@@ -254,7 +302,7 @@ the series of random numbers.)")
       .def(
           "observe",
           [](Episodes& self, const Array<JointValues>& position, const Array<JointValues>& velocity,
-             nb::handle object) {
+             nb::handle object, nb::handle true_object) {
             const auto joints = static_cast<Eigen::Index>(self.environment.num_joints());
             if (position.value.size() != joints || velocity.value.size() != joints) {
               throw InvalidArgument("a measurement must have " + std::to_string(joints) +
@@ -263,18 +311,13 @@ the series of random numbers.)")
             if (object.is_none() != self.environment.object_name().empty()) {
               throw InvalidArgument("the pose of an object is for tasks that have one");
             }
-            std::optional<ObjectPose> pose;
-            if (!object.is_none()) {
-              const auto [at, turned] =
-                  nb::cast<std::tuple<Array<Eigen::Vector3d>, Array<Eigen::Vector4d>>>(object);
-              pose.emplace();
-              std::copy_n(at.value.data(), 3, pose->position.begin());
-              std::copy_n(turned.value.data(), 4, pose->orientation.begin());
-            }
+            const std::optional<ObjectPose> pose = to_pose(object);
+            const std::optional<ObjectPose> truth = to_pose(true_object);
             const auto size = static_cast<std::size_t>(joints);
             self.outcome = self.environment.observe({.position = {position.value.data(), size},
                                                      .velocity = {velocity.value.data(), size},
-                                                     .object = pose ? &*pose : nullptr},
+                                                     .object = pose ? &*pose : nullptr,
+                                                     .true_object = truth ? &*truth : nullptr},
                                                     self.episode, self.observation, self.achieved,
                                                     self.desired);
             self.failure->rethrow();
@@ -282,13 +325,19 @@ the series of random numbers.)")
             return nb::make_tuple(outcome.reward, outcome.terminated, outcome.truncated,
                                   outcome.success);
           },
-          "position"_a, "velocity"_a, "object"_a = nb::none(),
+          "position"_a, "velocity"_a, "object"_a = nb::none(), "true_object"_a = nb::none(),
           nb::sig("def observe(self, position: numpy.typing.ArrayLike, velocity: "
                   "numpy.typing.ArrayLike, object: tuple[numpy.typing.ArrayLike, "
-                  "numpy.typing.ArrayLike] | None = None) -> tuple[float, bool, bool, bool]"),
+                  "numpy.typing.ArrayLike] | None = None, true_object: "
+                  "tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike] | None = None) -> "
+                  "tuple[float, bool, bool, bool]"),
           also(docs::Environment::observe,
                R"(Returns reward, terminated, truncated, success; the arrays below change.)")
               .c_str());
+  type.def_prop_ro(
+      "cameras", [](const Episodes& self) { return describe_cameras(self.cameras); },
+      nb::sig("def cameras(self) -> list[tuple[str, int, int]]"),
+      "Name, height and width of each camera that is observed.");
   bind_description<Episodes>(
       type, [](const Episodes& self) -> const Environment& { return self.environment; });
   const auto array = [&type](const char* name, const char* signature, auto get) {
@@ -326,7 +375,10 @@ void bind_batch(nb::module_& m) {
             const EnvironmentOptions wanted = read_options(options);
             std::visit(
                 [&](const auto& simulation) {
-                  new (self) EnvironmentBatch(task, wanted, simulation, size, num_threads);
+                  new (self) EnvironmentBatch(task, wanted, simulation, size, num_threads,
+                                              wanted.needs_cameras() || robot.tracks_objects
+                                                  ? rendering::sight_options(robot, robot.name)
+                                                  : std::nullopt);
                 },
                 robot.simulation);
           },
@@ -335,6 +387,8 @@ void bind_batch(nb::module_& m) {
                   "num_threads: int, config: str, overrides: dict[str, object]) -> None"))
       .def("__len__", &EnvironmentBatch::size)
       .def_prop_ro("num_threads", &EnvironmentBatch::num_threads)
+      .def_prop_ro("oldest_sure_age", &EnvironmentBatch::oldest_sure_age,
+                   docs::EnvironmentBatch::oldest_sure_age)
       .def("seed", &EnvironmentBatch::seed, "index"_a, "seed"_a, "episode"_a = 0,
            docs::EnvironmentBatch::seed)
       .def(
@@ -397,6 +451,36 @@ void bind_batch(nb::module_& m) {
   array("success", "uint8", [](Results& r) -> auto& { return r.seen.success; }, !kRows);
   array("final_success", "uint8", [](Results& r) -> auto& { return r.final.success; }, !kRows);
   array("fault", "int32", [](Results& r) -> auto& { return r.fault; }, !kRows);
+  array("object_age", "int64", [](Results& r) -> auto& { return r.seen.object_age; }, !kRows);
+  array(
+      "final_object_age", "int64", [](Results& r) -> auto& { return r.final.object_age; }, !kRows);
+  array("image_age", "float32", [](Results& r) -> auto& { return r.seen.image_age; }, kRows);
+  array("final_image_age", "float32", [](Results& r) -> auto& { return r.final.image_age; }, kRows);
+  type.def_prop_ro(
+      "cameras", [](const EnvironmentBatch& self) { return describe_cameras(self.cameras()); },
+      nb::sig("def cameras(self) -> list[tuple[str, int, int]]"), docs::EnvironmentBatch::cameras);
+  const auto images = [&type](const char* name, auto get) {
+    const std::string signature =
+        "def " + std::string(name) + "(self) -> list[numpy.typing.NDArray[numpy.uint8]]";
+    type.def_prop_ro(
+        name,
+        [get](nb::handle self) {
+          auto& batch = nb::cast<EnvironmentBatch&>(self);
+          nb::list all;
+          for (std::size_t k = 0; k < batch.cameras().size(); ++k) {
+            const camera::ImageFormat& format = batch.cameras()[k].format;
+            const std::array<std::size_t, 4> shape{batch.size(),
+                                                   static_cast<std::size_t>(format.height),
+                                                   static_cast<std::size_t>(format.width), 3};
+            std::uint8_t* const pixels = get(batch.results())[k].data();
+            all.append(nb::ndarray<nb::numpy, std::uint8_t>(pixels, 4, shape.data(), self));
+          }
+          return all;
+        },
+        nb::sig(signature.c_str()));
+  };
+  images("images", [](Results& r) -> auto& { return r.seen.images; });
+  images("final_images", [](Results& r) -> auto& { return r.final.images; });
 }
 
 }  // namespace

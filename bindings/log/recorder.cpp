@@ -19,10 +19,12 @@ std::vector<std::weak_ptr<log::RecorderThread>> recorders;
 
 std::shared_ptr<log::RecorderThread> start_recorder(const std::string& robot,
                                                     const std::filesystem::path& folder,
-                                                    const std::string& precision) {
+                                                    const std::string& precision,
+                                                    const std::string& images) {
   log::RecorderOptions options;
   options.folder = folder;
   options.precision = choice<log::Precision>("precision", kPrecisions, precision);
+  options.images = choice<log::ImageStorage>("images", kImageStorages, images);
   auto recorder = std::make_shared<log::RecorderThread>(robot, std::move(options));
   std::erase_if(recorders, [](const auto& other) { return other.expired(); });
   recorders.push_back(recorder);

@@ -24,7 +24,7 @@
 #include "trifinger/camera/calibration.hpp"
 #include "trifinger/config/file.hpp"
 #include "trifinger/rendering/camera_renderer.hpp"
-#include "trifinger/rendering/cameras_of.hpp"
+#include "trifinger/sim/robot_cameras.hpp"
 
 namespace nb = nanobind;
 using namespace nanobind::literals;
@@ -151,7 +151,7 @@ void make(PythonRenderer* self, const std::string& config, const nb::dict& overr
           const nb::kwargs& options) {
   const RobotDescription description = description_of(load_config(config, overrides));
   camera::Calibration cameras =
-      calibration ? read_calibration_text(*calibration) : cameras_of(description);
+      calibration ? read_calibration_text(*calibration) : calibration_of_figures(description);
   for (Camera& camera : cameras.cameras) {
     camera = camera.reduced(reduction);
     camera.format.pixels = pixel_format(pixels);

@@ -126,6 +126,10 @@ Variation to_variation(const nb::kwargs& given) {
   return variation;
 }
 
+std::pair<Eigen::Vector3d, Eigen::Vector4d> to_arrays(const ObjectPose& pose) {
+  return {Eigen::Vector3d(pose.position.data()), Eigen::Vector4d(pose.orientation.data())};
+}
+
 }  // namespace
 
 void bind_simulation(nb::module_& m) {
@@ -195,11 +199,15 @@ void bind_simulation(nb::module_& m) {
       .def(
           "object_pose",
           [](const PythonSimulation& simulation, const std::string& name) {
-            const ObjectPose pose = simulation.object_pose(name);
-            return std::pair(Eigen::Vector3d(pose.position.data()),
-                             Eigen::Vector4d(pose.orientation.data()));
+            return to_arrays(simulation.object_pose(name));
           },
           "name"_a, docs::SimulatedRobot::object_pose)
+      .def(
+          "observed_object_pose",
+          [](const PythonSimulation& simulation, const std::string& name) {
+            return to_arrays(simulation.observed_object_pose(name));
+          },
+          "name"_a, docs::SimulatedRobot::observed_object_pose)
       .def("save", &PythonSimulation::save, docs::SimulatedRobot::save)
       .def("restore", &PythonSimulation::restore, "state"_a, docs::SimulatedRobot::restore)
       .def("state_before_divergence", &PythonSimulation::state_before_divergence,
@@ -221,14 +229,16 @@ void bind_simulation(nb::module_& m) {
            "fault: KeyboardInterrupt reaches the program\nthat waits for the robot.")
       .def(
           "record",
-          [](const PythonSimulation& simulation, nb::handle folder, const std::string& precision) {
-            return simulation.record(to_path(folder), precision);
+          [](const PythonSimulation& simulation, nb::handle folder, const std::string& precision,
+             const std::string& images) {
+            return simulation.record(to_path(folder), precision, images);
           },
-          "folder"_a, nb::kw_only(), "precision"_a = "double",
-          nb::sig("def record(self, folder: str | os.PathLike[str], *, precision: str = 'double') "
-                  "-> Recorder"),
+          "folder"_a, nb::kw_only(), "precision"_a = "double", "images"_a = "jpeg",
+          nb::sig("def record(self, folder: str | os.PathLike[str], *, precision: str = 'double', "
+                  "images: str = 'jpeg') -> Recorder"),
           "Records every session from the next one on, without loss, into a file in `folder`. The "
-          "precision\n\"single\" takes half of the space.")
+          "precision\n\"single\" takes half of the space. `images` says what is kept of images: "
+          "\"jpeg\", \"raw\" or \"none\".")
       .def("mjcf", &PythonSimulation::mjcf, "The scene in MuJoCo's format.");
 
   m.def(
@@ -237,7 +247,8 @@ void bind_simulation(nb::module_& m) {
          const nb::iterable& checks) {
         PythonSimulation simulation(load_config(config, overrides));
         for (const nb::handle check : checks) simulation.add_check(nb::borrow(check));
-        if (!record.is_none()) static_cast<void>(simulation.record(to_path(record), "double"));
+        if (!record.is_none())
+          static_cast<void>(simulation.record(to_path(record), "double", "jpeg"));
         return simulation.connect(strict);
       },
       "config"_a = "sim", "overrides"_a = nb::dict(), nb::kw_only(), "strict"_a = true,

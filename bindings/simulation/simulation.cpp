@@ -116,6 +116,12 @@ ObjectPose PythonSimulation::object_pose(const std::string& name) const {
                     simulation_);
 }
 
+ObjectPose PythonSimulation::observed_object_pose(const std::string& name) const {
+  return std::visit(
+      [&](const auto& simulation) { return simulation.robot().observed_object_pose(name); },
+      simulation_);
+}
+
 nb::bytes PythonSimulation::save() const {
   return std::visit([](const auto& simulation) { return to_bytes(simulation.robot().save()); },
                     simulation_);
@@ -138,8 +144,9 @@ std::vector<double> PythonSimulation::configuration() const {
 }
 
 std::shared_ptr<log::RecorderThread> PythonSimulation::record(const std::filesystem::path& folder,
-                                                              const std::string& precision) const {
-  auto recorder = start_recorder(name_, folder, precision);
+                                                              const std::string& precision,
+                                                              const std::string& images) const {
+  auto recorder = start_recorder(name_, folder, precision, images);
   std::visit([&](const auto& simulation) { simulation.follow(recorder); }, simulation_);
   return recorder;
 }

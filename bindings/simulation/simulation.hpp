@@ -40,6 +40,7 @@ class PythonSimulation {
   void set_object_velocity(const std::string& name, const std::vector<double>& linear,
                            const std::vector<double>& angular) const;
   [[nodiscard]] ObjectPose object_pose(const std::string& name) const;
+  [[nodiscard]] ObjectPose observed_object_pose(const std::string& name) const;
   [[nodiscard]] ObjectVelocity object_velocity(const std::string& name) const;
   [[nodiscard]] nanobind::bytes save() const;
   void restore(const nanobind::bytes& state) const;
@@ -48,7 +49,8 @@ class PythonSimulation {
   [[nodiscard]] std::string mjcf() const;
   /// Records every session from the next one on.
   [[nodiscard]] std::shared_ptr<log::RecorderThread> record(const std::filesystem::path& folder,
-                                                            const std::string& precision) const;
+                                                            const std::string& precision,
+                                                            const std::string& images) const;
   /// Adds `function(observation, action)` to the safety checks; it changes the action in place.
   void add_check(nanobind::object function);
 

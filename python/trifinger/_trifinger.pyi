@@ -741,6 +741,14 @@ class Simulation:
         Raises InvalidArgument that names the existing objects.
         """
 
+    def observed_object_pose(self, name: str) -> tuple[Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], Annotated[NDArray[numpy.float64], dict(shape=(4), order='C')]]:
+        """
+        The object's pose at the newest observation, without delay and noise. The action of that
+        step may have moved it since.
+
+        Raises InvalidArgument that names the existing objects.
+        """
+
     def save(self) -> bytes:
         """Saves the state: physics, safety chain, delays, random numbers."""
 
@@ -771,10 +779,10 @@ class Simulation:
         that waits for the robot.
         """
 
-    def record(self, folder: str | os.PathLike[str], *, precision: str = 'double') -> Recorder:
+    def record(self, folder: str | os.PathLike[str], *, precision: str = 'double', images: str = 'jpeg') -> Recorder:
         """
         Records every session from the next one on, without loss, into a file in `folder`. The precision
-        "single" takes half of the space.
+        "single" takes half of the space. `images` says what is kept of images: "jpeg", "raw" or "none".
         """
 
     def mjcf(self) -> str:
@@ -2088,8 +2096,17 @@ class Episodes:
         the series of random numbers.
         """
 
-    def check_robot(self, configuration: str) -> None:
-        """Refuses another robot than that of `config`, by its configuration."""
+    def check_robot(self, configuration: str | None) -> None:
+        """
+        Refuses another robot than that of `config`, by its configuration if that is known, and takes
+        the age of its poses from there.
+        """
+
+    @property
+    def oldest_sure_age(self) -> int:
+        """
+        Age of a pose up to which it is sure; of a connected robot once it was checked [steps].
+        """
 
     def way(self, from_position: numpy.typing.ArrayLike) -> numpy.typing.NDArray[numpy.float64]:
         """
@@ -2099,7 +2116,7 @@ class Episodes:
     def take_action(self, numbers: numpy.typing.NDArray[numpy.float32]) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64]]:
         """Torques [Nm] and positions [rad] of the joints for one action."""
 
-    def observe(self, position: numpy.typing.ArrayLike, velocity: numpy.typing.ArrayLike, object: tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike] | None = None) -> tuple[float, bool, bool, bool]:
+    def observe(self, position: numpy.typing.ArrayLike, velocity: numpy.typing.ArrayLike, object: tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike] | None = None, true_object: tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike] | None = None) -> tuple[float, bool, bool, bool]:
         """
         Computes the observation after the actions that `episode` counts. The outcome is judged by
         the goal that was shown before, which is written to `desired`. If a new goal begins now, it
@@ -2109,9 +2126,14 @@ class Episodes:
         """
 
     @property
+    def cameras(self) -> list[tuple[str, int, int]]:
+        """Name, height and width of each camera that is observed."""
+
+    @property
     def entries(self) -> list[tuple[str, str, list[float], list[float]]]:
         """
-        The parts of an observation, in the order of `Layout.DICTIONARY`.
+        The parts of an observation, in the order of `Layout.DICTIONARY`. Images are not among them:
+        whoever has cameras adds these.
 
         Each is name, unit, low and high.
         """
@@ -2124,6 +2146,17 @@ class Episodes:
 
     @property
     def episode_actions(self) -> int: ...
+
+    @property
+    def oldest_image_age(self) -> int:
+        """Images that are older count as this old [steps]."""
+
+    @property
+    def judges_by_truth(self) -> bool:
+        """
+        True if a simulation shall judge the outcome by where the object really is, because its pose
+        is not observed, or tracked.
+        """
 
     @property
     def num_joints(self) -> int: ...
@@ -2158,6 +2191,9 @@ class EnvironmentBatch:
     Each simulation gives the same results, bit for bit, as an `Environment` with a simulation
     of its own. One batch must not be used by several threads at once.
 
+    Simulations that see share one pair of eyes per thread. An image is drawn when an
+    observation needs it.
+
     `trifinger.environments.VectorEnvironment` uses it.
     """
 
@@ -2167,6 +2203,13 @@ class EnvironmentBatch:
 
     @property
     def num_threads(self) -> int: ...
+
+    @property
+    def oldest_sure_age(self) -> int:
+        """
+        Age of the newest pose of the object just before the next one arrives [steps]. If it is
+        older, poses were lost, or the tracker was not sure since then.
+        """
 
     def seed(self, index: int, seed: int, episode: int = ...) -> None:
         """
@@ -2190,7 +2233,8 @@ class EnvironmentBatch:
         for `Environment.take_action`.
 
         Raises InvalidArgument if there are too many or too few numbers, or one is not finite; then
-        nothing moves.
+        nothing moves. Error if an image could not be drawn; then the episode of that simulation has
+        ended, and the others have moved on.
 
         The arrays below change.
         """
@@ -2198,7 +2242,8 @@ class EnvironmentBatch:
     @property
     def entries(self) -> list[tuple[str, str, list[float], list[float]]]:
         """
-        The parts of an observation, in the order of `Layout.DICTIONARY`.
+        The parts of an observation, in the order of `Layout.DICTIONARY`. Images are not among them:
+        whoever has cameras adds these.
 
         Each is name, unit, low and high.
         """
@@ -2211,6 +2256,17 @@ class EnvironmentBatch:
 
     @property
     def episode_actions(self) -> int: ...
+
+    @property
+    def oldest_image_age(self) -> int:
+        """Images that are older count as this old [steps]."""
+
+    @property
+    def judges_by_truth(self) -> bool:
+        """
+        True if a simulation shall judge the outcome by where the object really is, because its pose
+        is not observed, or tracked.
+        """
 
     @property
     def num_joints(self) -> int: ...
@@ -2268,6 +2324,30 @@ class EnvironmentBatch:
 
     @property
     def fault(self) -> numpy.typing.NDArray[numpy.int32]: ...
+
+    @property
+    def object_age(self) -> numpy.typing.NDArray[numpy.int64]: ...
+
+    @property
+    def final_object_age(self) -> numpy.typing.NDArray[numpy.int64]: ...
+
+    @property
+    def image_age(self) -> numpy.typing.NDArray[numpy.float32]: ...
+
+    @property
+    def final_image_age(self) -> numpy.typing.NDArray[numpy.float32]: ...
+
+    @property
+    def cameras(self) -> list[tuple[str, int, int]]:
+        """
+        The cameras of each simulation that are observed; none without `Layout.IMAGES`.
+        """
+
+    @property
+    def images(self) -> list[numpy.typing.NDArray[numpy.uint8]]: ...
+
+    @property
+    def final_images(self) -> list[numpy.typing.NDArray[numpy.uint8]]: ...
 
 def task_names() -> list[str]:
     """Names of all tasks, for example "reach"."""
@@ -2584,6 +2664,50 @@ class Log:
         Number of bytes of the files that could not be used. Reads the whole log once.
         """
 
+class LoggedCameras:
+    """
+    The images in a log by the number of their element; trifinger.log.images is for users.
+    """
+
+    def __init__(self, session: LoggedSession) -> None: ...
+
+    @property
+    def calibration(self) -> str:
+        """The text of the calibration."""
+
+    @property
+    def names(self) -> list[str]:
+        """The names of the cameras, in the order of their images."""
+
+    def range(self) -> tuple[int, int]:
+        """The first element in the log, and the one after the last."""
+
+    def has(self, index: int, camera: int) -> bool:
+        """True if the log has the image."""
+
+    def times(self, index: int) -> list[int]:
+        """The middle of each exposure, since 1970 [ns]."""
+
+    def recorded(self, index: int, camera: int) -> tuple[str, bytes]:
+        """The encoding of the image in the log, and its bytes."""
+
+    def file(self, index: int, camera: int) -> tuple[str, bytes]:
+        """
+        The image as a file, ".jpg" as it was recorded or ".png", and its bytes.
+        """
+
+    def pixels(self, index: int, camera: int) -> numpy.typing.NDArray[numpy.uint8]:
+        """The pixels in the format of the camera."""
+
+    def rgb(self, index: int, camera: int) -> numpy.typing.NDArray[numpy.uint8]:
+        """The image in RGB."""
+
+    def index_at(self, t: int) -> int | None:
+        """The newest element that had arrived at the robot's step `t`."""
+
+    def find(self, time: int) -> int | None:
+        """The first element that arrived at or after this time, since 1970 [ns]."""
+
 def replay(log: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | Log | LoggedSession, *, robot: str = '', first: int | None = None, last: int | None = None, strict: bool = True) -> Frontend:
     """
     Plays a session of a log as if it were the robot, inside the waits of the front-end.
@@ -2634,8 +2758,7 @@ def coloured_box(name: str, size: numpy.typing.ArrayLike, colours: Sequence[str]
 
 def tracked_object(config: str = 'sim', overrides: dict[str, object] = {}, name: str = 'cube') -> TrackedObject:
     """
-    An object of a scene as the simulation draws it: boxes have the colours of the competition's
-    cubes, and rims.
+    An object of a scene as the simulation draws it: boxes have colours and rims.
 
     Raises InvalidArgument if it has no faces with different colours, like a stick or a ball.
     """
@@ -2700,7 +2823,8 @@ class Tracker:
         """
         Where the object is in these images, one of each camera. An empty image stands for one that
         is missing or damaged. `guess` is where the object may be, such as its last pose. It saves
-        time if it is near, and it is forgotten if the images do not confirm it. Does not allocate.
+        time if it is near, and it is forgotten if the images do not confirm it or if a number in it
+        is not finite. Does not allocate.
 
         Raises InvalidArgument if the number of images or the size of one is wrong.
         """

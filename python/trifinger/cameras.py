@@ -112,10 +112,13 @@ class Images:
 
     _mosaic = "bayer_rggb8"
 
-    def _good(self, camera: str) -> Payload:
+    def _require_good(self, camera: str) -> None:
         state = self.frame(camera).state
         if state != "good":
             raise CameraLost(_SENTENCES[state].format(camera))
+
+    def _good(self, camera: str) -> Payload:
+        self._require_good(camera)
         if self._payload is None:
             raise HistoryLost(f"the image of {camera} was overwritten by newer ones")
         return self._payload

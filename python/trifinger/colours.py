@@ -7,7 +7,7 @@ blue over green, and the log of the mean (include/trifinger/tracking/colour_mode
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -21,6 +21,7 @@ BELLS = {BACKGROUND: 14}  # normal distributions of a colour; others have
 FEW_BELLS = 4
 MOST_PER_IMAGE = 150  # pixels of a face
 MOST_BACKGROUND = 600
+MOST_LABELLED = 1500  # pixels of a colour in an image that was labelled by hand
 MOST = 30_000  # pixels of a colour that are used
 LEAST = 200  # pixels that a colour needs
 SMALLEST_VARIANCE = 2e-3
@@ -58,6 +59,21 @@ class Samples:
                 self._add(colour, self._own(pixels[faces == face]), MOST_PER_IMAGE)
             self._add_background(pixels[faces == -1])
 
+    def add_labelled(self, image: Array, masks: Mapping[str, Array]) -> None:
+        """Adds an image in which somebody marked the pixels of each colour, or of the background.
+
+        A mask is true where its colour is, for each pixel of the image.
+        """
+        pixels = np.asarray(balanced_blocks(image))
+        for name, mask in masks.items():
+            height, width = (size // 2 for size in mask.shape)
+            whole = mask[: 2 * height, : 2 * width].reshape(height, 2, width, 2).all(axis=(1, 3))
+            marked = pixels[whole.ravel()]
+            if name == BACKGROUND:
+                self._add_background(marked)
+            else:
+                self._add(name, self._own(marked), MOST_LABELLED)
+
     def learn(self, origin: str, *, is_varied: bool = True) -> str:
         """The model as the text of a file. Varied: other light and cameras are expected, too.
 
@@ -90,13 +106,14 @@ class Samples:
             self._pixels.setdefault(name, []).append(self._drawn(pixels, most))
 
     def _add_background(self, pixels: Array) -> None:
+        if not len(pixels):
+            return
         # Colourful things count more: they are what colours are mixed up with.
         largest, smallest = pixels.max(axis=1), pixels.min(axis=1)
         weights = 0.05 + ((largest - smallest) / (largest + 1)) ** 2
         count = min(MOST_BACKGROUND, len(pixels))
-        if count:
-            drawn = self._random.choice(len(pixels), count, False, weights / weights.sum())
-            self._add(BACKGROUND, pixels[drawn], count)
+        drawn = self._random.choice(len(pixels), count, False, weights / weights.sum())
+        self._add(BACKGROUND, pixels[drawn], count)
 
     def _drawn(self, pixels: Array, most: int) -> Array:
         if len(pixels) <= most:

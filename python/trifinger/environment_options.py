@@ -21,8 +21,9 @@ class OptionFields:
     positions, or shares of the largest torque."""
     position_change: float = 0.1
     """Largest change of a desired position by one action [rad]."""
-    observation: Literal["flat", "dictionary", "goal"] = "flat"
-    """One vector scaled to -1 to 1, its parts in SI units, or the vector with a separate goal."""
+    observation: Literal["flat", "dictionary", "goal", "images"] = "flat"
+    """One vector scaled to -1 to 1, its parts in SI units, the vector with a separate goal, or
+    the parts with images of the cameras instead of poses of objects."""
     duration: float = 2.0
     """Duration of an episode [s]."""
     per_finger: bool = False
@@ -32,14 +33,29 @@ class OptionFields:
     """Standard deviation of measured joint positions [rad]."""
     velocity_noise: float = 0.0
     """Standard deviation of measured joint velocities [rad/s]."""
+    object_poses: Literal["exact", "tracked"] = "exact"
+    """How poses of objects are known: exactly, apart from the delay, noise and losses below; or
+    from a tracker, in images of the cameras."""
     object_period: float = 0.01
     """Time between two measured poses of a simulated object [s]."""
     object_delay: float = 0.0
-    """Delay from measuring a pose of a simulated object to its arrival [s]."""
+    """Delay from measuring a pose of a simulated object to its arrival [s]. Tracked poses arrive
+    with their images if these are later."""
     object_position_noise: float = 0.0
     """Standard deviation of measured object positions, per axis [m]."""
     object_orientation_noise: float = 0.0
     """Standard deviation of measured object orientations, per axis [rad]."""
+    object_loss: float = 0.0
+    """Probability that a pose of a simulated object never arrives."""
+    camera_rate: float = 30.0
+    """Images of each simulated camera per second [Hz]. Tracked poses come at this rate."""
+    camera_delay: float = 0.02
+    """Delay from the middle of the exposure of a simulated image to its arrival [s]."""
+    camera_size: int = 540
+    """Width and height of simulated images [pixel]: 540, or a whole part of it."""
+    camera_varies: bool = False
+    """Whether light, colours, dust and noise of simulated images differ in each episode.
+    docs/simulated_cameras.md says how much."""
     object_mass: FloatRange = (1.0, 1.0)
     """Factor on the mass of simulated objects."""
     friction: FloatRange = (1.0, 1.0)

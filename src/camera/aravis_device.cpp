@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cstring>
+#include <exception>
 #include <mutex>
 #include <optional>
 #include <thread>
@@ -31,6 +32,8 @@ struct Found {
   std::string name;
   std::string protocol;
   std::string address;
+
+  [[nodiscard]] const std::string& identity() const { return serial.empty() ? id : serial; }
 };
 
 // Aravis has one list for the whole process.
@@ -70,52 +73,69 @@ std::uint32_t format_of(PixelFormat format) {
 AravisDevice::AravisDevice(AravisSettings settings) : settings_(std::move(settings)) {
   // The library's own pretended camera, for a try without hardware.
   if (settings_.device.starts_with("Fake_")) Aravis::instance().enable_interface("Fake");
-  if (!open()) news_.push_back(trouble_);
+  try {
+    open();
+  } catch (const InvalidArgument&) {
+    throw;
+  } catch (const Error& error) {
+    tell(error.what());
+  }
 }
 
 AravisDevice::~AravisDevice() { close(); }
 
 std::vector<std::string> AravisDevice::take_news() { return std::exchange(news_, {}); }
 
-bool AravisDevice::open() {
-  next_try_ = std::chrono::steady_clock::now() + kRetry;
+void AravisDevice::tell(const std::string& trouble) {
+  if (trouble_.is_news(trouble, std::chrono::steady_clock::now())) news_.push_back(trouble);
+}
+
+void AravisDevice::open() {
   const std::vector<Found> devices = find_devices();
-  auto found = devices.end();
-  if (settings_.device != "any") {
-    found = std::ranges::find_if(devices, [this](const Found& device) {
-      return device.serial == settings_.device || device.id == settings_.device;
-    });
-  } else if (settings_.index < devices.size()) {
-    found = devices.begin() + static_cast<std::ptrdiff_t>(settings_.index);
+  const bool is_any = settings_.device == "any";
+  std::exception_ptr trouble;
+  std::string others;
+  for (const Found& device : devices) {
+    others += (others.empty() ? "" : ", ") + device.identity();
+    const bool is_meant = is_any
+                              ? settings_.claims->take(device.serial, device.id)
+                              : device.serial == settings_.device || device.id == settings_.device;
+    if (!is_meant) continue;
+    is_loopback_ = device.address.starts_with("127.");
+    try {
+      connect(device.id);
+    } catch (const Error&) {
+      // One that cannot be used must not keep this camera from taking another one.
+      if (is_any) settings_.claims->give_back(device.serial, device.id);
+      if (!trouble) trouble = std::current_exception();
+      continue;
+    }
+    if (!is_any) return;
+    // Another one that comes later must not take its place.
+    settings_.device = device.identity();
+    news_.push_back("any camera may be this one; it is '" + settings_.device +
+                    "' from now on, and cameras.devices can say so for good");
+    return;
   }
-  if (found == devices.end()) {
-    std::string others;
-    for (const Found& device : devices) others += (others.empty() ? "" : ", ") + device.serial;
-    trouble_ = (settings_.device == "any" ? "no camera" : "camera '" + settings_.device + "'") +
-               (settings_.device == "any" ? " is there" : " is not there") +
-               (others.empty() ? "" : "; there are " + others);
-    return false;
-  }
-  name_ = found->id;
-  is_loopback_ = found->address.starts_with("127.");
+  if (trouble) std::rethrow_exception(trouble);
+  throw Error((is_any ? "no camera is free" : "camera '" + settings_.device + "' is not there") +
+              (others.empty() ? "" : "; there are " + others));
+}
+
+void AravisDevice::connect(const std::string& name) {
+  name_ = name;
   Aravis::Outcome outcome;
-  camera_ = Aravis::instance().camera_new(found->id.c_str(), outcome.get());
+  camera_ = Aravis::instance().camera_new(name.c_str(), outcome.get());
   if (camera_ == nullptr) {
-    trouble_ = "camera '" + name_ + "' cannot be opened: " + outcome.text();
-    return false;
+    throw Error("camera '" + name_ + "' cannot be opened: " + outcome.text());
   }
   try {
     configure();
-    start();
-  } catch (const InvalidArgument&) {
+  } catch (...) {
     close();
     throw;
-  } catch (const Error& error) {
-    trouble_ = error.what();
-    close();
-    return false;
   }
-  return true;
+  is_there_ = true;
 }
 
 void AravisDevice::close() noexcept {
@@ -143,17 +163,7 @@ void AravisDevice::configure() {
     throw InvalidArgument("camera '" + name_ + "' has no images in " +
                           std::string(name_of(format.pixels)) + ": " + outcome.text());
   }
-  // Where its region begins stays as it was set up: the calibration was measured with it.
-  aravis.set_region(camera_, -1, -1, format.width, format.height, outcome.get());
-  int x = 0;
-  int y = 0;
-  int width = 0;
-  int height = 0;
-  aravis.get_region(camera_, &x, &y, &width, &height, outcome.get());
-  require("to say the size of its images");
-  detail::require(width == format.width && height == format.height,
-                  text_of("camera '", name_, "' has images of ", width, " x ", height,
-                          " pixels, needed are ", format.width, " x ", format.height));
+  const std::array<int, 2> offset = set_region();
   aravis.set_acquisition_mode(camera_, Aravis::kContinuous, outcome.get());
   require("to deliver without a pause");
   aravis.set_frame_rate(camera_, 1e9 / static_cast<double>(settings_.period.count()),
@@ -172,6 +182,36 @@ void AravisDevice::configure() {
     if (is_loopback_) aravis.gv_set_stream_options(camera_, Aravis::kNoPacketSocket);
     static_cast<void>(aravis.gv_auto_packet_size(camera_, outcome.get()));
   }
+  settings_.offset = offset;
+}
+
+// The calibration is good for one place on the sensor. A camera forgets it without power.
+std::array<int, 2> AravisDevice::set_region() {
+  const Aravis& aravis = Aravis::instance();
+  const ImageFormat& format = settings_.format;
+  const std::optional<std::array<int, 2>>& offset = settings_.offset;
+  constexpr std::array<int, 2> kOrigin{0, 0};
+  Aravis::Outcome outcome;
+  aravis.set_region(camera_, offset ? (*offset)[0] : -1, offset ? (*offset)[1] : -1, format.width,
+                    format.height, outcome.get());
+  const std::string refusal = outcome.is_error() ? ": " + outcome.text() : "";
+  int x = 0;
+  int y = 0;
+  int width = 0;
+  int height = 0;
+  aravis.get_region(camera_, &x, &y, &width, &height, outcome.get());
+  if (outcome.is_error()) {
+    throw Error("camera '" + name_ + "' refuses to say the size of its images: " + outcome.text());
+  }
+  detail::require(width == format.width && height == format.height,
+                  text_of("camera '", name_, "' has images of ", width, " x ", height,
+                          " pixels, needed are ", format.width, " x ", format.height, refusal));
+  detail::require(!offset || (x == (*offset)[0] && y == (*offset)[1]),
+                  text_of("images of camera '", name_, "' begin at pixel (", x, ", ", y,
+                          ") of its sensor and cannot begin at (", offset.value_or(kOrigin)[0],
+                          ", ", offset.value_or(kOrigin)[1],
+                          "), as cameras.offset or its first start says", refusal));
+  return {x, y};
 }
 
 void AravisDevice::start() {
@@ -186,6 +226,11 @@ void AravisDevice::start() {
   if (is_gv_) {
     // With the default size of the socket's buffer most images at 100 Hz would be incomplete.
     aravis.object_set(stream_, "socket-buffer", Aravis::kAutomaticSocketBuffer, nullptr);
+    // An image that waits for lost packets holds up those after it.
+    const Nanoseconds wait = std::clamp<Nanoseconds>(settings_.period, std::chrono::milliseconds(5),
+                                                     std::chrono::milliseconds(100));
+    aravis.object_set(stream_, "frame-retention", static_cast<unsigned>(wait.count() / 1000),
+                      nullptr);
   }
   for (int i = 0; i < kBuffers; ++i) {
     aravis.push_buffer(stream_, aravis.buffer_new(payload, nullptr));
@@ -197,8 +242,8 @@ void AravisDevice::start() {
   }
   last_image_ = std::chrono::steady_clock::now();
   clock_ = {};
+  last_stamp_ = {};
   is_counting_ = false;
-  is_there_ = true;
 }
 
 // Continues the count over connections and over the end of the camera's 16 bits.
@@ -216,6 +261,22 @@ std::int64_t AravisDevice::number_of(std::uint64_t id) noexcept {
   return number_ += step;
 }
 
+// The middle of the exposure of an image that came `steps` images after the one before.
+Instant AravisDevice::time_of(Nanoseconds stamp, Instant arrival, bool is_whole,
+                              std::int64_t steps) noexcept {
+  Instant time = arrival - settings_.exposure / 2;
+  if (stamp > Nanoseconds(0) && (is_whole || stamp > last_stamp_)) {
+    // The camera marks the beginning of the exposure. The shortest way of an image, which the clock
+    // cannot tell from a difference, is at least as long as the exposure.
+    last_stamp_ = stamp;
+    time = clock_.host_time(stamp, arrival) - settings_.exposure / 2;
+  } else if (!is_whole && last_time_ != Instant::min()) {
+    // The packet with the stamp is lost: what is there is that of an earlier image.
+    time = std::min(time, last_time_ + steps * settings_.period);
+  }
+  return last_time_ = std::max(time, last_time_ + Nanoseconds(1));
+}
+
 bool AravisDevice::grab(std::span<std::byte> pixels, Frame& frame, Timeout timeout) {
   const Deadline deadline(timeout);
   const Aravis& aravis = Aravis::instance();
@@ -228,8 +289,17 @@ bool AravisDevice::grab(std::span<std::byte> pixels, Frame& frame, Timeout timeo
       std::this_thread::sleep_for(deadline.remaining(next_try_ - now));
       return false;
     }
-    if (!open()) return false;
-    news_.push_back("camera '" + name_ + "' is connected");
+  }
+  try {
+    if (!is_there_) open();
+    // Not before somebody takes images: those that nobody took would count as lost.
+    if (stream_ == nullptr) start();
+  } catch (const Error& error) {
+    // Whatever it is: the other cameras go on, and this one may be mended.
+    tell(error.what());
+    is_there_ = false;
+    next_try_ = std::chrono::steady_clock::now() + kRetry;
+    return false;
   }
   const Nanoseconds patience = deadline.remaining(kSilence);
   void* const buffer = aravis.pop_buffer(
@@ -238,7 +308,7 @@ bool AravisDevice::grab(std::span<std::byte> pixels, Frame& frame, Timeout timeo
   const Instant arrival = std::chrono::steady_clock::now();
   if (buffer == nullptr) {
     if (arrival - last_image_ > std::max<Nanoseconds>(kSilence, 10 * settings_.period)) {
-      news_.push_back("camera '" + name_ + "' delivers nothing any more: it is lost");
+      tell("camera '" + name_ + "' delivers nothing any more: it is lost");
       is_there_ = false;
       next_try_ = arrival;
     }
@@ -250,20 +320,18 @@ bool AravisDevice::grab(std::span<std::byte> pixels, Frame& frame, Timeout timeo
     return false;
   }
   last_image_ = arrival;
+  if (trouble_.end()) news_.push_back("camera '" + name_ + "' is connected");
   std::size_t size = 0;
   const void* const data = aravis.buffer_data(buffer, &size);
   const bool is_whole =
       status == Aravis::kSuccess && data != nullptr && size >= settings_.format.size();
-  frame = {.state = is_whole ? Frame::State::kGood : Frame::State::kDamaged,
-           .number = number_of(aravis.buffer_frame_id(buffer)),
-           .time = arrival - settings_.exposure / 2,
-           .exposure = settings_.exposure};
-  // The camera marks the beginning of the exposure. The shortest way of an image, which the clock
-  // cannot tell from a difference, is at least as long as the exposure.
+  const std::int64_t before = number_;
+  const std::int64_t number = number_of(aravis.buffer_frame_id(buffer));
   const auto stamp = Nanoseconds(static_cast<std::int64_t>(aravis.buffer_timestamp(buffer)));
-  if (stamp > Nanoseconds(0)) {
-    frame.time = clock_.host_time(stamp, arrival) - settings_.exposure / 2;
-  }
+  frame = {.state = is_whole ? Frame::State::kGood : Frame::State::kDamaged,
+           .number = number,
+           .time = time_of(stamp, arrival, is_whole, number - before),
+           .exposure = settings_.exposure};
   if (is_whole) std::memcpy(pixels.data(), data, settings_.format.size());
   aravis.push_buffer(stream_, buffer);
   return true;
@@ -273,7 +341,7 @@ std::vector<DeviceInfo> list_aravis_devices() {
   std::vector<DeviceInfo> devices;
   for (const Found& found : find_devices()) {
     devices.push_back({.kind = "aravis",
-                       .id = found.serial.empty() ? found.id : found.serial,
+                       .id = found.identity(),
                        .name = found.name,
                        .detail = found.protocol + " " + found.address});
   }

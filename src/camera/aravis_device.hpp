@@ -1,20 +1,29 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
+#include "claims.hpp"
 #include "trifinger/camera/device.hpp"
+#include "trifinger/camera/lasting_trouble.hpp"
 #include "trifinger/camera/options.hpp"
 
 namespace trifinger::camera {
 
 struct AravisSettings {
-  std::string device;  // a serial number or the name that Aravis gives; "any" for the `index`th
-  std::size_t index{0};
+  // A serial number or the name that Aravis gives; "any" for the first one that is nobody's. The
+  // first one that is opened is meant from then on.
+  std::string device;
+  std::shared_ptr<Claims> claims{std::make_shared<Claims>()};
   ImageFormat format{};
+  // Where images begin on the sensor [pixel]. Default: where they do when it is first opened.
+  std::optional<std::array<int, 2>> offset{};
   Nanoseconds period{0};
   Nanoseconds exposure{0};
   double gain{0};  // [dB]
@@ -34,12 +43,18 @@ class AravisDevice final : public Device {
   [[nodiscard]] std::vector<std::string> take_news() override;
 
  private:
-  // Sets the trouble and returns false if there is no such camera.
-  bool open();
+  // Throws Error if there is no such camera, InvalidArgument if it has no such images.
+  void open();
+  void connect(const std::string& name);
   void close() noexcept;
   void configure();
+  // Returns where images begin.
+  [[nodiscard]] std::array<int, 2> set_region();
   void start();
+  void tell(const std::string& trouble);
   [[nodiscard]] std::int64_t number_of(std::uint64_t id) noexcept;
+  [[nodiscard]] Instant time_of(Nanoseconds stamp, Instant arrival, bool is_whole,
+                                std::int64_t steps) noexcept;
 
   AravisSettings settings_;
   void* camera_{nullptr};
@@ -48,10 +63,12 @@ class AravisDevice final : public Device {
   bool is_loopback_{false};
   bool is_gv_{false};
   std::string name_;
-  std::string trouble_;
+  LastingTrouble trouble_;
   Instant next_try_{};
   Instant last_image_{};
   DeviceClock clock_;
+  Nanoseconds last_stamp_{0};
+  Instant last_time_{Instant::min()};
   std::uint64_t last_id_{0};
   std::int64_t number_{-1};
   bool is_counting_{false};

@@ -7,12 +7,15 @@
 #include <condition_variable>
 #include <cstring>
 #include <deque>
+#include <exception>
 #include <mutex>
+#include <optional>
 #include <stop_token>
 #include <thread>
 #include <utility>
 
 #include "trifinger/base/error.hpp"
+#include "trifinger/camera/lasting_trouble.hpp"
 
 namespace trifinger::camera {
 namespace {
@@ -30,13 +33,23 @@ struct Shot {
 struct Lane {
   std::deque<Shot> shots;
   std::vector<Pixels> free;
+  Instant done{Instant::min()};  // images up to this time come too late
   bool is_there{true};
-  std::exception_ptr failure;
+  LastingTrouble trouble;
   std::vector<std::string> news;
+
+  // Leaves out the images that come too late.
+  void leave_out() {
+    while (!shots.empty() && shots.front().frame.time <= done) {
+      free.push_back(std::move(shots.front().pixels));
+      shots.pop_front();
+    }
+  }
 };
 
 constexpr std::size_t kBuffers = 8;
 constexpr Nanoseconds kSlice = std::chrono::milliseconds(100);
+constexpr Nanoseconds kRetry = std::chrono::milliseconds(500);  // after a failure
 
 }  // namespace
 
@@ -66,31 +79,46 @@ struct CameraGroup::State {
         lane.free.pop_back();
       }
       bool is_new = false;
+      std::optional<std::string> failure;
       try {
         is_new = devices[camera]->grab(shot.pixels, shot.frame, kSlice);
-      } catch (...) {
-        const std::lock_guard lock(mutex);
-        lane.failure = std::current_exception();
-        has_come.notify_all();
-        return;
+      } catch (const std::exception& error) {
+        failure = error.what();
       }
-      shot.arrival = std::chrono::steady_clock::now();
-      const std::lock_guard lock(mutex);
-      lane.is_there = devices[camera]->is_there();
-      for (std::string& sentence : devices[camera]->take_news()) {
-        lane.news.push_back(names[camera] + ": " + sentence);
-      }
+      const Instant now = std::chrono::steady_clock::now();
+      shot.arrival = now;
+      std::unique_lock lock(mutex);
+      lane.is_there = !failure && devices[camera]->is_there();
+      take_news(camera);
       if (is_new) {
+        lane.trouble.end();
         lane.shots.push_back(std::move(shot));
+        lane.leave_out();
       } else {
         lane.free.push_back(std::move(shot.pixels));
       }
+      if (failure && lane.trouble.is_news(*failure, now)) {
+        lane.news.push_back(names[camera] + ": " + *failure);
+      }
       has_come.notify_all();
+      if (!failure) continue;
+      std::condition_variable_any pause;
+      pause.wait_for(lock, stop, kRetry, [] { return false; });
+    }
+  }
+
+  void take_news(std::size_t camera) {
+    for (const std::string& sentence : devices[camera]->take_news()) {
+      lanes[camera].news.push_back(names[camera] + ": " + sentence);
     }
   }
 
   [[nodiscard]] bool is_any_there() const {
     return std::ranges::any_of(lanes, [](const Lane& lane) { return lane.is_there; });
+  }
+  // What is known of the image of a camera from which none has come.
+  [[nodiscard]] Frame without_image(std::size_t camera) const {
+    return {.state = lanes[camera].is_there ? Frame::State::kNone : Frame::State::kLost};
   }
   // The first image in the queues, or nullptr.
   [[nodiscard]] const Shot* first() const {
@@ -124,6 +152,10 @@ CameraGroup::CameraGroup(const std::vector<Camera>& cameras,
     state_->lanes.emplace_back().free.assign(kBuffers, Pixels(camera.format.size()));
   }
   for (std::size_t i = 0; i < cameras.size(); ++i) {
+    state_->lanes[i].is_there = state_->devices[i]->is_there();
+    state_->take_news(i);
+  }
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
     state_->threads.emplace_back(
         [state = state_.get(), i](const std::stop_token& stop) { state->work(i, stop); });
   }
@@ -143,30 +175,34 @@ bool CameraGroup::grab(std::span<const std::span<std::byte>> images, std::span<F
   const Deadline deadline(timeout);
   std::unique_lock lock(state.mutex);
   while (true) {
-    for (const Lane& lane : state.lanes) {
-      if (lane.failure != nullptr) std::rethrow_exception(lane.failure);
-    }
     const Instant now = std::chrono::steady_clock::now();
     const Instant due = state.due();
     if (due <= now) break;
     if (deadline.passed()) {
+      for (std::size_t i = 0; i < frames.size(); ++i) frames[i] = state.without_image(i);
       // Somebody must learn that nothing is there.
-      if (due != Instant::max() || state.is_any_there()) return false;
-      for (Frame& frame : frames) frame = {.state = Frame::State::kLost};
-      return true;
+      return due == Instant::max() && !state.is_any_there();
     }
     state.has_come.wait_for(
         lock, std::min(deadline.remaining(kSlice), due == Instant::max() ? kSlice : due - now));
   }
   const Instant last = state.first()->frame.time + state.period / 2;
   std::vector<Shot> taken(state.lanes.size());
+  Instant newest = Instant::min();
   for (std::size_t i = 0; i < state.lanes.size(); ++i) {
     Lane& lane = state.lanes[i];
-    frames[i] = {.state = lane.is_there ? Frame::State::kNone : Frame::State::kLost};
+    frames[i] = state.without_image(i);
     if (lane.shots.empty() || lane.shots.front().frame.time > last) continue;
     taken[i] = std::move(lane.shots.front());
     lane.shots.pop_front();
     frames[i] = taken[i].frame;
+    newest = std::max(newest, frames[i].time);
+  }
+  for (std::size_t i = 0; i < taken.size(); ++i) {
+    // The image of a camera that has none here may still come.
+    Lane& lane = state.lanes[i];
+    lane.done = std::max(lane.done, taken[i].pixels.empty() ? last : newest);
+    lane.leave_out();
   }
   lock.unlock();
   for (std::size_t i = 0; i < taken.size(); ++i) {
@@ -191,21 +227,23 @@ std::vector<std::string> CameraGroup::take_news() {
 }
 
 Instant DeviceClock::host_time(Nanoseconds device_time, Instant arrival) noexcept {
+  constexpr std::int64_t kDrift = 5000;  // clocks drift apart by a 5000th of the time at most
+  constexpr Nanoseconds kVeryLate = std::chrono::seconds(1);
+  constexpr Nanoseconds kPatience = std::chrono::seconds(10);
   const Nanoseconds difference = arrival.time_since_epoch() - device_time;
-  // A device that was started again counts from another origin.
-  constexpr Nanoseconds kJump = std::chrono::seconds(1);
-  const Nanoseconds known = std::min(smallest_, before_);
-  if (known != Nanoseconds::max() && difference - known > kJump) {
-    smallest_ = before_ = Nanoseconds::max();
-  }
-  if (smallest_ == Nanoseconds::max() && before_ == Nanoseconds::max()) begin_ = arrival;
-  // Clocks drift apart, so an old difference must not count for ever.
-  if (arrival - begin_ > kWindow) {
-    before_ = std::exchange(smallest_, Nanoseconds::max());
-    begin_ = arrival;
-  }
-  smallest_ = std::min(smallest_, difference);
-  return Instant(device_time + std::min(smallest_, before_));
+  if (is_known_) difference_ += (arrival - last_arrival_) / kDrift;
+  const bool is_late = is_known_ && difference - difference_ > kVeryLate;
+  late_since_ = is_late ? std::min(late_since_, arrival) : Instant::max();
+  const bool is_another =
+      device_time < last_device_ || (is_late && arrival - late_since_ > kPatience);
+  if (!is_known_ || is_another || difference < difference_) difference_ = difference;
+  is_known_ = true;
+  last_device_ = device_time;
+  last_arrival_ = arrival;
+  const Instant found(device_time + difference_);
+  // A shorter way than all before makes the next image a little earlier.
+  last_host_ = found > last_host_ ? found : std::min(last_host_ + Nanoseconds(1), arrival);
+  return last_host_;
 }
 
 }  // namespace trifinger::camera

@@ -14,10 +14,12 @@ namespace {
 
 using trifinger::detail::text_of;
 
-// Images that come later than this are not waited for.
-Nanoseconds patience(Nanoseconds period) {
-  return std::max<Nanoseconds>(5 * period, std::chrono::milliseconds(100));
-}
+// The longest wait of a step: its caller has other things to look at.
+constexpr Nanoseconds kSlice = std::chrono::milliseconds(100);
+constexpr int kAbsent = 5;  // images in a row that are missing, before it is told
+
+// Silence of all cameras that is told.
+Nanoseconds patience(Nanoseconds period) { return std::max<Nanoseconds>(kAbsent * period, kSlice); }
 
 void require_same(const Source& source, const std::vector<Camera>& cameras) {
   const auto list = [](const auto& items, const auto& name) {
@@ -51,23 +53,28 @@ CameraFeed::CameraFeed(Source& source, const std::string& robot, const std::vect
       period_(period),
       names_(source.names()),
       frames_(cameras.size()),
-      told_(cameras.size()) {
+      told_(cameras.size()),
+      written_(std::chrono::steady_clock::now()) {
   for (const std::string& name : names_) statistics_.cameras.push_back({.name = name});
 }
 
 bool CameraFeed::step() {
   std::ranges::fill(frames_, Frame{});
-  const bool has_come = source_.grab(sensor_.begin(), frames_, patience(period_));
+  const Instant silence = written_ + patience(period_);
+  const Nanoseconds left = silence - std::chrono::steady_clock::now();
+  const bool has_come =
+      source_.grab(sensor_.begin(), frames_, std::clamp(left, Nanoseconds(0), kSlice));
   for (std::string& sentence : source_.take_news()) news_.push_back(std::move(sentence));
+  const Instant now = std::chrono::steady_clock::now();
   if (!has_come) {
     if (source_.has_ended()) {
       tell_missed();
       return false;
     }
-    std::ranges::fill(frames_, Frame{});
+    if (now < silence) return true;
   }
   sensor_.write(frames_);
-  const Instant now = std::chrono::steady_clock::now();
+  written_ = now;
   count(now);
   judge(now, !has_come);
   return true;
@@ -107,7 +114,6 @@ void CameraFeed::count(Instant now) {
 }
 
 void CameraFeed::judge(Instant now, bool is_silent) {
-  constexpr int kTold = 5;  // images in a row
   for (std::size_t i = 0; i < frames_.size(); ++i) {
     const Frame& frame = frames_[i];
     Told& told = told_[i];
@@ -119,22 +125,31 @@ void CameraFeed::judge(Instant now, bool is_silent) {
       told.number = frame.number;
     }
     // Single images that are missing or damaged are counted and told once per second.
-    told.absent = frame.state == Frame::State::kNone ? told.absent + (is_silent ? kTold : 1) : 0;
-    const bool is_lost = frame.state == Frame::State::kLost;
-    if (is_lost && !told.is_lost) {
-      news_.push_back(names_[i] + " is lost; the others go on");
-    } else if (told.absent >= kTold && !told.is_late) {
-      news_.push_back("no images of " + names_[i] + " come: it is late or loses them");
-    } else if ((told.is_lost || told.is_late) && !is_lost && told.absent == 0) {
-      news_.push_back(names_[i] + " delivers again");
-    }
-    told.is_lost = is_lost;
-    told.is_late = told.absent >= kTold;
+    const bool is_missing = frame.state == Frame::State::kNone;
+    told.absent = is_missing ? told.absent + (is_silent ? kAbsent : 1) : 0;
+    judge_absence(i, now);
   }
   judge_steps();
   if (now - told_of_missed_ < std::chrono::seconds(1)) return;
   told_of_missed_ = now;
   tell_missed();
+}
+
+// Tells the loss of a camera, its return, and a loss that lasts again from time to time.
+void CameraFeed::judge_absence(std::size_t camera, Instant now) {
+  Told& told = told_[camera];
+  const std::string& name = names_[camera];
+  if (frames_[camera].state == Frame::State::kLost) {
+    if (!told.trouble.is_news("lost", now)) return;
+    const bool others_go_on = std::ranges::any_of(
+        frames_, [](const Frame& frame) { return frame.state == Frame::State::kGood; });
+    news_.push_back(name + " is lost" + (others_go_on ? "; the others go on" : ""));
+  } else if (told.absent >= kAbsent) {
+    if (!told.trouble.is_news("late", now)) return;
+    news_.push_back("no images of " + name + " come: it is late or loses them");
+  } else if (told.absent == 0 && told.trouble.end()) {
+    news_.push_back(name + " delivers again");
+  }
 }
 
 void CameraFeed::tell_missed() {

@@ -5,6 +5,7 @@
 #include <cctype>
 #include <charconv>
 #include <cstring>
+#include <limits>
 #include <map>
 #include <optional>
 #include <system_error>
@@ -112,8 +113,21 @@ FolderSource::~FolderSource() = default;
 const std::vector<std::string>& FolderSource::names() const noexcept { return names_; }
 const std::vector<ImageFormat>& FolderSource::formats() const noexcept { return formats_; }
 
-bool FolderSource::has_ended() const noexcept {
-  return !options_.repeats && std::cmp_equal(count_, sets_.size());
+bool FolderSource::has_ended() const noexcept { return !options_.repeats && count_ == size(); }
+
+Instant FolderSource::due(std::int64_t count) const noexcept {
+  const Nanoseconds round = sets_.back().time + options_.period;
+  return begin_ + (count / size()) * round + sets_[static_cast<std::size_t>(count % size())].time;
+}
+
+void FolderSource::catch_up(Instant now) noexcept {
+  // Whole rounds at once, for a reader that has slept for a day.
+  const Nanoseconds round = sets_.back().time + options_.period;
+  if (options_.repeats) {
+    count_ = std::max(count_, (now - begin_) / round * size());
+  }
+  const std::int64_t end = options_.repeats ? std::numeric_limits<std::int64_t>::max() : size();
+  while (count_ + 1 < end && due(count_ + 1) <= now) ++count_;
 }
 
 std::vector<std::string> FolderSource::take_news() { return std::exchange(news_, {}); }
@@ -123,15 +137,15 @@ bool FolderSource::grab(std::span<const std::span<std::byte>> images, std::span<
   if (has_ended()) return false;
   const Instant now = std::chrono::steady_clock::now();
   if (count_ == 0) begin_ = now;
-  const auto size = static_cast<std::int64_t>(sets_.size());
-  const Set& set = sets_[static_cast<std::size_t>(count_ % size)];
-  const Nanoseconds round = sets_.back().time + options_.period;
-  const Instant due = begin_ + (count_ / size) * round + set.time;
+  if (options_.keeps_pace) catch_up(now);
+  const Set& set = sets_[static_cast<std::size_t>(count_ % size())];
+  const Instant due = this->due(count_);
   if (timeout != kForever && due - now > timeout) {
     std::this_thread::sleep_for(timeout);
     return false;
   }
   std::this_thread::sleep_until(due);
+  const bool is_news = told_.insert(&set).second;  // a damaged file is told once
   for (std::size_t i = 0; i < set.files.size(); ++i) {
     frames[i] = Frame{};
     if (set.files[i].empty()) continue;
@@ -143,10 +157,10 @@ bool FolderSource::grab(std::span<const std::span<std::byte>> images, std::span<
       std::memcpy(images[i].data(), pixels.data(), pixels.size());
     } catch (const InvalidArgument& error) {
       frames[i].state = Frame::State::kDamaged;
-      if (count_ < size) news_.push_back(set.files[i].string() + ": " + error.what());
+      if (is_news) news_.push_back(set.files[i].string() + ": " + error.what());
     } catch (const SystemError& error) {
       frames[i].state = Frame::State::kDamaged;
-      if (count_ < size) news_.emplace_back(error.what());
+      if (is_news) news_.emplace_back(error.what());
     }
   }
   ++count_;

@@ -40,8 +40,14 @@ std::string encode_jpeg(const ImageFormat& format, std::span<const std::byte> pi
   if (format.pixels != PixelFormat::kBayerRg8) return compress_jpeg(format, pixels, quality);
   const ImageFormat colour{
       .width = format.width, .height = format.height, .pixels = PixelFormat::kRgb8};
-  return compress_jpeg(colour, rgb_of(format, pixels), quality);
+  // New memory for each image would take longer than its colours.
+  thread_local std::vector<std::byte> rgb;
+  rgb.resize(colour.size());
+  to_rgb(format, pixels, rgb);
+  return compress_jpeg(colour, rgb, quality);
 }
+
+void require_jpeg() { require_turbojpeg(); }
 
 Picture decode_image(std::string_view file) {
   if (file.starts_with("\x89PNG\r\n\x1a\n")) return decompress_png(file);

@@ -30,6 +30,13 @@ std::string sentence(const std::string& camera, Frame::State state) {
   return "there is no image of " + camera;
 }
 
+bool is_good(const ImageInfo& info) { return info.frame().state == Frame::State::kGood; }
+
+HistoryLost pixels_are_gone(const std::string& camera) {
+  return {-1, "the pixels of " + camera +
+                  " have been overwritten by newer images, or their process has ended"};
+}
+
 // Appends fields after those that are there.
 void append(std::vector<FieldDescription>& fields, FieldDescription field) {
   if (!fields.empty()) {
@@ -118,13 +125,25 @@ Images::Images(std::shared_ptr<const std::vector<Camera>> cameras,
 std::span<const std::byte> Images::pixels(std::size_t camera) const {
   const auto state = static_cast<Frame::State>(infos_.at(camera).state);
   if (state != Frame::State::kGood) throw CameraLost((*cameras_)[camera].name, state);
-  if (!view_) {
-    throw HistoryLost(-1, "the pixels of " + (*cameras_)[camera].name +
-                              " have been overwritten by newer images, or their process has ended");
-  }
+  if (!view_) throw pixels_are_gone((*cameras_)[camera].name);
   std::size_t offset = 0;
   for (std::size_t i = 0; i < camera; ++i) offset += (*cameras_)[i].format.size();
   return view_->bytes().subspan(offset, (*cameras_)[camera].format.size());
+}
+
+bool Images::is_valid() const noexcept {
+  if (view_) return view_->is_valid();
+  return std::ranges::none_of(infos_, is_good);
+}
+
+void Images::require_valid() const {
+  if (view_) {
+    view_->require_valid();
+    return;
+  }
+  const auto good = std::ranges::find_if(infos_, is_good);
+  if (good == infos_.end()) return;
+  throw pixels_are_gone((*cameras_)[static_cast<std::size_t>(good - infos_.begin())].name);
 }
 
 std::span<const std::byte> Images::pixels(const std::string& camera) const {
@@ -251,7 +270,8 @@ CameraSensor::CameraSensor(const std::string& robot, const std::vector<Camera>& 
                            std::size_t history)
     : images_(robot, cameras, history),
       sensor_(robot, kCompanion, image_elements(cameras), 64, image_payload(cameras)),
-      element_(images_.element_size()) {}
+      element_(images_.element_size()),
+      captured_(std::chrono::steady_clock::now()) {}
 
 void CameraSensor::write(std::span<const Frame> frames) noexcept {
   images_.commit(frames, element_);
@@ -263,9 +283,12 @@ void CameraSensor::write(std::span<const Frame> frames) noexcept {
     sum += frame.time - frames[0].time;
     ++count;
   }
-  const Instant captured =
-      count > 0 ? frames[0].time + sum / count : Instant(std::chrono::steady_clock::now());
-  sensor_.write(captured, element_.data());
+  if (count > 0) {
+    const Instant middle = frames[0].time + sum / count;
+    captured_ = has_written_ ? std::max(captured_, middle) : middle;
+  }
+  has_written_ = true;
+  sensor_.write(captured_, element_.data());
 }
 
 }  // namespace trifinger::camera

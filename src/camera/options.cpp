@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "trifinger/camera/options.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <filesystem>
+#include <set>
 #include <system_error>
 #include <utility>
 
@@ -19,6 +22,30 @@ using trifinger::detail::text_of;
 
 Nanoseconds in_nanoseconds(double seconds) {
   return std::chrono::round<Nanoseconds>(std::chrono::duration<double>(seconds));
+}
+
+// Exposure and gain are keys of all cameras.
+void read_look(const config::Node& section, RenderingOptions& look) {
+  const auto read = [&section, &look]<class T>(const RenderingField<T>& row) {
+    if constexpr (!std::is_same_v<T, Nanoseconds>) {
+      if (std::string_view(row.name) == "gain") return;
+      const std::optional<config::Node> value = section.find(row.name);
+      if (!value) return;
+      if constexpr (std::is_same_v<T, bool>) {
+        look.*row.value = value->as<bool>();
+      } else {
+        const bool has_bounds = row.low < row.high;
+        look.*row.value = value->as<T>(has_bounds ? config::Range{.min = row.low, .max = row.high}
+                                                  : config::Range{});
+      }
+    }
+  };
+  std::apply([&read](const auto&... row) { (read(row), ...); }, RenderingOptions::fields());
+  try {
+    look.validate();
+  } catch (const InvalidArgument& error) {
+    section.fail(std::string("does not fit: ") + error.what());
+  }
 }
 
 Calibration chosen_calibration(const CameraOptions& options, const std::string& robot,
@@ -51,22 +78,39 @@ std::string device_of(const Camera& camera, const std::string& wanted) {
   return wanted;
 }
 
+// A device that is named is that camera's.
+std::shared_ptr<Claims> claims_of_names(const std::vector<Camera>& cameras) {
+  std::set<std::string> names;
+  for (const Camera& camera : cameras) {
+    if (camera.serial == "any") continue;
+    names.insert(camera.serial);
+    // Links such as /dev/v4l/by-id/... say for good which device is meant.
+    std::error_code error;
+    const std::filesystem::path path = std::filesystem::canonical(camera.serial, error);
+    if (!error) names.insert(path.string());
+  }
+  return std::make_shared<Claims>(std::move(names));
+}
+
 std::unique_ptr<Source> open_video(const CameraOptions& options,
                                    const std::vector<Camera>& cameras) {
   const std::vector<DeviceInfo> found = list_video_devices();
+  const std::shared_ptr<Claims> claims = claims_of_names(cameras);
   std::vector<std::unique_ptr<Device>> devices;
   devices.reserve(cameras.size());
-  for (std::size_t i = 0; i < cameras.size(); ++i) {
-    std::string path = cameras[i].serial;
+  for (const Camera& camera : cameras) {
+    std::string path = camera.serial;
     if (path == "any") {
-      detail::require(i < found.size(),
-                      text_of("there is no device for ", cameras[i].name, ": Video4Linux has ",
+      const auto free = std::ranges::find_if(
+          found, [&](const DeviceInfo& device) { return claims->take({}, device.id); });
+      detail::require(free != found.end(),
+                      text_of("there is no device for ", camera.name, ": Video4Linux has ",
                               found.size(), " cameras, needed are ", cameras.size(),
                               "; connect them, or name them in cameras.devices"));
-      path = found[i].id;
+      path = free->id;
     }
     devices.push_back(std::make_unique<VideoDevice>(VideoSettings{.path = path,
-                                                                  .format = cameras[i].format,
+                                                                  .format = camera.format,
                                                                   .period = options.period,
                                                                   .exposure = options.exposure}));
   }
@@ -75,12 +119,14 @@ std::unique_ptr<Source> open_video(const CameraOptions& options,
 
 std::unique_ptr<Source> open_aravis(const CameraOptions& options,
                                     const std::vector<Camera>& cameras) {
+  const std::shared_ptr<Claims> claims = claims_of_names(cameras);
   std::vector<std::unique_ptr<Device>> devices;
   devices.reserve(cameras.size());
-  for (std::size_t i = 0; i < cameras.size(); ++i) {
-    devices.push_back(std::make_unique<AravisDevice>(AravisSettings{.device = cameras[i].serial,
-                                                                    .index = i,
-                                                                    .format = cameras[i].format,
+  for (const Camera& camera : cameras) {
+    devices.push_back(std::make_unique<AravisDevice>(AravisSettings{.device = camera.serial,
+                                                                    .claims = claims,
+                                                                    .format = camera.format,
+                                                                    .offset = options.offset,
                                                                     .period = options.period,
                                                                     .exposure = options.exposure,
                                                                     .gain = options.gain}));
@@ -117,6 +163,9 @@ CameraOptions read_camera_options(const config::Node& section) {
                                                      {"rgb8", PixelFormat::kRgb8},
                                                      {"mono8", PixelFormat::kMono8}});
   }
+  if (const auto offset = section.find("offset")) {
+    options.offset = offset->as<std::array<int, 2>>({.unit = "pixel", .min = 0, .max = 65535});
+  }
   options.devices = section.optional<std::vector<std::string>>("devices", {});
   if (options.source == SourceKind::kFolder) {
     options.folder = section.required<std::string>("folder");
@@ -125,6 +174,8 @@ CameraOptions read_camera_options(const config::Node& section) {
   }
   options.simulated.delay =
       in_nanoseconds(section.optional<double>("delay", 0.0, {.unit = "s", .min = 0, .max = 1}));
+  options.simulated.varies = section.optional<bool>("varies", false);
+  if (const auto look = section.optional_section("look")) read_look(*look, options.simulated.look);
   return options;
 }
 
@@ -138,6 +189,14 @@ Calibration resolve_calibration(const CameraOptions& options, const std::string&
   for (std::size_t i = 0; i < calibration.cameras.size(); ++i) {
     Camera& camera = calibration.cameras[i];
     if (options.size && *options.size != camera.format.width) {
+      const bool is_device =
+          options.source == SourceKind::kAravis || options.source == SourceKind::kV4l2;
+      detail::require(
+          !is_device || options.calibration == "figures",
+          text_of("cameras.size is ", *options.size, ", but ", camera.name,
+                  " was calibrated with images of ", camera.format.width,
+                  " pixels. Devices deliver a part of the image then, not a smaller one; leave "
+                  "cameras.size out, or calibrate the cameras again"));
       const int factor = camera.format.width / *options.size;
       detail::require(
           factor >= 1 && camera.format.width == factor * *options.size,

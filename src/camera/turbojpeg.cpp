@@ -86,6 +86,8 @@ const unsigned char* bytes_of(std::string_view file) {
 
 }  // namespace
 
+void require_turbojpeg() { static_cast<void>(TurboJpeg::instance()); }
+
 std::string compress_jpeg(const ImageFormat& format, std::span<const std::byte> pixels,
                           int quality) {
   const TurboJpeg& jpeg = TurboJpeg::instance();
@@ -93,15 +95,16 @@ std::string compress_jpeg(const ImageFormat& format, std::span<const std::byte> 
   const bool is_grey = format.pixels == PixelFormat::kMono8;
   const int samples = is_grey ? TurboJpeg::kSamplesGrey : TurboJpeg::kSamples420;
   unsigned long size = jpeg.buffer_size(format.width, format.height, samples);
-  std::string file(size, '\0');
+  // It is kept: new memory of this size would take longer than the compression.
+  thread_local std::string file;
+  if (file.size() < size) file.resize(size);
   auto* target = reinterpret_cast<unsigned char*>(file.data());
   if (jpeg.compress(handle.get(), reinterpret_cast<const unsigned char*>(pixels.data()),
                     format.width, 0, format.height, is_grey ? TurboJpeg::kGrey : TurboJpeg::kRgb,
                     &target, &size, samples, quality, TurboJpeg::kNoRealloc) != 0) {
     throw Error("an image cannot be compressed: " + handle.error());
   }
-  file.resize(size);
-  return file;
+  return file.substr(0, size);
 }
 
 Picture decompress_jpeg(std::string_view file) {

@@ -10,6 +10,8 @@
 
 namespace trifinger::camera {
 
+// Throws Error that says what to install if libturbojpeg cannot be loaded.
+void require_turbojpeg();
 // Compresses RGB or brightness. Throws Error, also if libturbojpeg cannot be loaded.
 [[nodiscard]] std::string compress_jpeg(const ImageFormat& format,
                                         std::span<const std::byte> pixels, int quality);

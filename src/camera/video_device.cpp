@@ -12,6 +12,9 @@
 #include <cerrno>
 #include <chrono>
 #include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <system_error>
 #include <thread>
 #include <utility>
 
@@ -31,6 +34,15 @@ class MachineVideo final : public VideoSystem {
     return ::open(path.c_str(), O_RDWR | O_NONBLOCK | O_CLOEXEC);
   }
   void close(int file) override { ::close(file); }
+  [[nodiscard]] std::string serial_of(const std::string& path) override {
+    // The device of a video node is an interface of a USB device.
+    std::error_code error;
+    const std::filesystem::path node = std::filesystem::canonical(path, error).filename();
+    std::ifstream file("/sys/class/video4linux" / node / "device/../serial");
+    std::string serial;
+    std::getline(file, serial);
+    return serial;
+  }
   [[nodiscard]] int ioctl(int file, unsigned long request, void* argument) override {
     int result = 0;
     do {
@@ -54,6 +66,7 @@ class MachineVideo final : public VideoSystem {
 
 constexpr std::uint32_t kBuffers = 4;
 constexpr Nanoseconds kRetry = std::chrono::milliseconds(500);
+constexpr Nanoseconds kSilence = std::chrono::seconds(1);
 
 // What cameras may deliver, the best first: what is wanted, then colours, then what costs most
 // time.
@@ -89,6 +102,24 @@ std::size_t bytes_per_pixel(std::uint32_t fourcc) {
   }
 }
 
+std::vector<std::string> video_paths() {
+  constexpr int kMostNodes = 64;
+  std::vector<std::string> paths;
+  paths.reserve(kMostNodes);
+  for (int i = 0; i < kMostNodes; ++i) paths.push_back(text_of("/dev/video", i));
+  return paths;
+}
+
+std::uint32_t capabilities_of(const v4l2_capability& found) {
+  return (found.capabilities & V4L2_CAP_DEVICE_CAPS) != 0 ? found.device_caps : found.capabilities;
+}
+
+template <std::size_t N>
+std::string text(const __u8 (&bytes)[N]) {
+  const auto* const begin = reinterpret_cast<const char*>(bytes);
+  return {begin, ::strnlen(begin, N)};
+}
+
 std::uint8_t clipped(int value) { return static_cast<std::uint8_t>(std::clamp(value, 0, 255)); }
 
 // ITU-R BT.601 with the range 16 to 235, as webcams deliver it; in 256ths.
@@ -107,9 +138,13 @@ VideoSystem& VideoSystem::machine() {
 }
 
 VideoDevice::VideoDevice(VideoSettings settings, VideoSystem& system)
-    : settings_(std::move(settings)), system_(system) {
-  if (!open()) {
-    news_.push_back("there is no camera at " + settings_.path + ": " + std::strerror(errno));
+    : settings_(std::move(settings)), system_(system), path_(settings_.path) {
+  try {
+    open();
+  } catch (const InvalidArgument&) {
+    throw;
+  } catch (const Error& error) {
+    tell(error.what());
   }
 }
 
@@ -121,25 +156,67 @@ int VideoDevice::call(unsigned long request, void* argument) {
   return system_.ioctl(file_, request, argument);
 }
 
-bool VideoDevice::open() {
-  next_try_ = std::chrono::steady_clock::now() + kRetry;
-  file_ = system_.open(settings_.path);
-  if (file_ < 0) return false;
+void VideoDevice::tell(const std::string& trouble) {
+  if (trouble_.is_news(trouble, std::chrono::steady_clock::now())) news_.push_back(trouble);
+}
+
+void VideoDevice::open() {
   try {
+    find();
     choose_format();
     set_rate_and_exposure();
     start();
-  } catch (const SystemError& error) {
-    // It may be about to go or to come.
-    news_.emplace_back(error.what());
-    close();
-    errno = error.error_number();
-    return false;
   } catch (...) {
     close();
     throw;
   }
-  return true;
+}
+
+void VideoDevice::find() {
+  std::vector<std::string> paths{path_, settings_.path};
+  if (!identity_.empty()) {
+    for (const std::string& path : video_paths()) paths.push_back(path);
+  }
+  std::string trouble;
+  for (const std::string& path : paths) {
+    file_ = system_.open(path);
+    if (file_ < 0) {
+      if (trouble.empty()) {
+        trouble = "there is no camera at " + settings_.path + ": " + std::strerror(errno);
+      }
+      continue;
+    }
+    std::string found;
+    try {
+      found = look_at(path);
+    } catch (const Error& error) {
+      if (identity_.empty()) throw;
+      trouble = trouble.empty() ? error.what() : trouble;
+    }
+    if (!found.empty() && (identity_.empty() || found == identity_)) {
+      path_ = path;
+      identity_ = found;
+      return;
+    }
+    if (path == settings_.path && !found.empty()) {
+      trouble = text_of("another camera is at ", path, ": ", found, ", not ", identity_);
+    }
+    system_.close(std::exchange(file_, -1));
+  }
+  throw Error(trouble);
+}
+
+std::string VideoDevice::look_at(const std::string& path) {
+  v4l2_capability capability{};
+  if (call(VIDIOC_QUERYCAP, &capability) != 0) {
+    throw SystemError("ask " + path + " what it can do", errno);
+  }
+  const std::uint32_t can = capabilities_of(capability);
+  detail::require((can & V4L2_CAP_VIDEO_CAPTURE) != 0 && (can & V4L2_CAP_STREAMING) != 0,
+                  path + " is no camera; 'trifinger cameras --list' shows cameras");
+  const std::string serial = system_.serial_of(path);
+  return text(capability.card) + " at " + text(capability.bus_info) +
+         (serial.empty() ? "" : " with serial number " + serial);
 }
 
 void VideoDevice::close() noexcept {
@@ -153,21 +230,12 @@ void VideoDevice::close() noexcept {
 }
 
 void VideoDevice::lose(const std::string& why) {
-  news_.push_back("the camera at " + settings_.path + " is lost: " + why);
+  tell("the camera at " + settings_.path + " is lost: " + why);
   close();
   next_try_ = std::chrono::steady_clock::now() + kRetry;
 }
 
 void VideoDevice::choose_format() {
-  v4l2_capability capability{};
-  if (call(VIDIOC_QUERYCAP, &capability) != 0) {
-    throw SystemError("ask " + settings_.path + " what it can do", errno);
-  }
-  const std::uint32_t can = (capability.capabilities & V4L2_CAP_DEVICE_CAPS) != 0
-                                ? capability.device_caps
-                                : capability.capabilities;
-  detail::require((can & V4L2_CAP_VIDEO_CAPTURE) != 0 && (can & V4L2_CAP_STREAMING) != 0,
-                  settings_.path + " is no camera; 'trifinger cameras --list' shows cameras");
   std::string offered;
   for (const std::uint32_t wanted : formats_for(settings_.format.pixels)) {
     v4l2_format format{};
@@ -238,7 +306,8 @@ void VideoDevice::start() {
   }
   int type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
   if (call(VIDIOC_STREAMON, &type) != 0) throw SystemError("start " + settings_.path, errno);
-  first_number_ = -1;
+  first_number_.reset();
+  last_image_ = std::chrono::steady_clock::now();
 }
 
 bool VideoDevice::grab(std::span<std::byte> pixels, Frame& frame, Timeout timeout) {
@@ -249,10 +318,22 @@ bool VideoDevice::grab(std::span<std::byte> pixels, Frame& frame, Timeout timeou
       std::this_thread::sleep_for(deadline.remaining(next_try_ - now));
       return false;
     }
-    if (!open()) return false;
-    news_.push_back("the camera at " + settings_.path + " is back");
+    next_try_ = now + kRetry;
+    try {
+      open();
+    } catch (const Error& error) {
+      // Whatever it is: the other cameras go on, and this one may be mended.
+      tell(error.what());
+      return false;
+    }
   }
-  if (!system_.wait(file_, deadline.remaining(std::chrono::hours(1)))) return false;
+  if (!system_.wait(file_, deadline.remaining(kSilence))) {
+    const Nanoseconds silence = std::chrono::steady_clock::now() - last_image_;
+    if (silence > std::max<Nanoseconds>(kSilence, 10 * settings_.period)) {
+      lose("it delivers nothing any more");
+    }
+    return false;
+  }
   v4l2_buffer buffer{};
   buffer.type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
   buffer.memory = V4L2_MEMORY_MMAP;
@@ -260,9 +341,15 @@ bool VideoDevice::grab(std::span<std::byte> pixels, Frame& frame, Timeout timeou
     if (errno != EAGAIN) lose(std::strerror(errno));
     return false;
   }
-  frame = frame_of(buffer, std::chrono::steady_clock::now());
-  if (first_number_ < 0) first_number_ = static_cast<std::int64_t>(buffer.sequence) - count_;
-  frame.number = static_cast<std::int64_t>(buffer.sequence) - first_number_;
+  last_image_ = std::chrono::steady_clock::now();
+  frame = frame_of(buffer, last_image_);
+  if (trouble_.end()) {
+    news_.push_back("the camera at " + settings_.path + " is back" +
+                    (path_ == settings_.path ? "" : ", at " + path_));
+  }
+  const std::int64_t sequence = buffer.sequence;
+  if (!first_number_) first_number_ = sequence - count_;
+  frame.number = sequence - *first_number_;
   count_ = frame.number + 1;
   const bool is_whole = (buffer.flags & V4L2_BUF_FLAG_ERROR) == 0 &&
                         buffer.index < buffers_.size() &&
@@ -370,20 +457,12 @@ bool VideoDevice::convert(std::span<const std::byte> image, std::span<std::byte>
 
 std::vector<DeviceInfo> list_video_devices(VideoSystem& system) {
   std::vector<DeviceInfo> devices;
-  constexpr int kMostNodes = 64;
-  for (int i = 0; i < kMostNodes; ++i) {
-    const std::string path = text_of("/dev/video", i);
+  for (const std::string& path : video_paths()) {
     const int file = system.open(path);
     if (file < 0) continue;
     v4l2_capability found{};
     const bool is_known = system.ioctl(file, VIDIOC_QUERYCAP, &found) == 0;
-    const std::uint32_t can =
-        (found.capabilities & V4L2_CAP_DEVICE_CAPS) != 0 ? found.device_caps : found.capabilities;
-    if (is_known && (can & V4L2_CAP_VIDEO_CAPTURE) != 0) {
-      const auto text = [](const __u8* bytes, std::size_t size) {
-        const auto* const begin = reinterpret_cast<const char*>(bytes);
-        return std::string(begin, ::strnlen(begin, size));
-      };
+    if (is_known && (capabilities_of(found) & V4L2_CAP_VIDEO_CAPTURE) != 0) {
       std::string formats;
       for (std::uint32_t k = 0;; ++k) {
         v4l2_fmtdesc format{};
@@ -394,8 +473,8 @@ std::vector<DeviceInfo> list_video_devices(VideoSystem& system) {
       }
       devices.push_back({.kind = "v4l2",
                          .id = path,
-                         .name = text(found.card, sizeof(found.card)),
-                         .detail = text(found.bus_info, sizeof(found.bus_info)) + " " + formats});
+                         .name = text(found.card),
+                         .detail = text(found.bus_info) + " " + formats});
     }
     system.close(file);
   }

@@ -5,11 +5,13 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "trifinger/camera/device.hpp"
+#include "trifinger/camera/lasting_trouble.hpp"
 #include "trifinger/camera/options.hpp"
 #include "video_system.hpp"
 
@@ -23,6 +25,10 @@ struct VideoSettings {
 };
 
 // A camera of Video4Linux. It delivers the middle of its images if these are larger than wanted.
+// One from which nothing comes for a second is opened again.
+//
+// The device that is opened first is meant from then on: its name, its port and its serial number.
+// When it comes back, it may have another path, and another one its path.
 class VideoDevice final : public Device {
  public:
   // Throws InvalidArgument for a device that cannot deliver such images. One that is not there is
@@ -40,9 +46,13 @@ class VideoDevice final : public Device {
     std::size_t size;
   };
 
-  // True if the device could be opened and delivers.
-  bool open();
+  // Throws SystemError if there is no such device, InvalidArgument if it has no such images.
+  void open();
+  void find();
+  // The name, port and serial number of the open device. Throws SystemError, InvalidArgument.
+  [[nodiscard]] std::string look_at(const std::string& path);
   void close() noexcept;
+  void tell(const std::string& trouble);
   void lose(const std::string& why);
   // Throws InvalidArgument.
   void choose_format();
@@ -61,10 +71,14 @@ class VideoDevice final : public Device {
   int width_{0};
   int height_{0};
   std::size_t stride_{0};
-  std::int64_t first_number_{-1};
-  std::int64_t count_{0};  // images of earlier connections
+  std::optional<std::int64_t> first_number_;  // that of this connection
+  std::int64_t count_{0};                     // images of earlier connections
   Instant next_try_{};
+  Instant last_image_{};
+  std::string path_;      // where it was found last
+  std::string identity_;  // empty before the first connection
   std::vector<std::byte> rgb_;
+  LastingTrouble trouble_;
   std::vector<std::string> news_;
 };
 

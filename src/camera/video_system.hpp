@@ -19,6 +19,8 @@ class VideoSystem {
 
   [[nodiscard]] virtual int open(const std::string& path) = 0;
   virtual void close(int file) = 0;
+  // The serial number of the device behind this path; empty if it has none.
+  [[nodiscard]] virtual std::string serial_of(const std::string& path) = 0;
   [[nodiscard]] virtual int ioctl(int file, unsigned long request, void* argument) = 0;
   // nullptr if it fails.
   [[nodiscard]] virtual std::byte* map(int file, std::size_t size, std::size_t offset) = 0;

@@ -8,6 +8,7 @@
 
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/driver.hpp"
+#include "trifinger/core/payload.hpp"
 
 namespace trifinger::detail {
 
@@ -30,9 +31,13 @@ void Followers::begin_session(const SessionHost& host, const SessionPlace::Write
     // the rest.
     return;
   }
-  for (const auto& writer : writers.companions) {
-    companions_.push_back(
-        {.writer = writer.get(), .capacity = writer->capacity_of(Series::kObservation)});
+  for (std::size_t i = 0; i < writers.companions.size(); ++i) {
+    const SessionWriter* const writer = writers.companions[i].get();
+    TimeIndex capacity = writer->capacity_of(Series::kObservation);
+    // Payloads are overwritten sooner than their elements.
+    constexpr TimeIndex kPayloads = PayloadWriter::kDefaultHistory;
+    if (companions[i].payload().size() > 0) capacity = std::min(capacity, kPayloads);
+    companions_.push_back({.writer = writer, .capacity = capacity});
   }
   for (Entry& entry : followers_) {
     entry.has_joined = true;

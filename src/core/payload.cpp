@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "trifinger/core/payload.hpp"
 
+#include <fcntl.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -15,10 +16,12 @@
 #include "sensor_file.hpp"
 #include "session_directory.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/base/regular_file.hpp"
 #include "trifinger/base/text_of.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/session.hpp"
+#include "trifinger/ipc/file_descriptor.hpp"
 #include "trifinger/ipc/file_lock.hpp"
 #include "trifinger/ipc/fork.hpp"
 #include "trifinger/ipc/shared_memory.hpp"
@@ -316,6 +319,20 @@ void PayloadView::copy_to(void* target) const {
   require_valid();
 }
 
+namespace {
+
+// The number of the memory in a file, or 0 if it has none. Throws SystemError.
+std::uint64_t id_of(const std::filesystem::path& path) {
+  const ipc::FileDescriptor file(
+      [&path] { return open_regular_file(path, O_RDONLY, NamedBy::kProgram); });
+  Header header{};
+  const ssize_t size = ::pread(file.get(), &header, sizeof(header), 0);
+  if (size != sizeof(header) || header.magic != kMagic) return 0;
+  return header.id;
+}
+
+}  // namespace
+
 struct PayloadReader::State {
   std::string robot;
   std::string sensor;
@@ -340,6 +357,10 @@ struct PayloadReader::State {
           -1, "the payloads of sensor '" + sensor + "' of robot '" + robot + "' are gone: " + why);
     };
     try {
+      // Elements of an earlier process may be asked for again and again: nothing is mapped for
+      // them.
+      const std::uint64_t newest = id_of(path);
+      if (newest != 0 && newest != id) throw gone("its process was started again");
       auto found = std::make_shared<const PayloadMemory>(
           ipc::SharedMemory::open(path, ipc::Access::kReadOnly));
       if (found->id() != id) throw gone("its process was started again");

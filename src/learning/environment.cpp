@@ -59,6 +59,15 @@ void draw_what_varies(const EnvironmentOptions& options, Random& random, Start& 
   }
 }
 
+// A quaternion and its negative mean the same; the one with w >= 0 is shown.
+ObjectPose upward(const ObjectPose& pose) noexcept {
+  ObjectPose shown = pose;
+  if (shown.orientation[0] < 0.0) {
+    for (double& value : shown.orientation) value = -value;
+  }
+  return shown;
+}
+
 // The range of desired positions in the authors' simulation of their reaching task, in the sign
 // convention of the variant and clipped to the soft limits.
 Workspace make_workspace(const Kinematics& kinematics) {
@@ -100,6 +109,10 @@ struct Environment::Implementation {
           text_of("per_finger is for tasks with a goal for each finger, the task '", its_task.name,
                   "' has none"));
     }
+    if (options.object_poses == ObjectPoses::kTracked && task->object_name().empty()) {
+      throw InvalidArgument(
+          text_of("object_poses is 'tracked', but the task '", its_task.name, "' has no object"));
+    }
     list_entries();
     list_flat();
     for (int finger = 0; finger < kinematics.num_fingers(); ++finger) {
@@ -127,6 +140,8 @@ struct Environment::Implementation {
       add("tip_position", "m", num_joints, -kMaxSideways, kMaxSideways);
       for (std::size_t i = 2; i < num_joints; i += 3) entries.back().low[i] = 0.0;
       for (std::size_t i = 2; i < num_joints; i += 3) entries.back().high[i] = kMaxHeight;
+    }
+    if (shows_object()) {
       add("object_position", "m", 3, -kMaxSideways, kMaxSideways);
       entries.back().low[2] = 0.0;
       entries.back().high[2] = kMaxHeight;
@@ -147,7 +162,7 @@ struct Environment::Implementation {
       low.insert(low.end(), entry.low.begin(), entry.low.end());
       high.insert(high.end(), entry.high.begin(), entry.high.end());
     }
-    if (options.layout == Layout::kDictionary || !task->has_goals_of_fingers()) {
+    if (!is_flat() || !task->has_goals_of_fingers()) {
       flat.resize(begin);
       std::iota(flat.begin(), flat.end(), std::size_t{0});
       return;
@@ -157,6 +172,14 @@ struct Environment::Implementation {
         for (std::size_t i = 0; i < 3; ++i) flat.push_back(entry_begin + 3 * finger + i);
       }
     }
+  }
+
+  // Observations in SI units have their entries one after the other.
+  [[nodiscard]] bool is_flat() const noexcept {
+    return options.layout == Layout::kFlat || options.layout == Layout::kGoal;
+  }
+  [[nodiscard]] bool shows_object() const noexcept {
+    return !task->object_name().empty() && options.layout != Layout::kImages;
   }
 
   [[nodiscard]] double time_of(const Episode& episode) const noexcept {
@@ -237,6 +260,9 @@ std::int64_t Environment::episode_actions() const noexcept {
 }
 std::string_view Environment::object_name() const noexcept {
   return implementation_->task->object_name();
+}
+bool Environment::judges_by_truth() const noexcept {
+  return !implementation_->task->object_name().empty() && options().needs_cameras();
 }
 const std::vector<Entry>& Environment::entries() const noexcept { return implementation_->entries; }
 std::size_t Environment::observation_size() const noexcept { return implementation_->flat.size(); }
@@ -366,15 +392,13 @@ Outcome Environment::observe(const Measurement& measurement, Episode& episode,
   View view{
       .tips = self.kinematics.tip_positions(position), .object = {}, .time = self.time_of(episode)};
   if (measurement.object != nullptr) {
-    view.object = *measurement.object;
-    // A quaternion and its negative mean the same; the one with w >= 0 is shown.
-    auto& orientation = view.object.orientation;
-    if (orientation[0] < 0.0) {
-      for (double& value : orientation) value = -value;
-    }
+    view.object = upward(*measurement.object);
     next = std::ranges::copy(view.tips, next).out;
-    next = std::ranges::copy(view.object.position, next).out;
-    next = std::ranges::copy(orientation, next).out;
+    if (self.shows_object()) {
+      next = std::ranges::copy(view.object.position, next).out;
+      next = std::ranges::copy(view.object.orientation, next).out;
+    }
+    if (measurement.true_object != nullptr) view.object = upward(*measurement.true_object);
   }
   if (options.mapping == Mapping::kStateAugmentation) {
     next = std::copy_n(episode.action.begin(), n, next);
@@ -392,7 +416,7 @@ Outcome Environment::observe(const Measurement& measurement, Episode& episode,
     const std::size_t k = self.flat[i];
     const double value = std::clamp(values[k], self.low[k], self.high[k]);
     const double scaled = 2.0 * (value - self.low[k]) / (self.high[k] - self.low[k]) - 1.0;
-    observation[i] = static_cast<float>(options.layout == Layout::kDictionary ? value : scaled);
+    observation[i] = static_cast<float>(self.is_flat() ? scaled : value);
   }
   return outcome;
 }

@@ -6,11 +6,17 @@
 
 #include <algorithm>
 #include <cmath>
+#include <deque>
+#include <exception>
+#include <mutex>
 #include <numeric>
 #include <string>
 #include <thread>
+#include <utility>
 
 #include "trifinger/base/error.hpp"
+#include "trifinger/camera/pixels.hpp"
+#include "trifinger/rendering/simulation_that_sees.hpp"
 #include "trifinger/sim/simulator.hpp"
 
 namespace trifinger::learning {
@@ -36,13 +42,56 @@ std::span<T> row(std::vector<T>& values, std::size_t index, std::size_t count) n
   return std::span(values).subspan(index * width, width);
 }
 
+// Eyes for the threads of a batch: a pair for each that can be at work at one time.
+class SharedEyes {
+ public:
+  void add(rendering::Eyes eyes) {
+    all_.push_back(std::move(eyes));
+    free_.push_back(&all_.back());
+  }
+
+  // A pair that nobody else uses.
+  class Use {
+   public:
+    explicit Use(SharedEyes& shared) : shared_(shared), eyes_(shared.take()) {}
+    Use(const Use&) = delete;
+    Use& operator=(const Use&) = delete;
+    ~Use() {
+      const std::lock_guard lock(shared_.mutex_);
+      shared_.free_.push_back(eyes_);
+    }
+
+    [[nodiscard]] rendering::Eyes& operator*() const noexcept { return *eyes_; }
+
+   private:
+    SharedEyes& shared_;
+    rendering::Eyes* eyes_;
+  };
+
+ private:
+  rendering::Eyes* take() {
+    const std::lock_guard lock(mutex_);
+    rendering::Eyes* const eyes = free_.back();
+    free_.pop_back();
+    return eyes;
+  }
+
+  std::mutex mutex_;
+  std::deque<rendering::Eyes> all_;
+  std::vector<rendering::Eyes*> free_;
+};
+
 }  // namespace
 
 class EnvironmentBatch::Implementation {
  public:
   Implementation(std::string_view task, const EnvironmentOptions& options,
-                 const RobotDescription& description, Nanoseconds period, std::size_t count)
+                 const RobotDescription& description, Nanoseconds period, std::size_t count,
+                 const std::optional<rendering::SightOptions>& sight)
       : environment(task, options, description, period), size(count), seeds(count), runs(count) {
+    require(sight.has_value() || !options.needs_cameras(),
+            "the options need simulated cameras, which are missing in the configuration");
+    if (options.layout == Layout::kImages) cameras = sight->cameras;
     std::iota(seeds.begin(), seeds.end(), std::uint64_t{0});
     for (Observations* observations : {&results.seen, &results.final}) {
       observations->observation.resize(size * environment.observation_size());
@@ -51,6 +100,13 @@ class EnvironmentBatch::Implementation {
       observations->distance.resize(size * kMaxFingers);
       observations->finger_rewards.resize(size * kMaxFingers);
       observations->success.resize(size);
+      if (!environment.object_name().empty()) observations->object_age.resize(size);
+      observations->image_age.resize(size * cameras.size());
+      for (const camera::Camera& camera : cameras) {
+        const auto pixels = static_cast<std::size_t>(camera.format.width) *
+                            static_cast<std::size_t>(camera.format.height);
+        observations->images.emplace_back(size * 3 * pixels);
+      }
     }
     results.reward.resize(size);
     results.terminated.resize(size);
@@ -77,7 +133,9 @@ class EnvironmentBatch::Implementation {
   enum class Call : std::uint8_t { kReset, kStep, kBegin };
 
   Environment environment;
+  std::vector<camera::Camera> cameras;  // that are observed
   std::size_t size;
+  TimeIndex oldest_sure_age{0};
   std::vector<std::uint64_t> seeds;
   std::vector<Run> runs;
   Results results;
@@ -92,10 +150,13 @@ template <class R>
 class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
  public:
   Typed(std::string_view task, const EnvironmentOptions& options,
-        const SimulationOptions<R>& simulation, std::size_t count, int num_threads)
-      : Implementation(task, options, simulation.description, simulation.period, count),
+        const SimulationOptions<R>& simulation, std::size_t count, int num_threads,
+        const std::optional<rendering::SightOptions>& sight)
+      : Implementation(task, options, simulation.description, simulation.period, count, sight),
         simulator_(simulation),
         simulations_(count) {
+    oldest_sure_age = sight && sight->finds_objects ? rendering::oldest_sure_age(sight->capture)
+                                                    : rendering::oldest_sure_age(simulation);
     require(num_threads >= 0,
             "num_threads is " + std::to_string(num_threads) + ", must be at least 0");
     for (Simulation& one : simulations_) one.state = simulator_.make_state();
@@ -114,6 +175,18 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
     batch_.reset(mjb_makeBatch(model.mujoco(), static_cast<int>(count), &config, error,
                                static_cast<int>(sizeof(error))));
     if (batch_ == nullptr) throw Error("MuJoCo cannot make the simulations: " + std::string(error));
+    if (sight && (options.needs_cameras() || sight->finds_objects)) {
+      is_tracked_ = sight->finds_objects;
+      const std::size_t num_objects = model.objects().size();
+      for (Simulation& one : simulations_) {
+        one.sight.emplace(sight->capture, num_objects);
+        if (sight->varies) one.sight->vary(sight->rendering);
+      }
+      const std::size_t num_eyes = std::min(static_cast<std::size_t>(this->num_threads()), count);
+      for (std::size_t i = 0; i < num_eyes; ++i) {
+        eyes_.add(rendering::make_eyes(simulation.description, *sight));
+      }
+    }
     if (environment.options().varies()) {
       std::vector<const mjModel*> models;
       // This model contains all pairs whose friction any episode may set.
@@ -146,9 +219,12 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
       keep_final(index);
       given_up_.push_back(i);
     }
-    if (given_up_.empty() || call != Call::kStep || autoreset != Autoreset::kSameStep) return;
-    call = Call::kBegin;
-    apply(given_up_);
+    if (!given_up_.empty() && call == Call::kStep && autoreset == Autoreset::kSameStep) {
+      call = Call::kBegin;
+      apply(given_up_);
+    }
+    // Only now, when all simulations are in order.
+    if (failure_ != nullptr) std::rethrow_exception(std::exchange(failure_, nullptr));
   }
 
  private:
@@ -163,15 +239,26 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
     typename Simulator<R>::State state{};
     RobotModel::Compiled varied{};
     ObjectPose object{};  // Newest pose seen.
-    Action action{};      // The action in effect.
+    TimeIndex object_step{kNeverSeen};
+    Action action{};  // The action in effect.
+    std::optional<rendering::Sight> sight{};
+    bool is_blind{false};  // Drawing or reading an image has failed.
   };
+  static constexpr TimeIndex kNeverSeen = -2;  // Step -1 is that before the first one.
 
-  // No object in here may have a destructor, because MuJoCo leaves by longjmp.
+  // While MuJoCo's physics run, no object in here may have a destructor, because MuJoCo leaves them
+  // by longjmp.
   static void run_one(const mjModel* model, mjData* data, int index, void* self) {
     static_cast<Typed*>(self)->run_one(*model, *data, static_cast<std::size_t>(index));
   }
 
   void run_one(const mjModel& model, mjData& data, std::size_t i) noexcept {
+    do_call(model, data, i);
+    // Whoever has called gets the exception, and this episode does not go on.
+    if (std::exchange(simulations_[i].is_blind, false)) end_with_fault(i, results.fault[i]);
+  }
+
+  void do_call(const mjModel& model, mjData& data, std::size_t i) noexcept {
     if (call == Call::kBegin) {
       reset(model, data, i);
       return;
@@ -203,6 +290,11 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
     keep(results.final.distance, results.seen.distance);
     keep(results.final.finger_rewards, results.seen.finger_rewards);
     keep(results.final.success, results.seen.success);
+    keep(results.final.object_age, results.seen.object_age);
+    keep(results.final.image_age, results.seen.image_age);
+    for (std::size_t k = 0; k < cameras.size(); ++k) {
+      keep(results.final.images[k], results.seen.images[k]);
+    }
   }
 
   void reset(const mjModel& model, mjData& data, std::size_t i) noexcept {
@@ -219,9 +311,13 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
       const ObjectAddress& object = simulator_.model().objects()[object_];
       simulator_.place(object, start.object, data, one.state);
       simulator_.set_velocity(object, start.object_velocity, data);
+      simulator_.observe(data, one.state);
     }
-    see_object(-1, data, one);
-    see_object(0, data, one);
+    one.object = {};
+    one.object_step = kNeverSeen;
+    if (one.sight) one.sight->begin(one.state.memory.random);
+    see(-1, model, data, one);
+    see(0, model, data, one);
     one.action = hold_position(one.state.observation);
     (void)observe(i);
   }
@@ -244,7 +340,7 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
         return;
       }
       simulator_.observe(data, one.state);
-      see_object(one.state.memory.step, data, one);
+      see(one.state.memory.step, model, data, one);
     }
     one.action = next;
     const Outcome outcome = observe(i);
@@ -254,18 +350,59 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
     results.fault[i] = 0;
   }
 
-  void see_object(TimeIndex step, const mjData& data, Simulation& one) const noexcept {
-    if (!has_object_) return;
+  void see(TimeIndex step, const mjModel& model, const mjData& data, Simulation& one) noexcept {
+    if (one.sight && one.sight->is_due(step)) {
+      std::vector<double> configuration(data.qpos, data.qpos + model.nq);
+      configuration.insert(configuration.end(), data.qvel, data.qvel + model.nv);
+      one.sight->capture(step, std::move(configuration));
+    }
+    if (!has_object_ || is_tracked_) return;
     const auto* const received = simulator_.receive_poses(step, data, one.state);
-    if (received != nullptr) one.object = received->objects[object_];
+    if (received == nullptr) return;
+    one.object = received->objects[object_];
+    one.object_step = received->capture_index;
+  }
+
+  // Looks at the images that have arrived. An exception is thrown later, outside of MuJoCo.
+  void look(std::size_t i) noexcept {
+    Simulation& one = simulations_[i];
+    const TimeIndex now = one.state.memory.step;
+    try {
+      const SharedEyes::Use eyes(eyes_);
+      if (one.sight->look(now, *eyes)) {
+        for (std::size_t k = 0; k < cameras.size(); ++k) {
+          camera::to_rgb(cameras[k].format, (*eyes).images()[k],
+                         std::as_writable_bytes(row(results.seen.images[k], i, size)));
+        }
+      }
+      while (const auto poses = one.sight->take_poses(now)) {
+        if (!is_tracked_ || !has_object_) continue;
+        one.object = poses->objects[object_];
+        one.object_step = poses->capture_index;
+      }
+    } catch (...) {
+      one.is_blind = true;
+      const std::lock_guard lock(failure_mutex_);
+      failure_ = std::current_exception();
+    }
   }
 
   Outcome observe(std::size_t i) noexcept {
     const Simulation& one = simulations_[i];
-    const Measurement measurement{.position = one.state.observation.position,
-                                  .velocity = one.state.observation.velocity,
-                                  .object = has_object_ ? &one.object : nullptr};
     Observations& seen = results.seen;
+    const TimeIndex now = one.state.memory.step;
+    if (one.sight) {
+      look(i);
+      const TimeIndex age = std::min(now - one.sight->images().capture_index, kOldestImage);
+      std::ranges::fill(row(seen.image_age, i, size), static_cast<float>(age));
+    }
+    Measurement measurement{.position = one.state.observation.position,
+                            .velocity = one.state.observation.velocity};
+    if (has_object_) {
+      measurement.object = &one.object;
+      if (environment.judges_by_truth()) measurement.true_object = &one.state.objects[object_];
+      seen.object_age[i] = one.object_step == kNeverSeen ? -1 : now - one.object_step;
+    }
     const Outcome outcome =
         environment.observe(measurement, runs[i].episode, row(seen.observation, i, size),
                             row(seen.achieved, i, size), row(seen.desired, i, size));
@@ -295,15 +432,20 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
   std::vector<int> given_up_;  // Simulations in which MuJoCo has failed during this call.
   std::size_t object_{0};
   bool has_object_{false};
+  bool is_tracked_{false};  // A tracker finds the objects.
+  SharedEyes eyes_;
+  std::mutex failure_mutex_;
+  std::exception_ptr failure_;  // of somebody who looked at images
   std::unique_ptr<mjBatch, DeleteBatch> batch_;
 };
 
 template <class R>
 EnvironmentBatch::EnvironmentBatch(std::string_view task, const EnvironmentOptions& options,
                                    const SimulationOptions<R>& simulation, int size,
-                                   int num_threads)
-    : implementation_(
-          std::make_unique<Typed<R>>(task, options, simulation, checked_size(size), num_threads)) {}
+                                   int num_threads,
+                                   const std::optional<rendering::SightOptions>& sight)
+    : implementation_(std::make_unique<Typed<R>>(task, options, simulation, checked_size(size),
+                                                 num_threads, sight)) {}
 EnvironmentBatch::~EnvironmentBatch() = default;
 
 const Environment& EnvironmentBatch::environment() const noexcept {
@@ -311,6 +453,12 @@ const Environment& EnvironmentBatch::environment() const noexcept {
 }
 std::size_t EnvironmentBatch::size() const noexcept { return implementation_->size; }
 int EnvironmentBatch::num_threads() const noexcept { return implementation_->num_threads(); }
+TimeIndex EnvironmentBatch::oldest_sure_age() const noexcept {
+  return implementation_->oldest_sure_age;
+}
+const std::vector<camera::Camera>& EnvironmentBatch::cameras() const noexcept {
+  return implementation_->cameras;
+}
 Results& EnvironmentBatch::results() noexcept { return implementation_->results; }
 
 void EnvironmentBatch::seed(std::size_t index, std::uint64_t seed, std::uint64_t episode) {
@@ -356,8 +504,10 @@ void EnvironmentBatch::step(std::span<const float> actions, Autoreset autoreset)
 }
 
 template EnvironmentBatch::EnvironmentBatch(std::string_view, const EnvironmentOptions&,
-                                            const SimulationOptions<TriFinger>&, int, int);
+                                            const SimulationOptions<TriFinger>&, int, int,
+                                            const std::optional<rendering::SightOptions>&);
 template EnvironmentBatch::EnvironmentBatch(std::string_view, const EnvironmentOptions&,
-                                            const SimulationOptions<Finger>&, int, int);
+                                            const SimulationOptions<Finger>&, int, int,
+                                            const std::optional<rendering::SightOptions>&);
 
 }  // namespace trifinger::learning

@@ -36,7 +36,8 @@ struct About {
 
 constexpr std::array<std::string_view, 2> kMappings{"state_augmentation", "approximation"};
 constexpr std::array<std::string_view, 3> kActions{"position", "position_change", "torque"};
-constexpr std::array<std::string_view, 3> kLayouts{"flat", "dictionary", "goal"};
+constexpr std::array<std::string_view, 4> kLayouts{"flat", "dictionary", "goal", "images"};
+constexpr std::array<std::string_view, 2> kObjectPoses{"exact", "tracked"};
 
 constexpr About factor(const char* meaning, double least, double most) {
   return {.meaning = meaning, .least = least, .most = most, .varies = true};
@@ -59,8 +60,9 @@ void visit(Options& options, const Visitor& field) {
   field("position_change", options.position_change,
         About{"Largest change of a desired position by one action [rad].", 1e-6, std::numbers::pi});
   field("observation", options.layout,
-        About{.meaning = "One vector scaled to -1 to 1, its parts in SI units, or the vector with "
-                         "a separate goal.",
+        About{.meaning = "One vector scaled to -1 to 1, its parts in SI units, the vector with a "
+                         "separate goal, or the parts with images of the cameras instead of poses "
+                         "of objects.",
               .words = kLayouts});
   field("duration", options.duration, About{"Duration of an episode [s].", 1e-3, 3600});
   field("per_finger", options.per_finger,
@@ -70,14 +72,30 @@ void visit(Options& options, const Visitor& field) {
         About{"Standard deviation of measured joint positions [rad].", 0, 1});
   field("velocity_noise", options.velocity_noise,
         About{"Standard deviation of measured joint velocities [rad/s].", 0, 10});
+  field("object_poses", options.object_poses,
+        About{.meaning = "How poses of objects are known: exactly, apart from the delay, noise and "
+                         "losses below; or from a tracker, in images of the cameras.",
+              .words = kObjectPoses});
   field("object_period", options.object_period,
         About{"Time between two measured poses of a simulated object [s]."});
   field("object_delay", options.object_delay,
-        About{"Delay from measuring a pose of a simulated object to its arrival [s]."});
+        About{"Delay from measuring a pose of a simulated object to its arrival [s]. Tracked poses "
+              "arrive with their images if these are later."});
   field("object_position_noise", options.object_position_noise,
         About{"Standard deviation of measured object positions, per axis [m]."});
   field("object_orientation_noise", options.object_orientation_noise,
         About{"Standard deviation of measured object orientations, per axis [rad]."});
+  field("object_loss", options.object_loss,
+        About{"Probability that a pose of a simulated object never arrives."});
+  field("camera_rate", options.camera_rate,
+        About{"Images of each simulated camera per second [Hz]. Tracked poses come at this rate."});
+  field("camera_delay", options.camera_delay,
+        About{"Delay from the middle of the exposure of a simulated image to its arrival [s]."});
+  field("camera_size", options.camera_size,
+        About{"Width and height of simulated images [pixel]: 540, or a whole part of it."});
+  field("camera_varies", options.camera_varies,
+        About{"Whether light, colours, dust and noise of simulated images differ in each episode. "
+              "docs/simulated_cameras.md says how much."});
   field("object_mass", options.object_mass,
         factor("Factor on the mass of simulated objects.", 0.01, 100));
   field("friction", options.friction,
@@ -216,6 +234,16 @@ void EnvironmentOptions::validate() const {
     throw InvalidArgument(
         "steps_per_action is 1, must be 2 or more for the mapping 'approximation': an observation "
         "would not depend on the action that leads to it");
+  }
+  if (object_poses == ObjectPoses::kTracked && layout == Layout::kImages) {
+    throw InvalidArgument(
+        "object_poses is 'tracked', but poses of objects are no part of the observation 'images'");
+  }
+  if (object_poses == ObjectPoses::kTracked &&
+      (object_position_noise != 0 || object_orientation_noise != 0 || object_loss != 0)) {
+    throw InvalidArgument(
+        "object_position_noise, object_orientation_noise and object_loss must be 0 if "
+        "object_poses is 'tracked': tracked poses have the noise of their images");
   }
 }
 

@@ -84,13 +84,23 @@ std::vector<std::string> config_overrides(const TaskDescription& task,
   std::vector<std::string> overrides = task.config_overrides;
   const auto add = [&overrides](const char* name, double value) {
     std::ostringstream text;
-    text << "simulation.object_" << name << "=" << std::setprecision(17) << value;
+    text << name << "=" << std::setprecision(17) << value;
     overrides.push_back(text.str());
   };
-  add("period", options.object_period);
-  add("delay", options.object_delay);
-  add("position_noise", options.object_position_noise);
-  add("orientation_noise", options.object_orientation_noise);
+  const bool is_tracked = options.object_poses == ObjectPoses::kTracked;
+  overrides.push_back(
+      text_of("simulation.object_poses=", is_tracked ? "\"tracked\"" : "\"exact\""));
+  add("simulation.object_period", options.object_period);
+  add("simulation.object_delay", options.object_delay);
+  add("simulation.object_position_noise", options.object_position_noise);
+  add("simulation.object_orientation_noise", options.object_orientation_noise);
+  add("simulation.object_loss", options.object_loss);
+  if (!options.needs_cameras()) return overrides;
+  overrides.emplace_back("cameras.source=\"simulated\"");
+  add("cameras.rate", options.camera_rate);
+  add("cameras.delay", options.camera_delay);
+  add("cameras.size", options.camera_size);
+  overrides.push_back(text_of("cameras.varies=", options.camera_varies ? "true" : "false"));
   return overrides;
 }
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstring>
 #include <limits>
+#include <map>
 #include <utility>
 #include <vector>
 
@@ -44,10 +45,8 @@ std::uint16_t next_id(const Map& map, const char* what) {
 
 class Writer::Implementation {
  public:
-  Implementation(Sink& sink, WriterOptions options)
-      : sink_(sink),
-        options_(std::move(options)),
-        compressor_(options_.compression, options_.level) {
+  Implementation(Sink& sink, WriterOptions options) : sink_(sink), options_(std::move(options)) {
+    set_compression(options_.compression);
     if (sink_.size() != 0) {
       throw InvalidArgument("a new MCAP file begins in an empty sink; this one has " +
                             std::to_string(sink_.size()) + " bytes");
@@ -56,9 +55,8 @@ class Writer::Implementation {
   }
 
   Implementation(Sink& sink, WriterOptions options, const Contents& contents)
-      : sink_(sink),
-        options_(std::move(options)),
-        compressor_(options_.compression, options_.level) {
+      : sink_(sink), options_(std::move(options)) {
+    set_compression(options_.compression);
     if (contents.is_finished) {
       throw InvalidArgument("the MCAP file is finished; nothing can be added to it");
     }
@@ -162,6 +160,12 @@ class Writer::Implementation {
     encode_summary(output_, records_, sink_.size());
     append_output();
     is_finished_ = true;
+  }
+
+  void set_compression(Compression compression) {
+    // Compressors are kept: each has a megabyte of memory.
+    compressors_.try_emplace(compression, compression, options_.level);
+    options_.compression = compression;
   }
 
   [[nodiscard]] std::size_t open_chunk_size() const noexcept {
@@ -303,7 +307,7 @@ class Writer::Implementation {
     const std::size_t length_place = output_.size();
     encoder.number(std::uint64_t{0});
     const std::size_t begin = output_.size();
-    compressor_.compress(chunk_.view(), output_);
+    compressors_.at(options_.compression).compress(chunk_.view(), output_);
     const std::uint64_t length = output_.size() - begin;
     std::memcpy(output_.data() + length_place, &length, sizeof(length));
     encoder.end(record);
@@ -324,7 +328,7 @@ class Writer::Implementation {
 
   Sink& sink_;
   WriterOptions options_;
-  Compressor compressor_;
+  std::map<Compression, Compressor> compressors_;
   bool is_finished_{false};
 
   WrittenRecords records_;
@@ -368,6 +372,10 @@ void Writer::write(const Metadata& metadata) { implementation_->write(metadata);
 void Writer::write(const Attachment& attachment) { implementation_->write(attachment); }
 
 void Writer::finish() { implementation_->finish(); }
+
+void Writer::set_compression(Compression compression) {
+  implementation_->set_compression(compression);
+}
 
 std::size_t Writer::open_chunk_size() const noexcept { return implementation_->open_chunk_size(); }
 

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <set>
 
+#include "face_colours.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/suggestion.hpp"
 #include "trifinger/base/text_of.hpp"
@@ -183,9 +184,23 @@ void validate_object(const ObjectDescription& object) {
     norm = std::hypot(norm, number);
   }
   if (norm < 1e-3) reject(name, "its orientation is zero; a quaternion w x y z is needed.");
+  for (const std::string& colour : object.colours) {
+    if (std::ranges::find(detail::kFaceColours, colour, &detail::FaceColour::name) ==
+        detail::kFaceColours.end()) {
+      reject(name, "its faces cannot be '", colour,
+             "', only red, green, blue, cyan, magenta or yellow.");
+    }
+  }
 }
 
 }  // namespace
+
+BoxColours competition_colours() {
+  BoxColours colours;
+  std::ranges::transform(detail::kFaceColours, colours.begin(),
+                         [](const detail::FaceColour& colour) { return colour.name; });
+  return colours;
+}
 
 const std::array<SurfacePair, kNumSurfacePairs>& all_surface_pairs() noexcept {
   return kSurfacePairs;

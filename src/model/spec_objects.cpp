@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "face_colours.hpp"
 #include "spec_builder.hpp"
 
 namespace trifinger::detail {
@@ -58,24 +59,22 @@ void SpecBuilder::add_box_object(mjsBody* body, const ObjectDescription& object)
   set_colour(geom->rgba, {0.10F, 0.10F, 0.11F, 1});
   if (!pictures_) return;
 
-  // The axis and the side of each face. Colours are those of the competition's cube.
   struct Face {
     int axis;
     int side;
-    Colour colour;
   };
-  constexpr Face kFaces[] = {
-      {0, 1, {0.765F, 0.188F, 0.000F, 1}},  {1, 1, {0.600F, 0.816F, 0.376F, 1}},
-      {2, 1, {0.016F, 0.137F, 0.376F, 1}},  {2, -1, {0.455F, 0.784F, 0.749F, 1}},
-      {0, -1, {0.643F, 0.357F, 0.643F, 1}}, {1, -1, {1.000F, 0.922F, 0.424F, 1}}};
+  constexpr std::array<Face, 6> kFaces{{{0, 1}, {1, 1}, {2, 1}, {2, -1}, {0, -1}, {1, -1}}};
   const double rim = box_rim(object);
-  for (const Face& face : kFaces) {
+  for (std::size_t i = 0; i < kFaces.size(); ++i) {
+    const Face& face = kFaces[i];
     Eigen::Vector3d plate = half.array() - rim;
     plate[face.axis] = 0.0002;
     Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
     pose.translation()[face.axis] = face.side * half[face.axis];
     mjsGeom* tile = add_box(body, pose, plate);
-    set_colour(tile->rgba, face.colour);
+    const auto& [red, green, blue] =
+        std::ranges::find(kFaceColours, object.colours[i], &FaceColour::name)->rgb;
+    set_colour(tile->rgba, {red, green, blue, 1});
     mjs_setString(tile->material, "plastic");
   }
 }

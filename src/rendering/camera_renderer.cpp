@@ -62,10 +62,10 @@ class CameraRenderer::Implementation {
   void set_options(const RenderingOptions& options) {
     options.validate();
     const bool is_first = views_.empty();
-    const bool moves_cameras = is_first ||
-                               options.calibration_error != options_.calibration_error ||
-                               options.detail != options_.detail ||
-                               (options.calibration_error > 0 && options.seed != options_.seed);
+    const bool moves_cameras =
+        is_first || options.calibration_error != options_.calibration_error ||
+        options.detail != options_.detail ||
+        (options.calibration_error > 0 && options.calibration_seed != options_.calibration_seed);
     const bool changes_pictures =
         moves_cameras || options.multisampling != options_.multisampling ||
         options.shadows != options_.shadows || options.roundness != options_.roundness;
@@ -122,7 +122,7 @@ class CameraRenderer::Implementation {
   void make_views(const RenderingOptions& options) {
     // Nothing of this object changes if the pictures would be too large.
     std::vector<camera::Camera> true_cameras = cameras_;
-    Random random{.seed = options.seed, .episode = 3};
+    Random random{.seed = options.calibration_seed, .episode = 3};
     if (options.calibration_error > 0) {
       for (camera::Camera& camera : true_cameras) {
         camera = misaligned(camera, options.calibration_error, random);

@@ -4,7 +4,7 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <chrono>
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <tuple>
@@ -12,30 +12,9 @@
 #include <vector>
 
 #include "trifinger/base/error.hpp"
-#include "trifinger/base/text_of.hpp"
 
 namespace trifinger::rendering {
 namespace {
-
-using trifinger::detail::require;
-using trifinger::detail::text_of;
-
-template <class T>
-void check(const RenderingField<T>& row, const RenderingOptions& options) {
-  const T& value = options.*row.value;
-  const auto check_number = [&row](double number) {
-    require(number >= row.low && number <= row.high,
-            text_of(row.name, " is ", number, ", must be from ", row.low, " to ", row.high));
-  };
-  if (row.low == row.high) return;
-  if constexpr (std::is_same_v<T, Nanoseconds>) {
-    check_number(std::chrono::duration<double>(value).count());
-  } else if constexpr (std::is_same_v<T, Triple>) {
-    for (const double number : value) check_number(number);
-  } else {
-    check_number(static_cast<double>(value));
-  }
-}
 
 // Points in the space above the table that objects reach.
 std::vector<Eigen::Vector3d> points_of_arena() {
@@ -67,16 +46,20 @@ double distance(const camera::Camera& one, const camera::Camera& other) {
   return count == 0 ? 0 : std::sqrt(sum / count);
 }
 
-}  // namespace
-
-void RenderingOptions::validate() const {
-  std::apply([this](const auto&... row) { (check(row, *this), ...); }, fields());
-  require(multisampling == 0 || multisampling == 2 || multisampling == 4 || multisampling == 8,
-          text_of("multisampling is ", multisampling, ", must be 0, 2, 4 or 8"));
-  const Eigen::Vector3d direction(lamp.data());
-  require(direction.allFinite() && direction.norm() > 1e-6,
-          text_of("lamp is ", lamp[0], ' ', lamp[1], ' ', lamp[2], ", must be a direction"));
+// Moves numbers that left the range that is allowed to its end.
+void limit(RenderingOptions& options) {
+  const auto limit_row = [&options]<class T>(const RenderingField<T>& row) {
+    if (row.low == row.high) return;
+    T& value = options.*row.value;
+    if constexpr (std::is_same_v<T, double>) value = std::clamp(value, row.low, row.high);
+    if constexpr (std::is_same_v<T, std::array<double, 3>>) {
+      for (double& number : value) number = std::clamp(number, row.low, row.high);
+    }
+  };
+  std::apply([&](const auto&... row) { (limit_row(row), ...); }, RenderingOptions::fields());
 }
+
+}  // namespace
 
 RenderingOptions RenderingVariation::draw(const RenderingOptions& nominal, Random& random) const {
   const auto factor = [&random](double share) { return 1 + random.uniform(-share, share); };
@@ -100,6 +83,15 @@ RenderingOptions RenderingVariation::draw(const RenderingOptions& nominal, Rando
   drawn.shot_noise *= random.uniform(1.0, std::max(1.0, noise));
   drawn.calibration_error = calibration_error;
   drawn.seed = static_cast<std::uint64_t>(random.integer(0, std::int64_t{1} << 62));
+  drawn.calibration_seed = drawn.seed;
+  limit(drawn);
+  return drawn;
+}
+
+RenderingOptions varied(const RenderingOptions& nominal, Random& random) {
+  RenderingOptions drawn = RenderingVariation{}.draw(nominal, random);
+  drawn.calibration_error = nominal.calibration_error;
+  drawn.calibration_seed = nominal.calibration_seed;
   return drawn;
 }
 

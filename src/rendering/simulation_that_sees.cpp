@@ -10,6 +10,7 @@
 #include <utility>
 #include <variant>
 
+#include "trifinger/base/error.hpp"
 #include "trifinger/sim/robot_cameras.hpp"
 #include "trifinger/tracking/tracked_object.hpp"
 #include "trifinger/tracking/tracker.hpp"
@@ -24,42 +25,55 @@ ObjectPose pose_of(const Eigen::Isometry3d& pose) {
           .orientation = {turn.w(), turn.x(), turn.y(), turn.z()}};
 }
 
+Eigen::Isometry3d transform_of(const ObjectPose& pose) {
+  const auto& [w, x, y, z] = pose.orientation;
+  Eigen::Isometry3d transform = Eigen::Isometry3d::Identity();
+  transform.linear() = Eigen::Quaterniond(w, x, y, z).normalized().toRotationMatrix();
+  transform.translation() = Eigen::Vector3d::Map(pose.position.data());
+  return transform;
+}
+
+template <class R>
+CaptureOptions capture_options(const camera::CameraOptions& cameras,
+                               const SimulationOptions<R>& simulation) {
+  const TimeIndex delay = cameras.simulated.delay / simulation.period;
+  return {.period = std::max<TimeIndex>(cameras.period / simulation.period, 1),
+          .delay = delay,
+          .pose_delay = std::max(delay, simulation.object_delay)};
+}
+
 class TrackerOfObjects final : public ObjectFinder {
  public:
-  TrackerOfObjects(const RobotDescription& description, const std::vector<camera::Camera>& cameras)
-      : guesses_(description.objects.size()) {
+  TrackerOfObjects(const RobotDescription& description,
+                   const std::vector<camera::Camera>& cameras) {
     for (const ObjectDescription& object : description.objects) {
-      trackers_.emplace_back(cameras, tracking::tracked_object(object));
+      tracking::TrackedObject tracked = tracking::tracked_object(object);
+      if (const auto warning = tracking::look_alike_warning(tracked))
+        throw InvalidArgument(*warning);
+      trackers_.emplace_back(cameras, std::move(tracked));
     }
   }
 
-  bool find(std::span<const std::span<const std::byte>> images,
-            std::span<ObjectPose> poses) override {
-    bool are_all_sure = true;
+  void find(std::span<const std::span<const std::byte>> images,
+            std::span<std::optional<ObjectPose>> poses) override {
     for (std::size_t i = 0; i < trackers_.size(); ++i) {
-      std::optional<Eigen::Isometry3d>& guess = guesses_[i];
+      std::optional<Eigen::Isometry3d> guess;
+      if (poses[i]) guess = transform_of(*poses[i]);
       const tracking::Estimate found = trackers_[i].track(images, guess ? &*guess : nullptr);
-      if (found.is_sure()) {
-        guess = found.pose;
-        poses[i] = pose_of(found.pose);
-      } else {
-        guess.reset();
-        are_all_sure = false;
-      }
+      poses[i].reset();
+      if (found.is_sure()) poses[i] = pose_of(found.pose);
     }
-    return are_all_sure;
   }
-  void forget() override { std::ranges::fill(guesses_, std::nullopt); }
 
  private:
   std::vector<tracking::Tracker> trackers_;
-  std::vector<std::optional<Eigen::Isometry3d>> guesses_;
 };
 
 }  // namespace
 
 RenderingOptions rendering_options(const camera::CameraOptions& cameras,
-                                   RenderingOptions rendering) {
+                                   const std::optional<RenderingOptions>& look) {
+  RenderingOptions rendering = look.value_or(cameras.simulated.look);
   rendering.exposure = cameras.exposure;
   rendering.gain *= std::pow(10, cameras.gain / 20);
   return rendering;
@@ -70,25 +84,66 @@ std::unique_ptr<ObjectFinder> make_object_finder(const RobotDescription& descrip
   return std::make_unique<TrackerOfObjects>(description, cameras);
 }
 
-template <class R>
-std::unique_ptr<DriverWithCameras<R>> make_driver_with_cameras(SimulatedRobot<R>& robot,
-                                                               const RobotConfig& config,
-                                                               const std::string& name,
-                                                               const RenderingOptions& rendering) {
-  if (!has_simulated_cameras(config)) return nullptr;
-  const Nanoseconds step = robot.options().period;
-  const CaptureOptions capture{.period = std::max<TimeIndex>(config.cameras->period / step, 1),
-                               .delay = config.cameras->simulated.delay / step};
-  const std::vector<camera::Camera> cameras = camera_calibration(config, name).cameras;
-  RenderingOptions look = rendering_options(*config.cameras, rendering);
-  look.seed += robot.options().seed;
-  return std::make_unique<DriverWithCameras<R>>(
-      robot, cameras, capture, look,
-      config.tracks_objects ? make_object_finder(robot.options().description, cameras) : nullptr);
+std::optional<SightOptions> sight_options(const RobotConfig& config, const std::string& name,
+                                          const std::optional<RenderingOptions>& look) {
+  if (!has_simulated_cameras(config)) return std::nullopt;
+  return std::visit(
+      [&](const auto& simulation) {
+        SightOptions options{
+            .cameras = camera_calibration(config, name).cameras,
+            .capture = capture_options(*config.cameras, simulation),
+            .rendering = rendering_options(*config.cameras, look),
+            .varies = config.cameras->simulated.varies,
+            .finds_objects = config.tracks_objects && !simulation.description.objects.empty()};
+        options.rendering.seed += simulation.seed;
+        options.rendering.calibration_seed += simulation.seed;
+        return options;
+      },
+      config.simulation);
+}
+
+TimeIndex oldest_sure_age(const RobotConfig& config) {
+  return std::visit(
+      [&config](const auto& simulation) {
+        return config.tracks_objects ? oldest_sure_age(capture_options(*config.cameras, simulation))
+                                     : oldest_sure_age(simulation);
+      },
+      config.simulation);
+}
+
+TimeIndex oldest_sure_age_elsewhere(const RobotConfig& config) {
+  return std::visit(
+      [&config](const auto& simulation) {
+        if (!has_tracked_objects(config)) {
+          return oldest_sure_age(simulation) + simulation.object_period;
+        }
+        const CaptureOptions capture = capture_options(*config.cameras, simulation);
+        return oldest_sure_age(capture) + capture.period;
+      },
+      config.simulation);
+}
+
+Eyes make_eyes(const RobotDescription& description, const SightOptions& options) {
+  return {description, options.cameras, options.rendering,
+          options.finds_objects ? make_object_finder(description, options.cameras) : nullptr};
 }
 
 template <class R>
-Simulation<R> make_simulation(const RobotConfig& config, const RenderingOptions& rendering) {
+std::unique_ptr<DriverWithCameras<R>> make_driver_with_cameras(
+    SimulatedRobot<R>& robot, const RobotConfig& config, const std::string& name,
+    const std::optional<RenderingOptions>& look) {
+  const std::optional<SightOptions> sight = sight_options(config, name, look);
+  if (!sight) return nullptr;
+  const RobotDescription& description = robot.options().description;
+  return std::make_unique<DriverWithCameras<R>>(
+      robot, sight->cameras, sight->capture, sight->rendering,
+      sight->finds_objects ? make_object_finder(description, sight->cameras) : nullptr,
+      sight->varies);
+}
+
+template <class R>
+Simulation<R> make_simulation(const RobotConfig& config,
+                              const std::optional<RenderingOptions>& look) {
   SessionOptions session = config.session;
   if (has_simulated_cameras(config)) {
     session.documents.push_back(camera_document(camera_calibration(config, config.name)));
@@ -96,16 +151,20 @@ Simulation<R> make_simulation(const RobotConfig& config, const RenderingOptions&
   return Simulation<R>(
       std::get<SimulationOptions<R>>(config.simulation),
       [&](SimulatedRobot<R>& robot) {
-        return make_driver_with_cameras(robot, config, config.name, rendering);
+        return make_driver_with_cameras(robot, config, config.name, look);
       },
       std::move(session), config.backend, config.name);
 }
 
 template std::unique_ptr<DriverWithCameras<TriFinger>> make_driver_with_cameras(
-    SimulatedRobot<TriFinger>&, const RobotConfig&, const std::string&, const RenderingOptions&);
+    SimulatedRobot<TriFinger>&, const RobotConfig&, const std::string&,
+    const std::optional<RenderingOptions>&);
 template std::unique_ptr<DriverWithCameras<Finger>> make_driver_with_cameras(
-    SimulatedRobot<Finger>&, const RobotConfig&, const std::string&, const RenderingOptions&);
-template Simulation<TriFinger> make_simulation(const RobotConfig&, const RenderingOptions&);
-template Simulation<Finger> make_simulation(const RobotConfig&, const RenderingOptions&);
+    SimulatedRobot<Finger>&, const RobotConfig&, const std::string&,
+    const std::optional<RenderingOptions>&);
+template Simulation<TriFinger> make_simulation(const RobotConfig&,
+                                               const std::optional<RenderingOptions>&);
+template Simulation<Finger> make_simulation(const RobotConfig&,
+                                            const std::optional<RenderingOptions>&);
 
 }  // namespace trifinger::rendering

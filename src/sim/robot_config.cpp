@@ -65,6 +65,10 @@ ObjectDescription read_object(const Node& node) {
       node.optional<Triple>("velocity", object.velocity, {.unit = "m/s", .min = -10, .max = 10});
   object.angular_velocity = node.optional<Triple>("angular_velocity", object.angular_velocity,
                                                   {.unit = "rad/s", .min = -100, .max = 100});
+  if (const auto colours = node.find("colours")) {
+    if (object.shape != ObjectShape::kBox) colours->fail("is for a cube or a cuboid");
+    object.colours = colours->as<BoxColours>();
+  }
   return object;
 }
 
@@ -260,6 +264,8 @@ SimulationOptions<R> read_simulation(const Node& root, RobotDescription descript
       section.required<double>("object_position_noise", {.unit = "m", .min = 0, .max = 0.1});
   options.object_orientation_noise =
       section.required<double>("object_orientation_noise", {.unit = "rad", .min = 0, .max = 1});
+  // Files of older versions do not have this key.
+  options.object_loss = section.optional<double>("object_loss", 0.0, {.min = 0, .max = 1});
   return options;
 }
 

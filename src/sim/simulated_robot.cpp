@@ -256,6 +256,12 @@ ObjectPose SimulatedRobot<R>::object_pose(const std::string& name) const {
 }
 
 template <class R>
+ObjectPose SimulatedRobot<R>::observed_object_pose(const std::string& name) const {
+  const ObjectAddress* const first = model().objects().data();
+  return state_.objects[static_cast<std::size_t>(&model().object(name) - first)];
+}
+
+template <class R>
 ObjectVelocity SimulatedRobot<R>::object_velocity(const std::string& name) const {
   return simulator_.object_velocity(model().object(name), *data_);
 }

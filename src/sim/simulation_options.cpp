@@ -84,6 +84,8 @@ void SimulationOptions<R>::validate() const {
               std::to_string(kMaxDelay));
   require(scene_period >= 0, "scene_period is " + std::to_string(scene_period) +
                                  " steps, must be at least 0; 0 leaves the scene out");
+  require(object_loss >= 0.0 && object_loss <= 1.0,
+          "object_loss is " + text_of(object_loss) + ", must be 0 to 1");
   for (const auto& [name, noise] :
        {std::pair{"object_position_noise", object_position_noise},
         std::pair{"object_orientation_noise", object_orientation_noise}}) {

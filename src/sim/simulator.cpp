@@ -95,6 +95,7 @@ auto Simulator<R>::make_state() const -> State {
   const auto under_way =
       static_cast<std::size_t>(options_.object_delay / options_.object_period) + 2;
   state.captures.assign(under_way, capture);
+  state.objects.resize(model_.objects().size());
   return state;
 }
 
@@ -233,6 +234,9 @@ void Simulator<R>::observe(const mjData_& data, State& state) const noexcept {
   std::copy_n(data.qvel, R::kJoints, state.observation.velocity.begin());
   state.observation.torque = state.memory.torque;
   state.observation.tip_force = state.memory.tip_force;
+  for (std::size_t i = 0; i < state.objects.size(); ++i) {
+    state.objects[i] = object_pose(model_.objects()[i], data);
+  }
 }
 
 template <class R>
@@ -309,12 +313,15 @@ auto Simulator<R>::receive_poses(TimeIndex time_index, const mjData_& data,
     return &newest;
   }
   if (time_index >= memory.next_capture) {
-    Capture& next = slot(memory.pending_count);
-    next.capture_index = time_index;
-    next.arrival_index = time_index + options_.object_delay;
-    capture(data, state, next);
-    ++memory.pending_count;
     memory.next_capture = time_index + options_.object_period;
+    const bool is_lost =
+        options_.object_loss > 0.0 && memory.random.uniform(0.0, 1.0) < options_.object_loss;
+    if (!is_lost) {
+      Capture& next = slot(memory.pending_count++);
+      next.capture_index = time_index;
+      next.arrival_index = time_index + options_.object_delay;
+      capture(data, state, next);
+    }
   }
   if (memory.pending_count == 0) return nullptr;
   const Capture& oldest = slot(0);

@@ -11,7 +11,9 @@ namespace {
 
 constexpr double kGrazing = 0.12;    // faces that lean more than this show edges that are too near
 constexpr int kMostSpots = 14;       // on an edge
+constexpr int kFewSpots = 2;         // on an edge of an object with very many edges
 constexpr double kSpotDistance = 5;  // [pixel]
+constexpr int kMostLines = 4000;     // about
 
 using Unknowns = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 7 + 2 * kMostCameras, 1>;
 using Normals = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 7 + 2 * kMostCameras,
@@ -22,12 +24,13 @@ using Normals = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 7 + 2 *
 EdgeFit::EdgeFit(const std::vector<View>& views, const Shape& shape, const ColourTable& table,
                  double calibration_error)
     : shape_(&shape), table_(&table), calibration_error_(std::max(0.05, calibration_error)) {
-  for (const Face& face : shape.faces) {
-    most_lines_ += views.size() * face.corners.size() * kMostSpots;
-  }
-  most_lines_ = std::min<std::size_t>(most_lines_, 4000);
-  lines_.reserve(most_lines_);
-  sorted_.reserve(most_lines_);
+  std::size_t edges = 0;
+  for (const Face& face : shape.faces) edges += views.size() * face.corners.size();
+  // All edges in all cameras share the lines.
+  most_spots_ = std::clamp(kMostLines / static_cast<int>(edges), kFewSpots, kMostSpots);
+  const std::size_t most_lines = edges * static_cast<std::size_t>(most_spots_);
+  lines_.reserve(most_lines);
+  sorted_.reserve(most_lines);
 }
 
 // Calls `measure(spot, offset)` at places on all visible edges, and keeps what it finds.
@@ -52,7 +55,7 @@ void EdgeFit::measure_edges(const std::vector<View>& views, const Eigen::Isometr
         const Eigen::Vector3d along =
             pose.linear() * (face.corners[(i + 1) % face.corners.size()] - face.corners[i]);
         const double length = (view.project(from + along) - view.project(from)).norm();
-        const int spots = std::min(kMostSpots, static_cast<int>(length / kSpotDistance));
+        const int spots = static_cast<int>(std::min<double>(most_spots_, length / kSpotDistance));
         for (int k = 0; k < spots; ++k) {
           // Corners show other edges, so the ends are left out.
           const double share = 0.06 + 0.88 * (k + 0.5) / spots;
@@ -61,7 +64,6 @@ void EdgeFit::measure_edges(const std::vector<View>& views, const Eigen::Isometr
           const Eigen::Vector2d tangent = (at.slope * along).normalized();
           Eigen::Vector2d normal(tangent.y(), -tangent.x());
           if (normal.dot(at.pixel - middle) < 0) normal = -normal;
-          if (lines_.size() == most_lines_) return;
           const Spot spot{&view, face.label, at.pixel, normal};
           double offset = 0;
           ++looked_;

@@ -63,7 +63,7 @@ class EdgeFit {
   const Shape* shape_;
   const ColourTable* table_;
   double calibration_error_;
-  std::size_t most_lines_{0};
+  int most_spots_{0};  // on an edge
   int looked_{0};
   std::vector<Line> lines_;
   std::vector<double> sorted_;

@@ -70,7 +70,23 @@ Verdict Judge::judge(const std::vector<View>& views, const Eigen::Isometry3d& po
         });
     if (is_new) ++verdict.directions;
   }
+  verdict.twin = twin();
   return verdict;
+}
+
+double Judge::twin() const noexcept {
+  double best = 0;
+  for (const std::vector<std::size_t>& order : shape_->turns) {
+    double all = 0;
+    double score = 0;
+    for (std::size_t i = 0; i < order.size(); ++i) {
+      all += shown_[i];
+      const bool is_same = shape_->faces[order[i]].label == shape_->faces[i].label;
+      score += is_same ? shown_[i] : -kOther * shown_[i];
+    }
+    if (all > 0) best = std::max(best, score / all);
+  }
+  return best;
 }
 
 // Draws the visible faces, a little larger than they are: the blocks on their edges belong to them.

@@ -9,6 +9,8 @@
 
 namespace trifinger::tracking::detail {
 
+constexpr double kOther = 1.5;  // what the colour of another face takes from a score
+
 // How well a pose explains the colours in all images. Areas are in blocks of pixels.
 struct Verdict {
   double matched{0};       // of faces that show their colour
@@ -19,10 +21,13 @@ struct Verdict {
   int cameras{0};          // that show the object
   int faces{0};            // that are shown
   int directions{0};       // that faces which are shown have; opposite ones count once
+  // The score of the best pose that differs by a turn of the object onto itself, relative to that
+  // of this pose, as far as the faces that are shown tell it.
+  double twin{0};
 
   // What speaks for the pose less what speaks against it.
   [[nodiscard]] double score() const noexcept {
-    return matched - 1.5 * other - 0.2 * hidden - 0.7 * unexplained;
+    return matched - kOther * other - 0.2 * hidden - 0.7 * unexplained;
   }
   // Share of the colours seen that are where the pose has them.
   [[nodiscard]] double purity() const noexcept {
@@ -49,6 +54,7 @@ class Judge {
     std::vector<Eigen::Vector3d> sides;  // a x + b y + c > 0 inside [pixel]
   };
 
+  [[nodiscard]] double twin() const noexcept;
   void draw_outlines(const View& view, const Eigen::Isometry3d& pose) noexcept;
   [[nodiscard]] double unexplained(const View& view, const Eigen::Isometry3d& pose) const noexcept;
 

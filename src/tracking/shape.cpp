@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/text_of.hpp"
@@ -31,10 +32,57 @@ std::vector<Eigen::Vector3d> spread(const std::vector<Eigen::Vector3d>& corners,
   return points;
 }
 
+// The axes of a face: its normal, and the direction to one of its corners.
+Eigen::Matrix3d axes(const Face& face, std::size_t corner) {
+  Eigen::Matrix3d axes;
+  axes.col(0) = face.normal;
+  axes.col(1) = (face.corners[corner] - face.centre).normalized();
+  axes.col(2) = axes.col(0).cross(axes.col(1));
+  return axes;
+}
+
+// The faces that a turn brings to the place of each face; empty if it brings none to one of them.
+std::vector<std::size_t> turned(const std::vector<Face>& faces, const Eigen::Matrix3d& turn,
+                                double tolerance) {
+  std::vector<std::size_t> order(faces.size(), faces.size());
+  for (std::size_t i = 0; i < faces.size(); ++i) {
+    const Eigen::Vector3d centre = turn * faces[i].centre;
+    const Eigen::Vector3d normal = turn * faces[i].normal;
+    const auto place = std::ranges::find_if(faces, [&](const Face& face) {
+      return (face.centre - centre).norm() < tolerance && face.normal.dot(normal) > 1 - 1e-6 &&
+             std::ranges::all_of(faces[i].corners, [&](const Eigen::Vector3d& corner) {
+               return std::ranges::any_of(face.corners, [&](const Eigen::Vector3d& other) {
+                 return (turn * corner - other).norm() < tolerance;
+               });
+             });
+    });
+    if (place == faces.end()) return {};
+    order[static_cast<std::size_t>(place - faces.begin())] = i;
+  }
+  return order;
+}
+
+std::vector<std::vector<std::size_t>> all_turns(const std::vector<Face>& faces, double tolerance) {
+  std::vector<std::vector<std::size_t>> turns;
+  const Eigen::Matrix3d from = axes(faces[0], 0);
+  for (std::size_t i = 0; i < faces.size(); ++i) {
+    if (faces[i].corners.size() != faces[0].corners.size()) continue;
+    for (std::size_t k = 0; k < faces[i].corners.size(); ++k) {
+      if (i == 0 && k == 0) continue;  // stays as it is
+      auto order = turned(faces, axes(faces[i], k) * from.transpose(), tolerance);
+      if (!order.empty()) turns.push_back(std::move(order));
+    }
+  }
+  return turns;
+}
+
 }  // namespace
 
 Shape::Shape(const TrackedObject& object, const std::vector<std::string>& colours)
     : has_rims(object.rim > 0) {
+  if (object.faces.empty()) {
+    throw InvalidArgument(text_of("'", object.name, "' has no faces, must have at least one"));
+  }
   double surface = 0;
   for (const ColouredFace& given : object.faces) {
     if (given.corners.size() < 3) {
@@ -70,6 +118,7 @@ Shape::Shape(const TrackedObject& object, const std::vector<std::string>& colour
   // The mean silhouette of a convex body has a quarter of its surface (Cauchy).
   mean_width = std::sqrt(surface / 4);
   const double tolerance = 1e-4 * radius;
+  turns = all_turns(faces, 10 * tolerance);
   for (std::size_t a = 0; a < faces.size(); ++a) {
     for (std::size_t i = 0; i < faces[a].corners.size(); ++i) {
       const Eigen::Vector3d& from = faces[a].corners[i];
@@ -89,3 +138,29 @@ Shape::Shape(const TrackedObject& object, const std::vector<std::string>& colour
 }
 
 }  // namespace trifinger::tracking::detail
+
+namespace trifinger::tracking {
+
+int look_alikes(const TrackedObject& object) {
+  std::vector<std::string> colours;
+  for (const ColouredFace& face : object.faces) {
+    if (std::ranges::find(colours, face.colour) == colours.end()) colours.push_back(face.colour);
+  }
+  const detail::Shape shape(object, colours);
+  return static_cast<int>(std::ranges::count_if(shape.turns, [&](const auto& order) {
+    for (std::size_t i = 0; i < order.size(); ++i) {
+      if (shape.faces[order[i]].label != shape.faces[i].label) return false;
+    }
+    return true;
+  }));
+}
+
+std::optional<std::string> look_alike_warning(const TrackedObject& object) {
+  const int count = look_alikes(object);
+  if (count == 0) return std::nullopt;
+  return trifinger::detail::text_of(
+      object.name, " looks the same after ", count, " different turn", count == 1 ? "" : "s",
+      ", so no pose of it will be sure: give its faces other 'colours' in the configuration");
+}
+
+}  // namespace trifinger::tracking

@@ -55,8 +55,6 @@ std::vector<Eigen::Vector3d> outline(const Facet& facet,
 
 }  // namespace
 
-BoxColours competition_colours() { return {"red", "green", "blue", "cyan", "magenta", "yellow"}; }
-
 TrackedObject coloured_box(std::string name, const Eigen::Vector3d& size, const BoxColours& colours,
                            double rim) {
   if (!(size.minCoeff() > 0) || !(rim >= 0) || !(2 * rim < size.minCoeff())) {
@@ -100,7 +98,7 @@ TrackedObject tracked_object(const ObjectDescription& object) {
                 "faces can be tracked"));
   }
   const auto& [x, y, z] = object.size;
-  return coloured_box(object.name, {x, y, z}, competition_colours(), box_rim(object));
+  return coloured_box(object.name, {x, y, z}, object.colours, box_rim(object));
 }
 
 TrackedObject coloured_mesh(std::string name, const std::vector<Eigen::Vector3d>& vertices,

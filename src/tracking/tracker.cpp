@@ -168,7 +168,7 @@ Estimate Tracker::Parts::estimate(const Candidate& candidate, double rival) noex
            at_most(fit.residual, 1.2, 0.5),
            at_most(estimate.position_deviation.norm(), 0.003, 0.001),
            at_most(estimate.rotation_deviation.norm(), 0.04, 0.012),
-           at_most(rival, 0.75, 0.4),
+           at_most(std::max(rival, verdict.twin), 0.75, 0.4),
            at_least(verdict.directions, 1.5, 2),
        }) {
     confidence = std::min(confidence, each);
@@ -257,7 +257,7 @@ Estimate Tracker::track(std::span<const std::span<const std::byte>> images,
     }
   }
   for (std::size_t i = 0; i < images.size(); ++i) parts.views[i].image.read(images[i], parts.table);
-  if (guess != nullptr) {
+  if (guess != nullptr && guess->matrix().allFinite()) {
     Eigen::Isometry3d pose = *guess;
     parts.edges.approach(parts.views, pose);
     const Estimate near = Parts::estimate(parts.refined(pose), 0);

@@ -70,6 +70,9 @@ struct Shape {
   Shape(const TrackedObject& object, const std::vector<std::string>& colours);
 
   std::vector<Face> faces;
+  // The turns that bring all faces to where faces are, other colours aside. For each of them and
+  // each face, the face that comes to its place.
+  std::vector<std::vector<std::size_t>> turns;
   bool has_rims;
   double radius{0};      // of the ball around the centre that holds the object
   double mean_width{0};  // side of the square with the mean area of its silhouettes

@@ -1,14 +1,21 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "aravis_device.hpp"
 
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/file.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
 #include <cstring>
+#include <filesystem>
+#include <fstream>
 #include <memory>
+#include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -98,10 +105,23 @@ SourceUnderTest make_pretended_cameras() {
 
 INSTANTIATE_TEST_SUITE_P(Aravis, SourceContract, ::testing::Values(&make_pretended_cameras));
 
+// What a camera at the network needs for its images.
+struct Wanted {
+  std::size_t size;
+  void* camera;
+  int (*read)(void*, std::uint32_t, std::uint32_t*);
+};
+
 // A camera at the network, in a process of its own. It writes its pattern into each image, and
-// loses this share of its packets.
+// loses this share of its packets. The number of the pattern is 5, and more if images begin
+// elsewhere on the sensor.
 ChildProcess network_camera(const std::string& serial, double lost, std::size_t size) {
   return ChildProcess([serial, lost, size] {
+    // There is one port for all tests of this machine (tests/python/test_cameras.py has one, too).
+    const auto lock = std::filesystem::temp_directory_path() / "trifinger_network_camera.lock";
+    const int file = ::open(lock.c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0666);
+    while (::flock(file, LOCK_EX) != 0 && errno == EINTR) {
+    }
     const camera::Aravis& aravis = camera::Aravis::instance();
     const camera::Library library("libaravis-0.8.so.0", "a test", "");
     void* (*make)(const char*, const char*, const char*) = nullptr;
@@ -111,21 +131,28 @@ ChildProcess network_camera(const std::string& serial, double lost, std::size_t 
     using Pattern = void (*)(void*, void*, std::uint32_t, std::uint32_t, std::uint32_t);
     void (*set_pattern)(void*, Pattern, void*) = nullptr;
     library.find("arv_fake_camera_set_fill_pattern", set_pattern);
+    Wanted needed{.size = size, .camera = nullptr, .read = nullptr};
+    library.find("arv_fake_camera_read_register", needed.read);
     int (*is_running)(void*) = nullptr;
     library.find("arv_gv_fake_camera_is_running", is_running);
     void* const camera = make("127.0.0.1", serial.c_str(), nullptr);
     if (camera == nullptr || is_running(camera) == 0) return 2;
+    needed.camera = inner(camera);
     if (lost > 0) aravis.object_set(camera, "gvsp-lost-ratio", lost, nullptr);
     set_pattern(
         inner(camera),
         [](void* buffer, void* wanted, std::uint32_t, std::uint32_t, std::uint32_t) {
+          const auto& [its_size, its_camera, read] = *static_cast<const Wanted*>(wanted);
+          std::uint32_t x = 0;
+          std::uint32_t y = 0;
+          read(its_camera, 0x130, &x);  // the registers of its offset
+          read(its_camera, 0x134, &y);
           std::size_t received = 0;  // nothing yet
           const void* const data = camera::Aravis::instance().buffer_data(buffer, &received);
-          fill_pattern({static_cast<std::byte*>(const_cast<void*>(data)),
-                        *static_cast<const std::size_t*>(wanted)},
-                       1, 5);
+          fill_pattern({static_cast<std::byte*>(const_cast<void*>(data)), its_size}, 1,
+                       5 + x + 10 * y);
         },
-        const_cast<std::size_t*>(&size));
+        &needed);
     for (;;) ::pause();
     return 0;
   });
@@ -182,6 +209,149 @@ TEST(AravisNetworkCamera, fault_53_AnImageWithLostPacketsIsDamaged) {
       EXPECT_TRUE(has_pattern(pixels, 1, 5));
     }
   }
+}
+
+TEST(AravisNetworkCamera, fault_52_ImagesOfWhichNothingArrivedAreCounted) {
+  // Most packets are lost, so of many images nothing comes at all.
+  const auto wanted = settings(serial_number(), PixelFormat::kMono8, 16);
+  std::vector<std::byte> pixels(wanted.format.size());
+  const ChildProcess process = network_camera(serial_number(), 0.7, wanted.format.size());
+  camera::AravisDevice device(wanted);
+  connect(device, pixels);
+  Frame last;
+  int gaps = 0;
+  while (gaps < 3) {
+    Frame frame;
+    if (!device.grab(pixels, frame, 100ms)) continue;
+    EXPECT_GT(frame.number, last.number);
+    EXPECT_GT(frame.time, last.time);
+    EXPECT_LE(frame.time, std::chrono::steady_clock::now());
+    if (last.number >= 0 && frame.number > last.number + 1) ++gaps;
+    last = frame;
+  }
+}
+
+// Waits until one of its sentences has this text.
+std::string await(camera::AravisDevice& device, std::vector<std::byte>& pixels,
+                  const std::string& text) {
+  Frame frame;
+  while (true) {
+    for (const std::string& sentence : device.take_news()) {
+      if (sentence.find(text) != std::string::npos) return sentence;
+    }
+    static_cast<void>(device.grab(pixels, frame, 100ms));
+  }
+}
+
+camera::AravisSettings any_network_camera(int size) {
+  auto wanted = settings("any", PixelFormat::kMono8, size);
+  // Other tests of this process may have asked for the library's own camera.
+  wanted.claims = std::make_shared<camera::Claims>(std::set<std::string>{"Fake_1"});
+  return wanted;
+}
+
+TEST(AravisNetworkCamera, fault_54_AnotherOneIsNotTakenForTheOneThatWasThereFirst) {
+  const auto wanted = any_network_camera(64);
+  std::vector<std::byte> pixels(wanted.format.size());
+  std::optional<camera::AravisDevice> device;
+  {
+    const ChildProcess first = network_camera(serial_number(), 0, wanted.format.size());
+    device.emplace(wanted);
+    connect(*device, pixels);
+    EXPECT_THAT(await(*device, pixels, "any camera"),
+                HasSubstr("it is '" + serial_number() + "' from now on"));
+    EXPECT_GE(next(*device, pixels).number, 0);
+    // Nobody else gets it.
+    camera::AravisDevice second(wanted);
+    EXPECT_FALSE(second.is_there());
+    EXPECT_THAT(second.take_news().front(), HasSubstr("no camera is free"));
+  }
+  await(*device, pixels, "is lost");
+  {
+    const ChildProcess other = network_camera(serial_number() + "X", 0, wanted.format.size());
+    EXPECT_THAT(await(*device, pixels, serial_number() + "X"),
+                HasSubstr("camera '" + serial_number() + "' is not there; there are"));
+    EXPECT_FALSE(device->is_there());
+  }
+  const ChildProcess again = network_camera(serial_number(), 0, wanted.format.size());
+  await(*device, pixels, "is connected");
+}
+
+TEST(AravisNetworkCamera, fault_51_OneThatCannotBeOpenedIsLeftForAnotherOne) {
+  // The library's own camera is the first one in the list. From now on it describes itself as one
+  // that can do nothing.
+  const camera::Library library("libaravis-0.8.so.0", "a test", "");
+  void (*describe)(const char*) = nullptr;
+  library.find("arv_set_fake_camera_genicam_filename", describe);
+  const auto wanted = settings("any", PixelFormat::kMono8, 64);
+  std::vector<std::byte> pixels(wanted.format.size());
+  const ChildProcess process = network_camera(serial_number(), 0, wanted.format.size());
+  camera::Aravis::instance().enable_interface("Fake");
+  const auto description = std::filesystem::path(::testing::TempDir()) / (serial_number() + ".xml");
+  std::ofstream(description) << "<RegisterDescription></RegisterDescription>";
+  describe(description.c_str());
+  std::optional<camera::AravisDevice> device;
+  while (!device) {
+    try {
+      device.emplace(wanted);
+    } catch (const InvalidArgument& error) {
+      // The other one is not found yet.
+      EXPECT_THAT(error.what(), HasSubstr("camera 'Fake_1' has no images in mono8"));
+    }
+  }
+  EXPECT_THAT(await(*device, pixels, "any camera"),
+              HasSubstr("it is '" + serial_number() + "' from now on"));
+  EXPECT_TRUE(device->is_there());
+  describe(nullptr);
+  std::filesystem::remove(description);
+}
+
+TEST(AravisNetworkCamera, fault_54_ItsImagesBeginAtTheSamePixelAfterItWasWithoutPower) {
+  auto wanted = settings(serial_number(), PixelFormat::kMono8, 64);
+  std::vector<std::byte> pixels(wanted.format.size());
+  const auto expect_offset = [&](camera::AravisDevice& device, int x, int y) {
+    for (Frame frame; frame.state != Frame::State::kGood;) {
+      static_cast<void>(device.grab(pixels, frame, 100ms));
+    }
+    EXPECT_TRUE(has_pattern(pixels, 1, 5 + x + 10 * y));
+  };
+  std::optional<camera::AravisDevice> device;
+  {
+    const ChildProcess process = network_camera(serial_number(), 0, wanted.format.size());
+    wanted.offset = {4, 2};
+    {
+      camera::AravisDevice configured(wanted);
+      connect(configured, pixels);
+      expect_offset(configured, 4, 2);
+    }
+    // The camera has it now. Whoever says nothing leaves it there.
+    wanted.offset.reset();
+    device.emplace(wanted);
+    connect(*device, pixels);
+    expect_offset(*device, 4, 2);
+  }
+  await(*device, pixels, "is lost");
+  const ChildProcess again = network_camera(serial_number(), 0, wanted.format.size());
+  connect(*device, pixels);
+  expect_offset(*device, 4, 2);
+}
+
+TEST(AravisNetworkCamera, fault_51_WhatHindersItsReturnIsToldOnceAndEndsNothing) {
+  const auto wanted = settings(serial_number(), PixelFormat::kMono8, 64);
+  std::vector<std::byte> pixels(wanted.format.size());
+  camera::AravisDevice device(wanted);  // it is not there yet
+  const ChildProcess process = network_camera(serial_number(), 0, wanted.format.size());
+  {
+    // Another program is faster, so nobody else can set the camera.
+    camera::AravisDevice faster(wanted);
+    connect(faster, pixels);
+    await(device, pixels, "camera '");
+    await(device, pixels, "camera '");
+    Frame frame;
+    EXPECT_FALSE(device.grab(pixels, frame, 100ms));
+    EXPECT_FALSE(device.is_there());
+  }
+  await(device, pixels, "is connected");
 }
 
 }  // namespace

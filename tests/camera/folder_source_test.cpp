@@ -10,6 +10,7 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "camera/cameras_of_tests.hpp"
@@ -48,8 +49,8 @@ TEST(FolderSource, ShowsTheImagesOfEachCameraInTheOrderOfTheirNumbers) {
            cameras[c], c, i);
     }
   }
-  camera::FolderSource source(cameras,
-                              {.folder = folder.path(), .period = 100us, .repeats = false});
+  camera::FolderSource source(
+      cameras, {.folder = folder.path(), .period = 100us, .repeats = false, .keeps_pace = false});
   Grabbed grabbed(source);
   Instant last{};
   for (std::int64_t i = 0; i < 12; ++i) {
@@ -68,6 +69,40 @@ TEST(FolderSource, ShowsTheImagesOfEachCameraInTheOrderOfTheirNumbers) {
   EXPECT_FALSE(source.grab(grabbed.images, grabbed.frames, kForever));
 }
 
+TEST(FolderSource, fault_52_LeavesOutWhatASlowReaderHasMissed) {
+  const Folder folder;
+  const std::vector<Camera> cameras = three_cameras();
+  constexpr std::int64_t kImages = 5;
+  for (std::size_t c = 0; c < 3; ++c) {
+    for (std::int64_t i = 0; i < kImages; ++i) {
+      save(folder.path() / (cameras[c].name + "_" + std::to_string(i) + ".png"), cameras[c], c, i);
+    }
+  }
+  for (const bool repeats : {true, false}) {
+    camera::FolderSource source(cameras,
+                                {.folder = folder.path(), .period = 10ms, .repeats = repeats});
+    Grabbed grabbed(source);
+    Instant begin{};
+    std::int64_t number = -1;
+    while (number < 20 && !source.has_ended()) {
+      const Instant before = std::chrono::steady_clock::now();
+      ASSERT_TRUE(source.grab(grabbed.images, grabbed.frames, kForever));
+      const Frame& frame = grabbed.frames[0];
+      if (number < 0) begin = frame.time;
+      EXPECT_GT(frame.number, number);
+      number = frame.number;
+      EXPECT_EQ(frame.time, begin + number * 10ms);
+      EXPECT_TRUE(has_pattern(grabbed.images[0], 0, number % kImages));
+      const bool is_last = !repeats && number == kImages - 1;
+      if (!is_last) {
+        EXPECT_GT(frame.time, before - 10ms) << "there was a newer one";
+      }
+      std::this_thread::sleep_for(25ms);  // as its work takes it
+    }
+    EXPECT_EQ(number >= 20, repeats);
+  }
+}
+
 TEST(FolderSource, KeepsTheTimesInNames) {
   const Folder folder;
   const std::vector<Camera> cameras = three_cameras();
@@ -79,7 +114,8 @@ TEST(FolderSource, KeepsTheTimesInNames) {
            static_cast<std::int64_t>(i));
     }
   }
-  camera::FolderSource source(cameras, {.folder = folder.path(), .period = 1ms, .repeats = true});
+  camera::FolderSource source(
+      cameras, {.folder = folder.path(), .period = 1ms, .repeats = true, .keeps_pace = false});
   Grabbed grabbed(source);
   std::vector<Instant> shown;
   for (std::int64_t i = 0; i < 6; ++i) {

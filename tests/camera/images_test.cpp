@@ -4,12 +4,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <functional>
 #include <memory>
 #include <optional>
 #include <string>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -181,6 +183,44 @@ TEST(Images, fault_52_ImagesThatWereDroppedAreCounted) {
   EXPECT_EQ(images->infos()[1].missed, 5U);
 }
 
+TEST(Images, fault_52_TimesOfElementsNeverGoBack) {
+  using enum Frame::State;
+  Rig rig;
+  camera::CameraSensor sensor("robot", rig.cameras);
+  await_cameras(rig.driver);
+  const camera::CameraReader reader(*rig.robot);
+  const Instant begin = rig.clock.now();
+  const auto captured = [&] {
+    return Instant(Nanoseconds(reader.get_latest_at(rig.step())->stamp().capture_time));
+  };
+  write(sensor, 0, begin);
+  EXPECT_EQ(captured(), begin);
+  // Nothing newer is known while there are no images, and none is from before the last one.
+  write(sensor, 1, begin, {kLost, kLost, kLost});
+  EXPECT_EQ(captured(), begin);
+  write(sensor, 2, begin + 2ms);
+  EXPECT_EQ(captured(), begin + 2ms);
+  write(sensor, 3, begin + 1ms);
+  EXPECT_EQ(captured(), begin + 2ms);
+}
+
+TEST(Images, fault_51_OfAProcessThatHasEndedAreNotValid) {
+  Rig rig;
+  std::optional<camera::CameraSensor> sensor(std::in_place, "robot", rig.cameras);
+  await_cameras(rig.driver);
+  const camera::CameraReader reader(*rig.robot);
+  write(*sensor, 0, rig.clock.now());
+  const TimeIndex t = rig.step();
+  sensor.reset();
+  const std::optional<camera::Images> images = reader.get_latest_at(t);
+  EXPECT_EQ(images->infos()[0].frame().state, Frame::State::kGood);
+  EXPECT_FALSE(images->is_valid());
+  EXPECT_THROW(images->require_valid(), HistoryLost);
+  EXPECT_THAT(message_of<HistoryLost>([&] { static_cast<void>(images->pixels(0)); }),
+              HasSubstr("the pixels of camera60 have been overwritten by newer images, or their "
+                        "process has ended"));
+}
+
 TEST(Images, fault_53_ADamagedImageIsNotShown) {
   Rig rig;
   camera::CameraSensor sensor("robot", rig.cameras);
@@ -251,9 +291,13 @@ class ScriptedSource final : public camera::Source {
     return formats_;
   }
   [[nodiscard]] bool grab(std::span<const std::span<std::byte>> images, std::span<Frame> frames,
-                          Timeout /*timeout*/) override {
-    if (next_ == shots.size() || !shots[next_]) {
-      if (next_ < shots.size()) ++next_;
+                          Timeout timeout) override {
+    longest_timeout = std::max(longest_timeout, timeout);
+    if (next_ == shots.size()) return false;
+    if (!shots[next_]) {
+      ++next_;
+      std::this_thread::sleep_for(timeout);
+      for (const std::size_t camera : lost_in_silence) frames[camera].state = Frame::State::kLost;
       return false;
     }
     for (std::size_t i = 0; i < 3; ++i) {
@@ -265,7 +309,10 @@ class ScriptedSource final : public camera::Source {
   }
   [[nodiscard]] bool has_ended() const noexcept override { return next_ == shots.size(); }
 
+  // Nothing: no image comes as long as the caller waits.
   std::vector<std::optional<Shot>> shots;
+  std::vector<std::size_t> lost_in_silence;
+  Timeout longest_timeout{0};
 
  private:
   std::vector<std::string> names_;
@@ -280,11 +327,13 @@ ScriptedSource::Shot shot(std::int64_t number, Nanoseconds second_is_later = 0ns
 }
 
 std::vector<std::string> news_of(const std::vector<std::optional<ScriptedSource::Shot>>& shots,
-                                 camera::FeedStatistics* statistics = nullptr) {
+                                 camera::FeedStatistics* statistics = nullptr,
+                                 const std::vector<std::size_t>& lost_in_silence = {}) {
   const SessionFolder folder;
   const std::vector<Camera> cameras = three_cameras();
   ScriptedSource source(cameras);
   source.shots = shots;
+  source.lost_in_silence = lost_in_silence;
   camera::CameraFeed feed(source, "robot", cameras, 10ms);
   std::vector<std::string> news;
   for (bool goes_on = true; goes_on;) {
@@ -313,6 +362,42 @@ TEST(CameraFeed, fault_51_SaysThatACameraIsLostAndThatItIsBack) {
                           "2 images of camera300 were lost or damaged"));
 }
 
+TEST(CameraFeed, fault_51_SaysThatACameraIsBackThatDeliversALittleLater) {
+  auto lost = shot(1);
+  auto silent = shot(2);
+  lost[2] = {.state = Frame::State::kLost};
+  silent[2] = {};
+  EXPECT_THAT(news_of({shot(0), lost, silent, shot(3)}),
+              ElementsAre("camera300 is lost; the others go on", "camera300 delivers again",
+                          "2 images of camera300 were lost or damaged"));
+}
+
+TEST(CameraFeed, fault_51_DoesNotCallALostCameraLate) {
+  const auto first_news = [](const std::vector<std::size_t>& lost) {
+    auto news = news_of({shot(0), std::nullopt, shot(1)}, nullptr, lost);
+    news.resize(3);
+    return news;
+  };
+  EXPECT_THAT(first_news({0, 1, 2}),
+              ElementsAre("camera60 is lost", "camera180 is lost", "camera300 is lost"));
+  EXPECT_THAT(first_news({1}),
+              ElementsAre(HasSubstr("no images of camera60 come"), "camera180 is lost",
+                          HasSubstr("no images of camera300 come")));
+}
+
+TEST(CameraFeed, fault_52_WaitsForImagesAsTheirRateSaysAndLetsOthersWorkMeanwhile) {
+  const SessionFolder folder;
+  const std::vector<Camera> cameras = three_cameras();
+  ScriptedSource source(cameras);
+  source.shots = {shot(0), std::nullopt, std::nullopt, std::nullopt, shot(1)};
+  camera::CameraFeed feed(source, "robot", cameras, 10s);
+  while (feed.step()) {
+  }
+  EXPECT_THAT(feed.take_news(), IsEmpty());
+  EXPECT_EQ(feed.statistics().elements, 2);
+  EXPECT_LE(source.longest_timeout, 100ms);
+}
+
 TEST(CameraFeed, fault_52_SaysThatNoImagesCome) {
   camera::FeedStatistics statistics;
   EXPECT_THAT(
@@ -336,6 +421,12 @@ TEST(CameraFeed, fault_52_NamesACameraThatIsLateForLongAndCountsSingleImages) {
               ElementsAre("no images of camera180 come: it is late or loses them",
                           "camera180 delivers again", "4 images of camera60 were lost or damaged",
                           "20 images of camera180 were lost or damaged"));
+}
+
+TEST(CameraFeed, fault_54_TellsHowFarApartImagesWere) {
+  camera::FeedStatistics statistics;
+  EXPECT_THAT(news_of({shot(0, 100us), shot(1, -2ms), shot(2)}, &statistics), IsEmpty());
+  EXPECT_EQ(statistics.largest_skew, 2ms);
 }
 
 TEST(CameraFeed, fault_54_NamesACameraThatIsOutOfStep) {

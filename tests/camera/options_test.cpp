@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <chrono>
 #include <cstdlib>
 #include <fstream>
@@ -44,6 +45,27 @@ TEST(CameraOptions, HaveDefaultsForAllButTheSource) {
   EXPECT_THAT(
       message_of<config::ConfigError>([] { read("source: v4l2, rate: 500, exposure: 0.01"); }),
       HasSubstr("cameras.exposure is longer than the time between two images, 2 ms"));
+}
+
+TEST(CameraOptions, SayWhatSimulatedCamerasSee) {
+  using camera::RenderingOptions;
+  EXPECT_EQ(read("source: simulated").simulated.look, RenderingOptions{});
+  const camera::CameraOptions options = read(
+      "source: simulated, varies: true, look: {lamp: [0, 0, 2], lamp_power: 0.7, shadows: true, "
+      "multisampling: 4, seed: 5}");
+  EXPECT_TRUE(options.simulated.varies);
+  EXPECT_EQ(
+      options.simulated.look,
+      (RenderingOptions{
+          .multisampling = 4, .shadows = true, .lamp = {0, 0, 2}, .lamp_power = 0.7, .seed = 5}));
+  const auto message = [](const std::string& look) {
+    return message_of<config::ConfigError>(
+        [&] { read("source: simulated, look: {" + look + "}"); });
+  };
+  EXPECT_THAT(message("dust: 2"), HasSubstr("cameras.look.dust"));
+  EXPECT_THAT(message("multisampling: 3"), HasSubstr("multisampling is 3, must be 0, 2, 4 or 8"));
+  EXPECT_THAT(message("gain: 2"), HasSubstr("gain"));
+  EXPECT_THAT(message("lamp: [0, 0, 0]"), HasSubstr("must be a direction"));
 }
 
 TEST(CameraOptions, ChangeSizeAndFormatOfTheCalibration) {
@@ -108,6 +130,31 @@ TEST(CameraOptions, TakeTheCalibrationOfTheRobotOrOfAFile) {
                                           (folder.path() / "left.cameras.yml").string() + "'");
   EXPECT_EQ(camera::resolve_calibration(file, "right", figures).cameras.size(), 1U);
   ::unsetenv("TRIFINGER_CALIBRATION_DIR");
+}
+
+TEST(CameraOptions, DevicesMakeNoSmallerImagesThanTheyWereCalibratedWith) {
+  const Folder folder;
+  const auto path = folder.path() / "cameras.yml";
+  std::ofstream(path) << figures().text();
+  const auto size = [&](int pixels, const std::string& source) {
+    const auto options = read("source: " + source + ", calibration: '" + path.string() +
+                              "', size: " + std::to_string(pixels));
+    return camera::resolve_calibration(options, "robot", figures).cameras[0].format.width;
+  };
+  EXPECT_EQ(size(32, "aravis"), 32);
+  EXPECT_EQ(size(16, "simulated"), 16);
+  EXPECT_THAT(
+      message_of<InvalidArgument>([&] { size(16, "v4l2"); }),
+      HasSubstr("cameras.size is 16, but camera60 was calibrated with images of 32 pixels"));
+}
+
+TEST(CameraOptions, TheOffsetOnTheSensorIsTwoWholeNumbers) {
+  EXPECT_FALSE(read("source: aravis").offset);
+  EXPECT_EQ(read("source: aravis, offset: [92, 2]").offset, (std::array<int, 2>{92, 2}));
+  EXPECT_THAT(message_of<config::ConfigError>([] { read("source: aravis, offset: [92]"); }),
+              HasSubstr("cameras.offset"));
+  EXPECT_THAT(message_of<config::ConfigError>([] { read("source: aravis, offset: [-1, 2]"); }),
+              HasSubstr("cameras.offset"));
 }
 
 TEST(CameraOptions, SimulatedCamerasNeedASimulation) {

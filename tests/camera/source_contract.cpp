@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "camera/source_contract.hpp"
 
+#include <algorithm>
 #include <chrono>
 #include <cstdint>
 #include <string>
@@ -39,6 +40,29 @@ TEST_P(SourceContract, CountsImagesAndTimesRise) {
       last[i] = frame;
       ++good[i];
     }
+  }
+}
+
+TEST_P(SourceContract, DeliversElementsWhoseTimesDoNotGoBack) {
+  Instant last = Instant::min();
+  for (int element = 0; element < 20;) {
+    grab();
+    if (HasFatalFailure()) return;
+    Instant first = Instant::max();
+    for (const camera::Frame& frame : grabbed_.frames) {
+      if (frame.state == camera::Frame::State::kGood) first = std::min(first, frame.time);
+    }
+    if (first == Instant::max()) continue;
+    Nanoseconds sum{0};
+    std::int64_t count = 0;
+    for (const camera::Frame& frame : grabbed_.frames) {
+      if (frame.state != camera::Frame::State::kGood) continue;
+      sum += frame.time - first;
+      ++count;
+    }
+    EXPECT_GE(first + sum / count, last);
+    last = first + sum / count;
+    ++element;
   }
 }
 

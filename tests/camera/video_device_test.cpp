@@ -51,6 +51,7 @@ class FakeVideo final : public camera::VideoSystem {
     return -1;
   }
   void close(int) override { ++closed; }
+  [[nodiscard]] std::string serial_of(const std::string&) override { return serial; }
   [[nodiscard]] bool wait(int, Timeout timeout) override {
     if (rate > 0) {
       // Delivers by itself.
@@ -63,6 +64,7 @@ class FakeVideo final : public camera::VideoSystem {
       sequence = static_cast<std::uint32_t>(count_);
       stamp = due;
     }
+    if (is_plugged && images.empty()) std::this_thread::sleep_for(timeout);
     return !is_plugged || !images.empty();
   }
   [[nodiscard]] std::byte* map(int, std::size_t size, std::size_t offset) override {
@@ -79,6 +81,7 @@ class FakeVideo final : public camera::VideoSystem {
       case VIDIOC_QUERYCAP: {
         auto& answer = *static_cast<v4l2_capability*>(argument);
         std::strcpy(reinterpret_cast<char*>(answer.card), "Fake Webcam");
+        std::strcpy(reinterpret_cast<char*>(answer.bus_info), port.c_str());
         answer.capabilities = V4L2_CAP_DEVICE_CAPS | V4L2_CAP_VIDEO_CAPTURE;
         answer.device_caps = caps;
         return 0;
@@ -160,6 +163,8 @@ class FakeVideo final : public camera::VideoSystem {
   }
 
   bool is_plugged{true};
+  std::string port{"usb-1"};
+  std::string serial;
   std::uint32_t caps{V4L2_CAP_VIDEO_CAPTURE | V4L2_CAP_STREAMING};
   std::deque<Image> images;
   std::deque<std::uint32_t> queued;
@@ -184,6 +189,41 @@ class FakeVideo final : public camera::VideoSystem {
   std::uint32_t width_;
   std::uint32_t height_;
   std::map<std::size_t, std::vector<std::byte>> memory_;
+};
+
+// Several webcams at paths that may change.
+class FakePaths final : public camera::VideoSystem {
+ public:
+  [[nodiscard]] int open(const std::string& path) override {
+    const auto found = at.find(path);
+    if (found == at.end()) {
+      errno = ENOENT;
+      return -1;
+    }
+    files_.push_back(found->second);
+    return static_cast<int>(files_.size()) - 1;
+  }
+  void close(int) override {}
+  [[nodiscard]] std::string serial_of(const std::string& path) override {
+    return at.at(path)->serial;
+  }
+  [[nodiscard]] int ioctl(int file, unsigned long request, void* argument) override {
+    return of(file).ioctl(file, request, argument);
+  }
+  [[nodiscard]] std::byte* map(int file, std::size_t size, std::size_t offset) override {
+    return of(file).map(file, size, offset);
+  }
+  void unmap(std::byte*, std::size_t) override {}
+  [[nodiscard]] bool wait(int file, Timeout timeout) override {
+    return of(file).wait(file, timeout);
+  }
+
+  std::map<std::string, FakeVideo*> at;
+
+ private:
+  [[nodiscard]] FakeVideo& of(int file) { return *files_[static_cast<std::size_t>(file)]; }
+
+  std::vector<FakeVideo*> files_;
 };
 
 camera::VideoSettings settings(PixelFormat pixels, int width = 4, int height = 2) {
@@ -347,6 +387,127 @@ TEST(VideoDevice, fault_51_ADeviceThatIsUnpluggedIsFoundAgain) {
   EXPECT_TRUE(device.is_there());
   EXPECT_EQ(frame.number, 1);  // goes on, also if the device counts from 0 again
   EXPECT_THAT(device.take_news(), ElementsAre("the camera at /dev/video3 is back"));
+}
+
+TEST(VideoDevice, fault_51_ADeviceThatFallsSilentIsLostAndOpenedAgain) {
+  FakeVideo video(V4L2_PIX_FMT_GREY, 4, 2);
+  camera::VideoDevice device(settings(PixelFormat::kMono8), video);
+  const ImageFormat format{.width = 4, .height = 2, .pixels = PixelFormat::kMono8};
+  const auto grey = [](unsigned, unsigned) { return std::vector{1}; };
+  video.add(grey);
+  grab(device, format);
+  const Instant begin = std::chrono::steady_clock::now();
+  std::vector<std::byte> pixels(format.size());
+  Frame frame;
+  while (device.is_there()) EXPECT_FALSE(device.grab(pixels, frame, 10ms));
+  EXPECT_GT(std::chrono::steady_clock::now() - begin, 1s);
+  EXPECT_THAT(device.take_news(),
+              ElementsAre("the camera at /dev/video3 is lost: it delivers nothing any more"));
+  EXPECT_EQ(video.opened, video.closed);
+  video.queued.clear();
+  while (!device.is_there()) EXPECT_FALSE(device.grab(pixels, frame, 10ms));
+  video.add(grey);
+  while (!device.grab(pixels, frame, 10ms)) {
+  }
+  EXPECT_THAT(device.take_news(), ElementsAre("the camera at /dev/video3 is back"));
+}
+
+TEST(VideoDevice, fault_52_ImagesAreCountedAsLostAfterItsReturn) {
+  FakeVideo video(V4L2_PIX_FMT_GREY, 4, 2);
+  camera::VideoDevice device(settings(PixelFormat::kMono8), video);
+  std::vector<std::byte> pixels(8);
+  Frame frame;
+  const auto next_number = [&](std::uint32_t sequence) {
+    video.sequence = sequence;
+    video.add([](unsigned, unsigned) { return std::vector{1}; });
+    while (!device.grab(pixels, frame, 1s)) {
+    }
+    return frame.number;
+  };
+  EXPECT_EQ(next_number(0), 0);
+  EXPECT_EQ(next_number(1), 1);
+  video.is_plugged = false;
+  while (device.is_there()) EXPECT_FALSE(device.grab(pixels, frame, 1ms));
+  video.is_plugged = true;
+  video.queued.clear();
+  EXPECT_EQ(next_number(0), 2);
+  EXPECT_EQ(next_number(3), 5);  // two are missing
+  EXPECT_EQ(next_number(4), 6);
+}
+
+TEST(VideoDevice, fault_51_WhatHindersItsReturnIsToldOnceAndEndsNothing) {
+  FakeVideo video(V4L2_PIX_FMT_GREY, 4, 2);
+  camera::VideoDevice device(settings(PixelFormat::kMono8), video);
+  std::vector<std::byte> pixels(8);
+  Frame frame;
+  video.is_plugged = false;
+  EXPECT_FALSE(device.grab(pixels, frame, 0ns));
+  static_cast<void>(device.take_news());
+  // It is back, but not as a camera.
+  video.is_plugged = true;
+  video.caps = V4L2_CAP_STREAMING;
+  for (const int before = video.opened; video.opened < before + 3;) {
+    EXPECT_FALSE(device.grab(pixels, frame, 1s));
+  }
+  EXPECT_FALSE(device.is_there());
+  EXPECT_THAT(device.take_news(),
+              ElementsAre("/dev/video3 is no camera; 'trifinger cameras --list' shows cameras"));
+  EXPECT_EQ(video.opened, video.closed);
+  video.caps |= V4L2_CAP_VIDEO_CAPTURE;
+  video.queued.clear();
+  video.add([](unsigned, unsigned) { return std::vector{1}; });
+  while (!device.grab(pixels, frame, 1s)) {
+  }
+  EXPECT_THAT(device.take_news(), ElementsAre("the camera at /dev/video3 is back"));
+}
+
+TEST(VideoDevice, fault_54_ThatComesBackAtAnotherPathIsFoundAndNoOtherIsTaken) {
+  FakeVideo left(V4L2_PIX_FMT_GREY, 4, 2);
+  FakeVideo right(V4L2_PIX_FMT_GREY, 4, 2);
+  right.port = "usb-2";
+  FakePaths paths;
+  paths.at = {{"/dev/video3", &left}, {"/dev/video5", &right}};
+  camera::VideoDevice device(settings(PixelFormat::kMono8), paths);
+  std::vector<std::byte> pixels(8);
+  Frame frame;
+  const auto unplug = [&] {
+    left.is_plugged = false;
+    while (device.is_there()) EXPECT_FALSE(device.grab(pixels, frame, 1ms));
+    left.is_plugged = true;
+    left.queued.clear();
+    right.queued.clear();
+    static_cast<void>(device.take_news());
+  };
+  const auto next_number = [&](FakeVideo& video, int value) {
+    video.add([value](unsigned, unsigned) { return std::vector{value}; });
+    while (!device.grab(pixels, frame, 1s)) {
+    }
+    return static_cast<int>(pixels[0]);
+  };
+  EXPECT_EQ(next_number(left, 1), 1);
+  // Only the other one comes back, at the path of this one.
+  unplug();
+  paths.at = {{"/dev/video3", &right}};
+  std::vector<std::string> news;
+  while (news.empty()) {
+    EXPECT_FALSE(device.grab(pixels, frame, 1s));
+    news = device.take_news();
+  }
+  EXPECT_THAT(news, ElementsAre("another camera is at /dev/video3: Fake Webcam at usb-2, not Fake "
+                                "Webcam at usb-1"));
+  // Now this one, too.
+  paths.at = {{"/dev/video3", &right}, {"/dev/video9", &left}};
+  EXPECT_EQ(next_number(left, 2), 2);
+  EXPECT_THAT(device.take_news(), ElementsAre("the camera at /dev/video3 is back, at /dev/video9"));
+  // Another one of the same kind at the same port is known by its serial number.
+  unplug();
+  left.serial = "4711";
+  while (news.size() < 2) {
+    EXPECT_FALSE(device.grab(pixels, frame, 1s));
+    for (const std::string& sentence : device.take_news()) news.push_back(sentence);
+  }
+  EXPECT_FALSE(device.is_there());
+  EXPECT_THAT(news.back(), HasSubstr("another camera is at /dev/video3"));
 }
 
 TEST(VideoDevice, ThatCannotDoItIsRefusedWithASentence) {

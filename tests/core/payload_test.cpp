@@ -117,6 +117,21 @@ TEST(Payload, StaysReadableWhenItsWriterHasEnded) {
   EXPECT_TRUE(reader.view(reference).is_valid());  // this reader has kept the memory
 }
 
+TEST(Payload, OfAnEarlierProcessIsLostWithoutMappingTheNewFile) {
+  const SessionFolder folder;
+  PayloadReference earlier;
+  {
+    PayloadWriter writer("robot", "eye", words());
+    earlier = write(writer, 1);
+  }
+  const PayloadReader reader("robot", "eye", words());
+  const PayloadWriter later("robot", "eye", words());
+  // Whoever maps this file is told that it is too short.
+  std::filesystem::resize_file(session_folder() / "trifinger-payload.robot.eye", 64);
+  EXPECT_THAT(message_of<HistoryLost>([&] { static_cast<void>(reader.view(earlier)); }),
+              HasSubstr("are gone: its process was started again"));
+}
+
 // A process that writes payloads without a pause, payload i of words i.
 ChildProcess busy_writer(std::size_t history) {
   return ChildProcess([history] {

@@ -14,6 +14,7 @@
 
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/random.hpp"
+#include "trifinger/sim/robot_cameras.hpp"
 
 namespace trifinger::learning {
 namespace {
@@ -73,6 +74,73 @@ TEST(EnvironmentBatch, GivesTheSameWhateverTheNumberOfThreadsAndSimulations) {
       }
     }
   }
+}
+
+rendering::SightOptions small_images() {
+  rendering::SightOptions sight{.cameras = calibration_of_figures({}).cameras,
+                                .capture = {.period = 12, .delay = 7},
+                                .rendering = {},
+                                .varies = true};
+  for (camera::Camera& camera : sight.cameras) camera = camera.reduced(18);
+  return sight;
+}
+
+TEST(EnvironmentBatch, SeesTheSameWhateverTheNumberOfThreads) {
+  EnvironmentOptions options = noisy("push");
+  options.layout = Layout::kImages;
+  EnvironmentBatch one("push", options, late_poses(), 3, 1, small_images());
+  EnvironmentBatch many("push", options, late_poses(), 3, 3, small_images());
+  ASSERT_EQ(many.cameras().size(), 3U);
+  ASSERT_EQ(many.results().seen.images[0].size(), 3U * 30 * 30 * 3);
+  one.reset();
+  many.reset();
+  Random random{.seed = 1};
+  for (int step = 0; step < 12; ++step) {
+    const std::vector<float> actions = random_actions(random, 3 * std::size_t{9});
+    const auto before = many.results().seen.images;
+    one.step(actions, Autoreset::kSameStep);
+    many.step(actions, Autoreset::kSameStep);
+    EXPECT_EQ(one.results().seen.images, many.results().seen.images);
+    EXPECT_EQ(one.results().seen.image_age, many.results().seen.image_age);
+    EXPECT_EQ(one.results().final.images, many.results().final.images);
+    EXPECT_NE(before, many.results().seen.images);
+  }
+}
+
+TEST(EnvironmentBatch, AgesOfImagesEndWhereTheirSpaceEnds) {
+  EnvironmentOptions options = default_options("push");
+  options.layout = Layout::kImages;
+  options.steps_per_action = 1000;
+  options.duration = 100;
+  rendering::SightOptions sight = small_images();
+  sight.capture.period = 100000;
+  EnvironmentBatch batch("push", options, late_poses(), 1, 1, sight);
+  batch.reset();
+  const std::vector<float> actions(9);
+  std::vector<float> ages;
+  for (int i = 0; i < 11; ++i) {
+    batch.step(actions);
+    ages.push_back(batch.results().seen.image_age[0]);
+  }
+  EXPECT_EQ(ages[8], 9000);
+  EXPECT_EQ(ages[10], kOldestImage) << "at step 11000";
+}
+
+TEST(EnvironmentBatch, APoseIsSureUntilTheNextOneOfThisSimulationShouldBeThere) {
+  const EnvironmentOptions options = default_options("push");
+  EXPECT_EQ(EnvironmentBatch("push", options, late_poses(), 1).oldest_sure_age(), 13 + 10 - 1);
+  rendering::SightOptions sight = small_images();
+  sight.capture.pose_delay = 9;
+  sight.finds_objects = true;
+  EXPECT_EQ(EnvironmentBatch("push", options, late_poses(), 1, 1, sight).oldest_sure_age(),
+            9 + 12 - 1);
+}
+
+TEST(EnvironmentBatch, NeedsCamerasForWhatIsSeen) {
+  EnvironmentOptions options = noisy("push");
+  options.layout = Layout::kImages;
+  EXPECT_THAT([&] { EnvironmentBatch("push", options, late_poses(), 1); },
+              ThrowsMessage<InvalidArgument>(HasSubstr("need simulated cameras")));
 }
 
 TEST(EnvironmentBatch, BeginsOnlyThoseEpisodesThatAreMarked) {

@@ -136,6 +136,9 @@ TEST(Validate, RefusesObjectsThatCannotBe) {
   ObjectDescription flat = cube("sheet");
   flat.size[1] = 0;
   EXPECT_THAT(refusal({.objects = {flat}}), AllOf(HasSubstr("sheet"), HasSubstr("size")));
+  ObjectDescription pink = cube();
+  pink.colours[2] = "pink";
+  EXPECT_THAT(refusal({.objects = {pink}}), AllOf(HasSubstr("'pink'"), HasSubstr("magenta")));
   ObjectDescription stub = stick("stub");
   stub.size = {0.01, 0.02, 0};
   EXPECT_THAT(refusal({.objects = {stub}}), AllOf(HasSubstr("stub"), HasSubstr("diameter")));

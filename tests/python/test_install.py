@@ -139,9 +139,14 @@ def test_others_build_a_robot_of_their_own_on_the_core_alone(prefix: Path, tmp_p
     assert re.search("mujoco|zstd|lz4|deflate", run("ldd", program)) is None
 
 
-def test_others_write_and_read_files_without_simulation(prefix: Path, tmp_path: Path) -> None:
-    options = without("yaml-cpp", "Eigen3", "MuJoCo")
-    program = build_consumer(CONSUMERS / "log", tmp_path, prefix, *options)
+@pytest.mark.parametrize(
+    ("layer", "missing"), [("mcap", ["yaml-cpp", "Eigen3", "MuJoCo"]), ("log", ["MuJoCo"])]
+)
+def test_others_write_and_read_files_without_simulation(
+    prefix: Path, tmp_path: Path, layer: str, missing: list[str]
+) -> None:
+    options = [*without(*missing), f"-DLAYER={layer}"]
+    program = build_consumer(CONSUMERS / "files", tmp_path, prefix, *options)
     assert run(program, tmp_path / "file.mcap") == "1 message of 5 bytes\n"
     assert "mujoco" not in run("ldd", program)
 

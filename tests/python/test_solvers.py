@@ -103,7 +103,9 @@ def test_a_cube_that_gets_lost_is_grasped_again(planner: RoutePlanner) -> None:
             # Takes the cube out of the fingers, back to its start.
             simulation.place_object("cube", (0.0, 0.0, HALF))
             was_moved = True
-        observation, _, terminated, truncated, info = environment.step(solver.act(observation))
+        observation, _, terminated, truncated, info = environment.step(
+            solver.act(observation, info)
+        )
         has_ended = terminated or truncated
     assert was_moved
     assert solver.grasps > 1

@@ -43,6 +43,32 @@ def test_a_cube_is_found_where_it_is(renderer: trifinger.CameraRenderer, images:
     assert not tracker.track([None, None, None]).is_found
 
 
+@pytest.mark.parametrize(
+    "box",
+    [
+        {"type": "cube", "colours": ["yellow", "red", "cyan", "green", "blue", "magenta"]},
+        {
+            "type": "cuboid",
+            "size": [0.08, 0.05, 0.035],
+            "colours": ["red", "red", "blue", "cyan", "magenta", "green"],
+        },
+    ],
+    ids=["cube", "cuboid"],
+)
+def test_a_box_has_the_size_and_the_colours_of_its_configuration(box: dict) -> None:
+    overrides = {"objects": [{"name": "brick", **box}]}
+    renderer = trifinger.CameraRenderer("sim", overrides, multisampling=4)
+    tracker = Tracker(renderer.calibration, tracked_object("sim", overrides, "brick"))
+    for orientation in (ORIENTATION, [0.5, 0.5, 0.5, 0.5], [0.5, -0.5, 0.5, 0.5]):
+        shown = renderer.render(np.concatenate([[0.0, 0.9, -1.7] * 3, POSITION, orientation]))
+        estimate = tracker.track(shown)
+        assert estimate.is_sure
+        np.testing.assert_allclose(estimate.position, POSITION, atol=0.002)
+        assert abs(estimate.orientation @ np.array(orientation)) > np.cos(np.radians(2) / 2)
+    usual = Tracker(renderer.calibration, tracked_object())
+    assert not usual.track(shown).is_sure
+
+
 def test_colours_are_learned_from_images_of_a_known_pose(
     renderer: trifinger.CameraRenderer,
 ) -> None:

@@ -14,6 +14,8 @@
 #include "support/message_of.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/joint/types.hpp"
+#include "trifinger/rendering/options.hpp"
+#include "trifinger/rendering/simulation_that_sees.hpp"
 
 namespace trifinger::rendering {
 namespace {
@@ -24,7 +26,7 @@ using ::testing::HasSubstr;
 constexpr CaptureOptions kCapture{.period = 10, .delay = 4};
 
 camera::Calibration small_cameras(const RobotDescription& description = {}) {
-  camera::Calibration calibration = cameras_of(description);
+  camera::Calibration calibration = calibration_of_figures(description);
   for (camera::Camera& camera : calibration.cameras) camera = camera.reduced(6);
   return calibration;
 }
@@ -120,24 +122,125 @@ TEST(DriverWithCameras, AfterResetAndRestoreImagesShowTheNewScene) {
   EXPECT_EQ(moved, run_session(simulation, 20));
 }
 
+TEST(DriverWithCameras, EachEpisodeHasNoiseOfItsOwn) {
+  const Cameras simulation({}, small_cameras(), kCapture);
+  const auto session = [&](std::uint64_t seed, std::uint64_t episode) {
+    simulation.robot().reset(simulation.robot().initial_position(),
+                             Random{.seed = seed, .episode = episode});
+    return run_session(simulation, 5);
+  };
+  const auto first = session(1, 2);
+  EXPECT_NE(first, session(1, 3));
+  EXPECT_NE(first, session(2, 2));
+  EXPECT_EQ(first, session(1, 2));
+}
+
+TEST(Sight, IsOfTheNewestImagesThatHaveArrived) {
+  const RobotDescription description;
+  const std::vector<camera::Camera> cameras = small_cameras().cameras;
+  const std::vector<double> scene = configuration(description, {0, 0, 0.0325});
+  Eyes eyes(description, cameras, {}, nullptr);
+  Sight sight({.period = 2, .delay = 1}, 1);
+  sight.begin({});
+  EXPECT_TRUE(sight.is_due(-1));
+  sight.capture(-1, scene);
+  EXPECT_FALSE(sight.is_due(-1));
+  for (TimeIndex t = 0; t < 6; ++t) {
+    EXPECT_EQ(sight.is_due(t), t % 2 == 0);
+    if (sight.is_due(t)) sight.capture(t, scene);
+  }
+  EXPECT_TRUE(sight.look(4, eyes));
+  EXPECT_EQ(sight.images().capture_index, 2) << "that of step 4 arrives at step 5";
+  EXPECT_EQ(sight.images().number, 2);
+  EXPECT_FALSE(sight.look(4, eyes));
+  EXPECT_TRUE(sight.look(5, eyes));
+  EXPECT_EQ(sight.images().capture_index, 4);
+  EXPECT_FALSE(sight.take_poses(5));
+}
+
+// Fails once, then finds the object.
+class Forgetful final : public ObjectFinder {
+ public:
+  void find(std::span<const std::span<const std::byte>>,
+            std::span<std::optional<ObjectPose>> poses) override {
+    if (!std::exchange(has_failed_, true)) throw Error("the lens cap is on");
+    poses[0].emplace();
+  }
+
+ private:
+  bool has_failed_{false};
+};
+
+TEST(Sight, ImagesAtWhichNobodyCouldLookDidNotArrive) {
+  const RobotDescription description;
+  Eyes eyes(description, small_cameras().cameras, {}, std::make_unique<Forgetful>());
+  Sight sight({.period = 2, .delay = 0}, 1);
+  sight.begin({});
+  sight.capture(0, configuration(description, {0, 0, 0.0325}));
+  EXPECT_THROW((void)sight.look(0, eyes), Error);
+  EXPECT_EQ(sight.images().number, -1);
+  EXPECT_FALSE(sight.take_poses(0));
+  EXPECT_TRUE(sight.look(0, eyes));
+  EXPECT_EQ(sight.images().number, 0);
+  EXPECT_TRUE(sight.take_poses(0));
+}
+
+TEST(ObjectFinder, RefusesObjectsWhoseOrientationNoImageShows) {
+  RobotDescription description;
+  EXPECT_NE(make_object_finder(description, small_cameras().cameras), nullptr);
+  description.objects[0].colours.fill("red");
+  EXPECT_THAT(test::message_of<InvalidArgument>(
+                  [&] { (void)make_object_finder(description, small_cameras().cameras); }),
+              HasSubstr("cube looks the same after 23 different turns"));
+}
+
+TEST(Varied, StaysInTheRangesThatAreAllowed) {
+  RenderingOptions nominal = rendering_options({.gain = 48});
+  nominal.lamp_power = nominal.ambient_power = 9;
+  nominal.light_colour = {10, 10, 10};
+  nominal.read_noise = nominal.shot_noise = 90;
+  EXPECT_NO_THROW(nominal.validate()) << "48 dB are a gain that a camera may have";
+  nominal.gain = 999;
+  Random random{.seed = 1};
+  for (int i = 0; i < 100; ++i) {
+    ASSERT_NO_THROW(varied(nominal, random).validate());
+    ASSERT_NO_THROW(RenderingVariation{}.draw(nominal, random).validate());
+  }
+}
+
+TEST(Varied, DustAndColoursDifferWhereCamerasStay) {
+  const RenderingOptions nominal{.calibration_error = 2, .calibration_seed = 5};
+  Random random{.seed = 1};
+  const RenderingOptions first = varied(nominal, random);
+  const RenderingOptions second = varied(nominal, random);
+  EXPECT_NE(first.seed, second.seed);
+  CameraRenderer renderer({}, small_cameras().cameras, first);
+  const Eigen::Vector3d place = renderer.true_cameras()[0].pose.translation();
+  EXPECT_NE(place, renderer.cameras()[0].pose.translation());
+  renderer.set_options(second);
+  EXPECT_EQ(place, renderer.true_cameras()[0].pose.translation());
+  renderer.set_options({.calibration_error = 2, .calibration_seed = 6});
+  EXPECT_NE(place, renderer.true_cameras()[0].pose.translation());
+}
+
 // Finds the object where a test says it is; it counts what it was shown.
 class Finder final : public ObjectFinder {
  public:
   struct Answers {
     int shown{0};
-    int resets{0};
+    int first_sights{0};  // in which no earlier pose was known
     int fails_at{-1};
     std::size_t bytes{0};
   };
   explicit Finder(std::shared_ptr<Answers> answers) : answers_(std::move(answers)) {}
 
-  bool find(std::span<const std::span<const std::byte>> images,
-            std::span<ObjectPose> poses) override {
+  void find(std::span<const std::span<const std::byte>> images,
+            std::span<std::optional<ObjectPose>> poses) override {
     answers_->bytes = images[0].size();
-    poses[0].position = {0.001 * answers_->shown, 0, 0};
-    return answers_->shown++ != answers_->fails_at;
+    if (!poses[0]) ++answers_->first_sights;
+    poses[0] = ObjectPose{.position = {0.001 * answers_->shown, 0, 0}};
+    if (answers_->shown++ == answers_->fails_at) poses[0].reset();
   }
-  void forget() override { ++answers_->resets; }
 
  private:
   std::shared_ptr<Answers> answers_;
@@ -163,14 +266,15 @@ TEST(DriverWithCameras, PosesAreThoseThatTheFinderFoundInImagesOfThatTime) {
     EXPECT_NEAR(object->cube.position[0], 0.001 * static_cast<double>(number), 1e-12);
   }
   EXPECT_EQ(answers->bytes, small_cameras().cameras[0].format.size());
-  EXPECT_EQ(answers->resets, 1);
+  EXPECT_EQ(answers->first_sights, 2) << "at the beginning, and after image 3";
 }
 
 class Failing final : public ObjectFinder {
  public:
-  bool find(std::span<const std::span<const std::byte>>, std::span<ObjectPose>) override {
+  void find(std::span<const std::span<const std::byte>>,
+            std::span<std::optional<ObjectPose>> poses) override {
     if (++count_ > 2) throw Error("the lens cap is on");
-    return true;
+    poses[0].emplace();
   }
 
  private:

@@ -10,7 +10,7 @@
 #include "trifinger/camera/camera.hpp"
 #include "trifinger/model/robot_model.hpp"
 #include "trifinger/rendering/camera_renderer.hpp"
-#include "trifinger/rendering/cameras_of.hpp"
+#include "trifinger/sim/robot_cameras.hpp"
 
 namespace trifinger::rendering {
 
@@ -18,7 +18,7 @@ namespace trifinger::rendering {
 inline std::vector<camera::Camera> cameras(
     const RobotDescription& description, int factor = 1,
     camera::PixelFormat pixels = camera::PixelFormat::kBayerRg8) {
-  std::vector<camera::Camera> cameras = cameras_of(description).cameras;
+  std::vector<camera::Camera> cameras = calibration_of_figures(description).cameras;
   for (camera::Camera& camera : cameras) {
     camera = camera.reduced(factor);
     camera.format.pixels = pixels;

@@ -11,6 +11,7 @@
 #include <thread>
 #include <vector>
 
+#include "camera/source_contract.hpp"
 #include "rendering/scenes.hpp"
 #include "support/session_folder.hpp"
 #include "trifinger/core/backend.hpp"
@@ -25,6 +26,7 @@ namespace {
 
 using namespace std::chrono_literals;
 using camera::Frame;
+using test::SourceContract;
 
 constexpr TimeIndex kScenePeriod = 10;
 
@@ -99,6 +101,15 @@ Grabbed grab(SimulatedCameras& source, Timeout timeout = kForever) {
   grabbed.is_new = source.grab(places, grabbed.frames, timeout);
   return grabbed;
 }
+
+test::SourceUnderTest make_simulated_cameras() {
+  return {.world = std::make_shared<Rig>(),
+          .source = std::make_unique<SimulatedCameras>("robot", RobotDescription{}, small_cameras(),
+                                                       5ms, plain())};
+}
+
+// While the robot holds its pose. A program that moves it is in the tests below.
+INSTANTIATE_TEST_SUITE_P(Simulated, SourceContract, ::testing::Values(&make_simulated_cameras));
 
 TEST(SimulatedCameras, ShowTheSceneOfTheRobotsStepAndHaveItsTime) {
   Rig rig;

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
+#include <latch>
 #include <optional>
 #include <random>
 #include <thread>
@@ -42,15 +43,17 @@ TriFinger::Action random_bits(std::mt19937& random) {
   return action;
 }
 
-// The attack is limited by counts, so that slow machines do the same.
+// The attack is limited by counts, so that slow machines do the same. It begins with the steps.
 struct Attack {
   static constexpr int kSteps = 30;
   static constexpr int kScribbles = 300;
 
-  explicit Attack(unsigned seed) : random(seed), bytes(1 << (seed % 6)) {}
+  Attack(unsigned seed, std::latch& its_begin)
+      : random(seed), bytes(1 << (seed % 6)), begin(&its_begin) {}
 
   void operator()() {
     const Intruder<TriFinger::Action> intruder;
+    begin->arrive_and_wait();
     for (int i = 0; i < kScribbles; ++i) {
       intruder.scribble(random, bytes);
       intruder.put(static_cast<TimeIndex>(random() % (2 * kSteps)), random_bits(random));
@@ -59,6 +62,7 @@ struct Attack {
 
   std::mt19937 random;
   int bytes;
+  std::latch* begin;
 };
 
 // Reads every step, as the back-end has written it.
@@ -90,7 +94,9 @@ TEST(HostileQueueOfASimulation, fault_29_RandomBytesBreakNoLimitAndTheNextSessio
     const Robot observer = rig.observe();
     const auto fault = [&]() -> std::optional<Fault> {
       const Intruder<TriFinger::Action> intruder;
-      std::jthread attacker{Attack(round)};
+      std::latch begin(2);
+      std::jthread attacker{Attack(round, begin)};
+      begin.arrive_and_wait();
       try {
         for (int i = 0; i < Attack::kSteps; ++i) {
           const TimeIndex t = robot->append_desired_action(Traits::action(i), kLong);

@@ -118,6 +118,29 @@ TEST(ObjectSession, HasTheNoiseThatWasAskedFor) {
   }
 }
 
+TEST(ObjectSession, LosesTheShareOfPosesThatWasAskedForAndKeepsTheOthers) {
+  SimulationOptions<TriFinger> options;
+  options.object_period = 4;
+  options.object_delay = 3;
+  options.object_loss = 0.3;
+  constexpr TimeIndex kCount = 2000;
+  const auto poses = poses_of(options, 4 * kCount);
+  int num_arrived = 0;
+  for (TimeIndex t = 3; t < 4 * kCount; t += 4) {
+    const Stamp& stamp = poses[static_cast<std::size_t>(t)].stamp;
+    // The newest pose is that of this step, or an older one that had arrived before.
+    if (stamp.capture_index == t - 3) {
+      ++num_arrived;
+    } else {
+      EXPECT_EQ(stamp.capture_index, poses[static_cast<std::size_t>(t) - 1].stamp.capture_index);
+    }
+  }
+  // Five standard deviations of a share of 2000.
+  EXPECT_THAT(static_cast<double>(num_arrived) / kCount, DoubleNear(0.7, 0.052));
+  options.object_loss = 1;
+  EXPECT_EQ(poses_of(options, 100).back().stamp.capture_index, -1);
+}
+
 TEST(ObjectSession, HasNoNoiseUnlessAsked) {
   auto robot = simulate<TriFinger>();
   const Companion<CubeObservation> cube(robot.companion("object"));

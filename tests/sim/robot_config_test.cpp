@@ -125,6 +125,8 @@ TEST_F(RobotConfigFile, HasTheCamerasOfItsModel) {
     EXPECT_TRUE(again.cameras[i].pose.isApprox(calibration.cameras[i].pose, 1e-12));
     EXPECT_EQ(again.cameras[i].lens.cy, calibration.cameras[i].lens.cy);
   }
+  // The file says what is so without it.
+  EXPECT_EQ(load_robot_config("sim_cameras").cameras->simulated.look, camera::RenderingOptions{});
   // Those of a flipped platform turn with it, and see its ceiling as before.
   const RobotConfig flipped = load_robot_config("sim_cameras", {"platform=flipped"});
   const RobotDescription& description =
@@ -301,7 +303,8 @@ TEST_F(RobotConfigFile, ReadsObjects) {
                "  - {name: pen, type: stick, size: [0.14, 0.01]}\n"
                "  - {name: ball, type: ball, size: [0.05]}\n"
                "  - {name: dice, type: cube, size: [0.04], orientation: [1, 0, 0, 1], "
-               "velocity: [0.1, 0, 2], angular_velocity: [1, 2, 3]}\n"));
+               "velocity: [0.1, 0, 2], angular_velocity: [1, 2, 3], "
+               "colours: [red, red, blue, cyan, magenta, green]}\n"));
   const auto& objects =
       std::get<SimulationOptions<TriFinger>>(config.simulation).description.objects;
   ASSERT_EQ(objects.size(), 4U);
@@ -318,7 +321,9 @@ TEST_F(RobotConfigFile, ReadsObjects) {
   EXPECT_EQ(objects[3].orientation, (std::array<double, 4>{1, 0, 0, 1}));
   EXPECT_EQ(objects[3].velocity, (Triple{0.1, 0, 2}));
   EXPECT_EQ(objects[3].angular_velocity, (Triple{1, 2, 3}));
+  EXPECT_EQ(objects[3].colours, (BoxColours{"red", "red", "blue", "cyan", "magenta", "green"}));
   EXPECT_EQ(objects[0].velocity, Triple{});
+  EXPECT_EQ(objects[0].colours, competition_colours());
 }
 
 TEST_F(RobotConfigFile, WaitsForTheFirstActionForEverUnlessTold) {
@@ -451,6 +456,11 @@ TEST_F(RobotConfigFile, NamesObjectsThatDoNotGoTogether) {
             "my.yml:3:3: object 'a': its orientation is zero; a quaternion w x y z is needed.");
   EXPECT_EQ(message("objects:\n  - {name: a, type: cuboid, size: [0.01]}\n"),
             "my.yml:3:35: objects.0.size has 1 lengths, must have 3");
+  const std::string colours = "colours: [red, green, blue, cyan, magenta, pink]}\n";
+  EXPECT_THAT(message("objects:\n  - {name: a, type: ball, " + colours),
+              HasSubstr("objects.0.colours is for a cube or a cuboid"));
+  EXPECT_THAT(message("objects:\n  - {name: a, type: cube, " + colours),
+              HasSubstr("object 'a': its faces cannot be 'pink', only red, green"));
 }
 
 TEST_F(RobotConfigFile, StopsAtALateActionIfToldSo) {

@@ -39,6 +39,23 @@ TEST(TrackedObject, IsWhatTheSimulationDraws) {
   EXPECT_THROW((void)tracked_object(ball()), InvalidArgument);
 }
 
+TEST(LookAlikes, AreCounted) {
+  const auto box = [](const Eigen::Vector3d& size, const BoxColours& colours) {
+    return look_alikes(coloured_box("box", size, colours));
+  };
+  const Eigen::Vector3d cube = Eigen::Vector3d::Constant(0.065);
+  const Eigen::Vector3d cuboid(0.02, 0.08, 0.02);
+  const Eigen::Vector3d brick(0.02, 0.08, 0.04);
+  const BoxColours red{"red", "red", "red", "red", "red", "red"};
+  EXPECT_EQ(box(cube, competition_colours()), 0);
+  EXPECT_EQ(box(cube, red), 23);
+  EXPECT_EQ(box(cuboid, red), 7);
+  EXPECT_EQ(box(brick, red), 3);
+  // The top, the floor, and four sides alike.
+  EXPECT_EQ(box(cube, {"red", "red", "blue", "cyan", "red", "red"}), 3);
+  EXPECT_EQ(box(brick, {"red", "red", "blue", "cyan", "red", "red"}), 1);
+}
+
 // A box of twelve triangles.
 struct BoxMesh {
   std::vector<Eigen::Vector3d> vertices;

@@ -5,7 +5,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <string>
 #include <utility>
@@ -174,6 +176,131 @@ TEST(Tracker, ForgetsAGuessThatTheImagesDoNotConfirm) {
   expect_right(tracker.track(pictures.spans(), &other_face), pose);
   const Eigen::Isometry3d elsewhere = pose_at({0.1, 0.1, 0.1}, {1, 0, 0});
   expect_right(tracker.track(pictures.spans(), &elsewhere), pose);
+}
+
+TEST(Tracker, IgnoresAGuessThatIsNoPose) {
+  Tracker tracker(three_cameras(), cube());
+  const Eigen::Isometry3d pose = some_poses()[3];
+  const Pictures pictures = painted(pose);
+  Eigen::Isometry3d guess = pose;
+  for (const double number : {std::nan(""), std::numeric_limits<double>::infinity()}) {
+    guess.translation().y() = number;
+    expect_right(tracker.track(pictures.spans(), &guess), pose);
+    expect_right(tracker.track(pictures.spans()), pose);
+  }
+}
+
+// What hides a finger, a hand or the dark leaves only a few faces. Another pose that explains these
+// as well must be noticed even if the guess is taken.
+TEST(Tracker, IsNotSureOfAGuessThatOtherPosesMatchAsWell) {
+  const TrackedObject pillar =
+      coloured_box("pillar", kCubeSize, {"red", "red", "blue", "yellow", "red", "red"}, kRim);
+  Tracker tracker(three_cameras(), pillar);
+  const Eigen::Isometry3d pose = some_poses()[0];
+  const Pictures pictures = painted(three_cameras(), pillar, cube(0), pose);
+  EXPECT_FALSE(tracker.track(pictures.spans()).is_sure());
+  EXPECT_FALSE(tracker.track(pictures.spans(), &pose).is_sure());
+}
+
+// A ball of many small faces in all colours.
+TrackedObject gem(double radius) {
+  const double golden = std::numbers::phi;
+  std::vector<Eigen::Vector3d> vertices;
+  for (const double a : {-1.0, 1.0}) {
+    for (const double b : {-golden, golden}) {
+      vertices.emplace_back(0, a, b);
+      vertices.emplace_back(a, b, 0);
+      vertices.emplace_back(b, 0, a);
+    }
+  }
+  for (Eigen::Vector3d& vertex : vertices) vertex *= radius / vertex.norm();
+  const double edge = radius / std::sin(2 * std::numbers::pi / 5);
+  std::vector<std::array<int, 3>> triangles;
+  std::vector<std::string> colours;
+  const BoxColours names = competition_colours();
+  const auto add = [&](int a, int b, int c) {
+    const auto at = [&](int i) { return vertices[static_cast<std::size_t>(i)]; };
+    if ((at(b) - at(a)).cross(at(c) - at(a)).dot(at(a)) < 0) std::swap(b, c);
+    triangles.push_back({a, b, c});
+    colours.push_back(names[triangles.size() * 5 % 6]);
+  };
+  const auto are_near = [&](std::size_t a, std::size_t b) {
+    return std::abs((vertices[a] - vertices[b]).norm() - edge) < 1e-6;
+  };
+  const std::size_t corners = vertices.size();
+  for (std::size_t a = 0; a < corners; ++a) {
+    for (std::size_t b = a + 1; b < corners; ++b) {
+      for (std::size_t c = b + 1; c < corners; ++c) {
+        if (!are_near(a, b) || !are_near(b, c) || !are_near(a, c)) continue;
+        const auto middle = [&](std::size_t i, std::size_t k) {
+          vertices.emplace_back((vertices[i] + vertices[k]).normalized() * radius);
+          return static_cast<int>(vertices.size()) - 1;
+        };
+        const int ab = middle(a, b);
+        const int bc = middle(b, c);
+        const int ac = middle(a, c);
+        add(static_cast<int>(a), ab, ac);
+        add(static_cast<int>(b), ab, bc);
+        add(static_cast<int>(c), bc, ac);
+        add(ab, bc, ac);
+      }
+    }
+  }
+  return coloured_mesh("gem", vertices, triangles, colours);
+}
+
+TEST(Tracker, MeasuresEdgesInAllCamerasHoweverManyThereAre) {
+  std::vector<camera::Camera> cameras;
+  for (int i = 0; i < 8; ++i) {
+    const Eigen::AngleAxisd turn(i * 2 * std::numbers::pi / 8, Eigen::Vector3d::UnitZ());
+    cameras.push_back(three_cameras()[0]);
+    cameras.back().pose = turn * cameras.back().pose;
+  }
+  const TrackedObject object = gem(0.06);
+  const Eigen::Isometry3d pose = pose_at({0.01, 0.02, 0.07}, {0.2, 0.4, 0.1});
+  Pictures pictures = painted(cameras, object, object, pose);
+  const Estimate first = Tracker(cameras, object).track(pictures.spans(), &pose);
+  std::ranges::reverse(cameras);
+  std::ranges::reverse(pictures.images);
+  const Estimate second = Tracker(cameras, object).track(pictures.spans(), &pose);
+  ASSERT_NE(first.state, Estimate::State::kNotFound);
+  EXPECT_LT(distance(first.pose, second.pose), 1e-6);
+  EXPECT_LT(turn(first.pose, second.pose), 1e-5);
+  EXPECT_LT(distance(first.pose, pose), 0.0003);
+  EXPECT_LT(turn(first.pose, pose), 0.35 * kDegree);
+}
+
+TEST(Tracker, FindsAConvexMesh) {
+  // A roof: two squares that lean, a floor, and two gables.
+  const double h = 0.03;
+  const std::vector<Eigen::Vector3d> vertices{{-h, -h, -0.02}, {h, -h, -0.02}, {h, h, -0.02},
+                                              {-h, h, -0.02},  {-h, 0, 0.03},  {h, 0, 0.03}};
+  const TrackedObject roof = coloured_mesh(
+      "roof", vertices,
+      {{0, 2, 1}, {0, 3, 2}, {0, 1, 5}, {0, 5, 4}, {2, 3, 4}, {2, 4, 5}, {1, 2, 5}, {3, 0, 4}},
+      {"green", "green", "red", "red", "yellow", "yellow", "magenta", "cyan"});
+  ASSERT_EQ(roof.faces.size(), 5U);
+  EXPECT_EQ(look_alikes(roof), 0);
+  Tracker tracker(three_cameras(), roof);
+  for (const Eigen::Isometry3d& pose :
+       {pose_at({0, 0.02, 0.02}, {0, 0, 0.4}), pose_at({0.07, -0.05, 0.03}, {0.2, 0.5, -2}),
+        pose_at({-0.06, 0.05, 0.08}, {1.4, 0.6, 0.3})}) {
+    expect_right(tracker.track(painted(three_cameras(), roof, roof, pose).spans()), pose);
+  }
+}
+
+TEST(Tracker, FindsBoxesOfOtherSizes) {
+  for (const Eigen::Vector3d& size :
+       {Eigen::Vector3d(0.04, 0.06, 0.08), Eigen::Vector3d(0.10, 0.03, 0.05)}) {
+    const TrackedObject box = coloured_box("box", size, competition_colours(), 0.0024);
+    Tracker tracker(three_cameras(), box);
+    for (const Eigen::Isometry3d& pose : some_poses()) {
+      const Estimate estimate =
+          tracker.track(painted(three_cameras(), box, coloured_box("hull", size), pose).spans());
+      EXPECT_LT(distance(estimate.pose, pose), 0.0005);
+      EXPECT_LT(turn(estimate.pose, pose), 0.7 * kDegree);
+    }
+  }
 }
 
 TEST(Tracker, FindsNothingWhereNothingIs) {

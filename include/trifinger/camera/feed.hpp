@@ -7,6 +7,7 @@
 
 #include "trifinger/base/time.hpp"
 #include "trifinger/camera/images.hpp"
+#include "trifinger/camera/lasting_trouble.hpp"
 #include "trifinger/camera/source.hpp"
 
 namespace trifinger::camera {
@@ -39,8 +40,9 @@ class CameraFeed {
   CameraFeed(Source& source, const std::string& robot, const std::vector<Camera>& cameras,
              Nanoseconds period);
 
-  /// Waits for the next images and hands them over. If none come for some periods, it says so to
-  /// those who wait for images, too. False if no more will come.
+  /// Waits for the next images, but not longer than 0.1 s, and hands them over. If none come for
+  /// five periods and 0.1 s, it says so to those who wait for images, too. False if no more will
+  /// come.
   /// @throws Error if the source is broken for good
   bool step();
 
@@ -51,8 +53,7 @@ class CameraFeed {
  private:
   // What was said last about a camera.
   struct Told {
-    bool is_lost{false};
-    bool is_late{false};
+    LastingTrouble trouble;
     int absent{0};  // elements in a row without its image
     std::int64_t number{-1};
     std::int64_t missed{0};  // since the last sentence about it
@@ -62,6 +63,7 @@ class CameraFeed {
   void count(Instant now);
   // `is_silent`: no camera has delivered anything for some periods.
   void judge(Instant now, bool is_silent);
+  void judge_absence(std::size_t camera, Instant now);
   void judge_steps();
   void tell_missed();
 
@@ -75,6 +77,7 @@ class CameraFeed {
   FeedStatistics statistics_;
   Nanoseconds sum_of_delays_{0};
   std::int64_t delays_{0};
+  Instant written_;  // when the last element was
   Instant first_{};
   Instant told_of_missed_{};
 };

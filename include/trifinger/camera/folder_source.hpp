@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <memory>
+#include <set>
 #include <span>
 #include <string>
 #include <vector>
@@ -17,6 +18,9 @@ struct FolderOptions {
   std::filesystem::path folder;
   Nanoseconds period{std::chrono::milliseconds(100)};  ///< Time between two images.
   bool repeats{true};  ///< Begins anew after the last image; otherwise the source ends.
+  /// Leaves images out if nobody takes them in time, as cameras do, except the last one of a source
+  /// that ends. Otherwise all are shown, later.
+  bool keeps_pace{true};
 };
 
 /// Shows a folder of PNG and JPEG images as if they came from cameras now.
@@ -46,11 +50,20 @@ class FolderSource final : public Source {
     Nanoseconds time{0};  // from the first set
   };
 
+  [[nodiscard]] std::int64_t size() const noexcept {
+    return static_cast<std::int64_t>(sets_.size());
+  }
+  // When the images `count` are shown, counted from 0 over all rounds.
+  [[nodiscard]] Instant due(std::int64_t count) const noexcept;
+  // Leaves out images if there are newer ones.
+  void catch_up(Instant now) noexcept;
+
   std::vector<Set> sets_;
   std::vector<std::string> names_;
   std::vector<ImageFormat> formats_;
   FolderOptions options_;
   std::vector<std::string> news_;
+  std::set<const Set*> told_;  // whose files were looked at
   Instant begin_{};
   std::int64_t count_{0};
 };

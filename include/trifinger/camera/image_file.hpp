@@ -26,6 +26,9 @@ struct Picture {
 [[nodiscard]] std::string encode_jpeg(const ImageFormat& format, std::span<const std::byte> pixels,
                                       int quality = 90);
 
+/// @throws Error that says what to install if the library for JPEG is missing
+void require_jpeg();
+
 /// Reads a PNG or JPEG file. Transparency is left out, palettes become RGB.
 /// @throws InvalidArgument that says what is wrong with the file, Error that says what to install
 /// if the library for JPEG is missing

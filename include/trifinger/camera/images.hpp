@@ -93,12 +93,11 @@ class Images {
   [[nodiscard]] std::span<const std::byte> pixels(std::size_t camera) const;
   [[nodiscard]] std::span<const std::byte> pixels(const std::string& camera) const;
 
-  /// False if the pixels have been overwritten: what was read before may be wrong.
-  [[nodiscard]] bool is_valid() const noexcept { return !view_ || view_->is_valid(); }
+  /// False if the pixels have been overwritten or their memory is gone: what was read before may be
+  /// wrong. True if there is no good image and so nothing to read.
+  [[nodiscard]] bool is_valid() const noexcept;
   /// @throws HistoryLost unless `is_valid()`
-  void require_valid() const {
-    if (view_) view_->require_valid();
-  }
+  void require_valid() const;
 
  private:
   std::shared_ptr<const std::vector<Camera>> cameras_;
@@ -193,14 +192,16 @@ class CameraSensor {
 
   /// The place for the pixels of each camera. Valid until `write`.
   [[nodiscard]] std::span<const std::span<std::byte>> begin() noexcept { return images_.begin(); }
-  /// Hands the images over. They count as captured in the middle of the good ones' exposures, or
-  /// now if there are none.
+  /// Hands the images over. They count as captured in the middle of the good ones' exposures. If
+  /// there are none, the time is that of the last ones that were good: it never goes back.
   void write(std::span<const Frame> frames) noexcept;
 
  private:
   ImageWriter images_;
   UntypedSensorWriter sensor_;
   std::vector<std::byte> element_;
+  Instant captured_;  // of the last element
+  bool has_written_{false};
 };
 
 }  // namespace trifinger::camera

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -11,6 +12,7 @@
 
 #include "trifinger/base/time.hpp"
 #include "trifinger/camera/calibration.hpp"
+#include "trifinger/camera/rendering_options.hpp"
 #include "trifinger/camera/source.hpp"
 #include "trifinger/config/node.hpp"
 
@@ -27,6 +29,10 @@ enum class SourceKind : std::uint8_t {
 /// What only simulated cameras have.
 struct SimulatedCameraOptions {
   Nanoseconds delay{0};  ///< From the middle of the exposure until the images arrive.
+  /// Light, colours, noise and the like. Its exposure and gain mean nothing: those of the cameras
+  /// count.
+  RenderingOptions look{};
+  bool varies{false};  ///< Light, colours, dust and noise differ in each session.
 };
 
 /// The section `cameras` of a robot's configuration. config/sim_cameras.yml documents every key.
@@ -40,6 +46,9 @@ struct CameraOptions {
   double gain{0};             ///< [dB]
   std::optional<int> size{};  ///< Width of the images [pixel], if smaller than calibrated.
   std::optional<PixelFormat> pixels{};  ///< If other than calibrated.
+  /// Column and row at which images of GenICam cameras begin on the sensor [pixel]. Default: where
+  /// they do when a camera is first opened.
+  std::optional<std::array<int, 2>> offset{};
   /// Which device each camera is, in the order of the calibration: a serial number, or for
   /// Video4Linux the path of its device. Empty: the calibration says it.
   std::vector<std::string> devices{};

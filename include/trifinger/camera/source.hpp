@@ -30,7 +30,7 @@ struct Frame {
 
 /// The cameras of a robot, or what stands for them: they deliver images together, one of each.
 ///
-/// Every source passes one contract (tests/camera/source_contract_test.cpp).
+/// Every source passes one contract (tests/camera/source_contract.cpp).
 class Source {
  public:
   Source() = default;
@@ -45,8 +45,10 @@ class Source {
 
   /// Waits for the next images and writes them to `images`, one span of `format.size()` bytes per
   /// camera, and what is known about each to `frames`. The pixels of an image whose state is not
-  /// `kGood` are undefined. False if none has come within `timeout` or if there will be no more:
-  /// see `has_ended`. A camera that is unplugged makes its images `kLost`, not this an error.
+  /// `kGood` are undefined. The times of those that are good rise for each camera, and their mean
+  /// does not go back. False if none has come within `timeout` or if there will be no more: see
+  /// `has_ended`; `frames` then say which cameras are `kLost`, and nothing else. A camera that is
+  /// unplugged makes its images `kLost`, not this an error.
   /// @throws Error if the source is broken for good
   [[nodiscard]] virtual bool grab(std::span<const std::span<std::byte>> images,
                                   std::span<Frame> frames, Timeout timeout) = 0;

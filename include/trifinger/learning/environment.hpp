@@ -30,6 +30,8 @@ struct Measurement {
   std::span<const double> position;   ///< Joint positions [rad].
   std::span<const double> velocity;   ///< Joint velocities [rad/s].
   const ObjectPose* object{nullptr};  ///< Pose of the task's object; nullptr if it has none.
+  /// True pose of that object, by which the outcome is judged. nullptr: `object` is true enough.
+  const ObjectPose* true_object{nullptr};
 };
 
 /// Memory of a task during an episode: plain data of a type of its own.
@@ -121,7 +123,11 @@ class Environment {
   [[nodiscard]] std::int64_t episode_actions() const noexcept;
   /// Name of the object that the task is about; empty if there is none.
   [[nodiscard]] std::string_view object_name() const noexcept;
-  /// The parts of an observation, in the order of `Layout::kDictionary`.
+  /// True if a simulation shall judge the outcome by where the object really is, because its pose
+  /// is not observed, or tracked.
+  [[nodiscard]] bool judges_by_truth() const noexcept;
+  /// The parts of an observation, in the order of `Layout::kDictionary`. Images are not among them:
+  /// whoever has cameras adds these.
   [[nodiscard]] const std::vector<Entry>& entries() const noexcept;
   /// Names of the numbers of `Layout::kFlat`, for example "joint_position[0]".
   [[nodiscard]] std::vector<std::string> flat_names() const;

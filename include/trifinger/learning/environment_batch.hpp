@@ -4,11 +4,14 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string_view>
 #include <vector>
 
+#include "trifinger/camera/camera.hpp"
 #include "trifinger/learning/environment.hpp"
+#include "trifinger/rendering/simulation_that_sees.hpp"
 #include "trifinger/sim/simulation_options.hpp"
 
 namespace trifinger::learning {
@@ -20,6 +23,9 @@ enum class Autoreset : std::uint8_t {
   kDisabled,  ///< Only when `reset` is called. Until then nothing moves.
 };
 
+/// Images that are older count as this old [steps].
+inline constexpr TimeIndex kOldestImage = 10'000;
+
 /// The observations of all simulations, one simulation after the other.
 struct Observations {
   std::vector<float> observation;
@@ -28,6 +34,12 @@ struct Observations {
   std::vector<double> distance;        ///< `Outcome::distance`, `kMaxFingers` per simulation.
   std::vector<double> finger_rewards;  ///< `Outcome::finger_rewards`, as many.
   std::vector<std::uint8_t> success;
+  /// Age of the object's pose [steps]; -1 if it was not found yet. Empty if there is no object.
+  std::vector<TimeIndex> object_age;
+  /// With `Layout::kImages`: per camera the newest images that have arrived, in RGB.
+  std::vector<std::vector<std::uint8_t>> images;
+  /// Ages of these images [steps], one per camera and simulation, at most `kOldestImage`.
+  std::vector<float> image_age;
 };
 
 /// The results of a call of `EnvironmentBatch`. They stay at the same addresses as long as the
@@ -48,13 +60,18 @@ struct Results {
 ///
 /// Each simulation gives the same results, bit for bit, as an `Environment` with a simulation of
 /// its own. One batch must not be used by several threads at once.
+///
+/// Simulations that see share one pair of eyes per thread. An image is drawn when an observation
+/// needs it.
 class EnvironmentBatch {
  public:
-  /// `num_threads` includes the calling thread; 0 means one per processor.
-  /// @throws InvalidArgument
+  /// `num_threads` includes the calling thread; 0 means one per processor. Options that need
+  /// cameras need `sight`.
+  /// @throws InvalidArgument, Error that says what to install if this machine cannot draw
   template <class R>
   EnvironmentBatch(std::string_view task, const EnvironmentOptions& options,
-                   const SimulationOptions<R>& simulation, int size, int num_threads = 0);
+                   const SimulationOptions<R>& simulation, int size, int num_threads = 0,
+                   const std::optional<rendering::SightOptions>& sight = {});
   ~EnvironmentBatch();
   EnvironmentBatch(const EnvironmentBatch&) = delete;
   EnvironmentBatch& operator=(const EnvironmentBatch&) = delete;
@@ -62,6 +79,11 @@ class EnvironmentBatch {
   [[nodiscard]] const Environment& environment() const noexcept;
   [[nodiscard]] std::size_t size() const noexcept;
   [[nodiscard]] int num_threads() const noexcept;
+  /// Age of the newest pose of the object just before the next one arrives [steps]. If it is older,
+  /// poses were lost, or the tracker was not sure since then.
+  [[nodiscard]] TimeIndex oldest_sure_age() const noexcept;
+  /// The cameras of each simulation that are observed; none without `Layout::kImages`.
+  [[nodiscard]] const std::vector<camera::Camera>& cameras() const noexcept;
 
   /// Makes the next `reset` of simulation `index` begin this episode of `seed`. Each later reset
   /// begins the next episode.
@@ -74,7 +96,8 @@ class EnvironmentBatch {
   /// Applies one action in each simulation. `actions` has one row of numbers per simulation, as for
   /// `Environment::take_action`.
   /// @throws InvalidArgument if there are too many or too few numbers, or one is not finite; then
-  /// nothing moves
+  /// nothing moves. Error if an image could not be drawn; then the episode of that simulation has
+  /// ended, and the others have moved on.
   void step(std::span<const float> actions, Autoreset autoreset = Autoreset::kNextStep);
 
   [[nodiscard]] Results& results() noexcept;
@@ -87,8 +110,10 @@ class EnvironmentBatch {
 };
 
 extern template EnvironmentBatch::EnvironmentBatch(std::string_view, const EnvironmentOptions&,
-                                                   const SimulationOptions<TriFinger>&, int, int);
+                                                   const SimulationOptions<TriFinger>&, int, int,
+                                                   const std::optional<rendering::SightOptions>&);
 extern template EnvironmentBatch::EnvironmentBatch(std::string_view, const EnvironmentOptions&,
-                                                   const SimulationOptions<Finger>&, int, int);
+                                                   const SimulationOptions<Finger>&, int, int,
+                                                   const std::optional<rendering::SightOptions>&);
 
 }  // namespace trifinger::learning

@@ -28,6 +28,13 @@ enum class Layout : std::uint8_t {
   kFlat,        ///< One vector; each number is scaled to -1 to 1.
   kDictionary,  ///< Its entries, in SI units.
   kGoal,        ///< The vector without its goal; achieved and desired values apart, in SI units.
+  kImages,      ///< The entries without poses of objects, and what cameras see.
+};
+
+/// How the robot of an environment knows where its objects are.
+enum class ObjectPoses : std::uint8_t {
+  kExact,    ///< A simulation says it, with the delay, noise and losses of the options.
+  kTracked,  ///< A tracker finds them in images of the cameras.
 };
 
 /// A range of values that are all equally probable.
@@ -50,12 +57,19 @@ struct EnvironmentOptions {
   /// Gives observations finger by finger and goals in the frame of their finger, so that the
   /// fingers cannot be distinguished. For tasks with a goal for each finger.
   bool per_finger{false};
-  double position_noise{0.0};            ///< Standard deviation of measured joint positions [rad].
-  double velocity_noise{0.0};            ///< Standard deviation of measured velocities [rad/s].
+  double position_noise{0.0};  ///< Standard deviation of measured joint positions [rad].
+  double velocity_noise{0.0};  ///< Standard deviation of measured velocities [rad/s].
+  ObjectPoses object_poses{ObjectPoses::kExact};
   double object_period{0.01};            ///< Time between two poses of a simulated object [s].
   double object_delay{0.0};              ///< From a pose of a simulated object to its arrival [s].
   double object_position_noise{0.0};     ///< Standard deviation of its poses, per axis [m].
   double object_orientation_noise{0.0};  ///< Standard deviation of its rotation, per axis [rad].
+  double object_loss{0.0};               ///< Probability that one of its poses never arrives.
+  double camera_rate{30.0};              ///< Images of each simulated camera per second [Hz].
+  double camera_delay{0.02};             ///< From a simulated image to its arrival [s].
+  /// Light, colours, dust and noise of simulated images differ in each episode.
+  bool camera_varies{false};
+  int camera_size{540};  ///< Width and height of simulated images [pixel].
   /// A simulation draws these values at the beginning of each episode; see `Variation`.
   Range<double> object_mass{1.0, 1.0};
   Range<double> friction{1.0, 1.0};
@@ -73,6 +87,10 @@ struct EnvironmentOptions {
 
   /// @throws InvalidArgument that names the option, the value found and the values allowed
   void validate() const;
+  /// True if a simulation needs cameras.
+  [[nodiscard]] bool needs_cameras() const noexcept {
+    return layout == Layout::kImages || object_poses == ObjectPoses::kTracked;
+  }
   /// True if episodes differ in more than starts and goals.
   [[nodiscard]] bool varies() const;
 };

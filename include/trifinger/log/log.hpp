@@ -134,8 +134,9 @@ class LoggedSession {
   /// Copies only some fields of these elements. `elements` have the layout that `select` gives.
   void get(const Column& column, TimeIndex first, std::size_t count, void* elements) const;
   /// For companions: copies the newest element that arrived at or before the robot's step `t`.
-  /// False if none had arrived by then. @throws InvalidArgument for a robot
-  [[nodiscard]] bool get_latest_at(TimeIndex t, void* element) const;
+  /// False if none had arrived by then. `index` gets its number, unless it is nullptr.
+  /// @throws InvalidArgument for a robot
+  [[nodiscard]] bool get_latest_at(TimeIndex t, void* element, TimeIndex* index = nullptr) const;
   /// Reads the existing whole steps from `first` to before `last`.
   [[nodiscard]] SeriesReader read(const std::vector<Column>& columns, TimeIndex first = 0,
                                   TimeIndex last = std::numeric_limits<TimeIndex>::max()) const;
@@ -163,6 +164,8 @@ class LoggedSession {
   LoggedSession(std::shared_ptr<detail::LogData> log, const detail::Stream& stream);
 
  private:
+  friend class LoggedCameras;
+
   std::shared_ptr<detail::LogData> log_;
   const detail::Stream* stream_;
 };

@@ -6,6 +6,7 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "trifinger/base/time.hpp"
 #include "trifinger/core/fault.hpp"
@@ -74,6 +75,21 @@ class LogWriter {
   /// Says that these elements of a companion are not in the file.
   void write_companion_gap(std::size_t session, std::size_t companion, TimeIndex first,
                            TimeIndex last, std::string_view reason);
+
+  /// An image of one camera, as the message that the log has of it.
+  struct Image {
+    std::size_t camera{0};  ///< Its number in the calibration among the session's documents.
+    TimeIndex element{0};   ///< Number of the element of the companion "cameras".
+    std::int64_t time{0};   ///< Middle of the exposure, since 1970 [ns].
+    bool is_compressed{true};
+    std::vector<std::byte> message{};  ///< In CDR. Its time is filled in when it is written.
+  };
+  /// Takes an image. The next `flush` writes it, in a chunk of its own that is not compressed, so
+  /// images make nothing else larger or slower to read. Never throws because of the disk.
+  /// @throws InvalidArgument if the session has no such camera
+  void write_image(std::size_t session, Image image);
+  /// Size of the images that wait for `flush` [bytes].
+  [[nodiscard]] std::size_t waiting_images_size() const noexcept;
 
   /// Writes a sentence for people. `time` is since 1970 [ns].
   void write_event(Level level, std::string_view source, std::string_view text, std::int64_t time);

@@ -16,6 +16,7 @@
 #include "trifinger/core/session.hpp"
 #include "trifinger/ipc/process.hpp"
 #include "trifinger/log/event.hpp"
+#include "trifinger/log/image_storage.hpp"
 #include "trifinger/log/message_layout.hpp"
 #include "trifinger/mcap/records.hpp"
 #include "trifinger/mcap/sink.hpp"
@@ -34,6 +35,9 @@ struct RecorderOptions {
   Precision precision{Precision::kDouble};
   mcap::Compression compression{mcap::Compression::kZstd};
   int level{1};  ///< Level of the compression.
+
+  ImageStorage images{ImageStorage::kJpeg};  ///< What is kept of the images of a robot's cameras.
+  int jpeg_quality{90};                      ///< 1 to 100.
 
   std::uint64_t rotate_size{1'000'000'000};  ///< Largest size of a file [bytes].
   Nanoseconds rotate_time{kForever};         ///< Longest time in one file.
@@ -77,7 +81,10 @@ struct RecorderState {
   std::uint64_t bytes{0};      ///< Size of all files written by this recorder.
   std::int64_t steps{0};       ///< Number of steps written by this recorder.
   std::int64_t lost_steps{0};  ///< Steps overwritten before they could be read. Each is in a gap.
-  std::string trouble;         ///< Why nothing can be written now; empty if recording works.
+  std::int64_t images{0};      ///< Number of images taken for the log.
+  /// Number of images that were overwritten before they could be taken, or found no room.
+  std::int64_t left_out_images{0};
+  std::string trouble;  ///< Why nothing can be written now; empty if recording works.
   /// This number changes whenever the recorder makes progress, even if there is nothing to write.
   /// If it stays the same for seconds, the recorder's disk hangs.
   std::uint64_t progress{0};

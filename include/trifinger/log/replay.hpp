@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -21,6 +22,9 @@ namespace trifinger::log {
 struct ReplayOptions {
   std::optional<TimeIndex> first{};  ///< The step that becomes step 0; default: the first one.
   std::optional<TimeIndex> last{};   ///< First step left out; default: none.
+  /// Name of the robot under which other processes find its images. Empty: only readers in this
+  /// process see them.
+  std::string images_of{};
 };
 
 /// Plays a session of a log as if it were the robot, whatever its type, so that user code runs
@@ -31,12 +35,14 @@ struct ReplayOptions {
 /// the flag `Status::kActionRejected`: the applied action is not the requested one. The session
 /// ends with `Fault::Code::kExhausted` after the last step, and can begin again.
 ///
-/// The whole part is read into memory.
+/// The whole part is read into memory, except for images. They are read when they are due; one that
+/// is not in the log is one that has not come.
 class ReplayDriver final : public UntypedDriver {
  public:
   /// @throws NotInLog if a step or an element of the part is missing, InvalidArgument if the part
-  /// has no step or is larger than 4 GiB, SystemError
+  /// has no step or is larger than 4 GiB, SystemError, Error if the library for JPEG is missing
   explicit ReplayDriver(const LoggedSession& session, const ReplayOptions& options = {});
+  ~ReplayDriver() override;
 
   [[nodiscard]] const RobotTypes& description() const noexcept override { return types_; }
   [[nodiscard]] std::span<const CompanionDescription> companions() const noexcept override {
@@ -63,10 +69,13 @@ class ReplayDriver final : public UntypedDriver {
   struct CompanionElements {
     std::size_t size;
     std::vector<std::byte> bytes;
+    TimeIndex first{0};  // number of the first element in the log
     std::size_t next{0};
   };
+  struct Images;
 
   void load_companion(const LoggedSession& companion, TimeIndex first);
+  void load_images(const LoggedSession& session, const std::string& images_of);
 
   RobotTypes types_;
   Nanoseconds period_;
@@ -79,6 +88,7 @@ class ReplayDriver final : public UntypedDriver {
   std::int32_t recorded_end_{0};
   std::vector<CompanionDescription> descriptions_;
   std::vector<CompanionElements> companions_;
+  std::unique_ptr<Images> images_;
   std::vector<std::byte> hold_action_;
   TimeIndex t_{0};
 };

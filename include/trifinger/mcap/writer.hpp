@@ -62,6 +62,9 @@ class Writer {
   /// Closes the open chunk and writes the summary. Later writes throw InvalidArgument.
   void finish();
 
+  /// How chunks that are closed from now on are compressed, for messages that compress otherwise.
+  void set_compression(Compression compression);
+
   /// Size of the messages in the open chunk [bytes].
   [[nodiscard]] std::size_t open_chunk_size() const noexcept;
 

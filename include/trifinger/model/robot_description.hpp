@@ -172,6 +172,12 @@ enum class ObjectShape {
   kBall,   ///< `size` is diameter, (unused), (unused).
 };
 
+/// The colours of a box's faces, by name: +x, +y, +z, -z, -x, -y.
+using BoxColours = std::array<std::string, 6>;
+/// The colours of the competition's cubes, versions 2 and 3, and of its cuboid: red, green, blue,
+/// cyan, magenta, yellow. Boxes can have these six colours, in any order and more than once.
+[[nodiscard]] BoxColours competition_colours();
+
 /// A loose object. It has a free joint and a body, both with the object's name.
 struct ObjectDescription {
   std::string name;
@@ -186,6 +192,8 @@ struct ObjectDescription {
   /// Initial velocity in the world frame: of its centre [m/s], and about its centre [rad/s].
   Triple velocity{};
   Triple angular_velocity{};
+  /// Of the faces of a box: drawn in pictures, looked for in images. Others have no faces.
+  BoxColours colours{competition_colours()};
 };
 
 /// The cube of 65 mm and 94 g with a colour on each face.

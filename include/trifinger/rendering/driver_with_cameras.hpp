@@ -3,9 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <deque>
 #include <memory>
-#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -17,44 +15,18 @@
 #include "trifinger/camera/images.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/rendering/camera_renderer.hpp"
+#include "trifinger/rendering/sight.hpp"
 #include "trifinger/sim/simulated_robot.hpp"
 #include "trifinger/sim/simulation.hpp"
 
 namespace trifinger::rendering {
 
-/// Finds objects in images: what a tracker is for a simulation.
-class ObjectFinder {
- public:
-  ObjectFinder() = default;
-  ObjectFinder(const ObjectFinder&) = delete;
-  ObjectFinder& operator=(const ObjectFinder&) = delete;
-  virtual ~ObjectFinder() = default;
-
-  /// Writes the pose of each object of the scene, in their order. False if one was not found or may
-  /// be wrong: then there are no poses of these images.
-  [[nodiscard]] virtual bool find(std::span<const std::span<const std::byte>> images,
-                                  std::span<ObjectPose> poses) = 0;
-  /// Forgets what it knows of earlier images: the next ones are those of a new session.
-  virtual void forget() {}
-};
-
-/// When the cameras of a simulated robot see something.
-struct CaptureOptions {
-  TimeIndex period{10};  ///< Steps between two captures, at least 1.
-  TimeIndex delay{20};   ///< Steps from a capture until its images arrive.
-  /// Steps from a capture until the poses of its objects arrive, with an `ObjectFinder`; at least
-  /// `delay`. Default: `delay`.
-  std::optional<TimeIndex> pose_delay{};
-
-  /// @throws InvalidArgument that names the option, the value found and the values allowed
-  void validate() const;
-};
-
 /// A simulated robot whose cameras are drawn in its own process, for simulations without real time.
 /// Their images are the companion "cameras". With an `ObjectFinder`, the companion "object" has
 /// what it finds in these images, instead of the true poses.
 ///
-/// It is deterministic: options, states and actions decide all images, bit for bit, on one machine.
+/// It is deterministic: options, states, random numbers and actions decide all images, bit for bit,
+/// on one machine.
 /// A session begins with images of its first state, at step -1. Images that are under way are no
 /// part of the state that `SimulatedRobot::save` returns. Times of images are those of simulated
 /// time, from step 0.
@@ -64,14 +36,20 @@ class DriverWithCameras final : public UntypedDriver {
   /// Fault code in addition to those of `SimulatedRobot`: drawing or finding has failed.
   static constexpr std::int32_t kBlind = 65;
 
-  /// `robot` must outlive the driver.
+  /// `robot` must outlive the driver. With `varies`, each session looks different; see
+  /// `Sight::vary`.
   /// @throws InvalidArgument, Error that says what to install if this machine cannot draw
   DriverWithCameras(SimulatedRobot<R>& robot, const std::vector<camera::Camera>& cameras,
                     const CaptureOptions& capture = {}, const RenderingOptions& rendering = {},
-                    std::unique_ptr<ObjectFinder> finder = nullptr);
+                    std::unique_ptr<ObjectFinder> finder = nullptr, bool varies = false);
+
+  /// Lets other processes read the pixels: they are those of the robot `robot`. Without it only
+  /// readers in this process find them. Call it before the first session.
+  /// @throws InvalidArgument, SystemError, Error if another process writes images of this robot
+  void share_images(const std::string& robot);
 
   /// What draws the images. Change its options between sessions.
-  [[nodiscard]] CameraRenderer& renderer() noexcept { return renderer_; }
+  [[nodiscard]] CameraRenderer& renderer() noexcept { return eyes_.renderer(); }
 
   [[nodiscard]] const RobotTypes& description() const noexcept override;
   [[nodiscard]] std::span<const CompanionDescription> companions() const noexcept override;
@@ -87,37 +65,17 @@ class DriverWithCameras final : public UntypedDriver {
   [[nodiscard]] std::string_view rejection_text() const noexcept override;
 
  private:
-  // The scene at one instant. Its images are drawn when they arrive.
-  struct Capture {
-    TimeIndex step;  // -1: before step 0
-    std::int64_t number;
-    std::vector<double> configuration;
-    std::vector<ObjectPose> poses{};  // as found; none if they were not
-    bool has_arrived{false};
-    bool needs_images{true};
-    bool needs_poses;
-  };
-
   void advance(TimeIndex time_index);
-  void capture(TimeIndex step);
-  void arrive(Capture& capture);
-  void forget();
   [[nodiscard]] bool get_images(std::span<std::byte> element);
   [[nodiscard]] bool get_poses(TimeIndex time_index, std::byte* element);
-  [[nodiscard]] Stamp stamp_of(const Capture& capture, TimeIndex delay) const noexcept;
 
   SimulatedRobot<R>& robot_;
-  CaptureOptions options_;
-  CameraRenderer renderer_;
-  std::unique_ptr<ObjectFinder> finder_;
+  Eyes eyes_;
+  Sight sight_;
   std::vector<CompanionDescription> companions_;
   camera::ImageWriter writer_;
-  std::vector<std::vector<std::byte>> pixels_;  // of the images that arrived last
-  std::vector<std::span<std::byte>> places_;    // of these
   std::vector<camera::Frame> frames_;
-  std::deque<Capture> under_way_;
-  std::int64_t num_captures_{0};
-  TimeIndex next_capture_{0};
+  bool has_new_images_{false};
   FixedText failure_;  // of a drawing, for the fault
   bool has_failed_{false};
 };
@@ -125,7 +83,7 @@ class DriverWithCameras final : public UntypedDriver {
 /// A simulation with cameras, without real time: see `Simulation` and `DriverWithCameras`. Sessions
 /// have the calibration, so `camera::CameraReader` reads the images.
 ///
-///     rendering::SimulationWithCameras<TriFinger> simulation(options, cameras_of(description));
+///     rendering::SimulationWithCameras<TriFinger> simulation(options, calibration);
 ///     auto robot = simulation.connect();
 ///     const camera::CameraReader cameras(robot);
 ///     const auto images = cameras.get_latest_at(t);

@@ -2,28 +2,67 @@
 #pragma once
 
 #include <memory>
+#include <optional>
+#include <string>
 #include <vector>
 
 #include "trifinger/camera/camera.hpp"
 #include "trifinger/model/robot_description.hpp"
 #include "trifinger/rendering/driver_with_cameras.hpp"
 #include "trifinger/rendering/options.hpp"
+#include "trifinger/rendering/sight.hpp"
 #include "trifinger/sim/robot_config.hpp"
 #include "trifinger/sim/simulated_robot.hpp"
 #include "trifinger/sim/simulation.hpp"
 
 namespace trifinger::rendering {
 
-/// What the simulated cameras of a configuration look like: `rendering`, with their exposure and
-/// gain.
+/// What images of simulated cameras look like: as their configuration says, or as `look` says with
+/// the exposure and the gain of the configuration.
 [[nodiscard]] RenderingOptions rendering_options(const camera::CameraOptions& cameras,
-                                                 RenderingOptions rendering = {});
+                                                 const std::optional<RenderingOptions>& look = {});
 
 /// Finds the objects of a scene in the images of its cameras, with a `tracking::Tracker` for each.
 /// There are poses only if all objects were found and are sure.
 /// @throws InvalidArgument if an object has no faces with different colours, or the images none
 [[nodiscard]] std::unique_ptr<ObjectFinder> make_object_finder(
     const RobotDescription& description, const std::vector<camera::Camera>& cameras);
+
+/// How a simulated robot sees, without real time.
+struct SightOptions {
+  std::vector<camera::Camera> cameras;
+  CaptureOptions capture;
+  RenderingOptions rendering;
+  /// Light, colours, dust and noise differ in each session as `RenderingVariation` says.
+  bool varies{false};
+  bool finds_objects{false};  ///< A tracker finds the objects in the images.
+};
+
+/// How a configured robot sees whose session is called `name`. Nothing if it sees nothing.
+/// @throws InvalidArgument
+[[nodiscard]] std::optional<SightOptions> sight_options(
+    const RobotConfig& config, const std::string& name,
+    const std::optional<RenderingOptions>& look = {});
+
+/// Age of the newest pose of an object just before the next one arrives [steps]. If it is older,
+/// poses were lost, or the tracker was not sure since then.
+[[nodiscard]] inline TimeIndex oldest_sure_age(const CaptureOptions& capture) {
+  return capture.pose_delay.value_or(capture.delay) + capture.period - 1;
+}
+/// The same for poses that a simulation says.
+template <class R>
+[[nodiscard]] TimeIndex oldest_sure_age(const SimulationOptions<R>& simulation) {
+  return simulation.object_delay + simulation.object_period - 1;
+}
+/// The same in a simulation of a configured robot, without real time.
+[[nodiscard]] TimeIndex oldest_sure_age(const RobotConfig& config);
+/// The same for a configured robot that runs elsewhere. It is a period longer, because poses of
+/// other processes may be late.
+[[nodiscard]] TimeIndex oldest_sure_age_elsewhere(const RobotConfig& config);
+
+/// The eyes of a robot that sees, with a tracker if it has to find its objects.
+/// @throws InvalidArgument, Error that says what to install if this machine cannot draw
+[[nodiscard]] Eyes make_eyes(const RobotDescription& description, const SightOptions& options);
 
 /// The driver of a configured robot that sees, for a simulation without real time: with its
 /// cameras, if it has simulated ones, and with poses that a tracker has found, if its configuration
@@ -32,7 +71,7 @@ namespace trifinger::rendering {
 template <class R>
 [[nodiscard]] std::unique_ptr<DriverWithCameras<R>> make_driver_with_cameras(
     SimulatedRobot<R>& robot, const RobotConfig& config, const std::string& name,
-    const RenderingOptions& rendering = {});
+    const std::optional<RenderingOptions>& look = {});
 
 /// A simulation of a configured robot in this process, without real time, with the cameras and the
 /// tracker of its configuration. The same configuration gives the same observations, poses
@@ -40,6 +79,6 @@ template <class R>
 /// @throws InvalidArgument, Error that says what to install if this machine cannot draw
 template <class R>
 [[nodiscard]] Simulation<R> make_simulation(const RobotConfig& config,
-                                            const RenderingOptions& rendering = {});
+                                            const std::optional<RenderingOptions>& look = {});
 
 }  // namespace trifinger::rendering

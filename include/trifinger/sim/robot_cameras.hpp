@@ -11,7 +11,7 @@
 namespace trifinger {
 
 /// The cameras of a robot's model: the published figures, with images of 540 x 540 pixels in a
-/// Bayer mosaic. Those of a flipped platform turn with it.
+/// Bayer mosaic. Those of a flipped platform turn with it. None if the description has none.
 [[nodiscard]] camera::Calibration calibration_of_figures(const RobotDescription& description);
 
 /// The cameras of a configured robot whose session is called `robot`.

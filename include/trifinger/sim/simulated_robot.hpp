@@ -95,6 +95,8 @@ class SimulatedRobot final : public Driver<R> {
   /// Makes the robot differ from its description from now on. A reset does not change this.
   /// @throws InvalidArgument
   void vary(const Variation& variation);
+  /// The random numbers of the noise on poses.
+  [[nodiscard]] const Random& random() const noexcept { return state_.memory.random; }
   /// Places an object at rest at `pose`. The orientation is normalized.
   /// @throws InvalidArgument that names the existing objects, or if the pose is not valid
   void place_object(const std::string& name, const ObjectPose& pose);
@@ -109,6 +111,10 @@ class SimulatedRobot final : public Driver<R> {
   /// The object's pose now, without delay and noise: position [m] and quaternion w, x, y, z.
   /// @throws InvalidArgument that names the existing objects
   [[nodiscard]] ObjectPose object_pose(const std::string& name) const;
+  /// The object's pose at the newest observation, without delay and noise. The action of that step
+  /// may have moved it since.
+  /// @throws InvalidArgument that names the existing objects
+  [[nodiscard]] ObjectPose observed_object_pose(const std::string& name) const;
   /// The object's velocity now, without delay and noise: velocity of its centre [m/s] and angular
   /// velocity [rad/s].
   /// @throws InvalidArgument that names the existing objects

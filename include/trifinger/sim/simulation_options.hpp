@@ -39,6 +39,7 @@ struct SimulationOptions {
   TimeIndex object_delay{0};             ///< Steps from the capture of a pose to its arrival.
   double object_position_noise{0.0};     ///< Standard deviation of a pose's position, per axis [m].
   double object_orientation_noise{0.0};  ///< Standard deviation of its rotation, per axis [rad].
+  double object_loss{0.0};               ///< Probability that a pose never arrives.
   /// The simulation itself says where objects are, in its companion "object". False: there is no
   /// such companion, because a tracker in another process says it.
   bool exact_poses{true};

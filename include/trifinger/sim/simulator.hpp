@@ -73,7 +73,9 @@ class Simulator {
     Memory memory{};
     std::vector<Capture> captures{};  ///< A ring. Its front is the newest delivered pose.
     Observation observation{};        ///< The newest observation, which the checks use.
-    FixedText thrown{};               ///< Text of the last exception from an added check.
+    /// True poses of all objects at that observation.
+    std::vector<ObjectPose> objects{};
+    FixedText thrown{};  ///< Text of the last exception from an added check.
     bool has_initial_pose{false};
   };
 
@@ -122,7 +124,7 @@ class Simulator {
   /// Makes the next steps count from `step`.
   void move_to_step(TimeIndex step, State& state) const noexcept;
 
-  /// Measures `state.observation`.
+  /// Measures `state.observation`, and notes where the objects are.
   void observe(const mjData_& data, State& state) const noexcept;
   /// Checks `desired` against `state.observation` and moves on by one step. If a number is not
   /// finite after the step, the simulation has diverged, and the previous step is the last good

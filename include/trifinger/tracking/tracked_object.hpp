@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -24,11 +25,6 @@ struct TrackedObject {
   double rim{0};  ///< About how wide the dark rims around the faces are [m]; 0 if there are none.
 };
 
-/// The colours of a box's faces: +x, +y, +z, -z, -x, -y.
-using BoxColours = std::array<std::string, 6>;
-/// The colours of the competition's cubes, versions 2 and 3, and of its cuboid.
-[[nodiscard]] BoxColours competition_colours();
-
 /// A box with whole lengths `size` [m]. The colour of a face ends `rim` before its edges [m]; the
 /// rest is dark.
 /// @throws InvalidArgument if the rim leaves nothing of a face
@@ -36,8 +32,7 @@ using BoxColours = std::array<std::string, 6>;
                                          const BoxColours& colours = competition_colours(),
                                          double rim = 0);
 
-/// An object of a scene as the simulation draws it: boxes have the colours of the competition's
-/// cubes, and rims.
+/// An object of a scene as the simulation draws it: boxes have colours and rims.
 /// @throws InvalidArgument if it has no faces with different colours, like a stick or a ball
 [[nodiscard]] TrackedObject tracked_object(const ObjectDescription& object);
 
@@ -48,5 +43,14 @@ using BoxColours = std::array<std::string, 6>;
                                           const std::vector<Eigen::Vector3d>& vertices,
                                           const std::vector<std::array<int, 3>>& triangles,
                                           const std::vector<std::string>& colours);
+
+/// The number of turns after which the object looks the same. If there are any, images cannot tell
+/// its orientation, and no estimate of its pose is ever sure.
+/// @throws InvalidArgument if the object has no faces
+[[nodiscard]] int look_alikes(const TrackedObject& object);
+
+/// A sentence that says so and what to do. Nothing if images can tell the orientation.
+/// @throws InvalidArgument if the object has no faces
+[[nodiscard]] std::optional<std::string> look_alike_warning(const TrackedObject& object);
 
 }  // namespace trifinger::tracking

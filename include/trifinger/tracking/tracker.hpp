@@ -59,7 +59,8 @@ class Tracker {
 
   /// Where the object is in these images, one of each camera. An empty image stands for one that is
   /// missing or damaged. `guess` is where the object may be, such as its last pose. It saves time
-  /// if it is near, and it is forgotten if the images do not confirm it. Does not allocate.
+  /// if it is near, and it is forgotten if the images do not confirm it or if a number in it is not
+  /// finite. Does not allocate.
   /// @throws InvalidArgument if the number of images or the size of one is wrong
   [[nodiscard]] Estimate track(std::span<const std::span<const std::byte>> images,
                                const Eigen::Isometry3d* guess = nullptr);

@@ -10,6 +10,7 @@ from trifinger._trifinger import Log, LoggedSession
 from trifinger.commands import program
 from trifinger.commands.command_line import add_log_options, run
 from trifinger.errors import InvalidArgument
+from trifinger.log.images import save_images
 from trifinger.log.steps import step_range
 from trifinger.log.tables import SERIES, to_csv, to_parquet
 
@@ -45,6 +46,12 @@ def export(arguments: argparse.Namespace) -> int:
         return subprocess.run(words, check=False).returncode
 
     log = Log(arguments.log)
+    if arguments.images is not None:
+        session = log.session(arguments.robot or "")
+        first, last = step_range(session, arguments.from_, arguments.to)
+        count = save_images(session, arguments.images, first, last)
+        print(f"{arguments.images} has {count} images and images.csv.")
+        return 0
     output = arguments.output or Path()
     kind = output.suffix.removeprefix(".")
     if kind in WRITERS:
@@ -82,7 +89,8 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         prog="trifinger log export",
         description="Write the sessions and companions of a log as tables: a row per step.",
         epilog="Examples:\n  trifinger log export run.mcap -o run.csv\n"
-        "  trifinger log export run.mcap --format parquet -o tables",
+        "  trifinger log export run.mcap --format parquet -o tables\n"
+        "  trifinger log export run.mcap --images images",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_log_options(parser)
@@ -96,6 +104,13 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         "--output",
         type=Path,
         help="a file (.csv, .parquet) for the newest session, or a folder for all sessions",
+    )
+    parser.add_argument(
+        "--images",
+        type=Path,
+        metavar="DIR",
+        help="instead of tables: write each image of the newest session as a file into DIR, and a "
+        "table of them; the folder can be a source of images",
     )
     parser.add_argument("--robot", metavar="NAME", help="only the robot or companion of this name")
     parser.add_argument(

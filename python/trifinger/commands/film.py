@@ -9,6 +9,7 @@ from trifinger import extras
 from trifinger._trifinger import Log, LoggedSession
 from trifinger.commands.command_line import add_view_options, run, view_of
 from trifinger.errors import Error, InvalidArgument
+from trifinger.log.camera_film import camera_film
 from trifinger.log.film import film
 from trifinger.log.manipulation import Trace
 
@@ -81,7 +82,8 @@ def main(words: Sequence[str] | None = None) -> int:
         description="Draw a session: a film and a strip of pictures; with a report, a plot of it.",
         epilog="Examples:\n"
         "  trifinger film logs                               the newest session\n"
-        "  trifinger film logs --report manipulate_output    the session of the report",
+        "  trifinger film logs --report manipulate_output    the session of the report\n"
+        "  trifinger film logs --cameras                     what its cameras saw",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("log", type=Path, help="a file, or a folder of recordings")
@@ -95,6 +97,11 @@ def main(words: Sequence[str] | None = None) -> int:
         help="number or id, as `trifinger log info` shows them; default: the report's, or the "
         "newest",
     )
+    parser.add_argument(
+        "--cameras",
+        action="store_true",
+        help="only cameras.mp4: what the robot's cameras saw, above a plot with the same time",
+    )
     add_view_options(parser)
     arguments = parser.parse_args(words)
 
@@ -104,6 +111,9 @@ def main(words: Sequence[str] | None = None) -> int:
         trace = Trace(arguments.report) if arguments.report else None
         session = find_session(arguments.log, arguments.robot, arguments.session, trace)
         output = arguments.output or arguments.report or Path("film")
+        if arguments.cameras:
+            print(f"{camera_film(session, output)} written.", flush=True)
+            return
         for path in film(session, output, trace, view):
             print(f"{path} written.", flush=True)
 

@@ -13,10 +13,13 @@ import numpy.typing as npt
 from trifinger import _trifinger, mappings
 from trifinger._trifinger import Frontend, Observation as Observed, Simulation
 from trifinger.arrays import Array
+from trifinger.cameras import Cameras
 from trifinger.environments.options import Options, default_options, overrides_of
 from trifinger.environments.task_environment import (
+    AGE,
     Info,
     Observation,
+    Part,
     TaskEnvironment,
     copied,
     seed_of,
@@ -27,6 +30,8 @@ from trifinger.picture import Painter, View
 from trifinger.tasks import Task
 
 OBJECT = "object"  # the companion with the poses of objects
+NEVER = -(10**12)  # step of an image that never came: it counts as the oldest
+NOT_FOUND = (np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
 _MAPPINGS: dict[str, Callable[..., mappings.DecisionProcess[Any]]] = {
     "approximation": mappings.Approximation,
     "state_augmentation": mappings.StateAugmentation,
@@ -95,6 +100,11 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
         )
         self.observation_space = self._observation_space()
         self.action_space = self._action_space()
+        self._cameras: Cameras | None = None
+        self._image: dict[str, Array] = {}  # the newest of each camera
+        self._captured: dict[str, int] = {}  # their steps
+        self._image_age = np.zeros(0, np.float32)
+        self._object_age_now = -1
         self._seed: int | None = None
         self._episode = 0
         self._is_running = False
@@ -146,8 +156,13 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
             if self._object:
                 simulation.place_object(self._object, object_position, orientation)
                 simulation.set_object_velocity(self._object, velocity)
+        for name, height, width in self._core.cameras:
+            self._image[name] = np.zeros((height, width, 3), np.uint8)
+            self._captured[name] = NEVER
         try:
             state = self._begin_session()
+            if self._image:
+                self._cameras = Cameras(self._process.robot)
             if simulation is None:
                 state = self._move_there(state)
             *_, success = self._look(state)
@@ -231,19 +246,59 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
 
     def _look(self, state: Any) -> tuple[float, bool, bool, bool]:
         observation = _observed(state)
-        pose = None
+        pose = truth = None
         if self._object:
-            seen = self._process.robot.companion(OBJECT).get_latest_at(self._process.time_index)
-            if seen is None:
-                raise InvalidArgument(f"nobody has said where the {self._object} is")
-            part = seen[self._object]
-            pose = (part["position"], part["orientation"])
-        outcome = self._core.observe(observation.position, observation.velocity, pose)
+            pose = self._look_for_object()
+            if self._simulation is not None and self._core.judges_by_truth:
+                truth = self._simulation.observed_object_pose(self._object)
+        if self._cameras is not None:
+            self._look_at_images(self._cameras)
+        outcome = self._core.observe(observation.position, observation.velocity, pose, truth)
         self._last_reward = outcome[0]
         return outcome
 
+    # The newest pose of the object that has arrived.
+    def _look_for_object(self) -> tuple[Array, Array]:
+        now = self._process.time_index
+        seen = self._process.robot.companion(OBJECT).get_latest_at(now)
+        if seen is None:
+            if self.options.object_poses != "tracked":
+                raise InvalidArgument(f"nobody has said where the {self._object} is")
+            self._object_age_now = -1
+            return NOT_FOUND
+        self._object_age_now = now - int(seen["stamp"]["capture_index"])
+        part = seen[self._object]
+        return part["position"], part["orientation"]
+
+    # Takes the good ones of the newest images. Of a camera without a good one, the last one stays.
+    def _look_at_images(self, cameras: Cameras) -> None:
+        now = self._process.time_index
+        images = cameras.get_latest_at(now)
+        for name, last in self._image.items():
+            if images is None or images.frame(name).state != "good":
+                continue
+            captured = int(images.element["stamp"]["capture_index"])
+            if captured == self._captured[name]:
+                continue
+            image = images[name]
+            if image.shape != last.shape:
+                raise InvalidArgument(
+                    f"the images of {name} have {image.shape[1]} x {image.shape[0]} pixels; "
+                    f"camera_size is {self.options.camera_size}"
+                )
+            self._image[name], self._captured[name] = image, captured
+        oldest = self._core.oldest_image_age
+        ages = [min(now - step, oldest) for step in self._captured.values()]
+        self._image_age = np.array(ages, np.float32)
+
     def _observation(self) -> Observation:
-        return copied(self._newest())
+        return copied(self._views())
+
+    def _images(self, _part: Part) -> dict[str, Array]:
+        return self._image | {AGE: self._image_age} if self._image else {}
+
+    def _object_age(self, _part: Part) -> Any:
+        return self._object_age_now
 
     def _info(self, **more: Any) -> Info:
         info: Info = {"is_success": False, "fault": 0} | self._measures()
@@ -253,9 +308,7 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
 
     # Moves a connected robot to where the episode begins.
     def _move_there(self, state: Any) -> Any:
-        configuration = self._process.robot.documents().get("configuration.yml")
-        if configuration is not None:
-            self._core.check_robot(configuration)
+        self._core.check_robot(self._process.robot.documents().get("configuration.yml"))
         if self._object:
             self._process.robot.companion(OBJECT)  # raises if there is none
         for point in self._core.way(_observed(state).position):

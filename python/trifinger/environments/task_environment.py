@@ -13,7 +13,9 @@ from trifinger.errors import InvalidArgument
 
 Observation = Array | dict[str, Array]
 Info = dict[str, Any]
+Part = Literal["", "final_"]
 
+AGE = "image_age"
 FARTHEST = 10.0  # bound of all coordinates of goals [m]
 
 
@@ -48,8 +50,10 @@ class TaskEnvironment:
         With per_finger=True goals are in the frames of their fingers. With observation="goal", pass
         the vector "observation" of the dictionary.
         """
-        if self.options.observation == "dictionary":
-            raise InvalidArgument('observation is "dictionary": it has its entries already')
+        if self.options.observation in ("dictionary", "images"):
+            raise InvalidArgument(
+                f'observation is "{self.options.observation}": it has its entries already'
+            )
         return {
             name: low + 0.5 * (observations[..., places] + 1.0) * (high - low)
             for name, (places, low, high) in self._flat.items()
@@ -60,32 +64,50 @@ class TaskEnvironment:
         flat = spaces.Box(-1.0, 1.0, (core.observation.shape[-1],), np.float32)
         if self.options.observation == "flat":
             return flat
-        if self.options.observation == "dictionary":
-            return spaces.Dict(
-                {
-                    name: spaces.Box(np.float32(low), np.float32(high), dtype=np.float32)
-                    for name, (_, low, high) in self._flat.items()
-                }
-            )
+        if self.options.observation in ("dictionary", "images"):
+            entries: dict[str, spaces.Space[Any]] = {
+                name: spaces.Box(np.float32(low), np.float32(high), dtype=np.float32)
+                for name, (_, low, high) in self._flat.items()
+            }
+            for name, height, width in core.cameras:
+                entries[name] = spaces.Box(0, 255, (height, width, 3), np.uint8)
+            if core.cameras:
+                entries[AGE] = spaces.Box(
+                    0.0, core.oldest_image_age, (len(core.cameras),), np.float32
+                )
+            return spaces.Dict(entries)
         goal = spaces.Box(-FARTHEST, FARTHEST, (core.achieved.shape[-1],), np.float64)
         return spaces.Dict({"observation": flat, "achieved_goal": goal, "desired_goal": goal})
 
     def _action_space(self) -> spaces.Box:
         return spaces.Box(-1.0, 1.0, (self._core.num_joints,), np.float32)
 
-    # Views of the arrays that C++ writes, in the form that the options ask for.
-    def _views(self, observation: Array, achieved: Array, desired: Array) -> Observation:
+    # Views of the newest arrays, or of those of the `final_` state of episodes, in the form that
+    # the options ask for.
+    def _views(self, part: Part = "") -> Observation:
+        core = self._core
+        observation: Array = getattr(core, f"{part}observation")
         if self.options.observation == "flat":
             return observation
-        if self.options.observation == "dictionary":
-            return {name: observation[..., part] for name, part in self._slices.items()}
-        return {"observation": observation, "achieved_goal": achieved, "desired_goal": desired}
+        if self.options.observation in ("dictionary", "images"):
+            entries = {name: observation[..., place] for name, place in self._slices.items()}
+            return entries | self._images(part)
+        return {
+            "observation": observation,
+            "achieved_goal": getattr(core, f"{part}achieved"),
+            "desired_goal": getattr(core, f"{part}desired"),
+        }
 
-    def _newest(self) -> Observation:
-        return self._views(self._core.observation, self._core.achieved, self._core.desired)
+    # The images that are observed, with their ages.
+    def _images(self, part: Part) -> dict[str, Array]:
+        raise NotImplementedError
+
+    # The age of the object's pose that is observed; -1 if it was not found yet [steps].
+    def _object_age(self, part: Part) -> Any:
+        raise NotImplementedError
 
     # What single and vector environments tell, as of now or of the `final_` state of episodes.
-    def _measures(self, part: Literal["", "final_"] = "") -> Info:
+    def _measures(self, part: Part = "") -> Info:
         core = self._core
         info = {
             f"{goal}_goal": getattr(core, f"{part}{goal}").copy()
@@ -93,7 +115,12 @@ class TaskEnvironment:
         }
         distance = getattr(core, f"{part}distance")
         if core.object_name:
-            return info | {"distance": distance[..., 0].copy()}
+            info["distance"] = distance[..., 0].copy()
+            if self.options.observation != "images":
+                age = self._object_age(part)
+                info["object_age"] = age
+                info["object_is_sure"] = (age >= 0) & (age <= core.oldest_sure_age)
+            return info
         fingers = core.num_joints // 3
         rewards = getattr(core, f"{part}finger_rewards")
         return info | {

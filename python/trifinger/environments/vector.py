@@ -2,7 +2,7 @@
 """Many simulations of a task at once."""
 
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -14,8 +14,10 @@ from trifinger import _trifinger
 from trifinger.arrays import Array
 from trifinger.environments.options import Options, overrides_of
 from trifinger.environments.task_environment import (
+    AGE,
     Info,
     Observation,
+    Part,
     TaskEnvironment,
     copied,
     seed_of,
@@ -133,13 +135,16 @@ class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, 
             raise InvalidArgument(
                 f"the actions have shape {numbers.shape}, must have {self.action_space.shape}"
             )
-        self._core.step(numbers, self._mode)
         core = self._core
-        terminated, truncated = core.terminated.astype(bool), core.truncated.astype(bool)
+        try:
+            core.step(numbers, self._mode)
+        finally:
+            # Episodes in which an image could not be drawn have ended, too.
+            terminated, truncated = core.terminated.astype(bool), core.truncated.astype(bool)
+            self._has_ended = ended = terminated | truncated
         info = self._info(np.ones(self.num_envs, bool))
-        self._has_ended = ended = terminated | truncated
         if self._mode == "SameStep" and ended.any():
-            final = self._views(core.final_observation, core.final_achieved, core.final_desired)
+            final = self._views("final_")
             last = np.full(self.num_envs, None, object)
             for index in np.flatnonzero(ended):
                 last[index] = copied(final, index)
@@ -156,10 +161,22 @@ class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, 
         return self._reward_of(achieved_goal, desired_goal)
 
     def _observation(self) -> Observation:
-        seen = self._newest()
+        seen = self._views()
         return copied(seen) if self._copy else seen
 
-    def _info(self, mask: Array, part: Literal["", "final_"] = "") -> Info:
+    def _images(self, part: Part) -> dict[str, Array]:
+        core = self._core
+        if not core.cameras:
+            return {}
+        images = core.final_images if part else core.images
+        names = [name for name, *_ in core.cameras]
+        age = core.final_image_age if part else core.image_age
+        return dict(zip(names, images, strict=True)) | {AGE: age}
+
+    def _object_age(self, part: Part) -> Array:
+        return (self._core.final_object_age if part else self._core.object_age).copy()
+
+    def _info(self, mask: Array, part: Part = "") -> Info:
         core = self._core
         info = self._measures(part)
         info["is_success"] = getattr(core, f"{part}success").astype(bool)

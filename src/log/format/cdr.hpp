@@ -30,6 +30,11 @@ class CdrWriter {
     append(text.data(), text.size());
     bytes_.push_back(std::byte{0});
   }
+  // Adds an array of bytes.
+  void add(std::span<const std::byte> bytes) {
+    add(static_cast<std::uint32_t>(bytes.size()));
+    append(bytes.data(), bytes.size());
+  }
   // Adds a builtin_interfaces/Time. `nanoseconds` count from 1970.
   void add_time(std::int64_t nanoseconds) {
     constexpr std::int64_t kSecond = 1'000'000'000;
@@ -37,6 +42,7 @@ class CdrWriter {
     add(static_cast<std::uint32_t>(nanoseconds % kSecond));
   }
 
+  void reserve(std::size_t size) { bytes_.reserve(size); }
   [[nodiscard]] std::span<const std::byte> bytes() const noexcept { return bytes_; }
   [[nodiscard]] std::vector<std::byte> take() noexcept { return std::move(bytes_); }
 
@@ -81,6 +87,17 @@ class CdrReader {
     std::string text(reinterpret_cast<const char*>(bytes_.data()) + position_, size - 1);
     position_ += size;
     return text;
+  }
+
+  // An array of bytes, in the message itself.
+  [[nodiscard]] std::span<const std::byte> bytes() {
+    const auto size = number<std::uint32_t>();
+    if (size > bytes_.size() - position_) {
+      is_whole_ = false;
+      return {};
+    }
+    position_ += size;
+    return bytes_.subspan(position_ - size, size);
   }
 
   [[nodiscard]] bool is_whole() const noexcept { return is_whole_; }

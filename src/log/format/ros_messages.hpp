@@ -81,4 +81,49 @@ struct MessageType {
   return type;
 }
 
+[[nodiscard]] inline const MessageType& compressed_image_type() {
+  static const MessageType type{"sensor_msgs/msg/CompressedImage",
+                                "std_msgs/Header header\n"
+                                "string format\n"
+                                "uint8[] data\n" +
+                                    header_definition()};
+  return type;
+}
+
+[[nodiscard]] inline const MessageType& raw_image_type() {
+  static const MessageType type{"sensor_msgs/msg/Image",
+                                "std_msgs/Header header\n"
+                                "uint32 height\n"
+                                "uint32 width\n"
+                                "string encoding\n"
+                                "uint8 is_bigendian\n"
+                                "uint32 step\n"
+                                "uint8[] data\n" +
+                                    header_definition()};
+  return type;
+}
+
+[[nodiscard]] inline const MessageType& camera_info_type() {
+  static const MessageType type{"sensor_msgs/msg/CameraInfo",
+                                "std_msgs/Header header\n"
+                                "uint32 height\n"
+                                "uint32 width\n"
+                                "string distortion_model\n"
+                                "float64[] d\n"
+                                "float64[9] k\n"
+                                "float64[9] r\n"
+                                "float64[12] p\n"
+                                "uint32 binning_x\n"
+                                "uint32 binning_y\n"
+                                "sensor_msgs/RegionOfInterest roi\n" +
+                                    header_definition() +
+                                    used_type("sensor_msgs/RegionOfInterest",
+                                              "uint32 x_offset\n"
+                                              "uint32 y_offset\n"
+                                              "uint32 height\n"
+                                              "uint32 width\n"
+                                              "bool do_rectify\n")};
+  return type;
+}
+
 }  // namespace trifinger::log::detail

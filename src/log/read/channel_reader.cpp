@@ -4,6 +4,7 @@
 #include <cstring>
 
 #include "format/format.hpp"
+#include "format/image_messages.hpp"
 #include "format/records.hpp"
 #include "trifinger/base/error.hpp"
 
@@ -17,6 +18,13 @@ ChannelReader reader_of(const mcap::Channel& channel) {
   if (channel.message_encoding != "cdr") return reader;
   if (channel.topic == "/events" && reader.session.empty()) reader.role = Role::kEvent;
   const std::string role = entry_of(channel.metadata, "role");
+  if (role == kImageRole) {
+    reader.role = Role::kImage;
+    reader.session = entry_of(channel.metadata, "robot");
+    reader.camera = entry_of(channel.metadata, "camera");
+    reader.is_compressed = entry_of(channel.metadata, "images") == kJpegImages;
+    return reader;
+  }
   if (reader.session.empty() || (role != "step" && role != "end" && role != "companion")) {
     return reader;
   }

@@ -16,14 +16,16 @@ struct Stream;
 
 /// How the messages of a channel are read.
 struct ChannelReader {
-  enum class Role : std::uint8_t { kOther, kEvent, kStep, kEnd, kCompanion };
+  enum class Role : std::uint8_t { kOther, kEvent, kStep, kEnd, kCompanion, kImage };
 
   Role role{Role::kOther};
   std::string topic;
-  std::string session;  // name of the robot or companion
+  std::string session;  // name of the robot or companion; for images: of the robot
   RobotTypes types;     // for a companion: its type and its observation
   ElementDescription status;
   std::optional<MessageLayout> layout;
+  std::string camera;         // for images
+  bool is_compressed{false};  // for images: JPEG
   bool has_wrong_message{false};
 
   // Stream of the previous message: the next message usually belongs to the same one.

@@ -26,7 +26,8 @@ LogData::LogData(const std::vector<std::filesystem::path>& parts, Several severa
     size_ += files_[i].size;
     if (origin_.empty()) origin_ = files_[i].origin;
     const std::size_t count = files_[i].reader.contents().chunks.size();
-    for (std::size_t index = 0; index < count; ++index) chunks_.push_back({i, index, false, {}});
+    for (std::size_t index = 0; index < count; ++index)
+      chunks_.push_back({.file = i, .index = index, .runs = {}});
   }
   bool is_certain = true;
   for (LogFile& file : files_) {
@@ -34,6 +35,7 @@ LogData::LogData(const std::vector<std::filesystem::path>& parts, Several severa
     for (const auto& [id, channel] : contents.channels) {
       is_certain = add_channel(file, channel) && is_certain;
     }
+    mark_chunks(file);
     for (const mcap::Metadata& record : contents.metadata) {
       try {
         sessions_.read(record);
@@ -67,6 +69,26 @@ bool LogData::add_channel(LogFile& file, const mcap::Channel& channel) {
   }
 }
 
+void LogData::mark_chunks(LogFile& file) {
+  const mcap::Contents& contents = file.reader.contents();
+  // Only a whole summary is sure to name all channels of a chunk.
+  if (!contents.is_finished || !contents.damage.empty()) return;
+  const auto has_elements = [&file](const auto& index) {
+    const auto& [channel, offset] = index;
+    const auto found = file.channels.find(channel);
+    return found == file.channels.end() || found->second.is_of_stream() ||
+           found->second.role == ChannelReader::Role::kEvent;
+  };
+  for (Chunk& chunk : chunks_) {
+    if (&files_[chunk.file] != &file) continue;
+    const auto& indexes = contents.chunks[chunk.index].indexes;
+    if (indexes.empty() || std::ranges::any_of(indexes, has_elements)) continue;
+    chunk.has_elements = false;
+    chunk.is_known = true;
+    ++num_known_;
+  }
+}
+
 void LogData::ignore(const LogFile& file, const std::string& reason) {
   damage_.push_back({file.path, 0, 0, reason});
 }
@@ -96,6 +118,64 @@ std::span<const Run> LogData::runs(std::size_t n) {
 
 void LogData::read_all() {
   for (std::size_t n = 0; num_known_ < chunks_.size() && n < chunks_.size(); ++n) (void)runs(n);
+}
+
+void LogData::verify_all() {
+  read_all();
+  if (std::exchange(is_verified_, true)) return;
+  for (std::size_t n = 0; n < chunks_.size(); ++n) {
+    if (!chunks_[n].has_elements) (void)load(n);
+  }
+}
+
+// ---- images ----
+
+bool LogData::may_have_images(const Chunk& chunk) {
+  LogFile& file = files_[chunk.file];
+  const auto& indexes = file.reader.contents().chunks[chunk.index].indexes;
+  return indexes.empty() || std::ranges::any_of(indexes, [&](const auto& index) {
+           const ChannelReader* const channel = channel_of(file, index.first);
+           return channel != nullptr && channel->role == ChannelReader::Role::kImage;
+         });
+}
+
+std::optional<ImageMessage> LogData::find_image(const std::string& robot, const std::string& camera,
+                                                std::int64_t time, TimeIndex element) {
+  if (!image_chunks_) {
+    image_chunks_.emplace();
+    for (std::size_t n = 0; n < chunks_.size(); ++n) {
+      if (may_have_images(chunks_[n])) image_chunks_->push_back(n);
+    }
+  }
+  // Most readers want one image after the other.
+  for (std::size_t i = 0; i < image_chunks_->size(); ++i) {
+    const std::size_t place = (next_image_ + i) % image_chunks_->size();
+    if (auto found = find_image_in((*image_chunks_)[place], robot, camera, time, element)) {
+      next_image_ = place;
+      return found;
+    }
+  }
+  return std::nullopt;
+}
+
+std::optional<ImageMessage> LogData::find_image_in(std::size_t n, const std::string& robot,
+                                                   const std::string& camera, std::int64_t time,
+                                                   TimeIndex element) {
+  LogFile& file = files_[chunks_[n].file];
+  const mcap::ChunkPlace& place = file.reader.contents().chunks[chunks_[n].index];
+  const auto wanted = static_cast<std::uint64_t>(std::max<std::int64_t>(time, 0));
+  const auto sequence = static_cast<std::uint32_t>(element);
+  if (wanted < place.first_time || wanted > place.last_time) return std::nullopt;
+  for (const mcap::Message& message : load(n)) {
+    if (message.log_time != wanted || message.sequence != sequence) continue;
+    const ChannelReader* const channel = channel_of(file, message.channel_id);
+    if (channel == nullptr || channel->role != ChannelReader::Role::kImage ||
+        channel->session != robot || channel->camera != camera) {
+      continue;
+    }
+    return ImageMessage{.is_compressed = channel->is_compressed, .message = message.data};
+  }
+  return std::nullopt;
 }
 
 void LogData::look_into(std::size_t n, std::span<const mcap::Message> messages) {
@@ -210,7 +290,7 @@ std::vector<Event> LogData::events() {
 }
 
 std::vector<Damage> LogData::damage() {
-  read_all();
+  verify_all();
   std::vector<Damage> all = damage_;
   for (const LogFile& file : files_) {
     std::ranges::move(damage_of(file.path, file.size, file.reader.contents()),
@@ -220,7 +300,7 @@ std::vector<Damage> LogData::damage() {
 }
 
 std::uint64_t LogData::lost_bytes() {
-  read_all();
+  verify_all();
   std::uint64_t sum = 0;
   for (const LogFile& file : files_) {
     sum += lost_bytes_of(damage_of(file.path, file.size, file.reader.contents()), file.size);

@@ -44,6 +44,12 @@ struct StreamMessage {
   }
 };
 
+/// A message with an image. Its bytes are valid until another chunk is read.
+struct ImageMessage {
+  bool is_compressed{false};
+  std::span<const std::byte> message;
+};
+
 /// All files of a log as one: chunks are numbered through all parts. Reads chunks and remembers
 /// what was in them. Finds chunks by bisection, which works because the indices of a stream only
 /// rise. Callers must hold `mutex`.
@@ -72,12 +78,13 @@ class LogData {
   [[nodiscard]] std::size_t num_chunks() const noexcept { return chunks_.size(); }
   /// Returns what is in chunk `n`. Reads the chunk if that was not done before.
   [[nodiscard]] std::span<const Run> runs(std::size_t n);
-  /// Reads all chunks that were not read before.
+  /// Reads all chunks that were not read before and may have elements or events.
   void read_all();
 
   /// Reads chunk `n` and calls `visit(StreamMessage)`, until it returns false.
   template <class Visit>
   void visit(std::size_t n, const Visit& visit) {
+    if (!chunks_[n].has_elements) return;
     LogFile& file = files_[chunks_[n].file];
     for (const mcap::Message& message : load(n)) {
       ChannelReader* const channel = channel_of(file, message.channel_id);
@@ -116,6 +123,12 @@ class LogData {
   /// Returns an upper limit of the messages of `stream` in the log, whatever the log claims.
   [[nodiscard]] std::size_t max_messages(const Stream& stream) const noexcept;
 
+  /// Returns the image of the robot's camera that belongs to element `element` of its companion and
+  /// was taken at `time`.
+  [[nodiscard]] std::optional<ImageMessage> find_image(const std::string& robot,
+                                                       const std::string& camera, std::int64_t time,
+                                                       TimeIndex element);
+
   /// Returns the steps or elements [first, end) of `stream` that a log without gaps has.
   [[nodiscard]] std::pair<TimeIndex, TimeIndex> range(const Stream& stream);
   [[nodiscard]] std::vector<Gap> gaps(const Stream& stream);
@@ -124,12 +137,21 @@ class LogData {
   struct Chunk {
     std::size_t file;
     std::size_t index;
+    bool has_elements{true};  // false: it certainly has neither elements nor events
     bool is_known{false};
     std::vector<Run> runs;
   };
   // Returns false if the messages are ours but cannot be read.
   bool add_channel(LogFile& file, const mcap::Channel& channel);
   void ignore(const LogFile& file, const std::string& reason);
+  // Finds the chunks without elements, most of which have images.
+  void mark_chunks(LogFile& file);
+  // Reads every byte that was not read before.
+  void verify_all();
+  [[nodiscard]] bool may_have_images(const Chunk& chunk);
+  [[nodiscard]] std::optional<ImageMessage> find_image_in(std::size_t n, const std::string& robot,
+                                                          const std::string& camera,
+                                                          std::int64_t time, TimeIndex element);
 
   [[nodiscard]] std::span<const mcap::Message> load(std::size_t n);
   void look_into(std::size_t n, std::span<const mcap::Message> messages);
@@ -167,7 +189,10 @@ class LogData {
   std::map<std::string, std::string> origin_;
   SessionTable sessions_;
   std::map<std::size_t, std::vector<Event>> events_by_chunk_;
-  std::size_t num_known_{0};  // number of chunks that were read
+  std::size_t num_known_{0};  // number of chunks that were read or need not be read
+  bool is_verified_{false};
+  std::optional<std::vector<std::size_t>> image_chunks_;  // those that may have images
+  std::size_t next_image_{0};  // where the next one probably is among `image_chunks_`
 };
 
 }  // namespace trifinger::log::detail

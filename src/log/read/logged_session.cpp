@@ -176,7 +176,7 @@ void LoggedSession::get(const Column& column, TimeIndex first, std::size_t count
   throw_not_in_log(*log_, *stream_, column.series, first, last - 1);
 }
 
-bool LoggedSession::get_latest_at(TimeIndex t, void* element) const {
+bool LoggedSession::get_latest_at(TimeIndex t, void* element, TimeIndex* index) const {
   if (!is_companion()) {
     throw InvalidArgument("get_latest_at reads companions; robot '" + name() +
                           "' has one element per step: use get_observation");
@@ -212,6 +212,7 @@ bool LoggedSession::get_latest_at(TimeIndex t, void* element) const {
                     return found.index >= wanted;
                   });
   if (!is_found) throw_not_in_log(*log_, *stream_, Series::kObservation, wanted, wanted);
+  if (index != nullptr) *index = wanted;
   return true;
 }
 

@@ -9,8 +9,12 @@
 #include <utility>
 
 #include "format/extra_series.hpp"
+#include "format/image_messages.hpp"
 #include "trifinger/base/error.hpp"
+#include "trifinger/camera/image_file.hpp"
+#include "trifinger/camera/images.hpp"
 #include "trifinger/core/status.hpp"
+#include "trifinger/log/logged_images.hpp"
 
 namespace trifinger::log {
 
@@ -29,6 +33,21 @@ std::vector<std::byte> read(const LoggedSession& session, Series series, TimeInd
   std::vector<std::byte> bytes(session.element(series).size() * static_cast<std::size_t>(count));
   session.get(series, first, static_cast<std::size_t>(count), bytes.data());
   return bytes;
+}
+
+// True if the first image of a log is one.
+bool is_jpeg(const LoggedCameras& cameras) {
+  const auto [first, end] = cameras.range();
+  for (TimeIndex i = first; i < end; ++i) {
+    try {
+      const LoggedImages images = cameras.at(i);
+      for (std::size_t camera = 0; camera < images.cameras().size(); ++camera) {
+        if (images.has(camera)) return images.recorded(camera).encoding == kJpegImages;
+      }
+    } catch (const NotInLog&) {  // NOLINT(bugprone-empty-catch): a gap has no images
+    }
+  }
+  return false;
 }
 
 template <class Vector>
@@ -77,6 +96,70 @@ ReplayDriver::ReplayDriver(const LoggedSession& session, const ReplayOptions& op
   for (const LoggedSession& companion : session.companions()) {
     if (!is_extra(types_.type, companion.type())) load_companion(companion, first);
   }
+  load_images(session, options.images_of);
+}
+
+ReplayDriver::~ReplayDriver() = default;
+
+// The images of a log on their way into the memory that readers share.
+struct ReplayDriver::Images {
+  Images(const LoggedSession& session, std::size_t its_companion, camera::ImageWriter its_writer)
+      : cameras(session),
+        companion(its_companion),
+        writer(std::move(its_writer)),
+        frames(cameras.calibration().cameras.size()),
+        element(writer.element_size()) {}
+
+  // Fills in where the pixels of element `index` lie, and the times of the new session.
+  void show(TimeIndex index, Nanoseconds capture, std::byte* target) {
+    const LoggedImages logged = cameras.at(index);
+    const auto places = writer.begin();
+    const std::int64_t newest = *std::ranges::max_element(logged.times());
+    for (std::size_t i = 0; i < frames.size(); ++i) {
+      frames[i] = logged.infos()[i].frame();
+      frames[i].time = Instant(capture - Nanoseconds(newest - logged.times()[i]));
+      if (frames[i].state != camera::Frame::State::kGood) continue;
+      try {
+        std::ranges::copy(logged.pixels(i), places[i].begin());
+      } catch (const Error&) {
+        frames[i].state = camera::Frame::State::kNone;  // not recorded, or damaged
+      }
+    }
+    commit(target);
+  }
+
+  // The file has changed meanwhile: these images have not come.
+  void show_none(std::byte* target) noexcept {
+    for (camera::Frame& frame : frames) frame = {};
+    commit(target);
+  }
+
+  // All but the stamp.
+  void commit(std::byte* target) noexcept {
+    writer.commit(frames, element);
+    std::memcpy(target + sizeof(Stamp), element.data() + sizeof(Stamp),
+                element.size() - sizeof(Stamp));
+  }
+
+  LoggedCameras cameras;
+  std::size_t companion;  // number among the companions
+  camera::ImageWriter writer;
+  std::vector<camera::Frame> frames;
+  std::vector<std::byte> element;
+};
+
+void ReplayDriver::load_images(const LoggedSession& session, const std::string& images_of) {
+  const auto found =
+      std::ranges::find(descriptions_, camera::kCompanion, &CompanionDescription::name);
+  const std::optional<SessionCameras> known = cameras_of(session.header());
+  if (found == descriptions_.end() || !known) return;
+  const std::vector<camera::Camera>& cameras = known->cameras;
+  if (is_jpeg(LoggedCameras(session))) camera::require_jpeg();
+  found->payload = camera::image_payload(cameras);
+  images_ =
+      std::make_unique<Images>(session, static_cast<std::size_t>(found - descriptions_.begin()),
+                               images_of.empty() ? camera::ImageWriter::anonymous(cameras)
+                                                 : camera::ImageWriter(images_of, cameras));
 }
 
 void ReplayDriver::load_companion(const LoggedSession& companion, TimeIndex first) {
@@ -105,6 +188,7 @@ void ReplayDriver::load_companion(const LoggedSession& companion, TimeIndex firs
                        std::to_string(before + 1) + " to " + std::to_string(indices[i] - 1) +
                        ", which the part to be replayed needs");
       }
+      if (elements.bytes.empty()) elements.first = indices[i];
       before = indices[i];
       stamp.arrival_index = std::max<TimeIndex>(stamp.arrival_index - first, -1);
       stamp.capture_index -= first;
@@ -165,6 +249,15 @@ bool ReplayDriver::get_companion_element(std::size_t index, TimeIndex time_index
   std::memcpy(&stamp, companion.bytes.data() + offset, sizeof(stamp));
   if (stamp.arrival_index > time_index) return false;
   std::memcpy(element, companion.bytes.data() + offset, companion.size);
+  if (images_ != nullptr && images_->companion == index) {
+    try {
+      images_->show(companion.first + static_cast<TimeIndex>(companion.next),
+                    period_ * std::max<TimeIndex>(stamp.capture_index, 0),
+                    static_cast<std::byte*>(element));
+    } catch (...) {
+      images_->show_none(static_cast<std::byte*>(element));
+    }
+  }
   ++companion.next;
   return true;
 }

@@ -5,13 +5,18 @@
 #include <array>
 #include <cstddef>
 #include <limits>
+#include <optional>
+#include <span>
+#include <utility>
 #include <vector>
 
+#include "format/image_messages.hpp"
 #include "repair/new_file.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/core/errors.hpp"
 #include "trifinger/core/status.hpp"
 #include "trifinger/log/log_writer.hpp"
+#include "trifinger/log/logged_images.hpp"
 
 namespace trifinger::log {
 
@@ -24,9 +29,12 @@ using Bytes = std::vector<std::byte>;
 // Copies elements of a companion, one after the other.
 class CompanionPart {
  public:
-  CompanionPart(const LoggedSession& companion, TimeIndex first, TimeIndex last)
+  // `cameras` if it is the companion with their images.
+  CompanionPart(const LoggedSession& companion, TimeIndex first, TimeIndex last,
+                std::optional<LoggedCameras> cameras)
       : reader_(companion.read({Column{}}, first, last)),
-        element_(companion.element(Series::kObservation).size()) {
+        element_(companion.element(Series::kObservation).size()),
+        cameras_(std::move(cameras)) {
     advance();
   }
 
@@ -34,10 +42,33 @@ class CompanionPart {
   void write(LogWriter& writer, std::size_t session, std::size_t companion, std::int64_t time) {
     for (; has_element_ && time_ <= time; advance()) {
       writer.write_companion(session, companion, index_, 1, element_.data());
+      if (cameras_) write_images(writer, session);
     }
   }
 
  private:
+  void write_images(LogWriter& writer, std::size_t session) const {
+    const LoggedImages images = cameras_->at(index_);
+    for (std::size_t i = 0; i < images.cameras().size(); ++i) {
+      if (!images.has(i)) continue;
+      const RecordedImage image = images.recorded(i);
+      const auto bytes = std::as_bytes(std::span(image.bytes));
+      const camera::Camera& camera = images.cameras()[i];
+      const std::string frame = frame_of(cameras_->companion().header().name, camera);
+      const bool is_compressed = image.encoding == kJpegImages;
+      writer.write_image(session,
+                         {.camera = i,
+                          .element = index_,
+                          .time = images.times()[i],
+                          .is_compressed = is_compressed,
+                          .message = is_compressed ? compressed_image(frame, bytes)
+                                                   : raw_image(frame, camera.format, bytes)});
+    }
+    if (writer.waiting_images_size() > kMaxWaitingImages) writer.flush();
+  }
+
+  static constexpr std::size_t kMaxWaitingImages = std::size_t{16} << 20U;
+
   void advance() {
     void* const element = element_.data();
     has_element_ =
@@ -46,6 +77,7 @@ class CompanionPart {
 
   SeriesReader reader_;
   Bytes element_;
+  std::optional<LoggedCameras> cameras_;
   TimeIndex index_{0};
   std::int64_t time_{0};
   bool has_element_{false};
@@ -136,11 +168,16 @@ class SessionPart {
   [[nodiscard]] std::vector<CompanionPart> companions_from(std::int64_t time) const {
     const TimeIndex end = session_.range(Series::kAppliedAction).second;
     std::vector<CompanionPart> companions;
+    const std::optional<SessionCameras> cameras = cameras_of(session_.header());
+    std::size_t number = 0;
     for (const LoggedSession& companion : session_.companions()) {
+      const bool has_images = cameras && cameras->companion == number++ && companion.has_elements();
       const TimeIndex first = std::max<TimeIndex>(companion.find(time) - 1, 0);
       const TimeIndex last = last_ >= end ? std::numeric_limits<TimeIndex>::max()
                                           : companion.find(time_of(session_, last_));
-      companions.emplace_back(companion, first, last);
+      companions.emplace_back(
+          companion, first, last,
+          has_images ? std::optional<LoggedCameras>(std::in_place, session_) : std::nullopt);
     }
     return companions;
   }

@@ -66,6 +66,8 @@ class Recovery {
       write_records_before(contents.chunks[i].offset);
       const auto found = reader_.read_chunk(i);
       if (!found) continue;
+      // Images are not compressed once more.
+      writer_.set_compression(contents.chunks[i].compression);
       for (const mcap::Message& message : *found) {
         const std::optional<std::uint16_t> channel = channel_of(message.channel_id);
         if (!channel) continue;

@@ -8,6 +8,7 @@
 #include <array>
 #include <chrono>
 #include <cstring>
+#include <deque>
 #include <limits>
 #include <optional>
 #include <set>
@@ -16,6 +17,7 @@
 
 #include "format/cdr.hpp"
 #include "format/format.hpp"
+#include "format/image_messages.hpp"
 #include "format/records.hpp"
 #include "format/ros_messages.hpp"
 #include "format/text.hpp"
@@ -82,8 +84,10 @@ struct WrittenSession {
   std::vector<WrittenStream> companions;
   ViewerMessages viewer;
   std::array<std::uint16_t, kNumViewerTopics> viewer_channels{};
+  std::optional<SessionCameras> cameras;
   std::vector<std::byte> no_observation;
   bool is_announced{false};
+  bool has_shown_cameras{false};
   bool is_shown{false};        // true: viewers have its description
   TimeIndex observations{-1};  // known from the end on
 
@@ -92,6 +96,7 @@ struct WrittenSession {
         step(step_layout(header.types, describe<Status>(), precision)),
         end(end_layout(header.types, describe<Status>(), precision)),
         viewer(header, viewer_rate),
+        cameras(cameras_of(header)),
         no_observation(nothing(header.types.observation)) {
     for (const SessionHeader::Companion& companion : header.companions) {
       companions.emplace_back(companion_layout(companion.type, companion.element, precision));
@@ -105,6 +110,7 @@ class LogWriter::Implementation {
  public:
   Implementation(mcap::Sink& sink, const LogOptions& options, const mcap::Contents* contents)
       : precision_(options.precision),
+        compression_(options.compression),
         viewer_rate_(options.viewer_rate),
         writer_(make_writer(sink, options, contents)) {
     if (contents != nullptr) {
@@ -187,8 +193,7 @@ class LogWriter::Implementation {
       Stamp stamp;
       std::memcpy(&stamp, element, sizeof(stamp));
       const auto time = [&header](TimeIndex step, std::int64_t monotonic) {
-        return log_time(header.time_offset +
-                        (header.is_real_time ? monotonic : step * header.period.count()));
+        return log_time(stamp_time(header, step, monotonic));
       };
       const std::array<const void*, 2> parts{&head, element};
       const std::uint64_t arrival = time(stamp.arrival_index, stamp.arrival_time);
@@ -240,6 +245,22 @@ class LogWriter::Implementation {
                                 .data = message.bytes()});
   }
 
+  void write_image(std::size_t number, Image image) {
+    WrittenSession& session = at(number);
+    if (!session.cameras || image.camera >= session.cameras->cameras.size()) {
+      throw InvalidArgument("'" + session.header.name + "' has no camera " +
+                            std::to_string(image.camera) + " in the log");
+    }
+    show_cameras(session, image.time);
+    set_time(image.message, image.time);
+    images_size_ += image.message.size();
+    images_.push_back({.channel = image_channel(session, image),
+                       .sequence = static_cast<std::uint32_t>(image.element),
+                       .time = log_time(image.time),
+                       .data = std::move(image.message)});
+  }
+  [[nodiscard]] std::size_t waiting_images_size() const noexcept { return images_size_; }
+
   [[nodiscard]] WrittenSession& at(std::size_t number) const {
     if (number >= sessions_.size() || sessions_[number] == nullptr) {
       throw InvalidArgument("session " + std::to_string(number) + " of the log is not open");
@@ -248,17 +269,17 @@ class LogWriter::Implementation {
   }
   void flush() {
     begin();
+    writer_.set_compression(compression_);
     writer_.flush();
+    write_images();
     if (viewer_size_ < kViewerChunkSize && !is_viewer_due_) return;
     write_viewer_messages();
     writer_.flush();
   }
   void finish() {
     begin();
-    if (!viewer_messages_.empty()) {
-      is_viewer_due_ = true;
-      flush();
-    }
+    is_viewer_due_ = !viewer_messages_.empty();
+    flush();
     writer_.finish();
   }
   [[nodiscard]] mcap::Writer& writer() noexcept { return writer_; }
@@ -270,6 +291,7 @@ class LogWriter::Implementation {
 
   struct WaitingMessage {
     std::uint16_t channel;
+    std::uint32_t sequence;
     std::uint64_t time;
     std::vector<std::byte> data;
   };
@@ -298,9 +320,68 @@ class LogWriter::Implementation {
     for (ViewerMessage& message : messages) {
       viewer_size_ += message.data.size();
       viewer_messages_.push_back({.channel = session.viewer_channels[message.topic],
+                                  .sequence = 0,
                                   .time = log_time(message.time),
                                   .data = std::move(message.data)});
     }
+  }
+
+  // Tells viewers of the cameras, as `show_still` of the rest: where they are, and their lenses.
+  void show_cameras(WrittenSession& session, std::int64_t time) {
+    if (session.has_shown_cameras) return;
+    session.has_shown_cameras = true;
+    const SessionHeader& header = session.header;
+    std::string text;
+    for (const Document& document : header.documents) {
+      if (document.name == camera::kDocument) text = document.text;
+    }
+    if (std::exchange(shown_calibrations_[header.name], text) == text) return;
+    const auto add = [&](const std::string& topic, const MessageType& type,
+                         std::vector<std::byte> data) {
+      const std::uint16_t channel =
+          add_channel("/" + header.name + "/" + topic, type.name, type.definition,
+                      {{"role", "viewer"}, {"robot", header.name}});
+      viewer_size_ += data.size();
+      viewer_messages_.push_back(
+          {.channel = channel, .sequence = 0, .time = log_time(time), .data = std::move(data)});
+    };
+    const std::vector<camera::Camera>& cameras = session.cameras->cameras;
+    add("tf_static", frames_type(), camera_frames(header.name, cameras, time));
+    for (const camera::Camera& camera : cameras) {
+      add(camera.name + "/camera_info", camera_info_type(),
+          camera_info(frame_of(header.name, camera), camera, time));
+    }
+    is_viewer_due_ = true;
+  }
+
+  std::uint16_t image_channel(const WrittenSession& session, const Image& image) {
+    const std::string& robot = session.header.name;
+    const std::string& camera = session.cameras->cameras[image.camera].name;
+    const MessageType& type = image.is_compressed ? compressed_image_type() : raw_image_type();
+    return add_channel("/" + robot + "/" + camera + "/image", type.name, type.definition,
+                       {{"role", std::string(kImageRole)},
+                        {"robot", robot},
+                        {"camera", camera},
+                        {"images", std::string(image.is_compressed ? kJpegImages : kRawImages)}});
+  }
+
+  // Call this only when the open chunk is empty. If the disk refuses a chunk, the images of that
+  // chunk stay in it, and the others here.
+  void write_images() {
+    if (images_.empty()) return;
+    writer_.set_compression(mcap::Compression::kNone);
+    while (!images_.empty()) {
+      const WaitingMessage& image = images_.front();
+      writer_.write(mcap::Message{.channel_id = image.channel,
+                                  .sequence = image.sequence,
+                                  .log_time = image.time,
+                                  .publish_time = image.time,
+                                  .data = image.data});
+      images_size_ -= image.data.size();
+      images_.pop_front();
+    }
+    writer_.flush();
+    writer_.set_compression(compression_);
   }
 
   // Call this only when the open chunk is empty: then the disk is not used, and nothing throws.
@@ -422,6 +503,7 @@ class LogWriter::Implementation {
   }
 
   Precision precision_;
+  mcap::Compression compression_;
   double viewer_rate_;
   mcap::Writer writer_;
   bool is_begun_{false};
@@ -431,6 +513,9 @@ class LogWriter::Implementation {
   std::set<std::pair<std::string, std::string>> announced_;  // names and ids already in the file
   std::map<std::string, std::string> documents_;             // the newest of each name in the file
   std::map<std::string, std::vector<Document>> shown_documents_;  // by robot, as viewers know them
+  std::map<std::string, std::string> shown_calibrations_;         // by robot
+  std::deque<WaitingMessage> images_;
+  std::size_t images_size_{0};  // bytes in `images_`
   std::vector<WaitingMessage> viewer_messages_;
   std::size_t viewer_size_{0};  // bytes in `viewer_messages_`
   bool is_viewer_due_{false};
@@ -471,6 +556,12 @@ void LogWriter::write_companion_gap(std::size_t session, std::size_t companion, 
                                     TimeIndex last, std::string_view reason) {
   const SessionHeader& header = implementation_->at(session).header;
   implementation_->write_gap(session, header.companions.at(companion).name, first, last, reason);
+}
+void LogWriter::write_image(std::size_t session, Image image) {
+  implementation_->write_image(session, std::move(image));
+}
+std::size_t LogWriter::waiting_images_size() const noexcept {
+  return implementation_->waiting_images_size();
 }
 void LogWriter::write_event(Level level, std::string_view source, std::string_view text,
                             std::int64_t time) {

@@ -211,6 +211,7 @@ class Recorder::Implementation {
            std::shared_ptr<std::atomic<TimeIndex>> next_step) {
     auto recorder = std::make_unique<SessionCopier>(
         session, companions, std::move(next_step),
+        ImageOptions{.storage = options_.images, .quality = options_.jpeg_quality},
         [this](Level level, std::string_view source, const std::string& text) {
           tell(level, source, text);
         });
@@ -276,6 +277,8 @@ class Recorder::Implementation {
         pump(robot, session);
         if (!session.is_done()) break;
         robot.last_time = session.last_time();
+        images_ += session.images();
+        left_out_images_ += session.left_out_images();
         steps_ += session.steps();
         lost_steps_ += session.lost_steps();
         robot.sessions.pop_front();
@@ -338,16 +341,30 @@ class Recorder::Implementation {
   // Writes everything that is left and closes the file: after a stop, or when nothing more can
   // come.
   void write_end() {
-    write();
+    write_all();
     // Sessions that were handed over may still be waiting.
     while (options_.is_follower && !inbox_.is_empty()) {
       look_for_sessions();
-      write();
+      write_all();
     }
     end_trouble();
     if (recording_.is_open()) write_events();
     recording_.finish();
     update_state();
+  }
+
+  // Writes what is available, with the images that are still being made.
+  void write_all() {
+    const auto end_images = [this] {
+      bool is_any = false;
+      for (RecordedRobot& robot : robots_) {
+        if (!robot.sessions.empty()) is_any = robot.sessions.front()->end_images() || is_any;
+      }
+      return is_any;
+    };
+    do {
+      write();
+    } while (end_images());
   }
 
   void watch_lag(RecordedRobot& robot) {
@@ -429,11 +446,17 @@ class Recorder::Implementation {
   void update_state() {
     RecorderState state;
     state.steps = steps_;
+    state.images = images_;
+    state.left_out_images = left_out_images_;
     for (const RecordedRobot& robot : robots_) {
       RecorderState::Robot& entry = state.robots.emplace_back();
       entry.name = robot.name;
       entry.session_id = robot.newest_id;
-      for (const auto& session : robot.sessions) state.steps += session->steps();
+      for (const auto& session : robot.sessions) {
+        state.steps += session->steps();
+        state.images += session->images();
+        state.left_out_images += session->left_out_images();
+      }
       if (robot.sessions.empty()) continue;
       entry.is_recording = true;
       entry.next_step = robot.sessions.front()->next_step();
@@ -474,8 +497,10 @@ class Recorder::Implementation {
   std::string trouble_;
   Instant next_attempt_;
   std::int64_t lost_before_trouble_{0};
-  std::int64_t steps_{0};       // sum over finished sessions
-  std::int64_t lost_steps_{0};  // sum over finished sessions
+  std::int64_t images_{0};           // sum over finished sessions
+  std::int64_t left_out_images_{0};  // sum over finished sessions
+  std::int64_t steps_{0};            // sum over finished sessions
+  std::int64_t lost_steps_{0};       // sum over finished sessions
 
   mutable std::mutex mutex_;
   // The mutex guards the following members.

@@ -4,9 +4,13 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
+#include <cstring>
+#include <limits>
 #include <utility>
 
+#include "trifinger/camera/image_file.hpp"
 #include "trifinger/core/errors.hpp"
+#include "trifinger/core/payload.hpp"
 
 namespace trifinger::log::detail {
 namespace {
@@ -17,6 +21,7 @@ constexpr std::size_t kChunkSize = LogWriter::kMaxChunkSize / 2;
 constexpr std::size_t kBatchSize = std::size_t{128} << 10U;
 // Far below overflow, whatever a damaged file claims.
 constexpr TimeIndex kEndless = TimeIndex{1} << 62U;
+constexpr std::size_t kEverything = std::numeric_limits<std::size_t>::max();
 
 std::vector<UntypedFrontend> observe_all(const std::vector<Session>& sessions) {
   std::vector<UntypedFrontend> observers;
@@ -44,18 +49,28 @@ constexpr std::string_view kOverwritten = "overwritten before it was recorded";
 }  // namespace
 
 SessionCopier::SessionCopier(const Session& robot, const std::vector<Session>& companions,
-                             std::shared_ptr<std::atomic<TimeIndex>> next_step, Tell tell)
+                             std::shared_ptr<std::atomic<TimeIndex>> next_step,
+                             const ImageOptions& images, Tell tell)
     : session_(robot),
+      companion_sessions_(companions),
       tell_(std::move(tell)),
       robot_(robot),
       header_(SessionHeader::of(robot, companions)),
-      next_step_(std::move(next_step)) {
+      next_step_(std::move(next_step)),
+      image_options_(images),
+      cameras_(images.storage == ImageStorage::kNone ? std::nullopt : cameras_of(header_)) {
   std::vector<UntypedFrontend> observers = observe_all(companions);
   for (std::size_t i = 0; i < observers.size(); ++i) {
     const std::size_t size = header_.companions[i].element.size();
     companions_.push_back({.series = std::move(observers[i]),
                            .element_size = size,
                            .elements = std::vector<std::byte>(std::max(size, kBatchSize))});
+  }
+  if (cameras_) {
+    // Images from before the recorder knew of the session are not left out.
+    constexpr TimeIndex kPayloads = PayloadWriter::kDefaultHistory;
+    const UntypedFrontend& elements = companions_[cameras_->companion].series;
+    images_when_found_ = elements.range(Series::kObservation).second - kPayloads;
   }
   const RobotTypes& types = header_.types;
   const std::size_t step_size =
@@ -92,19 +107,32 @@ std::int64_t SessionCopier::last_time() const noexcept {
   return header_.time_offset + next_step() * header_.period.count();
 }
 
-// relaxed: only this thread writes it.
-TimeIndex SessionCopier::next_step() const noexcept {
-  return next_step_->load(std::memory_order_relaxed);
-}
+TimeIndex SessionCopier::next_step() const noexcept { return next_; }
 
 void SessionCopier::set_next(TimeIndex step) noexcept {
+  next_ = step;
+  publish_next();
+}
+
+// Outside real-time mode the back-end waits for images, too.
+void SessionCopier::publish_next() noexcept {
+  TimeIndex step = next_;
+  if (images_) {
+    const TimeIndex read = images_->next();
+    while (!unread_images_.empty() && unread_images_.front().element < read) {
+      unread_images_.pop_front();
+    }
+    if (!unread_images_.empty()) step = std::min(step, unread_images_.front().arrival);
+  }
   // release: after this, the back-end may overwrite what was read.
-  next_step_->store(step, std::memory_order_release);
+  next_step_->store(std::max<TimeIndex>(step, 0), std::memory_order_release);
 }
 
 void SessionCopier::give_up() noexcept {
   is_done_ = true;
+  unread_images_.clear();
   set_next(kEndless);
+  images_.reset();
 }
 
 TimeIndex SessionCopier::whole_steps() const {
@@ -149,8 +177,10 @@ void SessionCopier::pump(LogWriter& log, int file) {
       const TimeIndex oldest = companion.series.range(Series::kObservation).first;
       if (oldest > 0) companion.next = oldest + margin(companion.series);
     }
+    first_images_ = images_when_found_;
     is_fresh_ = false;
   }
+  if (cameras_ && !images_) begin_images();
   if (!number_ || file_ != file) {
     header_.first_index = next_step();
     for (std::size_t i = 0; i < companions_.size(); ++i) {
@@ -170,7 +200,60 @@ void SessionCopier::pump(LogWriter& log, int file) {
   // well.
   for (std::size_t i = 0; i < companions_.size(); ++i) pump_companion(log, i);
   pump_steps(log, end);
-  if (fault) write_end(log, *fault);
+  if (fault && images_) images_->request_end();
+  pump_images(log);
+  if (fault && (!images_ || has_all_images_)) write_end(log, *fault);
+}
+
+void SessionCopier::begin_images() {
+  if (image_options_.storage == ImageStorage::kJpeg) {
+    try {
+      camera::require_jpeg();
+    } catch (const Error& error) {
+      tell_(Level::kWarning, kRecorder,
+            "images of " + header_.name + " are recorded raw: " + error.what());
+      image_options_.storage = ImageStorage::kRaw;
+    }
+  }
+  images_ = std::make_unique<ImageThread>(
+      companion_sessions_[cameras_->companion], header_, *cameras_, image_options_,
+      std::max(first_images_, companions_[cameras_->companion].next));
+}
+
+void SessionCopier::pump_images(LogWriter& log) {
+  if (!images_) return;
+  // More would only wait somewhere else for the same disk.
+  constexpr std::size_t kMaxWaiting = std::size_t{16} << 20U;
+  const std::size_t waiting = log.waiting_images_size();
+  const bool is_over = images_->has_ended();
+  if (waiting < kMaxWaiting || is_over) {
+    ImageThread::Taken taken = images_->take(is_over ? kEverything : kMaxWaiting - waiting);
+    for (LogWriter::Image& image : taken.images) {
+      image.time += header_.time_offset;
+      log.write_image(*number_, std::move(image));
+      ++num_images_;
+    }
+    left_out_images_ += taken.left_out;
+    if (!taken.trouble.empty()) image_trouble_ = taken.trouble;
+  }
+  has_all_images_ = is_over;
+  publish_next();
+  tell_of_images(is_over);
+}
+
+// At most once per second.
+void SessionCopier::tell_of_images(bool is_end) {
+  const Instant now = std::chrono::steady_clock::now();
+  const std::int64_t count = left_out_images_ - told_left_out_;
+  if (count == 0 || (now < next_sentence_ && !is_end)) return;
+  told_left_out_ = left_out_images_;
+  next_sentence_ = now + std::chrono::seconds(1);
+  const std::string why =
+      image_trouble_.empty() ? "processors or disk were too slow" : image_trouble_;
+  tell_(image_trouble_.empty() ? Level::kWarning : Level::kError, kRecorder,
+        std::to_string(count) + (count == 1 ? " image of " : " images of ") + header_.name +
+            (count == 1 ? " is" : " are") + " not in the log: " + why);
+  image_trouble_.clear();
 }
 
 void SessionCopier::pump_steps(LogWriter& log, TimeIndex end) {
@@ -253,6 +336,15 @@ void SessionCopier::pump_companion(LogWriter& log, std::size_t index) {
     }
     if (found > 0) {
       log.write_companion(*number_, index, companion.next, found, companion.elements.data());
+      if (images_ && index == cameras_->companion && !header_.is_real_time) {
+        for (std::size_t i = 0; i < found; ++i) {
+          Stamp stamp;
+          std::memcpy(&stamp, companion.elements.data() + i * companion.element_size,
+                      sizeof(stamp));
+          unread_images_.push_back(
+              {companion.next + static_cast<TimeIndex>(i), stamp.arrival_index});
+        }
+      }
       companion.next += static_cast<TimeIndex>(found);
     }
     if (found == count) continue;
@@ -288,6 +380,8 @@ void SessionCopier::write_end(LogWriter& log, const Fault& fault) {
   const std::string text = session_.info().fault_text;
   log.end_session(*number_, steps, fault, text);
   is_done_ = true;
+  // release: the payloads of the session may be overwritten, too.
+  next_step_->store(kEndless, std::memory_order_release);
   tell_(fault.needs_recovery() ? Level::kError : Level::kInfo, header_.name, text);
 }
 

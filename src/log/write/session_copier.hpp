@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -15,6 +16,7 @@
 #include "trifinger/log/event.hpp"
 #include "trifinger/log/log_writer.hpp"
 #include "trifinger/log/session_header.hpp"
+#include "write/image_thread.hpp"
 #include "write/recorded_position.hpp"
 
 namespace trifinger::log::detail {
@@ -29,9 +31,11 @@ class SessionCopier {
   using Tell = std::function<void(Level level, std::string_view source, const std::string& text)>;
 
   // `tell` is called during `pump`. `next_step` always holds the first step that is still to be
-  // read; other threads may read it. Throws Error if the session cannot be read.
+  // read, or whose images are; other threads may read it. Throws Error if the session cannot be
+  // read.
   SessionCopier(const Session& robot, const std::vector<Session>& companions,
-                std::shared_ptr<std::atomic<TimeIndex>> next_step, Tell tell);
+                std::shared_ptr<std::atomic<TimeIndex>> next_step, const ImageOptions& images,
+                Tell tell);
 
   // Continues at `position`. Steps that the history has lost since then become a gap, but only if
   // the recording is the same.
@@ -58,8 +62,17 @@ class SessionCopier {
   }
   // Stops reading, so that the back-end no longer waits for this recorder.
   void give_up() noexcept;
+  // Ends the reading of images: the next `pump` writes those that are there now. Returns false if
+  // there are none to be written.
+  bool end_images() noexcept {
+    if (!images_ || has_all_images_) return false;
+    images_->end();
+    return true;
+  }
   // Returns the share of the history that is still to be read, 0 to 1.
   [[nodiscard]] double lag() const;
+  [[nodiscard]] std::int64_t images() const noexcept { return num_images_; }
+  [[nodiscard]] std::int64_t left_out_images() const noexcept { return left_out_images_; }
   [[nodiscard]] std::int64_t steps() const noexcept { return steps_; }
   [[nodiscard]] std::int64_t lost_steps() const noexcept { return lost_steps_; }
 
@@ -72,7 +85,17 @@ class SessionCopier {
     std::vector<std::byte> elements;
   };
 
+  // A companion's element whose images the back-end must not overwrite yet.
+  struct UnreadImages {
+    TimeIndex element;
+    TimeIndex arrival;
+  };
+
   void set_next(TimeIndex step) noexcept;
+  void publish_next() noexcept;
+  void begin_images();
+  void pump_images(LogWriter& log);
+  void tell_of_images(bool is_end);
   [[nodiscard]] TimeIndex whole_steps() const;
   [[nodiscard]] TimeIndex oldest_step() const;
   // Returns how many elements to keep away from the oldest one, which is about to be overwritten.
@@ -84,19 +107,34 @@ class SessionCopier {
   void lose_steps(LogWriter& log, TimeIndex end);
 
   Session session_;
+  std::vector<Session> companion_sessions_;
   Tell tell_;
   UntypedFrontend robot_;
   std::vector<CompanionReader> companions_;
   SessionHeader header_;
-  std::shared_ptr<std::atomic<TimeIndex>> next_step_;
-  bool is_fresh_{true};                // begins with the oldest part of the history
-  bool has_time_{false};               // the time of step 0 is known
-  std::optional<std::size_t> number_;  // number of the session in the log
+  TimeIndex next_{0};                                  // first step that is not in the log
+  std::shared_ptr<std::atomic<TimeIndex>> next_step_;  // the same for the back-end
+  bool is_fresh_{true};                                // begins with the oldest part of the history
+  bool has_time_{false};                               // the time of step 0 is known
+  std::optional<std::size_t> number_;                  // number of the session in the log
   int file_{-1};
   bool has_end_{false};
   bool is_done_{false};
   std::int64_t steps_{0};
   std::int64_t lost_steps_{0};
+
+  ImageOptions image_options_;
+  std::optional<SessionCameras> cameras_;
+  TimeIndex images_when_found_{0};  // oldest element whose pixels were there then
+  TimeIndex first_images_{0};       // first element whose images are wanted
+  std::unique_ptr<ImageThread> images_;
+  bool has_all_images_{false};              // of those that `images_` has made
+  std::deque<UnreadImages> unread_images_;  // outside real-time mode
+  std::int64_t num_images_{0};
+  std::int64_t left_out_images_{0};
+  std::int64_t told_left_out_{0};
+  std::string image_trouble_;  // a sentence that is still to be told
+  Instant next_sentence_{};
 
   std::size_t batch_;  // number of steps read at once
   std::vector<std::byte> desired_actions_;

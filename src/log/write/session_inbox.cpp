@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "write/session_inbox.hpp"
 
+#include <algorithm>
 #include <chrono>
 #include <limits>
+#include <thread>
 #include <utility>
 
 namespace trifinger::log::detail {
@@ -18,7 +20,12 @@ void give_up(std::atomic<TimeIndex>& next_step) noexcept {
 }  // namespace
 
 void SessionInbox::put(const Session& robot, const std::vector<Session>& companions) {
+  wait_for_payloads();
   newest_ = std::make_shared<std::atomic<TimeIndex>>(0);
+  const auto has_payload = [](const Session& companion) { return companion.payload().size() > 0; };
+  if (!robot.info().is_real_time && std::ranges::any_of(companions, has_payload)) {
+    with_payloads_.emplace(robot);
+  }
   std::unique_lock lock(mutex_);
   const auto has_room = [this] { return is_closed_ || waiting_.size() < kMaxWaiting; };
   // In real time, the back-end must not wait.
@@ -31,6 +38,17 @@ void SessionInbox::put(const Session& robot, const std::vector<Session>& compani
   }
   if (!is_closed_) ++dropped_;
   give_up(*newest_);
+}
+
+// The memory of payloads outlives their session: the next one overwrites it.
+void SessionInbox::wait_for_payloads() {
+  if (!with_payloads_) return;
+  const TimeIndex steps = with_payloads_->range(Series::kAppliedAction).second;
+  const Deadline deadline(kMaxWaitOfBackend);
+  while (next_step() <= steps && !deadline.passed()) {
+    std::this_thread::sleep_for(std::chrono::microseconds(500));
+  }
+  with_payloads_.reset();
 }
 
 TimeIndex SessionInbox::next_step() const noexcept {

@@ -7,9 +7,11 @@
 #include <deque>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <vector>
 
 #include "trifinger/base/time.hpp"
+#include "trifinger/core/frontend.hpp"
 #include "trifinger/core/session.hpp"
 
 namespace trifinger::log::detail {
@@ -30,7 +32,8 @@ class SessionInbox {
   // ---- called by the back-end's thread ----
 
   // Hands over a session. Outside real-time mode, waits a second at most for room, so that nothing
-  // is lost; after that the session is dropped.
+  // is lost; after that the session is dropped. Waits as long for the payloads of the session
+  // before, which are overwritten now.
   void put(const Session& robot, const std::vector<Session>& companions);
   // Returns the first step of the newest session that is still to be read.
   [[nodiscard]] TimeIndex next_step() const noexcept;
@@ -47,13 +50,17 @@ class SessionInbox {
   void close() noexcept;
 
  private:
+  void wait_for_payloads();
+
   mutable std::mutex mutex_;
   std::condition_variable has_room_;
   std::deque<HandedSession> waiting_;
   std::size_t dropped_{0};
   bool is_closed_{false};
 
-  std::shared_ptr<std::atomic<TimeIndex>> newest_;  // used by the back-end's thread only
+  // Used by the back-end's thread only:
+  std::shared_ptr<std::atomic<TimeIndex>> newest_;
+  std::optional<UntypedFrontend> with_payloads_;  // the newest session, if it has payloads
 };
 
 }  // namespace trifinger::log::detail
