@@ -64,6 +64,13 @@ void fill_smooth(std::span<std::byte> pixels, std::size_t camera, std::int64_t n
   }
 }
 
+// All images are good, but for one of image `lost`.
+ImageStates all_but_one(std::int64_t number, std::int64_t lost, std::size_t camera) {
+  ImageStates states{Frame::State::kGood, Frame::State::kGood, Frame::State::kGood};
+  if (number == lost) states[camera] = Frame::State::kLost;
+  return states;
+}
+
 // What a log must say of the images that a session of `images` images had.
 void expect_patterns(const LoggedCameras& cameras, std::int64_t images) {
   ASSERT_EQ(cameras.range(), std::pair(TimeIndex{0}, TimeIndex{images}));
@@ -430,11 +437,7 @@ INSTANTIATE_TEST_SUITE_P(Logged, SourceContract, testing::Values(&make_logged_so
 TEST(ImageSource, ShowsWhatWasRecordedAtItsDistancesInTime) {
   const Folder folder;
   Seen seen;
-  seen.states = [](std::int64_t number) {
-    ImageStates states{Frame::State::kGood, Frame::State::kGood, Frame::State::kGood};
-    if (number == 4) states[1] = Frame::State::kLost;
-    return states;
-  };
+  seen.states = [](std::int64_t number) { return all_but_one(number, 4, 1); };
   RecordedSight sight(folder.path(), ImageStorage::kRaw, seen);
   sight.run(100);
   sight.stop();
@@ -480,11 +483,7 @@ TEST(ImageSource, LeavesOutWhatIsOverAfterAPause) {
 TEST(ImagesInLogs, AreSeenAgainByWhoRunsAgainstTheLog) {
   const Folder folder;
   Seen seen;
-  seen.states = [](std::int64_t number) {
-    ImageStates states{Frame::State::kGood, Frame::State::kGood, Frame::State::kGood};
-    if (number == 12) states[2] = Frame::State::kLost;
-    return states;
-  };
+  seen.states = [](std::int64_t number) { return all_but_one(number, 12, 2); };
   RecordedSight sight(folder.path(), ImageStorage::kRaw, seen);
   sight.run(400);
   sight.stop();

@@ -70,7 +70,7 @@ SessionCopier::SessionCopier(const Session& robot, const std::vector<Session>& c
     // Images from before the recorder knew of the session are not left out.
     constexpr TimeIndex kPayloads = PayloadWriter::kDefaultHistory;
     const UntypedFrontend& elements = companions_[cameras_->companion].series;
-    images_when_found_ = elements.range(Series::kObservation).second - kPayloads;
+    first_images_ = elements.range(Series::kObservation).second - kPayloads;
   }
   const RobotTypes& types = header_.types;
   const std::size_t step_size =
@@ -85,6 +85,7 @@ SessionCopier::SessionCopier(const Session& robot, const std::vector<Session>& c
 void SessionCopier::go_on_at(const RecordedPosition& position, bool is_same_recording) {
   has_time_ = true;
   is_fresh_ = !is_same_recording && !has_all_since(position.next_step);
+  if (!is_fresh_) first_images_ = 0;
   set_next(position.next_step);
   for (std::size_t i = 0; i < companions_.size(); ++i) {
     const auto found = position.next_elements.find(header_.companions[i].name);
@@ -177,7 +178,6 @@ void SessionCopier::pump(LogWriter& log, int file) {
       const TimeIndex oldest = companion.series.range(Series::kObservation).first;
       if (oldest > 0) companion.next = oldest + margin(companion.series);
     }
-    first_images_ = images_when_found_;
     is_fresh_ = false;
   }
   if (cameras_ && !images_) begin_images();

@@ -125,8 +125,7 @@ class SessionCopier {
 
   ImageOptions image_options_;
   std::optional<SessionCameras> cameras_;
-  TimeIndex images_when_found_{0};  // oldest element whose pixels were there then
-  TimeIndex first_images_{0};       // first element whose images are wanted
+  TimeIndex first_images_{0};  // first element whose images are wanted
   std::unique_ptr<ImageThread> images_;
   bool has_all_images_{false};              // of those that `images_` has made
   std::deque<UnreadImages> unread_images_;  // outside real-time mode
