@@ -16,6 +16,8 @@ constexpr double kBackgroundWeight = 2;
 constexpr double kMayBe = 0.03;
 // Density of features that nobody has seen: they belong to the background.
 constexpr double kUnseen = 1e-3;
+// Something may stand in front of any pixel of a face, whatever its colour.
+constexpr double kHidden = 0.05;
 
 // Reads the channel of one colour between the pixels that have it: every second one of every second
 // row, from (left, top).
@@ -39,7 +41,9 @@ float between(const std::uint8_t* pixels, std::size_t width, float x, float y, i
 }  // namespace
 
 ColourTable::ColourTable(const ColourModel& model, const std::vector<std::string>& colours)
-    : labels_(std::size_t{1} << 3 * kBits) {
+    : labels_(std::size_t{1} << 3 * kBits),
+      num_labels_(colours.size()),
+      evidence_(colours.size() << 3 * kBits, 0.0F) {
   constexpr std::size_t kCells = std::size_t{1} << kBits;
   std::array<double, kCells> middle{};
   std::array<int, kCells> members{};
@@ -61,11 +65,14 @@ ColourTable::ColourTable(const ColourModel& model, const std::vector<std::string
         Labels labels;
         for (const Colour& colour : model.colours) {
           const double density = colour.density(features);
-          if (density <= std::max(next, kMayBe * background)) continue;
           // Colours that the object does not have belong to other things.
           const auto own = std::ranges::find(colours, colour.name);
           const Label label =
               own == colours.end() ? kNoColour : static_cast<Label>(own - colours.begin());
+          if (label != kNoColour) {
+            evidence_[num_labels_ * place + label] = static_cast<float>(density);
+          }
+          if (density <= std::max(next, kMayBe * background)) continue;
           if (density > best) {
             labels = {label, labels.first};
             next = best == background ? 0 : best;
@@ -74,6 +81,12 @@ ColourTable::ColourTable(const ColourModel& model, const std::vector<std::string
             labels.second = label;
             next = density;
           }
+        }
+        float* const own = evidence_.data() + num_labels_ * place;
+        double sum = background;
+        for (std::size_t k = 0; k < num_labels_; ++k) sum += double{own[k]};
+        for (std::size_t k = 0; k < num_labels_; ++k) {
+          own[k] = static_cast<float>(std::log(kHidden + double{own[k]} / sum));
         }
         // Things that are most likely not of the object are not of the object.
         if (!labels.is_coloured() || next < kMayBe * best) labels.second = kNoColour;
@@ -169,7 +182,21 @@ LabelledImage::LabelledImage(const camera::ImageFormat& format, std::vector<doub
 void LabelledImage::read(std::span<const std::byte> pixels, const ColourTable& table) noexcept {
   pixels_ = pixels.empty() ? nullptr : reinterpret_cast<const std::uint8_t*>(pixels.data());
   if (pixels_ == nullptr) return;
-  ColourTable::set_cells(white_balance(format_, pixels), cells_);
+  balance_ = white_balance(format_, pixels);
+  label(balance_, table);
+}
+
+void LabelledImage::read_again(const Eigen::Vector3d& light, const ColourTable& table) noexcept {
+  if (pixels_ != nullptr) label(balance_.cwiseProduct(light), table);
+}
+
+void LabelledImage::read_unbalanced(const ColourTable& table) noexcept {
+  balance_.setOnes();
+  if (pixels_ != nullptr) label(balance_, table);
+}
+
+void LabelledImage::label(const Eigen::Vector3d& gains, const ColourTable& table) noexcept {
+  ColourTable::set_cells(gains, cells_);
   std::ranges::fill(counts_, 0U);
   const bool is_mosaic = format_.pixels == camera::PixelFormat::kBayerRg8;
   const std::size_t stride =

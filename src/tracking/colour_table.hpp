@@ -42,6 +42,14 @@ class ColourTable {
   // Labels are places in `colours`. Every name must be in the model.
   ColourTable(const ColourModel& model, const std::vector<std::string>& colours);
 
+  [[nodiscard]] std::size_t num_labels() const noexcept { return num_labels_; }
+  // For each label, how well it explains a pixel of this colour: the log of its probability, not
+  // below that of a pixel of something in front.
+  [[nodiscard]] const float* evidence(const Rgb& colour) const noexcept {
+    const auto place = cell(colour[0]) << 2 * kBits | cell(colour[1]) << kBits | cell(colour[2]);
+    return evidence_.data() + num_labels_ * place;
+  }
+
   // The cells of an image whose channels are multiplied by `gains` first.
   static void set_cells(const Eigen::Vector3d& gains, Cells& cells) noexcept;
 
@@ -57,6 +65,8 @@ class ColourTable {
   static std::size_t cell(double brightness) noexcept;
 
   std::vector<Labels> labels_;
+  std::size_t num_labels_;
+  std::vector<float> evidence_;
 };
 
 // The gains that make most of an image grey: tables, walls and fingers are, whatever the light and
@@ -73,6 +83,13 @@ class LabelledImage {
 
   // Reads the image. Without pixels there is none.
   void read(std::span<const std::byte> pixels, const ColourTable& table) noexcept;
+  // Reads it again in another light: as if its channels were multiplied by `light` besides the
+  // balance.
+  void read_again(const Eigen::Vector3d& light, const ColourTable& table) noexcept;
+  // Reads it again as the camera took it.
+  void read_unbalanced(const ColourTable& table) noexcept;
+  // What the channels were multiplied with.
+  [[nodiscard]] const Eigen::Vector3d& balance() const noexcept { return balance_; }
   [[nodiscard]] bool exists() const noexcept { return pixels_ != nullptr; }
 
   // Size in blocks.
@@ -110,6 +127,7 @@ class LabelledImage {
   [[nodiscard]] Rgb colour(float x, float y) const noexcept;
 
  private:
+  void label(const Eigen::Vector3d& gains, const ColourTable& table) noexcept;
   void sum_up() noexcept;
 
   static constexpr double kUnit = 1024;  // weights are summed in whole numbers
@@ -123,6 +141,7 @@ class LabelledImage {
   int columns_;
   int rows_;
   const std::uint8_t* pixels_{nullptr};
+  Eigen::Vector3d balance_{Eigen::Vector3d::Ones()};
   Cells cells_{};
   std::vector<Labels> labels_;
   std::vector<double> most_;

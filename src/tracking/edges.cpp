@@ -193,16 +193,19 @@ Fit EdgeFit::solve(std::size_t cameras, double scale, Eigen::Isometry3d& pose) n
   double spread = scale;
   // The noise of neighbouring lines is alike, so a line counts for less than its own noise says.
   constexpr double kLineError = 0.6;  // [pixel]
+  constexpr double kAbout = 1;        // [pixel]
   for (int round = 0; round < kRounds; ++round) {
     Normals sum = Normals::Zero(size, size);
     Unknowns right = Unknowns::Zero(size);
     fit.used = 0;
+    fit.agreeing = 0;
     double squares = 0;
     for (const Line& line : lines_) {
       const auto shift = static_cast<Eigen::Index>(6 + 2 * line.camera);
       const double error = line.offset - line.slope.dot(unknowns.head<6>()) -
                            line.normal.dot(unknowns.segment<2>(shift)) - unknowns[growth];
       const double relative = error / (3 * spread);
+      if (std::abs(error) < std::max(kAbout, 3 * spread)) ++fit.agreeing;
       if (std::abs(relative) >= 1) continue;
       ++fit.used;
       squares += error * error;

@@ -76,7 +76,7 @@ Verdict Judge::judge(const std::vector<View>& views, const Eigen::Isometry3d& po
 
 double Judge::twin() const noexcept {
   double best = 0;
-  for (const std::vector<std::size_t>& order : shape_->turns) {
+  for (const auto& [rotation, order] : shape_->turns) {
     double all = 0;
     double score = 0;
     for (std::size_t i = 0; i < order.size(); ++i) {

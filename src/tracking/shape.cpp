@@ -62,15 +62,16 @@ std::vector<std::size_t> turned(const std::vector<Face>& faces, const Eigen::Mat
   return order;
 }
 
-std::vector<std::vector<std::size_t>> all_turns(const std::vector<Face>& faces, double tolerance) {
-  std::vector<std::vector<std::size_t>> turns;
+std::vector<Turn> all_turns(const std::vector<Face>& faces, double tolerance) {
+  std::vector<Turn> turns;
   const Eigen::Matrix3d from = axes(faces[0], 0);
   for (std::size_t i = 0; i < faces.size(); ++i) {
     if (faces[i].corners.size() != faces[0].corners.size()) continue;
     for (std::size_t k = 0; k < faces[i].corners.size(); ++k) {
       if (i == 0 && k == 0) continue;  // stays as it is
-      auto order = turned(faces, axes(faces[i], k) * from.transpose(), tolerance);
-      if (!order.empty()) turns.push_back(std::move(order));
+      const Eigen::Matrix3d rotation = axes(faces[i], k) * from.transpose();
+      auto order = turned(faces, rotation, tolerance);
+      if (!order.empty()) turns.push_back({rotation, std::move(order)});
     }
   }
   return turns;
@@ -147,9 +148,9 @@ int look_alikes(const TrackedObject& object) {
     if (std::ranges::find(colours, face.colour) == colours.end()) colours.push_back(face.colour);
   }
   const detail::Shape shape(object, colours);
-  return static_cast<int>(std::ranges::count_if(shape.turns, [&](const auto& order) {
-    for (std::size_t i = 0; i < order.size(); ++i) {
-      if (shape.faces[order[i]].label != shape.faces[i].label) return false;
+  return static_cast<int>(std::ranges::count_if(shape.turns, [&](const auto& turn) {
+    for (std::size_t i = 0; i < turn.order.size(); ++i) {
+      if (shape.faces[turn.order[i]].label != shape.faces[i].label) return false;
     }
     return true;
   }));

@@ -9,6 +9,7 @@
 #include "colour_table.hpp"
 #include "edges.hpp"
 #include "judgement.hpp"
+#include "light.hpp"
 #include "search.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/text_of.hpp"
@@ -82,6 +83,11 @@ std::vector<detail::View> views_of(const std::vector<camera::Camera>& cameras,
   return views;
 }
 
+// How much likelier the faces of a pose must be than others to be trusted: log of a ratio.
+constexpr double kClearFaces = 2;
+// The confidence from which on nothing better is sought.
+constexpr double kEnough = 0.7;
+
 // Whether two poses are one that is not refined yet.
 bool are_same(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) noexcept {
   constexpr double kAngle = 0.35;     // [rad]
@@ -93,6 +99,7 @@ bool are_same(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) noexcept {
 }  // namespace
 
 struct Tracker::Parts {
+  using Faces = detail::LightFit::Answer;
   // A pose that was refined.
   struct Candidate {
     Eigen::Isometry3d pose{Eigen::Isometry3d::Identity()};
@@ -110,7 +117,8 @@ struct Tracker::Parts {
         table(model, colours),
         search(views, shape, colours.size(), options),
         edges(views, shape, table, options.calibration_error),
-        judge(shape) {}
+        judge(shape),
+        light(shape, table) {}
 
   [[nodiscard]] Candidate refined(Eigen::Isometry3d pose) noexcept {
     Candidate candidate;
@@ -120,7 +128,9 @@ struct Tracker::Parts {
     return candidate;
   }
   [[nodiscard]] Estimate searched() noexcept;
-  [[nodiscard]] static Estimate estimate(const Candidate& candidate, double rival) noexcept;
+  [[nodiscard]] Estimate in_its_light(const Candidate& candidate, double rival) noexcept;
+  [[nodiscard]] static Estimate estimate(const Candidate& candidate, double rival,
+                                         const Faces& faces) noexcept;
 
   std::vector<camera::Camera> cameras;
   TrackedObject object;
@@ -131,11 +141,13 @@ struct Tracker::Parts {
   detail::Search search;
   detail::EdgeFit edges;
   detail::Judge judge;
+  detail::LightFit light;
 };
 
-// Judges a candidate. `rival` is the score of the best pose with other faces in front, relative to
-// that of the candidate.
-Estimate Tracker::Parts::estimate(const Candidate& candidate, double rival) noexcept {
+// Judges a candidate. `rival` is the score of the best other pose, relative to that of the
+// candidate.
+Estimate Tracker::Parts::estimate(const Candidate& candidate, double rival,
+                                  const Faces& faces) noexcept {
   const Verdict& verdict = candidate.verdict;
   const Fit& fit = candidate.fit;
   Estimate estimate;
@@ -154,18 +166,21 @@ Estimate Tracker::Parts::estimate(const Candidate& candidate, double rival) noex
   const auto at_most = [&](double value, double limit, double good) {
     return at_least(-value, -limit, -good);
   };
-  const double agreeing = fit.lines > 0 ? static_cast<double>(fit.used) / fit.lines : 0;
+  const double agreeing = fit.lines > 0 ? static_cast<double>(fit.agreeing) / fit.lines : 0;
+  const double shown = fit.looked > 0 ? static_cast<double>(fit.used) / fit.looked : 0;
   double confidence = 1;
   for (const double each : {
-           at_least(verdict.purity(), 0.80, 0.95),
+           at_least(verdict.purity(), 0.50, 0.80),
            at_most(verdict.contradicted / verdict.matched, 0.08, 0.0),
            at_least(verdict.completeness(), 0.25, 0.6),
+           at_least(faces.as_it_is(), kClearFaces, 5),
            // One camera alone may be another one than it is said to be.
            at_least(verdict.cameras, 1.5, 2),
-           at_least(agreeing, 0.55, 0.85),
+           at_least(shown, 0.18, 0.4),
+           at_least(agreeing, 0.80, 0.92),
            at_least(fit.used, 24, 80),
            at_least(verdict.matched, 80, 300),
-           at_most(fit.residual, 1.2, 0.5),
+           at_most(fit.residual, 0.6, 0.4),
            at_most(estimate.position_deviation.norm(), 0.003, 0.001),
            at_most(estimate.rotation_deviation.norm(), 0.04, 0.012),
            at_most(std::max(rival, verdict.twin), 0.75, 0.4),
@@ -229,7 +244,27 @@ Estimate Tracker::Parts::searched() noexcept {
     rival = std::max(
         rival, candidates[i].verdict.score() / std::max(1.0, candidates[best].verdict.score()));
   }
-  return estimate(candidates[best], rival);
+  return in_its_light(candidates[best], rival);
+}
+
+// Judges a candidate. If that leaves doubts, reads the images again in the light in which its faces
+// have the colours that they should have, and judges it there.
+Estimate Tracker::Parts::in_its_light(const Candidate& candidate, double rival) noexcept {
+  const Faces faces = light.fit(views, candidate.pose);
+  const Estimate first = estimate(candidate, rival, faces);
+  if (first.confidence >= kEnough || first.state == Estimate::State::kNotFound) return first;
+  Eigen::Isometry3d pose = candidate.pose;
+  if (faces.as_it_is() < -kClearFaces) {
+    pose.linear() = pose.linear() * faces.turn->rotation;
+    rival = 0;
+  }
+  for (std::size_t c = 0; c < views.size(); ++c) views[c].image.read_again(faces.gains[c], table);
+  edges.approach(views, pose);
+  const Candidate again = refined(pose);
+  const Estimate second = estimate(again, rival, light.fit(views, again.pose));
+  if (first.is_sure() || second.is_sure())
+    return second.confidence > first.confidence ? second : first;
+  return again.verdict.score() > candidate.verdict.score() ? second : first;
 }
 
 Tracker::Tracker(std::vector<camera::Camera> cameras, TrackedObject object,
@@ -260,12 +295,19 @@ Estimate Tracker::track(std::span<const std::span<const std::byte>> images,
   if (guess != nullptr && guess->matrix().allFinite()) {
     Eigen::Isometry3d pose = *guess;
     parts.edges.approach(parts.views, pose);
-    const Estimate near = Parts::estimate(parts.refined(pose), 0);
+    const Estimate near = parts.in_its_light(parts.refined(pose), 0);
     // A guess is taken if it leaves nothing to explain, so a search could find nothing better.
-    constexpr double kEnough = 0.7;
     if (near.confidence >= kEnough) return near;
+    for (detail::View& view : parts.views) {
+      view.image.read_again(Eigen::Vector3d::Ones(), parts.table);
+    }
   }
-  return parts.searched();
+  const Estimate first = parts.searched();
+  if (first.is_sure()) return first;
+  // A table of wood or a wall in a colour misleads the white balance: once more without it.
+  for (detail::View& view : parts.views) view.image.read_unbalanced(parts.table);
+  const Estimate second = parts.searched();
+  return second.confidence > first.confidence ? second : first;
 }
 
 }  // namespace trifinger::tracking

@@ -64,15 +64,19 @@ struct Face {
   std::vector<Eigen::Vector3d> samples;  // points spread evenly over the inner part
 };
 
+// A turn that brings all faces to where faces are, other colours aside.
+struct Turn {
+  Eigen::Matrix3d rotation;
+  std::vector<std::size_t> order;  // for each face, the face that comes to its place
+};
+
 // What the object looks like.
 struct Shape {
   // Labels are places in `colours`.
   Shape(const TrackedObject& object, const std::vector<std::string>& colours);
 
   std::vector<Face> faces;
-  // The turns that bring all faces to where faces are, other colours aside. For each of them and
-  // each face, the face that comes to its place.
-  std::vector<std::vector<std::size_t>> turns;
+  std::vector<Turn> turns;  // all but the one that leaves everything as it is
   bool has_rims;
   double radius{0};      // of the ball around the centre that holds the object
   double mean_width{0};  // side of the square with the mean area of its silhouettes

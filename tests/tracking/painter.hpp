@@ -44,7 +44,7 @@ class Painter {
  public:
   using Colour = Eigen::Vector3d;
 
-  double light{1};
+  Colour light{1, 1, 1};
   Colour background{110, 112, 111};
   Colour rim{28, 28, 30};
   std::map<std::string, Colour> colours{{"red", {195, 48, 8}},       {"green", {143, 208, 90}},
@@ -75,8 +75,8 @@ class Painter {
               colour += seen(camera, object, hull, to_object, pixel + Eigen::Vector2d(x, y)) / 4;
         }
         const auto level = [&](Eigen::Index channel) {
-          return static_cast<std::byte>(
-              static_cast<std::uint8_t>(std::clamp(light * colour[channel] + 0.5, 0.0, 255.0)));
+          return static_cast<std::byte>(static_cast<std::uint8_t>(
+              std::clamp(light[channel] * colour[channel] + 0.5, 0.0, 255.0)));
         };
         const std::size_t place =
             static_cast<std::size_t>(row) * static_cast<std::size_t>(format.width) +

@@ -133,7 +133,7 @@ TEST(Tracker, DoesNotCareForTheLight) {
   const Eigen::Isometry3d pose = some_poses()[1];
   Painter painter;
   for (const double light : {0.5, 0.8, 1.1}) {
-    painter.light = light;
+    painter.light.setConstant(light);
     expect_right(tracker.track(painted(pose, painter).spans()), pose);
   }
 }
@@ -144,6 +144,43 @@ TEST(Tracker, IsNotConfusedByAColouredTable) {
   painter.background = {88, 125, 60};
   for (const Eigen::Isometry3d& pose : some_poses()) {
     expect_not_wrong(tracker.track(painted(pose, painter).spans()), pose);
+  }
+}
+
+// A table of wood makes the white balance blue, a mat makes it anything: all faces look like
+// others.
+TEST(Tracker, KnowsTheFacesWhateverTheTableMakesOfTheWhiteBalance) {
+  Tracker tracker(three_cameras(), cube());
+  for (const Painter::Colour& table :
+       {Painter::Colour(150, 110, 70), Painter::Colour(90, 80, 50), Painter::Colour(60, 70, 95),
+        Painter::Colour(80, 110, 100)}) {
+    Painter painter;
+    painter.background = table;
+    for (const Eigen::Isometry3d& pose : some_poses()) {
+      SCOPED_TRACE(testing::Message()
+                   << table.transpose() << " at " << pose.translation().transpose());
+      expect_right(tracker.track(painted(pose, painter).spans()), pose);
+    }
+  }
+}
+
+// Neither the balance of the images nor that of the cameras is right: only the faces tell the
+// light.
+TEST(Tracker, FindsTheLightInWhichTheFacesHaveTheirColours) {
+  Tracker tracker(three_cameras(), cube());
+  for (const Painter::Colour& light : {Painter::Colour(1.3, 1, 0.7), Painter::Colour(0.7, 1, 1.3),
+                                       Painter::Colour(1.3, 1, 1.3), Painter::Colour(1, 1.3, 1)}) {
+    Painter painter;
+    painter.light = light;
+    painter.background = painter.background.cwiseProduct(light);
+    for (const Eigen::Isometry3d& pose : some_poses()) {
+      SCOPED_TRACE(testing::Message()
+                   << light.transpose() << " at " << pose.translation().transpose());
+      const Estimate estimate = tracker.track(painted(pose, painter).spans());
+      EXPECT_TRUE(estimate.is_sure()) << estimate.confidence;
+      EXPECT_LT(distance(estimate.pose, pose), 0.0005);
+      EXPECT_LT(turn(estimate.pose, pose), 0.6 * kDegree);
+    }
   }
 }
 

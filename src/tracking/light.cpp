@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "light.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace trifinger::tracking::detail {
+namespace {
+
+constexpr double kStep = 0.12;         // between lights: log of a gain
+constexpr double kUsual = 0.1;         // standard deviation of the log of a gain
+constexpr double kIndependent = 0.05;  // what a sample of a face says that the others do not say
+constexpr double kGrazing = 0.15;
+
+}  // namespace
+
+LightFit::LightFit(const Shape& shape, const ColourTable& table) : shape_(&shape), table_(&table) {
+  std::size_t place = 0;
+  for (int i = 0; i < kSteps; ++i) {
+    for (int j = 0; j < kSteps; ++j) {
+      const double red = kStep * (i - kSteps / 2);
+      const double blue = kStep * (j - kSteps / 2);
+      const double mean = (red + blue) / 3;  // the brightness stays
+      lights_[place] = {std::exp(red - mean), std::exp(-mean), std::exp(blue - mean)};
+      costs_[place++] = (red * red + blue * blue) / (2 * kUsual * kUsual);
+    }
+  }
+  std::size_t samples = 0;
+  for (const Face& face : shape.faces) samples += face.samples.size();
+  samples_.reserve(samples);
+  evidence_.resize(kLights * shape.faces.size() * table.num_labels());
+  scores_.resize(shape.turns.size() + 1);
+  for (auto& lights : best_lights_) lights.resize(scores_.size());
+}
+
+void LightFit::read_samples(const View& view, const Eigen::Isometry3d& pose) noexcept {
+  samples_.clear();
+  for (std::size_t i = 0; i < shape_->faces.size(); ++i) {
+    const Face& face = shape_->faces[i];
+    if (facing(view, pose, face) < kGrazing) continue;
+    for (const Eigen::Vector3d& point : face.samples) {
+      const Eigen::Vector2d pixel = view.project(pose * point);
+      if (!view.image.contains(pixel, 3)) continue;
+      samples_.push_back(
+          {i, view.image.colour(static_cast<float>(pixel.x()), static_cast<float>(pixel.y()))});
+    }
+  }
+}
+
+void LightFit::weigh_faces(const View& view) noexcept {
+  std::ranges::fill(evidence_, 0.0F);
+  const std::size_t labels = table_->num_labels();
+  for (std::size_t l = 0; l < kLights; ++l) {
+    const Eigen::Vector3f gains = (view.image.balance().array() * lights_[l].array()).cast<float>();
+    float* const evidence = evidence_.data() + l * shape_->faces.size() * labels;
+    for (const Sample& sample : samples_) {
+      const float* const own = table_->evidence(sample.colour.cwiseProduct(gains));
+      float* const sum = evidence + sample.face * labels;
+      for (std::size_t k = 0; k < labels; ++k) sum[k] += own[k];
+    }
+  }
+}
+
+LightFit::Answer LightFit::fit(const std::vector<View>& views,
+                               const Eigen::Isometry3d& pose) noexcept {
+  Answer answer;
+  answer.gains.fill(Eigen::Vector3d::Ones());
+  std::ranges::fill(scores_, 0.0);
+  std::array<bool, kMostCameras> is_read{};
+  const std::size_t labels = table_->num_labels();
+  const std::size_t faces = shape_->faces.size();
+  for (std::size_t c = 0; c < views.size(); ++c) {
+    const View& view = views[c];
+    if (!view.image.exists() || view.seen(pose.translation()).z() < 1.5 * shape_->radius) continue;
+    is_read[c] = true;
+    read_samples(view, pose);
+    weigh_faces(view);
+    for (std::size_t t = 0; t < scores_.size(); ++t) {
+      double best = -std::numeric_limits<double>::infinity();
+      for (std::size_t l = 0; l < kLights; ++l) {
+        const float* const evidence = evidence_.data() + l * faces * labels;
+        double sum = 0;
+        for (std::size_t i = 0; i < faces; ++i) {
+          const std::size_t face = t == 0 ? i : shape_->turns[t - 1].order[i];
+          sum += double{evidence[i * labels + shape_->faces[face].label]};
+        }
+        const double score = kIndependent * sum - costs_[l];
+        if (score > best) {
+          best = score;
+          best_lights_[c][t] = l;
+        }
+      }
+      scores_[t] += best;
+    }
+  }
+  const auto best = std::ranges::max_element(scores_);
+  const auto place = static_cast<std::size_t>(best - scores_.begin());
+  if (place > 0) answer.turn = &shape_->turns[place - 1];
+  double next = -std::numeric_limits<double>::infinity();
+  for (std::size_t t = 0; t < scores_.size(); ++t) {
+    if (t != place) next = std::max(next, scores_[t]);
+  }
+  answer.margin = *best - next;
+  for (std::size_t c = 0; c < views.size(); ++c) {
+    if (is_read[c]) answer.gains[c] = lights_[best_lights_[c][place]];
+  }
+  return answer;
+}
+
+}  // namespace trifinger::tracking::detail

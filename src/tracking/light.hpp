@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <array>
+#include <cstddef>
+#include <vector>
+
+#include "view.hpp"
+
+namespace trifinger::tracking::detail {
+
+// Which faces an object shows, and in which light.
+//
+// Edges tell where a box is, but not which of its faces is in front, and a lamp can make one colour
+// look like another one. But all faces that a camera shows are in the same light. For each turn of
+// the object onto itself, the light is sought in which the faces show their colours best; the turn
+// is the best one that needs the most usual light.
+class LightFit {
+ public:
+  LightFit(const Shape& shape, const ColourTable& table);
+
+  struct Answer {
+    // The best turn; null if the object is best as it is.
+    const Turn* turn{nullptr};
+    // How much likelier it is than the next best one: difference of the logs of likelihoods.
+    double margin{0};
+    // The light of each camera: what its channels are to be multiplied with besides its balance.
+    std::array<Eigen::Vector3d, kMostCameras> gains;
+
+    // How much likelier the object is as it is than after any turn; negative if it is not.
+    [[nodiscard]] double as_it_is() const noexcept { return turn == nullptr ? margin : -margin; }
+  };
+  [[nodiscard]] Answer fit(const std::vector<View>& views, const Eigen::Isometry3d& pose) noexcept;
+
+ private:
+  struct Sample {
+    std::size_t face;
+    Rgb colour;
+  };
+  static constexpr int kSteps = 7;  // of the gains of red and of blue
+  static constexpr std::size_t kLights = kSteps * kSteps;
+
+  void read_samples(const View& view, const Eigen::Isometry3d& pose) noexcept;
+  void weigh_faces(const View& view) noexcept;
+
+  const Shape* shape_;
+  const ColourTable* table_;
+  std::array<Eigen::Vector3d, kLights> lights_;
+  std::array<double, kLights> costs_;  // of unusual light
+  std::vector<Sample> samples_;
+  std::vector<float> evidence_;  // for each light, face, and label
+  // Of each turn; the first one leaves the object as it is.
+  std::vector<double> scores_;
+  std::array<std::vector<std::size_t>, kMostCameras> best_lights_;
+};
+
+}  // namespace trifinger::tracking::detail
