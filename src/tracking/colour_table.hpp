@@ -46,7 +46,8 @@ class ColourTable {
   // For each label, how well it explains a pixel of this colour: the log of its probability, not
   // below that of a pixel of something in front.
   [[nodiscard]] const float* evidence(const Rgb& colour) const noexcept {
-    const auto place = cell(colour[0]) << 2 * kBits | cell(colour[1]) << kBits | cell(colour[2]);
+    const auto at = [&](int channel) { return cell(double{colour[channel]}); };
+    const std::size_t place = at(0) << 2 * kBits | at(1) << kBits | at(2);
     return evidence_.data() + num_labels_ * place;
   }
 

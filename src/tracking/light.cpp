@@ -16,11 +16,12 @@ constexpr double kGrazing = 0.15;
 }  // namespace
 
 LightFit::LightFit(const Shape& shape, const ColourTable& table) : shape_(&shape), table_(&table) {
+  constexpr int kMiddle = kSteps / 2;  // the usual light
   std::size_t place = 0;
   for (int i = 0; i < kSteps; ++i) {
     for (int j = 0; j < kSteps; ++j) {
-      const double red = kStep * (i - kSteps / 2);
-      const double blue = kStep * (j - kSteps / 2);
+      const double red = kStep * (i - kMiddle);
+      const double blue = kStep * (j - kMiddle);
       const double mean = (red + blue) / 3;  // the brightness stays
       lights_[place] = {std::exp(red - mean), std::exp(-mean), std::exp(blue - mean)};
       costs_[place++] = (red * red + blue * blue) / (2 * kUsual * kUsual);
