@@ -49,13 +49,13 @@ was learned from it.
 
 The tracker was sure of {sure} of {scenes} scenes. All others it called unsure or not found, {good}
 of them with a pose within 3 mm and 2.5 degrees. The error of a sure estimate is within twice its
-standard deviations in {within:.0f} % of the scenes. Two looks at the images, and twice the time, are
-needed where the light is unlike all light in the rendered images.
+standard deviations in {within:.0f} % of the scenes. Two looks at the images, and twice the time,
+are needed where the light is unlike all light in the rendered images.
 """
 TEXT = """
 ## In rendered images
 
-Written by `./run evaluate tracking --scenes {scenes}{first}`: {scenes} scenes of the three robots, the
+Written by `./run evaluate tracking --scenes {scenes}{first}`: {scenes} scenes of three robots, the
 cube anywhere in the arena up to 13 cm high, {contacts:.1f} fingers at it on average, three images
 of 540 x 540 in Bayer mosaic. Light, colours, dust, noise and exposure differ; cameras differ from
 their calibration by 0.5 pixel. The tracker knows nothing of earlier images. The first four rows

@@ -253,7 +253,7 @@ Estimate Tracker::Parts::searched() noexcept {
 // have the colours that they should have, and judges it there.
 Estimate Tracker::Parts::in_its_light(const Candidate& candidate, double rival) noexcept {
   const Faces faces = light.fit(views, candidate.pose);
-  const Estimate first = estimate(candidate, rival, faces);
+  Estimate first = estimate(candidate, rival, faces);
   if (first.confidence >= kEnough || first.state == Estimate::State::kNotFound) return first;
   Eigen::Isometry3d pose = candidate.pose;
   if (faces.as_it_is() < -kClearFaces) {
@@ -263,7 +263,7 @@ Estimate Tracker::Parts::in_its_light(const Candidate& candidate, double rival) 
   for (std::size_t c = 0; c < views.size(); ++c) views[c].image.read_again(faces.gains[c], table);
   edges.approach(views, pose);
   const Candidate again = refined(pose);
-  const Estimate second = estimate(again, rival, light.fit(views, again.pose));
+  Estimate second = estimate(again, rival, light.fit(views, again.pose));
   if (first.is_sure() || second.is_sure())
     return second.confidence > first.confidence ? second : first;
   return again.verdict.score() > candidate.verdict.score() ? second : first;
@@ -304,11 +304,11 @@ Estimate Tracker::track(std::span<const std::span<const std::byte>> images,
       view.image.read_again(Eigen::Vector3d::Ones(), parts.table);
     }
   }
-  const Estimate first = parts.searched();
+  Estimate first = parts.searched();
   if (first.is_sure()) return first;
   // A table of wood or a wall in a colour misleads the white balance: once more without it.
   for (detail::View& view : parts.views) view.image.read_unbalanced(parts.table);
-  const Estimate second = parts.searched();
+  Estimate second = parts.searched();
   return second.confidence > first.confidence ? second : first;
 }
 
