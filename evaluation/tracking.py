@@ -49,8 +49,8 @@ was learned from it.
 
 The tracker was sure of {sure} of {scenes} scenes. All others it called unsure or not found, {good}
 of them with a pose within 3 mm and 2.5 degrees. The error of a sure estimate is within twice its
-standard deviations in {within:.0f} % of the scenes. Two looks at the images, and twice the time,
-are needed where the light is unlike all light in the rendered images.
+standard deviations in {within:.0f} % of the scenes. Light unlike that of the rendered images needs a
+second look, which takes as long again.
 """
 TEXT = """
 ## In rendered images
@@ -293,7 +293,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if min(scenes, options.traced, options.first_scene) < 0 or scenes + options.traced == 0:
         parser.error(
             "--scenes and --traced are numbers of scenes; one must be at least 1. "
-            "The number of a scene is 0 or more"
+            "--first-scene is 0 or more"
         )
     holds = True
     for kind, count, text in (

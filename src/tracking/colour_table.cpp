@@ -16,7 +16,7 @@ constexpr double kBackgroundWeight = 2;
 constexpr double kMayBe = 0.03;
 // Density of features that nobody has seen: they belong to the background.
 constexpr double kUnseen = 1e-3;
-// Something may stand in front of any pixel of a face, whatever its colour.
+// The share of pixels of a face that show something in front.
 constexpr double kHidden = 0.05;
 
 // Reads the channel of one colour between the pixels that have it: every second one of every second
@@ -42,7 +42,7 @@ float between(const std::uint8_t* pixels, std::size_t width, float x, float y, i
 
 ColourTable::ColourTable(const ColourModel& model, const std::vector<std::string>& colours)
     : labels_(std::size_t{1} << 3 * kBits),
-      num_labels_(colours.size()),
+      num_colours_(colours.size()),
       evidence_(colours.size() << 3 * kBits, 0.0F) {
   constexpr std::size_t kCells = std::size_t{1} << kBits;
   std::array<double, kCells> middle{};
@@ -70,7 +70,7 @@ ColourTable::ColourTable(const ColourModel& model, const std::vector<std::string
           const Label label =
               own == colours.end() ? kNoColour : static_cast<Label>(own - colours.begin());
           if (label != kNoColour) {
-            evidence_[num_labels_ * place + label] = static_cast<float>(density);
+            evidence_[num_colours_ * place + label] = static_cast<float>(density);
           }
           if (density <= std::max(next, kMayBe * background)) continue;
           if (density > best) {
@@ -82,11 +82,12 @@ ColourTable::ColourTable(const ColourModel& model, const std::vector<std::string
             next = density;
           }
         }
-        float* const own = evidence_.data() + num_labels_ * place;
+        float* const densities = evidence_.data() + num_colours_ * place;
         double sum = background;
-        for (std::size_t k = 0; k < num_labels_; ++k) sum += double{own[k]};
-        for (std::size_t k = 0; k < num_labels_; ++k) {
-          own[k] = static_cast<float>(std::log(kHidden + double{own[k]} / sum));
+        for (std::size_t k = 0; k < num_colours_; ++k) sum += double{densities[k]};
+        for (std::size_t k = 0; k < num_colours_; ++k) {
+          densities[k] =
+              static_cast<float>(std::log(kHidden + (1 - kHidden) * double{densities[k]} / sum));
         }
         // Things that are most likely not of the object are not of the object.
         if (!labels.is_coloured() || next < kMayBe * best) labels.second = kNoColour;

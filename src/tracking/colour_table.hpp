@@ -42,13 +42,13 @@ class ColourTable {
   // Labels are places in `colours`. Every name must be in the model.
   ColourTable(const ColourModel& model, const std::vector<std::string>& colours);
 
-  [[nodiscard]] std::size_t num_labels() const noexcept { return num_labels_; }
-  // For each label, how well it explains a pixel of this colour: the log of its probability, not
-  // below that of a pixel of something in front.
+  [[nodiscard]] std::size_t num_colours() const noexcept { return num_colours_; }
+  // For each colour, how well it explains a pixel: the log of its probability. Something may stand
+  // in front of any pixel of a face, so it has a lower bound.
   [[nodiscard]] const float* evidence(const Rgb& colour) const noexcept {
     const auto at = [&](int channel) { return cell(double{colour[channel]}); };
     const std::size_t place = at(0) << 2 * kBits | at(1) << kBits | at(2);
-    return evidence_.data() + num_labels_ * place;
+    return evidence_.data() + num_colours_ * place;
   }
 
   // The cells of an image whose channels are multiplied by `gains` first.
@@ -66,7 +66,7 @@ class ColourTable {
   static std::size_t cell(double brightness) noexcept;
 
   std::vector<Labels> labels_;
-  std::size_t num_labels_;
+  std::size_t num_colours_;
   std::vector<float> evidence_;
 };
 
@@ -89,7 +89,7 @@ class LabelledImage {
   void read_again(const Eigen::Vector3d& light, const ColourTable& table) noexcept;
   // Reads it again as the camera took it.
   void read_unbalanced(const ColourTable& table) noexcept;
-  // What the channels were multiplied with.
+  // The white balance of the image; another light does not change it.
   [[nodiscard]] const Eigen::Vector3d& balance() const noexcept { return balance_; }
   [[nodiscard]] bool exists() const noexcept { return pixels_ != nullptr; }
 

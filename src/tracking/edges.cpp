@@ -65,6 +65,7 @@ void EdgeFit::measure_edges(const std::vector<View>& views, const Eigen::Isometr
           Eigen::Vector2d normal(tangent.y(), -tangent.x());
           if (normal.dot(at.pixel - middle) < 0) normal = -normal;
           const Spot spot{&view, face.label, at.pixel, normal};
+          if (!view.image.contains(at.pixel, 3)) continue;
           double offset = 0;
           ++looked_;
           if (!measure(spot, offset)) continue;
@@ -193,7 +194,8 @@ Fit EdgeFit::solve(std::size_t cameras, double scale, Eigen::Isometry3d& pose) n
   double spread = scale;
   // The noise of neighbouring lines is alike, so a line counts for less than its own noise says.
   constexpr double kLineError = 0.6;  // [pixel]
-  constexpr double kAbout = 1;        // [pixel]
+  // A few edges that are found to a tenth of a pixel must not make the others look wrong.
+  constexpr double kAgreeing = 1;  // [pixel]
   for (int round = 0; round < kRounds; ++round) {
     Normals sum = Normals::Zero(size, size);
     Unknowns right = Unknowns::Zero(size);
@@ -205,7 +207,7 @@ Fit EdgeFit::solve(std::size_t cameras, double scale, Eigen::Isometry3d& pose) n
       const double error = line.offset - line.slope.dot(unknowns.head<6>()) -
                            line.normal.dot(unknowns.segment<2>(shift)) - unknowns[growth];
       const double relative = error / (3 * spread);
-      if (std::abs(error) < std::max(kAbout, 3 * spread)) ++fit.agreeing;
+      if (std::abs(error) < std::max(kAgreeing, 3 * spread)) ++fit.agreeing;
       if (std::abs(relative) >= 1) continue;
       ++fit.used;
       squares += error * error;

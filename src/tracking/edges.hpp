@@ -17,8 +17,8 @@ struct Fit {
   double residual{0};  // root mean square of what is unexplained [pixel]
   int lines{0};        // places on edges that were measured
   int looked{0};       // places on edges that were looked at
-  int used{0};         // measured places that the pose was found with
-  int agreeing{0};     // measured places where the edge is about where the pose has it
+  int used{0};         // measured places that determine the pose
+  int agreeing{0};     // measured places within about a pixel of the expected edge
 };
 
 // Moves a pose until the edges of the coloured faces are where the cameras show them.

@@ -76,12 +76,12 @@ Verdict Judge::judge(const std::vector<View>& views, const Eigen::Isometry3d& po
 
 double Judge::twin() const noexcept {
   double best = 0;
-  for (const auto& [rotation, order] : shape_->turns) {
+  for (const Turn& turn : shape_->turns) {
     double all = 0;
     double score = 0;
-    for (std::size_t i = 0; i < order.size(); ++i) {
+    for (std::size_t i = 0; i < turn.order.size(); ++i) {
       all += shown_[i];
-      const bool is_same = shape_->faces[order[i]].label == shape_->faces[i].label;
+      const bool is_same = shape_->faces[turn.order[i]].label == shape_->faces[i].label;
       score += is_same ? shown_[i] : -kOther * shown_[i];
     }
     if (all > 0) best = std::max(best, score / all);

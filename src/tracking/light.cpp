@@ -30,16 +30,19 @@ LightFit::LightFit(const Shape& shape, const ColourTable& table) : shape_(&shape
   std::size_t samples = 0;
   for (const Face& face : shape.faces) samples += face.samples.size();
   samples_.reserve(samples);
-  evidence_.resize(kLights * shape.faces.size() * table.num_labels());
+  shown_.reserve(shape.faces.size());
+  evidence_.resize(kLights * shape.faces.size() * table.num_colours());
   scores_.resize(shape.turns.size() + 1);
   for (auto& lights : best_lights_) lights.resize(scores_.size());
 }
 
 void LightFit::read_samples(const View& view, const Eigen::Isometry3d& pose) noexcept {
   samples_.clear();
+  shown_.clear();
   for (std::size_t i = 0; i < shape_->faces.size(); ++i) {
     const Face& face = shape_->faces[i];
     if (facing(view, pose, face) < kGrazing) continue;
+    shown_.push_back(i);
     for (const Eigen::Vector3d& point : face.samples) {
       const Eigen::Vector2d pixel = view.project(pose * point);
       if (!view.image.contains(pixel, 3)) continue;
@@ -51,26 +54,41 @@ void LightFit::read_samples(const View& view, const Eigen::Isometry3d& pose) noe
 
 void LightFit::weigh_faces(const View& view) noexcept {
   std::ranges::fill(evidence_, 0.0F);
-  const std::size_t labels = table_->num_labels();
+  const std::size_t colours = table_->num_colours();
   for (std::size_t l = 0; l < kLights; ++l) {
     const Eigen::Vector3f gains = (view.image.balance().array() * lights_[l].array()).cast<float>();
-    float* const evidence = evidence_.data() + l * shape_->faces.size() * labels;
+    float* const evidence = evidence_.data() + l * shape_->faces.size() * colours;
     for (const Sample& sample : samples_) {
-      const float* const own = table_->evidence(sample.colour.cwiseProduct(gains));
-      float* const sum = evidence + sample.face * labels;
-      for (std::size_t k = 0; k < labels; ++k) sum[k] += own[k];
+      const float* const densities = table_->evidence(sample.colour.cwiseProduct(gains));
+      float* const sum = evidence + sample.face * colours;
+      for (std::size_t k = 0; k < colours; ++k) sum[k] += densities[k];
     }
   }
+}
+
+// How well the shown faces have their colours in this light, after this turn.
+double LightFit::score(std::size_t light, std::size_t turn) const noexcept {
+  // Many small faces do not say more than a few large ones.
+  constexpr double kMost = 111;  // samples: three faces of a box
+  const std::size_t colours = table_->num_colours();
+  const float* const evidence = evidence_.data() + light * shape_->faces.size() * colours;
+  double sum = 0;
+  for (const std::size_t i : shown_) {
+    const std::size_t face = turn == 0 ? i : shape_->turns[turn - 1].order[i];
+    sum += double{evidence[i * colours + shape_->faces[face].label]};
+  }
+  const double weight =
+      kIndependent * std::min(1.0, kMost / std::max(1.0, static_cast<double>(samples_.size())));
+  return weight * sum - costs_[light];
 }
 
 LightFit::Answer LightFit::fit(const std::vector<View>& views,
                                const Eigen::Isometry3d& pose) noexcept {
   Answer answer;
-  answer.gains.fill(Eigen::Vector3d::Ones());
+  answer.lights.fill(Eigen::Vector3d::Ones());
+  answer.lights_as_it_is.fill(Eigen::Vector3d::Ones());
   std::ranges::fill(scores_, 0.0);
   std::array<bool, kMostCameras> is_read{};
-  const std::size_t labels = table_->num_labels();
-  const std::size_t faces = shape_->faces.size();
   for (std::size_t c = 0; c < views.size(); ++c) {
     const View& view = views[c];
     if (!view.image.exists() || view.seen(pose.translation()).z() < 1.5 * shape_->radius) continue;
@@ -80,17 +98,10 @@ LightFit::Answer LightFit::fit(const std::vector<View>& views,
     for (std::size_t t = 0; t < scores_.size(); ++t) {
       double best = -std::numeric_limits<double>::infinity();
       for (std::size_t l = 0; l < kLights; ++l) {
-        const float* const evidence = evidence_.data() + l * faces * labels;
-        double sum = 0;
-        for (std::size_t i = 0; i < faces; ++i) {
-          const std::size_t face = t == 0 ? i : shape_->turns[t - 1].order[i];
-          sum += double{evidence[i * labels + shape_->faces[face].label]};
-        }
-        const double score = kIndependent * sum - costs_[l];
-        if (score > best) {
-          best = score;
-          best_lights_[c][t] = l;
-        }
+        const double score_here = score(l, t);
+        if (score_here <= best) continue;
+        best = score_here;
+        best_lights_[c][t] = l;
       }
       scores_[t] += best;
     }
@@ -104,7 +115,9 @@ LightFit::Answer LightFit::fit(const std::vector<View>& views,
   }
   answer.margin = *best - next;
   for (std::size_t c = 0; c < views.size(); ++c) {
-    if (is_read[c]) answer.gains[c] = lights_[best_lights_[c][place]];
+    if (!is_read[c]) continue;
+    answer.lights[c] = lights_[best_lights_[c][place]];
+    answer.lights_as_it_is[c] = lights_[best_lights_[c][0]];
   }
   return answer;
 }

@@ -15,19 +15,22 @@ namespace trifinger::tracking::detail {
 //
 // Edges tell where a box is, but not which of its faces is in front, and a lamp can make one colour
 // look like another one. But all faces that a camera shows are in the same light. For each turn of
-// the object onto itself, the light is sought in which the faces show their colours best; the turn
-// is the best one that needs the most usual light.
+// the object onto itself and each camera, the light is sought in which the faces show their colours
+// best. Unusual light costs. The turn with the best sum over all cameras wins.
 class LightFit {
  public:
   LightFit(const Shape& shape, const ColourTable& table);
+
+  // The light of each camera: factors of its channels in addition to its white balance.
+  using Lights = std::array<Eigen::Vector3d, kMostCameras>;
 
   struct Answer {
     // The best turn; null if the object is best as it is.
     const Turn* turn{nullptr};
     // How much likelier it is than the next best one: difference of the logs of likelihoods.
     double margin{0};
-    // The light of each camera: what its channels are to be multiplied with besides its balance.
-    std::array<Eigen::Vector3d, kMostCameras> gains;
+    Lights lights{};           // of the best turn
+    Lights lights_as_it_is{};  // of the object as it is
 
     // How much likelier the object is as it is than after any turn; negative if it is not.
     [[nodiscard]] double as_it_is() const noexcept { return turn == nullptr ? margin : -margin; }
@@ -42,6 +45,7 @@ class LightFit {
   static constexpr int kSteps = 7;  // of the gains of red and of blue
   static constexpr std::size_t kLights = kSteps * kSteps;
 
+  [[nodiscard]] double score(std::size_t light, std::size_t turn) const noexcept;
   void read_samples(const View& view, const Eigen::Isometry3d& pose) noexcept;
   void weigh_faces(const View& view) noexcept;
 
@@ -50,7 +54,8 @@ class LightFit {
   std::array<Eigen::Vector3d, kLights> lights_;
   std::array<double, kLights> costs_;  // of unusual light
   std::vector<Sample> samples_;
-  std::vector<float> evidence_;  // for each light, face, and label
+  std::vector<std::size_t> shown_;  // the faces of the samples
+  std::vector<float> evidence_;     // for each light, face, and label
   // Of each turn; the first one leaves the object as it is.
   std::vector<double> scores_;
   std::array<std::vector<std::size_t>, kMostCameras> best_lights_;

@@ -168,9 +168,10 @@ void Search::turn_at(const std::vector<View>& views, const Place& place) noexcep
     turns_[i] = {i, score};
   }
   const auto last = turns_.begin() + kMostTurns;
-  std::partial_sort(turns_.begin(), last, turns_.end(), [](const Turn& a, const Turn& b) {
-    return a.score != b.score ? a.score > b.score : a.rotation < b.rotation;
-  });
+  std::partial_sort(turns_.begin(), last, turns_.end(),
+                    [](const ScoredRotation& a, const ScoredRotation& b) {
+                      return a.score != b.score ? a.score > b.score : a.rotation < b.rotation;
+                    });
   for (auto turn = turns_.begin(); turn != last; ++turn) {
     Guess guess = fit(views, place, turn->rotation);
     guess.score += turn->score;

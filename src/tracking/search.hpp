@@ -49,7 +49,7 @@ class Search {
     double area{0};                                   // [block]
     Eigen::Vector2d centre{Eigen::Vector2d::Zero()};  // [pixel]
   };
-  struct Turn {
+  struct ScoredRotation {
     std::size_t rotation;
     double score;
   };
@@ -67,7 +67,7 @@ class Search {
   std::vector<Eigen::Matrix3d> rotations_;
   std::vector<Patch> seen_;      // of each camera and colour
   std::vector<Patch> expected_;  // scratch, like `seen_`
-  std::vector<Turn> turns_;
+  std::vector<ScoredRotation> turns_;
   std::vector<Guess> guesses_;
   std::vector<const Place*> looked_at_;
 };

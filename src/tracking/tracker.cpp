@@ -85,15 +85,29 @@ std::vector<detail::View> views_of(const std::vector<camera::Camera>& cameras,
 
 // How much likelier the faces of a pose must be than others to be trusted: log of a ratio.
 constexpr double kClearFaces = 2;
-// The confidence from which on nothing better is sought.
+// From this confidence on, a guess is taken, and images are not read again in another light.
 constexpr double kEnough = 0.7;
+
+constexpr double kSamePlace = 0.03;  // [m]
 
 // Whether two poses are one that is not refined yet.
 bool are_same(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) noexcept {
-  constexpr double kAngle = 0.35;     // [rad]
-  constexpr double kDistance = 0.03;  // [m]
+  constexpr double kAngle = 0.35;  // [rad]
   return Eigen::AngleAxisd(a.linear().transpose() * b.linear()).angle() < kAngle &&
-         (a.translation() - b.translation()).norm() < kDistance;
+         (a.translation() - b.translation()).norm() < kSamePlace;
+}
+
+// Another pose that explains the images, too: its score relative to that of the best one.
+struct Rival {
+  double anywhere{0};
+  double elsewhere{0};  // at another place, so that it stays one when the best one is turned
+};
+
+// The better of two estimates of the same images.
+const Estimate& better(const Estimate& a, const Estimate& b) noexcept {
+  const bool is_found = b.state != Estimate::State::kNotFound;
+  if (is_found != (a.state != Estimate::State::kNotFound)) return is_found ? b : a;
+  return b.confidence > a.confidence ? b : a;
 }
 
 }  // namespace
@@ -113,6 +127,7 @@ struct Tracker::Parts {
         object(std::move(given_object)),
         colours(colours_of(object, model)),
         shape(object, colours),
+        has_look_alikes(look_alikes(object) > 0),
         views(views_of(cameras, shape, colours.size())),
         table(model, colours),
         search(views, shape, colours.size(), options),
@@ -128,7 +143,8 @@ struct Tracker::Parts {
     return candidate;
   }
   [[nodiscard]] Estimate searched() noexcept;
-  [[nodiscard]] Estimate in_its_light(const Candidate& candidate, double rival) noexcept;
+  [[nodiscard]] Estimate in_its_light(const Candidate& candidate, const Rival& rival) noexcept;
+  [[nodiscard]] bool can_be_sure() const noexcept;
   [[nodiscard]] static Estimate estimate(const Candidate& candidate, double rival,
                                          const Faces& faces) noexcept;
 
@@ -136,6 +152,7 @@ struct Tracker::Parts {
   TrackedObject object;
   std::vector<std::string> colours;
   detail::Shape shape;
+  bool has_look_alikes;
   std::vector<detail::View> views;
   detail::ColourTable table;
   detail::Search search;
@@ -188,7 +205,7 @@ Estimate Tracker::Parts::estimate(const Candidate& candidate, double rival,
            at_most(std::max(rival, verdict.twin), 0.75, 0.4),
            at_least(verdict.directions, 1.5, 2),
        }) {
-    confidence = std::min(confidence, each);
+    confidence = each >= 0 ? std::min(confidence, each) : 0;  // also if it is no number
   }
   estimate.confidence = confidence;
   estimate.state = confidence >= 0.5 ? Estimate::State::kSure : Estimate::State::kUnsure;
@@ -239,34 +256,51 @@ Estimate Tracker::Parts::searched() noexcept {
     if (candidates[best].verdict.matched <= 0) best = i;
     if (candidates[i].verdict.score() > candidates[best].verdict.score()) best = i;
   }
-  double rival = 0;
+  Rival rival;
   for (std::size_t i = 0; i < count; ++i) {
     if (candidates[i].verdict.matched <= 0) continue;
     if (are_same(candidates[i].pose, candidates[best].pose)) continue;
-    rival = std::max(
-        rival, candidates[i].verdict.score() / std::max(1.0, candidates[best].verdict.score()));
+    const double score =
+        candidates[i].verdict.score() / std::max(1.0, candidates[best].verdict.score());
+    rival.anywhere = std::max(rival.anywhere, score);
+    if ((candidates[i].pose.translation() - candidates[best].pose.translation()).norm() >
+        kSamePlace) {
+      rival.elsewhere = std::max(rival.elsewhere, score);
+    }
   }
   return in_its_light(candidates[best], rival);
 }
 
+// Whether these images of this object can give a sure estimate at all.
+bool Tracker::Parts::can_be_sure() const noexcept {
+  const auto exists = [](const detail::View& view) { return view.image.exists(); };
+  return !has_look_alikes && std::ranges::count_if(views, exists) > 1;
+}
+
 // Judges a candidate. If that leaves doubts, reads the images again in the light in which its faces
-// have the colours that they should have, and judges it there.
-Estimate Tracker::Parts::in_its_light(const Candidate& candidate, double rival) noexcept {
+// have the colours that they should have, turns it if other faces fit clearly better, and judges it
+// once more.
+Estimate Tracker::Parts::in_its_light(const Candidate& candidate, const Rival& rival) noexcept {
   const Faces faces = light.fit(views, candidate.pose);
-  Estimate first = estimate(candidate, rival, faces);
-  if (first.confidence >= kEnough || first.state == Estimate::State::kNotFound) return first;
-  Eigen::Isometry3d pose = candidate.pose;
-  if (faces.as_it_is() < -kClearFaces) {
-    pose.linear() = pose.linear() * faces.turn->rotation;
-    rival = 0;
+  Estimate first = estimate(candidate, rival.anywhere, faces);
+  if (first.confidence >= kEnough || first.state == Estimate::State::kNotFound || !can_be_sure()) {
+    return first;
   }
-  for (std::size_t c = 0; c < views.size(); ++c) views[c].image.read_again(faces.gains[c], table);
+  const bool is_turned = faces.as_it_is() < -kClearFaces;
+  Eigen::Isometry3d pose = candidate.pose;
+  if (is_turned) pose.linear() = pose.linear() * faces.turn->rotation;
+  const auto& lights = is_turned ? faces.lights : faces.lights_as_it_is;
+  for (std::size_t c = 0; c < views.size(); ++c) views[c].image.read_again(lights[c], table);
   edges.approach(views, pose);
   const Candidate again = refined(pose);
-  Estimate second = estimate(again, rival, light.fit(views, again.pose));
-  if (first.is_sure() || second.is_sure())
-    return second.confidence > first.confidence ? second : first;
-  return again.verdict.score() > candidate.verdict.score() ? second : first;
+  Estimate second =
+      estimate(again, is_turned ? rival.elsewhere : rival.anywhere, light.fit(views, again.pose));
+  for (detail::View& view : views) view.image.read_again(Eigen::Vector3d::Ones(), table);
+  const bool is_found = second.state != Estimate::State::kNotFound;
+  if (is_found && !first.is_sure() && !second.is_sure()) {
+    return again.verdict.score() > candidate.verdict.score() ? second : first;
+  }
+  return better(first, second);
 }
 
 Tracker::Tracker(std::vector<camera::Camera> cameras, TrackedObject object,
@@ -297,19 +331,15 @@ Estimate Tracker::track(std::span<const std::span<const std::byte>> images,
   if (guess != nullptr && guess->matrix().allFinite()) {
     Eigen::Isometry3d pose = *guess;
     parts.edges.approach(parts.views, pose);
-    const Estimate near = parts.in_its_light(parts.refined(pose), 0);
+    Estimate near = parts.in_its_light(parts.refined(pose), {});
     // A guess is taken if it leaves nothing to explain, so a search could find nothing better.
     if (near.confidence >= kEnough) return near;
-    for (detail::View& view : parts.views) {
-      view.image.read_again(Eigen::Vector3d::Ones(), parts.table);
-    }
   }
   Estimate first = parts.searched();
-  if (first.is_sure()) return first;
+  if (first.is_sure() || !parts.can_be_sure()) return first;
   // A table of wood or a wall in a colour misleads the white balance: once more without it.
   for (detail::View& view : parts.views) view.image.read_unbalanced(parts.table);
-  Estimate second = parts.searched();
-  return second.confidence > first.confidence ? second : first;
+  return better(first, parts.searched());
 }
 
 }  // namespace trifinger::tracking

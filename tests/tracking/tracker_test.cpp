@@ -147,8 +147,8 @@ TEST(Tracker, IsNotConfusedByAColouredTable) {
   }
 }
 
-// A table of wood makes the white balance blue, a mat makes it anything: all faces look like
-// others.
+// A table of wood makes the white balance blue, a mat makes it anything: each face then looks like
+// another one.
 TEST(Tracker, KnowsTheFacesWhateverTheTableMakesOfTheWhiteBalance) {
   Tracker tracker(three_cameras(), cube());
   for (const Painter::Colour& table :
@@ -164,8 +164,7 @@ TEST(Tracker, KnowsTheFacesWhateverTheTableMakesOfTheWhiteBalance) {
   }
 }
 
-// Neither the balance of the images nor that of the cameras is right: only the faces tell the
-// light.
+// The background is in the light twice, so the white balance overcorrects: only the faces tell it.
 TEST(Tracker, FindsTheLightInWhichTheFacesHaveTheirColours) {
   Tracker tracker(three_cameras(), cube());
   for (const Painter::Colour& light : {Painter::Colour(1.3, 1, 0.7), Painter::Colour(0.7, 1, 1.3),
@@ -403,6 +402,34 @@ TEST(Tracker, DoesNotAllocateWhenItTracks) {
   (void)tracker.track(spans);
   (void)tracker.track(spans, &pose);
   EXPECT_EQ(allocations.count(), 0);
+  Painter painter;
+  painter.light = {1.3, 1, 0.7};
+  painter.background = {150, 110, 70};
+  const Pictures strange = painted(pose, painter);
+  const auto strange_spans = strange.spans();
+  const auto before = allocations.count();
+  (void)tracker.track(strange_spans);
+  (void)tracker.track(strange_spans, &pose);
+  EXPECT_EQ(allocations.count(), before);
+}
+
+TEST(Tracker, IsAsSureWithCamerasThatLookAway) {
+  const Eigen::Isometry3d pose = some_poses()[0];
+  auto cameras = three_cameras();
+  Pictures pictures = painted(pose);
+  const Estimate alone = Tracker(cameras, cube()).track(pictures.spans());
+  for (int i = 0; i < 4; ++i) {
+    camera::Camera away = cameras[0];
+    away.name += std::to_string(i);
+    // The cube is beyond the edge of its view.
+    away.pose.linear() =
+        away.pose.linear() * Eigen::AngleAxisd(0.75, Eigen::Vector3d::UnitX()).toRotationMatrix();
+    cameras.push_back(away);
+    pictures.images.push_back(Painter().paint(away, cube(), cube(0), pose));
+  }
+  const Estimate together = Tracker(cameras, cube()).track(pictures.spans());
+  EXPECT_EQ(together.cameras, 3);
+  EXPECT_NEAR(together.confidence, alone.confidence, 0.05);
 }
 
 template <class Make>
