@@ -84,10 +84,10 @@ ColourTable::ColourTable(const ColourModel& model, const std::vector<std::string
         }
         float* const densities = evidence_.data() + num_colours_ * place;
         double sum = background;
-        for (std::size_t k = 0; k < num_colours_; ++k) sum += double{densities[k]};
+        for (std::size_t k = 0; k < num_colours_; ++k) sum += static_cast<double>(densities[k]);
         for (std::size_t k = 0; k < num_colours_; ++k) {
-          densities[k] =
-              static_cast<float>(std::log(kHidden + (1 - kHidden) * double{densities[k]} / sum));
+          densities[k] = static_cast<float>(
+              std::log(kHidden + (1 - kHidden) * static_cast<double>(densities[k]) / sum));
         }
         // Things that are most likely not of the object are not of the object.
         if (!labels.is_coloured() || next < kMayBe * best) labels.second = kNoColour;

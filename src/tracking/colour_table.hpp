@@ -46,7 +46,7 @@ class ColourTable {
   // For each colour, how well it explains a pixel: the log of its probability. Something may stand
   // in front of any pixel of a face, so it has a lower bound.
   [[nodiscard]] const float* evidence(const Rgb& colour) const noexcept {
-    const auto at = [&](int channel) { return cell(double{colour[channel]}); };
+    const auto at = [&](int channel) { return cell(static_cast<double>(colour[channel])); };
     const std::size_t place = at(0) << 2 * kBits | at(1) << kBits | at(2);
     return evidence_.data() + num_colours_ * place;
   }

@@ -75,7 +75,7 @@ double LightFit::score(std::size_t light, std::size_t turn) const noexcept {
   double sum = 0;
   for (const std::size_t i : shown_) {
     const std::size_t face = turn == 0 ? i : shape_->turns[turn - 1].order[i];
-    sum += double{evidence[i * colours + shape_->faces[face].label]};
+    sum += static_cast<double>(evidence[i * colours + shape_->faces[face].label]);
   }
   const double weight =
       kIndependent * std::min(1.0, kMost / std::max(1.0, static_cast<double>(samples_.size())));
