@@ -104,7 +104,7 @@ struct Rival {
 };
 
 // The better of two estimates of the same images.
-const Estimate& better(const Estimate& a, const Estimate& b) noexcept {
+Estimate better(const Estimate& a, const Estimate& b) noexcept {
   const bool is_found = b.state != Estimate::State::kNotFound;
   if (is_found != (a.state != Estimate::State::kNotFound)) return is_found ? b : a;
   return b.confidence > a.confidence ? b : a;
