@@ -49,8 +49,8 @@ was learned from it.
 
 The tracker was sure of {sure} of {scenes} scenes. All others it called unsure or not found, {good}
 of them with a pose within 3 mm and 2.5 degrees. The error of a sure estimate is within twice its
-standard deviations in {within:.0f} % of the scenes. Light unlike that of the rendered images needs a
-second look, which takes as long again.
+standard deviations in {within:.0f} % of the scenes. Light unlike that of the rendered images needs
+a second look, which takes as long again.
 """
 TEXT = """
 ## In rendered images
