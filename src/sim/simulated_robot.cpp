@@ -178,14 +178,16 @@ bool SimulatedRobot<R>::get_companion_element(std::size_t index, TimeIndex time_
 // Finds out what is pulled in the next step, and what acts in it. Null if nothing is pulled.
 template <class R>
 detail::Puller* SimulatedRobot<R>::next_pull() noexcept {
+  if (acting_.body >= 0) acting_ = {};
   // What another process wrote is copied once; this copy is checked and used.
   HandObservation pulled;
   const auto is_pull = [this](const HandObservation& hand) {
     return hand.body >= 0 && hand.body < puller_->num_bodies() && pull_of(hand).is_valid();
   };
-  if (hand_ == nullptr || !hand_->read_newest(&pulled) || !is_pull(pulled)) pulled = own_pull_;
-  acting_ = {};
-  if (!is_pull(pulled)) return nullptr;
+  if (hand_ == nullptr || !hand_->read_newest(&pulled) || !is_pull(pulled)) {
+    if (own_pull_.body < 0) return nullptr;
+    pulled = own_pull_;
+  }
   acting_ = pulled;
   acting_.force = {};
   puller_->set(pulled.body, pull_of(pulled));
