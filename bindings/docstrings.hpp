@@ -315,6 +315,20 @@ tips touched [m].)";
 inline constexpr const char* wanted = R"(The wanted contact forces while the object is held, in the world frame.)";
 }
 
+namespace HandWriter {
+inline constexpr const char* HandWriter = R"(The hand of a simulated robot that `trifinger run` runs in another process.
+
+The robot has one hand. A pull acts while the robot holds its pose and while a session runs,
+not during its orderly stop. It begins with the next step, the first one up to 0.1 s after
+the writer was made. It ends with `let_go`, with this object, or with its process: 0.1 s
+after a kill, and 0.3 s after the process was stopped.
+
+The process of the robot may be started again at any time. The bodies are those of the robot
+that ran when this object was made.)";
+inline constexpr const char* bodies = R"(What can be pulled, see `pullable_bodies`.)";
+inline constexpr const char* let_go = R"(Lets go. Without effect if nothing is pulled, or in a child process after fork.)";
+}
+
 namespace ImageFormat {
 inline constexpr const char* height = R"([pixel])";
 inline constexpr const char* width = R"([pixel])";
@@ -564,6 +578,7 @@ not need a front-end.)";
 namespace SimulatedRobot {
 inline constexpr const char* configuration = R"(Positions and velocities of joints and objects in MuJoCo's layout, to draw the scene:
 `qpos`, then `qvel`.)";
+inline constexpr const char* let_go = R"(Lets go of what `pull` pulls.)";
 inline constexpr const char* object_pose = R"(The object's pose now, without delay and noise: position [m] and quaternion w, x, y, z.
 
 Raises InvalidArgument that names the existing objects.)";
@@ -578,6 +593,11 @@ Raises InvalidArgument that names the existing objects.)";
 inline constexpr const char* place_object = R"(Places an object at rest at `pose`. The orientation is normalized.
 
 Raises InvalidArgument that names the existing objects, or if the pose is not valid.)";
+inline constexpr const char* pull = R"(Pulls at a tip or an object, one of `pullable_bodies`, in place of what was pulled before.
+It acts from the next step on until `let_go`, `reset`, `restore` or the next session. It is
+no part of a saved state. A hand in another process counts more while it pulls.
+
+Raises InvalidArgument that names the existing bodies, or if the pull is not valid.)";
 inline constexpr const char* push_object = R"(Applies a force to an object's centre of mass [N], in the world frame, like a hand that
 pushes. It acts from the next step on until the next call, `reset` or session.
 
@@ -738,6 +758,8 @@ motion.)";
 inline constexpr const char* observe = R"(Observes the robot `name` without controlling it.)";
 inline constexpr const char* point_of_body = R"(The motion of a point that is fixed to a body. `point` is in the body's frame, from its
 centre [m].)";
+inline constexpr const char* pullable_bodies = R"(Names of what can be pulled: "tip_0" and so on, one for each finger, then the names of the
+objects.)";
 inline constexpr const char* recover = R"(Clears the fault of the robot `name`, so that the next session begins. This is for an
 operator who has looked at the robot.
 

@@ -116,7 +116,11 @@ void add_sensors(RunnableRobot& robot, std::vector<CompanionDescription> sensors
   if (sensors.empty()) return;
   auto with_sensors =
       std::make_unique<DriverWithSensors>(std::move(robot.driver), robot.name, std::move(sensors));
-  robot.news = [sensors = with_sensors.get()] { return sensors->take_news(); };
+  robot.news = [sensors = with_sensors.get(), others = std::move(robot.news)] {
+    std::vector<std::string> news = others();
+    std::ranges::move(sensors->take_news(), std::back_inserter(news));
+    return news;
+  };
   robot.driver = std::move(with_sensors);
 }
 
@@ -142,7 +146,10 @@ void add_simulation(RunnableRobot& robot, SimulationOptions<R> options, const Ro
       sensors.push_back(std::move(*objects));
     }
   }
+  options.has_hand = true;
   auto driver = std::make_unique<SimulatedRobot<R>>(std::move(options));
+  driver->listen_to_hand(robot.name);
+  robot.news = [simulation = driver.get()] { return simulation->take_hand_news(); };
   if (state) {
     try {
       driver->restore(read_state(*state));

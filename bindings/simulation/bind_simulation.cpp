@@ -6,9 +6,11 @@
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/unique_ptr.h>
+#include <nanobind/stl/variant.h>
 #include <nanobind/stl/vector.h>
 
 #include <cctype>
+#include <cstdint>
 #include <map>
 #include <memory>
 #include <string>
@@ -16,6 +18,7 @@
 #include <tuple>
 #include <type_traits>
 #include <utility>
+#include <variant>
 #include <vector>
 
 #include "bindings.hpp"
@@ -188,6 +191,25 @@ void bind_simulation(nb::module_& m) {
            docs::SimulatedRobot::set_object_velocity)
       .def("push_object", &PythonSimulation::push_object, "name"_a, "force"_a,
            docs::SimulatedRobot::push_object)
+      .def(
+          "pull",
+          [](const PythonSimulation& simulation,
+             const std::variant<std::int64_t, std::string>& body, const Vector3& target,
+             const Vector3& point,
+             double stiffness) { simulation.pull(body, to_pull(target, point, stiffness)); },
+          "body"_a, "target"_a, nb::kw_only(), "point"_a = zeros(),
+          "stiffness"_a = Pull{}.stiffness,
+          nb::sig("def pull(self, body: int | str, target: numpy.typing.ArrayLike, *, "
+                  "point: numpy.typing.ArrayLike = (0.0, 0.0, 0.0), stiffness: float = 300.0) -> "
+                  "None"),
+          also(
+              docs::SimulatedRobot::pull,
+              R"(`body` is a name or a number in `bodies`, `target` is in the world frame [m], `point` is where
+the spring is fixed, from the centre of the tip or object, in the axes of its body [m], and
+`stiffness` is above 0 and at most 5000 [N/m].)")
+              .c_str())
+      .def("let_go", &PythonSimulation::let_go, docs::SimulatedRobot::let_go)
+      .def_prop_ro("bodies", &PythonSimulation::bodies, docs::pullable_bodies)
       .def(
           "object_velocity",
           [](const PythonSimulation& simulation, const std::string& name) {

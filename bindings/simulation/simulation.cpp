@@ -45,6 +45,13 @@ RobotDescription description_of(const RobotConfig& config) {
   return std::visit([](const auto& options) { return options.description; }, config.simulation);
 }
 
+Pull to_pull(const Vector3& target, const Vector3& point, double stiffness) {
+  Pull pull{.stiffness = stiffness};
+  Eigen::Vector3d::Map(pull.target.data()) = target.value;
+  Eigen::Vector3d::Map(pull.point.data()) = point.value;
+  return pull;
+}
+
 PythonSimulation::PythonSimulation(const RobotConfig& config)
     : name_(config.name),
       checks_(nb::cast(new Checks, nb::rv_policy::take_ownership)),
@@ -93,6 +100,25 @@ void PythonSimulation::push_object(const std::string& name,
   const auto newtons = to_array<3>(force, "force");
   std::visit([&](const auto& simulation) { simulation.robot().push_object(name, newtons); },
              simulation_);
+}
+
+void PythonSimulation::pull(const std::variant<std::int64_t, std::string>& body,
+                            const Pull& pull) const {
+  std::visit(
+      [&](const auto& simulation, const auto& which) { simulation.robot().pull(which, pull); },
+      simulation_, body);
+}
+
+void PythonSimulation::let_go() const {
+  std::visit([](const auto& simulation) { simulation.robot().let_go(); }, simulation_);
+}
+
+std::vector<std::string> PythonSimulation::bodies() const {
+  return std::visit(
+      [](const auto& simulation) {
+        return pullable_bodies(simulation.robot().options().description);
+      },
+      simulation_);
 }
 
 void PythonSimulation::set_object_velocity(const std::string& name,

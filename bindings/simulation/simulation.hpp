@@ -11,6 +11,7 @@
 #include <variant>
 #include <vector>
 
+#include "conversion/array.hpp"
 #include "log/recorder.hpp"
 #include "session/frontend.hpp"
 #include "trifinger/sim/robot_config.hpp"
@@ -22,6 +23,8 @@ namespace trifinger::bindings {
 [[nodiscard]] RobotConfig load_config(const std::string& name, const nanobind::dict& overrides);
 
 [[nodiscard]] RobotDescription description_of(const RobotConfig& config);
+
+[[nodiscard]] Pull to_pull(const Vector3& target, const Vector3& point, double stiffness);
 
 /// A simulated robot in this process, whatever its number of fingers.
 class PythonSimulation {
@@ -39,6 +42,9 @@ class PythonSimulation {
   void push_object(const std::string& name, const std::vector<double>& force) const;
   void set_object_velocity(const std::string& name, const std::vector<double>& linear,
                            const std::vector<double>& angular) const;
+  void pull(const std::variant<std::int64_t, std::string>& body, const Pull& pull) const;
+  void let_go() const;
+  [[nodiscard]] std::vector<std::string> bodies() const;
   [[nodiscard]] ObjectPose object_pose(const std::string& name) const;
   [[nodiscard]] ObjectPose observed_object_pose(const std::string& name) const;
   [[nodiscard]] ObjectVelocity object_velocity(const std::string& name) const;

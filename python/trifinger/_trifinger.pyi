@@ -726,6 +726,29 @@ class Simulation:
         Raises InvalidArgument that names the existing objects, or if the force is not finite.
         """
 
+    def pull(self, body: int | str, target: numpy.typing.ArrayLike, *, point: numpy.typing.ArrayLike = (0.0, 0.0, 0.0), stiffness: float = 300.0) -> None:
+        """
+        Pulls at a tip or an object, one of `pullable_bodies`, in place of what was pulled before.
+        It acts from the next step on until `let_go`, `reset`, `restore` or the next session. It is
+        no part of a saved state. A hand in another process counts more while it pulls.
+
+        Raises InvalidArgument that names the existing bodies, or if the pull is not valid.
+
+        `body` is a name or a number in `bodies`, `target` is in the world frame [m], `point` is where
+        the spring is fixed, from the centre of the tip or object, in the axes of its body [m], and
+        `stiffness` is above 0 and at most 5000 [N/m].
+        """
+
+    def let_go(self) -> None:
+        """Lets go of what `pull` pulls."""
+
+    @property
+    def bodies(self) -> list[str]:
+        """
+        Names of what can be pulled: "tip_0" and so on, one for each finger, then the names of the
+        objects.
+        """
+
     def object_velocity(self, name: str) -> tuple[Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]]:
         """
         The object's velocity now, without delay and noise: velocity of its centre [m/s] and angular
@@ -816,6 +839,62 @@ def export_urdf(config: str = 'sim', overrides: dict[str, object] = {}) -> str:
     link's -z, flipped or not.
 
     Raises InvalidArgument if the description cannot be built.
+    """
+
+class Hand:
+    """
+    The hand of a simulated robot that `trifinger run` runs in another process.
+
+    The robot has one hand. A pull acts while the robot holds its pose and while a session runs,
+    not during its orderly stop. It begins with the next step, the first one up to 0.1 s after
+    the writer was made. It ends with `let_go`, with this object, or with its process: 0.1 s
+    after a kill, and 0.3 s after the process was stopped.
+
+    The process of the robot may be started again at any time. The bodies are those of the robot
+    that ran when this object was made.
+    """
+
+    def __init__(self, robot: str = ...) -> None: ...
+
+    def __repr__(self) -> str: ...
+
+    @property
+    def bodies(self) -> list[str]:
+        """What can be pulled, see `pullable_bodies`."""
+
+    def pull(self, body: int | str, target: numpy.typing.ArrayLike, *, point: numpy.typing.ArrayLike = (0.0, 0.0, 0.0), stiffness: float = 300.0, seconds: float | None = None) -> None:
+        """
+        Pulls at a body, a name or a number in `bodies`, in place of what was pulled before: a damped
+        spring from `point` to `target`. `target` is in the world frame [m]. `point` is where the spring is
+        fixed, from the centre of the tip or object, in the axes of its body [m]. `stiffness` is above 0
+        and at most 5000 [N/m]. The hand lets go by itself after `seconds`, unless it pulls again. Does not
+        block. Raises InvalidArgument.
+        """
+
+    def let_go(self) -> None:
+        """
+        Lets go. Without effect if nothing is pulled, or in a child process after fork.
+        """
+
+    def close(self) -> None:
+        """
+        Lets go and ends. Another hand can then pull. Closing twice does nothing.
+        """
+
+    def __enter__(self) -> Hand: ...
+
+    def __exit__(self, type: type[BaseException] | None, value: BaseException | None, traceback: types.TracebackType | None) -> None: ...
+
+def hand(robot: str = ...) -> Hand:
+    """
+    The hand of a simulated robot that `trifinger run` runs, to pull at its tips and objects:
+
+        with trifinger.hand("sim") as hand:
+            hand.pull("tip_0", target=(0.0, 0.1, 0.1))
+            time.sleep(1.0)
+            hand.let_go()
+
+    A robot has one hand. Raises Error with the number of the process that is the hand already.
     """
 
 class CameraRenderer:

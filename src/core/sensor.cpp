@@ -265,20 +265,23 @@ bool UntypedSensorReader::next(void* element, Timeout timeout) {
 // ---- the sensors of a robot ----
 
 // One sensor: the watcher finds its memory, the loop reads it.
-class DriverWithSensors::Sensor {
+class detail::SensorOfLoop {
  public:
-  Sensor(const std::string& robot, const CompanionDescription& companion)
-      : name_(companion.name),
-        file_(detail::sensor_file(robot, companion.name)),
-        fields_(text_of_fields(companion.element, companion.payload)),
-        element_size_(companion.element.size()) {}
+  SensorOfLoop(const std::string& robot, const std::string& sensor,
+               const ElementDescription& element, const ElementDescription& payload,
+               Timeout patience = kForever)
+      : name_(sensor),
+        file_(detail::sensor_file(robot, sensor)),
+        fields_(text_of_fields(element, payload)),
+        element_size_(element.size()),
+        patience_(patience) {}
 
   // ---- for the watcher ----
 
   // Looks whether a process has come or gone. Returns what has happened in a sentence, or nothing.
   std::string look() {
     release_unused();
-    if (newest_ != nullptr && newest_->is_in_use()) return {};
+    if (newest_ != nullptr && newest_->is_in_use()) return look_for_progress();
     std::string news;
     if (newest_ != nullptr) {
       news =
@@ -306,6 +309,20 @@ class DriverWithSensors::Sensor {
   }
 
   // ---- for the loop ----
+
+  // Copies the newest element, however old. False if no process writes.
+  bool read_newest(void* element) noexcept {
+    hold_newest();
+    // relaxed: no other data depends on this flag.
+    if (reading_ == nullptr || is_silent_.load(std::memory_order_relaxed)) return false;
+    // A writer may overwrite what is being read, but not often in a row.
+    for (int attempt = 0; attempt < 4; ++attempt) {
+      const std::int64_t end = reading_->end();
+      if (end <= 0) return false;
+      if (reading_->ring().read(end - 1, element) == ipc::ReadResult::kDone) return true;
+    }
+    return false;
+  }
 
   void begin_session() noexcept {
     polled_.reset();
@@ -335,6 +352,26 @@ class DriverWithSensors::Sensor {
 
  private:
   static constexpr std::int64_t kMostPerStep = 16;
+
+  // Notices that the process lives and writes nothing. Returns a sentence if that has changed.
+  std::string look_for_progress() {
+    if (patience_ == kForever) return {};
+    const Instant now = std::chrono::steady_clock::now();
+    const std::int64_t end = newest_->end();
+    const bool was_silent = is_silent_.load(std::memory_order_relaxed);
+    if (end != seen_end_) {
+      seen_end_ = end;
+      last_progress_ = now;
+      is_silent_.store(false, std::memory_order_relaxed);
+      return was_silent
+                 ? text_of("sensor '", name_, "': process ", newest_->pid(), " delivers again")
+                 : std::string();
+    }
+    if (was_silent || now - last_progress_ < patience_) return {};
+    is_silent_.store(true, std::memory_order_relaxed);
+    return text_of("sensor '", name_, "': process ", newest_->pid(),
+                   " lives but writes nothing; the robot goes on without it");
+  }
 
   void begin_poll(TimeIndex time_index) noexcept {
     is_polling_ = true;
@@ -366,6 +403,9 @@ class DriverWithSensors::Sensor {
   void show(std::unique_ptr<Mapping> mapping) {
     if (newest_ != nullptr) old_.push_back(std::move(newest_));
     newest_ = std::move(mapping);
+    seen_end_ = newest_ != nullptr ? newest_->end() : 0;
+    last_progress_ = std::chrono::steady_clock::now();
+    is_silent_.store(false, std::memory_order_relaxed);
     shown_.store(newest_.get(), std::memory_order_seq_cst);
   }
   void release_unused() {
@@ -377,14 +417,18 @@ class DriverWithSensors::Sensor {
   std::string file_;
   std::string fields_;
   std::size_t element_size_;
+  Timeout patience_;
 
   // Of the watcher.
+  std::int64_t seen_end_{0};
+  Instant last_progress_{};
   std::unique_ptr<Mapping> newest_;
   std::vector<std::unique_ptr<Mapping>> old_;  // the loop may still use one of them
   std::string refusal_;
 
   std::atomic<const Mapping*> shown_{nullptr};
   std::atomic<const Mapping*> in_loop_{nullptr};
+  std::atomic<bool> is_silent_{false};
 
   // Of the loop.
   const Mapping* reading_{nullptr};
@@ -396,9 +440,10 @@ class DriverWithSensors::Sensor {
 };
 
 // Looks for the processes of the sensors.
-class DriverWithSensors::Watcher {
+class detail::SensorWatcher {
  public:
-  explicit Watcher(const std::vector<std::unique_ptr<Sensor>>& sensors) : sensors_(sensors) {
+  explicit SensorWatcher(const std::vector<std::unique_ptr<SensorOfLoop>>& sensors)
+      : sensors_(sensors) {
     look();  // Sensors that run already are there from the first session on.
     thread_ = std::jthread([this](const std::stop_token& stop) {
       std::mutex mutex;
@@ -427,11 +472,31 @@ class DriverWithSensors::Watcher {
     }
   }
 
-  const std::vector<std::unique_ptr<Sensor>>& sensors_;
+  const std::vector<std::unique_ptr<SensorOfLoop>>& sensors_;
   std::mutex mutex_;
   std::vector<std::string> news_;
   std::jthread thread_;  // last member, because the thread uses the others
 };
+
+// ---- a sensor that a driver reads ----
+
+LoopSensorReader::LoopSensorReader(const std::string& robot, const std::string& sensor,
+                                   const ElementDescription& element, Timeout patience) {
+  require_stamp(element, sensor);
+  sensors_.push_back(std::make_unique<detail::SensorOfLoop>(robot, sensor, element,
+                                                            ElementDescription(), patience));
+  watcher_ = std::make_unique<detail::SensorWatcher>(sensors_);
+}
+
+LoopSensorReader::~LoopSensorReader() = default;
+
+bool LoopSensorReader::read_newest(void* element) noexcept {
+  return sensors_.front()->read_newest(element);
+}
+
+std::vector<std::string> LoopSensorReader::take_news() { return watcher_->take_news(); }
+
+// ---- a driver whose sensors are published ----
 
 DriverWithSensors::DriverWithSensors(std::unique_ptr<UntypedDriver> driver,
                                      const std::string& robot,
@@ -443,10 +508,11 @@ DriverWithSensors::DriverWithSensors(std::unique_ptr<UntypedDriver> driver,
     detail::require(std::ranges::find(companions_, sensor.name, &CompanionDescription::name) ==
                         companions_.end(),
                     "the robot has two companions '" + sensor.name + "'");
-    sensors_.push_back(std::make_unique<Sensor>(robot, sensor));
+    sensors_.push_back(
+        std::make_unique<detail::SensorOfLoop>(robot, sensor.name, sensor.element, sensor.payload));
     companions_.push_back(std::move(sensor));
   }
-  watcher_ = std::make_unique<Watcher>(sensors_);
+  watcher_ = std::make_unique<detail::SensorWatcher>(sensors_);
 }
 
 DriverWithSensors::~DriverWithSensors() = default;

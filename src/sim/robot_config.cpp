@@ -266,6 +266,7 @@ SimulationOptions<R> read_simulation(const Node& root, RobotDescription descript
       section.required<double>("object_orientation_noise", {.unit = "rad", .min = 0, .max = 1});
   // Files of older versions do not have this key.
   options.object_loss = section.optional<double>("object_loss", 0.0, {.min = 0, .max = 1});
+  options.has_hand = section.optional<bool>("hand", false);
   return options;
 }
 
@@ -325,9 +326,9 @@ std::map<std::string, std::string> noticed_values(const config::File& file) {
   std::erase_if(values, [](const auto& entry) {
     const std::string& key = entry.first;
     return key == "name" || key == "driver" || key == "fingers.initial_position" ||
-           key == "simulation.seed" || key.ends_with("_noise") || key.starts_with("stop.") ||
-           (key.starts_with("backend.") && key != "backend.period") || key.starts_with("objects") ||
-           key.starts_with("cameras.");
+           key == "simulation.seed" || key == "simulation.hand" || key.ends_with("_noise") ||
+           key.starts_with("stop.") || (key.starts_with("backend.") && key != "backend.period") ||
+           key.starts_with("objects") || key.starts_with("cameras.");
   });
   if (const auto objects = file.root().find("objects"); objects && objects->is_list()) {
     for (const Node& node : objects->items()) {

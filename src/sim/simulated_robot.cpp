@@ -14,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "puller.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/model/export.hpp"
 #include "trifinger/sim/scene_observation.hpp"
@@ -45,6 +46,10 @@ std::size_t state_size_of(const RobotModel& model, int components) {
   return static_cast<std::size_t>(mj_stateSize(model.mujoco(), components));
 }
 
+Pull pull_of(const HandObservation& hand) noexcept {
+  return {.target = hand.target, .point = hand.point, .stiffness = hand.stiffness};
+}
+
 }  // namespace
 
 std::vector<Document> model_documents(const RobotDescription& description) {
@@ -74,10 +79,15 @@ SimulatedRobot<R>::SimulatedRobot(Options options)
   if (this->options().scene_period > 0) {
     companions_.push_back(scene_companion(this->options().description));
   }
+  if (this->options().has_hand) companions_.push_back(hand_companion());
+  puller_ = std::make_unique<detail::Puller>(model());
   begin_state_.resize(state_size());
   spare_state_.resize(state_size());
   reset();
 }
+
+template <class R>
+SimulatedRobot<R>::~SimulatedRobot() = default;
 
 template <class R>
 DriverReport SimulatedRobot<R>::prepare(TimeIndex) noexcept {
@@ -85,6 +95,10 @@ DriverReport SimulatedRobot<R>::prepare(TimeIndex) noexcept {
   simulator_.begin(state_);
   has_safety_fault_ = false;
   next_scene_ = -1;
+  let_go();
+  acting_ = {};
+  was_acting_ = false;
+  next_hand_ = -1;
   return DriverReport::ready();
 }
 
@@ -100,7 +114,9 @@ DriverReport SimulatedRobot<R>::apply_action(const Action& desired,
                                              AppliedAction& applied) noexcept {
   memory_before_step_ = state_.memory;
   keep_state_before_step();
-  const DriverReport report = simulator_.step(desired, mujoco(), *data_, state_, applied);
+  detail::Puller* const puller = next_pull();
+  const DriverReport report = simulator_.step(desired, mujoco(), *data_, state_, applied, puller);
+  if (puller != nullptr) acting_.force = puller->force();
   const bool has_diverged = report.fault_code == kDiverged;
   has_safety_fault_ = report.fault_code != 0 && !has_diverged;
   if (has_diverged) keep_state_before_divergence();
@@ -153,8 +169,45 @@ std::span<const CompanionDescription> SimulatedRobot<R>::companions() const noex
 template <class R>
 bool SimulatedRobot<R>::get_companion_element(std::size_t index, TimeIndex time_index,
                                               void* element) noexcept {
-  const bool is_scene = companions_[index].name == kSceneCompanion;
-  return is_scene ? get_scene(time_index, element) : get_poses(time_index, element);
+  const std::string_view name = companions_[index].name;
+  if (name == kSceneCompanion) return get_scene(time_index, element);
+  if (name == kHandCompanion) return get_hand(time_index, element);
+  return get_poses(time_index, element);
+}
+
+// Finds out what is pulled in the next step, and what acts in it. Null if nothing is pulled.
+template <class R>
+detail::Puller* SimulatedRobot<R>::next_pull() noexcept {
+  if (acting_.body >= 0) acting_ = {};
+  // What another process wrote is copied once; this copy is checked and used.
+  HandObservation pulled;
+  const auto is_pull = [this](const HandObservation& hand) {
+    return hand.body >= 0 && hand.body < puller_->num_bodies() && pull_of(hand).is_valid();
+  };
+  if (hand_ == nullptr || !hand_->read_newest(&pulled) || !is_pull(pulled)) {
+    if (own_pull_.body < 0) return nullptr;
+    pulled = own_pull_;
+  }
+  acting_ = pulled;
+  acting_.force = {};
+  puller_->set(pulled.body, pull_of(pulled));
+  return puller_.get();
+}
+
+// The element says what acted in the step before, which is known now.
+template <class R>
+bool SimulatedRobot<R>::get_hand(TimeIndex time_index, void* element) noexcept {
+  if (time_index < next_hand_) return false;
+  const bool is_acting = acting_.body >= 0;
+  const bool is_first = next_hand_ < 0;
+  next_hand_ = time_index + 1;
+  if (!is_first && !is_acting && !was_acting_) return false;
+  was_acting_ = is_acting;
+  HandObservation hand = acting_;
+  hand.stamp = {.arrival_index = time_index,
+                .capture_index = std::max<TimeIndex>(time_index - 1, -1)};
+  std::memcpy(element, &hand, sizeof(hand));
+  return true;
 }
 
 template <class R>
@@ -199,6 +252,7 @@ void SimulatedRobot<R>::reset() {
 template <class R>
 void SimulatedRobot<R>::reset(const Joints& position, const Random& random) {
   simulator_.check(position);
+  let_go();
   const TimeIndex now = state_.memory.step;
   simulator_.reset(position, random, mujoco(), *data_, state_);
   simulator_.move_to_step(now, state_);
@@ -235,6 +289,35 @@ void SimulatedRobot<R>::push_object(const std::string& name, const std::array<do
   }
   constexpr std::ptrdiff_t kWrench = 6;  // The force, then the moment.
   std::ranges::copy(force, data_->xfrc_applied + kWrench * object.body);
+}
+
+template <class R>
+void SimulatedRobot<R>::pull(const std::string& body, const Pull& pull) {
+  this->pull(find_body(pullable_bodies(options().description), body), pull);
+}
+
+template <class R>
+void SimulatedRobot<R>::pull(std::int64_t body, const Pull& pull) {
+  require_body(pullable_bodies(options().description), body);
+  pull.validate();
+  own_pull_ = {
+      .body = body, .point = pull.point, .target = pull.target, .stiffness = pull.stiffness};
+}
+
+template <class R>
+void SimulatedRobot<R>::let_go() noexcept {
+  own_pull_ = {};
+}
+
+template <class R>
+void SimulatedRobot<R>::listen_to_hand(const std::string& name) {
+  hand_ = std::make_unique<LoopSensorReader>(name, kHandCompanion, describe<HandObservation>(),
+                                             kHandPatience);
+}
+
+template <class R>
+std::vector<std::string> SimulatedRobot<R>::take_hand_news() {
+  return hand_ != nullptr ? hand_->take_news() : std::vector<std::string>();
 }
 
 template <class R>
@@ -287,6 +370,7 @@ void SimulatedRobot<R>::restore(std::span<const std::byte> state) {
               sizeof(memory));
   memory.variation.validate();
   vary_model(memory.variation);
+  let_go();
   const TimeIndex now = state_.memory.step;
   read_state(state);
   // A damaged state must not lead to an index outside the ring.

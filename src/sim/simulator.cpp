@@ -10,6 +10,7 @@
 #include <type_traits>
 #include <utility>
 
+#include "puller.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/text_of.hpp"
 
@@ -241,18 +242,19 @@ void Simulator<R>::observe(const mjData_& data, State& state) const noexcept {
 
 template <class R>
 DriverReport Simulator<R>::step(const Action& desired, const mjModel_& model, mjData_& data,
-                                State& state, AppliedAction& applied) const noexcept {
+                                State& state, AppliedAction& applied,
+                                detail::Puller* puller) const noexcept {
   const SafetyReport report = safety_.apply(desired, state.observation, options_.period,
                                             state.memory.safety, applied, &state.thrown);
   if (report.fault == SafetyFault::kInterrupted) return DriverReport::interrupted();
   if (report.fault != SafetyFault::kNone) return DriverReport::fault(fault_code_of(report));
-  if (!move(applied.torque, model, data, state)) return DriverReport::fault(kDiverged);
+  if (!move(applied.torque, model, data, state, puller)) return DriverReport::fault(kDiverged);
   return {.action_rejected = report.action_rejected};
 }
 
 template <class R>
-bool Simulator<R>::move(const Joints& torque, const mjModel_& model, mjData_& data,
-                        State& state) const noexcept {
+bool Simulator<R>::move(const Joints& torque, const mjModel_& model, mjData_& data, State& state,
+                        detail::Puller* puller) const noexcept {
   Memory& memory = state.memory;
   const Variation& variation = memory.variation;
   ++memory.step;
@@ -266,7 +268,11 @@ bool Simulator<R>::move(const Joints& torque, const mjModel_& model, mjData_& da
     memory.torque[i] = available_torque(actuator_, delivered[i], data.qvel[i]);
     data.ctrl[i] = variation.motor_gain * memory.torque[i];
   }
-  for (int i = 0; i < substeps_; ++i) mj_step(&model, &data);
+  if (puller != nullptr) {
+    puller->step(model, data, substeps_);
+  } else {
+    for (int i = 0; i < substeps_; ++i) mj_step(&model, &data);
+  }
   measure_tip_forces(model, data, state);
   return is_finite(model, data);
 }

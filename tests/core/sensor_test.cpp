@@ -291,5 +291,80 @@ TEST(Sensor, NothingAllocatesInTheLoopOrWhenItWrites) {
   EXPECT_EQ(seen.number, 199);
 }
 
+// ---- a sensor that a driver reads ----
+
+// Waits for what happens next to the sensor.
+std::string next_news(LoopSensorReader& reader) {
+  for (;;) {
+    const std::vector<std::string> news = reader.take_news();
+    if (!news.empty()) return news.front();
+    std::this_thread::sleep_for(1ms);
+  }
+}
+
+TEST(LoopSensor, HasTheNewestElementAsOftenAsTheDriverLooks) {
+  const SessionFolder folder;
+  LoopSensorReader reader("robot", "eye", describe<Sight>());
+  Sight seen;
+  EXPECT_FALSE(reader.read_newest(&seen));
+  for (int life = 1; life <= 3; ++life) {
+    std::optional<SensorWriter<Sight>> writer(std::in_place, "robot", "eye");
+    EXPECT_THAT(next_news(reader), HasSubstr("delivers"));
+    EXPECT_FALSE(reader.read_newest(&seen));
+    for (int number = 0; number < 200; ++number) {
+      writer->write(Instant(1s), {.number = number});
+      const AllocationCounter counter;
+      for (int look = 0; look < 3; ++look) {
+        ASSERT_TRUE(reader.read_newest(&seen));
+        EXPECT_EQ(seen.number, number);
+      }
+      EXPECT_EQ(counter.count(), 0U);
+    }
+    writer.reset();
+    EXPECT_THAT(next_news(reader), HasSubstr("has ended"));
+    EXPECT_FALSE(reader.read_newest(&seen));
+  }
+}
+
+TEST(LoopSensor, IsGoneWhileItsProcessLivesAndWritesNothing) {
+  const SessionFolder folder;
+  SensorWriter<Sight> writer("robot", "eye");
+  LoopSensorReader patient("robot", "eye", describe<Sight>());
+  LoopSensorReader reader("robot", "eye", describe<Sight>(), 50ms);
+  EXPECT_THAT(next_news(reader), HasSubstr("delivers"));
+  writer.write(Instant(1s), {.number = 1});
+  Sight seen;
+  while (next_news(reader).find("lives but writes nothing") == std::string::npos) {
+  }
+  EXPECT_FALSE(reader.read_newest(&seen));
+  EXPECT_TRUE(patient.read_newest(&seen));
+  writer.write(Instant(1s), {.number = 2});
+  while (next_news(reader).find("delivers again") == std::string::npos) {
+  }
+  // A busy machine may find it silent once more.
+  while (!reader.read_newest(&seen)) writer.write(Instant(1s), {.number = 2});
+  EXPECT_EQ(seen.number, 2);
+}
+
+TEST(LoopSensor, IsNotHarmedByHostileBytes) {
+  const SessionFolder folder;
+  SensorWriter<Sight> writer("robot", "eye");
+  LoopSensorReader reader("robot", "eye", describe<Sight>());
+  writer.write(Instant(1s), {.number = 1});
+  Sight seen;
+  ASSERT_TRUE(reader.read_newest(&seen));
+  const auto path = session_folder() / "trifinger-sensor.robot.eye";
+  const auto size = std::filesystem::file_size(path);
+  for (std::uintmax_t place = 0; place < size; place += 8) {
+    std::fstream file(path, std::ios::in | std::ios::out | std::ios::binary);
+    file.seekp(static_cast<std::streamoff>(place));
+    file.write("\xff\xff\xff\xff\xff\xff\xff\x7f", 8);
+    file.close();
+    static_cast<void>(reader.read_newest(&seen));  // an element or none, but it returns
+  }
+  std::filesystem::resize_file(path, 8);
+  EXPECT_FALSE(reader.read_newest(&seen));
+}
+
 }  // namespace
 }  // namespace trifinger::test

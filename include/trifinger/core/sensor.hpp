@@ -13,6 +13,11 @@
 
 namespace trifinger {
 
+namespace detail {
+class SensorOfLoop;
+class SensorWatcher;
+}  // namespace detail
+
 /// A sensor in a process of its own that belongs to a robot in another process, such as a tracker
 /// of objects. What it writes are the elements of one of the robot's companions.
 ///
@@ -82,6 +87,36 @@ class UntypedSensorReader {
   std::unique_ptr<State> state_;
 };
 
+/// Reads a sensor in a process of its own inside a driver that acts on what the sensor says, such
+/// as a simulated robot that a hand pulls. `DriverWithSensors` is for sensors that are only
+/// published.
+///
+/// The loop reads shared memory and nothing else. A thread of this object looks for the sensor's
+/// process a few times per second.
+class LoopSensorReader {
+ public:
+  /// Reads the sensor `sensor` of `robot`. Its process need not run yet, and may be started again
+  /// at any time. A process that lives but has written nothing for `patience` counts as gone until
+  /// it writes again.
+  /// @throws InvalidArgument
+  LoopSensorReader(const std::string& robot, const std::string& sensor,
+                   const ElementDescription& element, Timeout patience = kForever);
+  LoopSensorReader(const LoopSensorReader&) = delete;
+  LoopSensorReader& operator=(const LoopSensorReader&) = delete;
+  ~LoopSensorReader();
+
+  /// Copies the newest element, also if it was read before. Its stamp has no steps. False if no
+  /// process writes. For the loop: it does not block, allocate or throw.
+  [[nodiscard]] bool read_newest(void* element) noexcept TRIFINGER_REALTIME;
+
+  /// What has happened to the sensor since the last call, in sentences. Any thread may call this.
+  [[nodiscard]] std::vector<std::string> take_news();
+
+ private:
+  std::vector<std::unique_ptr<detail::SensorOfLoop>> sensors_;  // one
+  std::unique_ptr<detail::SensorWatcher> watcher_;              // uses the sensor
+};
+
 /// A robot's driver with sensors in other processes: they become companions after the driver's own.
 ///
 /// The loop reads shared memory and nothing else. A thread of this object looks for the sensors'
@@ -119,13 +154,10 @@ class DriverWithSensors final : public UntypedDriver {
   [[nodiscard]] std::string_view rejection_text() const noexcept override;
 
  private:
-  class Sensor;
-  class Watcher;
-
   std::unique_ptr<UntypedDriver> driver_;
   std::vector<CompanionDescription> companions_;
-  std::vector<std::unique_ptr<Sensor>> sensors_;
-  std::unique_ptr<Watcher> watcher_;  // uses the sensors
+  std::vector<std::unique_ptr<detail::SensorOfLoop>> sensors_;
+  std::unique_ptr<detail::SensorWatcher> watcher_;  // uses the sensors
 };
 
 }  // namespace trifinger

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <string>
 #include <string_view>
@@ -13,10 +14,12 @@
 #include "trifinger/base/text.hpp"
 #include "trifinger/core/document.hpp"
 #include "trifinger/core/driver.hpp"
+#include "trifinger/core/sensor.hpp"
 #include "trifinger/joint/orderly_stop.hpp"
 #include "trifinger/joint/safety.hpp"
 #include "trifinger/joint/types.hpp"
 #include "trifinger/model/robot_model.hpp"
+#include "trifinger/sim/hand.hpp"
 #include "trifinger/sim/object_observation.hpp"
 #include "trifinger/sim/simulation_options.hpp"
 #include "trifinger/sim/simulator.hpp"
@@ -59,6 +62,7 @@ class SimulatedRobot final : public Driver<R> {
 
   /// @throws InvalidArgument
   explicit SimulatedRobot(Options options = {});
+  ~SimulatedRobot() override;
 
   using Driver<R>::apply_action;
   using Driver<R>::get_latest_observation;
@@ -104,6 +108,19 @@ class SimulatedRobot final : public Driver<R> {
   /// pushes. It acts from the next step on until the next call, `reset` or session.
   /// @throws InvalidArgument that names the existing objects, or if the force is not finite
   void push_object(const std::string& name, const std::array<double, 3>& force);
+  /// Pulls at a tip or an object, one of `pullable_bodies`, in place of what was pulled before. It
+  /// acts from the next step on until `let_go`, `reset`, `restore` or the next session. It is no
+  /// part of a saved state. A hand in another process counts more while it pulls.
+  /// @throws InvalidArgument that names the existing bodies, or if the pull is not valid
+  void pull(const std::string& body, const Pull& pull);
+  void pull(std::int64_t body, const Pull& pull);
+  /// Lets go of what `pull` pulls.
+  void let_go() noexcept;
+  /// Lets the `HandWriter` of the robot `name` pull from now on. Call it before the first session.
+  /// @throws InvalidArgument
+  void listen_to_hand(const std::string& name);
+  /// What has happened to this hand since the last call, in sentences. Any thread may call this.
+  [[nodiscard]] std::vector<std::string> take_hand_news();
   /// Sets an object in motion from where it is, in the world frame: velocity of its centre [m/s]
   /// and angular velocity [rad/s].
   /// @throws InvalidArgument that names the existing objects, or if a number is not finite
@@ -144,6 +161,8 @@ class SimulatedRobot final : public Driver<R> {
   void begin_here() noexcept;
   [[nodiscard]] bool get_poses(TimeIndex time_index, void* element) noexcept;
   [[nodiscard]] bool get_scene(TimeIndex time_index, void* element) noexcept;
+  [[nodiscard]] bool get_hand(TimeIndex time_index, void* element) noexcept;
+  [[nodiscard]] detail::Puller* next_pull() noexcept;
 
   // Saved states.
   [[nodiscard]] std::uint64_t fingerprint() const;
@@ -166,8 +185,16 @@ class SimulatedRobot final : public Driver<R> {
   bool has_safety_fault_{false};  // A safety check has ended the session.
   std::vector<std::string> joint_names_;
   FixedText rejection_text_;
-  std::vector<CompanionDescription> companions_;  // "object" if there are any, then "scene"
+  // "object" if there are any, then "scene" and "hand".
+  std::vector<CompanionDescription> companions_;
   TimeIndex next_scene_{-1};
+
+  std::unique_ptr<detail::Puller> puller_;
+  std::unique_ptr<LoopSensorReader> hand_;  // in another process
+  HandObservation own_pull_;                // of the owner
+  HandObservation acting_;                  // in the last step
+  bool was_acting_{false};                  // in the newest element of the companion
+  TimeIndex next_hand_{-1};
 
   std::uint64_t fingerprint_;
   SimulationState begin_state_;  // Every session begins here.

@@ -46,6 +46,8 @@ struct SimulationOptions {
   /// Steps between two elements of the companion "scene", which says where everything really is; 0:
   /// there is no such companion.
   TimeIndex scene_period{0};
+  /// There is a companion "hand", which says what a hand pulls; see hand.hpp.
+  bool has_hand{false};
 
   /// @throws InvalidArgument that names the option, the value found and the values allowed
   void validate() const;

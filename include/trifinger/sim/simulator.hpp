@@ -22,6 +22,10 @@ struct mjData_;
 
 namespace trifinger {
 
+namespace detail {
+class Puller;
+}  // namespace detail
+
 /// Does one step of a simulated robot, for one simulation or for thousands at once. A simulator
 /// holds only what is constant. `SimulatedRobot` combines one with a state and MuJoCo's data.
 ///
@@ -128,12 +132,13 @@ class Simulator {
   void observe(const mjData_& data, State& state) const noexcept;
   /// Checks `desired` against `state.observation` and moves on by one step. If a number is not
   /// finite after the step, the simulation has diverged, and the previous step is the last good
-  /// one.
+  /// one. `puller` is internal: what moves the physics while a hand pulls.
   [[nodiscard]] DriverReport step(const Action& desired, const mjModel_& model, mjData_& data,
-                                  State& state, AppliedAction& applied) const noexcept;
+                                  State& state, AppliedAction& applied,
+                                  detail::Puller* puller = nullptr) const noexcept;
   /// The part of `step` after the checks. False if a number is no longer finite.
-  [[nodiscard]] bool move(const Joints& torque, const mjModel_& model, mjData_& data,
-                          State& state) const noexcept;
+  [[nodiscard]] bool move(const Joints& torque, const mjModel_& model, mjData_& data, State& state,
+                          detail::Puller* puller = nullptr) const noexcept;
 
   /// Returns the poses that arrive from the camera at `time_index`; nullptr if none arrive. Call it
   /// once per step. Before step 0 (below 0) it returns one set of poses, whatever their time of

@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/sim/hand.hpp"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <condition_variable>
+#include <mutex>
+#include <stop_token>
+#include <thread>
+#include <utility>
+
+#include "trifinger/base/error.hpp"
+#include "trifinger/base/text_of.hpp"
+#include "trifinger/core/errors.hpp"
+#include "trifinger/core/sensor.hpp"
+#include "trifinger/core/session.hpp"
+#include "trifinger/ipc/fork.hpp"
+#include "trifinger/sim/robot_config.hpp"
+
+namespace trifinger {
+namespace {
+
+using detail::require;
+using detail::text_of;
+
+// Larger numbers make no sense, and their squares could be infinite.
+constexpr double kFarthestTarget = 10.0;
+constexpr double kFarthestPoint = 1.0;
+
+// False for numbers that are not finite, too.
+bool is_within(const std::array<double, 3>& values, double limit) noexcept {
+  return std::ranges::all_of(values, [limit](double value) { return std::abs(value) <= limit; });
+}
+
+std::string text_of_values(const std::array<double, 3>& values) {
+  return text_of("(", values[0], ", ", values[1], ", ", values[2], ")");
+}
+
+std::string joined(std::span<const std::string> names) {
+  std::string text;
+  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
+  return text;
+}
+
+// The bodies of a robot that runs.
+std::vector<std::string> bodies_of(const std::string& robot) {
+  const Session session = Session::open(robot);
+  require(std::ranges::find(session.companion_names(), kHandCompanion) !=
+              session.companion_names().end(),
+          "robot '" + robot +
+              "' cannot be pulled: only a simulation that 'trifinger run' runs has a hand");
+  const RobotConfig config = robot_config_of(session);
+  return std::visit([](const auto& simulation) { return pullable_bodies(simulation.description); },
+                    config.simulation);
+}
+
+}  // namespace
+
+bool Pull::is_valid() const noexcept {
+  return is_within(target, kFarthestTarget) && is_within(point, kFarthestPoint) &&
+         stiffness > 0.0 && stiffness <= kMaxPullStiffness;
+}
+
+void Pull::validate() const {
+  require(is_within(target, kFarthestTarget),
+          text_of("the target of a pull is ", text_of_values(target), " m, each must be within ",
+                  kFarthestTarget, " m of the origin"));
+  require(is_within(point, kFarthestPoint),
+          text_of("the point of a pull is ", text_of_values(point), " m, each must be within ",
+                  kFarthestPoint, " m of the centre"));
+  require(stiffness > 0.0 && stiffness <= kMaxPullStiffness,
+          text_of("the stiffness of a pull is ", stiffness, " N/m, must be above 0 and at most ",
+                  kMaxPullStiffness, " N/m"));
+}
+
+CompanionDescription hand_companion() {
+  return {
+      .name = kHandCompanion, .type = "hand_observation", .element = describe<HandObservation>()};
+}
+
+std::vector<std::string> pullable_bodies(const RobotDescription& description) {
+  std::vector<std::string> names;
+  const std::size_t num_fingers = joint_names(description).size() / kJointsPerFinger;
+  for (std::size_t finger = 0; finger < num_fingers; ++finger) {
+    names.push_back("tip_" + std::to_string(finger));
+  }
+  for (const ObjectDescription& object : description.objects) names.push_back(object.name);
+  return names;
+}
+
+std::int64_t find_body(std::span<const std::string> bodies, const std::string& name) {
+  const auto found = std::ranges::find(bodies, name);
+  require(found != bodies.end(), "there is no '" + name + "' to pull; there are " + joined(bodies));
+  return found - bodies.begin();
+}
+
+void require_body(std::span<const std::string> bodies, std::int64_t body) {
+  require(body >= 0 && body < std::ssize(bodies),
+          text_of("there is no body ", body, " to pull; there are 0 to ", std::ssize(bodies) - 1,
+                  ": ", joined(bodies)));
+}
+
+// ---- the hand's process ----
+
+struct HandWriter::State {
+  explicit State(const std::string& robot)
+      : bodies(bodies_of(robot)), writer(robot, kHandCompanion) {
+    write();
+    // Whoever does not see new elements takes this process for one that was stopped.
+    thread = std::jthread([this](const std::stop_token& stop) {
+      constexpr Nanoseconds kPeriod = kHandPatience / 8;
+      std::unique_lock lock(mutex);
+      while (!sleep.wait_for(lock, stop, kPeriod, [] { return false; }) && !stop.stop_requested()) {
+        if (std::chrono::steady_clock::now() >= end) element.body = -1;
+        write();
+      }
+    });
+  }
+
+  void write() noexcept { writer.write(std::chrono::steady_clock::now(), element); }
+
+  std::vector<std::string> bodies;
+  ipc::ForkGuard fork;
+  std::mutex mutex;  // for all below
+  std::condition_variable_any sleep;
+  HandObservation element{.process = ::getpid()};
+  Instant end{Instant::max()};
+  SensorWriter<HandObservation> writer;
+  std::jthread thread;  // last member, because the thread uses the others
+};
+
+HandWriter::HandWriter(const std::string& robot) : state_(std::make_unique<State>(robot)) {}
+
+HandWriter::~HandWriter() {
+  // A forked child has no thread to wait for, and the sensor belongs to its parent: all stays as it
+  // is.
+  if (state_->fork.is_inherited()) {
+    static_cast<void>(state_.release());
+    return;
+  }
+  let_go();
+}
+
+const std::vector<std::string>& HandWriter::bodies() const noexcept { return state_->bodies; }
+
+void HandWriter::pull(const std::string& body, const Pull& pull, Timeout length) {
+  this->pull(find_body(state_->bodies, body), pull, length);
+}
+
+void HandWriter::pull(std::int64_t body, const Pull& pull, Timeout length) {
+  if (state_->fork.is_inherited()) {
+    throw InheritedHandle("the hand belongs to the process that was forked");
+  }
+  require_body(state_->bodies, body);
+  pull.validate();
+  const Instant now = std::chrono::steady_clock::now();
+  const std::lock_guard lock(state_->mutex);
+  state_->element.body = body;
+  state_->element.target = pull.target;
+  state_->element.point = pull.point;
+  state_->element.stiffness = pull.stiffness;
+  state_->end = length < Instant::max() - now ? now + length : Instant::max();
+  state_->write();
+}
+
+void HandWriter::let_go() noexcept {
+  if (state_->fork.is_inherited()) return;
+  const std::lock_guard lock(state_->mutex);
+  state_->element.body = -1;
+  state_->write();
+}
+
+}  // namespace trifinger
