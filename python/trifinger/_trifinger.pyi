@@ -871,6 +871,87 @@ class CameraRenderer:
         Draws light, colours, dust, noise and the error of the calibration at random.
         """
 
+class Guide:
+    """Lets slow callers steer a robot that must hear from its controller every millisecond."""
+
+    def __init__(self, frontend: Frontend, *, joint_speed: float = ..., joint_acceleration: float = ..., tip_speed: float = ..., max_lead: float = ..., realtime: str = 'try') -> None: ...
+
+    @property
+    def num_fingers(self) -> int: ...
+
+    @property
+    def num_joints(self) -> int: ...
+
+    @property
+    def frontend(self) -> Frontend: ...
+
+    @property
+    def realtime_lacks(self) -> list[str]: ...
+
+    def move_tip(self, finger: int, position: numpy.typing.ArrayLike) -> None: ...
+
+    def move_joints(self, positions: numpy.typing.ArrayLike) -> None: ...
+
+    def home(self) -> None: ...
+
+    def hold(self) -> None: ...
+
+    def float_freely(self) -> None: ...
+
+    def state(self, timeout: float | None = None) -> GuideState: ...
+
+    def wait_until_arrived(self, timeout: float | None = None) -> None: ...
+
+    def is_running(self) -> bool: ...
+
+    def check(self) -> None: ...
+
+    def finish(self, timeout: float | None = 5.0) -> None: ...
+
+    def stop(self, timeout: float | None = 2.0) -> None: ...
+
+    def __enter__(self) -> Guide: ...
+
+    def __exit__(self, type: builtins.type[BaseException] | None, value: BaseException | None, traceback: types.TracebackType | None) -> None: ...
+
+class GuideState:
+    """Where a guided robot is and where it goes."""
+
+    @property
+    def step(self) -> int: ...
+
+    @property
+    def mode(self) -> str:
+        """"hold", "move_joints", "move_tip", "float" or "home"."""
+
+    @property
+    def joints(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
+    @property
+    def reference_joints(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
+    @property
+    def target_joints(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
+    @property
+    def tips(self) -> numpy.typing.NDArray[numpy.float64]:
+        """(num_fingers, 3)"""
+
+    @property
+    def reference_tips(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
+    @property
+    def target_tips(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
+    @property
+    def has_arrived(self) -> bool: ...
+
+    @property
+    def refusal(self) -> str:
+        """Empty if the last wishes can be fulfilled."""
+
+def guide(name: str, *, joint_speed: float = ..., joint_acceleration: float = ..., tip_speed: float = ..., max_lead: float = ..., realtime: str = 'try', timeout: float | None = 5.0) -> Guide: ...
+
 class Kinematics:
     """
     Kinematics and dynamics of the fingers, without contacts and objects. Everything is in the
