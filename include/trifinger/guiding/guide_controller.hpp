@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <chrono>
 #include <cstdint>
 #include <string>
 #include <string_view>
@@ -118,15 +119,19 @@ class GuideController {
  private:
   // A tip on its way to a point.
   struct Line {
-    bool is_active{false};
+    bool is_given{false};
     Eigen::Vector3d at{Eigen::Vector3d::Zero()};      // [m]
     Eigen::Vector3d end{Eigen::Vector3d::Zero()};     // [m]
     Eigen::Vector3d joints{Eigen::Vector3d::Zero()};  // Joints with the tip at `at` [rad].
   };
 
+  [[nodiscard]] double max_speed(int joint) const noexcept;
+  [[nodiscard]] double max_acceleration(int joint) const noexcept;
+  [[nodiscard]] double inside(int joint, double position) const noexcept;
+  [[nodiscard]] Eigen::Vector3d inside(int finger, const Eigen::Vector3d& joints) const noexcept;
+  [[nodiscard]] Eigen::Vector3d tip_of(int finger, const JointValues& joints) const noexcept;
   void measure(const MeasuredJoints& measured) noexcept;
-  void rest_here() noexcept;
-  void aim_at_rest(int first, int count) noexcept;
+  void aim_at_rest() noexcept;
   void aim(const JointValues& target) noexcept;
   void aim_tip(int finger, const Eigen::Vector3d& tip) noexcept;
   void advance_line(int finger) noexcept;
