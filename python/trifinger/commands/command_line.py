@@ -2,8 +2,11 @@
 """What the command lines of all commands share."""
 
 import argparse
+import contextlib
+import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from types import FrameType
 
 from trifinger.errors import Error, InvalidArgument
 from trifinger.picture import CAMERAS, View
@@ -18,6 +21,22 @@ def run(work: Callable[[], int | None]) -> int:
         return 2 if isinstance(error, InvalidArgument) else 1
     except KeyboardInterrupt:
         return 130
+
+
+@contextlib.contextmanager
+def ended_by_signals() -> Iterator[None]:
+    """Lets SIGTERM and SIGHUP do what Ctrl-C does, so that a robot comes to rest in order."""
+
+    def interrupt(_number: int, _frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    numbers = (signal.SIGTERM, signal.SIGHUP)
+    before = [signal.signal(number, interrupt) for number in numbers]
+    try:
+        yield
+    finally:
+        for number, handler in zip(numbers, before, strict=True):
+            signal.signal(number, handler)
 
 
 def add_log_options(parser: argparse.ArgumentParser) -> None:
