@@ -142,7 +142,12 @@ class Steering:
                 f"the device chose finger {command.finger}, must be from 0 to "
                 f"{self._num_fingers - 1}"
             )
-        x, y, z = (float(value) for value in command.velocity)
+        try:
+            x, y, z = (float(value) for value in command.velocity)
+        except (TypeError, ValueError) as error:
+            raise InvalidArgument(
+                f"the device wants velocity {command.velocity!r}, must be three numbers"
+            ) from error
         speed = math.hypot(x, y, z)
         if not math.isfinite(speed):
             raise InvalidArgument(f"the device wants velocity {command.velocity}, must be finite")
