@@ -16,6 +16,7 @@ import numpy.typing as npt
 import pytest
 import trifinger
 from conftest import PATIENT, Running, StartProgram
+from trifinger.commands.command_line import wait_until_measured
 
 pytestmark = pytest.mark.release  # these tests need the program
 
@@ -196,6 +197,32 @@ def test_fault_63_a_robot_that_dies_ends_the_teleoperation(
     status, text = terminal.end()
     assert status == 1
     assert "the back-end died" in text
+
+
+@one_robot
+@pytest.mark.parametrize("end", ["x", "q", signal.SIGINT])
+def test_fault_69_a_back_end_that_stands_still_keeps_nobody_from_ending(
+    start_teleop: type[Terminal], robot: Running, tips: Tips, end: str | signal.Signals
+) -> None:
+    terminal = start_teleop("robot")
+    terminal.wait_for("holds its pose")
+    hold_key_until_moved(terminal, tips, PAGE_UP, 2)
+    robot.process.send_signal(signal.SIGSTOP)
+    if isinstance(end, signal.Signals):
+        terminal.process.send_signal(end)
+    else:
+        terminal.press(end)
+    assert terminal.end()[0] != 0
+
+
+def test_says_so_when_a_robot_is_not_ready(capsys: pytest.CaptureFixture[str]) -> None:
+    class HomingRobot:
+        def state(self, timeout: float | None = None) -> None:
+            if timeout is not None:
+                raise trifinger.TimedOut("no measurement yet")
+
+    wait_until_measured(HomingRobot(), "robot")  # type: ignore[arg-type]
+    assert "it may be homing" in capsys.readouterr().out
 
 
 def test_a_robot_that_does_not_run_is_named(start_teleop: type[Terminal]) -> None:

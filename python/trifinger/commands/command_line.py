@@ -8,7 +8,8 @@ import sys
 from collections.abc import Callable, Iterator
 from types import FrameType
 
-from trifinger.errors import Error, InvalidArgument
+from trifinger._trifinger import Guide
+from trifinger.errors import Error, InvalidArgument, TimedOut
 from trifinger.picture import CAMERAS, View
 
 
@@ -37,6 +38,18 @@ def ended_by_signals() -> Iterator[None]:
     finally:
         for number, handler in zip(numbers, before, strict=True):
             signal.signal(number, handler)
+
+
+def wait_until_measured(guide: Guide, robot: str) -> None:
+    """Waits until a guide knows where its robot is, and says so if that takes long."""
+    try:
+        guide.state(timeout=1.0)
+    except TimedOut:
+        print(
+            f"The robot '{robot}' is not ready: it may be homing. Ctrl-C ends the waiting.",
+            flush=True,
+        )
+        guide.state()
 
 
 def add_log_options(parser: argparse.ArgumentParser) -> None:

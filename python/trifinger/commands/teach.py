@@ -60,7 +60,7 @@ def teach(arguments: argparse.Namespace) -> None:
     with command_line.ended_by_signals():
         try:
             with trifinger.guide(robot) as guide:
-                guide.state()  # waits, since a robot may first be homing
+                command_line.wait_until_measured(guide, robot)
                 teaching = Teaching(guide)
                 record(teaching, robot, seconds)
         finally:

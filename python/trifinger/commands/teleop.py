@@ -62,7 +62,7 @@ def run(robot: str, device_name: str) -> None:
         opened(device_name) as (device, how_to),
         trifinger.guide(robot) as guide,
     ):
-        guide.state()  # waits, since a robot may first be homing
+        command_line.wait_until_measured(guide, robot)
         if isinstance(device, Keyboard | Gamepad):
             device.num_fingers = guide.num_fingers
         print(f"The robot '{robot}' holds its pose.\n{how_to}", flush=True)
