@@ -224,7 +224,7 @@ class Guide::Implementation {
     const Deadline deadline(timeout);
     std::unique_lock lock(mutex_);
     while (true) {
-      if (has_arrived()) return;
+      if (failure_ == nullptr && has_arrived()) return;
       require_running();
       if (has_begun_ && mailbox_.is_empty() && seen_.mode == Mode::kFloat)
         throw InvalidArgument("robot '" + name_ +
@@ -399,7 +399,7 @@ class Guide::Implementation {
         if (++braked == 0) static_cast<void>(controller_.grant({.mode = Mode::kHold}));
         if (braked > most || (braked > 0 && controller_.state().has_arrived)) return;
       }
-      const JointCommand& command = controller_.update(measured<R>(observation));
+      const GuideCommand& command = controller_.update(measured<R>(observation));
       typename R::Action action;
       for (std::size_t i = 0; i < R::kJoints; ++i) {
         action.torque[i] = command.torque[static_cast<Eigen::Index>(i)];

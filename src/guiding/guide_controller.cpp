@@ -25,8 +25,16 @@ constexpr double kSamePoint = 1e-9;
 // Dry friction is compensated fully from this speed on [rad/s]. Below it grows from zero, so that
 // noise of the velocity at rest moves nothing.
 constexpr double kSlidingSpeed = 0.05;
+// A tip accelerates on its line as if its joints were this far away [m].
+constexpr double kArm = 0.1;
 // The safety checks end a session whose measurements are larger.
 constexpr double kLargestMeasurement = 1e6;
+
+// The speed from which a motion with steps of length `period` can stop after `way`: whole steps of
+// braking, way = v period + (v - change) period + ..., solved for v. No step goes beyond.
+double stoppable_speed(double way, double change, double period) noexcept {
+  return std::min(change * (std::sqrt(0.25 + 2 * way / (change * period)) - 0.5), way / period);
+}
 
 bool is_plausible(double number) noexcept {
   return std::isfinite(number) && std::abs(number) <= kLargestMeasurement;
@@ -139,7 +147,7 @@ bool GuideController::grant(const Wish& wish) noexcept TRIFINGER_REALTIME {
   return true;
 }
 
-const JointCommand& GuideController::update(const MeasuredJoints& measured) noexcept
+const GuideCommand& GuideController::update(const MeasuredJoints& measured) noexcept
     TRIFINGER_REALTIME {
   if (!has_begun_) return command_;
   measure(measured);
@@ -223,8 +231,7 @@ void GuideController::aim_tip(int finger, const Eigen::Vector3d& tip) noexcept {
   // A line goes on from its own last point. The reference is behind that point, and would slow down
   // at each of many wishes.
   if (!line.is_given || is_held_back) {
-    line.at = tip_of(finger, state_.reference);
-    line.joints = state_.reference.segment<3>(first);
+    line = {.at = tip_of(finger, state_.reference), .joints = state_.reference.segment<3>(first)};
   }
   FingerPose pose = kinematics_.inverse_kinematics(finger, tip, line.joints);
   Eigen::Vector3d joints = inside(finger, pose.position);
@@ -250,32 +257,42 @@ void GuideController::advance_line(int finger) noexcept {
   if (!line.is_given) return;
   const int first = kJointsPerFinger * finger;
   const double lag = (line.joints - state_.reference.segment<3>(first)).cwiseAbs().maxCoeff();
-  if (lag > kMaxLag) return;
+  line.rates.setZero();
+  if (lag > kMaxLag) {
+    line.speed = 0.0;
+    return;
+  }
   const Eigen::Vector3d way = line.end - line.at;
   const double distance = way.norm();
-  const double step = speeds_.tip_speed * period_;
-  if (distance <= std::max(step, kSamePoint)) {
+  const double change = kArm * speeds_.joint_acceleration * period_;
+  if (distance <= kSamePoint) {
     line.at = line.end;
+    line.speed = 0.0;
     line.joints = state_.target.segment<3>(first);
     return;
   }
-  line.at += way * (step / distance);
+  const Eigen::Vector3d along = way / distance;
+  // Around a corner only the part of the speed remains that points in the new direction.
+  line.speed *= std::max(0.0, line.along.dot(along));
+  line.along = along;
+  const double wanted = std::min(speeds_.tip_speed, stoppable_speed(distance, change, period_));
+  line.speed = std::clamp(wanted, line.speed - change, line.speed + change);
+  line.at += along * std::min(line.speed * period_, distance);
+  const Eigen::Vector3d before = line.joints;
   line.joints =
       inside(finger, kinematics_.inverse_kinematics(finger, line.at, line.joints).position);
+  line.rates = (line.joints - before) / period_;
 }
 
-// Moves the reference of a joint towards `goal` by one step.
-void GuideController::advance(int joint, double goal) noexcept {
+// Moves the reference of a joint by one step towards `goal`, which itself moves with `rate`.
+void GuideController::advance(int joint, double goal, double rate) noexcept {
   const double speed = max_speed(joint);
   const double change = max_acceleration(joint) * period_;  // of the speed in one step
   double& velocity = reference_velocity_[joint];
   const double reference = state_.reference[joint];
-  const double way = goal - reference;
-  // From this speed whole steps of braking end at the goal: way = v period + (v - change) period +
-  // ..., solved for v.
-  const double stoppable =
-      change * (std::sqrt(0.25 + 2 * std::abs(way) / (change * period_)) - 0.5);
-  const double wanted = std::copysign(std::min({speed, stoppable, std::abs(way) / period_}), way);
+  const double error = goal - reference - rate * period_;
+  const double wanted =
+      rate + std::copysign(stoppable_speed(std::abs(error), change, period_), error);
   const double asked =
       std::clamp(std::clamp(wanted, velocity - change, velocity + change), -speed, speed);
   double next = reference + asked * period_;
@@ -314,7 +331,9 @@ void GuideController::command_reference() noexcept {
   command_.torque = kinematics_.gravity_torques();
   for (int i = 0; i < joints_; ++i) {
     const Line& line = lines_[static_cast<std::size_t>(i / kJointsPerFinger)];
-    advance(i, line.is_given ? line.joints[i % kJointsPerFinger] : state_.target[i]);
+    const int j = i % kJointsPerFinger;
+    advance(i, line.is_given ? line.joints[j] : state_.target[i],
+            line.is_given ? line.rates[j] : 0.0);
     // Everything that damps the joint would otherwise hold it back on its way.
     const JointLimit& limit = robot_.limits[static_cast<std::size_t>(i)];
     const double damping = limit.default_kd + limit.safety_kd + actuator_.damping;

@@ -54,7 +54,7 @@ struct MeasuredJoints {
 
 /// What the guide asks of the joints in one step: `torque`, plus the robot's own position
 /// controller where `position` is given.
-struct JointCommand {
+struct GuideCommand {
   JointValues torque;    ///< [Nm]
   JointValues position;  ///< [rad]; NaN means "no position"
 };
@@ -109,7 +109,7 @@ class GuideController {
 
   /// Returns the command of the next step. A measurement that is not a number counts as the one
   /// before.
-  [[nodiscard]] const JointCommand& update(const MeasuredJoints& measured) noexcept
+  [[nodiscard]] const GuideCommand& update(const MeasuredJoints& measured) noexcept
       TRIFINGER_REALTIME;
 
   [[nodiscard]] const ControllerState& state() const noexcept { return state_; }
@@ -117,12 +117,15 @@ class GuideController {
   [[nodiscard]] const GuidedRobot& robot() const noexcept { return robot_; }
 
  private:
-  // A tip on its way to a point.
+  // The way of a tip to a point.
   struct Line {
     bool is_given{false};
     Eigen::Vector3d at{Eigen::Vector3d::Zero()};      // [m]
     Eigen::Vector3d end{Eigen::Vector3d::Zero()};     // [m]
+    Eigen::Vector3d along{Eigen::Vector3d::Zero()};   // Unit vector, or zero before the first step.
+    double speed{0.0};                                // [m/s]
     Eigen::Vector3d joints{Eigen::Vector3d::Zero()};  // Joints with the tip at `at` [rad].
+    Eigen::Vector3d rates{Eigen::Vector3d::Zero()};   // Their change in the last step [rad/s].
   };
 
   [[nodiscard]] double max_speed(int joint) const noexcept;
@@ -135,7 +138,7 @@ class GuideController {
   void aim(const JointValues& target) noexcept;
   void aim_tip(int finger, const Eigen::Vector3d& tip) noexcept;
   void advance_line(int finger) noexcept;
-  void advance(int joint, double goal) noexcept;
+  void advance(int joint, double goal, double rate) noexcept;
   void command_float() noexcept;
   void command_reference() noexcept;
   void find_arrival() noexcept;
@@ -153,7 +156,7 @@ class GuideController {
   JointValues reference_velocity_;  // [rad/s]
   std::array<Line, kMaxFingers> lines_{};
   std::array<bool, kMaxJoints> is_held_back_{};  // The reference waits at `max_lead`.
-  JointCommand command_;
+  GuideCommand command_;
 };
 
 }  // namespace trifinger::guiding
