@@ -66,7 +66,7 @@ class Recording:
         """
         from trifinger.motion import JointFacts, Motion
 
-        facts = JointFacts.of(self.configuration)
+        facts = JointFacts.of_configuration(self.configuration)
         origin = (
             f"taught by hand: robot '{self.session.name}', session {self.session.session_id}, "
             f"from step {self.first_step}"

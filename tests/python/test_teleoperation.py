@@ -490,6 +490,31 @@ def test_the_bytes_of_linux_are_events() -> None:
     assert list(events_of(data)) == [Event(3, X, -32768), REPORT]
 
 
+def test_events_are_read_from_a_file_until_it_is_gone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, clock: Clock
+) -> None:
+    def ioctl(_descriptor: int, request: int, buffer: bytes) -> bytes:
+        assert request >> 30 == 2  # the kernel writes
+        assert request >> 16 & 0x3FFF == len(buffer)
+        assert request >> 8 & 0xFF == ord("E")
+        if request & 0xFF == 0x06:
+            return b"Pad of the test".ljust(len(buffer), b"\0")
+        assert request & 0xFF in (0x40 + X, 0x40 + Y, 0x40 + RIGHT_Y)
+        return struct.pack("@6i", 0, -100, 100, 0, 0, 0)
+
+    monkeypatch.setattr(gamepad.fcntl, "ioctl", ioctl)
+    path = tmp_path / "event7"
+    os.mkfifo(path)
+    pad = Gamepad(lambda: open_gamepad(path), now=clock)
+    assert pad.name == f"Pad of the test ({path})"
+    with path.open("wb", buffering=0) as kernel:
+        assert pad() == Command(finger=0)
+        kernel.write(struct.pack("@llHHi", 1, 2, 3, X, 100) + struct.pack("@llHHi", 1, 2, 0, 0, 0))
+        assert pad().velocity == (pad.speed, 0, 0)
+    assert "Pad of the test" in pad().message
+    assert pad.name == ""
+
+
 def test_finds_the_gamepads_among_the_inputs_of_a_machine(tmp_path: Path) -> None:
     def add(name: str, keys: str) -> None:
         folder = tmp_path / name / "device/capabilities"
