@@ -43,6 +43,9 @@ void bind_estimation(nanobind::module_& m);
 /// GraspPlanner, GraspController.
 void bind_grasping(nanobind::module_& m);
 
+/// Guide, GuideState, guide.
+void bind_guide(nanobind::module_& m);
+
 /// Lens, Camera, CameraCalibration.
 void bind_camera_calibration(nanobind::module_& m);
 

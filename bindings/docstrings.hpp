@@ -315,6 +315,75 @@ tips touched [m].)";
 inline constexpr const char* wanted = R"(The wanted contact forces while the object is held, in the world frame.)";
 }
 
+namespace Guide {
+inline constexpr const char* Guide = R"(Lets slow callers steer a robot that must hear from its controller every millisecond.
+
+A thread of its own drives the robot in every step. It obeys the newest wishes of any number
+of threads and never waits for them. The safety checks of the robot apply as always. At
+first the robot holds the pose in which it is found.
+
+Any thread may call any function at any time. After a fork only the parent's guide is
+usable: in the child all functions raise InheritedHandle.)";
+inline constexpr const char* check = R"(Throws what ended the guide, if that was a fault.
+
+Raises RobotStopped, or another error of the guide's thread.)";
+inline constexpr const char* finish = R"(Brakes, ends the session in an orderly way and waits for this. Does nothing more if the
+guide has ended.
+
+Raises what ended the guide, if that was a fault; TimedOut if the back-end does not answer:
+the guide has then ended, and its session may not have.)";
+inline constexpr const char* float_freely = R"(Lets a hand move the robot: motors carry the weight of the fingers and overcome the friction
+that the model knows. The robot's safety damping (`safety_kd`) still acts, and its soft
+limits push back.
+
+Raises like `move_tip`.)";
+inline constexpr const char* frontend = R"(The front-end of the robot, for reading.)";
+inline constexpr const char* hold = R"(Brakes and keeps the pose.
+
+Raises like `move_tip`.)";
+inline constexpr const char* home = R"(Moves to the robot's initial pose.
+
+Raises like `move_tip`.)";
+inline constexpr const char* is_running = R"(True until the guide has ended, for whatever reason.)";
+inline constexpr const char* move_joints = R"(Moves all joints to `positions` [rad]. Positions beyond soft limits are clamped: see
+`GuideState.refusal`.
+
+Raises like `move_tip`.)";
+inline constexpr const char* move_tip = R"(Moves the tip of `finger` on a straight line to `position` in the world frame [m]. If the
+tip cannot get there, it goes near it: see `GuideState.refusal`. The other fingers keep
+their targets.
+
+A wish returns at once. It replaces earlier ones for the same fingers.
+
+Raises InvalidArgument for numbers that are not finite, a finger that does not exist, or
+after the end of the guide; otherwise what ended the guide.)";
+inline constexpr const char* realtime_lacks = R"(What the guide's thread lacks to be a real-time thread: sentences with the remedies.)";
+inline constexpr const char* state = R"(Returns where the robot is. Waits for the first measurement: a robot may first be homing.
+
+Raises what ended the guide before its first measurement, TimedOut.)";
+inline constexpr const char* stop = R"(Ends the session at once, whatever other calls wait for; the robot then stops as its driver
+does. Faults are left to `check`.
+
+Raises TimedOut like `finish`.)";
+inline constexpr const char* wait_until_arrived = R"(Waits until the robot rests at the target of all wishes so far.
+
+Raises InvalidArgument if the robot floats, what ended the guide, TimedOut.)";
+}
+
+namespace GuideState {
+inline constexpr const char* GuideState = R"(Where a guided robot is and where it goes.)";
+inline constexpr const char* has_arrived = R"(All wishes so far are granted, and the robot rests at their target. Always False while
+floating.)";
+inline constexpr const char* joints = R"(Measured positions [rad].)";
+inline constexpr const char* reference_joints = R"(Where the joints should be now [rad].)";
+inline constexpr const char* reference_tips = R"(Points that follow from `reference_joints` [m].)";
+inline constexpr const char* refusal = R"(One sentence per finger whose last wish cannot be fulfilled: why, and what is done instead.)";
+inline constexpr const char* step = R"(Step of the newest measurement; -1 before step 0.)";
+inline constexpr const char* target_joints = R"(Where the joints should end [rad].)";
+inline constexpr const char* target_tips = R"(Points that follow from `target_joints` [m].)";
+inline constexpr const char* tips = R"(Points that follow from `joints` [m].)";
+}
+
 namespace HandWriter {
 inline constexpr const char* HandWriter = R"(The hand of a simulated robot that `trifinger run` runs in another process.
 

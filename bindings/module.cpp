@@ -4,6 +4,7 @@
 #include "conversion/errors.hpp"
 #include "conversion/gil.hpp"
 #include "conversion/numpy.hpp"
+#include "guiding/guide.hpp"
 #include "log/recorder.hpp"
 #include "session/running_backend.hpp"
 
@@ -29,6 +30,7 @@ NB_MODULE(_trifinger, m) {
   bind_forces(m);
   bind_estimation(m);
   bind_grasping(m);
+  bind_guide(m);
   bind_camera_calibration(m);
   bind_policy(m);
   bind_environment(m);
@@ -40,5 +42,6 @@ NB_MODULE(_trifinger, m) {
   // that their robots stop.
   stop_recorders_at_exit();
   stop_backends_at_exit();
+  stop_guides_at_exit();
   park_threads_at_exit();
 }

@@ -73,7 +73,7 @@ def raises(throws: re.Match[str]) -> str:
 
 def paragraph_of_python(text: str) -> str:
     """Returns the paragraph `text` in the words of Python; equations and code keep their lines."""
-    text = re.sub(r"\b(?:std|log|mcap|control|learning)::(?=\w)", "", text)
+    text = re.sub(r"\b(?:std|log|mcap|control|guiding|learning)::(?=\w)", "", text)
     text = re.sub(r"(?<!changes\s)\b[Nn]othing(?=\s(?:if|while|before|outside))", "None", text)
     text = re.sub(r"\b\w+\b", lambda word: NAMES.get(word[0], word[0]), text)
     text = re.sub(r"\bk([A-Z][a-z]\w*)\b", enumerator, text).replace("::", ".")

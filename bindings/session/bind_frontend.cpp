@@ -27,6 +27,8 @@ namespace {
 // slice must be longer than that.
 constexpr Nanoseconds kAttachSlice = std::chrono::milliseconds(600);
 
+}  // namespace
+
 std::unique_ptr<PythonFrontend> attach(const std::string& name, FrontendOptions options,
                                        nb::handle timeout) {
   UntypedFrontend frontend = in_slices(
@@ -39,8 +41,6 @@ std::unique_ptr<PythonFrontend> attach(const std::string& name, FrontendOptions 
   return std::make_unique<PythonFrontend>(std::move(frontend),
                                           PythonFrontend::Role{.controls = options.control});
 }
-
-}  // namespace
 
 void bind_frontend(nb::module_& m) {
   // All four series are read in the same way: one element by its step, many by a range of steps.

@@ -11,6 +11,7 @@
 #include "conversion/timeout.hpp"
 #include "payload.hpp"
 #include "trifinger/core/errors.hpp"
+#include "trifinger/guiding/guide.hpp"
 
 namespace nb = nanobind;
 
@@ -94,6 +95,8 @@ PythonFrontend::PythonFrontend(UntypedFrontend frontend, Role role, nb::object c
   }
   if (checks_.is_valid()) interruption_ = nb::cast<const Checks&>(checks_).interruption();
   handle_->frontend.set_interrupt([&is_closed = handle_->is_closed, interruption = interruption_] {
+    // The thread of a guide has a reason of its own to end a wait, and knows nothing of Python.
+    if (guiding::interrupt_guide()) return;
     // relaxed: a flag that guards no data.
     if (is_closed.load(std::memory_order_relaxed)) {
       throw InvalidArgument("this handle was closed while a thread waited with it");
@@ -300,6 +303,14 @@ nb::object PythonFrontend::text() const {
     text += ": " + std::string(error.what());
   }
   return to_text(text + ">");
+}
+
+std::shared_ptr<UntypedFrontend> PythonFrontend::lend() {
+  const std::shared_ptr<Handle> handle = open();
+  if (is_appending_)
+    throw ControlHeld("another thread is appending with this handle; one thread controls a robot");
+  is_appending_ = true;
+  return {handle, &handle->frontend};
 }
 
 void PythonFrontend::close() {

@@ -64,6 +64,12 @@ class PythonFrontend {
   [[nodiscard]] nanobind::object text() const;
   [[nodiscard]] nanobind::object dtype(Series series) const { return type_of(series).dtype(); }
 
+  /// Lends the front-end to a guide, which appends all actions until `take_back`. Closing this
+  /// object does not end the loan.
+  /// @throws ControlHeld if another thread is appending, InvalidArgument if this object is closed
+  [[nodiscard]] std::shared_ptr<UntypedFrontend> lend();
+  void take_back() noexcept { is_appending_ = false; }
+
   /// Gives the session back, and tells threads that wait with this object.
   /// @throws the exception that interrupted the robot on its way to rest, for example Ctrl-C
   void close();
@@ -105,5 +111,11 @@ class PythonFrontend {
   std::shared_ptr<Interruption> interruption_;  // that of the checks; null without checks
   std::shared_ptr<Handle> handle_;              // null once closed; replaced under the GIL only
 };
+
+/// Takes part in the session of the robot `name` as soon as there is one, or until Ctrl-C is
+/// pressed.
+[[nodiscard]] std::unique_ptr<PythonFrontend> attach(const std::string& name,
+                                                     FrontendOptions options,
+                                                     nanobind::handle timeout);
 
 }  // namespace trifinger::bindings

@@ -1937,6 +1937,207 @@ class GraspController:
     def state(self) -> GraspState:
         """The state after the last `update`."""
 
+class GuideState:
+    """
+    Where a guided robot is and where it goes.
+
+    Arrays of joints have the shape (num_joints,), arrays of tips (num_fingers, 3).
+    """
+
+    @property
+    def step(self) -> int:
+        """Step of the newest measurement; -1 before step 0."""
+
+    @property
+    def mode(self) -> str:
+        """
+        What the robot does: "hold", "move_joints", "move_tip", "float" or "home".
+        """
+
+    @property
+    def joints(self) -> numpy.typing.NDArray[numpy.float64]:
+        """Measured positions [rad]."""
+
+    @property
+    def reference_joints(self) -> numpy.typing.NDArray[numpy.float64]:
+        """Where the joints should be now [rad]."""
+
+    @property
+    def target_joints(self) -> numpy.typing.NDArray[numpy.float64]:
+        """Where the joints should end [rad]."""
+
+    @property
+    def tips(self) -> numpy.typing.NDArray[numpy.float64]:
+        """Points that follow from `joints` [m]."""
+
+    @property
+    def reference_tips(self) -> numpy.typing.NDArray[numpy.float64]:
+        """Points that follow from `reference_joints` [m]."""
+
+    @property
+    def target_tips(self) -> numpy.typing.NDArray[numpy.float64]:
+        """Points that follow from `target_joints` [m]."""
+
+    @property
+    def has_arrived(self) -> bool:
+        """
+        All wishes so far are granted, and the robot rests at their target. Always False while
+        floating.
+        """
+
+    @property
+    def refusal(self) -> str:
+        """
+        One sentence per finger whose last wish cannot be fulfilled: why, and what is done instead.
+        """
+
+class Guide:
+    """
+    Lets slow callers steer a robot that must hear from its controller every millisecond.
+
+    A thread of its own drives the robot in every step. It obeys the newest wishes of any number
+    of threads and never waits for them. The safety checks of the robot apply as always. At
+    first the robot holds the pose in which it is found.
+
+    Any thread may call any function at any time. After a fork only the parent's guide is
+    usable: in the child all functions raise InheritedHandle.
+
+    A `with` block calls finish() at its end, also after an exception, which it keeps. trifinger.guide()
+    makes a guide of a running robot by its name.
+    """
+
+    def __init__(self, frontend: Frontend, *, joint_speed: float = ..., joint_acceleration: float = ..., tip_speed: float = ..., max_lead: float = ..., scheduling: str = 'try') -> None:
+        """
+        Drives the robot of `frontend`, which must control it. Until the guide has ended, nobody else can
+        append actions with `frontend`; everybody can read.
+
+        `joint_speed` [rad/s] and `joint_acceleration` [rad/s^2] limit how joints move, `tip_speed` [m/s] how
+        tips move. `max_lead` [rad] is how far a joint's reference may be ahead of the joint. `scheduling`
+        says whether the guide's thread must have real-time priority: "require", "try" or "off".
+        """
+
+    @property
+    def num_fingers(self) -> int:
+        """Number of fingers: 1 or 3."""
+
+    @property
+    def num_joints(self) -> int:
+        """Number of joints: three for each finger."""
+
+    @property
+    def frontend(self) -> Frontend:
+        """The front-end of the robot, for reading."""
+
+    @property
+    def realtime_lacks(self) -> list[str]:
+        """
+        What the guide's thread lacks to be a real-time thread: sentences with the remedies.
+        """
+
+    def move_tip(self, finger: int, position: numpy.typing.ArrayLike) -> None:
+        """
+        Moves the tip of `finger` on a straight line to `position` in the world frame [m]. If the
+        tip cannot get there, it goes near it: see `GuideState.refusal`. The other fingers keep
+        their targets.
+
+        A wish returns at once. It replaces earlier ones for the same fingers.
+
+        Raises InvalidArgument for numbers that are not finite, a finger that does not exist, or
+        after the end of the guide; otherwise what ended the guide.
+        """
+
+    def move_joints(self, positions: numpy.typing.ArrayLike) -> None:
+        """
+        Moves all joints to `positions` [rad]. Positions beyond soft limits are clamped: see
+        `GuideState.refusal`.
+
+        Raises like `move_tip`.
+        """
+
+    def home(self) -> None:
+        """
+        Moves to the robot's initial pose.
+
+        Raises like `move_tip`.
+        """
+
+    def hold(self) -> None:
+        """
+        Brakes and keeps the pose.
+
+        Raises like `move_tip`.
+        """
+
+    def float_freely(self) -> None:
+        """
+        Lets a hand move the robot: motors carry the weight of the fingers and overcome the friction
+        that the model knows. The robot's safety damping (`safety_kd`) still acts, and its soft
+        limits push back.
+
+        Raises like `move_tip`.
+        """
+
+    def state(self, timeout: float | None = None) -> GuideState:
+        """
+        Returns where the robot is. Waits for the first measurement: a robot may first be homing.
+
+        Raises what ended the guide before its first measurement, TimedOut.
+        """
+
+    def wait_until_arrived(self, timeout: float | None = None) -> None:
+        """
+        Waits until the robot rests at the target of all wishes so far.
+
+        Raises InvalidArgument if the robot floats, what ended the guide, TimedOut.
+        """
+
+    def is_running(self) -> bool:
+        """True until the guide has ended, for whatever reason."""
+
+    def check(self) -> None:
+        """
+        Throws what ended the guide, if that was a fault.
+
+        Raises RobotStopped, or another error of the guide's thread.
+        """
+
+    def finish(self, timeout: float | None = 5.0) -> None:
+        """
+        Brakes, ends the session in an orderly way and waits for this. Does nothing more if the
+        guide has ended.
+
+        Raises what ended the guide, if that was a fault; TimedOut if the back-end does not answer:
+        the guide has then ended, and its session may not have.
+        """
+
+    def stop(self, timeout: float | None = 2.0) -> None:
+        """
+        Ends the session at once, whatever other calls wait for; the robot then stops as its driver
+        does. Faults are left to `check`.
+
+        Raises TimedOut like `finish`.
+        """
+
+    def __enter__(self) -> Guide: ...
+
+    def __exit__(self, type: type[BaseException] | None, value: BaseException | None, traceback: types.TracebackType | None) -> None: ...
+
+def guide(name: str, *, joint_speed: float = ..., joint_acceleration: float = ..., tip_speed: float = ..., max_lead: float = ..., scheduling: str = 'try', timeout: float | None = 5.0) -> Guide:
+    """
+    Takes control of the robot `name`, which runs in a back-end of its own (`trifinger run`), and
+    guides it: see Guide.
+
+        with trifinger.guide("sim") as guide:
+            guide.move_tip(0, (0.0, 0.1, 0.08))
+            guide.wait_until_arrived()
+
+    `timeout` is how long to wait for a session that is about to begin [s].
+
+    `joint_speed` [rad/s] and `joint_acceleration` [rad/s^2] limit how joints move, `tip_speed` [m/s] how
+    tips move. `max_lead` [rad] is how far a joint's reference may be ahead of the joint. `scheduling`
+    says whether the guide's thread must have real-time priority: "require", "try" or "off".
+    """
+
 class Lens:
     """
     The lens of a camera in OpenCV's model: a pinhole, and radial and tangential distortion.

@@ -176,6 +176,8 @@ UntypedFrontend UntypedFrontend::companion(const std::string& name) const {
 
 const Session& UntypedFrontend::session() const { return state_->session; }
 
+bool UntypedFrontend::is_controller() const noexcept { return state_->action.has_value(); }
+
 void UntypedFrontend::set_interrupt(std::function<void()> interrupt) {
   state_->interrupt = std::move(interrupt);
 }

@@ -99,6 +99,8 @@ PROGRAMS_OF_PYTHON = (
     "demo",
     "evaluate",
     "film",
+    "teach",
+    "teleop",
     "train",
     "log plot",
     "log export",

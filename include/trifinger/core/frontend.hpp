@@ -86,6 +86,8 @@ class UntypedFrontend {
   [[nodiscard]] UntypedFrontend companion(const std::string& name) const;
 
   [[nodiscard]] const Session& session() const;
+  /// True if this handle controls its robot, false if it only observes.
+  [[nodiscard]] bool is_controller() const noexcept;
 
   /// Waits call `interrupt` at least every 100 ms. It may throw to end the wait: Python's Ctrl-C.
   void set_interrupt(std::function<void()> interrupt);

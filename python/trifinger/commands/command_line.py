@@ -2,10 +2,14 @@
 """What the command lines of all commands share."""
 
 import argparse
+import contextlib
+import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from types import FrameType
 
-from trifinger.errors import Error, InvalidArgument
+from trifinger._trifinger import Guide
+from trifinger.errors import Error, InvalidArgument, TimedOut
 from trifinger.picture import CAMERAS, View
 
 
@@ -18,6 +22,34 @@ def run(work: Callable[[], int | None]) -> int:
         return 2 if isinstance(error, InvalidArgument) else 1
     except KeyboardInterrupt:
         return 130
+
+
+@contextlib.contextmanager
+def ended_by_signals() -> Iterator[None]:
+    """Lets SIGTERM and SIGHUP do what Ctrl-C does, so that a robot comes to rest in order."""
+
+    def interrupt(_number: int, _frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    numbers = (signal.SIGTERM, signal.SIGHUP)
+    before = [signal.signal(number, interrupt) for number in numbers]
+    try:
+        yield
+    finally:
+        for number, handler in zip(numbers, before, strict=True):
+            signal.signal(number, handler)
+
+
+def wait_until_measured(guide: Guide, robot: str) -> None:
+    """Waits until a guide knows where its robot is, and says so if that takes long."""
+    try:
+        guide.state(timeout=1.0)
+    except TimedOut:
+        print(
+            f"The robot '{robot}' is not ready: it may be homing. Ctrl-C ends the waiting.",
+            flush=True,
+        )
+        guide.state()
 
 
 def add_log_options(parser: argparse.ArgumentParser) -> None:

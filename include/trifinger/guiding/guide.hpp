@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "trifinger/base/time.hpp"
+#include "trifinger/core/frontend.hpp"
+#include "trifinger/guiding/guide_controller.hpp"
+#include "trifinger/guiding/guided_robot.hpp"
+#include "trifinger/ipc/fork.hpp"
+#include "trifinger/realtime/thread.hpp"
+
+namespace trifinger::guiding {
+
+/// Settings of a guide.
+struct GuideOptions {
+  GuideSpeeds speeds{};
+  /// What the guide's thread requests from the machine. Its priority is below that of back-ends.
+  RealtimeOptions realtime{.demand = Demand::kTry,
+                           .priority = 70,
+                           .lock_memory = false,
+                           .heap = 0,
+                           .keep_cpus_awake = false};
+  /// Waits of callers call this at least every 100 ms. It may throw to end the wait.
+  std::function<void()> interrupt{};
+};
+
+/// Where a guided robot is and where it goes.
+struct GuideState {
+  TimeIndex step{-1};  ///< Step of the newest measurement; -1 before step 0.
+  Mode mode{Mode::kHold};
+  JointValues joints;            ///< Measured positions [rad].
+  JointValues reference_joints;  ///< Where the joints should be now [rad].
+  JointValues target_joints;     ///< Where the joints should end [rad].
+  TipPositions tips;             ///< Points that follow from `joints` [m].
+  TipPositions reference_tips;   ///< Points that follow from `reference_joints` [m].
+  TipPositions target_tips;      ///< Points that follow from `target_joints` [m].
+  /// All wishes so far are granted, and the robot rests at their target. Always false while
+  /// floating.
+  bool has_arrived{false};
+  /// One sentence per finger whose last wish cannot be fulfilled: why, and what is done instead.
+  std::string refusal;
+};
+
+/// Lets slow callers steer a robot that must hear from its controller every millisecond.
+///
+/// A thread of its own drives the robot in every step. It obeys the newest wishes of any number of
+/// threads and never waits for them. The safety checks of the robot apply as always. At first the
+/// robot holds the pose in which it is found.
+///
+/// Any thread may call any function at any time. After a fork only the parent's guide is usable: in
+/// the child all functions throw InheritedHandle.
+class Guide {
+ public:
+  /// Takes control of the robot `name`.
+  /// @throws what `connect` throws; InvalidArgument if the robot is not in real-time mode, is of an
+  /// unknown type, or has no configuration
+  explicit Guide(const std::string& name, GuideOptions options = {});
+  /// Takes over `frontend`, which controls its robot.
+  explicit Guide(UntypedFrontend frontend, GuideOptions options = {});
+  /// Drives the robot of `frontend`, which others may use to read. Until the guide ends, nobody
+  /// else may append actions. The interrupt of `frontend` must call `interrupt_guide`.
+  explicit Guide(std::shared_ptr<UntypedFrontend> frontend, GuideOptions options = {});
+  /// For a robot whose session has no configuration.
+  Guide(std::shared_ptr<UntypedFrontend> frontend, const GuidedRobot& robot,
+        GuideOptions options = {});
+  Guide(const Guide&) = delete;
+  Guide& operator=(const Guide&) = delete;
+  /// Ends the session at once, if it still runs, and releases the robot. Does not wait for a
+  /// back-end that does not answer, nor for a robot that is still homing.
+  ~Guide();
+
+  [[nodiscard]] int num_fingers() const noexcept;
+  [[nodiscard]] int num_joints() const noexcept;
+
+  /// Moves the tip of `finger` on a straight line to `position` in the world frame [m]. If the tip
+  /// cannot get there, it goes near it: see `GuideState::refusal`. The other fingers keep their
+  /// targets.
+  ///
+  /// A wish returns at once. It replaces earlier ones for the same fingers.
+  /// @throws InvalidArgument for numbers that are not finite, a finger that does not exist, or
+  /// after the end of the guide; otherwise what ended the guide
+  void move_tip(int finger, const Eigen::Vector3d& position);
+  /// Moves all joints to `positions` [rad]. Positions beyond soft limits are clamped: see
+  /// `GuideState::refusal`.
+  /// @throws like `move_tip`
+  void move_joints(const JointValues& positions);
+  /// Moves to the robot's initial pose.
+  /// @throws like `move_tip`
+  void home();
+  /// Brakes and keeps the pose.
+  /// @throws like `move_tip`
+  void hold();
+  /// Lets a hand move the robot: motors carry the weight of the fingers and overcome the friction
+  /// that the model knows. The robot's safety damping (`safety_kd`) still acts, and its soft limits
+  /// push back.
+  /// @throws like `move_tip`
+  void float_freely();
+
+  /// Returns where the robot is. Waits for the first measurement: a robot may first be homing.
+  /// @throws what ended the guide before its first measurement, TimedOut
+  [[nodiscard]] GuideState state(Timeout timeout = kForever) const;
+  /// Waits until the robot rests at the target of all wishes so far.
+  /// @throws InvalidArgument if the robot floats, what ended the guide, TimedOut
+  void wait_until_arrived(Timeout timeout = kForever) const;
+  /// True until the guide has ended, for whatever reason.
+  [[nodiscard]] bool is_running() const;
+  /// Throws what ended the guide, if that was a fault.
+  /// @throws RobotStopped, or another error of the guide's thread
+  void check() const;
+
+  /// Brakes, ends the session in an orderly way and waits for this. Does nothing more if the guide
+  /// has ended.
+  /// @throws what ended the guide, if that was a fault; TimedOut if the back-end does not answer:
+  /// the guide has then ended, and its session may not have
+  void finish(Timeout timeout = std::chrono::seconds(5));
+  /// Ends the session at once, whatever other calls wait for; the robot then stops as its driver
+  /// does. Faults are left to `check`.
+  /// @throws TimedOut like `finish`
+  void stop(Timeout timeout = std::chrono::seconds(2));
+
+  /// The front-end of the robot, for reading.
+  [[nodiscard]] const UntypedFrontend& frontend() const;
+  /// What the guide's thread lacks to be a real-time thread: sentences with the remedies.
+  [[nodiscard]] const std::vector<std::string>& realtime_lacks() const noexcept;
+
+ private:
+  class Implementation;
+  [[nodiscard]] Implementation& own() const;
+
+  ipc::ForkGuard fork_;
+  std::unique_ptr<Implementation> implementation_;
+};
+
+/// Ends the waits of a guide's thread that shall end. The interrupt of a front-end that a guide
+/// shares calls this first. Returns true in the thread of a guide, where nothing else may
+/// interrupt.
+[[nodiscard]] bool interrupt_guide();
+
+}  // namespace trifinger::guiding

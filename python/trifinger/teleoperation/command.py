@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What a device of teleoperation says, many times a second."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+Wish = Literal["", "home", "hold", "float", "stop", "end"]
+Velocity = tuple[float, float, float]
+STILL: Velocity = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Command:
+    """What the person at a device wants now.
+
+    A command says nothing about the next one: a device that wants a tip to go on says so each time.
+    """
+
+    velocity: Velocity = STILL
+    """Of the tip, in the world frame [m/s]. A tip that moved stops when this is zero."""
+    finger: int | None = None
+    """The finger to move from now on, from 0; None: the one that was chosen before."""
+    wish: Wish = ""
+    """Something else than to move a tip.
+
+    "home", "hold" and "float" are those of `Guide`. "stop" ends the session at once. "end" holds
+    the robot and ends the teleoperation.
+    """
+    message: str = ""
+    """A sentence for the person, such as that the device is unplugged."""
+
+
+Device = Callable[[], Command]
+"""Is called many times a second, and returns without waiting."""
+
+
+_URGENT: tuple[Wish, ...] = ("hold", "end", "stop")
+
+
+def more_urgent(earlier: Wish, later: Wish) -> Wish:
+    """The wish that counts of two that came together: what stops the robot more, or the later."""
+    if later and (earlier not in _URGENT or later in _URGENT[_URGENT.index(earlier) :]):
+        return later
+    return earlier
