@@ -368,7 +368,7 @@ async function main() {
   const holder = find("numbers");
   const bytes = await unpack(holder.textContent.trim());
   holder.remove();
-  window.trifingerPage = new Page(bytes);
+  window.trifingerPage = Object.assign(new Page(bytes), {TimeLine});
   document.body.dataset.isReady = "true";
 }
 

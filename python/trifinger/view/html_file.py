@@ -116,7 +116,7 @@ def _plan(run: LoggedRun, duration: float, rate: float | None, most_bytes: int) 
     frame = (28 * bodies + 24 * 3 + 24) * 0.55 * _TEXT
     cameras = 0 if run.cameras is None else len(run.cameras.names)
     image = 20_000 * cameras * _TEXT
-    room = most_bytes * 0.95 - 4e6  # the meshes, the plots and the page itself
+    room = most_bytes * 0.95 - 2e6  # the meshes, the plots and the page itself
     image_rate = 0.0
     if cameras:
         image_rate = min(IMAGE_RATE, 0.7 * room / (image * max(duration, 1.0)))
