@@ -17,6 +17,7 @@ MODULES = {
     "export": ("pandas", "pyarrow"),
     "learning": ("gymnasium", "stable_baselines3", "torch", "tensorboard", "tqdm", "moviepy"),
     "window": ("glfw",),
+    "view": ("viser", "websockets"),
 }
 """Modules to import for each extra."""
 

@@ -24,6 +24,7 @@ DEBIAN_PACKAGES = (
     *("clang-14", "libclang-rt-14-dev"),  # the builds dev and fuzz
     *("libegl1", "libgl1-mesa-dri", "libopengl0"),  # pictures without a screen
     *("libturbojpeg0", "libaravis-0.8-0"),  # images in logs; industrial cameras
+    "chromium",  # the browser in which the page of `trifinger view` is tested
     "rt-tests",  # cyclictest, with which lateness is compared
     *("qemu-system-x86", "busybox", "can-utils"),  # the virtual machine of tests with CAN
 )

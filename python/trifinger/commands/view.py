@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""`trifinger view`."""
+
+import argparse
+import contextlib
+import getpass
+import os
+import socket
+import sys
+import time
+import webbrowser
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from trifinger import extras
+from trifinger.commands.command_line import run
+from trifinger.errors import InvalidArgument
+from trifinger.view.gate import LOOPBACK, Gate, page_server
+from trifinger.view.logged import LoggedRun
+
+RATE = 40.0  # of pictures [Hz]
+IDLE_RATE = 5.0  # without a browser
+TOKEN_VARIABLE = "TRIFINGER_VIEW_TOKEN"  # noqa: S105 (the name of a variable)
+
+
+def is_log(text: str) -> bool:
+    """Whether a word on the command line is a log, and not the name of a robot."""
+    return text.endswith(".mcap") or os.sep in text or Path(text).is_dir()
+
+
+def show(
+    page_title: str, gate: Gate, with_browser: bool, begin: Callable[..., Callable[[bool], None]]
+) -> None:
+    """Serves a page until Ctrl-C. `begin` makes the page and returns what renews it."""
+    from trifinger.view.live import be_modest
+    from trifinger.view.page import Page
+
+    be_modest()
+    with contextlib.closing(gate):
+        page = Page(page_server(gate, page_title), page_title)
+        renew = begin(page)
+        print_address(gate)
+        if with_browser:
+            webbrowser.open(gate.url)
+        following = time.monotonic()
+        try:
+            while True:
+                is_watched = page.is_watched
+                renew(is_watched)
+                following += 1.0 / (RATE if is_watched else IDLE_RATE)
+                pause = following - time.monotonic()
+                if pause > 0:
+                    time.sleep(pause)
+                else:  # the machine is busy: leave pictures out
+                    following = time.monotonic()
+        finally:
+            page.server.stop()
+
+
+def print_address(gate: Gate) -> None:
+    """Says how to open the page."""
+    print(f"Open {gate.url}")
+    if not gate.is_local:
+        print(
+            "Who has this address sees the robot; it crosses the network unencrypted.",
+            file=sys.stderr,
+        )
+    elif os.environ.get("SSH_CONNECTION"):
+        words = os.environ["SSH_CONNECTION"].split()
+        host = words[2] if len(words) == 4 else socket.gethostname()
+        print(
+            "From the machine that you came from, first:\n"
+            f"  ssh -L {gate.port}:{LOOPBACK}:{gate.port} {getpass.getuser()}@{host}"
+        )
+    print("Ctrl-C ends the page; the robot does not notice.", flush=True)
+
+
+def show_robot(name: str, gate: Gate, with_browser: bool) -> None:
+    """Shows a running robot, or the next one that runs."""
+    from trifinger.view.live import LiveRun
+    from trifinger.view.page import Page
+
+    live = LiveRun(name)
+
+    def begin(page: Page) -> Callable[[bool], None]:
+        shown: dict[str, object] = {"session": None, "lines": None}
+        page.show_state(live.lines)
+
+        def renew(is_watched: bool) -> None:
+            live.look(with_images=is_watched)
+            if live.session_id != shown["session"]:
+                shown["session"] = live.session_id
+                page.begin(live.scene)
+            if live.frame is not None:
+                page.show(live.frame)
+            if live.lines is not shown["lines"]:
+                shown["lines"] = live.lines
+                page.show_state(live.lines)
+                if live.frame is not None:
+                    page.show_images(live.frame.images)
+                page.show_curves(live.window)
+
+        return renew
+
+    show(name or "TriFinger", gate, with_browser, begin)
+
+
+def show_log(run: LoggedRun, gate: Gate, with_browser: bool) -> None:
+    """Shows a log with a time line."""
+    from trifinger.view.log_page import LogPage
+    from trifinger.view.page import Page
+
+    def begin(page: Page) -> Callable[[bool], None]:
+        return LogPage(page, run).renew
+
+    show(f"{run.session.name}, {run.log.files[0].name}", gate, with_browser, begin)
+
+
+def write_log(arguments: argparse.Namespace) -> None:
+    """Writes a log into one file for a browser."""
+    from trifinger.view.html_file import write_html
+
+    run = LoggedRun(arguments.what, arguments.robot)
+    written = write_html(
+        run, arguments.output, begin=arguments.from_, end=arguments.to, rate=arguments.rate
+    )
+    print(written)
+
+
+def require_no_file_options(arguments: argparse.Namespace, what: str) -> None:
+    """Raises InvalidArgument if options are given that only a file has."""
+    for option, value in (
+        ("--from", arguments.from_),
+        ("--to", arguments.to),
+        ("--rate", arguments.rate),
+    ):
+        if value is not None:
+            raise InvalidArgument(f"{option} is for a file of a log: it needs {what}")
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """`trifinger view`."""
+    parser = argparse.ArgumentParser(
+        prog="trifinger view",
+        description="Show a running robot or a log in a browser, on this machine alone.",
+        epilog="Examples:\n"
+        "  trifinger view                     the robot that runs\n"
+        "  trifinger view sim                 the robot 'sim', and its next sessions\n"
+        "  trifinger view logs                the newest log in a folder, with a time line\n"
+        "  trifinger view logs -o run.html    a file that any browser shows, without this program",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "what",
+        nargs="?",
+        default="",
+        metavar="NAME|LOG",
+        help="a robot, or a log: a file or a folder; default: the robot that runs",
+    )
+    parser.add_argument("--robot", metavar="NAME", default="", help="needed if a log has several")
+    file = parser.add_argument_group("a file of a log")
+    file.add_argument("-o", "--output", type=Path, metavar="FILE", help="write a page into a file")
+    file.add_argument(
+        "--from", dest="from_", type=float, metavar="SECONDS", help="begin, since the first step"
+    )
+    file.add_argument("--to", type=float, metavar="SECONDS", help="end, since the first step")
+    file.add_argument("--rate", type=float, metavar="HZ", help="pictures per second; default: 30")
+    server = parser.add_argument_group("who can see the page")
+    server.add_argument(
+        "--host",
+        default=LOOPBACK,
+        metavar="ADDRESS",
+        help=f"address to listen at; default: {LOOPBACK}, which only this machine reaches",
+    )
+    server.add_argument(
+        "--port", type=int, metavar="PORT", help="default: the first free one from 8080"
+    )
+    server.add_argument(
+        "--token",
+        default=os.environ.get(TOKEN_VARIABLE, ""),
+        help=f"secret part of the address; default: ${TOKEN_VARIABLE}, or chosen by chance",
+    )
+    server.add_argument("--no-browser", action="store_true", help="only print the address")
+    arguments = parser.parse_args(words)
+
+    def work() -> None:
+        if is_log(arguments.what):
+            if arguments.output is not None:
+                write_log(arguments)
+                return
+            require_no_file_options(arguments, "--output")
+            extras.require("view")
+            logged = LoggedRun(arguments.what, arguments.robot)
+            gate = Gate(arguments.host, arguments.port, arguments.token)
+            show_log(logged, gate, wants_browser(arguments))
+            return
+        if arguments.output is not None:
+            raise InvalidArgument(
+                f"-o needs a log: the path of a file, or of a folder with a '{os.sep}'"
+            )
+        require_no_file_options(arguments, "a log and -o")
+        extras.require("view")
+        gate = Gate(arguments.host, arguments.port, arguments.token)
+        show_robot(arguments.what, gate, wants_browser(arguments))
+
+    return run(work)
+
+
+def wants_browser(arguments: argparse.Namespace) -> bool:
+    """Whether to open a browser: on a screen of this machine, unless told otherwise."""
+    has_screen = bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+    return has_screen and not arguments.no_browser and not os.environ.get("SSH_CONNECTION")
