@@ -11,7 +11,8 @@
 docs/motions.md has the file format and the equation of each change.
 """
 
+from trifinger.motion.facts import JointFacts as JointFacts
 from trifinger.motion.file import MotionFileError as MotionFileError
-from trifinger.motion.motion import (
-    Motion as Motion,
-)
+from trifinger.motion.limits import Violation as Violation
+from trifinger.motion.motion import Motion as Motion
+from trifinger.motion.playing import Plan as Plan, plan as plan, play as play

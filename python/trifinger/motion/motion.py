@@ -12,10 +12,14 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from trifinger.errors import InvalidArgument
-from trifinger.motion import curves, file
+from trifinger.motion import curves, file, symmetry, ways
+from trifinger.motion.facts import JointFacts
+from trifinger.motion.limits import Samples, Violation, slowing_factor, violations
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
+
+    from trifinger._trifinger import LoggedSession
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -120,6 +124,82 @@ class Motion:
         fields = {name: getattr(self, name) for name in file.Contents._fields}
         file.write(path, file.Contents(**fields), overwrite)
 
+    @classmethod
+    def from_log(
+        cls,
+        session: LoggedSession,
+        begin: float | None = None,
+        end: float | None = None,
+        *,
+        series: str = "observation",
+    ) -> Motion:
+        """What the robot did in a session of a log, from `begin` to `end` [s].
+
+        Times count from the first step in the log. The series "observation" has the measured
+        positions, "desired_action" those that were asked for. Raises InvalidArgument for a robot
+        without joint positions, and where steps are missing.
+        """
+        if series not in ("observation", "desired_action"):
+            raise InvalidArgument(
+                f"series is '{series}'; allowed are 'observation' and 'desired_action'"
+            )
+        facts = JointFacts.of_session(session)
+        first, last = (
+            session.range(series)
+            if begin is None and end is None
+            else session.between(begin or 0.0, 1e9 if end is None else end)
+        )
+        fields = {series: ("position",)}
+        steps = session.read(first, last, fields)
+        elements = steps.observations if series == "observation" else steps.desired_actions
+        if len(steps) < 2 or elements is None:
+            raise InvalidArgument(f"{len(steps)} steps are no motion; the log has too few there")
+        missing = np.flatnonzero(np.diff(steps.time_index) != 1)
+        if len(missing) > 0:
+            raise InvalidArgument(
+                f"steps are missing in the log after step {steps.time_index[missing[0]]}; "
+                "take the part before or after them: 'trifinger log info' lists all gaps"
+            )
+        positions = np.array(elements["position"])
+        if np.isnan(positions).any():
+            row = int(np.argmax(np.isnan(positions).any(axis=1)))
+            raise InvalidArgument(
+                f"the action of step {steps.time_index[row]} has no position for every joint; "
+                "take the series 'observation'"
+            )
+        when = datetime.datetime.fromtimestamp(session.created, datetime.UTC)
+        return cls(
+            np.linspace(0.0, (len(positions) - 1) * session.period, len(positions)),
+            positions,
+            facts.joints,
+            facts.robot,
+            configuration=facts.configuration,
+            history=(
+                f"{series} of '{session.name}', session {session.session_id}, steps "
+                f"{steps.time_index[0]} to {steps.time_index[-1]}",
+            ),
+            created=when.isoformat(timespec="seconds"),
+        )
+
+    def facts(self) -> JointFacts:
+        """Joints and limits of the robot that the motion is for, from `configuration`.
+
+        Raises InvalidArgument if the motion has none.
+        """
+        if not self.configuration:
+            raise InvalidArgument(
+                "the motion does not have the configuration of its robot; "
+                "say which it is: facts=JointFacts.load(NAME), --config NAME"
+            )
+        return JointFacts.of_configuration(self.configuration)
+
+    def violations(self, facts: JointFacts | None = None) -> list[Violation]:
+        """Where the motion is farthest beyond each limit of its robot; empty if all limits hold.
+
+        Limits are those of `facts`, by default of the configuration in the motion.
+        """
+        return violations(self._known(facts), Samples.of(self))
+
     def at(self, times: ArrayLike) -> NDArray[np.float64]:
         """Positions at any times [s]: shape (number of times, number of joints).
 
@@ -175,6 +255,99 @@ class Motion:
         """The same way in `factor` times the time; a factor below 1 makes it faster."""
         _require_positive("factor", factor, "")
         return self._changed(f"slowed by {factor:.6g}", times=self.times * factor)
+
+    def slow_within_limits(self, facts: JointFacts | None = None) -> Motion:
+        """The same way as fast as it was, or just as slow as the limits ask for.
+
+        Limits are those of `facts`, by default of the configuration in the motion. Raises
+        InvalidArgument if the motion cannot hold them at any speed.
+        """
+        factor = slowing_factor(self._known(facts), self)
+        return self if factor == 1 else self.slow(factor)
+
+    def turn(self, fingers: int = 1) -> Motion:
+        """Each finger does what another one did: finger i + `fingers` takes the part of finger i.
+
+        The fingers stand 120 degrees apart, so the tips move as before, turned about the vertical
+        by 120 degrees clockwise for each finger, as seen from above.
+        """
+        if len(self.joints) != 9:
+            raise InvalidArgument(
+                f"a motion of three fingers can be turned; this one has {len(self.joints)} joints"
+            )
+        tips = self.tips
+        if tips is not None:
+            angle = -2 * np.pi / 3 * fingers
+            turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+            tips = np.roll(tips, fingers, axis=1)
+            tips[..., :2] = tips[..., :2] @ turn.T
+        return self._changed(
+            f"turned by {fingers} finger{'s' * (fingers != 1)}",
+            positions=symmetry.turned(self.positions, fingers),
+            tips=tips,
+        )
+
+    def mirror(self, finger: int = 0, facts: JointFacts | None = None) -> Motion:
+        """Left and right exchanged: tips move as in a mirror that stands along one finger.
+
+        The mirror is the vertical plane through `finger`, which keeps its part; two other fingers
+        exchange theirs. Raises InvalidArgument where a finger cannot reach the mirror image.
+        """
+        kinematics = self._known(facts).kinematics
+        if kinematics is None or kinematics.num_joints != len(self.joints):
+            raise InvalidArgument("only motions of TriFingers and their fingers can be mirrored")
+        mirror = symmetry.Mirror.of(kinematics, finger)
+        tips = None if self.tips is None else mirror(self.tips[:, list(mirror.partner)])
+        return self._changed(
+            f"mirrored at finger {finger}",
+            positions=symmetry.mirrored(kinematics, self.times, self.positions, mirror),
+            tips=tips,
+        )
+
+    def join(
+        self, other: Motion, blend: float | None = None, facts: JointFacts | None = None
+    ) -> Motion:
+        """This motion, then a way of `blend` [s] to the start of `other`, then `other`.
+
+        Position and velocity have no jump. Without `blend` the way is the shortest within the
+        limits of `facts`, by default of the configuration in the motion. Measured tips are left
+        out. Raises InvalidArgument for a motion of another robot, and if there is no such way.
+        """
+        self.require_robot(other.robot, other.joints, "the robot of the other motion")
+        ends = (self.positions[-1], self.velocities[-1], other.positions[0], other.velocities[0])
+        if blend is None:
+            way = ways.find_way(self._known(facts), *ends)
+        else:
+            _require_positive("blend", blend, "s")
+            way = ways.Way(*ends, blend)
+        count = max(2, math.ceil(way.duration / float(np.median(np.diff(self.times)))))
+        between = way.at(np.linspace(0.0, way.duration, count + 1)[1:-1])
+        gap = self.duration + way.duration
+        return self._changed(
+            f"joined, by a way of {way.duration:.3f} s, with: " + "; ".join(other.history),
+            times=np.concatenate([self.times, self.duration + between.times, gap + other.times]),
+            positions=np.vstack([self.positions, between.positions, other.positions]),
+            tips=None,
+        )
+
+    def require_robot(self, robot: str, joints: tuple[str, ...], what: str) -> None:
+        """Raises InvalidArgument unless the motion is for this robot; `what` says whose it is."""
+        if robot != self.robot:
+            raise InvalidArgument(
+                f"the motion is for the robot '{self.robot}'; {what} is '{robot}'"
+            )
+        if joints != self.joints:
+            other = [name for name in joints if name not in self.joints] or list(joints)
+            raise InvalidArgument(
+                f"the motion is for the joints {', '.join(self.joints)}; "
+                f"{what} has others or another order: {', '.join(other)}"
+            )
+
+    def _known(self, facts: JointFacts | None) -> JointFacts:
+        if facts is None:
+            return self.facts()
+        self.require_robot(facts.robot, facts.joints, "the robot of these limits")
+        return facts
 
     def _sampled(self, times: NDArray[np.float64], change: str) -> Motion:
         tips = self.tips
