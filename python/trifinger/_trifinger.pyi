@@ -1021,6 +1021,21 @@ class Kinematics:
         initial pose by default.
         """
 
+def configuration_text(config: str = 'sim', overrides: dict[str, object] = {}) -> str:
+    """
+    The whole configuration of that name, or in that file, as a session's document
+    "configuration.yml" has it.
+    """
+
+def read_joint_facts(configuration: str) -> tuple[str, tuple[str, ...], dict[str, numpy.typing.NDArray[numpy.float64]]]:
+    """
+    Name of the robot, names of its joints and the limits in the section `safety` of the text
+    of a configuration. Raises InvalidArgument at the value that is wrong.
+    """
+
+def kinematics_of(configuration: str) -> Kinematics:
+    """The kinematics of the robot in the text of a configuration."""
+
 class Pose:
     """Position and orientation of a body."""
 
