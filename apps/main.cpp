@@ -133,6 +133,7 @@ int run_program(const std::vector<std::string>& words) {
   declare_external(program, "film", "Draw a logged session: a film and pictures", kPython);
   declare_external(program, "train", "Train a policy in simulation", kPython);
   declare_external(program, "evaluate", "Say how near a policy comes to its goals", kPython);
+  declare_external(program, "export", "Make a data set for learning of logs", kPython);
 
   if (words.empty()) {
     fmt::print(stderr, "{}", program.help());

@@ -98,6 +98,7 @@ def test_the_help_lists_every_command() -> None:
 PROGRAMS_OF_PYTHON = (
     "demo",
     "evaluate",
+    "export",
     "film",
     "train",
     "log plot",
