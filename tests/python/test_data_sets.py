@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import minari
 import numpy as np
 import pytest
 import trifinger
@@ -18,7 +19,9 @@ from trifinger.commands.export_data_set import logs_of, main
 from trifinger.data_sets import lerobot
 from trifinger.data_sets.episodes import find_episodes
 from trifinger.data_sets.marks import EpisodeMarks, Mark, read_marks
+from trifinger.data_sets.recorded_environment import RecordEpisodes
 from trifinger.data_sets.rows import Choice, Rows
+from trifinger.environments import Environment
 from trifinger.errors import InvalidArgument
 from trifinger.log.images import LoggedCameras
 
@@ -353,3 +356,109 @@ def test_marks_survive_a_kill_and_say_where_they_are_wrong(tmp_path: Path) -> No
         read_marks(path)
     with pytest.raises(InvalidArgument, match="no steps"):
         Mark(session_id=1, first=3, end=3)
+
+
+# ---- Minari ----
+
+
+@pytest.fixture
+def minari_root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    folder = tmp_path / "minari"
+    folder.mkdir()
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(folder))
+    return folder
+
+
+@dataclass
+class Played:
+    """Episodes of an environment: what it returned, and the folder of its log."""
+
+    folder: Path
+    observations: list[Any]
+    actions: list[Any]
+    rewards: list[Any]
+
+
+@pytest.fixture(scope="module")
+def played(tmp_path_factory: pytest.TempPathFactory) -> Played:
+    folder = tmp_path_factory.mktemp("played")
+    found = Played(folder, [], [], [])
+    random = np.random.default_rng(1)
+    environment = RecordEpisodes(Environment("reach"), folder, sentence="Reach")
+    for episode in range(3):
+        observation, _ = environment.reset(seed=episode)
+        observations, actions, rewards = [observation], [], []
+        ended = False
+        while not ended:
+            action = random.uniform(-0.5, 0.5, 9).astype(np.float32)
+            observation, reward, terminated, truncated, _ = environment.step(action)
+            observations.append(observation)
+            actions.append(action)
+            rewards.append(reward)
+            ended = terminated or truncated or (episode == 2 and len(actions) == 20)
+        found.observations.append(np.array(observations))
+        found.actions.append(np.array(actions))
+        found.rewards.append(np.array(rewards))
+    environment.close()
+    return found
+
+
+@pytest.mark.usefixtures("minari_root")
+def test_minari_loads_what_an_environment_saw_chose_and_got(played: Played) -> None:
+    export("minari", played.folder, "--episodes", "marks", "-o", "trifinger/tests/reach-v3")
+    data = minari.load_dataset("trifinger/tests/reach-v3")
+    assert minari.list_local_datasets().keys() == {"trifinger/tests/reach-v3"}
+    assert set(minari.namespace.list_local_namespaces()) == {"trifinger", "trifinger/tests"}
+    assert data.total_episodes == 3
+    assert data.total_steps == sum(map(len, played.actions))
+    for number, episode in enumerate(data.iterate_episodes()):
+        np.testing.assert_array_equal(episode.observations, played.observations[number])
+        np.testing.assert_array_equal(episode.actions, played.actions[number])
+        np.testing.assert_array_equal(episode.rewards, played.rewards[number])
+        assert not episode.terminations.any()
+        np.testing.assert_array_equal(
+            np.flatnonzero(episode.truncations), [len(played.actions[number]) - 1]
+        )
+    environment = data.recover_environment()
+    assert environment.observation_space == data.observation_space
+    # It is the same environment: the same actions lead to the same rewards.
+    environment.reset(seed=1)
+    for action, reward in zip(played.actions[1], played.rewards[1], strict=True):
+        assert environment.step(action)[1] == reward
+    environment.close()
+
+
+@pytest.mark.usefixtures("minari_root")
+@pytest.mark.parametrize("observation", ["flat", "dictionary"])
+def test_minari_loads_what_a_robot_measured(seen: Recorded, observation: str) -> None:
+    export("minari", seen.folder, "-o", "wave-v0", "--observation", observation)
+    data = minari.load_dataset("wave-v0")
+    cameras = [LoggedCameras(session) for session in seen.sessions]
+    for number, episode in enumerate(data.iterate_episodes()):
+        session = seen.sessions[number]
+        step = episode.infos["step"]
+        assert len(step) == len(episode.actions) + 1 == len(episode.rewards) + 1
+        y = session.observations[step]
+        state = np.float32(np.concatenate([y[name] for name in y.dtype.names], axis=1))
+        action = np.float32(session.desired_actions["position"][step[:-1] + 1])
+        np.testing.assert_array_equal(episode.actions, action)
+        if observation == "flat":
+            np.testing.assert_array_equal(episode.observations[:, : state.shape[1]], state)
+            continue
+        np.testing.assert_array_equal(episode.observations["state"], state)
+        for name in CAMERAS:
+            recorded = [cameras[number].get_latest_at(int(t)) for t in step]
+            own = np.array([one[name] for one in recorded if one is not None])
+            np.testing.assert_array_equal(episode.observations[name], own)
+        for i in range(len(step)):
+            row = {name: values[i] for name, values in episode.observations.items()}
+            assert data.observation_space.contains(row)
+
+
+def test_names_that_minari_would_not_find_are_refused(
+    blind: Recorded, minari_root: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("reach", "../reach-v0", "/reach-v0", "a//b-v0", "reach-v", "a b-v0"):
+        export("minari", blind.folder, "-o", name, status=2)
+        assert "names no data set of Minari" in capsys.readouterr().err
+    assert not list(minari_root.iterdir())

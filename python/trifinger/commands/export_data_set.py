@@ -130,6 +130,28 @@ def export_lerobot(arguments: argparse.Namespace) -> None:
     print(f"{arguments.output} written: {result}.")
 
 
+def export_minari(arguments: argparse.Namespace) -> None:
+    """Writes a data set of Minari."""
+    from trifinger.data_sets import minari
+
+    result = minari.write(
+        episodes_of(arguments),
+        arguments.output,
+        choice=choice_of(arguments),
+        observation=arguments.observation,
+        about=minari.About(
+            author=arguments.author,
+            author_email=arguments.author_email,
+            algorithm_name=arguments.algorithm,
+            code_permalink=arguments.code,
+            description=arguments.description,
+        ),
+        force=arguments.force,
+        say=say,
+    )
+    print(f"{result.path} written: {result}.")
+
+
 def parse(words: Sequence[str] | None) -> argparse.Namespace:
     """The arguments of the command line."""
     parser = argparse.ArgumentParser(
@@ -159,6 +181,31 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         "--no-high-rate", action="store_true", help="leave out the steps between the rows"
     )
     one.set_defaults(work=export_lerobot)
+    one = formats.add_parser(
+        "minari",
+        help="a data set of Minari",
+        description="Write a data set of Minari, in HDF5 and without loss, where Minari finds it: "
+        "in $MINARI_DATASETS_PATH, or ~/.minari/datasets.",
+    )
+    add_options(one)
+    one.add_argument(
+        "-o", "--output", required=True, metavar="ID", help="its name, such as trifinger/reach-v0"
+    )
+    one.add_argument(
+        "--observation",
+        choices=("environment", "flat", "dictionary"),
+        help="what the environment saw that has made the episodes (default if there is one), or "
+        "what the robot measured: a vector, or a dictionary, which also has images",
+    )
+    for name, what in (
+        ("author", "who has made it"),
+        ("author-email", "whom to ask"),
+        ("algorithm", "what has chosen the actions"),
+        ("code", "a link to the program that has made it"),
+        ("description", "what it is for"),
+    ):
+        one.add_argument(f"--{name}", metavar="TEXT", help=what)
+    one.set_defaults(work=export_minari)
     return parser.parse_args(words)
 
 

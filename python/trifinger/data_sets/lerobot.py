@@ -12,7 +12,7 @@ import io
 import json
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -125,7 +125,7 @@ def write(
     if folder.exists() and not force:
         raise InvalidArgument(f"{folder} is there already; --force replaces it")
     rows = Rows(episodes, choice or Choice(), say)
-    usable = _with_rows(episodes, rows, say)
+    usable = rows.usable(episodes)
     with whole_folder(folder, force=force) as part, contextlib.ExitStack() as stack:
         writer = _Writer(part, rows, usable, images, encoder, say, stack)
         with Progress(folder.name) as progress:
@@ -133,29 +133,6 @@ def write(
             for episode in usable:
                 writer.add(episode, lambda done: progress.update(done / total))
         return writer.finish()
-
-
-def _with_rows(episodes: Sequence[Episode], rows: Rows, say: Say) -> list[Episode]:
-    """The episodes that have rows; each begins when every camera has sent an image."""
-    usable = []
-    for episode in episodes:
-        begun = episode
-        if rows.cameras:
-            first = rows.pictures(episode).first(episode)
-            if first is None:
-                say(
-                    f"{episode} is left out: not every camera has sent an image; --cameras chooses "
-                    "cameras"
-                )
-                continue
-            begun = replace(episode, first=first)
-        if rows.count(begun) == 0:
-            say(f"{episode} is left out: it is too short for a row")
-            continue
-        usable.append(begun)
-    if not usable:
-        raise InvalidArgument("no episode has a row")
-    return usable
 
 
 class _Writer:

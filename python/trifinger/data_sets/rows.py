@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -186,6 +186,40 @@ class Rows:
         companions = self._companions_of(episode)
         for begin in range(0, len(steps), size):
             yield self._block(episode, steps[begin : begin + size], companions)
+
+    def usable(self, episodes: Sequence[Episode]) -> list[Episode]:
+        """The episodes that have rows; each begins when every camera has sent an image.
+
+        Raises InvalidArgument if there are none.
+        """
+        found = []
+        for episode in episodes:
+            begun = episode
+            if self.cameras:
+                first = self.pictures(episode).first(episode)
+                if first is None:
+                    self.say(
+                        f"{episode} is left out: not every camera has sent an image; --cameras "
+                        "chooses cameras"
+                    )
+                    continue
+                begun = replace(episode, first=first)
+            if self.count(begun) == 0:
+                self.say(f"{episode} is left out: it is too short for a row")
+                continue
+            found.append(begun)
+        if not found:
+            raise InvalidArgument("no episode has a row")
+        return found
+
+    def image_size(self, camera: str) -> tuple[int, int]:
+        """Height and width of the images of a camera [pixels]."""
+        for episode in self.episodes:
+            pictures = self.pictures(episode)
+            if pictures.first(episode) is not None:
+                height, width = pictures.image(camera, 0).shape[:2]
+                return height, width
+        raise InvalidArgument(f"there are no images of {camera}")
 
     def pictures(self, episode: Episode) -> Pictures:
         """The images of an episode's session."""
