@@ -154,7 +154,7 @@ def test_program_starts_without_importing_the_package(installation: Installation
 
 
 @pytest.mark.parametrize(
-    "command", ["demo", "train", "evaluate", "film", "export", "log plot", "log export"]
+    "command", ["demo", "train", "evaluate", "film", "export", "clone", "log plot", "log export"]
 )
 def test_program_finds_the_commands_of_the_package(
     installation: Installation, command: str
