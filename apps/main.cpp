@@ -138,6 +138,8 @@ int run_program(const std::vector<std::string>& words) {
   declare_external(program, "motion", "Change, draw and play motions in files", kPython);
   declare_external(program, "train", "Train a policy in simulation", kPython);
   declare_external(program, "evaluate", "Say how near a policy comes to its goals", kPython);
+  declare_external(program, "export", "Make a data set for learning of logs", kPython);
+  declare_external(program, "clone", "Train a policy to act as in a data set", kPython);
 
   if (words.empty()) {
     fmt::print(stderr, "{}", program.help());

@@ -15,6 +15,8 @@ MODULES = {
     "film": ("matplotlib", "OpenGL", "av"),
     "cameras": ("cv2",),
     "export": ("pandas", "pyarrow"),
+    "lerobot": ("pandas", "pyarrow", "av", "PIL"),
+    "minari": ("minari", "h5py", "gymnasium"),
     "learning": ("gymnasium", "stable_baselines3", "torch", "tensorboard", "tqdm", "moviepy"),
     "window": ("glfw",),
     "view": ("viser", "websockets"),

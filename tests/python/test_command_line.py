@@ -96,8 +96,10 @@ def test_the_help_lists_every_command() -> None:
 
 
 PROGRAMS_OF_PYTHON = (
+    "clone",
     "demo",
     "evaluate",
+    "export",
     "film",
     "teach",
     "teleop",

@@ -123,6 +123,18 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
         return self._simulation
 
     @property
+    def scene(self) -> tuple[str, dict[str, object]]:
+        """The configuration of the robot, and what differs from it for this task."""
+        return self._scene
+
+    @property
+    def episode(self) -> tuple[int, int]:
+        """The seed, and the number of the present episode among those of the seed."""
+        if self._seed is None:
+            raise gymnasium.error.ResetNeeded("no episode has begun: call reset() first")
+        return self._seed, self._episode - 1
+
+    @property
     def process(self) -> mappings.DecisionProcess[Any]:
         """The mapping; `process.robot` is the front-end of the session."""
         return self._process

@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""A robot behind a back-end of TriFinger, for LeRobot."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+import numpy as np
+import trifinger
+from lerobot.robots import Robot
+from lerobot.utils.errors import DeviceAlreadyConnectedError, DeviceNotConnectedError
+from trifinger.cameras import Cameras
+from trifinger.errors import CameraLost, Error, InvalidArgument
+
+from lerobot_robot_trifinger.config_trifinger import TrifingerRobotConfig
+from lerobot_robot_trifinger.numbers import check_fields, fields_of, names_of, numbers_of
+
+
+class TrifingerRobot(Robot):
+    """Observations are the newest ones; an action stays until the next one."""
+
+    config_class = TrifingerRobotConfig
+    name = "trifinger"
+
+    def __init__(self, config: TrifingerRobotConfig) -> None:
+        super().__init__(config)
+        self.config = config
+        if config.fps < 1 or config.burst < 1:
+            raise InvalidArgument(
+                f"fps is {config.fps} and burst is {config.burst}; both must be at least 1"
+            )
+        self._robot: trifinger.Frontend | None = None
+        self._seen: trifinger.Frontend | None = None
+        self._cameras: Cameras | None = None
+        self._image: dict[str, Any] = {}
+        self._feeder: _Feeder | None = None
+
+    @property
+    def observation_features(self) -> dict[str, Any]:
+        """What get_observation returns: `float` for a number, (height, width, 3) for an image."""
+        numbers: dict[str, Any] = dict.fromkeys(names_of(self.config.observation_fields), float)
+        return numbers | {name: (*size, 3) for name, size in self.config.images.items()}
+
+    @property
+    def action_features(self) -> dict[str, Any]:
+        """What send_action takes."""
+        return dict.fromkeys(names_of(self.config.action_fields), float)
+
+    @property
+    def is_connected(self) -> bool:
+        """True from connect() to disconnect()."""
+        return self._robot is not None
+
+    @property
+    def is_calibrated(self) -> bool:
+        """True: the back-end has calibrated the robot before it runs."""
+        return True
+
+    def connect(self, calibrate: bool = True) -> None:  # noqa: ARG002
+        """Takes control of the robot, which holds its pose.
+
+        Raises what `trifinger.connect` raises; InvalidArgument if the robot has other fields or
+        cameras than the configuration says.
+        """
+        if self.is_connected:
+            raise DeviceAlreadyConnectedError(f"{self} is connected already")
+        robot = trifinger.connect(self.config.robot)
+        try:
+            check_fields(
+                "observation_fields", self.config.observation_fields, robot.observation_dtype
+            )
+            check_fields("action_fields", self.config.action_fields, robot.action_dtype)
+            self._seen = trifinger.observe(self.config.robot)
+            first = robot.latest_observation()
+            action = robot.new_action()
+            if "position" in self.config.action_fields and "position" in (first.dtype.names or ()):
+                action = robot.new_action(position=first["position"])
+            if robot.session_info().is_real_time:
+                self._feeder = _Feeder(robot, action, self.config.burst)
+            else:
+                robot.wait_until_time_index(robot.append_desired_action(action))
+            if self.config.images:
+                self._cameras = Cameras(self._seen)
+            self._robot = robot
+        except BaseException:
+            if self._feeder is not None:
+                self._feeder.stop()
+            self._feeder = self._seen = None
+            robot.close()
+            raise
+
+    def calibrate(self) -> None:
+        """Does nothing: see `is_calibrated`."""
+
+    def configure(self) -> None:
+        """Does nothing: the back-end has the configuration."""
+
+    def get_observation(self) -> dict[str, Any]:
+        """The newest observation, and of each camera the newest good image.
+
+        Raises RobotStopped if the robot has stopped; CameraLost before the first image.
+        """
+        robot, seen = self._connected()
+        if robot.fault() is not None:
+            seen.get_observation(seen.current_time_index() + 1)  # raises with the reason
+        observation: dict[str, Any] = numbers_of(
+            seen.latest_observation(), self.config.observation_fields
+        )
+        if self._cameras is not None:
+            images = self._cameras.get_latest_at(seen.current_time_index())
+            for name, size in self.config.images.items():
+                if images is not None and images.frame(name).state == "good":
+                    self._image[name] = images[name]
+                if name not in self._image:
+                    raise CameraLost(f"no image of {name} has come yet")
+                if list(self._image[name].shape[:2]) != list(size):
+                    raise InvalidArgument(
+                        f"the images of {name} have the shape {self._image[name].shape}; "
+                        f"`images` says {size}"
+                    )
+                observation[name] = self._image[name]
+        return observation
+
+    def send_action(self, action: dict[str, Any]) -> dict[str, Any]:
+        """Lets the robot do `action` until the next one comes; returns what it was asked for.
+
+        What is applied in the end is in the robot's log: the safety chain may change it.
+        Raises InvalidArgument for other numbers than `action_features` says; RobotStopped.
+        """
+        robot, _ = self._connected()
+        wanted = robot.new_action(**fields_of(action, self.config.action_fields))
+        if self._feeder is not None:
+            self._feeder.replace(wanted)
+        else:
+            steps = max(1, round(1 / (self.config.fps * robot.session_info().period)))
+            robot.wait_until_time_index(
+                robot.append_desired_actions(np.repeat(np.array([wanted]), steps)) + 1
+            )
+        return numbers_of(wanted, self.config.action_fields)
+
+    def disconnect(self) -> None:
+        """Ends the session: the back-end brings the robot to rest."""
+        robot, seen = self._connected()
+        self._robot = self._seen = self._cameras = None
+        try:
+            if self._feeder is not None:
+                self._feeder.stop()
+            if robot.fault() is None:
+                robot.finish()
+        finally:
+            self._feeder = None
+            seen.close()
+            robot.close()
+
+    def _connected(self) -> tuple[trifinger.Frontend, trifinger.Frontend]:
+        if self._robot is None or self._seen is None:
+            raise DeviceNotConnectedError(f"{self} is not connected: call connect() first")
+        return self._robot, self._seen
+
+
+class _Feeder:
+    """A thread that appends the present action again and again, in real time."""
+
+    def __init__(self, robot: trifinger.Frontend, action: trifinger.Action, burst: int) -> None:
+        self._robot = robot
+        self._action = action
+        self._burst = burst
+        self._error: Error | None = None
+        self._is_stopping = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="trifinger feeder", daemon=True)
+        self._thread.start()
+
+    def replace(self, action: trifinger.Action) -> None:
+        """Changes the action. Raises what has ended the thread."""
+        if self._error is not None:
+            raise self._error
+        self._action = action
+
+    def stop(self) -> None:
+        """Ends the thread."""
+        self._is_stopping.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        try:
+            while not self._is_stopping.is_set():
+                actions = np.repeat(np.array([self._action]), self._burst)
+                last = self._robot.append_desired_actions(actions)
+                # When the first of them acts, there is time for the next ones.
+                self._robot.wait_until_time_index(last - self._burst + 1)
+        except Error as error:
+            self._error = error

@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Marks say which steps of a log are an episode.
+
+A session is an episode by itself. Several episodes in one session need marks: lines of a file
+`NAME.episodes.jsonl`, by habit in the folder of the logs. The program that controls the robot knows
+its steps, so it writes them:
+
+    with EpisodeMarks("logs/run.episodes.jsonl") as marks:
+        for _ in range(10):
+            begin = robot.append_desired_action(start)
+            ...                                      # an episode
+            end = robot.append_desired_action(last)
+            marks.add(robot, begin, end, task="Push the cube to the middle")
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+from trifinger.errors import InvalidArgument
+
+if TYPE_CHECKING:
+    from trifinger._trifinger import Frontend
+
+ENDING = ".episodes.jsonl"
+VERSION = 1
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Mark:
+    """An episode: the steps of a session from `first` to before `end`."""
+
+    session_id: int
+    """That of `robot.session_info()` and of the session in the log."""
+    first: int
+    end: int
+    task: str = ""
+    """What was to be done, as a sentence. Empty: what the export says."""
+    terminated: bool = False
+    """True if nothing could follow. Any other end is a truncation."""
+    success: bool | None = None
+    """None if nobody has judged."""
+    decisions: Decisions | None = None
+    """What a learning environment saw, chose and got, if one has made the episode."""
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.first < self.end:
+            raise InvalidArgument(
+                f"an episode from step {self.first} to before step {self.end} has no steps"
+            )
+
+    def to_json(self) -> str:
+        """The mark as a line of a file."""
+        numbers = {name: value for name, value in vars(self).items() if value is not None}
+        if self.decisions is not None:
+            numbers["decisions"] = vars(self.decisions)
+        return json.dumps({"version": VERSION, **numbers})
+
+    @classmethod
+    def from_json(cls, text: str) -> Self:
+        """A mark from the line that to_json() returned. Raises InvalidArgument."""
+        try:
+            numbers = json.loads(text)
+            if not isinstance(numbers, dict):
+                raise TypeError("expected is a JSON object")
+            if (version := numbers.pop("version", None)) != VERSION:
+                raise ValueError(f"its version is {version}, this program reads {VERSION}")
+            decisions = numbers.pop("decisions", None)
+            return cls(decisions=None if decisions is None else Decisions(**decisions), **numbers)
+        except (TypeError, ValueError) as error:
+            raise InvalidArgument(f"no mark of an episode: {error}") from error
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Decisions:
+    """An episode of a learning environment: T actions, and T + 1 observations."""
+
+    environment: str
+    """The environment as `Environment` is made, JSON: task, options, config, config_overrides."""
+    seed: int
+    episode: int
+    """The number of the episode among those of the seed."""
+    steps: list[int]
+    """The robot's step of each observation."""
+    observations: list[list[float]]
+    """The environment's flat observations."""
+    actions: list[list[float]]
+    rewards: list[float]
+
+    def __post_init__(self) -> None:
+        count = len(self.actions)
+        numbers = (len(self.observations), len(self.steps), len(self.rewards))
+        if numbers != (count + 1, count + 1, count):
+            raise InvalidArgument(
+                f"{count} actions need as many rewards, and one more observation and step; there "
+                f"are {numbers[2]} rewards, {numbers[0]} observations and {numbers[1]} steps"
+            )
+
+
+class EpisodeMarks:
+    """A file of marks that is being written. Each mark is with the kernel when `add` returns."""
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        """Begins the file, or goes on at its end. Raises OSError."""
+        self.path = Path(path)
+        if not self.path.name.endswith(ENDING):
+            raise InvalidArgument(f"{self.path} must end in {ENDING}, so that exports find it")
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        self._file = self.path.open("a", encoding="utf-8")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def add(
+        self,
+        robot: Frontend,
+        first: int,
+        end: int,
+        *,
+        task: str = "",
+        terminated: bool = False,
+        success: bool | None = None,
+    ) -> None:
+        """Marks the steps from `first` to before `end` of the present session of `robot`."""
+        self.write(
+            Mark(
+                session_id=robot.session_info().session_id,
+                first=first,
+                end=end,
+                task=task,
+                terminated=terminated,
+                success=success,
+            )
+        )
+
+    def write(self, mark: Mark) -> None:
+        """Adds a mark."""
+        self._file.write(mark.to_json() + "\n")
+        self._file.flush()
+
+    def close(self) -> None:
+        """Closes the file."""
+        self._file.close()
+
+
+def read_marks(path: Path) -> list[Mark]:
+    """The marks in a file. A last line that was cut off by a kill is left out.
+
+    Raises InvalidArgument with the number of the line that is no mark; OSError.
+    """
+    text = path.read_text(encoding="utf-8")
+    whole = text[: text.rfind("\n") + 1]
+    marks = []
+    for number, line in enumerate(whole.splitlines(), 1):
+        if not line.strip():
+            continue
+        try:
+            marks.append(Mark.from_json(line))
+        except InvalidArgument as error:
+            raise InvalidArgument(f"{path}, line {number}: {error}") from error
+    return marks
+
+
+def environment_of(decisions: Decisions) -> dict[str, Any]:
+    """What made the environment of an episode: task, options, config and config_overrides."""
+    made: dict[str, Any] = json.loads(decisions.environment)
+    return made

@@ -1,0 +1,464 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Logs as data sets: what was recorded is what readers of LeRobot and Minari find."""
+
+import itertools
+import signal
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import minari
+import numpy as np
+import pytest
+import trifinger
+from conftest import BUILD
+from lerobot_reader import Reader
+from trifinger.commands.export_data_set import logs_of, main
+from trifinger.data_sets import lerobot
+from trifinger.data_sets.episodes import find_episodes
+from trifinger.data_sets.marks import EpisodeMarks, Mark, read_marks
+from trifinger.data_sets.recorded_environment import RecordEpisodes
+from trifinger.data_sets.rows import Choice, Rows
+from trifinger.environments import Environment
+from trifinger.errors import InvalidArgument
+from trifinger.log.images import LoggedCameras
+
+pytestmark = pytest.mark.release  # the tests need programs and pictures
+
+CAMERAS = ("camera60", "camera180", "camera300")
+SIZE = 108
+OVERRIDES = {"cameras.size": SIZE, "cameras.rate": 20, "cameras.delay": 0.005}
+EPISODE_STEPS = (301, 450)
+
+
+@dataclass
+class Recorded:
+    """A folder with a log, and the marks in it."""
+
+    folder: Path
+    seed: int
+
+    @property
+    def sessions(self) -> list[trifinger.LoggedSession]:
+        return trifinger.Log(self.folder).sessions
+
+
+def record(folder: Path, seed: int, config: str, overrides: dict[str, object]) -> Recorded:
+    """Two sessions of a robot that moves all the time, and a mark in each, of half of it."""
+    random = np.random.default_rng(seed)
+    simulation = trifinger.Simulation(config, overrides)
+    with (
+        simulation.record(folder, images="raw") as recorder,
+        EpisodeMarks(folder / "run.episodes.jsonl") as marks,
+    ):
+        for count in EPISODE_STEPS:
+            with simulation.connect() as robot:
+                start = robot.latest_observation().position
+                swing = random.choice([-0.5, 0.5], len(start))
+                for i in range(count):
+                    action = robot.new_action(position=start + swing * np.sin(0.02 * i))
+                    t = robot.append_desired_action(action)
+                    robot.wait_until_time_index(t)
+                    if i == count // 2:
+                        marks.add(robot, 10, t, task="Swing", success=count == EPISODE_STEPS[0])
+                robot.finish()
+        recorder.stop()
+    return Recorded(folder, seed)
+
+
+@pytest.fixture(scope="module")
+def seen(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
+    return record(tmp_path_factory.mktemp("seen"), 1, "sim_cameras", OVERRIDES)
+
+
+@pytest.fixture(scope="module")
+def blind(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
+    return record(tmp_path_factory.mktemp("blind"), 2, "sim", {})
+
+
+@pytest.fixture(scope="module")
+def finger(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
+    return record(tmp_path_factory.mktemp("blind"), 3, "sim", {})
+
+
+def export(*words: str | Path, status: int = 0) -> None:
+    assert main([str(word) for word in words]) == status
+
+
+def check_rows(reader: Reader, sessions: list[trifinger.LoggedSession], firsts: list[int]) -> None:
+    """Holds rows to the log: observations, the actions that follow, all steps between."""
+    step = reader.column("step")
+    for number, (session, first) in enumerate(zip(sessions, firsts, strict=True)):
+        rows = np.flatnonzero(reader.column("episode_index") == number)
+        own = step[rows]
+        expected = first + np.floor(np.arange(len(rows)) / (reader.fps * session.period) + 1e-9)
+        np.testing.assert_array_equal(own, expected)
+        y = session.observations[own]
+        state = np.concatenate([y[name] for name in y.dtype.names], axis=1)
+        np.testing.assert_array_equal(reader.column("observation.state")[rows], np.float32(state))
+        action = np.float32(session.desired_actions["position"])
+        np.testing.assert_array_equal(reader.column("action")[rows], action[own + 1])
+        k = int(np.ceil(1 / (reader.fps * session.period) - 1e-9))
+        end = reader.episodes[number]["source/end_step"]
+        for row, t in zip(rows, own, strict=True):
+            before = np.clip(np.arange(t - k + 1, t + 1), first, None)
+            after = np.clip(np.arange(t + 1, t + k + 1), None, end - 1)
+            position = np.float32(session.observations["position"])
+            high_rate = reader.columns["high_rate.observation.position"][row]
+            np.testing.assert_array_equal(np.float32(high_rate), position[before])
+            desired = reader.columns["high_rate.action.position"][row]
+            np.testing.assert_array_equal(np.float32(desired), action[after])
+            applied = reader.columns["high_rate.applied_action.torque"][row]
+            torque = np.float32(session.applied_actions["torque"])
+            np.testing.assert_array_equal(np.float32(applied), torque[after])
+
+
+def test_every_step_between_two_rows_is_in_the_data_set(blind: Recorded) -> None:
+    for rate in (30, 50, 1000):
+        episodes = find_episodes(logs_of([blind.folder]))
+        rows = Rows(episodes, Choice(rate=rate))
+        for episode in episodes:
+            steps = rows.steps(episode)
+            kept = {t + i for t in steps for i in range(1, rows.stride + 1)}
+            assert kept >= set(range(episode.first + 1, episode.end))
+            assert steps[-1] + 1 < episode.end <= steps[-1] + 1 + rows.stride
+
+
+@pytest.mark.parametrize("images", ["video", "image"])
+def test_a_reader_of_the_format_finds_what_the_log_has(
+    seen: Recorded, tmp_path: Path, images: str
+) -> None:
+    export("lerobot", seen.folder, "-o", tmp_path / "set", "--images", images, "--task", "Wave")
+    reader = Reader(tmp_path / "set")
+    reader.check()
+    assert reader.fps == 20
+    assert reader.info["robot_type"] == "trifinger"
+    assert list(reader.tasks.values()) == ["Wave"]
+    firsts = [episode["source/first_step"] for episode in reader.episodes]
+    assert all(0 <= first <= 6 for first in firsts)  # when the first images had arrived
+    check_rows(reader, seen.sessions, firsts)
+    for number, session in enumerate(seen.sessions):
+        cameras = LoggedCameras(session)
+        rows = np.flatnonzero(reader.column("episode_index") == number)
+        steps = reader.column("step")[rows]
+        recorded = [cameras.get_latest_at(int(t)) for t in steps]
+        for name in CAMERAS:
+            own = np.array([one[name] for one in recorded if one is not None], float)
+            found = np.array([reader.image(f"observation.images.{name}", row) for row in rows])
+            if images == "image":
+                np.testing.assert_array_equal(found, own)
+                continue
+            # A film is not exact, but each of its images is nearest to its own.
+            differences = np.abs(found[:, None].astype(float) - own[None]).mean(axis=(2, 3, 4))
+            assert np.diagonal(differences).max() < 8
+            # At the beginning it hardly moves.
+            nearest = differences.argmin(axis=1)
+            np.testing.assert_array_equal(nearest[2:], np.arange(len(rows))[2:])
+        ages = [
+            (t - one.element["stamp"]["capture_index"]) * session.period
+            for t, one in zip(steps, recorded, strict=True)
+            if one is not None
+        ]
+        np.testing.assert_allclose(reader.column("image_age")[rows, 0], ages, atol=1e-6)
+
+
+def test_many_files_are_in_global_order(
+    seen: Recorded, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(lerobot, "DATA_SIZE", 0)
+    monkeypatch.setattr(lerobot, "VIDEO_SIZE", 0)
+    monkeypatch.setattr(lerobot, "FILES_PER_CHUNK", 1000)
+    monkeypatch.setattr(lerobot, "WAITING", 1)
+    folder = tmp_path / "set"
+    export("lerobot", seen.folder, seen.folder, "-o", folder, "--episodes", "marks")
+    reader = Reader(folder)
+    reader.check()
+    assert len(reader.data_files) == len(reader.episodes) == 2, "a log given twice counts once"
+    assert len(list(folder.glob("videos/*camera60/*/*.mp4"))) == 2
+    assert all(
+        one["videos/observation.images.camera60/from_timestamp"] == 0 for one in reader.episodes
+    )
+
+
+def test_marks_are_episodes_with_their_task_and_end(blind: Recorded, tmp_path: Path) -> None:
+    export("lerobot", blind.folder, "-o", tmp_path / "set", "--episodes", "marks", "--rate", "25")
+    reader = Reader(tmp_path / "set")
+    reader.check()
+    assert list(reader.tasks.values()) == ["Swing"]
+    assert [one["source/first_step"] for one in reader.episodes] == [10, 10]
+    ends = [one["source/end_step"] for one in reader.episodes]
+    assert ends == [count // 2 for count in EPISODE_STEPS]
+    check_rows(reader, blind.sessions, [10, 10])
+    done = reader.column("next.done")
+    last = [one["dataset_to_index"] - 1 for one in reader.episodes]
+    np.testing.assert_array_equal(np.flatnonzero(done), last)
+    np.testing.assert_array_equal(np.flatnonzero(reader.column("next.success")), last[:1])
+
+
+def test_two_logs_become_one_data_set(blind: Recorded, finger: Recorded, tmp_path: Path) -> None:
+    export("lerobot", blind.folder, finger.folder, "-o", tmp_path / "set", "--from", "0.1")
+    reader = Reader(tmp_path / "set")
+    reader.check()
+    assert len(reader.episodes) == 4
+    check_rows(reader, blind.sessions + finger.sessions, [100] * 4)
+
+
+def test_logs_that_do_not_fit_together_are_refused(
+    blind: Recorded, seen: Recorded, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    export("lerobot", seen.folder, blind.folder, "-o", tmp_path / "out/set", status=2)
+    assert "other cameras" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+    export("lerobot", seen.folder, blind.folder, "-o", tmp_path / "out/set", "--cameras")
+    Reader(tmp_path / "out/set").check()
+
+
+def test_the_robot_may_be_any_and_its_log_may_have_gaps(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write = [str(BUILD / "tests/python/write_log"), str(tmp_path), "odd"]
+    subprocess.run([*write, "600", "200", "249"], check=True)
+    export("lerobot", tmp_path / "log.mcap", "-o", tmp_path / "set")
+    assert "steps are missing, so it becomes 2 episodes" in capsys.readouterr().err
+    reader = Reader(tmp_path / "set")
+    reader.check()
+    assert reader.info["robot_type"] == "odd"
+    assert [one["source/first_step"] for one in reader.episodes] == [0, 250]
+    session = trifinger.Log(tmp_path / "log.mcap").session()
+    steps = reader.column("step")
+    assert not np.isin(np.arange(199, 250), steps).any()
+    names = reader.features["observation.state"]["names"]
+    assert names == ["left.angle", "left.speed", "right.angle", "right.speed"]
+    assert reader.features["observation.gears"]["dtype"] == "int64"
+    for row, t in enumerate(steps):
+        y = session.get_observation(int(t))
+        a = session.get_desired_action(int(t) + 1)
+        assert reader.columns["observation.state"][row][3] == y["right"]["speed"]
+        assert reader.columns["observation.gears"][row] == y["gears"].ravel().tolist()
+        action = [*a["speed"], *a["gear"], a["colour"]]
+        np.testing.assert_array_equal(reader.columns["action"][row], np.float32(action))
+
+
+# The check is a function of Python, which cannot hand its error to anybody in the last step.
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_a_session_that_ended_with_a_fault_is_an_episode_until_then(tmp_path: Path) -> None:
+    calls = itertools.count()
+    error = ValueError("broken")
+
+    def break_down(_: trifinger.Element, __: trifinger.Element) -> None:
+        if next(calls) >= 200:
+            raise error
+
+    def drive() -> None:
+        with trifinger.simulate(record=tmp_path / "logs", checks=[break_down]) as robot:
+            position = robot.latest_observation().position
+            for i in range(1000):
+                action = robot.new_action(position=position + 1e-3 * i)
+                robot.wait_until_time_index(robot.append_desired_action(action))
+
+    with pytest.raises(trifinger.RobotStopped, match="broken"):
+        drive()
+    session = trifinger.Log(tmp_path / "logs").session()
+    assert session.fault is not None
+    assert session.steps is not None
+    export("lerobot", tmp_path / "logs", "-o", tmp_path / "set")
+    reader = Reader(tmp_path / "set")
+    reader.check()
+    check_rows(reader, [session], [0])
+    assert reader.episodes[0]["source/end_step"] == session.steps
+
+
+def test_actions_that_were_not_always_given_are_refused_by_name(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with trifinger.simulate(record=tmp_path / "logs") as robot:
+        position = robot.latest_observation().position
+        for i in range(100):
+            action = (
+                robot.new_action(position=position)
+                if i < 50
+                else robot.new_action(torque=np.full(9, 0.01))
+            )
+            robot.wait_until_time_index(robot.append_desired_action(action))
+        robot.finish()
+    export("lerobot", tmp_path / "logs", "-o", tmp_path / "set", status=2)
+    message = capsys.readouterr().err
+    assert "'position' of the desired action was not given in some steps" in message
+    assert "--action: torque" in message
+    export("lerobot", tmp_path / "logs", "-o", tmp_path / "set", "--action", "torque")
+    Reader(tmp_path / "set").check()
+
+
+def test_what_is_there_stays_unless_it_may_be_replaced(
+    blind: Recorded, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "out/set").mkdir(parents=True)
+    (tmp_path / "out/set/mine").write_text("dear to me")
+    export("lerobot", blind.folder, "-o", tmp_path / "out/set", status=2)
+    assert "--force replaces it" in capsys.readouterr().err
+    assert (tmp_path / "out/set/mine").read_text() == "dear to me"
+    export("lerobot", blind.folder, "-o", tmp_path / "out/set", "--force")
+    Reader(tmp_path / "out/set").check()
+    assert [one.name for one in (tmp_path / "out").iterdir()] == ["set"]
+
+
+def test_an_export_that_fails_leaves_nothing(
+    blind: Recorded, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: Any) -> None:
+        raise OSError("the disk is full")
+
+    monkeypatch.setattr(lerobot._Writer, "finish", fail)
+    (tmp_path / "out/set").mkdir(parents=True)
+    export("lerobot", blind.folder, "-o", tmp_path / "out/set", "--force", status=1)
+    assert [one.name for one in (tmp_path / "out").iterdir()] == ["set"]
+    assert list((tmp_path / "out/set").iterdir()) == []
+
+
+def test_a_killed_export_leaves_no_data_set(blind: Recorded, tmp_path: Path) -> None:
+    program = f"""
+import sys
+from trifinger.commands.export_data_set import main
+from trifinger.data_sets import lerobot
+describe = lerobot._Writer._describe
+def wait(*arguments):
+    describe(*arguments)
+    print("half", flush=True)
+    sys.stdin.read()
+lerobot._Writer._describe = wait
+main(["lerobot", {str(blind.folder)!r}, "-o", {str(tmp_path / "out/set")!r}])
+"""
+    with subprocess.Popen(
+        [sys.executable, "-c", program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "half\n"
+        process.send_signal(signal.SIGKILL)
+    (left,) = (tmp_path / "out").iterdir()
+    assert left.name.startswith(".set.")
+
+
+def test_marks_survive_a_kill_and_say_where_they_are_wrong(tmp_path: Path) -> None:
+    path = tmp_path / "x.episodes.jsonl"
+    mark = Mark(session_id=2**63 + 5, first=3, end=9, task="Ω", success=True)
+    with EpisodeMarks(path) as marks:
+        marks.write(mark)
+        marks.write(mark)
+    assert read_marks(path) == [mark, mark]
+    whole = path.read_bytes()
+    for size in range(len(whole) // 2 + 1, len(whole)):
+        path.write_bytes(whole[:size])
+        assert read_marks(path) == [mark]
+    path.write_text('{"version": 1, "first": 1}\n')
+    with pytest.raises(InvalidArgument, match="line 1: no mark of an episode"):
+        read_marks(path)
+    with pytest.raises(InvalidArgument, match="no steps"):
+        Mark(session_id=1, first=3, end=3)
+
+
+# ---- Minari ----
+
+
+@pytest.fixture
+def minari_root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    folder = tmp_path / "minari"
+    folder.mkdir()
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(folder))
+    return folder
+
+
+@dataclass
+class Played:
+    """Episodes of an environment: what it returned, and the folder of its log."""
+
+    folder: Path
+    observations: list[Any]
+    actions: list[Any]
+    rewards: list[Any]
+
+
+@pytest.fixture(scope="module")
+def played(tmp_path_factory: pytest.TempPathFactory) -> Played:
+    folder = tmp_path_factory.mktemp("played")
+    found = Played(folder, [], [], [])
+    random = np.random.default_rng(1)
+    environment = RecordEpisodes(Environment("reach"), folder, sentence="Reach")
+    for episode in range(3):
+        observation, _ = environment.reset(seed=episode)
+        observations, actions, rewards = [observation], [], []
+        ended = False
+        while not ended:
+            action = random.uniform(-0.5, 0.5, 9).astype(np.float32)
+            observation, reward, terminated, truncated, _ = environment.step(action)
+            observations.append(observation)
+            actions.append(action)
+            rewards.append(reward)
+            ended = terminated or truncated or (episode == 2 and len(actions) == 20)
+        found.observations.append(np.array(observations))
+        found.actions.append(np.array(actions))
+        found.rewards.append(np.array(rewards))
+    environment.close()
+    return found
+
+
+@pytest.mark.usefixtures("minari_root")
+def test_minari_loads_what_an_environment_saw_chose_and_got(played: Played) -> None:
+    export("minari", played.folder, "--episodes", "marks", "-o", "trifinger/tests/reach-v3")
+    data = minari.load_dataset("trifinger/tests/reach-v3")
+    assert minari.list_local_datasets().keys() == {"trifinger/tests/reach-v3"}
+    assert set(minari.namespace.list_local_namespaces()) == {"trifinger", "trifinger/tests"}
+    assert data.total_episodes == 3
+    assert data.total_steps == sum(map(len, played.actions))
+    for number, episode in enumerate(data.iterate_episodes()):
+        np.testing.assert_array_equal(episode.observations, played.observations[number])
+        np.testing.assert_array_equal(episode.actions, played.actions[number])
+        np.testing.assert_array_equal(episode.rewards, played.rewards[number])
+        assert not episode.terminations.any()
+        np.testing.assert_array_equal(
+            np.flatnonzero(episode.truncations), [len(played.actions[number]) - 1]
+        )
+    environment = data.recover_environment()
+    assert environment.observation_space == data.observation_space
+    # It is the same environment: the same actions lead to the same rewards.
+    environment.reset(seed=1)
+    for action, reward in zip(played.actions[1], played.rewards[1], strict=True):
+        assert environment.step(action)[1] == reward
+    environment.close()
+
+
+@pytest.mark.usefixtures("minari_root")
+@pytest.mark.parametrize("observation", ["flat", "dictionary"])
+def test_minari_loads_what_a_robot_measured(seen: Recorded, observation: str) -> None:
+    export("minari", seen.folder, "-o", "wave-v0", "--observation", observation)
+    data = minari.load_dataset("wave-v0")
+    cameras = [LoggedCameras(session) for session in seen.sessions]
+    for number, episode in enumerate(data.iterate_episodes()):
+        session = seen.sessions[number]
+        step = episode.infos["step"]
+        assert len(step) == len(episode.actions) + 1 == len(episode.rewards) + 1
+        y = session.observations[step]
+        state = np.float32(np.concatenate([y[name] for name in y.dtype.names], axis=1))
+        action = np.float32(session.desired_actions["position"][step[:-1] + 1])
+        np.testing.assert_array_equal(episode.actions, action)
+        if observation == "flat":
+            np.testing.assert_array_equal(episode.observations[:, : state.shape[1]], state)
+            continue
+        np.testing.assert_array_equal(episode.observations["state"], state)
+        for name in CAMERAS:
+            recorded = [cameras[number].get_latest_at(int(t)) for t in step]
+            own = np.array([one[name] for one in recorded if one is not None])
+            np.testing.assert_array_equal(episode.observations[name], own)
+        for i in range(len(step)):
+            row = {name: values[i] for name, values in episode.observations.items()}
+            assert data.observation_space.contains(row)
+
+
+def test_names_that_minari_would_not_find_are_refused(
+    blind: Recorded, minari_root: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("reach", "../reach-v0", "/reach-v0", "a//b-v0", "reach-v", "a b-v0"):
+        export("minari", blind.folder, "-o", name, status=2)
+        assert "names no data set of Minari" in capsys.readouterr().err
+    assert not list(minari_root.iterdir())
