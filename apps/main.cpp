@@ -131,6 +131,7 @@ int run_program(const std::vector<std::string>& words) {
   declare_external(program, "run-policy", "Let a trained policy move a running robot", kPrograms);
   declare_external(program, "demo", "Lift a cube with a simulated robot, and draw it", kPython);
   declare_external(program, "film", "Draw a logged session: a film and pictures", kPython);
+  declare_external(program, "bridge", "Show a running robot in Foxglove or ROS 2", kPython);
   declare_external(program, "train", "Train a policy in simulation", kPython);
   declare_external(program, "evaluate", "Say how near a policy comes to its goals", kPython);
 

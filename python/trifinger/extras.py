@@ -16,6 +16,8 @@ MODULES = {
     "cameras": ("cv2",),
     "export": ("pandas", "pyarrow"),
     "learning": ("gymnasium", "stable_baselines3", "torch", "tensorboard", "tqdm", "moviepy"),
+    "foxglove": ("websockets",),
+    "ros2": ("cyclonedds", "zenoh"),
     "window": ("glfw",),
 }
 """Modules to import for each extra."""
