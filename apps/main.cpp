@@ -136,6 +136,7 @@ int run_program(const std::vector<std::string>& words) {
   declare_external(program, "teleop", "Move a robot by keyboard, gamepad or a device of yours",
                    kPython);
   declare_external(program, "motion", "Change, draw and play motions in files", kPython);
+  declare_external(program, "bridge", "Show a running robot in Foxglove or ROS 2", kPython);
   declare_external(program, "train", "Train a policy in simulation", kPython);
   declare_external(program, "evaluate", "Say how near a policy comes to its goals", kPython);
   declare_external(program, "export", "Make a data set for learning of logs", kPython);

@@ -21,6 +21,8 @@ void bind_recorder(nanobind::module_& m);
 /// Log, LoggedSession.
 void bind_log(nanobind::module_& m);
 void bind_logged_images(nanobind::module_& m);
+/// LiveMessages, for python/trifinger/bridges.
+void bind_live(nanobind::module_& m);
 /// replay.
 void bind_replay(nanobind::module_& m);
 

@@ -468,6 +468,49 @@ inline constexpr const char* at = R"(The motion at `time` since the beginning [s
 inline constexpr const char* duration = R"(Time from the start to the end [s].)";
 }
 
+namespace LiveBatch {
+inline constexpr const char* LiveBatch = R"(What is new since the call before.)";
+inline constexpr const char* events = R"(The same sentences are messages of the topic "/events".)";
+inline constexpr const char* lost = R"(Number of messages that were left out, because the reader was late or the robot too fast.)";
+inline constexpr const char* messages = R"(In the order of each channel.)";
+}
+
+namespace LiveChannel {
+inline constexpr const char* LiveChannel = R"(Messages of one topic and one type.)";
+inline constexpr const char* definition = R"(The text of the schema ("ros2msg"), with the types that it uses.)";
+inline constexpr const char* is_image = R"(True if these messages only come while images are wanted.)";
+inline constexpr const char* is_latched = R"(True if viewers that come later need the newest message of each `part`: it will not come
+again.)";
+inline constexpr const char* topic = R"(For example "/sim/step".)";
+inline constexpr const char* type = R"(For example "trifinger_msgs/msg/TrifingerStep".)";
+}
+
+namespace LiveMessage {
+inline constexpr const char* LiveMessage = R"(A message in CDR, with the bytes that a log of the same session has.)";
+inline constexpr const char* channel = R"(Its number in `channels()`.)";
+inline constexpr const char* log_time = R"(Time since 1970 [ns], as in a log.)";
+inline constexpr const char* part = R"(Only latched channels have more than part 0.)";
+}
+
+namespace LiveMessages {
+inline constexpr const char* LiveMessages = R"(Observes a robot for other programs: gives the messages that a log would have, as soon as
+they can be made. It shows the current session of the robot and those that follow.
+
+It only reads, so the robot notices nothing. If the reader is late, it continues with what
+is newest. There is at most a second of messages in one batch.
+
+Times of a session in real-time mode may differ from those in a log by the microseconds with
+which each of them measured the offset of the clocks.)";
+inline constexpr const char* channels = R"(All channels so far; more may come with each batch. If two have the same topic, the later
+one counts: the next session has another type.)";
+inline constexpr const char* is_running = R"(True if a session is shown that has not ended.)";
+inline constexpr const char* take = R"(Returns what is new. Never waits for the robot; call it some 50 times per second.
+
+Raises InvalidArgument if no robot can have this name.)";
+inline constexpr const char* want_images = R"(Says whether somebody looks at images. Only then are they copied and compressed, which takes
+some milliseconds of a processor per image. At the beginning nobody does.)";
+}
+
 namespace Log {
 inline constexpr const char* Log = R"(A recording: one file, or all its parts.
 

@@ -37,6 +37,7 @@ NB_MODULE(_trifinger, m) {
   bind_environment(m);
   bind_log(m);
   bind_logged_images(m);
+  bind_live(m);
   bind_replay(m);
   bind_tracking(m);
   // Handlers run in reverse order at exit. Threads are parked first, so that they do not notice

@@ -3003,6 +3003,113 @@ class LoggedCameras:
     def find(self, time: int) -> int | None:
         """The first element that arrived at or after this time, since 1970 [ns]."""
 
+class LiveChannel:
+    """Messages of one topic and one type."""
+
+    @property
+    def topic(self) -> str:
+        """For example "/sim/step"."""
+
+    @property
+    def type(self) -> str:
+        """For example "trifinger_msgs/msg/TrifingerStep"."""
+
+    @property
+    def definition(self) -> str:
+        """The text of the schema ("ros2msg"), with the types that it uses."""
+
+    @property
+    def is_latched(self) -> bool:
+        """
+        True if viewers that come later need the newest message of each `part`: it will not come
+        again.
+        """
+
+    @property
+    def is_image(self) -> bool:
+        """True if these messages only come while images are wanted."""
+
+class LiveMessage:
+    """A message in CDR, with the bytes that a log of the same session has."""
+
+    @property
+    def channel(self) -> int:
+        """Its number in `channels()`."""
+
+    @property
+    def log_time(self) -> int:
+        """Time since 1970 [ns], as in a log."""
+
+    @property
+    def part(self) -> int:
+        """Only latched channels have more than part 0."""
+
+    @property
+    def data(self) -> bytes:
+        """The message in CDR, little endian, with its header of four bytes."""
+
+class LiveBatch:
+    """What is new since the call before."""
+
+    @property
+    def messages(self) -> list[LiveMessage]:
+        """In the order of each channel."""
+
+    @property
+    def events(self) -> list[trifinger.log.types.Event]:
+        """The same sentences are messages of the topic "/events"."""
+
+    @property
+    def lost(self) -> int:
+        """
+        Number of messages that were left out, because the reader was late or the robot too fast.
+        """
+
+class LiveMessages:
+    """
+    Observes a robot for other programs: gives the messages that a log would have, as soon as
+    they can be made. It shows the current session of the robot and those that follow.
+
+    It only reads, so the robot notices nothing. If the reader is late, it continues with what
+    is newest. There is at most a second of messages in one batch.
+
+    Times of a session in real-time mode may differ from those in a log by the microseconds with
+    which each of them measured the offset of the clocks.
+    """
+
+    def __init__(self, name: str, *, rate: float = ..., viewer_rate: float = ..., jpeg_quality: int = ...) -> None:
+        """
+        Begins to look for the robot `name`, which need not run yet.
+
+        `rate` is the number of steps, and of elements of each companion, per second of the robot's time
+        (0: all), `viewer_rate` that of the poses of links for 3D viewers (0: none), `jpeg_quality` that of
+        images, 1 to 100. Raises InvalidArgument if `name` is a companion's or a number is out of range.
+        """
+
+    def take(self) -> LiveBatch:
+        """
+        Returns what is new. Never waits for the robot; call it some 50 times per second.
+
+        Raises InvalidArgument if no robot can have this name.
+        """
+
+    @property
+    def channels(self) -> list[LiveChannel]:
+        """
+        All channels so far; more may come with each batch. If two have the same topic, the later
+        one counts: the next session has another type.
+        """
+
+    def want_images(self, wanted: bool) -> None:
+        """
+        Says whether somebody looks at images. Only then are they copied and compressed, which takes
+        some milliseconds of a processor per image. At the beginning nobody does.
+        """
+
+    @property
+    def is_running(self) -> bool:
+        """True if a session is shown that has not ended."""
+
 def replay(log: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | Log | LoggedSession, *, robot: str = '', first: int | None = None, last: int | None = None, strict: bool = True) -> Frontend:
     """
     Plays a session of a log as if it were the robot, inside the waits of the front-end.

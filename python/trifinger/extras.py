@@ -18,6 +18,8 @@ MODULES = {
     "lerobot": ("pandas", "pyarrow", "av", "PIL"),
     "minari": ("minari", "h5py", "gymnasium"),
     "learning": ("gymnasium", "stable_baselines3", "torch", "tensorboard", "tqdm", "moviepy"),
+    "foxglove": ("websockets",),
+    "ros2": ("cyclonedds", "zenoh"),
     "window": ("glfw",),
     "view": ("viser", "websockets"),
 }

@@ -180,7 +180,7 @@ bool ImageThread::put(LogWriter::Image& image) {
   while (true) {
     {
       const std::lock_guard lock(mutex_);
-      if (size_ + image.message.size() <= kMaxSize) {
+      if (size_ + image.message.size() <= options_.max_size) {
         size_ += image.message.size();
         (options_.storage == ImageStorage::kRaw ? images_ : grabbed_).push_back(std::move(image));
         return true;

@@ -24,6 +24,9 @@ namespace trifinger::log::detail {
 struct ImageOptions {
   ImageStorage storage{ImageStorage::kJpeg};
   int quality{90};  // of JPEG
+  // All messages that nobody has taken may have this size together, as raw images: more than comes
+  // in a second, while a disk synchronises or other programs take the processors.
+  std::size_t max_size{std::size_t{128} << 20U};
 };
 
 // Makes the messages of a session's images, in threads of its own. Pixels are soon overwritten, so
@@ -59,10 +62,6 @@ class ImageThread {
   void end() noexcept;
 
  private:
-  // All messages that nobody has taken may have this size together, as raw images: more than comes
-  // in a second, while a disk synchronises or other programs take the processors.
-  static constexpr std::size_t kMaxSize = std::size_t{128} << 20U;
-
   void grab();
   void grab(TimeIndex element);
   void compress();

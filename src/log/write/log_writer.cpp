@@ -7,23 +7,18 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
-#include <cstring>
 #include <deque>
-#include <limits>
 #include <optional>
 #include <set>
 #include <span>
 #include <utility>
 
-#include "format/cdr.hpp"
 #include "format/format.hpp"
 #include "format/image_messages.hpp"
 #include "format/records.hpp"
-#include "format/ros_messages.hpp"
+#include "format/session_messages.hpp"
 #include "format/text.hpp"
-#include "format/viewer_messages.hpp"
 #include "trifinger/base/error.hpp"
-#include "trifinger/core/driver.hpp"
 #include "trifinger/mcap/reader.hpp"
 
 namespace trifinger::log {
@@ -33,8 +28,6 @@ using namespace detail;
 namespace {
 
 constexpr std::string_view kLibrary = "trifinger " TRIFINGER_VERSION;
-constexpr std::string_view kSchemaEncoding = "ros2msg";
-constexpr std::string_view kMessageEncoding = "cdr";
 
 std::string host_name() {
   std::array<char, 256> name{};
@@ -48,60 +41,20 @@ std::string kernel_version() {
   return std::string(name.sysname) + " " + name.release;
 }
 
-std::uint64_t log_time(std::int64_t time) noexcept {
-  return static_cast<std::uint64_t>(std::max<std::int64_t>(time, 0));
-}
-
-// Returns an element that stands for a missing one: NaN in floating-point fields, otherwise 0.
-std::vector<std::byte> nothing(const ElementDescription& element) {
-  std::vector<std::byte> bytes(element.size());
-  const auto fill = [&bytes](const FieldDescription& field, const auto& number) {
-    for (std::size_t i = 0; i < field.count(); ++i) {
-      std::memcpy(bytes.data() + field.offset + i * sizeof(number), &number, sizeof(number));
-    }
-  };
-  for (const FieldDescription& field : element.fields()) {
-    if (field.type == ScalarType::kFloat64) fill(field, std::numeric_limits<double>::quiet_NaN());
-    if (field.type == ScalarType::kFloat32) fill(field, std::numeric_limits<float>::quiet_NaN());
-  }
-  return bytes;
-}
-
-// Messages of one layout on one channel.
-struct WrittenStream {
-  MessageLayout layout;
-  std::uint16_t channel{0};
-  std::vector<std::byte> message;
-
-  explicit WrittenStream(MessageLayout its_layout)
-      : layout(std::move(its_layout)), message(layout.size()) {}
-};
-
 struct WrittenSession {
-  SessionHeader header;
-  WrittenStream step;
-  WrittenStream end;
-  std::vector<WrittenStream> companions;
-  ViewerMessages viewer;
+  SessionMessages messages;
+  std::uint16_t step_channel{0};
+  std::uint16_t end_channel{0};
+  std::vector<std::uint16_t> companion_channels;
   std::array<std::uint16_t, kNumViewerTopics> viewer_channels{};
-  std::optional<SessionCameras> cameras;
-  std::vector<std::byte> no_observation;
   bool is_announced{false};
   bool has_shown_cameras{false};
   bool is_shown{false};        // true: viewers have its description
   TimeIndex observations{-1};  // known from the end on
 
-  WrittenSession(SessionHeader its_header, Precision precision, double viewer_rate)
-      : header(std::move(its_header)),
-        step(step_layout(header.types, describe<Status>(), precision)),
-        end(end_layout(header.types, describe<Status>(), precision)),
-        viewer(header, viewer_rate),
-        cameras(cameras_of(header)),
-        no_observation(nothing(header.types.observation)) {
-    for (const SessionHeader::Companion& companion : header.companions) {
-      companions.emplace_back(companion_layout(companion.type, companion.element, precision));
-    }
-  }
+  WrittenSession(const SessionHeader& header, Precision precision, double viewer_rate)
+      : messages(header, precision, viewer_rate) {}
+  [[nodiscard]] const SessionHeader& header() const noexcept { return messages.header(); }
 };
 
 }  // namespace
@@ -133,7 +86,7 @@ class LogWriter::Implementation {
                {"part", std::to_string(options.part)},
                {"recording", options.recording.empty() ? random_id() : options.recording},
                {"precision", std::string(name_of(precision_))}};
-    event_channel_ = add_channel("/events", event_type().name, event_type().definition, {});
+    event_channel_ = add_channel(kEventTopic, event_type().name, event_type().definition, {});
   }
 
   // Writes the first record of the file. The constructor does not, because it may have to be
@@ -147,8 +100,8 @@ class LogWriter::Implementation {
   std::size_t begin_session(const SessionHeader& header) {
     begin();
     const auto is_it = [&header](const std::unique_ptr<WrittenSession>& session) {
-      return session != nullptr && session->header.name == header.name &&
-             session->header.session_id == header.session_id;
+      return session != nullptr && session->header().name == header.name &&
+             session->header().session_id == header.session_id;
     };
     auto found = std::ranges::find_if(sessions_, is_it);
     if (found == sessions_.end()) {
@@ -163,18 +116,17 @@ class LogWriter::Implementation {
 
   void write_steps(std::size_t number, const Steps& steps) {
     WrittenSession& session = at(number);
-    const RobotTypes& types = session.header.types;
+    const RobotTypes& types = session.header().types;
     const auto* desired = static_cast<const std::byte*>(steps.desired_actions);
     const auto* applied = static_cast<const std::byte*>(steps.applied_actions);
     const auto* observation = static_cast<const std::byte*>(steps.observations);
     const auto* status = static_cast<const std::byte*>(steps.statuses);
     for (std::size_t i = 0; i < steps.count; ++i) {
-      const MessageHead head{.session_id = session.header.session_id,
-                             .index = steps.first + static_cast<TimeIndex>(i)};
-      const std::array<const void*, 5> elements{&head, status, observation, applied, desired};
-      const std::uint64_t time = time_of(session.header, head.index, status);
-      write(session.step, elements, time, time);
-      if (session.viewer.shows(head.index)) show_step(session, time, observation);
+      const TimeIndex index = steps.first + static_cast<TimeIndex>(i);
+      const SessionMessages::Message message =
+          session.messages.step(index, status, observation, applied, desired);
+      write(session.step_channel, message);
+      if (session.messages.viewer().shows(index)) show_step(session, message.log_time, observation);
       desired += types.action.size();
       applied += types.applied_action.size();
       observation += types.observation.size();
@@ -185,34 +137,18 @@ class LogWriter::Implementation {
   void write_companion(std::size_t number, std::size_t companion, TimeIndex first,
                        std::size_t count, const void* elements) {
     WrittenSession& session = at(number);
-    const SessionHeader& header = session.header;
     const auto* element = static_cast<const std::byte*>(elements);
     for (std::size_t i = 0; i < count; ++i) {
-      const MessageHead head{.session_id = header.session_id,
-                             .index = first + static_cast<TimeIndex>(i)};
-      Stamp stamp;
-      std::memcpy(&stamp, element, sizeof(stamp));
-      const auto time = [&header](TimeIndex step, std::int64_t monotonic) {
-        return log_time(stamp_time(header, step, monotonic));
-      };
-      const std::array<const void*, 2> parts{&head, element};
-      const std::uint64_t arrival = time(stamp.arrival_index, stamp.arrival_time);
-      const std::uint64_t capture = time(stamp.capture_index, stamp.capture_time);
-      write(session.companions[companion], parts, arrival, capture);
-      session.viewer.see(companion, static_cast<std::int64_t>(arrival),
-                         static_cast<std::int64_t>(capture), element);
-      element += header.companions[companion].element.size();
+      write(session.companion_channels[companion],
+            session.messages.companion(companion, first + static_cast<TimeIndex>(i), element));
+      element += session.header().companions[companion].element.size();
     }
   }
 
   void write_end(std::size_t number, TimeIndex time_index, const void* observation,
                  const Status& status) {
     WrittenSession& session = at(number);
-    const MessageHead head{.session_id = session.header.session_id, .index = time_index};
-    const std::array<const void*, 3> elements{
-        &head, &status, observation != nullptr ? observation : session.no_observation.data()};
-    const std::uint64_t time = time_of(session.header, time_index, &status);
-    write(session.end, elements, time, time);
+    write(session.end_channel, session.messages.end(time_index, observation, status));
     session.observations = time_index + (observation != nullptr ? 1 : 0);
   }
 
@@ -220,35 +156,29 @@ class LogWriter::Implementation {
                    std::string_view fault_text) {
     const WrittenSession& session = at(number);
     const TimeIndex observations = session.observations < 0 ? steps : session.observations;
-    writer_.write(end_record(session.header, steps, observations, fault, fault_text));
+    writer_.write(end_record(session.header(), steps, observations, fault, fault_text));
     // Released now, because sessions may come and go for days.
     sessions_[number].reset();
   }
 
   void write_gap(std::size_t number, const std::string& name, TimeIndex first, TimeIndex last,
                  std::string_view reason) {
-    writer_.write(gap_record(name, at(number).header.session_id, first, last, reason));
+    writer_.write(gap_record(name, at(number).header().session_id, first, last, reason));
   }
 
   void write_event(Level level, std::string_view source, std::string_view text, std::int64_t time) {
-    CdrWriter message;
-    message.add_time(time);
-    message.add(static_cast<std::uint8_t>(level));
-    message.add(source);
-    message.add(text);
-    message.add(std::string_view());  // file
-    message.add(std::string_view());  // function
-    message.add(std::uint32_t{0});    // line
+    const std::vector<std::byte> message = event_message(level, source, text, time);
     writer_.write(mcap::Message{.channel_id = event_channel_,
                                 .log_time = log_time(time),
                                 .publish_time = log_time(time),
-                                .data = message.bytes()});
+                                .data = message});
   }
 
   void write_image(std::size_t number, Image image) {
     WrittenSession& session = at(number);
-    if (!session.cameras || image.camera >= session.cameras->cameras.size()) {
-      throw InvalidArgument("'" + session.header.name + "' has no camera " +
+    const std::optional<SessionCameras>& cameras = session.messages.cameras();
+    if (!cameras || image.camera >= cameras->cameras.size()) {
+      throw InvalidArgument("'" + session.header().name + "' has no camera " +
                             std::to_string(image.camera) + " in the log");
     }
     show_cameras(session, image.time);
@@ -298,21 +228,22 @@ class LogWriter::Implementation {
 
   void show_step(WrittenSession& session, std::uint64_t time, const std::byte* observation) {
     show_still(session, time);
-    show(session, session.viewer.at(static_cast<std::int64_t>(time), observation));
+    show(session, session.messages.viewer().at(static_cast<std::int64_t>(time), observation));
   }
 
   // Writes the frames that do not move: once in a file, and again when the documents change.
   void show_still(WrittenSession& session, std::uint64_t time) {
     if (session.is_shown) return;
     session.is_shown = true;
-    std::vector<ViewerMessage> messages = session.viewer.still(static_cast<std::int64_t>(time));
-    std::vector<Document>& known = shown_documents_[session.header.name];
-    if (known == session.header.documents) return;
-    known = session.header.documents;
+    const ViewerMessages& viewer = session.messages.viewer();
+    std::vector<ViewerMessage> messages = viewer.still(static_cast<std::int64_t>(time));
+    std::vector<Document>& known = shown_documents_[session.header().name];
+    if (known == session.header().documents) return;
+    known = session.header().documents;
     show(session, std::move(messages));
     is_viewer_due_ = true;
-    for (const std::string& mistake : session.viewer.mistakes()) {
-      write_event(Level::kWarning, session.header.name, mistake, static_cast<std::int64_t>(time));
+    for (const std::string& mistake : viewer.mistakes()) {
+      write_event(Level::kWarning, session.header().name, mistake, static_cast<std::int64_t>(time));
     }
   }
 
@@ -330,35 +261,30 @@ class LogWriter::Implementation {
   void show_cameras(WrittenSession& session, std::int64_t time) {
     if (session.has_shown_cameras) return;
     session.has_shown_cameras = true;
-    const SessionHeader& header = session.header;
+    const SessionHeader& header = session.header();
     std::string text;
     for (const Document& document : header.documents) {
       if (document.name == camera::kDocument) text = document.text;
     }
     if (std::exchange(shown_calibrations_[header.name], text) == text) return;
-    const auto add = [&](const std::string& topic, const MessageType& type,
-                         std::vector<std::byte> data) {
+    for (SessionMessages::Typed& message : session.messages.camera_messages(time)) {
       const std::uint16_t channel =
-          add_channel("/" + header.name + "/" + topic, type.name, type.definition,
+          add_channel(message.topic, message.type->name, message.type->definition,
                       {{"role", "viewer"}, {"robot", header.name}});
-      viewer_size_ += data.size();
-      viewer_messages_.push_back(
-          {.channel = channel, .sequence = 0, .time = log_time(time), .data = std::move(data)});
-    };
-    const std::vector<camera::Camera>& cameras = session.cameras->cameras;
-    add("tf_static", frames_type(), camera_frames(header.name, cameras, time));
-    for (const camera::Camera& camera : cameras) {
-      add(camera.name + "/camera_info", camera_info_type(),
-          camera_info(frame_of(header.name, camera), camera, time));
+      viewer_size_ += message.data.size();
+      viewer_messages_.push_back({.channel = channel,
+                                  .sequence = 0,
+                                  .time = log_time(time),
+                                  .data = std::move(message.data)});
     }
     is_viewer_due_ = true;
   }
 
   std::uint16_t image_channel(const WrittenSession& session, const Image& image) {
-    const std::string& robot = session.header.name;
-    const std::string& camera = session.cameras->cameras[image.camera].name;
+    const std::string& robot = session.header().name;
+    const std::string& camera = session.messages.cameras()->cameras[image.camera].name;
     const MessageType& type = image.is_compressed ? compressed_image_type() : raw_image_type();
-    return add_channel("/" + robot + "/" + camera + "/image", type.name, type.definition,
+    return add_channel(session.messages.image_topic(image.camera), type.name, type.definition,
                        {{"role", std::string(kImageRole)},
                         {"robot", robot},
                         {"camera", camera},
@@ -417,47 +343,45 @@ class LogWriter::Implementation {
   }
 
   void add_channels(WrittenSession& session) {
-    const SessionHeader& header = session.header;
+    const SessionHeader& header = session.header();
+    const SessionMessages& messages = session.messages;
     const RobotTypes& types = header.types;
     Entries metadata{{"session", header.name},
                      {"type", types.type},
                      {"precision", std::string(name_of(precision_))},
                      {"status", describe<Status>().text()},
                      {"observation", types.observation.text()}};
-    const auto add = [this, &header](WrittenStream& stream, std::string_view suffix,
-                                     Entries entries) {
-      stream.channel = add_channel("/" + header.name + std::string(suffix), stream.layout.type(),
-                                   stream.layout.definition(), std::move(entries));
+    const auto add = [this](const SessionMessages::Stream& stream, Entries entries) {
+      return add_channel(stream.topic, stream.layout.type(), stream.layout.definition(),
+                         std::move(entries));
     };
     metadata["role"] = "end";
-    add(session.end, "/end", metadata);
+    session.end_channel = add(messages.end_stream(), metadata);
     metadata["role"] = "step";
     metadata["applied_action"] = types.applied_action.text();
     metadata["action"] = types.action.text();
     metadata["default_action"] = hexadecimal(types.default_action);
-    add(session.step, "/step", metadata);
-    for (std::size_t i = 0; i < session.companions.size(); ++i) {
+    session.step_channel = add(messages.step_stream(), metadata);
+    for (std::size_t i = 0; i < header.companions.size(); ++i) {
       const SessionHeader::Companion& companion = header.companions[i];
-      // "sim.object" becomes "/sim/object".
-      add(session.companions[i], "/" + companion.name.substr(companion.name.find('.') + 1),
-          {{"session", companion.name},
-           {"type", companion.type},
-           {"role", "companion"},
-           {"precision", std::string(name_of(precision_))},
-           {"observation", companion.element.text()}});
+      session.companion_channels.push_back(
+          add(messages.companion_streams()[i], {{"session", companion.name},
+                                                {"type", companion.type},
+                                                {"role", "companion"},
+                                                {"precision", std::string(name_of(precision_))},
+                                                {"observation", companion.element.text()}}));
     }
-    if (session.viewer.has_description() || session.viewer.has_frames()) {
+    if (messages.viewer().has_description() || messages.viewer().has_frames()) {
       add_viewer_channels(session);
     }
   }
 
   void add_viewer_channels(WrittenSession& session) {
-    const std::string& name = session.header.name;
     for (std::size_t i = 0; i < kNumViewerTopics; ++i) {
       const ViewerTopic& topic = viewer_topics()[i];
-      session.viewer_channels[i] =
-          add_channel("/" + name + "/" + std::string(topic.name), topic.type->name,
-                      topic.type->definition, {{"role", "viewer"}, {"robot", name}});
+      session.viewer_channels[i] = add_channel(
+          session.messages.topic_of(topic.name), topic.type->name, topic.type->definition,
+          {{"role", "viewer"}, {"robot", session.header().name}});
     }
   }
 
@@ -465,7 +389,7 @@ class LogWriter::Implementation {
   // that readers find the documents of a session before its record.
   void announce(WrittenSession& session) {
     if (session.is_announced) return;
-    const SessionHeader& header = session.header;
+    const SessionHeader& header = session.header();
     for (const Document& document : header.documents) {
       const std::string name = header.name + "." + document.name;
       const auto known = documents_.find(name);
@@ -482,24 +406,11 @@ class LogWriter::Implementation {
     session.is_announced = true;
   }
 
-  static std::uint64_t time_of(const SessionHeader& header, TimeIndex time_index,
-                               const void* status) {
-    if (!header.is_real_time) {
-      return log_time(header.time_offset + time_index * header.period.count());
-    }
-    std::int64_t time;
-    std::memcpy(&time, static_cast<const std::byte*>(status) + offsetof(Status, time),
-                sizeof(time));
-    return log_time(header.time_offset + time);
-  }
-
-  void write(WrittenStream& stream, std::span<const void* const> elements, std::uint64_t log_time,
-             std::uint64_t publish_time) {
-    stream.layout.encode(elements, stream.message.data());
-    writer_.write(mcap::Message{.channel_id = stream.channel,
-                                .log_time = log_time,
-                                .publish_time = publish_time,
-                                .data = stream.message});
+  void write(std::uint16_t channel, const SessionMessages::Message& message) {
+    writer_.write(mcap::Message{.channel_id = channel,
+                                .log_time = message.log_time,
+                                .publish_time = message.publish_time,
+                                .data = message.data});
   }
 
   Precision precision_;
@@ -549,12 +460,12 @@ void LogWriter::end_session(std::size_t session, TimeIndex steps, const Fault& f
 }
 void LogWriter::write_gap(std::size_t session, TimeIndex first, TimeIndex last,
                           std::string_view reason) {
-  implementation_->write_gap(session, implementation_->at(session).header.name, first, last,
+  implementation_->write_gap(session, implementation_->at(session).header().name, first, last,
                              reason);
 }
 void LogWriter::write_companion_gap(std::size_t session, std::size_t companion, TimeIndex first,
                                     TimeIndex last, std::string_view reason) {
-  const SessionHeader& header = implementation_->at(session).header;
+  const SessionHeader& header = implementation_->at(session).header();
   implementation_->write_gap(session, header.companions.at(companion).name, first, last, reason);
 }
 void LogWriter::write_image(std::size_t session, Image image) {
