@@ -38,8 +38,6 @@
 namespace trifinger {
 namespace {
 
-using detail::text_of;
-
 constexpr std::uint64_t kMagic = 0x3153532d52474654;  // "TFGR-SS1"
 
 // The beginning of a sensor's file. The text of its element and its ring follow.

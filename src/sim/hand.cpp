@@ -8,6 +8,7 @@
 #include <cmath>
 #include <condition_variable>
 #include <mutex>
+#include <new>
 #include <stop_token>
 #include <thread>
 #include <utility>
@@ -84,6 +85,7 @@ CompanionDescription hand_companion() {
 std::vector<std::string> pullable_bodies(const RobotDescription& description) {
   std::vector<std::string> names;
   const std::size_t num_fingers = joint_names(description).size() / kJointsPerFinger;
+  names.reserve(num_fingers + description.objects.size());
   for (std::size_t finger = 0; finger < num_fingers; ++finger) {
     names.push_back("tip_" + std::to_string(finger));
   }
@@ -138,7 +140,7 @@ HandWriter::~HandWriter() {
   // A forked child has no thread to wait for, and the sensor belongs to its parent: all stays as it
   // is.
   if (state_->fork.is_inherited()) {
-    static_cast<void>(state_.release());
+    static_cast<void>(new (std::nothrow) std::unique_ptr<State>(std::move(state_)));
     return;
   }
   let_go();
