@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 SETTLING = 0.1  # [s]
 AT_REST = 0.1  # [rad/s]
+STANDS = 1e-3  # [rad/s]; a motion that ends slower than this has ended at rest
 AHEAD = 0.5  # [s]
 QUEUE = 4096  # actions that a session takes before an append waits
 CHUNK = 50  # actions
@@ -101,7 +102,7 @@ def plan(
             find_way(facts, *end, whole.positions[0], whole.velocities[0], speed), period
         )
         parts += [back, _after_first(whole)] * (times - 1)
-    if np.abs(end[1]).max() > 1e-6:
+    if np.abs(end[1]).max() > STANDS:
         parts.append(_sampled(find_way(facts, *end, None, still), period))
     rest = parts[-1].positions[-1]
     parts.append(_resting(rest, max(1, round(SETTLING / period))))

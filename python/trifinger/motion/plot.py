@@ -53,7 +53,8 @@ def _draw(motion: Motion, facts: JointFacts | None, figure_type: Any) -> Any:
     torques = tips = speeds = None
     if facts is not None:
         speeds = allowed_speeds(facts, samples)
-        torques = facts.torques(samples.positions, samples.velocities, samples.accelerations)
+        motor = facts.torques(samples.positions, samples.velocities, samples.accelerations)
+        torques = None if motor is None else motor + facts.safety_kd * samples.velocities
         tips = facts.tips(samples.positions)
     fingers = len(motion.joints) // 3 if len(motion.joints) % 3 == 0 else 1
     each = len(motion.joints) // fingers
@@ -80,11 +81,14 @@ def _draw(motion: Motion, facts: JointFacts | None, figure_type: Any) -> Any:
                     if reach.min() - 0.5 < edge < reach.max() + 0.5:
                         column[0].axhline(edge, ls="--", lw=0.8, **style)
             if speeds is not None:
-                _limit(column[1], times, speeds[thin, joint], samples.velocities, style)
+                # A limit for the direction in which the joint moves.
+                moving = np.where(samples.velocities >= 0, speeds, -speeds)[thin, joint]
+                _limit(column[1], times, moving, samples.velocities, style)
             if torques is not None and facts is not None:
                 column[2].plot(times, torques[thin, joint], **style)
                 most = np.full(len(times), facts.max_torque[joint])
-                _limit(column[2], times, most, torques, style)
+                for limit in (most, -most):
+                    _limit(column[2], times, limit, torques, style)
         column[0].legend(fontsize=7, loc="best")
         if tips is not None:
             for axis, name in enumerate("xyz"):
@@ -107,7 +111,6 @@ def _limit(
     style: dict[str, str],
 ) -> None:
     # Drawn only where it is near, for the same reason.
-    near = np.where(limit < 1.5 * np.abs(values).max() + 1e-9, limit, np.nan)
+    near = np.where(np.abs(limit) < 1.5 * np.abs(values).max() + 1e-9, limit, np.nan)
     if np.isfinite(near).any():
         axes.plot(times, near, ls="--", lw=0.8, **style)
-        axes.plot(times, -near, ls="--", lw=0.8, **style)
