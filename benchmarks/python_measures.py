@@ -10,6 +10,7 @@ the machine, its progress, its rows.
 import argparse
 import contextlib
 import ctypes
+import itertools
 import json
 import os
 import signal
@@ -232,6 +233,58 @@ def log(effort: Effort) -> list[Row]:
     return [beside_cpp(measure, samples, "s", reference, reach="<= 0.15 s", holds=holds)]
 
 
+def data_set(effort: Effort) -> list[Row]:
+    """Exports ten minutes of a robot with three cameras, and encodes as many images alone."""
+    from trifinger.data_sets import lerobot
+    from trifinger.data_sets.episodes import find_episodes
+    from trifinger.log.images import LoggedCameras
+
+    is_quick = effort.rounds == 1
+    duration, episodes = (1, 2) if is_quick else (20, 30)  # the same session again and again
+    rate = 10
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        simulation = trifinger.Simulation("sim_cameras", {"cameras.rate": rate})
+        with simulation.record(folder / "logs"), simulation.connect() as robot:
+            start = robot.latest_observation().position
+            for i in range(1000 * duration):
+                action = robot.new_action(position=start + 0.2 * np.sin(0.01 * i))
+                robot.wait_until_time_index(robot.append_desired_action(action))
+            robot.finish()
+        log = trifinger.Log(folder / "logs")
+        cameras = LoggedCameras(log.session())
+        images = [[one[name] for name in cameras.names] for one in itertools.islice(cameras, 50)]
+        encoder = next(lerobot.encoders())
+        report(done=0, total=2)
+        begin = time.perf_counter()
+        result = lerobot.write(find_episodes([log]) * episodes, folder / "set")
+        exported = time.perf_counter() - begin
+        report(done=1, total=2)
+        begin = time.perf_counter()
+        alone = folder / "alone"
+        videos = [lerobot.Videos(alone, name, rate, encoder) for name in cameras.names]
+        for number in range(result.frames):
+            for video, image in zip(videos, images[number % len(images)], strict=True):
+                video.add(image)
+        for video in videos:
+            video.close()
+        encoded = time.perf_counter() - begin
+    ratio = exported / encoded
+    return [
+        Row.of(
+            "LeRobotDataset of 10 minutes with three cameras at 10 Hz",
+            [exported],
+            "s",
+            reference="encoding the films alone",
+            reference_value=encoded,
+            ratio=ratio,
+            reach="<= 1.5x",
+            holds=ratio <= 1.5,
+            remark=f"{result.frames} rows; films by {encoder}",
+        )
+    ]
+
+
 def environment(effort: Effort) -> list[Row]:
     """Measures the actions per second of the single environment."""
     from trifinger.environments import Environment
@@ -259,6 +312,7 @@ MEASURES: dict[str, Callable[[Effort], list[Row]]] = {
     "python_inline_loop": inline_loop,
     "python_environment": environment,
     "python_log": log,
+    "data_set": data_set,
     "recorder": recorder_rows,
 }
 

@@ -52,6 +52,7 @@ MEASURES = (
     Measure("python_log", "logs", is_python=True, reference="log"),
     Measure("recorded_simulation", "logs"),
     Measure("recorded_images", "logs"),
+    Measure("data_set", "logs", is_python=True),
     Measure("dead_user", "deaths"),
     Measure("dead_user_with_repeats", "deaths"),
     Measure("dead_backend", "deaths"),

@@ -16,7 +16,7 @@ import trifinger
 from conftest import BUILD
 from lerobot_reader import Reader
 from trifinger.commands.export_data_set import logs_of, main
-from trifinger.data_sets import lerobot
+from trifinger.data_sets import lerobot, rows
 from trifinger.data_sets.episodes import find_episodes
 from trifinger.data_sets.marks import EpisodeMarks, Mark, read_marks
 from trifinger.data_sets.recorded_environment import RecordEpisodes
@@ -118,12 +118,12 @@ def check_rows(reader: Reader, sessions: list[trifinger.LoggedSession], firsts: 
 def test_every_step_between_two_rows_is_in_the_data_set(blind: Recorded) -> None:
     for rate in (30, 50, 1000):
         episodes = find_episodes(logs_of([blind.folder]))
-        rows = Rows(episodes, Choice(rate=rate))
+        table = Rows(episodes, Choice(rate=rate))
         for episode in episodes:
-            steps = rows.steps(episode)
-            kept = {t + i for t in steps for i in range(1, rows.stride + 1)}
+            steps = table.steps(episode)
+            kept = {t + i for t in steps for i in range(1, table.stride + 1)}
             assert kept >= set(range(episode.first + 1, episode.end))
-            assert steps[-1] + 1 < episode.end <= steps[-1] + 1 + rows.stride
+            assert steps[-1] + 1 < episode.end <= steps[-1] + 1 + table.stride
 
 
 @pytest.mark.parametrize("images", ["video", "image"])
@@ -321,7 +321,7 @@ def test_a_killed_export_leaves_no_data_set(blind: Recorded, tmp_path: Path) -> 
     program = f"""
 import sys
 from trifinger.commands.export_data_set import main
-from trifinger.data_sets import lerobot
+from trifinger.data_sets import lerobot, rows
 describe = lerobot._Writer._describe
 def wait(*arguments):
     describe(*arguments)
@@ -462,3 +462,24 @@ def test_names_that_minari_would_not_find_are_refused(
         export("minari", blind.folder, "-o", name, status=2)
         assert "names no data set of Minari" in capsys.readouterr().err
     assert not list(minari_root.iterdir())
+
+
+@pytest.mark.usefixtures("minari_root")
+def test_parts_in_which_a_log_is_read_do_not_show(
+    seen: Recorded, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = []
+    for number, steps in enumerate((20_000, 130)):
+        monkeypatch.setattr(rows, "STEPS", steps)
+        folder = tmp_path / f"set{number}"
+        export("lerobot", seen.folder, "-o", folder, "--images", "image")
+        export("minari", seen.folder, "-o", f"wave-v{number}")
+        found.append((Reader(folder), minari.load_dataset(f"wave-v{number}")))
+    (one, same), (other, equal) = found
+    assert other.columns == one.columns
+    assert other.stats == one.stats
+    assert other.episodes == one.episodes
+    for a, b in zip(same.iterate_episodes(), equal.iterate_episodes(), strict=True):
+        np.testing.assert_array_equal(a.actions, b.actions)
+        for name in a.observations:
+            np.testing.assert_array_equal(a.observations[name], b.observations[name])

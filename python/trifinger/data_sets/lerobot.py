@@ -169,12 +169,12 @@ class _Writer:
             stack.callback(columns.close)
         self._brightness = {name: Brightness() for name in rows.cameras}
         self._data = stack.enter_context(contextlib.closing(_Table(folder)))
-        self._videos: dict[str, _Videos] = {}
+        self._videos: dict[str, Videos] = {}
         if rows.cameras and images == "video":
             chosen = _encoder(encoder, say)
             self._videos = {
                 name: stack.enter_context(
-                    contextlib.closing(_Videos(folder, IMAGES + name, rows.rate, chosen))
+                    contextlib.closing(Videos(folder, IMAGES + name, rows.rate, chosen))
                 )
                 for name in rows.cameras
             }
@@ -547,7 +547,7 @@ class _Table:
         return self._path.stat().st_size
 
 
-class _Videos:
+class Videos:
     """The video files of a camera; an episode is in one of them."""
 
     def __init__(self, folder: Path, key: str, rate: int, encoder: str) -> None:
