@@ -6,12 +6,14 @@ import itertools
 import json
 import socket
 import struct
+import time
 from collections import defaultdict
 from collections.abc import AsyncIterator, Callable, Iterable
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
+import foxglove as foxglove_sdk
 import numpy as np
 import pytest
 import trifinger
@@ -219,6 +221,48 @@ def test_a_client_that_comes_later_gets_the_newest_of_each_topic(start_fake: Sta
                     (step,) = decoded(second, "/robot/step")
                     assert step.time_index == 2
                     assert step.desired_action.setpoint == 3.0
+
+    asyncio.run(main())
+
+
+def test_each_message_is_like_that_of_the_official_server(start_fake: StartChild) -> None:
+    """Against the server of the package foxglove-sdk."""
+    start_fake("robot")
+
+    async def told_by(url: str, publish: Callable[[], None]) -> tuple[Any, Any, Any, Any]:
+        async with viewing(url) as viewer:
+            await viewer.subscribe("/robot/step")
+            publish()
+            await viewer.receive_until(lambda: bool(viewer.messages["/robot/step"]))
+            channel = viewer.channels[viewer.topics()["/robot/step"]]
+            await viewer.error_after('{"op": "subscribe", "subscriptions": [{"id": 1}]}')
+            status = viewer.statuses[0]
+            return viewer.info, channel, viewer.messages["/robot/step"], status
+
+    async def main() -> None:
+        async with serving("robot", rate=0) as server:
+            with trifinger.connect("robot") as robot:
+                ours = await told_by(server.url, lambda: steps_of(robot, [3.0]))
+        _, channel, messages, _ = ours
+        official = foxglove_sdk.start_server(port=0)
+        schema = foxglove_sdk.Schema(
+            name=channel["schemaName"],
+            encoding=channel["schemaEncoding"],
+            data=channel["schema"].encode(),
+        )
+        publisher = foxglove_sdk.Channel("/robot/step", schema=schema, message_encoding="cdr")
+
+        def publish() -> None:
+            while not publisher.has_sinks():
+                time.sleep(0)
+            publisher.log(messages[0][1], log_time=messages[0][0])
+
+        theirs = await told_by(f"ws://127.0.0.1:{official.port}", publish)
+        official.stop()
+        assert set(ours[0]) == set(theirs[0])
+        assert {**ours[1], "id": 0} == {**theirs[1], "id": 0}
+        assert ours[2] == theirs[2]
+        assert set(ours[3]) == set(theirs[3])
 
     asyncio.run(main())
 

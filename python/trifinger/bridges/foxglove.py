@@ -194,7 +194,6 @@ class FoxgloveServer:
                 "op": "serverInfo",
                 "name": f"TriFinger: {self.robot}",
                 "capabilities": [],
-                "supportedEncodings": [],
                 "metadata": {"robot": self.robot},
                 "sessionId": self._session_id,
             }

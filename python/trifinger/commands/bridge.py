@@ -3,13 +3,19 @@
 
 import argparse
 import asyncio
+import os
 import secrets
 import signal
 import sys
+import threading
 from collections.abc import Coroutine, Sequence
 
+from trifinger.bridges.dds import DdsNode
 from trifinger.bridges.foxglove import LOOPBACK, FoxgloveOptions, FoxgloveServer
+from trifinger.bridges.ros2 import NODE, Node, Ros2Bridge, Ros2Options, namespace_of
+from trifinger.bridges.zenoh_node import ROUTER, ZenohNode
 from trifinger.commands.command_line import run
+from trifinger.errors import InvalidArgument
 
 EXAMPLES = """Examples:
   trifinger bridge foxglove sim       then open ws://localhost:8765 in Foxglove
@@ -79,6 +85,41 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         metavar="URL",
         help="a web site that may connect besides Foxglove's; may be given several times",
     )
+    ros2 = bridges.add_parser(
+        "ros2",
+        help="publish all series as a node of ROS 2, without ROS installed",
+        description="Publish all series, poses and images of a robot as a node of ROS 2. ROS need "
+        "not be installed here.",
+    )
+    add_rates(ros2)
+    ros2.add_argument(
+        "--rmw",
+        choices=("dds", "zenoh"),
+        default="dds",
+        help="the middleware: dds for rmw_cyclonedds and others, zenoh for rmw_zenoh; default: dds",
+    )
+    ros2.add_argument(
+        "--domain",
+        type=int,
+        metavar="N",
+        help="default: $ROS_DOMAIN_ID, or 0",
+    )
+    ros2.add_argument(
+        "--namespace",
+        metavar="/NAME",
+        help="of node and topics; '/' for none; default: the robot's name",
+    )
+    ros2.add_argument(
+        "--network",
+        action="store_true",
+        help="dds: meet programs of other machines, too, as $CYCLONEDDS_URI says. Everybody there "
+        "sees the robot",
+    )
+    ros2.add_argument(
+        "--router",
+        metavar="ENDPOINT",
+        help=f"zenoh: the router to connect to; default: {ROUTER}",
+    )
     return parser.parse_args(words)
 
 
@@ -134,7 +175,49 @@ def serve_foxglove(arguments: argparse.Namespace) -> None:
     until_signal(server.serve(ready))
 
 
+def node_of(arguments: argparse.Namespace, namespace: str) -> Node:
+    """The node on the middleware that the options chose; raises Error."""
+    domain = arguments.domain
+    if domain is None:
+        text = os.environ.get("ROS_DOMAIN_ID") or "0"
+        if not text.isdecimal():
+            raise InvalidArgument(f"ROS_DOMAIN_ID is {text!r}; it must be a number")
+        domain = int(text)
+    if arguments.rmw == "dds":
+        if arguments.router:
+            raise InvalidArgument("--router is for --rmw zenoh")
+        return DdsNode(namespace, domain, arguments.network)
+    if arguments.network:
+        raise InvalidArgument("--network is for --rmw dds; for zenoh, name a router: --router")
+    return ZenohNode(namespace, domain, arguments.router or ROUTER)
+
+
+def publish_ros2(arguments: argparse.Namespace) -> None:
+    """`trifinger bridge ros2`."""
+    namespace = namespace_of(arguments.name, arguments.namespace)
+    bridge = Ros2Bridge(
+        arguments.name,
+        node_of(arguments, namespace),
+        Ros2Options(
+            namespace=namespace,
+            rate=arguments.rate,
+            viewer_rate=arguments.viewer_rate,
+            jpeg_quality=arguments.jpeg_quality,
+        ),
+        tell,
+    )
+    stop = threading.Event()
+    for one in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(one, lambda *_: stop.set())
+    where = namespace.rstrip("/")
+    print(f"Publishes {arguments.name} as the node {where}/{NODE}.", flush=True)
+    if arguments.network:
+        tell("Everybody in this network sees the robot: DDS has no password.")
+    bridge.run(stop)
+
+
 def main(words: Sequence[str] | None = None) -> int:
     """`trifinger bridge`."""
     arguments = parse(words)
-    return run(lambda: serve_foxglove(arguments))
+    work = {"foxglove": serve_foxglove, "ros2": publish_ros2}[arguments.bridge]
+    return run(lambda: work(arguments))
