@@ -24,6 +24,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import log_view_measure
 import numpy as np
 import trifinger
 from rows import Row
@@ -285,6 +286,12 @@ def data_set(effort: Effort) -> list[Row]:
     ]
 
 
+def log_view(effort: Effort) -> list[Row]:
+    """Opens a log of an hour in the viewer."""
+    is_quick = effort.rounds == 1
+    return log_view_measure.measure(in_rounds(1 if is_quick else 5), is_quick)
+
+
 def environment(effort: Effort) -> list[Row]:
     """Measures the actions per second of the single environment."""
     from trifinger.environments import Environment
@@ -313,6 +320,7 @@ MEASURES: dict[str, Callable[[Effort], list[Row]]] = {
     "python_environment": environment,
     "python_log": log,
     "data_set": data_set,
+    "log_view": log_view,
     "recorder": recorder_rows,
 }
 

@@ -50,6 +50,7 @@ MEASURES = (
     Measure("recorder", "logs", is_python=True),
     Measure("log", "logs"),
     Measure("python_log", "logs", is_python=True, reference="log"),
+    Measure("log_view", "logs", is_python=True),
     Measure("recorded_simulation", "logs"),
     Measure("recorded_images", "logs"),
     Measure("data_set", "logs", is_python=True),

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import trifinger
 from conftest import BUILD
-from hypothesis import given, strategies as st
+from hypothesis import given, settings, strategies as st
 from trifinger.errors import InvalidArgument
 from trifinger.view.logged import MARKS, Course, LoggedRun
 from trifinger.view.playing import FASTEST, SLOWEST, TimeLine
@@ -153,6 +153,26 @@ def test_a_robot_without_model_or_joints_has_frames_with_its_numbers(tmp_path: P
     assert len(course)
 
 
+def test_a_session_is_chosen_by_its_number_or_its_id(tmp_path: Path) -> None:
+    simulation = trifinger.Simulation()
+    with simulation.record(tmp_path) as recorder:
+        for steps in (20, 30):
+            with simulation.connect() as robot:
+                robot.append_desired_actions(np.repeat(robot.new_action(), steps))
+                robot.wait_until_time_index(steps - 1)
+                robot.finish()
+        recorder.stop()
+    assert LoggedRun(tmp_path).last == 30
+    ids = [session.session_id for session in trifinger.Log(tmp_path).sessions]
+    for number, (session_id, steps) in enumerate(zip(ids, (20, 30), strict=False), 1):
+        for wanted in (number, session_id):
+            assert LoggedRun(tmp_path, "sim", wanted).last == steps
+    with pytest.raises(InvalidArgument, match=r"no session 9 of 'sim'; it has 1 of 'sim' \(20 ste"):
+        LoggedRun(tmp_path, "sim", 9)
+    with pytest.raises(InvalidArgument, match="no session 1 of 'other'"):
+        LoggedRun(tmp_path, "other", 1)
+
+
 def test_a_log_without_steps_is_refused_by_the_name_of_its_robot(tmp_path: Path) -> None:
     with trifinger.simulate(record=tmp_path):
         pass
@@ -175,6 +195,7 @@ def assert_is_of_the_log(course: Course, run: LoggedRun) -> None:
             np.testing.assert_array_equal(course.objects[name][row], pose)
 
 
+@settings(max_examples=30)
 @given(rate=st.floats(1.0, 3000.0), ends=st.lists(st.floats(0.0, 1.6), min_size=2, max_size=2))
 def test_frames_of_a_part_are_steps_of_the_log_at_the_asked_times(
     run: LoggedRun, rate: float, ends: list[float]

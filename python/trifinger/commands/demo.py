@@ -166,6 +166,7 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         with back_end(folder, arguments.mode, arguments.robot):
             print(f"The robot '{NAME}' runs in a process of its own; another one moves it.")
+            print(f"To see it meanwhile: trifinger view {NAME}   # in another terminal")
             sys.stdout.flush()
             status = lift(folder)
     except KeyboardInterrupt:

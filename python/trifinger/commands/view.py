@@ -25,7 +25,7 @@ TOKEN_VARIABLE = "TRIFINGER_VIEW_TOKEN"  # noqa: S105 (the name of a variable)
 
 def is_log(text: str) -> bool:
     """Whether a word on the command line is a log, and not the name of a robot."""
-    return text.endswith(".mcap") or os.sep in text or Path(text).is_dir()
+    return text.endswith(".mcap") or os.sep in text or (text != "" and Path(text).is_dir())
 
 
 def show(
@@ -120,7 +120,7 @@ def write_log(arguments: argparse.Namespace) -> None:
     """Writes a log into one file for a browser."""
     from trifinger.view.html_file import write_html
 
-    run = LoggedRun(arguments.what, arguments.robot)
+    run = LoggedRun(arguments.what, arguments.robot, arguments.session)
     written = write_html(
         run, arguments.output, begin=arguments.from_, end=arguments.to, rate=arguments.rate
     )
@@ -158,6 +158,12 @@ def main(words: Sequence[str] | None = None) -> int:
         help="a robot, or a log: a file or a folder; default: the robot that runs",
     )
     parser.add_argument("--robot", metavar="NAME", default="", help="needed if a log has several")
+    parser.add_argument(
+        "--session",
+        type=int,
+        metavar="N|ID",
+        help="of a log: number or id, as `trifinger log info` shows them; default: the newest",
+    )
     file = parser.add_argument_group("a file of a log")
     file.add_argument("-o", "--output", type=Path, metavar="FILE", help="write a page into a file")
     file.add_argument(
@@ -190,7 +196,7 @@ def main(words: Sequence[str] | None = None) -> int:
                 return
             require_no_file_options(arguments, "--output")
             extras.require("view")
-            logged = LoggedRun(arguments.what, arguments.robot)
+            logged = LoggedRun(arguments.what, arguments.robot, arguments.session)
             gate = Gate(arguments.host, arguments.port, arguments.token)
             show_log(logged, gate, wants_browser(arguments))
             return

@@ -6,7 +6,8 @@ const find = (name) => document.getElementById(name);
 const COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#777777"];
 
 async function unpack(text) {
-  const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  const letters = atob(text), bytes = new Uint8Array(letters.length);
+  for (let i = 0; i < letters.length; ++i) bytes[i] = letters.charCodeAt(i);
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
   return new Response(stream).arrayBuffer();
 }
@@ -84,7 +85,7 @@ class Page {
     }));
     this.bodies = new Map();
     for (const body of index.bodies) {
-      const looks = body.isGhost ? {isFaint: true, opacity: 0.42, tint: [0.12, 0.4, 0.95, 1]} : {};
+      const looks = body.isGhost ? {isFaint: true, opacity: 0.5, tint: [0.05, 0.3, 0.9, 1]} : {};
       const parts = body.parts.map((part) => this.scene.add(meshes[part.mesh],
         {pose: body.pose, isFaint: part.isTransparent, isSurround: part.isSurround, ...looks}));
       this.bodies.set(body.name, {...body, parts, poses: body.poses && this.floats(body.poses)});

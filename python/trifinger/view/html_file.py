@@ -21,14 +21,23 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 
+from trifinger import extras
 from trifinger.arrays import Array
 from trifinger.errors import CameraLost, InvalidArgument, NotInLog
 from trifinger.log.plot.curves import Curves, Envelope
 from trifinger.log.plot.panels import Panel, names_of_groups, time_unit, title_of
 from trifinger.progress import shown
 from trifinger.view.logged import MARKS, LoggedRun
+from trifinger.view.page import (
+    AZIMUTH,
+    ELEVATION,
+    FIELD_OF_VIEW,
+    GHOST_ANGLE,
+    LEAST_FORCE,
+    METRES_PER_NEWTON,
+    smaller,
+)
 from trifinger.view.scene import Mesh, Scene
 
 MOST_BYTES = 100_000_000
@@ -39,8 +48,6 @@ LOWEST_RATE = 1.0
 IMAGE_RATE = 5.0
 IMAGE_WIDTH = 360  # [pixels]
 BINS = 1200  # stretches of time in a plot
-METRES_PER_NEWTON = 0.02  # length of the arrow of a force
-FIELD_OF_VIEW = 0.66  # [rad], as in html_file_scene.js
 FOLDER = Path(__file__).parent
 _ORDER = {name: place for place, name in enumerate(("torque", "position", "tip_force", "velocity"))}
 _GRAIN = 2.0**-17  # poses are rounded to this, in metres and parts of a quaternion
@@ -252,8 +259,9 @@ class _Page:
         poses = np.empty((count, len(scene.bodies), 7), np.float32)
         ghosts = np.empty_like(poses)
         tips = np.zeros((count, len(scene.tip_names), 6), np.float32)
-        asked = course.desired if course.desired is not None else np.full((count, 1), np.nan)
-        is_ghostly: Array = np.any(np.isfinite(asked), axis=1)
+        asked = course.positions if course.desired is None else course.desired
+        wanted = np.where(np.isfinite(asked), asked, course.positions)
+        is_ghostly: Array = np.max(np.abs(wanted - course.positions), axis=1) > GHOST_ANGLE
         measured = course.tip_forces
         has_forces = measured is not None and measured.shape[1:] == tips.shape[1:2]
         for frame in shown(range(count), "poses of the bodies", count):
@@ -266,10 +274,10 @@ class _Page:
             poses[frame] = _rows(scene, joints, objects)
             if has_forces and measured is not None:
                 places, along = scene.tips(joints)
-                tips[frame] = np.concatenate([places, along * measured[frame][:, None]], axis=1)
+                force = np.where(measured[frame] > LEAST_FORCE, measured[frame], 0.0)
+                tips[frame] = np.concatenate([places, along * force[:, None]], axis=1)
             if is_ghostly[frame]:
-                wanted = np.where(np.isfinite(asked[frame]), asked[frame], joints)
-                ghosts[frame] = _rows(scene, wanted, objects)
+                ghosts[frame] = _rows(scene, wanted[frame], objects)
             else:
                 ghosts[frame] = poses[frame]
         bodies = [
@@ -278,7 +286,7 @@ class _Page:
         ]
         for number, (body, own) in enumerate(zip(scene.bodies, parts, strict=True)):
             solid = [part for part in own if not part["isSurround"]]
-            if is_ghostly.any() and body.is_moving and not body.object and solid:
+            if np.any(is_ghostly) and body.is_moving and not body.object and solid:
                 ghost = self._body(f"{body.name} desired", solid, True, ghosts[:, number])
                 bodies.append({**ghost, "isGhost": True})
         forces = [
@@ -311,6 +319,7 @@ class _Page:
         cameras = self._run.cameras
         if cameras is None or not self._plan.image_rate:
             return []
+        extras.require("view", "imageio")
         import imageio.v3 as imageio
 
         found: dict[str, dict[str, Any]] = {
@@ -393,18 +402,6 @@ class _Page:
         return {"low": low, "high": place}
 
 
-def smaller(image: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
-    """The image with at most `width` columns: each pixel is the mean of a square of its pixels."""
-    factor = -(-image.shape[1] // width)
-    if factor == 1:
-        return image
-    rows, columns = image.shape[0] // factor, image.shape[1] // factor
-    squares = image[: rows * factor, : columns * factor]
-    means = squares.reshape(rows, factor, columns, factor, -1).mean(axis=(1, 3))
-    rounded: NDArray[np.uint8] = means.round().astype(np.uint8)
-    return rounded
-
-
 def _camera(scene: Scene, poses: Array) -> dict[str, Any]:
     """Where the camera begins, so that all that moves fills the picture."""
     import mujoco
@@ -421,8 +418,9 @@ def _camera(scene: Scene, poses: Array) -> dict[str, Any]:
     return {
         "target": [float(number) for number in (low + high) / 2],
         "distance": 0.95 * radius / np.sin(FIELD_OF_VIEW / 2),
-        "azimuth": -np.pi / 2,
-        "elevation": 0.38,
+        "azimuth": float(AZIMUTH + np.pi),
+        "elevation": float(ELEVATION),
+        "fieldOfView": FIELD_OF_VIEW,
     }
 
 

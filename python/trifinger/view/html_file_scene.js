@@ -127,7 +127,8 @@ function arrowMesh() {
 }
 
 class Scene {
-  // `home` is where the camera begins: {target, distance, azimuth, elevation}, angles in radians.
+  // `home` is where the camera begins: {target, distance, azimuth, elevation, fieldOfView}, angles
+  // in radians.
   constructor(canvas, home) {
     this.canvas = canvas;
     this.home = home;
@@ -261,7 +262,7 @@ class Scene {
     const {program, places} = this.main;
     gl.useProgram(program);
     const eye = added(this.target, scaled(this.away, this.distance));
-    const lens = perspective(0.66, width / height, 0.02 * this.distance, 20 * this.distance + 20);
+    const lens = perspective(this.home.fieldOfView, width / height, 0.02 * this.distance, 20 * this.distance + 20);
     gl.uniformMatrix4fv(places.camera, false, product(lens, lookAt(eye, this.target, [0, 0, 1])));
     gl.uniformMatrix4fv(places.lamp, false, this.lamp);
     gl.uniform3fv(places.eye, eye);
@@ -303,7 +304,7 @@ class Scene {
   }
 
   shift(x, y) {
-    const step = this.distance * 0.66 / this.canvas.clientHeight;
+    const step = this.distance * this.home.fieldOfView / this.canvas.clientHeight;
     const right = unit(cross([0, 0, 1], this.away)), up = cross(this.away, right);
     this.target = added(this.target, added(scaled(right, -x * step), scaled(up, y * step)));
     this.ask();

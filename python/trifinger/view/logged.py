@@ -81,15 +81,19 @@ class Course:
 class LoggedRun:
     """A session of a robot in a log. Times count from the first step in the log [s]."""
 
-    def __init__(self, path: str | os.PathLike[str] | Log, robot: str = "") -> None:
-        """Opens the newest session of `robot` in a file or in the newest recording of a folder.
+    def __init__(
+        self, path: str | os.PathLike[str] | Log, robot: str = "", session: int | None = None
+    ) -> None:
+        """Opens a session of `robot` in a file or in the newest recording of a folder.
+
+        `session` is its number in the log, from 1, or its id; without it, the newest one is taken.
 
         Raises:
             InvalidArgument: if there is no such session, or if it has no steps
             Error: if it is not a log
         """
         self.log = path if isinstance(path, Log) else Log(path)
-        self.session: LoggedSession = self.log.session(robot)
+        self.session = self.log.session(robot) if session is None else self._find(robot, session)
         first, end = self.session.range("applied_action")
         if first >= end:
             raise InvalidArgument(f"there are no steps of '{self.session.name}' to show")
@@ -178,6 +182,20 @@ class LoggedRun:
     def end_text(self) -> str:
         """How the session ended, as a sentence."""
         return self.session.fault_text or "went on when the recording ended"
+
+    def _find(self, robot: str, wanted: int) -> LoggedSession:
+        known = []
+        for number, session in enumerate(self.log.sessions, 1):
+            if wanted in (number, session.session_id) and robot in ("", session.name):
+                return session
+            known.append(
+                f"{number} of '{session.name}' ({session.steps or 'unknown'} steps, "
+                f"id {session.session_id})"
+            )
+        whose = f" of '{robot}'" if robot else ""
+        raise InvalidArgument(
+            f"{self.log.files[0]} has no session {wanted}{whose}; it has {', '.join(known)}"
+        )
 
     def _elements(self, step: int) -> tuple[Any, Any, Any]:
         """Observation, desired action and statuses of a step; None for what the log lacks."""
@@ -340,7 +358,12 @@ class _CourseReader:
         companion = self._run._objects
         if companion is None or companion.range("observation")[1] == 0:
             return {}
-        names = [name for name in companion.observation_dtype.names or () if name != "stamp"]
+        dtype = companion.observation_dtype
+        names = [
+            name
+            for name in dtype.names or ()
+            if {"position", "orientation"} <= set(dtype[name].names or ())
+        ]
         poses = {name: np.full((len(steps), 7), np.nan) for name in names}
         newest = companion.get_latest_at(int(steps[0]))
         if newest is not None:
