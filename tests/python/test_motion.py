@@ -586,3 +586,19 @@ def test_the_limits_of_a_robot_of_somebody_else_come_from_its_urdf() -> None:
     for text in ("<robot", '<robot name="x"/>'):
         with pytest.raises(trifinger.InvalidArgument, match="URDF"):
             JointFacts._of_urdf(text)
+
+
+def test_a_configuration_in_a_motion_is_not_believed(tmp_path: Path) -> None:
+    motion = finger_motion(1)
+    other = JointFacts.load("trifinger_pro").configuration
+    for text, what in [
+        ("", "does not have the configuration"),
+        (other, "the robot of its configuration is 'trifinger-pro'"),
+        ("name: x\n", "configuration.yml"),
+        ("[" * 10_000, "configuration.yml"),
+        ("extends: /dev/zero\n", "/dev/zero"),
+    ]:
+        wrong = dataclasses.replace(motion, configuration=text)
+        wrong.save(tmp_path / "a.motion", overwrite=True)
+        with pytest.raises(trifinger.Error, match=what):
+            Motion.load(tmp_path / "a.motion").slow_within_limits()
