@@ -431,17 +431,18 @@ def test_fault_67_a_motion_is_played_from_any_pose_without_a_jump(
     facts = JointFacts.of_session(robot)
     last = play(robot, motion, facts=facts, feedforward=feedforward, on_plan=plans.append)
     begin = robot.get_observation(0).position
+    begin_row = len(plans[0].parts[0])
     asked, steps = played(robot, last)
     assert np.abs(asked[0] - begin).max() <= 0.001  # it begins where the robot is
     assert (np.abs(steps) <= facts.max_velocity * 0.001 + 1e-9).all()
-    assert (np.abs(steps[: plans[0].begin - 1]) <= 1.0 * 0.001 + 1e-9).all()  # the way there
+    assert (np.abs(steps[: begin_row - 1]) <= 1.0 * 0.001 + 1e-9).all()  # the way there
     assert np.abs(np.diff(steps, axis=0)).max() <= 0.001  # nor does the velocity jump
     # Then it is the motion, sample by sample, and after it the robot rests.
-    end = plans[0].begin - 1 + 1500
-    assert np.allclose(asked[plans[0].begin - 1 : end + 1 : 2], motion.positions, atol=1e-9)
+    end = begin_row - 1 + 1500
+    assert np.allclose(asked[begin_row - 1 : end + 1 : 2], motion.positions, atol=1e-9)
     assert np.allclose(asked[end:], motion.positions[-1])
     applied = robot.get_applied_actions(0, last + 1)
-    assert not (applied["reasons"] & trifinger.Reason.TARGET_CLAMPED).any()
+    assert not (applied["reasons"] & np.uint64(trifinger.Reason.TARGET_CLAMPED)).any()
 
 
 def test_with_feedforward_the_robot_follows_ten_times_as_closely() -> None:
@@ -585,3 +586,19 @@ def test_the_limits_of_a_robot_of_somebody_else_come_from_its_urdf() -> None:
     for text in ("<robot", '<robot name="x"/>'):
         with pytest.raises(trifinger.InvalidArgument, match="URDF"):
             JointFacts._of_urdf(text)
+
+
+def test_a_configuration_in_a_motion_is_not_believed(tmp_path: Path) -> None:
+    motion = finger_motion(1)
+    other = JointFacts.load("trifinger_pro").configuration
+    for text, what in [
+        ("", "does not have the configuration"),
+        (other, "the robot of its configuration is 'trifinger-pro'"),
+        ("name: x\n", "configuration.yml"),
+        ("[" * 10_000, "configuration.yml"),
+        ("extends: /dev/zero\n", "/dev/zero"),
+    ]:
+        wrong = dataclasses.replace(motion, configuration=text)
+        wrong.save(tmp_path / "a.motion", overwrite=True)
+        with pytest.raises(trifinger.Error, match=what):
+            Motion.load(tmp_path / "a.motion").slow_within_limits()

@@ -176,13 +176,15 @@ def test_a_running_robot_plays_a_motion_and_takes_the_next(file: str, robot: str
 def test_fault_69_a_signal_ends_a_motion_and_the_robot_brakes(
     file: str, robot: str, number: signal.Signals
 ) -> None:
-    words = ["play", file, "--robot", robot, "--times", "1000"]
+    words = ["play", file, "--robot", robot, "--times", "100000"]
     with subprocess.Popen(
         [sys.executable, "-c", COMMAND, *words], stdout=subprocess.PIPE, text=True
     ) as player:
         observer = trifinger.observe(robot)
-        observer.wait_until_time_index(300, timeout=60)
-        player.send_signal(number)
+        try:
+            observer.wait_until_time_index(300, timeout=100)
+        finally:
+            player.send_signal(number)
         output, _ = player.communicate()
     assert player.returncode == 128 + number
     assert "Stopped: the robot has braked and rests." in output

@@ -180,9 +180,8 @@ def play_on_robot(arguments: argparse.Namespace) -> int:
     }
 
     def tell(plan: Plan) -> None:
-        way = plan.begin * plan.period
         print(
-            f"The robot goes to the start in {way:.2f} s; "
+            f"The robot goes to the start in {plan.way_time:.2f} s; "
             f"all of it takes {plan.duration:.2f} s. Ctrl-C stops it.",
             flush=True,
         )

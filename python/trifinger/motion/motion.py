@@ -184,14 +184,16 @@ class Motion:
     def facts(self) -> JointFacts:
         """Joints and limits of the robot that the motion is for, from `configuration`.
 
-        Raises InvalidArgument if the motion has none.
+        Raises InvalidArgument if the motion has none, or that of another robot.
         """
         if not self.configuration:
             raise InvalidArgument(
                 "the motion does not have the configuration of its robot; "
                 "say which it is: facts=JointFacts.load(NAME), --config NAME"
             )
-        return JointFacts.of_configuration(self.configuration)
+        facts = JointFacts.of_configuration(self.configuration)
+        self.require_robot(facts.robot, facts.joints, "the robot of its configuration")
+        return facts
 
     def violations(self, facts: JointFacts | None = None) -> list[Violation]:
         """Where the motion is farthest beyond each limit of its robot; empty if all limits hold.

@@ -33,8 +33,8 @@ CHUNK = 50  # actions
 
 
 @dataclasses.dataclass(frozen=True)
-class Plan:
-    """What a robot is going to be asked for: a row for each step, a column for each joint."""
+class Part:
+    """A part of a plan: a row for each step, a column for each joint."""
 
     positions: NDArray[np.float64]
     """Desired positions [rad]."""
@@ -42,15 +42,35 @@ class Plan:
     """Their velocities [rad/s]."""
     torques: NDArray[np.float64] | None
     """Torques of the motors that this needs in free space [Nm]; None if nobody knows them."""
-    begin: int
-    """The row at which the motion begins, after the way to its start."""
+
+    @staticmethod
+    def of(facts: JointFacts, samples: Samples) -> Part:
+        """The part with these samples, one for each step."""
+        torques = facts.torques(samples.positions, samples.velocities, samples.accelerations)
+        return Part(samples.positions, samples.velocities, torques)
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+
+@dataclasses.dataclass(frozen=True)
+class Plan:
+    """What a robot is going to be asked for."""
+
+    parts: tuple[Part, ...]
+    """The way to the start, the motion, and, alternating, ways back and repetitions; the stop."""
     period: float
     """Length of a step [s]."""
 
     @property
+    def way_time(self) -> float:
+        """Length of the way to the start of the motion [s]."""
+        return len(self.parts[0]) * self.period
+
+    @property
     def duration(self) -> float:
         """Length of all of it [s]."""
-        return len(self.positions) * self.period
+        return sum(map(len, self.parts)) * self.period
 
 
 def plan(
@@ -78,8 +98,8 @@ def plan(
     # A whole number of steps: less than one step is added.
     steps = max(2, math.ceil(motion.duration / period * (1 - 1e-9)))
     at_rate = motion.slow(max(1.0, steps * period / motion.duration)).resample(period)
-    for part in (motion, at_rate):
-        if found := violations(facts, Samples.of(part)):
+    for one in (motion, at_rate):
+        if found := violations(facts, Samples.of(one)):
             more = f" ({len(found) - 1} more)" if len(found) > 1 else ""
             advice = (
                 "trim it"
@@ -92,25 +112,23 @@ def plan(
     whole = Samples.of(at_rate)
     still = np.zeros(len(facts.joints))
     velocity = still if start_velocity is None else start_velocity
-    first = _sampled(
-        find_way(facts, start, velocity, whole.positions[0], whole.velocities[0], speed), period
-    )
+
+    def part(samples: Samples) -> Part:
+        return Part.of(facts, samples)
+
+    first = find_way(facts, start, velocity, whole.positions[0], whole.velocities[0], speed)
     end = (whole.positions[-1], whole.velocities[-1])
-    parts = [first, _after_first(whole)]
+    # The way to the motion ends with its first sample.
+    middle = part(_after_first(whole))
+    parts = [part(_sampled(first, period)), middle]
     if times > 1:
-        back = _sampled(
-            find_way(facts, *end, whole.positions[0], whole.velocities[0], speed), period
-        )
-        parts += [back, _after_first(whole)] * (times - 1)
+        way = find_way(facts, *end, whole.positions[0], whole.velocities[0], speed)
+        back = part(_sampled(way, period))
+        parts += [back, middle] * (times - 1)
     if np.abs(end[1]).max() > STANDS:
-        parts.append(_sampled(find_way(facts, *end, None, still), period))
-    rest = parts[-1].positions[-1]
-    parts.append(_resting(rest, max(1, round(SETTLING / period))))
-    positions = np.vstack([part.positions for part in parts])
-    velocities = np.vstack([part.velocities for part in parts])
-    accelerations = np.vstack([part.accelerations for part in parts])
-    torques = facts.torques(positions, velocities, accelerations)
-    return Plan(positions, velocities, torques, len(first.positions), period)
+        parts.append(part(_sampled(find_way(facts, *end, None, still), period)))
+    parts.append(part(_resting(parts[-1].positions[-1], period)))
+    return Plan(tuple(parts), period)
 
 
 def play(
@@ -152,23 +170,30 @@ def play(
     period = robot.session_info().period
     whole = plan(motion, known, start, period, start_velocity=velocity, times=times, speed=speed)
     on_plan(whole)
-    actions = _actions(robot, known, whole, feedforward)
     ahead = min(max(CHUNK, round(AHEAD / period)), QUEUE // 2)
+    position, velocity, last = start, np.zeros_like(start), -1
     with _interrupts() as interrupted:
-        done, last = 0, -1
-        while done < len(actions):
+        for chunk in _chunks(whole):
             if interrupted() or should_stop():
-                last = _brake(robot, known, whole, done, feedforward)
+                for part in _brake(known, position, velocity, period):
+                    last = robot.append_desired_actions(_actions(robot, known, part, feedforward))
                 break
-            part = actions[done : done + CHUNK]
-            last = robot.append_desired_actions(part)
-            done += len(part)
-            if last - ahead >= 0 and done < len(actions):
+            last = robot.append_desired_actions(_actions(robot, known, chunk, feedforward))
+            position, velocity = chunk.positions[-1], chunk.velocities[-1]
+            if last >= ahead:
                 robot.wait_until_time_index(last - ahead)
         was_interrupted = interrupted()
     if was_interrupted:
         raise KeyboardInterrupt
     return last
+
+
+def _chunks(whole: Plan) -> Iterator[Part]:
+    for part in whole.parts:
+        for row in range(0, len(part), CHUNK):
+            rows = slice(row, row + CHUNK)
+            torques = None if part.torques is None else part.torques[rows]
+            yield Part(part.positions[rows], part.velocities[rows], torques)
 
 
 def _state_of(robot: Frontend) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -184,34 +209,30 @@ def _state_of(robot: Frontend) -> tuple[NDArray[np.float64], NDArray[np.float64]
     return position, np.where(np.abs(velocity) > AT_REST, velocity, 0.0)
 
 
-def _actions(robot: Frontend, facts: JointFacts, whole: Plan, feedforward: bool) -> NDArray[Action]:
-    actions = np.repeat(np.array([robot.new_action()], robot.action_dtype), len(whole.positions))
-    actions["position"] = whole.positions
-    if feedforward and whole.torques is not None and "torque" in (robot.action_dtype.names or ()):
+def _actions(robot: Frontend, facts: JointFacts, part: Part, feedforward: bool) -> NDArray[Action]:
+    actions = np.repeat(np.array([robot.new_action()], robot.action_dtype), len(part))
+    actions["position"] = part.positions
+    if feedforward and part.torques is not None and "torque" in (robot.action_dtype.names or ()):
         # Both dampings act on the velocity; they must not hold the motion back.
-        actions["torque"] = whole.torques + (facts.safety_kd + facts.default_kd) * whole.velocities
+        actions["torque"] = part.torques + (facts.safety_kd + facts.default_kd) * part.velocities
     return actions
 
 
-def _brake(robot: Frontend, facts: JointFacts, whole: Plan, done: int, feedforward: bool) -> int:
-    # From the last action that was appended; before the first one the robot is at rest.
-    row = max(done - 1, 0)
-    still = np.zeros(len(facts.joints))
-    position = whole.positions[row]
-    velocity = whole.velocities[row] if done else still
+def _brake(
+    facts: JointFacts,
+    position: NDArray[np.float64],
+    velocity: NDArray[np.float64],
+    period: float,
+) -> Iterator[Part]:
+    # From the last action that was appended.
+    still = np.zeros_like(velocity)
     try:
         way = find_way(facts, position, velocity, None, still)
     except InvalidArgument:  # near a limit, where the robot's own checks brake harder
         way = Way(position, velocity, position + velocity * 0.05, still, 0.1)
-    part = _sampled(way, whole.period)
-    rest = _resting(part.positions[-1], max(1, round(SETTLING / whole.period)))
-    positions = np.vstack([part.positions, rest.positions])
-    velocities = np.vstack([part.velocities, rest.velocities])
-    torques = facts.torques(
-        positions, velocities, np.vstack([part.accelerations, rest.accelerations])
-    )
-    stop = Plan(positions, velocities, torques, 0, whole.period)
-    return robot.append_desired_actions(_actions(robot, facts, stop, feedforward))
+    stop = _sampled(way, period)
+    yield Part.of(facts, stop)
+    yield Part.of(facts, _resting(stop.positions[-1], period))
 
 
 @contextlib.contextmanager
@@ -255,7 +276,8 @@ def _after_first(samples: Samples) -> Samples:
     )
 
 
-def _resting(position: NDArray[np.float64], steps: int) -> Samples:
+def _resting(position: NDArray[np.float64], period: float) -> Samples:
+    steps = max(1, round(SETTLING / period))
     positions = np.repeat(position[None], steps, axis=0)
     nothing = np.zeros_like(positions)
-    return Samples(np.linspace(0.0, 1.0, steps), positions, nothing, nothing)
+    return Samples(np.linspace(period, steps * period, steps), positions, nothing, nothing)
