@@ -483,3 +483,29 @@ def test_parts_in_which_a_log_is_read_do_not_show(
         np.testing.assert_array_equal(a.actions, b.actions)
         for name in a.observations:
             np.testing.assert_array_equal(a.observations[name], b.observations[name])
+
+
+def test_marks_of_an_environment_belong_to_the_steps_of_the_log(
+    played: Played, tmp_path: Path
+) -> None:
+    (path,) = played.folder.glob("*.episodes.jsonl")
+    sessions = {one.session_id: one for one in trifinger.Log(played.folder).sessions}
+    environment = Environment("reach")
+    marks = read_marks(path)
+    assert [mark.task for mark in marks] == ["Reach"] * 3
+    for mark, observations in zip(marks, played.observations, strict=True):
+        assert mark.decisions is not None
+        session = sessions[mark.session_id]
+        steps = np.array(mark.decisions.steps)
+        y = np.array([session.get_observation(int(t))["position"] for t in steps])
+        seen = environment.entries(observations)["joint_position"]
+        np.testing.assert_allclose(seen, y, atol=1e-5)
+        assert (mark.first, mark.end) == (steps[0], steps[-1])
+    environment.close()
+    export("lerobot", played.folder, "--episodes", "marks", "-o", tmp_path / "set")
+    reader = Reader(tmp_path / "set")
+    reader.check()
+    for number, rewards in enumerate(played.rewards):
+        own = reader.column("episode_index") == number
+        total = reader.column("next.reward")[own].sum()
+        assert total == pytest.approx(rewards.sum(), rel=1e-5)

@@ -175,6 +175,8 @@ def test_program_finds_the_commands_of_the_package(
         ("film logs", "matplotlib, OpenGL and av", "film"),
         ("log plot logs", "matplotlib", "plot"),
         ("log export logs --format parquet", "pyarrow", "export"),
+        ("export lerobot logs -o set", "pandas, pyarrow, av and PIL", "lerobot"),
+        ("export minari logs -o set-v0", "minari, h5py and gymnasium", "minari"),
     ],
 )
 def test_commands_say_what_they_lack(

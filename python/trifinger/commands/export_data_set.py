@@ -8,6 +8,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from trifinger import extras
 from trifinger._trifinger import Log
 from trifinger.commands.command_line import run
 from trifinger.commands.film import recordings
@@ -116,6 +117,7 @@ def choice_of(arguments: argparse.Namespace, *, high_rate: bool = True) -> Choic
 
 def export_lerobot(arguments: argparse.Namespace) -> None:
     """Writes a LeRobotDataset."""
+    extras.require("lerobot")
     from trifinger.data_sets import lerobot
 
     result = lerobot.write(
@@ -132,6 +134,7 @@ def export_lerobot(arguments: argparse.Namespace) -> None:
 
 def export_minari(arguments: argparse.Namespace) -> None:
     """Writes a data set of Minari."""
+    extras.require("minari")
     from trifinger.data_sets import minari
 
     result = minari.write(
