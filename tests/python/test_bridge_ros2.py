@@ -8,6 +8,7 @@ import base64
 import json
 import os
 import re
+import signal
 import socket
 import struct
 import threading
@@ -379,6 +380,45 @@ def test_a_subscriber_on_dds_gets_the_values_of_the_robot(
     assert [one["observation"]["applied_actions"] for one in steps] == list(range(200))
     assert all(one["time"] > 0 for one in told)
     assert events[-1]["message"]["name"] == "robot"
+
+
+def wait_for_subscribers(bridge: Ros2Bridge, topic: str, count: int) -> None:
+    def number() -> int:
+        for one, publisher in list(bridge._publishers.items()):
+            if bridge._topics[one].name == topic:
+                return len(publisher._writer.get_matched_subscriptions())  # type: ignore[attr-defined]
+        return 0
+
+    while number() < count:
+        threading.Event().wait(0.001)
+
+
+def test_fault_68_a_subscriber_on_dds_that_stands_still_delays_nobody(
+    start_fake: StartChild, start_python: StartChild
+) -> None:
+    start_fake("robot", history=4096)
+    domain = DOMAIN + 1
+    topics = json.dumps([("rt/robot/step", "Step", False)])
+    good, stuck = (start_python(DDS_SUBSCRIBER, str(domain), topics) for _ in range(2))
+    with (
+        bridging("robot", dds.DdsNode("/robot", domain), rate=0) as bridge,
+        trifinger.connect("robot") as robot,
+    ):
+        wait_for_subscribers(bridge, "/robot/step", 2)
+        os.kill(stuck.pid, signal.SIGSTOP)
+        seen: list[int] = []
+        for burst in range(100):
+            robot.append_desired_actions(np.stack([robot.new_action()] * 20))
+            last = 20 * (burst + 1) - 1
+            for told in lines_of(good):
+                seen.append(told["message"]["time_index"])
+                if seen[-1] == last:
+                    break
+        os.kill(stuck.pid, signal.SIGCONT)
+        step(robot, 7.0)
+        newest = until(stuck, lambda one: one["message"]["desired_action"]["setpoint"] == 7.0)
+    assert seen == sorted(seen)
+    assert newest[-1]["message"]["time_index"] == 2000
 
 
 @pytest.mark.release

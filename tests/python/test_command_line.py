@@ -96,6 +96,7 @@ def test_the_help_lists_every_command() -> None:
 
 
 PROGRAMS_OF_PYTHON = (
+    "bridge",
     "demo",
     "evaluate",
     "film",
