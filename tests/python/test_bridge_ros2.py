@@ -14,7 +14,8 @@ import struct
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ from cyclonedds.idl import make_idl_struct
 from ros2_pyterfaces.core import all_msgs
 from ros2_pyterfaces.core.description import hash_rihs01
 from trifinger import _trifinger
-from trifinger.bridges import dds, message_types, zenoh_node
+from trifinger.bridges import dds, message_types, ros2, zenoh_node
 from trifinger.bridges.message_types import Field, MessageType, dds_name, parse
 from trifinger.bridges.ros2 import Node, Ros2Bridge, Ros2Options, Topic, namespace_of
 
@@ -339,6 +340,54 @@ def test_topics_have_the_names_that_ros_2_expects(start_program: StartProgram) -
         }
         bridge.close()
         assert not node.is_open
+
+
+def test_each_image_has_the_parameters_of_its_camera_beside_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    stamp = "int32 sec\nuint32 nanosec\n"
+    header = bytes((0, 1, 0, 0))
+
+    class Live:
+        wanted: ClassVar[list[bool]] = []
+        channels: ClassVar[list[Any]] = [
+            SimpleNamespace(
+                topic=f"/sim/camera60/{name}",
+                type=f"sensor_msgs/msg/{kind}",
+                definition=stamp,
+                is_latched=is_latched,
+                is_image=not is_latched,
+            )
+            for name, kind, is_latched in (
+                ("camera_info", "CameraInfo", True),
+                ("image", "CompressedImage", False),
+            )
+        ]
+
+        def __init__(self, *_: object, **__: object) -> None:
+            self.left = [(0, b"informed"), (1, b"image__1more"), (1, b"image__2")]
+
+        def take(self) -> Any:
+            messages = [
+                SimpleNamespace(channel=channel, log_time=7, part=0, data=header + data)
+                for channel, data in self.left
+            ]
+            self.left.clear()
+            return SimpleNamespace(messages=messages, events=[], lost=0)
+
+        def want_images(self, wanted: bool) -> None:
+            self.wanted.append(wanted)
+
+    monkeypatch.setattr(ros2, "LiveMessages", Live)
+    node = Collected()
+    node.listened.add("/sim/camera60/image/compressed")
+    bridge = Ros2Bridge("sim", node, tell=lambda _: None)
+    bridge.pump()
+    infos = [data for _, data in node.messages["/sim/camera60/camera_info"]]
+    assert infos == [header + b"informed", header + b"image__1", header + b"image__2"]
+    assert len(node.messages["/sim/camera60/image/compressed"]) == 2
+    assert Live.wanted == [True]
+    assert not any(topic.is_latched for topic in node.topics.values())
 
 
 def test_a_name_that_ros_2_does_not_allow_is_refused() -> None:
