@@ -8,12 +8,14 @@ import base64
 import json
 import os
 import re
+import signal
 import socket
 import struct
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -24,7 +26,7 @@ from cyclonedds.idl import make_idl_struct
 from ros2_pyterfaces.core import all_msgs
 from ros2_pyterfaces.core.description import hash_rihs01
 from trifinger import _trifinger
-from trifinger.bridges import dds, message_types, zenoh_node
+from trifinger.bridges import dds, message_types, ros2, zenoh_node
 from trifinger.bridges.message_types import Field, MessageType, dds_name, parse
 from trifinger.bridges.ros2 import Node, Ros2Bridge, Ros2Options, Topic, namespace_of
 
@@ -340,6 +342,54 @@ def test_topics_have_the_names_that_ros_2_expects(start_program: StartProgram) -
         assert not node.is_open
 
 
+def test_each_image_has_the_parameters_of_its_camera_beside_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    stamp = "int32 sec\nuint32 nanosec\n"
+    header = bytes((0, 1, 0, 0))
+
+    class Live:
+        wanted: ClassVar[list[bool]] = []
+        channels: ClassVar[list[Any]] = [
+            SimpleNamespace(
+                topic=f"/sim/camera60/{name}",
+                type=f"sensor_msgs/msg/{kind}",
+                definition=stamp,
+                is_latched=is_latched,
+                is_image=not is_latched,
+            )
+            for name, kind, is_latched in (
+                ("camera_info", "CameraInfo", True),
+                ("image", "CompressedImage", False),
+            )
+        ]
+
+        def __init__(self, *_: object, **__: object) -> None:
+            self.left = [(0, b"informed"), (1, b"image__1more"), (1, b"image__2")]
+
+        def take(self) -> Any:
+            messages = [
+                SimpleNamespace(channel=channel, log_time=7, part=0, data=header + data)
+                for channel, data in self.left
+            ]
+            self.left.clear()
+            return SimpleNamespace(messages=messages, events=[], lost=0)
+
+        def want_images(self, wanted: bool) -> None:
+            self.wanted.append(wanted)
+
+    monkeypatch.setattr(ros2, "LiveMessages", Live)
+    node = Collected()
+    node.listened.add("/sim/camera60/image/compressed")
+    bridge = Ros2Bridge("sim", node, tell=lambda _: None)
+    bridge.pump()
+    infos = [data for _, data in node.messages["/sim/camera60/camera_info"]]
+    assert infos == [header + b"informed", header + b"image__1", header + b"image__2"]
+    assert len(node.messages["/sim/camera60/image/compressed"]) == 2
+    assert Live.wanted == [True]
+    assert not any(topic.is_latched for topic in node.topics.values())
+
+
 def test_a_name_that_ros_2_does_not_allow_is_refused() -> None:
     assert namespace_of("sim", None) == "/sim"
     for robot, namespace in (("my-robot", None), ("sim", "sim"), ("sim", "/sim/"), ("7", None)):
@@ -379,6 +429,45 @@ def test_a_subscriber_on_dds_gets_the_values_of_the_robot(
     assert [one["observation"]["applied_actions"] for one in steps] == list(range(200))
     assert all(one["time"] > 0 for one in told)
     assert events[-1]["message"]["name"] == "robot"
+
+
+def wait_for_subscribers(bridge: Ros2Bridge, topic: str, count: int) -> None:
+    def number() -> int:
+        for one, publisher in list(bridge._publishers.items()):
+            if bridge._topics[one].name == topic:
+                return len(publisher._writer.get_matched_subscriptions())  # type: ignore[attr-defined]
+        return 0
+
+    while number() < count:
+        threading.Event().wait(0.001)
+
+
+def test_fault_68_a_subscriber_on_dds_that_stands_still_delays_nobody(
+    start_fake: StartChild, start_python: StartChild
+) -> None:
+    start_fake("robot", history=4096)
+    domain = DOMAIN + 1
+    topics = json.dumps([("rt/robot/step", "Step", False)])
+    good, stuck = (start_python(DDS_SUBSCRIBER, str(domain), topics) for _ in range(2))
+    with (
+        bridging("robot", dds.DdsNode("/robot", domain), rate=0) as bridge,
+        trifinger.connect("robot") as robot,
+    ):
+        wait_for_subscribers(bridge, "/robot/step", 2)
+        os.kill(stuck.pid, signal.SIGSTOP)
+        seen: list[int] = []
+        for burst in range(100):
+            robot.append_desired_actions(np.stack([robot.new_action()] * 20))
+            last = 20 * (burst + 1) - 1
+            for told in lines_of(good):
+                seen.append(told["message"]["time_index"])
+                if seen[-1] == last:
+                    break
+        os.kill(stuck.pid, signal.SIGCONT)
+        step(robot, 7.0)
+        newest = until(stuck, lambda one: one["message"]["desired_action"]["setpoint"] == 7.0)
+    assert seen == sorted(seen)
+    assert newest[-1]["message"]["time_index"] == 2000
 
 
 @pytest.mark.release

@@ -97,6 +97,7 @@ def test_the_help_lists_every_command() -> None:
 
 PROGRAMS_OF_PYTHON = (
     "clone",
+    "bridge",
     "demo",
     "evaluate",
     "export",
