@@ -24,6 +24,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import live_view_measure
 import log_view_measure
 import numpy as np
 import trifinger
@@ -151,6 +152,23 @@ def cpu_time(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
+def lateness_window(robot: trifinger.Frontend, seconds: float) -> Callable[[], float]:
+    """Returns what moves a robot for some seconds, and the 99th percentile of its lateness [us]."""
+    action = robot.new_action(position=robot.latest_observation().position)
+    actions = np.repeat(np.asarray(action), 50)
+    robot.append_desired_action(action)
+
+    def window() -> float:
+        first = t = robot.current_time_index()
+        while t < first + 1000 * seconds:
+            t = robot.append_desired_actions(actions)
+            robot.wait_until_time_index(t - 20)
+        statuses = robot.get_statuses(first + 1, t - 20)
+        return float(np.quantile(statuses["lateness"], 0.99)) * 1e-3
+
+    return window
+
+
 def recorder_rows(effort: Effort) -> list[Row]:
     """Measures a simulated robot with its object at 1 kHz, recorded by a separate process."""
     load: list[float] = []
@@ -162,20 +180,7 @@ def recorder_rows(effort: Effort) -> list[Row]:
         back_end("sim", *PATIENCE) as name,
         trifinger.connect(name) as robot,
     ):
-        action = robot.new_action(position=robot.latest_observation().position)
-        actions = np.repeat(np.asarray(action), 50)
-        t = robot.append_desired_action(action)
-
-        def window() -> float:
-            """Returns the 99th percentile of the lateness in a window [us]."""
-            nonlocal t
-            first = t
-            while t < first + 1000 * effort.window_time:
-                t = robot.append_desired_actions(actions)
-                robot.wait_until_time_index(t - 20)
-            statuses = robot.get_statuses(first + 1, t - 20)
-            return float(np.quantile(statuses["lateness"], 0.99)) * 1e-3
-
+        window = lateness_window(robot, effort.window_time)
         for _ in in_rounds(effort.windows):
             with recorder(name, folder) as pid:
                 cpu_before, before = cpu_time(pid), time.perf_counter()
@@ -314,6 +319,39 @@ def environment(effort: Effort) -> list[Row]:
     return [beside_cpp(measure, samples, "actions/s", reference, **more)]
 
 
+def live_view(effort: Effort) -> list[Row]:
+    """Shows a simulated robot with its object, which moves at 1 kHz, in three viewers."""
+    with back_end("sim", *PATIENCE) as name:
+        with trifinger.connect(name) as robot:
+            window = lateness_window(robot, effort.window_time)
+            lateness = live_view_measure.lateness_row(name, in_rounds(effort.windows), window)
+        seconds = 2.0 if effort.rounds == 1 else 10.0
+        with moved(name):
+            return [lateness, *live_view_measure.picture_rows(name, seconds)]
+
+
+@contextlib.contextmanager
+def moved(name: str) -> Iterator[None]:
+    """Moves a robot to and fro, in a process of its own."""
+    with subprocess.Popen([sys.executable, "-c", MOVE, name]) as process:
+        try:
+            yield
+        finally:
+            process.kill()
+
+
+MOVE = """
+import sys, numpy as np, trifinger
+robot = trifinger.connect(sys.argv[1])
+home = robot.latest_observation().position
+t = 0
+while True:
+    actions = np.repeat(np.asarray(robot.new_action()), 50)
+    actions["position"] = home + 0.2 * np.sin((t + np.arange(50))[:, None] / 200)
+    t = robot.append_desired_actions(actions)
+    robot.wait_until_time_index(t - 20)
+"""
+
 MEASURES: dict[str, Callable[[Effort], list[Row]]] = {
     "python_loop": loop,
     "python_inline_loop": inline_loop,
@@ -321,6 +359,7 @@ MEASURES: dict[str, Callable[[Effort], list[Row]]] = {
     "python_log": log,
     "data_set": data_set,
     "log_view": log_view,
+    "live_view": live_view,
     "recorder": recorder_rows,
 }
 

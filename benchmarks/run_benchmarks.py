@@ -47,6 +47,7 @@ MEASURES = (
     Measure("environment", "figures"),
     Measure("python_environment", "figures", is_python=True, reference="environment"),
     Measure("lift", "figures"),
+    Measure("live_view", "figures", is_python=True),
     Measure("recorder", "logs", is_python=True),
     Measure("log", "logs"),
     Measure("python_log", "logs", is_python=True, reference="log"),

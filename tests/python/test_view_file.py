@@ -299,6 +299,14 @@ def test_plots_show_the_numbers_of_the_log(run: LoggedRun, file: Path, open_page
     assert next(iter(plots)) == "torque"
     opened.page.select_option("#group", label="finger 120")
     assert opened.page.inner_text("#legend").split() == ["0", "1", "2"]
+    shown = opened.ask(
+        "trifingerPage.plots.map(plot => [plot.name, plot.shown.map(line => line.low)])"
+    )
+    for name, lines in shown:
+        if name == "tip_force":  # one number for each finger
+            assert len(lines) == 1
+        elif name == "torque":
+            assert len(lines) == 6  # desired and applied
 
 
 def test_images_of_the_cameras_are_shown_as_they_had_arrived(

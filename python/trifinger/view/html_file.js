@@ -171,7 +171,7 @@ class Page {
       pen.strokeRect(0.5, 0.5, width - 1, height - 1);
       if (low < 0 && high > 0) { pen.beginPath(); pen.moveTo(0, y(0)); pen.lineTo(width, y(0)); pen.stroke(); }
       for (const line of plot.shown) {
-        const colour = COLOURS[(group && group.members.length > 1 ? line.group ?? 0 : line.number) % COLOURS.length];
+        const colour = COLOURS[(group && group.members.length > 1 ? line.group ?? line.number : line.number) % COLOURS.length];
         if (line.group !== null) legend.set(colour, group && group.members.length > 1 ? index.groups[line.group + 1].name : line.label);
         pen.strokeStyle = colour;
         pen.setLineDash(line.isDesired ? [5 * scale, 4 * scale] : []);

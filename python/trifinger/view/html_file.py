@@ -361,20 +361,12 @@ class _Page:
                 names = [text.removeprefix(", ") for text in names_of_groups(curves, panel)]
             lines = []
             for kind, envelope in panel.drawn():
-                for number, group in enumerate(here):
-                    for column in group:
-                        if column < envelope.columns and envelope.has_numbers(
-                            slice(column, column + 1)
-                        ):
-                            lines.append(
-                                {
-                                    **self._line(envelope, column),
-                                    "group": number if len(here) == len(names) else None,
-                                    "number": column - group.start,
-                                    "label": str(column - group.start),
-                                    "isDesired": kind == "desired",
-                                }
-                            )
+                for column in range(envelope.columns):
+                    if not envelope.has_numbers(slice(column, column + 1)):
+                        continue
+                    group, number = _place(column, here, len(names))
+                    line = {**self._line(envelope, column), "group": group, "number": number}
+                    lines.append({**line, "label": str(number), "isDesired": kind == "desired"})
             plots.append({"name": panel.name, "unit": panel.unit, "times": times, "lines": lines})
         plots.sort(key=lambda plot: _ORDER.get(str(plot["name"]), len(_ORDER)))
         if curves.late is not None:
@@ -400,6 +392,17 @@ class _Page:
         if not np.array_equal(envelope.low[:, column], envelope.high[:, column], equal_nan=True):
             place = self._numbers.add(envelope.high[:, column], "<f4")
         return {"low": low, "high": place}
+
+
+def _place(column: int, groups: Sequence[range], count: int) -> tuple[int | None, int]:
+    """To which of `count` groups, such as fingers, a column belongs, and its number there."""
+    if len(groups) == count:
+        for group, columns in enumerate(groups):
+            if column in columns:
+                return group, column - columns.start
+    if len(groups) == 1 and len(groups[0]) == count:  # one number for each group
+        return column, 0
+    return None, column
 
 
 def _camera(scene: Scene, poses: Array) -> dict[str, Any]:

@@ -1,0 +1,205 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What viewers of a running robot cost it, and how old the picture in a browser is."""
+
+import contextlib
+import statistics
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import msgspec.msgpack
+import numpy as np
+import trifinger
+import viser
+from rows import Row
+from trifinger.commands import view as command
+from trifinger.view.gate import Gate, page_server
+from trifinger.view.live import LiveRun
+from trifinger.view.page import Page
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
+
+VIEWERS = 3
+COMMAND = "import sys; from trifinger.commands.view import main; sys.exit(main())"
+BROWSER = "/usr/bin/chromium"
+BROWSER_OPTIONS = (
+    "--headless=new",
+    "--no-sandbox",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--ignore-gpu-blocklist",
+    "--disable-background-networking",
+)
+STAMP = "trifinger-stamp"
+# Notes the stamp of each picture and when the browser was ready to draw the next one [ms].
+PROBE = f"""() => {{
+  window.pictures = [];
+  let before = "";
+  const look = () => {{
+    const stamp = document.getElementById("{STAMP}")?.textContent ?? "";
+    if (stamp !== before) {{
+      before = stamp;
+      const now = performance.timeOrigin + performance.now();
+      window.pictures.push([Number(stamp), now]);
+    }}
+    requestAnimationFrame(look);
+  }};
+  look();
+}}"""
+CAMERA = {
+    "type": "ViewerCameraMessage",
+    "wxyz": [1, 0, 0, 0],
+    "position": [0, 0, 1],
+    "look_at": [0, 0, 0],
+    "up_direction": [0, 0, 1],
+    "fov": 1.0,
+    "image_height": 100,
+    "image_width": 100,
+    "near": 0.1,
+    "far": 9.0,
+}
+
+
+@contextlib.contextmanager
+def viewers(name: str) -> Iterator[list[int]]:
+    """Runs `trifinger view` three times, each with a connection that reads all that it gets.
+
+    Yields how many messages each has got so far.
+    """
+    counts = [0] * VIEWERS
+    with contextlib.ExitStack() as stack:
+        for number in range(VIEWERS):
+            process = stack.enter_context(
+                subprocess.Popen(
+                    [sys.executable, "-c", COMMAND, name, "--no-browser"],
+                    stdout=subprocess.PIPE,
+                    text=True,
+                )
+            )
+            stack.callback(process.kill)
+            url = process.stdout.readline().split()[1] if process.stdout else ""
+            host, _, token = url.removeprefix("http://").partition("/?token=")
+            port = host.rpartition(":")[2]
+            browser = connect(
+                f"ws://{host}",
+                origin=f"http://{host}",  # type: ignore[arg-type]
+                additional_headers={"Cookie": f"trifinger_view_{port}={token}"},
+                subprotocols=[f"viser-v{viser.__version__}"],  # type: ignore[list-item]
+                max_size=None,
+                compression=None,
+            )
+            browser.send(msgspec.msgpack.encode(CAMERA))
+
+            def read(browser: Any = browser, number: int = number) -> None:
+                with contextlib.suppress(ConnectionClosed):
+                    for _ in browser:
+                        counts[number] += 1
+
+            threading.Thread(target=read, daemon=True).start()
+            while counts[number] < 50:
+                time.sleep(0.01)
+        yield counts
+
+
+def lateness_row(name: str, rounds: Iterator[int], window: Callable[[], float]) -> Row:
+    """How late a robot is with three viewers and without; `window` measures once [us]."""
+    watched, alone = [], []
+    for _ in rounds:
+        with viewers(name):
+            watched.append(window())
+        alone.append(window())
+    ratio = statistics.median(a / b for a, b in zip(watched, alone, strict=True))
+    return Row.of(
+        "1 kHz: lateness with three viewers, p99 of windows",
+        watched,
+        "us",
+        reach="<= 1.2x",
+        holds=ratio <= 1.2,
+        reference="without viewers",
+        reference_value=statistics.median(alone),
+        ratio=ratio,
+        remark="Three times `trifinger view`, each with a connection that reads all; drawing is "
+        "left out, because a browser runs elsewhere or beside everything else.",
+    )
+
+
+def picture_rows(name: str, seconds: float) -> list[Row]:
+    """How old a state is when a browser has drawn it, and how many it draws in a second."""
+    from playwright.sync_api import sync_playwright
+
+    gate = Gate(port=0)
+    page = Page(page_server(gate, name), name)
+    stamp = page.server.gui.add_html("", order=-1.0)
+    live = LiveRun(name)
+    is_over = threading.Event()
+
+    def serve() -> None:
+        session, following = None, time.monotonic()
+        while not is_over.is_set():
+            live.look()
+            if live.session_id != session:
+                session = live.session_id
+                page.begin(live.scene)
+            if live.frame is not None:
+                with page.server.atomic():
+                    page.show(live.frame)
+                    stamp.content = f'<span id="{STAMP}">{live.frame.time_index}</span>'
+            following = max(following + 1.0 / command.RATE, time.monotonic())
+            time.sleep(max(following - time.monotonic(), 0.0))
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    try:
+        with sync_playwright() as playwright:
+            browser = playwright.chromium.launch(
+                executable_path=BROWSER, args=list(BROWSER_OPTIONS)
+            )
+            tab = browser.new_page(viewport={"width": 480, "height": 320})
+            tab.goto(gate.url)
+            tab.wait_for_selector(f"#{STAMP}")
+            tab.wait_for_timeout(10_000)  # textures, and the scene fades in
+            tab.evaluate(PROBE)
+            tab.wait_for_timeout(1000 * seconds)
+            tab.wait_for_function("() => window.pictures.length > 20", timeout=0)
+            pictures = np.array(tab.evaluate("() => window.pictures")[1:])
+            browser.close()
+        robot = trifinger.observe(name)
+        offset = time.time() - time.monotonic()
+        steps = pictures[:, 0].astype(int)
+        first = robot.range("status")[0]
+        known = steps >= first
+        states = np.array([robot.get_status(int(step)).time for step in steps[known]]) * 1e-9
+        ages = 1e3 * (pictures[known, 1] * 1e-3 - offset - states)
+        rate = (len(pictures) - 1) / (pictures[-1, 1] - pictures[0, 1]) * 1e3
+    finally:
+        is_over.set()
+        thread.join()
+        page.server.stop()
+        gate.close()
+    age = float(np.quantile(ages, 0.95))
+    remark = "Chromium without a graphics card, 480 x 320 pixels, on the same processors."
+    return [
+        Row(
+            "from a state to its picture in a browser, p95",
+            age,
+            float(ages.min()),
+            float(ages.max()),
+            "ms",
+            reach="<= 100 ms",
+            holds=age <= 100.0,
+            remark=remark,
+        ),
+        Row(
+            "pictures of a running robot in a browser",
+            rate,
+            rate,
+            rate,
+            "/s",
+            reach=">= 30 /s",
+            holds=rate >= 30.0,
+            remark=remark,
+        ),
+    ]
