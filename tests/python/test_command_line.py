@@ -96,15 +96,17 @@ def test_the_help_lists_every_command() -> None:
 
 
 PROGRAMS_OF_PYTHON = (
-    "clone",
     "bridge",
+    "clone",
     "demo",
     "evaluate",
     "export",
     "film",
+    "motion",
     "teach",
     "teleop",
     "train",
+    "view",
     "log plot",
     "log export",
     "calibrate cameras",
