@@ -42,7 +42,7 @@ enum class End : int {
 };
 
 // Ends a wait of the guide's thread.
-struct Stop {};
+struct Stop : std::exception {};
 
 // What the thread of a guide knows of itself. Null in all other threads.
 struct OwnThread {
@@ -485,7 +485,8 @@ Guide::Guide(std::shared_ptr<UntypedFrontend> frontend, const GuidedRobot& robot
 
 Guide::~Guide() {
   // The thread stayed in the parent, and its locks may be held for ever in this copy of them.
-  if (fork_.is_inherited()) static_cast<void>(implementation_.release());
+  if (!fork_.is_inherited()) return;
+  [[maybe_unused]] const Implementation* const left = implementation_.release();
 }
 
 Guide::Implementation& Guide::own() const {

@@ -27,18 +27,18 @@ class GuideControllerOf : public ::testing::Test {
   static constexpr int kJoints = static_cast<int>(R::kJoints);
   static constexpr int kFingers = static_cast<int>(R::kTips);
 
-  const GuidedRobot robot = guided_robot<R>(guided_options<R>().description);
-  const GuideSpeeds speeds{};
-  std::mt19937 random{7};
+  const GuidedRobot robot_ = guided_robot<R>(guided_options<R>().description);
+  const GuideSpeeds speeds_{};
+  std::mt19937 random_{7};
 
   double uniform(double least, double most) {
-    return std::uniform_real_distribution<double>(least, most)(random);
+    return std::uniform_real_distribution<double>(least, most)(random_);
   }
   [[nodiscard]] double soft_lower(int joint) const {
-    return robot.limits[static_cast<std::size_t>(joint)].soft_lower;
+    return robot_.limits[static_cast<std::size_t>(joint)].soft_lower;
   }
   [[nodiscard]] double soft_upper(int joint) const {
-    return robot.limits[static_cast<std::size_t>(joint)].soft_upper;
+    return robot_.limits[static_cast<std::size_t>(joint)].soft_upper;
   }
   // Positions within the soft limits, `margin` away from them.
   JointValues random_pose(double margin = 0.0) {
@@ -48,7 +48,7 @@ class GuideControllerOf : public ::testing::Test {
     return pose;
   }
   Wish random_wish() {
-    const int choice = std::uniform_int_distribution<int>(0, 9)(random);
+    const int choice = std::uniform_int_distribution<int>(0, 9)(random_);
     if (choice == 0) return {.mode = Mode::kHold};
     if (choice == 1) return {.mode = Mode::kHome};
     if (choice == 2) return {.mode = Mode::kFloat};
@@ -58,7 +58,7 @@ class GuideControllerOf : public ::testing::Test {
       return wish;
     }
     return {.mode = Mode::kMoveTip,
-            .finger = std::uniform_int_distribution<int>(0, kFingers - 1)(random),
+            .finger = std::uniform_int_distribution<int>(0, kFingers - 1)(random_),
             .tip = {uniform(-0.5, 0.5), uniform(-0.5, 0.5), uniform(-0.2, 0.7)}};
   }
   static MeasuredJoints at_rest(const JointValues& position) {
@@ -77,7 +77,7 @@ class GuideControllerOf : public ::testing::Test {
     const JointValues& reference = before.mode == Mode::kFloat ? before.measured : before.reference;
     for (int i = 0; i < kJoints; ++i) {
       ASSERT_LE(std::abs(after.reference[i] - reference[i]),
-                speeds.joint_speed * kPeriod + kRounding);
+                speeds_.joint_speed * kPeriod + kRounding);
       ASSERT_GE(after.reference[i], std::min(soft_lower(i), reference[i]) - kRounding);
       ASSERT_LE(after.reference[i], std::max(soft_upper(i), reference[i]) + kRounding);
       ASSERT_GE(after.target[i], soft_lower(i));
@@ -90,7 +90,7 @@ using Robots = ::testing::Types<TriFinger, Finger>;
 TYPED_TEST_SUITE(GuideControllerOf, Robots);
 
 TYPED_TEST(GuideControllerOf, AsksForNothingBeforeItBegins) {
-  GuideController controller(this->robot, this->speeds);
+  GuideController controller(this->robot_, this->speeds_);
   const MeasuredJoints measured = this->at_rest(this->random_pose());
   EXPECT_FALSE(controller.grant({.mode = Mode::kHome}));
   const GuideCommand& command = controller.update(measured);
@@ -99,7 +99,7 @@ TYPED_TEST(GuideControllerOf, AsksForNothingBeforeItBegins) {
 }
 
 TYPED_TEST(GuideControllerOf, DoesNotBeginWithoutAWholeMeasurement) {
-  GuideController controller(this->robot, this->speeds);
+  GuideController controller(this->robot_, this->speeds_);
   MeasuredJoints measured = this->at_rest(this->random_pose());
   measured.position[1] = kNan;
   EXPECT_FALSE(controller.begin(measured));
@@ -110,19 +110,19 @@ TYPED_TEST(GuideControllerOf, DoesNotBeginWithoutAWholeMeasurement) {
 
 TYPED_TEST(GuideControllerOf, BeginsAtTheMeasuredPoseWhateverIsWished) {
   for (int trial = 0; trial < 200; ++trial) {
-    GuideController controller(this->robot, this->speeds);
+    GuideController controller(this->robot_, this->speeds_);
     const MeasuredJoints measured = this->at_rest(this->random_pose());
     ASSERT_TRUE(controller.begin(measured));
     static_cast<void>(controller.grant(this->random_wish()));
     static_cast<void>(controller.update(measured));
     EXPECT_LE((controller.state().reference - measured.position).cwiseAbs().maxCoeff(),
-              this->speeds.joint_speed * kPeriod);
+              this->speeds_.joint_speed * kPeriod);
   }
 }
 
 TYPED_TEST(GuideControllerOf, RefusesWishesThatMakeNoSense) {
-  GuideController controller(this->robot, this->speeds);
-  ASSERT_TRUE(controller.begin(this->at_rest(this->robot.home)));
+  GuideController controller(this->robot_, this->speeds_);
+  ASSERT_TRUE(controller.begin(this->at_rest(this->robot_.home)));
   ASSERT_TRUE(controller.grant({.mode = Mode::kMoveJoints, .joints = this->random_pose()}));
   const JointValues target = controller.state().target;
   EXPECT_FALSE(controller.grant({.mode = Mode::kMoveTip, .finger = -1}));
@@ -143,13 +143,13 @@ TYPED_TEST(GuideControllerOf, KeepsItsLawsWithRandomWishesInASimulation) {
     ControllerState before = simulation.controller.state();
     if (until_wish-- == 0) {
       ASSERT_TRUE(simulation.controller.grant(this->random_wish()));
-      until_wish = std::uniform_int_distribution<int>(1, 1500)(this->random);
+      until_wish = std::uniform_int_distribution<int>(1, 1500)(this->random_);
     }
     ASSERT_NO_THROW(simulation.step()) << "at step " << step;
     this->expect_lawful(before, simulation.controller.state(), simulation.command);
     if (this->HasFatalFailure()) return;
     for (int i = 0; i < this->kJoints; ++i) {
-      const JointLimit& limit = this->robot.limits[static_cast<std::size_t>(i)];
+      const JointLimit& limit = this->robot_.limits[static_cast<std::size_t>(i)];
       const double position = simulation.observation.position[static_cast<std::size_t>(i)];
       ASSERT_GT(position, limit.hard_lower);
       ASSERT_LT(position, limit.hard_upper);
@@ -158,7 +158,7 @@ TYPED_TEST(GuideControllerOf, KeepsItsLawsWithRandomWishesInASimulation) {
 }
 
 TYPED_TEST(GuideControllerOf, KeepsItsLawsWhateverIsMeasured) {
-  GuideController controller(this->robot, this->speeds);
+  GuideController controller(this->robot_, this->speeds_);
   JointValues pose = this->random_pose();
   ASSERT_TRUE(controller.begin(this->at_rest(pose)));
   const std::int64_t steps = repetitions(100'000, 1'000'000);
@@ -185,7 +185,7 @@ TYPED_TEST(GuideControllerOf, BringsJointsWhereTheyAreSent) {
   GuidedSimulation<TypeParam> simulation;
   for (int trial = 0; trial < 5; ++trial) {
     // Poses near the initial one, where nothing is in the way.
-    JointValues goal = this->robot.home;
+    JointValues goal = this->robot_.home;
     for (int i = 0; i < this->kJoints; ++i)
       goal[i] =
           std::clamp(goal[i] + this->uniform(-0.2, 0.2), this->soft_lower(i), this->soft_upper(i));
@@ -196,12 +196,12 @@ TYPED_TEST(GuideControllerOf, BringsJointsWhereTheyAreSent) {
   }
   ASSERT_TRUE(simulation.controller.grant({.mode = Mode::kHome}));
   ASSERT_TRUE(simulation.arrive());
-  EXPECT_EQ(simulation.controller.state().reference, this->robot.home);
+  EXPECT_EQ(simulation.controller.state().reference, this->robot_.home);
 }
 
 TYPED_TEST(GuideControllerOf, LeadsATipOnAStraightLine) {
   GuidedSimulation<TypeParam> simulation;
-  const Kinematics kinematics(this->robot.description);
+  const Kinematics kinematics(this->robot_.description);
   const auto tip_of = [&](int finger) -> Eigen::Vector3d {
     return kinematics.tip_positions(joint_values(simulation.observation.position))
         .template segment<3>(3 * finger);
@@ -245,14 +245,14 @@ TYPED_TEST(GuideControllerOf, FollowsAPointThatMovesOnWithEveryWish) {
     }
     simulation.step();
   }
-  const Kinematics kinematics(this->robot.description);
+  const Kinematics kinematics(this->robot_.description);
   const Eigen::Vector3d tip =
       kinematics.tip_positions(joint_values(simulation.observation.position)).template head<3>();
   EXPECT_GT(tip.z() - begin.z(), 0.8 * (point.z() - begin.z()));
 }
 
 TYPED_TEST(GuideControllerOf, WaitsAtAnObstacleAndHoldsTheMeasuredPose) {
-  GuideController controller(this->robot, this->speeds);
+  GuideController controller(this->robot_, this->speeds_);
   const MeasuredJoints blocked = this->at_rest(this->random_pose(0.3));
   ASSERT_TRUE(controller.begin(blocked));
   for (const double side : {-1.0, 1.0}) {
@@ -271,7 +271,7 @@ TYPED_TEST(GuideControllerOf, WaitsAtAnObstacleAndHoldsTheMeasuredPose) {
 }
 
 TYPED_TEST(GuideControllerOf, FollowsJointsThatAreDraggedAwayAndReturnsLater) {
-  GuideController controller(this->robot, this->speeds);
+  GuideController controller(this->robot_, this->speeds_);
   const JointValues pose = this->random_pose(0.6);
   ASSERT_TRUE(controller.begin(this->at_rest(pose)));
   const MeasuredJoints dragged = this->at_rest(pose + JointValues::Constant(this->kJoints, 0.5));
@@ -294,7 +294,7 @@ TYPED_TEST(GuideControllerOf, HoldsThePoseThatItHoldsAlready) {
 
 TYPED_TEST(GuideControllerOf, BrakesFromTheMiddleOfAMotion) {
   GuidedSimulation<TypeParam> simulation;
-  JointValues goal = this->robot.home;
+  JointValues goal = this->robot_.home;
   goal[0] = std::clamp(goal[0] + 0.6, this->soft_lower(0), this->soft_upper(0));
   ASSERT_TRUE(simulation.controller.grant({.mode = Mode::kMoveJoints, .joints = goal}));
   for (int step = 0; step < 300; ++step) simulation.step();
@@ -325,9 +325,9 @@ TYPED_TEST(GuideControllerOf, GoesNearAPointThatNoTipReaches) {
 }
 
 TYPED_TEST(GuideControllerOf, ClampsTargetsToSoftLimitsAndSaysSo) {
-  GuideController controller(this->robot, this->speeds);
-  ASSERT_TRUE(controller.begin(this->at_rest(this->robot.home)));
-  JointValues far = this->robot.home;
+  GuideController controller(this->robot_, this->speeds_);
+  ASSERT_TRUE(controller.begin(this->at_rest(this->robot_.home)));
+  JointValues far = this->robot_.home;
   far[this->kJoints - 1] = 100.0;
   ASSERT_TRUE(controller.grant({.mode = Mode::kMoveJoints, .joints = far}));
   EXPECT_EQ(controller.state().target[this->kJoints - 1], this->soft_upper(this->kJoints - 1));
@@ -338,7 +338,7 @@ TYPED_TEST(GuideControllerOf, ClampsTargetsToSoftLimitsAndSaysSo) {
 TYPED_TEST(GuideControllerOf, FloatsWithoutSinking) {
   JointVector<TypeParam::kJoints> begin{};
   for (int i = 0; i < this->kJoints; ++i)
-    begin[static_cast<std::size_t>(i)] = this->robot.home[i] + (i % 3 == 0 ? 0.3 : 0.1);
+    begin[static_cast<std::size_t>(i)] = this->robot_.home[i] + (i % 3 == 0 ? 0.3 : 0.1);
   GuidedSimulation<TypeParam> simulation(begin);
   ASSERT_TRUE(simulation.controller.grant({.mode = Mode::kFloat}));
   for (int step = 0; step < 3000; ++step) simulation.step();
@@ -348,7 +348,7 @@ TYPED_TEST(GuideControllerOf, FloatsWithoutSinking) {
 }
 
 TYPED_TEST(GuideControllerOf, HoldsTheLastPoseIfMeasurementsFailWhileItFloats) {
-  GuideController controller(this->robot, this->speeds);
+  GuideController controller(this->robot_, this->speeds_);
   const MeasuredJoints measured = this->at_rest(this->random_pose());
   ASSERT_TRUE(controller.begin(measured));
   ASSERT_TRUE(controller.grant({.mode = Mode::kFloat}));
@@ -362,7 +362,7 @@ TYPED_TEST(GuideControllerOf, HoldsTheLastPoseIfMeasurementsFailWhileItFloats) {
 }
 
 TYPED_TEST(GuideControllerOf, DoesNotAllocateAfterConstruction) {
-  GuideController controller(this->robot, this->speeds);
+  GuideController controller(this->robot_, this->speeds_);
   JointValues pose = this->random_pose();
   const AllocationCounter allocations;
   static_cast<void>(controller.begin(this->at_rest(pose)));

@@ -6,6 +6,7 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
+#include <exception>
 #include <functional>
 #include <future>
 #include <limits>
@@ -95,7 +96,8 @@ struct RunningRobot {
     frontend->set_interrupt([] { static_cast<void>(interrupt_guide()); });
     return frontend;
   }
-  [[nodiscard]] std::unique_ptr<Guide> guide(GuideOptions options = ordinary_thread()) const {
+  [[nodiscard]] std::unique_ptr<Guide> guide(
+      const GuideOptions& options = ordinary_thread()) const {
     return std::make_unique<Guide>(connect(), guided_robot<R>(guided_options<R>().description),
                                    options);
   }
@@ -295,7 +297,7 @@ TEST(Guide, StopsWhateverOthersWaitFor) {
 
 TEST(Guide, LetsAnInterruptEndAWait) {
   const RunningRobot<Finger> robot(true);
-  struct Interrupt {};
+  struct Interrupt : std::exception {};
   GuideOptions options = ordinary_thread();
   options.interrupt = [] { throw Interrupt(); };
   const auto guide = robot.guide(options);

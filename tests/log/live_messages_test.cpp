@@ -37,7 +37,6 @@ using log::LiveMessages;
 using log::LiveOptions;
 using ::testing::Contains;
 using ::testing::HasSubstr;
-using ::testing::IsEmpty;
 
 // A message of a topic: its type, definition, time and bytes.
 struct Told {
@@ -137,7 +136,7 @@ void step(Frontend<FakeRobot>& robot, TimeIndex count) {
 }
 
 std::vector<Document> documents() {
-  return {{"robot.urdf", "application/xml", "<robot name=\"arm\"><link name=\"base\"/></robot>"},
+  return {{"robot.urdf", "application/xml", R"(<robot name="arm"><link name="base"/></robot>)"},
           {"frames.txt", "text/plain",
            "fixed world base 0 0 1 1 0 0 0\n"
            "turning base upper 0 0 0.5 1 0 0 0 0 0 1 shoulder setpoint\n"}};
