@@ -108,6 +108,10 @@ struct RunningRobot {
   std::optional<BackendThread> thread;
 };
 
+void wait_for_step(const Guide& guide, TimeIndex step) {
+  while (guide.state().step < step) std::this_thread::yield();
+}
+
 template <class R>
 class GuideOf : public Test {};
 using Robots = ::testing::Types<TriFinger, Finger>;
@@ -229,8 +233,7 @@ TYPED_TEST(GuideOf, HoldsAfterMeasurementsFailedWhileItFloated) {
   guide->float_freely();
   while (guide->state().mode != Mode::kFloat) std::this_thread::yield();
   robot.driver.measures_nothing = true;
-  const TimeIndex then = guide->state().step;
-  while (guide->state().step < then + 20) std::this_thread::yield();
+  wait_for_step(*guide, guide->state().step + 20);
   guide->hold();
   while (guide->state().mode != Mode::kHold) std::this_thread::yield();
   EXPECT_TRUE(guide->state().joints.allFinite());
@@ -262,10 +265,12 @@ TEST(Guide, GivesUpABackendThatDoesNotAnswer) {
   RunningRobot<Finger> robot(false, clock);
   {
     auto guide = robot.guide();
+    std::atomic<bool> stands_still{false};
     std::thread time([&] {
-      for (int i = 0; i < 20; ++i) clock.tick(1ms);
+      while (!stands_still) clock.tick(1ms);
     });
-    while (guide->state().step < 5) std::this_thread::yield();
+    wait_for_step(*guide, 5);
+    stands_still = true;
     time.join();
     EXPECT_THROW(guide->finish(50ms), TimedOut);
     EXPECT_FALSE(guide->is_running());
@@ -277,7 +282,7 @@ TEST(Guide, GivesUpABackendThatDoesNotAnswer) {
 TEST(Guide, StopsWhateverOthersWaitFor) {
   const RunningRobot<Finger> robot;
   const auto guide = robot.guide();
-  static_cast<void>(guide->state());
+  wait_for_step(*guide, 0);
   guide->move_tip(0, {0.0, 0.0, 0.4});
   auto arrival = std::async(std::launch::async, [&] { guide->wait_until_arrived(); });
   std::vector<std::future<void>> ends;
