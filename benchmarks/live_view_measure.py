@@ -173,7 +173,7 @@ def picture_rows(name: str, seconds: float) -> list[Row]:
         known = steps >= first
         states = np.array([robot.get_status(int(step)).time for step in steps[known]]) * 1e-9
         ages = 1e3 * (pictures[known, 1] * 1e-3 - offset - states)
-        rate = (len(pictures) - 1) / (pictures[-1, 1] - pictures[0, 1]) * 1e3
+        rate = float((len(pictures) - 1) / (pictures[-1, 1] - pictures[0, 1]) * 1e3)
     finally:
         is_over.set()
         thread.join()
@@ -189,7 +189,7 @@ def picture_rows(name: str, seconds: float) -> list[Row]:
             float(ages.max()),
             "ms",
             reach="<= 100 ms",
-            holds=age <= 100.0,
+            holds=bool(age <= 100.0),
             remark=remark,
         ),
         Row(
@@ -199,7 +199,7 @@ def picture_rows(name: str, seconds: float) -> list[Row]:
             rate,
             "/s",
             reach=">= 30 /s",
-            holds=rate >= 30.0,
+            holds=bool(rate >= 30.0),
             remark=remark,
         ),
     ]

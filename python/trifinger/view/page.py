@@ -44,12 +44,12 @@ class Page:
     def __init__(self, server: Any, title: str) -> None:
         self.server = server
         server.gui.configure_theme(
-            control_layout="collapsible",
             control_width="large",
             show_logo=False,
             show_share_button=False,
             brand_color=BRAND,
         )
+        server.gui.main_panel.dock_right()
         server.gui.set_panel_label(title)
         server.scene.configure_environment_map("warehouse", environment_intensity=ENVIRONMENT)
         self._state = server.gui.add_html("", order=0.0)
