@@ -158,8 +158,8 @@ def picture_rows(name: str, seconds: float) -> list[Row]:
                 executable_path=BROWSER, args=list(BROWSER_OPTIONS)
             )
             tab = browser.new_page(viewport={"width": 480, "height": 320})
-            tab.goto(gate.url)
-            tab.wait_for_selector(f"#{STAMP}")
+            tab.goto(gate.url, timeout=0)
+            tab.wait_for_selector(f"#{STAMP}", state="attached", timeout=0)
             tab.wait_for_timeout(10_000)  # textures, and the scene fades in
             tab.evaluate(PROBE)
             tab.wait_for_timeout(1000 * seconds)
