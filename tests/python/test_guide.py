@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: BSD-3-Clause
+import os
+import signal
+import threading
+import time
+
+import numpy as np
+import pytest
+import trifinger
+from conftest import PATIENT, Running, StartChild, StartProgram
+
+pytestmark = pytest.mark.release  # these tests need the program
+
+
+@pytest.fixture(params=["sim", "finger_pro"])
+def running(request: pytest.FixtureRequest, start_program: StartProgram) -> Running:
+    robot = start_program("run", request.param, "--name", "g", *PATIENT)
+    robot.wait_for("waits for a user")
+    return robot
+
+
+def wait_for_mode(guide: trifinger.Guide, mode: str) -> None:
+    while guide.state().mode != mode:
+        time.sleep(0.001)
+
+
+def test_a_robot_obeys_wishes(running: Running) -> None:
+    with trifinger.guide("g") as guide:
+        fingers = guide.num_fingers
+        begin = guide.state()
+        assert begin.mode == "hold"
+        assert begin.joints.shape == (guide.num_joints,) == (3 * fingers,)
+        assert begin.tips.shape == begin.reference_tips.shape == (fingers, 3)
+        raised = begin.tips + (0.0, 0.0, 0.03)
+        for finger in range(fingers):
+            guide.move_tip(finger, raised[finger])
+        guide.wait_until_arrived()
+        assert guide.state().tips == pytest.approx(raised, abs=0.005)
+        assert guide.state().refusal == ""
+        guide.move_joints(begin.joints)
+        guide.wait_until_arrived()
+        assert guide.state().joints == pytest.approx(begin.joints, abs=0.02)
+        guide.home()
+        guide.wait_until_arrived()
+        guide.move_tip(0, (0.0, 0.0, 3.0))
+        wait_for_mode(guide, "move_tip")
+        assert "finger 0 goes only to (" in guide.state().refusal
+        guide.float_freely()
+        wait_for_mode(guide, "float")
+        with pytest.raises(trifinger.InvalidArgument, match="floats"):
+            guide.wait_until_arrived()
+    assert not guide.is_running()
+    with pytest.raises(trifinger.InvalidArgument, match="has ended"):
+        guide.hold()
+
+
+def test_wishes_that_make_no_sense_are_refused(running: Running) -> None:
+    with trifinger.guide("g") as guide:
+        with pytest.raises(trifinger.InvalidArgument, match="finger 7 does not exist"):
+            guide.move_tip(7, (0.0, 0.0, 0.1))
+        with pytest.raises(trifinger.InvalidArgument, match="finite"):
+            guide.move_tip(0, (0.0, np.nan, 0.1))
+        with pytest.raises(trifinger.InvalidArgument, match="1 positions were given"):
+            guide.move_joints([0.0])
+        with pytest.raises(TypeError):
+            guide.move_tip(0, (0.0, 0.1))  # type: ignore[arg-type, unused-ignore]
+        assert guide.state().mode == "hold"
+
+
+def test_a_block_ends_the_session_and_keeps_its_exception(running: Running) -> None:
+    with pytest.raises(ZeroDivisionError), trifinger.guide("g") as guide:
+        guide.home()
+        guide.state()
+        raise ZeroDivisionError
+    assert not guide.is_running()
+    with trifinger.guide("g") as guide:  # the robot is free again
+        guide.wait_until_arrived()
+
+
+def test_a_block_raises_the_fault_that_happened_in_it(running: Running) -> None:
+    with pytest.raises(trifinger.RobotStopped), trifinger.guide("g") as guide:
+        guide.wait_until_arrived()
+        running.end()
+        while guide.is_running():
+            time.sleep(0.001)
+    with pytest.raises(trifinger.RobotStopped):
+        guide.check()
+    guide.stop()  # always works
+
+
+def test_stop_ends_the_session_while_others_wait(running: Running) -> None:
+    guide = trifinger.guide("g")
+    guide.wait_until_arrived()
+    guide.float_freely()
+    wait_for_mode(guide, "float")
+    guide.move_tip(0, (0.0, 0.0, 3.0))
+    threads = [
+        threading.Thread(target=call) for call in (guide.stop, guide.finish, guide.stop, guide.stop)
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not guide.is_running()
+    guide.check()
+
+
+def test_a_backend_that_stands_still_does_not_hold_the_program(running: Running) -> None:
+    guide = trifinger.guide("g")
+    guide.wait_until_arrived()
+    os.kill(running.process.pid, signal.SIGSTOP)
+    try:
+        with pytest.raises(trifinger.TimedOut, match="does not answer"):
+            guide.finish(timeout=0.1)
+        assert not guide.is_running()
+        del guide
+    finally:
+        os.kill(running.process.pid, signal.SIGCONT)
+
+
+def test_a_guide_shares_the_frontend_of_its_user(running: Running) -> None:
+    with trifinger.connect("g") as robot:
+        with trifinger.Guide(robot) as guide:
+            guide.wait_until_arrived()
+            with pytest.raises(trifinger.ControlHeld):
+                robot.append_desired_action(robot.new_action())
+            step = guide.state().step
+            assert robot.get_observation(step).position.shape == (guide.num_joints,)
+        assert robot.fault() is not None
+
+
+def test_only_robots_in_real_time_are_guided(running: Running) -> None:
+    with pytest.raises(trifinger.InvalidArgument, match="only observes"):
+        trifinger.Guide(trifinger.observe("g"))
+    with (
+        trifinger.simulate() as simulation,
+        pytest.raises(trifinger.InvalidArgument, match="real-time"),
+    ):
+        trifinger.Guide(simulation)
+    with trifinger.fake() as fake, pytest.raises(trifinger.InvalidArgument, match="real-time"):
+        trifinger.Guide(fake)
+    with pytest.raises(trifinger.InvalidArgument, match="scheduling"):
+        trifinger.guide("g", scheduling="always")
+    with pytest.raises(trifinger.InvalidArgument, match="joint_speed"):
+        trifinger.guide("g", joint_speed=-1.0)
+    trifinger.guide("g").stop()
+
+
+FORGOTTEN = """
+import sys, trifinger
+guide = trifinger.guide("g")
+guide.wait_until_arrived()
+print("ready", flush=True)
+sys.stdin.read()
+"""
+
+
+def test_a_program_may_end_without_ending_its_guide(
+    running: Running, start_python: StartChild
+) -> None:
+    assert start_python(FORGOTTEN).finish() == (0, "")
+    with trifinger.guide("g") as guide:
+        guide.wait_until_arrived()
