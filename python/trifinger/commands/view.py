@@ -13,10 +13,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from trifinger import extras
-from trifinger.commands.command_line import run
-from trifinger.errors import InvalidArgument
-from trifinger.view.gate import LOOPBACK, Gate, page_server
+from trifinger.commands.command_line import ended_by_signals, run
+from trifinger.errors import InvalidArgument, RobotStopped, SessionNotFound
+from trifinger.view.gate import CONTROL_MESSAGES, LOOPBACK, Gate, page_server
 from trifinger.view.logged import LoggedRun
+from trifinger.view.pilot import Pilot
 
 RATE = 40.0  # of pictures [Hz]
 IDLE_RATE = 5.0  # without a browser
@@ -29,17 +30,23 @@ def is_log(text: str) -> bool:
 
 
 def show(
-    page_title: str, gate: Gate, with_browser: bool, begin: Callable[..., Callable[[bool], None]]
+    page_title: str,
+    gate: Gate,
+    with_browser: bool,
+    begin: Callable[..., Callable[[bool], None]],
+    pilot: Pilot | None = None,
 ) -> None:
     """Serves a page until Ctrl-C. `begin` makes the page and returns what renews it."""
     from trifinger.view.live import be_modest
     from trifinger.view.page import Page
 
-    be_modest()
+    if pilot is None:  # the thread of a guide would inherit this
+        be_modest()
     with contextlib.closing(gate):
-        page = Page(page_server(gate, page_title), page_title)
+        server = page_server(gate, page_title, None if pilot is None else CONTROL_MESSAGES)
+        page = Page(server, page_title)
         renew = begin(page)
-        print_address(gate)
+        print_address(gate, controls=pilot is not None and pilot.with_guide)
         if with_browser:
             webbrowser.open(gate.url)
         following = time.monotonic()
@@ -57,12 +64,13 @@ def show(
             page.server.stop()
 
 
-def print_address(gate: Gate) -> None:
-    """Says how to open the page."""
+def print_address(gate: Gate, *, controls: bool = False) -> None:
+    """Says how to open the page, and what its end does to a robot that it controls or not."""
     print(f"Open {gate.url}")
     if not gate.is_local:
+        does = "moves" if controls else "sees"
         print(
-            "Who has this address sees the robot; it crosses the network unencrypted.",
+            f"Who has this address {does} the robot; it crosses the network unencrypted.",
             file=sys.stderr,
         )
     elif os.environ.get("SSH_CONNECTION"):
@@ -72,25 +80,34 @@ def print_address(gate: Gate) -> None:
             "From the machine that you came from, first:\n"
             f"  ssh -L {gate.port}:{LOOPBACK}:{gate.port} {getpass.getuser()}@{host}"
         )
-    print("Ctrl-C ends the page; the robot does not notice.", flush=True)
+    end = "the session of the robot ends with it" if controls else "the robot does not notice"
+    print(f"Ctrl-C ends the page; {end}.", flush=True)
 
 
-def show_robot(name: str, gate: Gate, with_browser: bool) -> None:
-    """Shows a running robot, or the next one that runs."""
+def show_robot(name: str, gate: Gate, with_browser: bool, pilot: Pilot | None = None) -> None:
+    """Shows a running robot, or the next one that runs. With a pilot, the page can steer it."""
+    from trifinger.view.control_panel import ControlPanel, add_stop
     from trifinger.view.live import LiveRun
     from trifinger.view.page import Page
 
     live = LiveRun(name)
+    if pilot is not None and pilot.with_guide:
+        add_stop(gate, name)
 
     def begin(page: Page) -> Callable[[bool], None]:
         shown: dict[str, object] = {"session": None, "lines": None}
         page.show_state(live.lines)
+        panel = None if pilot is None else ControlPanel(page, pilot)
 
         def renew(is_watched: bool) -> None:
             live.look(with_images=is_watched)
             if live.session_id != shown["session"]:
                 shown["session"] = live.session_id
                 page.begin(live.scene)
+                if panel is not None:
+                    panel.begin(live)
+            if panel is not None:
+                panel.renew(live)
             if live.frame is not None:
                 page.show(live.frame)
             if live.lines is not shown["lines"]:
@@ -102,7 +119,16 @@ def show_robot(name: str, gate: Gate, with_browser: bool) -> None:
 
         return renew
 
-    show(name or "TriFinger", gate, with_browser, begin)
+    show(name or "TriFinger", gate, with_browser, begin, pilot)
+
+
+def steer_robot(name: str, gate: Gate, with_browser: bool, *, with_guide: bool) -> None:
+    """Shows a robot with a panel that steers it, or that pulls at it in simulation."""
+    pilot = Pilot(name, with_guide=with_guide)
+    with ended_by_signals(), contextlib.closing(pilot):
+        with contextlib.suppress(SessionNotFound, RobotStopped):  # the page says so and waits
+            pilot.connect()
+        show_robot(name, gate, with_browser, pilot)
 
 
 def show_log(run: LoggedRun, gate: Gate, with_browser: bool) -> None:
@@ -146,6 +172,7 @@ def main(words: Sequence[str] | None = None) -> int:
         epilog="Examples:\n"
         "  trifinger view                     the robot that runs\n"
         "  trifinger view sim                 the robot 'sim', and its next sessions\n"
+        "  trifinger view sim --control       the same, and the page steers the robot\n"
         "  trifinger view logs                the newest log in a folder, with a time line\n"
         "  trifinger view logs -o run.html    a file that any browser shows, without this program",
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -163,6 +190,16 @@ def main(words: Sequence[str] | None = None) -> int:
         type=int,
         metavar="N|ID",
         help="of a log: number or id, as `trifinger log info` shows them; default: the newest",
+    )
+    parser.add_argument(
+        "--control",
+        action="store_true",
+        help="control the robot NAME from the page; its safety checks apply as always",
+    )
+    parser.add_argument(
+        "--hand",
+        action="store_true",
+        help="pull at tips and objects of the simulation NAME, whoever controls it",
     )
     file = parser.add_argument_group("a file of a log")
     file.add_argument("-o", "--output", type=Path, metavar="FILE", help="write a page into a file")
@@ -190,6 +227,12 @@ def main(words: Sequence[str] | None = None) -> int:
     arguments = parser.parse_args(words)
 
     def work() -> None:
+        steers = arguments.control or arguments.hand
+        if steers and (not arguments.what or is_log(arguments.what)):
+            option = "--control" if arguments.control else "--hand"
+            raise InvalidArgument(
+                f"{option} needs the name of a robot that runs: trifinger view sim {option}"
+            )
         if is_log(arguments.what):
             if arguments.output is not None:
                 write_log(arguments)
@@ -207,7 +250,11 @@ def main(words: Sequence[str] | None = None) -> int:
         require_no_file_options(arguments, "a log and -o")
         extras.require("view")
         gate = Gate(arguments.host, arguments.port, arguments.token)
-        show_robot(arguments.what, gate, wants_browser(arguments))
+        if steers:
+            with_browser = wants_browser(arguments)
+            steer_robot(arguments.what, gate, with_browser, with_guide=arguments.control)
+        else:
+            show_robot(arguments.what, gate, wants_browser(arguments))
 
     return run(work)
 

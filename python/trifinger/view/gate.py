@@ -16,6 +16,7 @@ the gate bounds what lies in buffers of the connection.
 from __future__ import annotations
 
 import contextlib
+import gzip
 import hmac
 import http
 import ipaddress
@@ -43,6 +44,7 @@ LONGEST_TEXT = 1000  # of a value that a browser sends [characters]
 MOST_NUMBERS = 100  # in such a value
 SEND_BUFFER = 256 * 1024  # of a connection, in the kernel [bytes]
 SHORTEST_TOKEN = 16  # [characters]
+ACTION_HEADER = "X-TriFinger"
 UNKNOWN = "This page needs the whole address that `trifinger view` has printed, with its token.\n"
 
 
@@ -71,6 +73,8 @@ class Gate:
         self._names = {"localhost", host.lower(), socket.gethostname().lower()}
         self._names.add(socket.getfqdn().lower())
         self._count_browsers: Callable[[], int] = lambda: 0
+        self._actions: dict[str, Callable[[], tuple[int, str]]] = {}
+        self._part = b""
 
     @property
     def cookie(self) -> str:
@@ -91,6 +95,48 @@ class Gate:
         if ":" in host:
             host = f"[{host}]"
         return f"http://{host}:{self.port}/?token={self.token}"
+
+    def offer(self, path: str, action: Callable[[], tuple[int, str]]) -> None:
+        """Does something when a script of the page asks for `path`; before the server starts.
+
+        The action returns the status of the answer and its text. It must not wait: all requests
+        share its thread. The request needs what every request needs, and the header X-TriFinger
+        with the word "stop", which no page of another site can send.
+        """
+        self._actions[path] = action
+
+    def add_to_page(self, part: str) -> None:
+        """Adds a piece of HTML to the page, beside what viser shows; before the server starts."""
+        self._part += part.encode()
+
+    def answer(self, path: str, headers: Any) -> tuple[int, str] | None:
+        """Does the action at a path and returns its answer; None if there is none."""
+        action = self._actions.get(path)
+        if action is None:
+            return None
+        host = _only(headers, "Host")
+        origins = headers.get_all("Origin")
+        if (
+            _only(headers, ACTION_HEADER) != "stop"
+            or (origins and origins != [f"http://{host}"])
+            or headers.get_all("Sec-Fetch-Site") not in ([], ["same-origin"])
+        ):
+            return 403, "Only a page of this server may ask for this.\n"
+        return action()
+
+    def with_parts(self, answer: Any) -> Any:
+        """Adds the pieces of `add_to_page` to an answer, if that is the page."""
+        kind = answer.headers.get("Content-Type", "")
+        if not self._part or answer.status_code != 200 or not kind.startswith("text/html"):
+            return answer
+        is_packed = answer.headers.get("Content-Encoding") == "gzip"
+        page = gzip.decompress(answer.body) if is_packed else bytes(answer.body)
+        before, end, after = page.rpartition(b"</body>")
+        answer.body = before + self._part + end + after
+        for name, value in (("Content-Encoding", "identity"), ("Content-Length", len(answer.body))):
+            del answer.headers[name]
+            answer.headers[name] = str(value)
+        return answer
 
     def close(self) -> None:
         """Stops listening."""
@@ -269,11 +315,14 @@ def _answer(gate: Gate, files: Any, connection: Any, request: Any) -> Any:
         return _guarded(connection.respond(http.HTTPStatus(refusal[0]), refusal[1]), request)
     if is_websocket:
         return None
+    done = gate.answer(request.path, request.headers)
+    if done is not None:
+        return _guarded(connection.respond(http.HTTPStatus(done[0]), done[1]), request)
     if "?" in request.path:  # the client obeys some words there, such as another server's address
         answer = connection.respond(http.HTTPStatus.SEE_OTHER, "")
         answer.headers["Location"] = "/"
         return _guarded(answer, request)
-    return _guarded(files(connection, request), request)
+    return _guarded(gate.with_parts(files(connection, request)), request)
 
 
 def _guarded(answer: Any, request: Any) -> Any:

@@ -62,6 +62,11 @@ class LiveRun:
         self._before = ""  # how the session before ended
         self._next_step = 0
 
+    @property
+    def robot(self) -> Frontend | None:
+        """The observer of the session; None while there is none."""
+        return self._robot
+
     def look(self, with_images: bool = True) -> None:
         """Takes the newest step. Images and words are renewed some times per second only."""
         is_time = self._clock() - self._looked >= INFO_PERIOD

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The stop of a page: it ends the back-end of a robot as `trifinger stop` does.
+
+It needs neither the controller nor the scene of the page, and nothing of another browser.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import signal
+from http import HTTPStatus
+
+from trifinger import _trifinger
+from trifinger.errors import Error, SessionNotFound
+
+Answer = tuple[int, str]
+"""The status of an answer to a browser, and a sentence."""
+
+
+class Stop:
+    """The stop of one robot. One thread uses it; nothing here waits."""
+
+    def __init__(self, name: str) -> None:
+        """`name` is that of the robot, which need not run yet."""
+        self._name = name
+        self._process = -1  # a descriptor of the back-end that was told to end
+
+    def order(self) -> Answer:
+        """Tells the back-end to bring the robot to rest and to end.
+
+        The status is 202 when it was told, 200 when there is nothing left to end, and 4xx or 5xx
+        with the reason when it cannot be told.
+        """
+        remedy = f"run in a terminal: trifinger stop {self._name}"
+        try:
+            backend = _trifinger.observe(self._name).session_info().backend_pid
+            process = os.pidfd_open(backend)
+        except SessionNotFound:
+            return HTTPStatus.NOT_FOUND, f"No robot '{self._name}' runs: there is nothing to stop."
+        except ProcessLookupError:
+            return HTTPStatus.OK, "The back-end is already gone."
+        except (Error, OSError) as error:
+            return HTTPStatus.INTERNAL_SERVER_ERROR, f"NOT stopped: {error}; {remedy}."
+        try:
+            # The descriptor is of the back-end only if that was still alive when it was opened.
+            if not _trifinger.observe(self._name).session_info().backend_is_alive:
+                os.close(process)
+                return HTTPStatus.OK, "The back-end is already gone."
+            signal.pidfd_send_signal(process, signal.SIGTERM)
+        except (Error, OSError) as error:
+            os.close(process)
+            return HTTPStatus.INTERNAL_SERVER_ERROR, f"NOT stopped: {error}; {remedy}."
+        self.close()
+        self._process = process
+        return HTTPStatus.ACCEPTED, f"Stopping: process {backend} brings the robot to rest."
+
+    def outcome(self) -> Answer:
+        """Says whether the back-end that was told has ended: status 200, or 202 until then."""
+        if self._process < 0:
+            return HTTPStatus.NOT_FOUND, "Nothing was told to stop."
+        if select.select([self._process], [], [], 0)[0]:
+            return HTTPStatus.OK, "Stopped: the robot has come to rest, and its back-end has ended."
+        return (
+            HTTPStatus.ACCEPTED,
+            "The back-end still brings the robot to rest, or it hangs. If this lasts, "
+            f"run in a terminal: trifinger stop {self._name}",
+        )
+
+    def close(self) -> None:
+        """Forgets the back-end that was told."""
+        process, self._process = self._process, -1
+        if process >= 0:
+            with contextlib.suppress(OSError):
+                os.close(process)
