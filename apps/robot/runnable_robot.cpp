@@ -264,7 +264,7 @@ RunnableRobot make_robot(const RobotChoice& choice) {
     std::visit([&](const auto& options) { add_boards(made, options, config, counts); },
                config.simulation);
   } else {
-    std::visit([&](const auto& options) { add_simulation(made, options, config, state); },
+    std::visit([&](const auto& options) { add_simulation(made, options, config, choice.state); },
                config.simulation);
   }
   made.sensor_programs = programs_for(made, config);
