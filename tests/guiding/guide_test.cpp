@@ -45,7 +45,7 @@ class Breakable final : public Driver<R> {
   using Driver<R>::apply_action;
   using Driver<R>::hold;
 
-  explicit Breakable(const JointVector<R::kJoints>& begin) { robot.reset(begin, Random(1)); }
+  explicit Breakable(const JointVector<R::kJoints>& begin) { robot.reset(begin, Random{1}); }
 
   DriverReport prepare(TimeIndex step) noexcept override {
     return is_homing ? DriverReport::busy() : robot.prepare(step);

@@ -47,7 +47,7 @@ class GuidedSimulation {
   explicit GuidedSimulation(std::optional<JointVector<R::kJoints>> begin = {},
                             const guiding::GuideSpeeds& speeds = {})
       : controller(guiding::guided_robot<R>(guided_options<R>().description), speeds) {
-    if (begin) robot.reset(*begin, Random(1));
+    if (begin) robot.reset(*begin, Random{1});
     frontend.emplace(backend);
     observation = frontend->latest_observation();
     EXPECT_TRUE(controller.begin(measured<R>(observation)));

@@ -24,14 +24,15 @@ def wait_for_mode(guide: trifinger.Guide, mode: str) -> None:
         time.sleep(0.001)
 
 
-def test_a_robot_obeys_wishes(running: Running) -> None:
+@pytest.mark.usefixtures("running")
+def test_a_robot_obeys_wishes() -> None:
     with trifinger.guide("g") as guide:
         fingers = guide.num_fingers
         begin = guide.state()
         assert begin.mode == "hold"
         assert begin.joints.shape == (guide.num_joints,) == (3 * fingers,)
         assert begin.tips.shape == begin.reference_tips.shape == (fingers, 3)
-        raised = begin.tips + (0.0, 0.0, 0.03)
+        raised = begin.tips + np.array([0.0, 0.0, 0.03])
         for finger in range(fingers):
             guide.move_tip(finger, raised[finger])
         guide.wait_until_arrived()
@@ -54,7 +55,8 @@ def test_a_robot_obeys_wishes(running: Running) -> None:
         guide.hold()
 
 
-def test_wishes_that_make_no_sense_are_refused(running: Running) -> None:
+@pytest.mark.usefixtures("running")
+def test_wishes_that_make_no_sense_are_refused() -> None:
     with trifinger.guide("g") as guide:
         with pytest.raises(trifinger.InvalidArgument, match="finger 7 does not exist"):
             guide.move_tip(7, (0.0, 0.0, 0.1))
@@ -67,28 +69,42 @@ def test_wishes_that_make_no_sense_are_refused(running: Running) -> None:
         assert guide.state().mode == "hold"
 
 
-def test_a_block_ends_the_session_and_keeps_its_exception(running: Running) -> None:
-    with pytest.raises(ZeroDivisionError), trifinger.guide("g") as guide:
-        guide.home()
-        guide.state()
-        raise ZeroDivisionError
+@pytest.mark.usefixtures("running")
+def test_a_block_ends_the_session_and_keeps_its_exception() -> None:
+    guide = trifinger.guide("g")
+
+    def block() -> None:
+        with guide:
+            guide.home()
+            guide.state()
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        block()
     assert not guide.is_running()
     with trifinger.guide("g") as guide:  # the robot is free again
         guide.wait_until_arrived()
 
 
 def test_a_block_raises_the_fault_that_happened_in_it(running: Running) -> None:
-    with pytest.raises(trifinger.RobotStopped), trifinger.guide("g") as guide:
-        guide.wait_until_arrived()
-        running.end()
-        while guide.is_running():
-            time.sleep(0.001)
+    guide = trifinger.guide("g")
+
+    def block() -> None:
+        with guide:
+            guide.wait_until_arrived()
+            running.end()
+            while guide.is_running():
+                time.sleep(0.001)
+
+    with pytest.raises(trifinger.RobotStopped):
+        block()
     with pytest.raises(trifinger.RobotStopped):
         guide.check()
     guide.stop()  # always works
 
 
-def test_stop_ends_the_session_while_others_wait(running: Running) -> None:
+@pytest.mark.usefixtures("running")
+def test_stop_ends_the_session_while_others_wait() -> None:
     guide = trifinger.guide("g")
     guide.wait_until_arrived()
     guide.float_freely()
@@ -118,7 +134,8 @@ def test_a_backend_that_stands_still_does_not_hold_the_program(running: Running)
         os.kill(running.process.pid, signal.SIGCONT)
 
 
-def test_a_guide_shares_the_frontend_of_its_user(running: Running) -> None:
+@pytest.mark.usefixtures("running")
+def test_a_guide_shares_the_frontend_of_its_user() -> None:
     with trifinger.connect("g") as robot:
         with trifinger.Guide(robot) as guide:
             guide.wait_until_arrived()
@@ -129,7 +146,8 @@ def test_a_guide_shares_the_frontend_of_its_user(running: Running) -> None:
         assert robot.fault() is not None
 
 
-def test_only_robots_in_real_time_are_guided(running: Running) -> None:
+@pytest.mark.usefixtures("running")
+def test_only_robots_in_real_time_are_guided() -> None:
     with pytest.raises(trifinger.InvalidArgument, match="only observes"):
         trifinger.Guide(trifinger.observe("g"))
     with (
@@ -155,9 +173,8 @@ sys.stdin.read()
 """
 
 
-def test_a_program_may_end_without_ending_its_guide(
-    running: Running, start_python: StartChild
-) -> None:
+@pytest.mark.usefixtures("running")
+def test_a_program_may_end_without_ending_its_guide(start_python: StartChild) -> None:
     assert start_python(FORGOTTEN).finish() == (0, "")
     with trifinger.guide("g") as guide:
         guide.wait_until_arrived()
