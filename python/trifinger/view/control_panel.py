@@ -307,10 +307,10 @@ class _Seat:
         async def call(event: Any) -> None:
             if event.client_id is None:  # this process has changed it, to follow the robot
                 return
-            if hasattr(event, "phase"):
-                phase, value = event.phase, tuple(event.target.position)
-            else:
-                phase, value = "", getattr(event.target, "value", None)
+            phase: str = getattr(event, "phase", "")
+            value: Any = getattr(event.target, "value", None)
+            if phase:
+                value = tuple(event.target.position)
             self._ask_for(lambda: act(phase, value))
 
         return call
