@@ -142,10 +142,10 @@ def test_a_drag_moves_a_tip_and_a_driver_that_goes_leaves_the_robot_to_others(
         with browse(gate) as driver:
             handle = take_control(driver)
             start = tip()
-            drag(driver, handle, *(start + np.array([0.0, 0.0, 0.001 * step]) for step in range(31)))
-            for _ in messages_of(driver):
-                if tip()[2] > start[2] + 0.02:
-                    break
+            drag(
+                driver, handle, *(start + np.array([0.0, 0.0, 0.001 * step]) for step in range(31))
+            )
+            wait_for(driver, lambda _: bool(tip()[2] > start[2] + 0.02))
             says(second, "a browser has control")
             # The handle is not the other browser's, whatever it sends.
             drag(second, handle, start - [0.0, 0.0, 0.02])
