@@ -109,6 +109,8 @@ class ControlPanel:
             return
         with self._lock:
             if self._seat is not None:
+                if self._seat.browser == client.client_id:
+                    return  # a second press
                 self._seat.remove()
             self._seat = _Seat(client, self._pilot, self._robot, self._ask_for)
         asyncio.run_coroutine_threadsafe(self._ask(client.client_id), self._server._event_loop)
