@@ -251,7 +251,7 @@ TEST(Guide, EndsDuringHoming) {
   }
   {
     const auto guide = robot.guide();
-    guide->stop();
+    guide->stop(kForever);
     EXPECT_FALSE(guide->is_running());
     EXPECT_THROW(static_cast<void>(guide->state()), InvalidArgument);
   }
