@@ -134,6 +134,7 @@ def picture_rows(name: str, seconds: float) -> list[Row]:
     page = Page(page_server(gate, name), name)
     stamp = page.server.gui.add_html("", order=-1.0)
     live = LiveRun(name)
+    robot = trifinger.observe(name)
     is_over = threading.Event()
 
     def serve() -> None:
@@ -146,7 +147,8 @@ def picture_rows(name: str, seconds: float) -> list[Row]:
             if live.frame is not None:
                 with page.server.atomic():
                     page.show(live.frame)
-                    stamp.content = f'<span id="{STAMP}">{live.frame.time_index}</span>'
+                    measured = robot.get_status(live.frame.time_index).time  # [ns]
+                    stamp.content = f'<span id="{STAMP}">{measured}</span>'
             following = max(following + 1.0 / command.RATE, time.monotonic())
             time.sleep(max(following - time.monotonic(), 0.0))
 
@@ -166,13 +168,8 @@ def picture_rows(name: str, seconds: float) -> list[Row]:
             tab.wait_for_function("() => window.pictures.length > 20", timeout=0)
             pictures = np.array(tab.evaluate("() => window.pictures")[1:])
             browser.close()
-        robot = trifinger.observe(name)
-        offset = time.time() - time.monotonic()
-        steps = pictures[:, 0].astype(int)
-        first = robot.range("status")[0]
-        known = steps >= first
-        states = np.array([robot.get_status(int(step)).time for step in steps[known]]) * 1e-9
-        ages = 1e3 * (pictures[known, 1] * 1e-3 - offset - states)
+        offset = time.time() - time.monotonic()  # the browser knows only the time of day
+        ages = 1e3 * (pictures[:, 1] * 1e-3 - offset - pictures[:, 0] * 1e-9)
         rate = float((len(pictures) - 1) / (pictures[-1, 1] - pictures[0, 1]) * 1e3)
     finally:
         is_over.set()

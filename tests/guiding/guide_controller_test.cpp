@@ -282,7 +282,7 @@ TYPED_TEST(GuideControllerOf, FollowsJointsThatAreDraggedAwayAndReturnsLater) {
 }
 
 TYPED_TEST(GuideControllerOf, HoldsThePoseThatItHoldsAlready) {
-  GuideController controller(this->robot, this->speeds);
+  GuideController controller(this->robot_, this->speeds_);
   const JointValues pose = this->random_pose(0.3);
   ASSERT_TRUE(controller.begin(this->at_rest(pose)));
   // Something heavy pulls the joints down. Each new hold of the measured pose would let them sink.

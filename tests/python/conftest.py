@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -94,11 +95,17 @@ class Child:
 
 
 class Running:
-    """A running program `trifinger`, on request as another user. Its output is read by lines."""
+    """A running program, on request as another user. Its output is read by lines."""
 
-    def __init__(self, *arguments: str, user: int | None = None, typed: bool = False) -> None:
+    def __init__(
+        self,
+        *arguments: str,
+        user: int | None = None,
+        typed: bool = False,
+        program: Sequence[str] = (PROGRAM,),
+    ) -> None:
         self.process = subprocess.Popen(
-            [PROGRAM, *arguments],
+            [*program, *arguments],
             stdin=subprocess.PIPE if typed else None,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -212,11 +219,11 @@ def start_foreign(start_child: StartChild) -> StartChild:
 
 @pytest.fixture
 def start_program() -> Iterator[StartProgram]:
-    """Starts the program `trifinger`; it does not outlive the test."""
+    """Starts the program `trifinger`, or another one; it does not outlive the test."""
     started: list[Running] = []
 
-    def start(*arguments: str, user: int | None = None, typed: bool = False) -> Running:
-        started.append(Running(*arguments, user=user, typed=typed))
+    def start(*arguments: str, **options: Any) -> Running:
+        started.append(Running(*arguments, **options))
         return started[-1]
 
     yield start

@@ -6,6 +6,7 @@ import itertools
 import json
 import socket
 import struct
+import sys
 import time
 from collections import defaultdict
 from collections.abc import AsyncIterator, Callable, Iterable
@@ -29,6 +30,11 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 PROTOCOL: Any = ["foxglove.sdk.v1"]
 ONE_BEFORE: Any = ["foxglove.websocket.v1"]
 UNKNOWN: Any = ["chat"]
+BRIDGE = (
+    sys.executable,
+    "-c",
+    "import sys; from trifinger.commands.bridge import main; sys.exit(main())",
+)
 
 
 @asynccontextmanager
@@ -521,7 +527,7 @@ def test_the_command_says_where_to_connect_and_ends_cleanly(
     start_fake: StartChild, start_program: StartProgram
 ) -> None:
     start_fake("robot")
-    bridge = start_program("bridge", "foxglove", "robot", "--port", "0")
+    bridge = start_program("foxglove", "robot", "--port", "0", program=BRIDGE)
     line = bridge.wait_for("Serves robot at ")
     url = line.split()[-1]
     assert url.startswith("ws://127.0.0.1:")
@@ -542,6 +548,6 @@ def test_the_command_says_where_to_connect_and_ends_cleanly(
 def test_the_command_says_why_it_cannot_listen(start_program: StartProgram) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        bridge = start_program("bridge", "foxglove", "--port", str(port))
+        bridge = start_program("foxglove", "--port", str(port), program=BRIDGE)
         bridge.wait_for(f"port {port}")
         assert bridge.process.wait() == 1

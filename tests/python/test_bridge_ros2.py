@@ -11,6 +11,7 @@ import re
 import signal
 import socket
 import struct
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -31,6 +32,11 @@ from trifinger.bridges.message_types import Field, MessageType, dds_name, parse
 from trifinger.bridges.ros2 import Node, Ros2Bridge, Ros2Options, Topic, namespace_of
 
 # Tests that run at the same time do not meet.
+BRIDGE = (
+    sys.executable,
+    "-c",
+    "import sys; from trifinger.commands.bridge import main; sys.exit(main())",
+)
 DOMAIN = 10 + os.getpid() % 200
 
 DDS_SUBSCRIBER = f"""
@@ -339,7 +345,7 @@ def test_topics_have_the_names_that_ros_2_expects(start_program: StartProgram) -
         assert latched == {"/rosout", "/tf_static", f"{prefix}/robot_description"}
         assert set(node.topics) - latched == {
             "/tf",
-            *(f"{prefix}/{name}" for name in ("step", "end", "object", "joint_states")),
+            *(f"{prefix}/{name}" for name in ("step", "end", "object", "hand", "joint_states")),
         }
         bridge.close()
         assert not node.is_open
@@ -485,7 +491,7 @@ def test_a_subscriber_on_dds_that_comes_later_gets_what_is_latched(
         ("ros_discovery_info", "Graph", True),
     ]
     with bridging("sim", dds.DdsNode("/sim", DOMAIN)) as bridge:
-        while len(bridge.topics) < 8:
+        while len(bridge.topics) < 9:
             threading.Event().wait(0.001)
         subscriber = start_python(DDS_SUBSCRIBER, str(DOMAIN), json.dumps(topics))
         seen: dict[str, Any] = {}
@@ -496,7 +502,7 @@ def test_a_subscriber_on_dds_that_comes_later_gets_what_is_latched(
     assert "<robot name=" in seen["rt/sim/robot_description"]["data"]
     (node,) = seen["ros_discovery_info"]["node_entities_info_seq"]
     assert (node["node_namespace"], node["node_name"]) == ("/sim", "trifinger_bridge")
-    assert len(node["writer_gid_seq"]) == 8
+    assert len(node["writer_gid_seq"]) == 9
 
 
 def test_types_of_dds_have_the_bytes_of_our_messages(
@@ -638,7 +644,8 @@ def test_the_command_publishes_and_ends_cleanly(
         DDS_SUBSCRIBER, str(DOMAIN), json.dumps([("rt/lab/step", "Step", False)])
     )
     bridge = start_program(
-        "bridge", "ros2", "robot", "--domain", str(DOMAIN), "--rate", "0", "--namespace", "/lab"
+        *("ros2", "robot", "--domain", str(DOMAIN), "--rate", "0", "--namespace", "/lab"),
+        program=BRIDGE,
     )
     bridge.wait_for("node /lab/trifinger_bridge")
     done = threading.Event()
@@ -671,6 +678,6 @@ def test_the_command_publishes_and_ends_cleanly(
 def test_the_command_refuses_what_makes_no_sense(
     words: list[str], sentence: str, start_program: StartProgram
 ) -> None:
-    bridge = start_program("bridge", "ros2", *words)
+    bridge = start_program("ros2", *words, program=BRIDGE)
     bridge.wait_for(sentence)
     assert bridge.process.wait() != 0

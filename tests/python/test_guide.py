@@ -141,7 +141,8 @@ def test_a_guide_shares_the_frontend_of_its_user() -> None:
             guide.wait_until_arrived()
             with pytest.raises(trifinger.ControlHeld):
                 robot.append_desired_action(robot.new_action())
-            step = guide.state().step
+            while (step := guide.state().step) < 0:  # the session has not begun yet
+                time.sleep(0.001)
             assert robot.get_observation(step).position.shape == (guide.num_joints,)
         assert robot.fault() is not None
 
