@@ -2,7 +2,6 @@
 """What viewers of a running robot cost it, and how old the picture in a browser is."""
 
 import contextlib
-import os
 import statistics
 import subprocess
 import sys
@@ -15,6 +14,7 @@ import msgspec.msgpack
 import numpy as np
 import trifinger
 import viser
+from measuring import open_browser
 from rows import Row
 from trifinger.commands import view as command
 from trifinger.view.gate import Gate, page_server
@@ -25,16 +25,6 @@ from websockets.sync.client import connect
 
 VIEWERS = 3
 COMMAND = "import sys; from trifinger.commands.view import main; sys.exit(main())"
-BROWSER = "/usr/bin/chromium"
-BROWSER_OPTIONS = (
-    "--headless=new",
-    "--no-sandbox",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--ignore-gpu-blocklist",
-    "--disable-background-networking",
-)
-SHORT = "/tmp"  # noqa: S108 (Chromium makes folders in it, and refuses long paths of sockets)
 STAMP = "trifinger-stamp"
 # Notes the stamp of each picture and when the browser was ready to draw the next one [ms].
 PROBE = f"""() => {{
@@ -170,8 +160,6 @@ def picture_rows(name: str, seconds: float) -> list[Row]:
 
 def pictures_of(name: str, seconds: float, *, is_plain: bool) -> tuple[Any, float]:
     """Ages of the pictures that a browser draws [ms], and how many it draws in a second."""
-    from playwright.sync_api import sync_playwright
-
     gate = Gate(port=0)
     help_slow_browsers(gate, is_plain=is_plain)
     page = Page(page_server(gate, name), name, is_plain=is_plain)
@@ -198,12 +186,7 @@ def pictures_of(name: str, seconds: float, *, is_plain: bool) -> tuple[Any, floa
     thread = threading.Thread(target=serve)
     thread.start()
     try:
-        with sync_playwright() as playwright:
-            browser = playwright.chromium.launch(
-                executable_path=BROWSER,
-                args=list(BROWSER_OPTIONS),
-                env={**os.environ, "TMPDIR": SHORT},
-            )
+        with open_browser() as browser:
             tab = browser.new_page(viewport={"width": 480, "height": 320})
             tab.goto(gate.url, timeout=0)
             tab.wait_for_selector(f"#{STAMP}", state="attached", timeout=0)
@@ -212,7 +195,6 @@ def pictures_of(name: str, seconds: float, *, is_plain: bool) -> tuple[Any, floa
             tab.wait_for_timeout(1000 * seconds)
             tab.wait_for_function("() => window.pictures.length > 5", timeout=0)
             pictures = np.array(tab.evaluate("() => window.pictures")[1:])
-            browser.close()
         offset = time.time() - time.monotonic()  # the browser knows only the time of day
         ages = 1e3 * (pictures[:, 1] * 1e-3 - offset - pictures[:, 0] * 1e-9)
         rate = float((len(pictures) - 1) / (pictures[-1, 1] - pictures[0, 1]) * 1e3)
