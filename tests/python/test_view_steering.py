@@ -2,6 +2,7 @@
 """Steering a robot through the server of its page, with the messages that a browser sends."""
 
 import contextlib
+import html
 import http.client
 import signal
 import subprocess
@@ -31,6 +32,7 @@ sys.exit(main())
 """
 PATIENTLY = "pilot.PATIENCE = 60.0"  # a busy machine can be silent for seconds
 StartView = Callable[..., Any]
+UP = np.array([0.0, 0.0, 1.0])
 
 
 @pytest.fixture
@@ -96,6 +98,8 @@ class Steering:
         """Buttons and sliders by their labels."""
         self.handles: dict[str, dict[str, Any]] = {}
         """Handles in the scene by their names."""
+        self.words = ""
+        """What the panel says."""
         self.send("ViewerCameraMessage", **CAMERA)  # only then the server knows the browser
 
     def send(self, kind: str, **fields: Any) -> None:
@@ -107,6 +111,9 @@ class Steering:
             label = (message.get("props") or {}).get("label")
             if label:
                 self.parts[label] = message
+            text = str((message.get("updates") or {}).get("content", ""))
+            if 'class="trifinger-control"' in text:
+                self.words = html.unescape(text)
             for part in self.parts.values():
                 if message["type"] == "GuiUpdateMessage" and part["uuid"] == message["uuid"]:
                     part["props"] |= message["updates"]
@@ -122,7 +129,8 @@ class Steering:
             self.wait(lambda _: is_so())
 
     def says(self, text: str) -> None:
-        self.wait(lambda message: text in str(message))
+        """Waits until the panel says this."""
+        self.wait_until(lambda: text in self.words)
 
     def is_visible(self, label: str) -> bool:
         return label in self.parts and bool(self.parts[label]["props"]["visible"])
@@ -179,6 +187,11 @@ class Robot:
         assert scene is not None
         self.scene = scene
 
+    def wait_for_end(self) -> None:
+        with contextlib.suppress(trifinger.RobotStopped):
+            while True:
+                self.frontend.get_observation(self.frontend.range("observation")[1] + 10)
+
     def joints(self) -> Any:
         return self.frontend.latest_observation()["position"]
 
@@ -219,14 +232,14 @@ def test_a_drag_moves_a_tip_and_a_driver_that_goes_leaves_the_robot_to_others(
             driver = Steering(driving)
             driver.take_control()
             start = robot.tips()
-            goal = start[0] + [0.0, 0.0, 0.03]
+            goal = start[0] + 0.03 * UP
             driver.drag("tip_0", *path(start[0], goal))
             driver.wait_until(lambda: is_near(robot.tips()[0], goal))
             assert robot.tips()[1:] == pytest.approx(start[1:], abs=3e-3)
             second.says("a browser has control")
             # The handle is not the other browser's, whatever it sends.
             second.handles = driver.handles
-            second.drag("tip_0", start[0] - [0.0, 0.0, 0.02])
+            second.drag("tip_0", start[0] - 0.02 * UP)
             second.press("Take control")
             second.says("another browser has control")
             assert is_near(robot.tips()[0], goal)
@@ -280,7 +293,7 @@ def test_fault_68_points_that_are_none_move_nothing_and_control_goes_on(
         # Points that are far away are points: the tip goes near them, and no further than it may.
         driver.drag("tip_0", [0.0, 0.0, 9.0])
         driver.says("finger 0 goes only to (")
-        goal = start[0] + [0.0, 0.0, 0.02]
+        goal = start[0] + 0.02 * UP
         driver.drag("tip_0", *path(start[0], goal))
         driver.wait_until(lambda: is_near(robot.tips()[0], goal))
         assert robot.tips()[1:] == pytest.approx(start[1:], abs=3e-3)
@@ -303,7 +316,7 @@ def test_fault_68_a_driver_whose_messages_make_no_sense_loses_control(
                 second.says("the browser that drove has gone")
         second.take_control()
         assert robot.tips() == pytest.approx(start, abs=3e-3)
-        goal = start[0] + [0.0, 0.0, 0.02]
+        goal = start[0] + 0.02 * UP
         second.drag("tip_0", *path(start[0], goal))
         second.wait_until(lambda: is_near(robot.tips()[0], goal))
 
@@ -342,7 +355,7 @@ def test_an_object_is_pushed_by_its_handle(start_view: StartView, robot: Robot) 
         driver = Steering(connection)
         driver.take_control(handle="object_0")
         start, tips = robot.object(), robot.tips()
-        goal = start + [0.03, 0.0, 0.0]
+        goal = start + np.array([0.03, 0.0, 0.0])
         driver.begin_drag("object_0")
         driver.move("object_0", *path(start, goal))
         driver.wait_until(lambda: bool(robot.object()[0] > start[0] + 0.015))
@@ -362,7 +375,7 @@ def test_a_hand_leads_a_robot_that_another_process_lets_float(
         driver.take_control("Take the hand")
         assert not {"Robot", "Joints [rad]"} & set(driver.parts)
         start = robot.tips()
-        goal = start[0] + [0.0, 0.0, 0.03]
+        goal = start[0] + 0.03 * UP
         driver.begin_drag("tip_0")
         driver.move("tip_0", *path(start[0], goal))
         driver.wait_until(lambda: bool(robot.tips()[0][2] > start[0][2] + 0.015))
@@ -382,12 +395,11 @@ def test_after_a_fault_the_page_recovers_the_robot_on_request(
         driver.take_control()
         driver.press("Recover")  # which is not shown: nothing happens
         gate.process.send_signal(signal.SIGSTOP)
-        with pytest.raises(trifinger.RobotStopped):
-            while True:
-                robot.frontend.get_observation(robot.frontend.range("observation")[1] + 10)
+        robot.wait_for_end()
         gate.process.send_signal(signal.SIGCONT)
         driver.wait_until(lambda: driver.is_visible("Recover"))
         driver.wait_until(lambda: not driver.is_visible("Take control"))
+        driver.says("robot 'sim' has stopped: ")
         driver.press("Recover")
         driver.wait_until(lambda: driver.is_visible("Take control"))
         driver.wait_until(lambda: not driver.is_visible("Recover"))
@@ -396,7 +408,7 @@ def test_after_a_fault_the_page_recovers_the_robot_on_request(
         start = robot.tips()
         driver.handles.clear()
         driver.take_control()
-        driver.drag("tip_0", *path(start[0], start[0] + [0.0, 0.0, 0.03]))
+        driver.drag("tip_0", *path(start[0], start[0] + 0.03 * UP))
         driver.wait_until(lambda: bool(robot.tips()[0][2] > start[0][2] + 0.02))
 
 

@@ -39,6 +39,7 @@ pilot.Pilot.do = hang
 """
 StartView = Callable[..., tuple[str, "subprocess.Popen[str]"]]
 OpenTab = Callable[[str], "Tab"]
+UP = np.array([0.0, 0.0, 1.0])
 RISE = 0.03  # of a tip that the mouse lifts [m]
 
 
@@ -114,14 +115,14 @@ class Tab:
         """Waits until the page says this."""
         expect(self.page.get_by_text(text).first).to_be_visible(timeout=NEVER)
 
-    def take_control(self, name: str = "Take control") -> None:
-        self.button(name).click()
-        expect(self.button("Release control")).to_be_visible(timeout=NEVER)
+    def take(self, what: str) -> None:
+        self.button(f"Take {what}").click()
+        expect(self.button(f"Release {what}")).to_be_visible(timeout=NEVER)
 
     def hold_tip(self, number: int, tip: Any) -> None:
         """Presses the mouse at the arrow of a tip's handle that points up."""
         for part in (0.6, 0.8, 0.4, 1.0, 0.5, 0.7, 0.9):
-            self.page.mouse.move(*self._pixel(tip + [0.0, 0.0, part * HANDLE_SIZE]))
+            self.page.mouse.move(*self._pixel(tip + part * HANDLE_SIZE * UP))
             self._draw()
             self.page.mouse.down()
             self._draw()
@@ -133,7 +134,7 @@ class Tab:
 
     def lift(self, start: Any, height: float) -> None:
         """Moves the mouse with its button pressed to `height` above `start`, in small steps."""
-        begin, end = (np.array(self._pixel(start + [0.0, 0.0, up])) for up in (0.0, height))
+        begin, end = (np.array(self._pixel(start + up * UP)) for up in (0.0, height))
         grip = self._mouse
         for part in np.linspace(0.0, 1.0, 7)[1:]:
             self.page.mouse.move(*(grip + part * (end - begin)))
@@ -227,7 +228,7 @@ def test_a_drag_moves_a_tip_a_closed_tab_holds_and_the_stop_stops(
 ) -> None:
     url, _ = start_view("sim", "--control")
     tab = open_tab(url)
-    tab.take_control()
+    tab.take("control")
     tab.keep_picture("control")
     start = robot.tips()
     tab._pixel(start[0])
@@ -251,11 +252,12 @@ def test_a_drag_moves_a_tip_a_closed_tab_holds_and_the_stop_stops(
     second.keep_picture("second")
     tab.page.close()
     second.says("the browser that drove has gone, so the robot holds its pose")
-    second.take_control()
+    second.take("control")
     assert robot.tips()[number] == pytest.approx(goal, abs=5e-3)
 
     second.page.keyboard.press("Escape")
     second.says("Stopped: the robot has come to rest")
+    second.says("the robot was stopped, and its back-end has ended")
     robot.program.process.wait()
     second.keep_picture("stopped")
 
@@ -266,7 +268,7 @@ def test_the_stop_works_while_the_page_hangs_at_the_robot(
 ) -> None:
     url, _ = start_view("sim", "--control", before=HANG)
     tab = open_tab(url)
-    tab.take_control()
+    tab.take("control")
     tab.button("Home").click()
     tab.button("Stop the robot").click()
     tab.says("Stopped: the robot has come to rest")
@@ -296,7 +298,7 @@ def test_a_hand_in_the_page_pulls_a_robot_that_another_process_lets_float(
 ) -> None:
     url, _ = start_view("sim", "--hand")
     tab = open_tab(url)
-    tab.take_control("Take the hand")
+    tab.take("the hand")
     assert tab.button("Stop the robot").count() == 0  # it ends nothing
     with trifinger.guide("sim") as guide:
         guide.float_freely()

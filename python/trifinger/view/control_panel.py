@@ -36,6 +36,8 @@ SLIDER_PERIOD = 0.1  # between two steps of a slider that follows [s]
 HANDLE_SIZE = 0.05  # [m]
 MOST_WAITING = 1000  # things that a browser has asked for; more are not done
 WARNING_COLOUR = (179, 107, 0)
+GUIDE_WORDS = "Drag a tip by the arrows and squares of its handle; the tip follows."
+HAND_WORDS = "Drag a tip or an object by its handle: it is pulled until you let go."
 NO_LIMIT = 3.14  # end of a slider of a joint without limits [rad]
 
 
@@ -98,11 +100,7 @@ class ControlPanel:
             who = "a browser has the hand"
         lines = [line for line in (self._pilot.line(), who) if line]
         shown = (
-            "".join(
-                f'<div class="trifinger-control" style="margin:0.3em 0.8em;font-size:0.85em">'
-                f"{html.escape(line)}</div>"
-                for line in lines
-            ),
+            "".join(map(_note, lines)),
             driver is not None,
         )
         if shown != self._shown:
@@ -227,8 +225,10 @@ class _Seat:
         self._followed = 0.0
         self._tips: list[_Handle] = []
         self._objects: dict[str, _Handle] = {}
-        with client.gui.add_folder("You have control", order=0.6) as folder:
-            release = client.gui.add_button("Release control")
+        what = "control" if pilot.with_guide else "the hand"
+        with client.gui.add_folder(f"You have {what}", order=0.6) as folder:
+            client.gui.add_html(_note(GUIDE_WORDS if pilot.with_guide else HAND_WORDS))
+            release = client.gui.add_button(f"Release {what}")
         self._folder = folder
         release.on_click(self._ordered(lambda *_: pilot.leave(self.browser)))
         self.begin(robot)
@@ -374,6 +374,14 @@ class _Handle:
 
     def remove(self) -> None:
         self._gizmo.remove()
+
+
+def _note(line: str) -> str:
+    """A sentence as part of a panel."""
+    return (
+        '<div class="trifinger-control" style="margin:0.3em 0.8em;font-size:0.85em">'
+        f"{html.escape(line)}</div>"
+    )
 
 
 def _text(name: str) -> str:
