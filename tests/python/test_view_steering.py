@@ -135,6 +135,11 @@ class Steering:
     def is_visible(self, label: str) -> bool:
         return label in self.parts and bool(self.parts[label]["props"]["visible"])
 
+    def watch(self, times: int = 2) -> None:
+        """Waits until the page has shown the robot anew so many times."""
+        for _ in range(times):
+            self.wait(lambda message: "trifinger-step" in str(message.get("updates")))
+
     def press(self, label: str, value: object = True) -> None:
         """Presses a button or moves a slider."""
         self.wait_until(lambda: label in self.parts)
@@ -285,6 +290,7 @@ def test_fault_68_points_that_are_none_move_nothing_and_control_goes_on(
             driver.drag("object_0", point)
             driver.press("Robot", point)
             driver.press("finger_upper_to_middle_joint_0", point)
+            driver.watch()
         for stranger in ("tip_7", "tip_-1", "../tip_0", "object_9", "", "x" * 2000):
             driver.drag(stranger, [0.0, 0.0, 0.1])
         driver.drag("tip_0", [0.0, 0.0, 1e6])
@@ -428,6 +434,7 @@ def test_the_stop_works_while_the_page_hangs_at_the_robot(
         driver = Steering(connection)
         driver.take_control()
         driver.drag("tip_0", [0.0, 0.0, 0.1])
+        driver.watch(3)  # the page goes on, and asks for signs of life
         assert "trifinger-stop" in ask(gate, "/")[1]
         assert ask(gate, "/stop", **{"X-TriFinger": "stop"})[0] == 202
         robot.program.process.wait()
