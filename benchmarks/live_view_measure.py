@@ -2,6 +2,7 @@
 """What viewers of a running robot cost it, and how old the picture in a browser is."""
 
 import contextlib
+import os
 import statistics
 import subprocess
 import sys
@@ -18,7 +19,7 @@ from rows import Row
 from trifinger.commands import view as command
 from trifinger.view.gate import Gate, page_server
 from trifinger.view.live import LiveRun
-from trifinger.view.page import Page
+from trifinger.view.page import Page, help_slow_browsers
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
@@ -33,6 +34,7 @@ BROWSER_OPTIONS = (
     "--ignore-gpu-blocklist",
     "--disable-background-networking",
 )
+SHORT = "/tmp"  # noqa: S108 (Chromium makes folders in it, and refuses long paths of sockets)
 STAMP = "trifinger-stamp"
 # Notes the stamp of each picture and when the browser was ready to draw the next one [ms].
 PROBE = f"""() => {{
@@ -128,10 +130,51 @@ def lateness_row(name: str, rounds: Iterator[int], window: Callable[[], float]) 
 
 def picture_rows(name: str, seconds: float) -> list[Row]:
     """How old a state is when a browser has drawn it, and how many it draws in a second."""
+    ages, rate = pictures_of(name, seconds, is_plain=True)
+    age = float(np.quantile(ages, 0.95))
+    _, lit = pictures_of(name, seconds, is_plain=False)
+    remark = "Chromium without a graphics card, 480 x 320 pixels, on the same processors"
+    return [
+        Row(
+            "from a state to its picture in a browser, p95",
+            age,
+            float(ages.min()),
+            float(ages.max()),
+            "ms",
+            reach="<= 100 ms",
+            holds=bool(age <= 100.0),
+            remark=f"`--plain`; {remark}.",
+        ),
+        Row(
+            "pictures of a running robot in a browser",
+            rate,
+            rate,
+            rate,
+            "/s",
+            reach=">= 30 /s",
+            holds=bool(rate >= 30.0),
+            remark=f"`--plain`; {remark}.",
+        ),
+        Row(
+            "the same with light and shadows, which need a graphics card",
+            lit,
+            lit,
+            lit,
+            "/s",
+            reach="",
+            holds=True,
+            remark=f"{remark}.",
+        ),
+    ]
+
+
+def pictures_of(name: str, seconds: float, *, is_plain: bool) -> tuple[Any, float]:
+    """Ages of the pictures that a browser draws [ms], and how many it draws in a second."""
     from playwright.sync_api import sync_playwright
 
     gate = Gate(port=0)
-    page = Page(page_server(gate, name), name)
+    help_slow_browsers(gate, is_plain=is_plain)
+    page = Page(page_server(gate, name), name, is_plain=is_plain)
     stamp = page.server.gui.add_html("", order=-1.0)
     live = LiveRun(name)
     robot = trifinger.observe(name)
@@ -157,7 +200,9 @@ def picture_rows(name: str, seconds: float) -> list[Row]:
     try:
         with sync_playwright() as playwright:
             browser = playwright.chromium.launch(
-                executable_path=BROWSER, args=list(BROWSER_OPTIONS)
+                executable_path=BROWSER,
+                args=list(BROWSER_OPTIONS),
+                env={**os.environ, "TMPDIR": SHORT},
             )
             tab = browser.new_page(viewport={"width": 480, "height": 320})
             tab.goto(gate.url, timeout=0)
@@ -165,7 +210,7 @@ def picture_rows(name: str, seconds: float) -> list[Row]:
             tab.wait_for_timeout(10_000)  # textures, and the scene fades in
             tab.evaluate(PROBE)
             tab.wait_for_timeout(1000 * seconds)
-            tab.wait_for_function("() => window.pictures.length > 20", timeout=0)
+            tab.wait_for_function("() => window.pictures.length > 5", timeout=0)
             pictures = np.array(tab.evaluate("() => window.pictures")[1:])
             browser.close()
         offset = time.time() - time.monotonic()  # the browser knows only the time of day
@@ -176,27 +221,4 @@ def picture_rows(name: str, seconds: float) -> list[Row]:
         thread.join()
         page.server.stop()
         gate.close()
-    age = float(np.quantile(ages, 0.95))
-    remark = "Chromium without a graphics card, 480 x 320 pixels, on the same processors."
-    return [
-        Row(
-            "from a state to its picture in a browser, p95",
-            age,
-            float(ages.min()),
-            float(ages.max()),
-            "ms",
-            reach="<= 100 ms",
-            holds=bool(age <= 100.0),
-            remark=remark,
-        ),
-        Row(
-            "pictures of a running robot in a browser",
-            rate,
-            rate,
-            rate,
-            "/s",
-            reach=">= 30 /s",
-            holds=bool(rate >= 30.0),
-            remark=remark,
-        ),
-    ]
+    return ages, rate

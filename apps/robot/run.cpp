@@ -319,7 +319,7 @@ void add_run(CLI::App& program, Action& action) {
       ->option_text("DIR");
   add_images(command, options.images);
   command.add_flag_callback(
-      "--no-sensors", [&options] { options.has_sensors = false; },
+      "--no-sensors", [&options = options] { options.has_sensors = false; },
       "Do not start 'trifinger cameras' and 'trifinger track' beside a robot with cameras");
   add_realtime(command, options.realtime);
   command.footer(

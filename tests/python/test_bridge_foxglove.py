@@ -168,6 +168,7 @@ async def in_thread(work: Callable[[], object]) -> None:
     await asyncio.to_thread(work)
 
 
+@pytest.mark.release
 def test_a_client_gets_the_messages_that_the_log_has(
     tmp_path: Path, start_program: StartProgram
 ) -> None:

@@ -126,6 +126,28 @@ def test_a_glb_file_is_complete_and_aligned():
         assert len(document["meshes"][0]["primitives"]) == len(body.meshes)
 
 
+def test_painted_light_comes_from_above_whatever_the_pose_of_the_body():
+    body = Scene(SHAPES).bodies[1]
+    mesh = joined(body.meshes)
+    upside_down = np.array([0.0, 1.0, 0.0, 0.0])
+    for turn, sign in ((np.array([1.0, 0.0, 0.0, 0.0]), 1.0), (upside_down, -1.0)):
+        data = glb([mesh], turn)
+        length = struct.unpack_from("<I", data, 12)[0]
+        document = json.loads(data[20 : 20 + length])
+        assert document["extensionsUsed"] == ["KHR_materials_unlit"]
+        accessor = document["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"]
+        view = document["bufferViews"][document["accessors"][accessor]["bufferView"]]
+        start = 28 + length + view["byteOffset"]
+        colours = np.frombuffer(data[start : start + view["byteLength"]], np.uint16).reshape(-1, 4)
+        seen = mesh.colours[:, :3].max(axis=1) > 0
+        brightness = colours[seen, :3].max(axis=1).astype(float)
+        up = sign * mesh.normals[seen, 2]
+        assert brightness[up > 0.9].mean() > 1.5 * brightness[up < -0.9].mean()
+    assert "extensionsUsed" not in json.loads(
+        (lit := glb([mesh]))[20 : 20 + struct.unpack_from("<I", lit, 12)[0]]
+    )
+
+
 def test_a_session_without_a_model_has_no_scene():
     assert scene_of({}) is None
 

@@ -35,16 +35,19 @@ def show(
     with_browser: bool,
     begin: Callable[..., Callable[[bool], None]],
     pilot: Pilot | None = None,
+    *,
+    is_plain: bool = False,
 ) -> None:
     """Serves a page until Ctrl-C. `begin` makes the page and returns what renews it."""
     from trifinger.view.live import be_modest
-    from trifinger.view.page import Page
+    from trifinger.view.page import Page, help_slow_browsers
 
     if pilot is None:  # the thread of a guide would inherit this
         be_modest()
     with contextlib.closing(gate):
+        help_slow_browsers(gate, is_plain=is_plain)
         server = page_server(gate, page_title, None if pilot is None else CONTROL_MESSAGES)
-        page = Page(server, page_title)
+        page = Page(server, page_title, is_plain=is_plain)
         renew = begin(page)
         print_address(gate, controls=pilot is not None and pilot.with_guide)
         if with_browser:
@@ -84,7 +87,14 @@ def print_address(gate: Gate, *, controls: bool = False) -> None:
     print(f"Ctrl-C ends the page; {end}.", flush=True)
 
 
-def show_robot(name: str, gate: Gate, with_browser: bool, pilot: Pilot | None = None) -> None:
+def show_robot(
+    name: str,
+    gate: Gate,
+    with_browser: bool,
+    pilot: Pilot | None = None,
+    *,
+    is_plain: bool = False,
+) -> None:
     """Shows a running robot, or the next one that runs. With a pilot, the page can steer it."""
     from trifinger.view.control_panel import ControlPanel, add_stop
     from trifinger.view.live import LiveRun
@@ -119,19 +129,21 @@ def show_robot(name: str, gate: Gate, with_browser: bool, pilot: Pilot | None = 
 
         return renew
 
-    show(name or "TriFinger", gate, with_browser, begin, pilot)
+    show(name or "TriFinger", gate, with_browser, begin, pilot, is_plain=is_plain)
 
 
-def steer_robot(name: str, gate: Gate, with_browser: bool, *, with_guide: bool) -> None:
+def steer_robot(
+    name: str, gate: Gate, with_browser: bool, *, with_guide: bool, is_plain: bool = False
+) -> None:
     """Shows a robot with a panel that steers it, or that pulls at it in simulation."""
     pilot = Pilot(name, with_guide=with_guide)
     with ended_by_signals(), contextlib.closing(pilot):
         with contextlib.suppress(SessionNotFound, RobotStopped):  # the page says so and waits
             pilot.connect()
-        show_robot(name, gate, with_browser, pilot)
+        show_robot(name, gate, with_browser, pilot, is_plain=is_plain)
 
 
-def show_log(run: LoggedRun, gate: Gate, with_browser: bool) -> None:
+def show_log(run: LoggedRun, gate: Gate, with_browser: bool, *, is_plain: bool = False) -> None:
     """Shows a log with a time line."""
     from trifinger.view.log_page import LogPage
     from trifinger.view.page import Page
@@ -139,7 +151,8 @@ def show_log(run: LoggedRun, gate: Gate, with_browser: bool) -> None:
     def begin(page: Page) -> Callable[[bool], None]:
         return LogPage(page, run).renew
 
-    show(f"{run.session.name}, {run.log.files[0].name}", gate, with_browser, begin)
+    title = f"{run.session.name}, {run.log.files[0].name}"
+    show(title, gate, with_browser, begin, is_plain=is_plain)
 
 
 def write_log(arguments: argparse.Namespace) -> None:
@@ -201,6 +214,11 @@ def main(words: Sequence[str] | None = None) -> int:
         action="store_true",
         help="pull at tips and objects of the simulation NAME, whoever controls it",
     )
+    parser.add_argument(
+        "--plain",
+        action="store_true",
+        help="draw without lights and shadows, for a browser without a graphics card",
+    )
     file = parser.add_argument_group("a file of a log")
     file.add_argument("-o", "--output", type=Path, metavar="FILE", help="write a page into a file")
     file.add_argument(
@@ -241,7 +259,7 @@ def main(words: Sequence[str] | None = None) -> int:
             extras.require("view")
             logged = LoggedRun(arguments.what, arguments.robot, arguments.session)
             gate = Gate(arguments.host, arguments.port, arguments.token)
-            show_log(logged, gate, wants_browser(arguments))
+            show_log(logged, gate, wants_browser(arguments), is_plain=arguments.plain)
             return
         if arguments.output is not None:
             raise InvalidArgument(
@@ -251,10 +269,15 @@ def main(words: Sequence[str] | None = None) -> int:
         extras.require("view")
         gate = Gate(arguments.host, arguments.port, arguments.token)
         if steers:
-            with_browser = wants_browser(arguments)
-            steer_robot(arguments.what, gate, with_browser, with_guide=arguments.control)
+            steer_robot(
+                arguments.what,
+                gate,
+                wants_browser(arguments),
+                with_guide=arguments.control,
+                is_plain=arguments.plain,
+            )
         else:
-            show_robot(arguments.what, gate, wants_browser(arguments))
+            show_robot(arguments.what, gate, wants_browser(arguments), is_plain=arguments.plain)
 
     return run(work)
 

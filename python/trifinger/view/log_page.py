@@ -51,7 +51,8 @@ class LogPage:
             return
         position, now = self.line.position, self._clock()
         is_time = now - self._renewed >= SLOW_PERIOD
-        if position != self._shown or (is_time and self._curves_shown != position):
+        is_new = position != self._shown or self._page.scene.is_outdated
+        if is_new or (is_time and self._curves_shown != position):
             frame = self._run.frame_at(position, with_images=is_time)
             self._page.show(frame)
             self._shown = position

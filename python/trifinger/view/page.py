@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import html
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from trifinger.arrays import Array
+    from trifinger.view.gate import Gate
 
 GHOST_ANGLE = 0.03  # difference from which the desired pose is shown [rad]
 METRES_PER_NEWTON = 0.03  # length of the arrow of a force
@@ -38,10 +40,23 @@ LEVELS = {"good": "#1a8f4c", "warning": "#b36b00", "bad": "#d02030"}
 ENVIRONMENT = 0.35  # brightness of light from everywhere
 
 
+def help_slow_browsers(gate: Gate, *, is_plain: bool) -> None:
+    """Makes the page quicker in browsers without a graphics card; before the server starts.
+
+    Unless the page is plain, they tell who looks at it how to make it so.
+    """
+    part = (Path(__file__).parent / "slow_browser.html").read_text(encoding="utf-8")
+    gate.add_to_page(part.replace("@IS_PLAIN@", str(is_plain).lower()))
+
+
 class Page:
     """What a browser shows. `server` is a viser.ViserServer; see gate.page_server."""
 
-    def __init__(self, server: Any, title: str) -> None:
+    def __init__(self, server: Any, title: str, *, is_plain: bool = False) -> None:
+        """A plain page is drawn without lights and shadows, for browsers without a graphics card.
+
+        Who looks at it can change that.
+        """
         self.server = server
         server.gui.configure_theme(
             control_width="large",
@@ -51,7 +66,6 @@ class Page:
         )
         server.gui.main_panel.dock_right()
         server.gui.set_panel_label(title)
-        server.scene.configure_environment_map("warehouse", environment_intensity=ENVIRONMENT)
         self._state = server.gui.add_html("", order=0.0)
         self._shown_state = ""
         self.order = 1.0
@@ -60,7 +74,7 @@ class Page:
         self._images: dict[str, Any] = {}
         self._plots_folder: Any = None
         self._plots: dict[str, Any] = {}
-        self.scene = SceneView(server)
+        self.scene = SceneView(server, is_plain)
         """The robot in 3D."""
 
     @property
@@ -143,7 +157,7 @@ class Page:
 class SceneView:
     """The robot, its objects, the desired pose and the forces at the tips in 3D."""
 
-    def __init__(self, server: Any) -> None:
+    def __init__(self, server: Any, is_plain: bool) -> None:
         self._server = server
         self.scene: Scene | None = None
         """What is shown; None without a model."""
@@ -157,11 +171,24 @@ class SceneView:
             self._with_forces = gui.add_checkbox("forces at the tips", True)
             self._with_wall = gui.add_checkbox("wall", True)
             self._with_frame = gui.add_checkbox("frame", False)
+            self._is_plain = gui.add_checkbox(
+                "plain drawing",
+                is_plain,
+                hint="Without lights and shadows: quicker in a browser without a graphics card",
+            )
         self._with_wall.on_update(lambda _: self._show_surround())
         self._with_frame.on_update(lambda _: self._show_surround())
+        self._shown_plain: bool | None = None
+        self._shown_with: tuple[bool, ...] = ()
+
+    @property
+    def is_outdated(self) -> bool:
+        """Whether somebody has chosen to see other things since the last frame was shown."""
+        return self._shown_with != self._choices()
 
     def begin(self, scene: Scene | None) -> None:
         """Shows another scene in place of the one before."""
+        self._light(self._is_plain.value)
         for node in (*self._bodies, *self._ghosts):
             node.remove()
         for handle, _ in self._surrounds:
@@ -192,6 +219,9 @@ class SceneView:
         scene = self.scene
         if scene is None:
             return
+        self._shown_with = self._choices()
+        if self._is_plain.value != self._shown_plain:
+            self.begin(scene)
         places, turns = scene.poses(frame.position, frame.objects)
         for node, place, turn in zip(self._bodies, places, turns, strict=True):
             is_seen = not node.object or node.object in frame.objects
@@ -209,19 +239,33 @@ class SceneView:
             node.move(places[node.number], turns[node.number], is_shown)
         self._show_forces(scene, frame)
 
+    def _choices(self) -> tuple[bool, ...]:
+        return (self._is_plain.value, self._with_ghost.value, self._with_forces.value)
+
+    def _light(self, is_plain: bool) -> None:
+        """Lets browsers compute light and shadows, or not."""
+        if is_plain == self._shown_plain:
+            return
+        self._shown_plain = is_plain
+        scene = self._server.scene
+        scene.configure_default_lights(enabled=not is_plain, cast_shadow=not is_plain)
+        light_around = None if is_plain else "warehouse"
+        scene.configure_environment_map(light_around, environment_intensity=ENVIRONMENT)
+
     def _add(self, number: int, body: Body, place: Array, turn: Array) -> None:
         add = self._server.scene.add_glb
+        light = turn if self._shown_plain else None
         solid = [mesh for mesh in body.meshes if not mesh.is_surround]
         around = [mesh for mesh in body.meshes if mesh.is_surround]
         handles = []
         pose: dict[str, Any] = {"position": place, "wxyz": turn}
         # Names of bodies can be anything; numbers cannot be taken for paths.
         if solid:
-            handles.append(add(f"/robot/{number}", glb(solid), **pose))
+            handles.append(add(f"/robot/{number}", glb(solid, light), **pose))
         for kind, mesh in enumerate(around):
             handle = add(
                 f"/around/{number}_{kind}",
-                glb([mesh]),
+                glb([mesh], light),
                 cast_shadow=not mesh.is_transparent,
                 receive_shadow=not mesh.is_transparent,
                 visible=self._is_shown(mesh.is_transparent),
@@ -233,7 +277,7 @@ class SceneView:
         if ghost is not None and body.is_moving and not body.object:
             handle = add(
                 f"/desired/{number}",
-                glb([ghost]),
+                glb([ghost], light),
                 cast_shadow=False,
                 receive_shadow=False,
                 visible=False,

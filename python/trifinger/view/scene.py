@@ -32,6 +32,9 @@ if TYPE_CHECKING:
     from trifinger.arrays import Array
 
 MODEL = "model.xml"
+UNLIT = "KHR_materials_unlit"
+AMBIENT = 0.5  # brightness of a painted surface that looks to the horizon
+LIGHT = np.array([-0.15, -0.3, 0.45])  # more brightness of one that looks there, in the world
 VISIBLE_GROUPS = (0, 1, 2)  # MuJoCo's own viewer hides the others, such as collision shapes
 SURROUND_GROUP = 1  # MuJoCo's group of the shapes of frame and wall
 SEGMENTS = 32  # of a circle
@@ -223,8 +226,12 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
     )
 
 
-def glb(meshes: Iterable[Mesh]) -> bytes:
-    """A binary glTF 2.0 file of some meshes of a body, in the body's frame."""
+def glb(meshes: Iterable[Mesh], painted_light: Array | None = None) -> bytes:
+    """A binary glTF 2.0 file of some meshes of a body, in the body's frame.
+
+    With `painted_light`, the quaternion (w, x, y, z) of the body, the colours have the light in
+    them that falls on the body there, and a browser needs none of its own (KHR_materials_unlit).
+    """
     chunks: list[bytes] = []
     views: list[dict[str, Any]] = []
     accessors: list[dict[str, Any]] = []
@@ -258,7 +265,11 @@ def glb(meshes: Iterable[Mesh]) -> bytes:
         corners["max"] = mesh.vertices.max(axis=0).tolist()
         # glTF's colours are linear; eight bits would not do for dark ones.
         colours = np.empty((len(mesh.colours), 4), np.uint16)
-        colours[:, :3] = np.round(_linear(mesh.colours[:, :3] / 255.0) * 65535)
+        linear = _linear(mesh.colours[:, :3] / 255.0)
+        if painted_light is not None:
+            light = np.clip(AMBIENT + mesh.normals @ (_matrix(painted_light).T @ LIGHT), 0.0, 1.0)
+            linear = linear * light[:, None]
+        colours[:, :3] = np.round(linear * 65535)
         colours[:, 3] = mesh.colours[:, 3].astype(np.uint16) * 257
         primitives.append(
             {
@@ -271,7 +282,13 @@ def glb(meshes: Iterable[Mesh]) -> bytes:
                 "material": int(mesh.is_transparent),
             }
         )
-    surface = {"metallicFactor": 0.0, "roughnessFactor": 0.75}
+    surface: dict[str, Any] = {
+        "pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 0.75}
+    }
+    used: dict[str, Any] = {}
+    if painted_light is not None:
+        surface["extensions"] = {UNLIT: {}}
+        used["extensionsUsed"] = [UNLIT]
     document = {
         "asset": {"version": "2.0"},
         "scene": 0,
@@ -279,12 +296,13 @@ def glb(meshes: Iterable[Mesh]) -> bytes:
         "nodes": [{"mesh": 0}],
         "meshes": [{"primitives": primitives}],
         "materials": [
-            {"pbrMetallicRoughness": surface},
-            {"pbrMetallicRoughness": surface, "alphaMode": "BLEND"},
+            surface,
+            surface | {"alphaMode": "BLEND"},
         ],
         "buffers": [{"byteLength": sum(map(len, chunks))}],
         "bufferViews": views,
         "accessors": accessors,
+        **used,
     }
     text = json.dumps(document, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)
