@@ -50,7 +50,7 @@ def start_view() -> Iterator[StartView]:
 
     def start(*words: str, before: str = "") -> tuple[str, "subprocess.Popen[str]"]:
         process = subprocess.Popen(
-            [sys.executable, "-c", VIEW.format(before=before), *words, "--no-browser"],
+            [sys.executable, "-c", VIEW.format(before=before), *words, "--no-browser", "--plain"],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
