@@ -14,7 +14,7 @@ import trifinger
 from conftest import PATIENT, StartProgram
 from hypothesis import given, strategies as st
 from trifinger.commands import view
-from trifinger.errors import ControlHeld, InvalidArgument, RobotStopped
+from trifinger.errors import ControlHeld, InvalidArgument, RobotStopped, SessionNotFound
 from trifinger.view import pilot as pilots
 from trifinger.view.gate import Gate
 from trifinger.view.pilot import PATIENCE, WISH_PERIOD, Pilot
@@ -244,6 +244,36 @@ def test_when_the_session_ends_nobody_drives_and_the_reason_is_said(rig: Rig) ->
     assert rig.guides[1].asked == [("home",)]
     rig.pilot.close()
     assert rig.guides[1].asked[-1] == ("finish",)
+
+
+def test_a_robot_recovers_when_nobody_drives(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    recovered: list[str] = []
+
+    def recover(name: str, timeout: float) -> None:
+        assert np.isfinite(timeout)
+        if recovered:
+            raise SessionNotFound("no robot 'sim' runs")
+        recovered.append(name)
+
+    monkeypatch.setattr(pilots._trifinger, "recover", recover, raising=False)
+    with pytest.raises(InvalidArgument):
+        rig.pilot.recover()  # a browser drives
+    rig.guides[0].runs, rig.guides[0].fault = False, RobotStopped("the motors are hot")
+    rig.pilot.tick()
+    rig.pilot.recover()
+    assert recovered == ["sim"]
+    assert "'Take control' does" in rig.pilot.line()
+    with pytest.raises(SessionNotFound):
+        rig.pilot.recover()
+
+
+def test_why_a_session_has_ended_is_said_until_the_next_one(rig: Rig) -> None:
+    rig.pilot.begin_session()
+    rig.guides[0].runs, rig.guides[0].fault = False, RobotStopped("the motors are hot")
+    rig.pilot.tick()
+    assert rig.pilot.line() == "the motors are hot"
+    rig.pilot.begin_session()
+    assert "'Take control' does" in rig.pilot.line()
 
 
 HOSTILE = st.one_of(

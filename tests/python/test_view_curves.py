@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Curves of the last seconds: few points, and no peak is lost."""
 
+import dataclasses
 import itertools
 
 import numpy as np
 import trifinger
 from hypothesis import given, strategies
+from trifinger.session_info import Fault
 from trifinger.view.curves import EVENTS, TORQUE, TRACKING, Window, series_of
 from trifinger.view.words import lines_of, missing
 
@@ -89,6 +91,18 @@ def test_robots_of_other_kinds_have_curves_of_their_own_fields() -> None:
     assert texts["state"].text == "runs"
     assert texts["safety"].text == "joints 1, 4: stuck"
     assert texts["safety"].level == "warning"
+
+
+def test_a_back_end_that_was_asked_to_stop_is_no_trouble() -> None:
+    with trifinger.fake() as robot:
+        info = robot.session_info()
+    for code, level in (("stopped", ""), ("driver", "bad")):
+        ended = dataclasses.replace(
+            info, backend_is_alive=False, phase="ended", fault=Fault(code), fault_text="it ended"
+        )
+        lines = {line.label: line for line in lines_of(ended, None, None, {})}
+        assert lines["state"].level == level
+        assert ("remedy" in lines) == bool(level)
 
 
 def test_without_a_robot_the_words_say_how_to_start_it() -> None:

@@ -35,6 +35,9 @@ TOUCHED = 1.0  # for so long after a touch a slider does not follow the robot [s
 SLIDER_PERIOD = 0.1  # between two steps of a slider that follows [s]
 HANDLE_SIZE = 0.05  # [m]
 MOST_WAITING = 1000  # things that a browser has asked for; more are not done
+WARNING_COLOUR = (179, 107, 0)
+GUIDE_WORDS = "Drag a tip by the arrows and squares of its handle; the tip follows."
+HAND_WORDS = "Drag a tip or an object by its handle: it is pulled until you let go."
 NO_LIMIT = 3.14  # end of a slider of a joint without limits [rad]
 
 
@@ -53,6 +56,7 @@ class ControlPanel:
     def __init__(self, page: Page, pilot: Pilot) -> None:
         self._server, self._pilot = page.server, pilot
         self._lock = threading.Lock()  # of the seat
+        self._recovering = threading.Lock()
         self._seat: _Seat | None = None
         self._robot: _Robot | None = None
         self._shown: tuple[str, bool] | None = None
@@ -60,15 +64,23 @@ class ControlPanel:
         with gui.add_folder("Control" if pilot.with_guide else "Hand", order=0.5):
             self._words = gui.add_html("")
             self._take = gui.add_button("Take control" if pilot.with_guide else "Take the hand")
+            self._recover = gui.add_button(
+                "Recover",
+                hint="Clears the fault that has stopped the robot. Look at the robot first.",
+                color=WARNING_COLOUR,
+                visible=False,
+            )
         self._take.on_click(self._on_take)
+        self._recover.on_click(self._on_recover)
         self._server.on_client_disconnect(self._on_gone)
-        self._work: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._work: queue.SimpleQueue[tuple[int, Callable[[], None]]] = queue.SimpleQueue()
         for act in (self._tick, self._do_work):
             threading.Thread(target=act, daemon=True).start()
 
     def begin(self, live: LiveRun) -> None:
         """Notes the robot of another session."""
         self._robot = _Robot(live) if live.robot is not None else None
+        self._pilot.begin_session()
         with self._lock:
             if self._seat is not None:
                 self._seat.begin(self._robot)
@@ -76,6 +88,7 @@ class ControlPanel:
     def renew(self, live: LiveRun) -> None:
         """Shows who drives and what the robot does, and moves sliders and handles with it."""
         driver = self._pilot.driver
+        self._show_recovery(live)
         with self._lock:
             if self._seat is not None and self._seat.browser != driver:
                 self._seat.remove()
@@ -87,16 +100,29 @@ class ControlPanel:
             who = "a browser has the hand"
         lines = [line for line in (self._pilot.line(), who) if line]
         shown = (
-            "".join(
-                f'<div class="trifinger-control" style="margin:0.3em 0.8em;font-size:0.85em">'
-                f"{html.escape(line)}</div>"
-                for line in lines
-            ),
+            "".join(map(_note, lines)),
             driver is not None,
         )
         if shown != self._shown:
             self._shown = shown
             self._words.content, self._take.disabled = shown
+
+    def _show_recovery(self, live: LiveRun) -> None:
+        """Offers to recover exactly while a fault has stopped a robot that could go on."""
+        info = live.info
+        fault = info.fault if info is not None and info.backend_is_alive else None
+        is_needed = self._pilot.with_guide and fault is not None and fault.needs_recovery
+        if self._recover.visible != is_needed:
+            self._recover.visible, self._take.visible = is_needed, not is_needed
+
+    def _on_recover(self, _: Any) -> None:
+        with self._recovering:
+            if not self._recover.visible:
+                return  # a second press
+            try:
+                self._pilot.recover()
+            except Error as error:
+                self._pilot.complain(str(error))
 
     def _on_take(self, event: Any) -> None:
         client = event.client
@@ -135,22 +161,28 @@ class ControlPanel:
             self._pilot.heard(browser)
             await asyncio.sleep(ASK_PERIOD)
 
-    def _ask_for(self, act: Callable[[], None]) -> None:
+    def _ask_for(self, browser: int, act: Callable[[], None]) -> None:
         if self._work.qsize() < MOST_WAITING:
-            self._work.put(act)
+            self._work.put((browser, act))
 
     def _do_work(self) -> None:
         while not self._pilot.closed.is_set():
             try:
-                self._work.get(timeout=ASK_PERIOD)()
+                browser, act = self._work.get(timeout=ASK_PERIOD)
             except queue.Empty:
-                pass
-            except Error as error:
-                self._pilot.complain(str(error))
+                continue
+            try:
+                act()
+            except Exception as error:  # whatever was asked for, what comes next is done
+                if self._pilot.driver == browser:  # else it has lost control, which was said
+                    self._pilot.complain(str(error))
 
     def _tick(self) -> None:
         while not self._pilot.closed.wait(WISH_PERIOD):
-            self._pilot.tick()
+            try:
+                self._pilot.tick()
+            except Exception as error:  # a driver that is not heard must lose control in any case
+                self._pilot.complain(str(error))
 
 
 class _Robot:
@@ -183,7 +215,7 @@ class _Seat:
         client: Any,
         pilot: Pilot,
         robot: _Robot | None,
-        ask_for: Callable[[Callable[[], None]], None],
+        ask_for: Callable[[int, Callable[[], None]], None],
     ) -> None:
         self.browser: int = client.client_id
         self._client, self._pilot, self._ask_for = client, pilot, ask_for
@@ -193,8 +225,10 @@ class _Seat:
         self._followed = 0.0
         self._tips: list[_Handle] = []
         self._objects: dict[str, _Handle] = {}
-        with client.gui.add_folder("You have control", order=0.6) as folder:
-            release = client.gui.add_button("Release control")
+        what = "control" if pilot.with_guide else "the hand"
+        with client.gui.add_folder(f"You have {what}", order=0.6) as folder:
+            client.gui.add_html(_note(GUIDE_WORDS if pilot.with_guide else HAND_WORDS))
+            release = client.gui.add_button(f"Release {what}")
         self._folder = folder
         release.on_click(self._ordered(lambda *_: pilot.leave(self.browser)))
         self.begin(robot)
@@ -313,7 +347,7 @@ class _Seat:
             value: Any = getattr(event.target, "value", None)
             if phase:
                 value = tuple(event.target.position)
-            self._ask_for(lambda: act(phase, value))
+            self._ask_for(self.browser, lambda: act(phase, value))
 
         return call
 
@@ -340,6 +374,14 @@ class _Handle:
 
     def remove(self) -> None:
         self._gizmo.remove()
+
+
+def _note(line: str) -> str:
+    """A sentence as part of a panel."""
+    return (
+        '<div class="trifinger-control" style="margin:0.3em 0.8em;font-size:0.85em">'
+        f"{html.escape(line)}</div>"
+    )
 
 
 def _text(name: str) -> str:

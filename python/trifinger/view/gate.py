@@ -353,7 +353,9 @@ def _is_sane(message: Any) -> bool:
     updates = getattr(message, "updates", None)
     if updates is not None and (not isinstance(updates, dict) or set(updates) != {"value"}):
         return False
-    return all(_is_sane_value(value) for value in vars(message).values())
+    fields = vars(message).values()
+    # viser makes a tuple of a point or of a turn; a list has another count of numbers.
+    return all(_is_sane_value(value) and not isinstance(value, list) for value in fields)
 
 
 def _is_sane_value(value: Any) -> bool:

@@ -26,6 +26,7 @@ PATIENCE = 1.0  # without a sign of life of the driver [s]
 WISH_PERIOD = 1 / 60  # between two wishes of a drag [s]
 PULL_LENGTH = 0.5  # after which the hand lets go if this process stands still [s]
 CONNECT_TIMEOUT = 1.0  # [s]
+RECOVERY_TIMEOUT = 30.0  # some robots are homing before their next session [s]
 FARTHEST = 10.0  # point to which something can be dragged, from the origin [m]
 MODES = ("home", "hold", "float")
 MODE_WORDS = {
@@ -136,14 +137,33 @@ class Pilot:
                     self._end_guide()
 
     def heard(self, browser: int) -> None:
-        """Notes a sign of life of a browser."""
-        with self._lock:
-            if self._driver == browser:
-                self._heard = self._clock()
+        """Notes a sign of life of a browser. It never waits, so that it holds up no connection."""
+        if self._driver == browser:
+            self._heard = self._clock()
 
     def complain(self, words: str) -> None:
         """Notes why something that was asked for is not done."""
         self._words = words
+
+    def recover(self, timeout: float = RECOVERY_TIMEOUT) -> None:
+        """Clears the fault that has stopped the robot, for an operator who has looked at it.
+
+        Nobody drives then. It may wait as long as `timeout` [s].
+
+        Raises:
+            InvalidArgument: if the page controls nothing, or a browser drives
+            Error: if there is no robot, or its next session does not begin
+        """
+        if not self.with_guide or self._driver is not None:
+            raise InvalidArgument("there is no fault to recover from")
+        self._words = "the robot recovers; it may move"
+        _trifinger.recover(self.name, timeout)
+        self._words = ""
+
+    def begin_session(self) -> None:
+        """Notes that another session has begun: why the one before has ended is no longer new."""
+        if self._driver is None and self._guide is None:
+            self._words = ""
 
     # ---- what the driver asks for ----
 

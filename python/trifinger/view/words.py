@@ -49,7 +49,10 @@ def lines_of(
     """
     is_fault = info.fault is not None and info.fault.needs_recovery
     lines = []
-    if not info.backend_is_alive:
+    was_stopped = info.fault is not None and info.fault.code == "stopped"
+    if not info.backend_is_alive and was_stopped:
+        lines.append(Line("state", "the robot was stopped, and its back-end has ended"))
+    elif not info.backend_is_alive:
         lines.append(Line("state", "the back-end is gone", "bad"))
         lines.append(
             Line(
