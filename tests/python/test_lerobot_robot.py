@@ -221,7 +221,7 @@ def test_the_leader_is_what_another_robot_measures(start_program: StartProgram) 
 
 @pytest.mark.usefixtures("plugin")
 def test_misuse_is_refused_with_the_names(start_program: StartProgram) -> None:
-    from lerobot.utils.errors import (  # type: ignore[import-not-found]
+    from lerobot.utils.errors import (
         DeviceAlreadyConnectedError,
         DeviceNotConnectedError,
     )
