@@ -2,6 +2,7 @@
 """Logs as data sets: what was recorded is what readers of LeRobot and Minari find."""
 
 import itertools
+import os
 import signal
 import subprocess
 import sys
@@ -11,6 +12,7 @@ from typing import Any
 
 import minari
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 import trifinger
 from conftest import BUILD
@@ -356,6 +358,50 @@ def test_marks_survive_a_kill_and_say_where_they_are_wrong(tmp_path: Path) -> No
         read_marks(path)
     with pytest.raises(InvalidArgument, match="no steps"):
         Mark(session_id=1, first=3, end=3)
+
+
+EXPORT_MANY = """
+import sys
+from dataclasses import replace
+from pathlib import Path
+import trifinger
+from trifinger.data_sets import lerobot, statistics
+from trifinger.data_sets.episodes import find_episodes
+
+# Buffers are full after a few episodes, so what grows is what is kept of each.
+lerobot.EPISODES_SIZE = lerobot.GROUP_SIZE = 1
+statistics.MEMORY = 1 << 20
+(whole,) = find_episodes([trifinger.Log(sys.argv[1])])[:1]
+count = int(sys.argv[3])
+episodes = [replace(whole, first=20 + i % 100, end=140 + i % 100) for i in range(count)]
+assert lerobot.write(episodes, Path(sys.argv[2])).episodes == count
+(line,) = [one for one in Path("/proc/self/status").read_text().split("\\n") if "VmHWM" in one]
+print(line.split()[1])
+"""
+
+
+def test_memory_does_not_grow_with_the_number_of_episodes(blind: Recorded, tmp_path: Path) -> None:
+    def peak(count: int) -> float:
+        """The most memory that an export of so many episodes had [MB]."""
+        words = [sys.executable, "-c", EXPORT_MANY, blind.folder, tmp_path / f"{count}", str(count)]
+        # What allocators keep for later is not what is meant.
+        settings = {"ARROW_DEFAULT_MEMORY_POOL": "system", "MALLOC_ARENA_MAX": "1"}
+        done = subprocess.run(
+            words, stdout=subprocess.PIPE, text=True, check=True, env=os.environ | settings
+        )
+        return int(done.stdout.splitlines()[-1]) / 1e3
+
+    assert peak(400) - peak(50) < 10
+    reader = Reader(tmp_path / "400")
+    reader.check()
+    places = [
+        tuple(one[f"meta/episodes/{key}"] for key in ("chunk_index", "file_index"))
+        for one in reader.episodes
+    ]
+    files = sorted((tmp_path / "400").glob("meta/episodes/chunk-*/file-*.parquet"))
+    assert len(set(places)) == len(files) > 10
+    for file, place in zip(files, sorted(set(places)), strict=True):
+        assert pq.read_metadata(file).num_rows == places.count(place)
 
 
 # ---- Minari ----

@@ -43,7 +43,9 @@ VERSION = "v3.0"
 FILES_PER_CHUNK = 1000
 DATA_SIZE = 100  # of a data file [MB]
 VIDEO_SIZE = 200  # of a video file [MB]
-WAITING = 10  # descriptions of episodes that are in memory at once
+EPISODES_SIZE = 8  # of the descriptions of episodes in a file, before they are compressed [MB]
+GROUP_SIZE = 4  # of rows that become a row group of a data file, before they are compressed [MB]
+WAITING = 10  # descriptions of episodes that become a table at once
 MEGABYTE = 1 << 20
 DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 VIDEO_PATH = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
@@ -461,12 +463,16 @@ def _arrow_array(values: Array, feature: Feature) -> Any:
 
 
 class _Episodes:
-    """The file with a row for each episode."""
+    """The files with a row for each episode.
+
+    A file is written at once: its writer would keep something of each row group until its end, and
+    the descriptions have a thousand columns.
+    """
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._waiting: list[dict[str, Any]] = []
-        self._writer: Any = None
+        self._tables: list[Any] = []
         self.place = Place()
         self.count = 0
 
@@ -474,36 +480,46 @@ class _Episodes:
         """Adds an episode."""
         self._waiting.append(row)
         self.count += 1
-        if len(self._waiting) == WAITING:
-            self._write()
+        if len(self._waiting) >= WAITING:
+            self._pack()
+        if sum(table.nbytes for table in self._tables) >= EPISODES_SIZE * MEGABYTE:
+            self.close()
 
     def close(self) -> None:
-        """Ends the file."""
-        self._write()
-        if self._writer is not None:
-            self._writer.close()
-            self._writer = None
-
-    def _write(self) -> None:
+        """Writes a file of the episodes that were added since the last one."""
         import pyarrow as pa
         import pyarrow.parquet as pq
 
-        if not self._waiting:
-            return
-        table = pa.Table.from_pylist(self._waiting, self._writer and self._writer.schema)
-        self._waiting = []
-        if self._writer is None:
-            path = self.place.path(self._folder, EPISODES_PATH)
-            self._writer = pq.ParquetWriter(path, table.schema, compression="snappy")
-        self._writer.write_table(table)
+        self._pack()
+        if self._tables:
+            table = pa.concat_tables(self._tables)
+            pq.write_table(
+                table, self.place.path(self._folder, EPISODES_PATH), compression="snappy"
+            )
+            self.place = Place(self.place.number + 1)
+            self._tables = []
+
+    def _pack(self) -> None:
+        import pyarrow as pa
+
+        if self._waiting:
+            schema = self._tables[0].schema if self._tables else None
+            self._tables.append(pa.Table.from_pylist(self._waiting, schema))
+            self._waiting = []
 
 
 class _Table:
-    """The data files; an episode is in one of them."""
+    """The data files; an episode is in one of them.
+
+    Rows wait until they are a row group: short groups would be slow to read, and the writer keeps
+    something of each until the end of the file.
+    """
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._writer: Any = None
+        self._waiting: list[Any] = []
+        self._waiting_bytes = 0
         self._next = 0
         self.place = Place()
 
@@ -535,16 +551,28 @@ class _Table:
             )
             for name in schema.names[len(features) :]
         ]
-        self._writer.write_table(pa.Table.from_arrays(arrays, schema=schema))
+        table = pa.Table.from_arrays(arrays, schema=schema)
+        self._waiting.append(table)
+        self._waiting_bytes += table.nbytes
+        if self._waiting_bytes >= GROUP_SIZE * MEGABYTE:
+            self._write()
 
     def close(self) -> None:
         """Ends the file."""
         if self._writer is not None:
+            self._write()
             self._writer.close()
             self._writer = None
 
+    def _write(self) -> None:
+        import pyarrow as pa
+
+        if self._waiting:
+            self._writer.write_table(pa.concat_tables(self._waiting))
+            self._waiting, self._waiting_bytes = [], 0
+
     def _size(self) -> int:
-        return self._path.stat().st_size
+        return self._path.stat().st_size + self._waiting_bytes
 
 
 class Videos:
