@@ -501,6 +501,29 @@ def test_minari_loads_what_a_robot_measured(seen: Recorded, observation: str) ->
             assert data.observation_space.contains(row)
 
 
+@pytest.mark.usefixtures("minari_root")
+def test_minari_and_lerobot_have_the_same_steps_between_rows(
+    blind: Recorded, played: Played, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    export("minari", blind.folder, "-o", "swing-v0", "--high-rate")
+    export("minari", blind.folder, "-o", "swing-v1")
+    export("lerobot", blind.folder, "-o", tmp_path / "set")
+    reader = Reader(tmp_path / "set")
+    names = [name for name in reader.features if name.startswith("high_rate.")]
+    assert {name.split(".")[1] for name in names} == {"observation", "action", "applied_action"}
+    for number, episode in enumerate(minari.load_dataset("swing-v0").iterate_episodes()):
+        rows = np.flatnonzero(reader.column("episode_index") == number)
+        for name in names:
+            expected = np.array([reader.columns[name][row] for row in rows])
+            np.testing.assert_array_equal(episode.infos[name], np.float32(expected))
+    for episode in minari.load_dataset("swing-v1").iterate_episodes():
+        assert list(episode.infos) == ["step"]
+    marked = ("minari", played.folder, "--episodes", "marks", "--high-rate", "-o", "reach-v0")
+    export(*marked, status=2)
+    assert "--observation flat" in capsys.readouterr().err
+    export(*marked, "--observation", "flat")
+
+
 def test_names_that_minari_would_not_find_are_refused(
     blind: Recorded, minari_root: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
