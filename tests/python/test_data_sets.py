@@ -20,7 +20,7 @@ from lerobot_reader import Reader
 from trifinger.commands.export_data_set import logs_of, main
 from trifinger.data_sets import lerobot, rows
 from trifinger.data_sets.episodes import find_episodes
-from trifinger.data_sets.marks import EpisodeMarks, Mark, read_marks
+from trifinger.data_sets.marks import Decisions, EpisodeMarks, Mark, read_marks
 from trifinger.data_sets.recorded_environment import RecordEpisodes
 from trifinger.data_sets.rows import Choice, Rows
 from trifinger.environments import Environment
@@ -356,8 +356,33 @@ def test_marks_survive_a_kill_and_say_where_they_are_wrong(tmp_path: Path) -> No
     path.write_text('{"version": 1, "first": 1}\n')
     with pytest.raises(InvalidArgument, match="line 1: no mark of an episode"):
         read_marks(path)
+    path.write_bytes(b'{"version": 1, "task": "\xff"}\n')
+    with pytest.raises(InvalidArgument, match="line 1: 'utf-8'"):
+        read_marks(path)
     with pytest.raises(InvalidArgument, match="no steps"):
         Mark(session_id=1, first=3, end=3)
+
+
+def test_decisions_of_an_environment_come_back_from_a_file_bit_for_bit(tmp_path: Path) -> None:
+    random = np.random.default_rng(1)
+    made = {
+        "steps": np.arange(5),
+        "observations": random.normal(size=(5, 3)).astype(np.float32),
+        "actions": random.normal(size=(4, 2)).astype(np.float32),
+        "rewards": random.normal(size=4),
+    }
+    decisions = Decisions(environment="{}", seed=1, episode=2, **made)
+    with EpisodeMarks(tmp_path / "x.episodes.jsonl") as marks:
+        marks.write(Mark(session_id=1, first=0, end=4, decisions=decisions))
+    (found,) = read_marks(tmp_path / "x.episodes.jsonl")
+    assert found.decisions is not None
+    for name, values in made.items():
+        np.testing.assert_array_equal(getattr(found.decisions, name), values)
+        assert getattr(found.decisions, name).dtype == values.dtype
+    with pytest.raises(InvalidArgument, match="3 actions need as many rewards"):
+        Decisions(environment="", seed=1, episode=2, **(made | {"actions": made["actions"][:3]}))
+    with pytest.raises(InvalidArgument, match="the observations of an episode have the shape"):
+        Decisions(environment="", seed=1, episode=2, **(made | {"observations": [1, 2, 3, 4, 5]}))
 
 
 EXPORT_MANY = """
@@ -565,7 +590,7 @@ def test_marks_of_an_environment_belong_to_the_steps_of_the_log(
     for mark, observations in zip(marks, played.observations, strict=True):
         assert mark.decisions is not None
         session = sessions[mark.session_id]
-        steps = np.array(mark.decisions.steps)
+        steps = mark.decisions.steps
         y = np.array([session.get_observation(int(t))["position"] for t in steps])
         seen = environment.entries(observations)["joint_position"]
         np.testing.assert_allclose(seen, y, atol=1e-5)

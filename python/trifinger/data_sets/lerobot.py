@@ -400,10 +400,10 @@ def _judged(episode: Episode, steps: NDArray[np.int64]) -> dict[str, Array]:
         "next.success": np.zeros(len(steps), bool),
     }
     if mark is not None and mark.decisions is not None:
-        rows = np.searchsorted(steps, mark.decisions.steps[:-1], side="right") - 1
-        rewards = np.asarray(mark.decisions.rewards, np.float64)
-        is_inside = (rows >= 0) & (np.asarray(mark.decisions.steps[:-1]) < episode.end)
-        np.add.at(found["next.reward"], rows[is_inside], rewards[is_inside])
+        chosen_at = mark.decisions.steps[:-1]
+        rows = np.searchsorted(steps, chosen_at, side="right") - 1
+        is_inside = (rows >= 0) & (chosen_at < episode.end)
+        np.add.at(found["next.reward"], rows[is_inside], mark.decisions.rewards[is_inside])
     if episode.is_end:
         found["next.done"][-1] = True
         found["next.success"][-1] = bool(mark is not None and mark.success)

@@ -272,11 +272,11 @@ def _add_decisions(group: Any, episode: Episode) -> int:
     decisions = episode.mark.decisions if episode.mark is not None else None
     if decisions is None:
         raise InvalidArgument(f"{episode} was not made by an environment")
-    group.create_dataset("observations", data=np.array(decisions.observations, np.float32))
-    group.create_dataset("actions", data=np.array(decisions.actions, np.float32))
-    group.create_dataset("rewards", data=np.array(decisions.rewards, np.float64))
+    group.create_dataset("observations", data=decisions.observations)
+    group.create_dataset("actions", data=decisions.actions)
+    group.create_dataset("rewards", data=decisions.rewards)
     infos = group.create_group("infos")
-    infos.create_dataset("step", data=np.array(decisions.steps, np.int64))
+    infos.create_dataset("step", data=decisions.steps)
     group.attrs["seed"] = decisions.seed
     group.attrs["options/episode"] = decisions.episode
     return len(decisions.actions)
