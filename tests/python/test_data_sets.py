@@ -18,7 +18,7 @@ import trifinger
 from conftest import BUILD
 from lerobot_reader import Reader
 from trifinger.commands.export_data_set import logs_of, main
-from trifinger.data_sets import lerobot, rows
+from trifinger.data_sets import lerobot, minari as minari_format, rows
 from trifinger.data_sets.episodes import find_episodes
 from trifinger.data_sets.marks import Decisions, EpisodeMarks, Mark, read_marks
 from trifinger.data_sets.recorded_environment import RecordEpisodes
@@ -323,7 +323,7 @@ def test_a_killed_export_leaves_no_data_set(blind: Recorded, tmp_path: Path) -> 
     program = f"""
 import sys
 from trifinger.commands.export_data_set import main
-from trifinger.data_sets import lerobot, rows
+from trifinger.data_sets import lerobot, minari as minari_format, rows
 describe = lerobot._Writer._describe
 def wait(*arguments):
     describe(*arguments)
@@ -390,33 +390,40 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 import trifinger
-from trifinger.data_sets import lerobot, statistics
+from trifinger.data_sets import lerobot, minari, statistics
 from trifinger.data_sets.episodes import find_episodes
 
 # Buffers are full after a few episodes, so what grows is what is kept of each.
 lerobot.EPISODES_SIZE = lerobot.GROUP_SIZE = 1
 statistics.MEMORY = 1 << 20
 (whole,) = find_episodes([trifinger.Log(sys.argv[1])])[:1]
-count = int(sys.argv[3])
+format, folder, count = sys.argv[2], Path(sys.argv[3]), int(sys.argv[4])
 episodes = [replace(whole, first=20 + i % 100, end=140 + i % 100) for i in range(count)]
-assert lerobot.write(episodes, Path(sys.argv[2])).episodes == count
+write = lerobot.write if format == "lerobot" else minari.write
+assert write(episodes, folder if format == "lerobot" else "many-v0").episodes == count
 (line,) = [one for one in Path("/proc/self/status").read_text().split("\\n") if "VmHWM" in one]
 print(line.split()[1])
 """
 
 
-def test_memory_does_not_grow_with_the_number_of_episodes(blind: Recorded, tmp_path: Path) -> None:
-    def peak(count: int) -> float:
-        """The most memory that an export of so many episodes had [MB]."""
-        words = [sys.executable, "-c", EXPORT_MANY, blind.folder, tmp_path / f"{count}", str(count)]
+def peak_of_export(log: Path, format_: str, folder: Path, count: int) -> float:
+    """The most memory that an export of so many episodes had [MB]."""
+    words = [sys.executable, "-c", EXPORT_MANY, log, format_, folder / f"{count}", f"{count}"]
+    settings = {
         # What allocators keep for later is not what is meant.
-        settings = {"ARROW_DEFAULT_MEMORY_POOL": "system", "MALLOC_ARENA_MAX": "1"}
-        done = subprocess.run(
-            words, stdout=subprocess.PIPE, text=True, check=True, env=os.environ | settings
-        )
-        return int(done.stdout.splitlines()[-1]) / 1e3
+        "ARROW_DEFAULT_MEMORY_POOL": "system",
+        "MALLOC_ARENA_MAX": "1",
+        minari_format.ROOT: str(folder / f"{count}"),
+    }
+    done = subprocess.run(
+        words, stdout=subprocess.PIPE, text=True, check=True, env=os.environ | settings
+    )
+    return int(done.stdout.splitlines()[-1]) / 1e3
 
-    assert peak(400) - peak(50) < 10
+
+def test_memory_does_not_grow_with_the_number_of_episodes(blind: Recorded, tmp_path: Path) -> None:
+    few, many = (peak_of_export(blind.folder, "lerobot", tmp_path, n) for n in (50, 400))
+    assert many - few < 10
     reader = Reader(tmp_path / "400")
     reader.check()
     places = [
@@ -427,6 +434,12 @@ def test_memory_does_not_grow_with_the_number_of_episodes(blind: Recorded, tmp_p
     assert len(set(places)) == len(files) > 10
     for file, place in zip(files, sorted(set(places)), strict=True):
         assert pq.read_metadata(file).num_rows == places.count(place)
+
+
+def test_memory_of_minari_is_bounded(blind: Recorded, tmp_path: Path) -> None:
+    # HDF5 keeps a cache of some MB, which is full after some hundred episodes.
+    few, many = (peak_of_export(blind.folder, "minari", tmp_path, n) for n in (600, 1400))
+    assert many - few < 10
 
 
 # ---- Minari ----
