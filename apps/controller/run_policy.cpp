@@ -10,17 +10,21 @@
 #include <condition_variable>
 #include <cstdio>
 #include <deque>
+#include <exception>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <stop_token>
 #include <string>
 #include <thread>
+#include <utility>
 #include <variant>
 #include <vector>
 
+#include "controller/episode_marks.hpp"
 #include "controller/user_program.hpp"
 #include "shared/exit_code.hpp"
 #include "shared/options.hpp"
@@ -41,6 +45,8 @@ struct RunPolicyOptions {
   std::string robot{"sim"};
   learning::PolicyRunOptions run;
   std::string json;
+  std::string marks;
+  std::string sentence;
   Demand scheduling{Demand::kTry};
   learning::Precision precision{learning::Precision::kDouble};
 };
@@ -69,14 +75,16 @@ void print(const EpisodeReport& report) {
   std::fflush(stdout);
 }
 
-// Prints reports in a thread of its own, because a terminal that blocks must not stop the robot.
-class Printer {
+// Hands reports on in a thread of its own, because a terminal or a disk that blocks must not stop
+// the robot.
+class Reporter {
  public:
-  Printer() : thread_([this](const std::stop_token& stop) { run(stop); }) {}
-  // Prints what is left.
-  ~Printer() = default;
-  Printer(const Printer&) = delete;
-  Printer& operator=(const Printer&) = delete;
+  explicit Reporter(std::function<void(const EpisodeReport&)> report)
+      : report_(std::move(report)), thread_([this](const std::stop_token& stop) { run(stop); }) {}
+  // Hands on what is left.
+  ~Reporter() = default;
+  Reporter(const Reporter&) = delete;
+  Reporter& operator=(const Reporter&) = delete;
 
   void add(const EpisodeReport& report) {
     {
@@ -86,6 +94,13 @@ class Printer {
     has_more_.notify_one();
   }
 
+  // Hands on what is left, then throws what a report has thrown. No report may follow.
+  void finish() {
+    thread_.request_stop();
+    thread_.join();
+    if (error_) std::rethrow_exception(error_);
+  }
+
  private:
   void run(const std::stop_token& stop) {
     std::unique_lock lock(mutex_);
@@ -93,11 +108,17 @@ class Printer {
       const EpisodeReport report = reports_.front();
       reports_.pop_front();
       lock.unlock();
-      print(report);
+      try {
+        report_(report);
+      } catch (...) {
+        if (!error_) error_ = std::current_exception();
+      }
       lock.lock();
     }
   }
 
+  std::function<void(const EpisodeReport&)> report_;
+  std::exception_ptr error_;
   std::mutex mutex_;
   std::condition_variable_any has_more_;
   std::deque<EpisodeReport> reports_;
@@ -177,21 +198,36 @@ int run_on(Frontend<R>& robot, Policy& policy, const RunPolicyOptions& options) 
 
   warn_of_differences(policy, options, described);
 
+  std::optional<EpisodeMarks> marks;
+  if (!options.marks.empty()) marks.emplace(options.marks);
+  const std::uint64_t session_id = robot.session().info().session_id;
+  const auto tell = [&](const EpisodeReport& report) {
+    print(report);
+    if (marks && report.last_step > report.first_step) {
+      marks->write({.session_id = session_id,
+                    .first = report.first_step,
+                    .end = report.last_step,
+                    .task = options.sentence,
+                    .terminated = report.outcome.terminated,
+                    .success = report.outcome.success});
+    }
+  };
+
   const std::atomic<bool>& stop = stop_on_signals();
   fmt::print("'{}' shall do '{}' with {}: {}\n", options.robot, task, options.policy,
              learning::write_options(trained));
   std::fflush(stdout);
-  std::optional<Printer> printer(std::in_place);  // Started here, with the usual priority.
+  Reporter reporter(tell);  // Started here, with the usual priority.
   static_cast<void>(enter_realtime(realtime_beside(robot.session().info(), options.scheduling)));
   std::vector<EpisodeReport> reports;
   learning::PolicyRunOptions run = options.run;
   run.stop = &stop;
   run.on_episode = [&](const EpisodeReport& report) {
     reports.push_back(report);
-    printer->add(report);
+    reporter.add(report);
   };
   learning::run_policy(robot, environment, policy, run);
-  printer.reset();
+  reporter.finish();
 
   const auto successes =
       std::ranges::count_if(reports, [](const auto& report) { return report.outcome.success; });
@@ -224,9 +260,11 @@ int run_policy_command(const std::vector<std::string>& words) {
       "trifinger run-policy");
   program.set_help_flag("-h,--help", "Print this help");
   program.footer(
-      "Example:\n"
+      "Examples:\n"
       "  trifinger run trifinger_edu --name sim         in one terminal\n"
-      "  trifinger run-policy reach.policy              in another");
+      "  trifinger run-policy reach.policy              in another\n"
+      "  trifinger run trifinger_edu --name sim --record logs\n"
+      "  trifinger run-policy reach.policy --marks logs/reach.episodes.jsonl");
   program.add_option("POLICY", options.policy, "File of the policy")->required();
   program.add_option("--robot", options.robot, "Name of the running robot")->capture_default_str();
   program.add_option("--episodes", options.run.episodes, "Number of episodes")
@@ -236,6 +274,15 @@ int run_policy_command(const std::vector<std::string>& words) {
       ->capture_default_str();
   program.add_option("--json", options.json, "Also write the episodes to FILE")
       ->option_text("FILE");
+  CLI::Option* const marks =
+      program
+          .add_option("--marks", options.marks,
+                      "Also mark the episodes for `trifinger export --episodes marks`, in the file "
+                      "FILE.episodes.jsonl beside the robot's log")
+          ->option_text("FILE");
+  program.add_option("--task", options.sentence, "What the episodes do, for the marks")
+      ->option_text("SENTENCE")
+      ->needs(marks);
   add_user_scheduling(program, options.scheduling);
   add_choice(program, "--precision", options.precision,
              {{"double", learning::Precision::kDouble}, {"single", learning::Precision::kSingle}},

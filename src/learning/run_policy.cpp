@@ -182,6 +182,7 @@ void run_policy(Frontend<R>& robot, const Environment& environment, Policy& poli
       y = process.step(action);
     }
     const TimeIndex repeated_before = process.repeated_steps();
+    report.first_step = process.time_index();
     report.outcome = look(y);
     const auto has_ended = [&] { return report.outcome.terminated || report.outcome.truncated; };
     while (!has_ended() && !must_stop()) {
@@ -190,6 +191,7 @@ void run_policy(Frontend<R>& robot, const Environment& environment, Policy& poli
       report.total_reward += report.outcome.reward;
     }
     if (!has_ended()) break;
+    report.last_step = process.time_index();
     report.actions = episode.actions;
     report.repeated_steps = process.repeated_steps() - repeated_before;
     if (options.on_episode) options.on_episode(report);

@@ -2,6 +2,7 @@
 """Logs as data sets: what was recorded is what readers of LeRobot and Minari find."""
 
 import itertools
+import os
 import signal
 import subprocess
 import sys
@@ -11,14 +12,15 @@ from typing import Any
 
 import minari
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 import trifinger
 from conftest import BUILD
 from lerobot_reader import Reader
 from trifinger.commands.export_data_set import logs_of, main
-from trifinger.data_sets import lerobot, rows
+from trifinger.data_sets import lerobot, minari as minari_format, rows
 from trifinger.data_sets.episodes import find_episodes
-from trifinger.data_sets.marks import EpisodeMarks, Mark, read_marks
+from trifinger.data_sets.marks import Decisions, EpisodeMarks, Mark, read_marks
 from trifinger.data_sets.recorded_environment import RecordEpisodes
 from trifinger.data_sets.rows import Choice, Rows
 from trifinger.environments import Environment
@@ -321,7 +323,7 @@ def test_a_killed_export_leaves_no_data_set(blind: Recorded, tmp_path: Path) -> 
     program = f"""
 import sys
 from trifinger.commands.export_data_set import main
-from trifinger.data_sets import lerobot, rows
+from trifinger.data_sets import lerobot, minari as minari_format, rows
 describe = lerobot._Writer._describe
 def wait(*arguments):
     describe(*arguments)
@@ -354,8 +356,90 @@ def test_marks_survive_a_kill_and_say_where_they_are_wrong(tmp_path: Path) -> No
     path.write_text('{"version": 1, "first": 1}\n')
     with pytest.raises(InvalidArgument, match="line 1: no mark of an episode"):
         read_marks(path)
+    path.write_bytes(b'{"version": 1, "task": "\xff"}\n')
+    with pytest.raises(InvalidArgument, match="line 1: 'utf-8'"):
+        read_marks(path)
     with pytest.raises(InvalidArgument, match="no steps"):
         Mark(session_id=1, first=3, end=3)
+
+
+def test_decisions_of_an_environment_come_back_from_a_file_bit_for_bit(tmp_path: Path) -> None:
+    random = np.random.default_rng(1)
+    made = {
+        "steps": np.arange(5),
+        "observations": random.normal(size=(5, 3)).astype(np.float32),
+        "actions": random.normal(size=(4, 2)).astype(np.float32),
+        "rewards": random.normal(size=4),
+    }
+    decisions = Decisions(environment="{}", seed=1, episode=2, **made)
+    with EpisodeMarks(tmp_path / "x.episodes.jsonl") as marks:
+        marks.write(Mark(session_id=1, first=0, end=4, decisions=decisions))
+    (found,) = read_marks(tmp_path / "x.episodes.jsonl")
+    assert found.decisions is not None
+    for name, values in made.items():
+        np.testing.assert_array_equal(getattr(found.decisions, name), values)
+        assert getattr(found.decisions, name).dtype == values.dtype
+    with pytest.raises(InvalidArgument, match="3 actions need as many rewards"):
+        Decisions(environment="", seed=1, episode=2, **(made | {"actions": made["actions"][:3]}))
+    with pytest.raises(InvalidArgument, match="the observations of an episode have the shape"):
+        Decisions(environment="", seed=1, episode=2, **(made | {"observations": [1, 2, 3, 4, 5]}))
+
+
+EXPORT_MANY = """
+import sys
+from dataclasses import replace
+from pathlib import Path
+import trifinger
+from trifinger.data_sets import lerobot, minari, statistics
+from trifinger.data_sets.episodes import find_episodes
+
+# Buffers are full after a few episodes, so what grows is what is kept of each.
+lerobot.EPISODES_SIZE = lerobot.GROUP_SIZE = 1
+statistics.MEMORY = 1 << 20
+(whole,) = find_episodes([trifinger.Log(sys.argv[1])])[:1]
+format, folder, count = sys.argv[2], Path(sys.argv[3]), int(sys.argv[4])
+episodes = [replace(whole, first=20 + i % 100, end=140 + i % 100) for i in range(count)]
+write = lerobot.write if format == "lerobot" else minari.write
+assert write(episodes, folder if format == "lerobot" else "many-v0").episodes == count
+(line,) = [one for one in Path("/proc/self/status").read_text().split("\\n") if "VmHWM" in one]
+print(line.split()[1])
+"""
+
+
+def peak_of_export(log: Path, format_: str, folder: Path, count: int) -> float:
+    """The most memory that an export of so many episodes had [MB]."""
+    words = [sys.executable, "-c", EXPORT_MANY, log, format_, folder / f"{count}", f"{count}"]
+    settings = {
+        # What allocators keep for later is not what is meant.
+        "ARROW_DEFAULT_MEMORY_POOL": "system",
+        "MALLOC_ARENA_MAX": "1",
+        minari_format.ROOT: str(folder / f"{count}"),
+    }
+    done = subprocess.run(
+        words, stdout=subprocess.PIPE, text=True, check=True, env=os.environ | settings
+    )
+    return int(done.stdout.splitlines()[-1]) / 1e3
+
+
+def test_memory_does_not_grow_with_the_number_of_episodes(blind: Recorded, tmp_path: Path) -> None:
+    few, many = (peak_of_export(blind.folder, "lerobot", tmp_path, n) for n in (50, 400))
+    assert many - few < 10
+    reader = Reader(tmp_path / "400")
+    reader.check()
+    places = [
+        tuple(one[f"meta/episodes/{key}"] for key in ("chunk_index", "file_index"))
+        for one in reader.episodes
+    ]
+    files = sorted((tmp_path / "400").glob("meta/episodes/chunk-*/file-*.parquet"))
+    assert len(set(places)) == len(files) > 10
+    for file, place in zip(files, sorted(set(places)), strict=True):
+        assert pq.read_metadata(file).num_rows == places.count(place)
+
+
+def test_memory_of_minari_is_bounded(blind: Recorded, tmp_path: Path) -> None:
+    # HDF5 keeps a cache of some MB, which is full after some hundred episodes.
+    few, many = (peak_of_export(blind.folder, "minari", tmp_path, n) for n in (600, 1400))
+    assert many - few < 10
 
 
 # ---- Minari ----
@@ -455,6 +539,29 @@ def test_minari_loads_what_a_robot_measured(seen: Recorded, observation: str) ->
             assert data.observation_space.contains(row)
 
 
+@pytest.mark.usefixtures("minari_root")
+def test_minari_and_lerobot_have_the_same_steps_between_rows(
+    blind: Recorded, played: Played, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    export("minari", blind.folder, "-o", "swing-v0", "--high-rate")
+    export("minari", blind.folder, "-o", "swing-v1")
+    export("lerobot", blind.folder, "-o", tmp_path / "set")
+    reader = Reader(tmp_path / "set")
+    names = [name for name in reader.features if name.startswith("high_rate.")]
+    assert {name.split(".")[1] for name in names} == {"observation", "action", "applied_action"}
+    for number, episode in enumerate(minari.load_dataset("swing-v0").iterate_episodes()):
+        rows = np.flatnonzero(reader.column("episode_index") == number)
+        for name in names:
+            expected = np.array([reader.columns[name][row] for row in rows])
+            np.testing.assert_array_equal(episode.infos[name], np.float32(expected))
+    for episode in minari.load_dataset("swing-v1").iterate_episodes():
+        assert list(episode.infos) == ["step"]
+    marked = ("minari", played.folder, "--episodes", "marks", "--high-rate", "-o", "reach-v0")
+    export(*marked, status=2)
+    assert "--observation flat" in capsys.readouterr().err
+    export(*marked, "--observation", "flat")
+
+
 def test_names_that_minari_would_not_find_are_refused(
     blind: Recorded, minari_root: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -496,7 +603,7 @@ def test_marks_of_an_environment_belong_to_the_steps_of_the_log(
     for mark, observations in zip(marks, played.observations, strict=True):
         assert mark.decisions is not None
         session = sessions[mark.session_id]
-        steps = np.array(mark.decisions.steps)
+        steps = mark.decisions.steps
         y = np.array([session.get_observation(int(t))["position"] for t in steps])
         seen = environment.entries(observations)["joint_position"]
         np.testing.assert_allclose(seen, y, atol=1e-5)

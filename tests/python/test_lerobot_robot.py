@@ -4,7 +4,9 @@
 import importlib
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from email.parser import Parser
 from importlib import metadata
 from pathlib import Path
@@ -14,7 +16,8 @@ import numpy as np
 import pytest
 import trifinger
 from conftest import PATIENT, StartProgram
-from trifinger.errors import InvalidArgument
+from trifinger.cameras import Cameras
+from trifinger.errors import CameraLost, InvalidArgument
 
 pytestmark = pytest.mark.release
 
@@ -119,14 +122,85 @@ def test_in_real_time_an_action_stays_until_the_next_one(start_program: StartPro
         goal = {name: first[name] + 0.05 for name in robot.action_features}
         sent = seen.current_time_index()
         robot.send_action(goal)
-        seen.wait_until_time_index(sent + 500)
-        desired = seen.get_desired_actions(sent, sent + 500)["position"]
-        is_new = (desired == np.array(list(goal.values()))).all(axis=1)
-        assert is_new[-1]
-        assert (np.diff(is_new.astype(int)) >= 0).all(), "once it acts, it stays"
+        new = np.array(list(goal.values()))
+        acts = sent
+        while (seen.get_desired_action(acts)["position"] != new).any():
+            acts += 1
+        desired = seen.get_desired_actions(sent, acts + 300)["position"]
+        is_new = (desired == new).all(axis=1)
+        assert (is_new == (np.arange(sent, acts + 300) >= acts)).all(), "once it acts, it stays"
         old = np.array([first[name] for name in goal])
         assert (np.abs(desired[~is_new] - old) < 0.02).all(), "before, the robot holds its pose"
     robot.disconnect()
+
+
+def test_in_real_time_connect_waits_for_the_first_step(
+    start_program: StartProgram, plugin: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    start_program("run", "sim", "--name", "new", *PATIENT).wait_for("waits for a user")
+    robot = device_of("robot", configured("robot", "trifinger", robot="new"))
+    feeder = importlib.import_module(f"{plugin.__name__}.robot")._Feeder
+    supply, may_begin = feeder._run, threading.Event()
+
+    def begin_late(self: Any) -> None:
+        may_begin.wait()
+        supply(self)
+
+    monkeypatch.setattr(feeder, "_run", begin_late)
+    with ThreadPoolExecutor() as threads, trifinger.observe("new") as seen:
+        try:
+            connecting = threads.submit(robot.connect)
+            with pytest.raises(TimeoutError):
+                connecting.result(timeout=1)
+        finally:
+            may_begin.set()
+        connecting.result()
+        assert seen.current_time_index() >= 0
+        assert list(robot.get_observation()) == list(robot.observation_features)
+    robot.disconnect()
+
+
+LATE = 100  # first step with an image of cameras that begin late
+
+
+def begin_late(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Real cameras may send their first image after the robot's first step."""
+    get_latest_at = Cameras.get_latest_at
+    monkeypatch.setattr(
+        Cameras,
+        "get_latest_at",
+        lambda cameras, t: None if t < LATE else get_latest_at(cameras, t),
+    )
+
+
+@pytest.mark.usefixtures("plugin")
+def test_the_first_observation_has_an_image_of_each_camera(
+    start_program: StartProgram, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begin_late(monkeypatch)
+    size = ("--set", "cameras.size=54", "--set", "cameras.rate=10")
+    running = start_program("run", "sim_cameras", "--name", "seeing", "--non-real-time", *size)
+    running.wait_for("waits for a user")
+    images = {"camera60": [54, 54], "camera300": [54, 54]}
+    options: dict[str, Any] = {"robot": "seeing", "images": images}
+    robot = device_of("robot", configured("robot", "trifinger", **options))
+    with robot:
+        first = robot.get_observation()
+        assert list(first) == list(robot.observation_features)
+        assert all(first[name].shape == robot.observation_features[name] for name in images)
+        action = {name: first[name] for name in robot.action_features}
+        for _ in range(10):
+            robot.send_action(action)
+        last = robot.get_observation()
+        assert all((last[name] is not first[name]) for name in images), "newer images have come"
+    hasty = device_of("robot", configured("robot", "trifinger", first_images=0.05, **options))
+    with pytest.raises(CameraLost, match=r"of camera60 and camera300 has come in 0\.05 s"):
+        hasty.connect()
+    assert not hasty.is_connected
+    options["images"] = {"camera60": [54, 108]}
+    wrong = device_of("robot", configured("robot", "trifinger", **options))
+    with pytest.raises(InvalidArgument, match="images of camera60 have the shape"):
+        wrong.connect()
 
 
 @pytest.mark.usefixtures("plugin")
@@ -147,7 +221,7 @@ def test_the_leader_is_what_another_robot_measures(start_program: StartProgram) 
 
 @pytest.mark.usefixtures("plugin")
 def test_misuse_is_refused_with_the_names(start_program: StartProgram) -> None:
-    from lerobot.utils.errors import (  # type: ignore[import-not-found]
+    from lerobot.utils.errors import (
         DeviceAlreadyConnectedError,
         DeviceNotConnectedError,
     )

@@ -3,13 +3,18 @@
 
 import json
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trifinger
 from conftest import BUILD, StartProgram
+from lerobot_reader import Reader
 from trifinger import policy_file
+from trifinger.commands.export_data_set import main as export
+from trifinger.data_sets.marks import read_marks
+from trifinger.data_sets.recorded_environment import RecordEpisodes
 from trifinger.environments import Environment, Options, policy_metadata
 
 pytestmark = pytest.mark.release  # these tests need the program
@@ -98,6 +103,83 @@ def test_goes_through_episodes_in_real_time(start_program: StartProgram, tmp_pat
     assert done.returncode == 0, done.stdout + done.stderr
     assert "episode    1:   25 actions" in done.stdout
     assert "of 2 episodes ended at their goal." in done.stdout
+
+
+def test_marks_the_episodes_that_an_environment_marks(
+    start_program: StartProgram, tmp_path: Path
+) -> None:
+    options = Options.of("reach", duration=0.4)
+    policy = write_policy(tmp_path / "p.policy", "reach", options)
+    logs = tmp_path / "logs"
+    robot = start_program(
+        "run", "trifinger_edu", "--name", "p", "--non-real-time", "--record", logs
+    )
+    robot.wait_for("waits for a user")
+    environment = RecordEpisodes(
+        Environment("reach", options=options, connect=lambda: trifinger.connect("p")),
+        tmp_path / "environment",
+        sentence="Reach the goals",
+    )
+    for episode in range(3):
+        observation, _ = environment.reset(seed=1, options={"episode": episode})
+        ended = False
+        while not ended:
+            observation, _, terminated, truncated, _ = environment.step(policy(observation))
+            ended = terminated or truncated
+    environment.close()
+    (expected,) = (tmp_path / "environment").iterdir()
+
+    path = logs / "reach.episodes.jsonl"
+    words = [tmp_path / "p.policy", "--seed", 1, "--marks", path, "--task", "Reach the goals"]
+    for first, count in ((0, 2), (2, 1)):  # the second run goes on at the end of the file
+        done = run(*words, "--first", first, "--episodes", count)
+        assert done.returncode == 0, done.stdout + done.stderr
+    robot.end()
+    marks = read_marks(path)
+
+    # The environment begins a session for each episode, the program for each call.
+    begin = [0, marks[0].end, 0]
+    assert [
+        replace(one, session_id=0, first=one.first - t, end=one.end - t)
+        for one, t in zip(marks, begin, strict=True)
+    ] == [replace(one, session_id=0, decisions=None) for one in read_marks(expected)]
+    sessions = {one.session_id: one for one in trifinger.Log(logs).sessions}
+    assert marks[0].session_id == marks[1].session_id != marks[2].session_id
+    for mark in marks:
+        assert mark.session_id in sessions
+        assert mark.end - mark.first == 20 * 20  # actions, and steps of each
+        assert mark.end <= sessions[mark.session_id].range("observation")[1]
+    assert export(["lerobot", str(logs), "--episodes", "marks", "-o", str(tmp_path / "set")]) == 0
+    reader = Reader(tmp_path / "set")
+    reader.check()
+    found = [(one["source/first_step"], one["source/end_step"]) for one in reader.episodes]
+    assert found == [(mark.first, mark.end) for mark in marks]
+    assert list(reader.tasks.values()) == ["Reach the goals"]
+
+
+def test_marks_that_no_export_would_find_or_that_cannot_be_written_are_refused(
+    start_program: StartProgram, tmp_path: Path
+) -> None:
+    write_policy(tmp_path / "p.policy", "reach", Options.of("reach", duration=0.1))
+    start_program("run", "trifinger_edu", "--name", "p", "--non-real-time").wait_for(
+        "waits for a user"
+    )
+    (tmp_path / "file").touch()
+    for words, text in [
+        (["--marks", tmp_path / "marks"], "must end in .episodes.jsonl"),
+        (["--marks", tmp_path / "file/a.episodes.jsonl"], "cannot make the folder"),
+        (["--task", "Reach"], "--marks"),
+    ]:
+        done = run(tmp_path / "p.policy", *words)
+        assert done.returncode != 0
+        assert text in done.stderr + done.stdout
+    # The robot goes on, and the error comes at the end.
+    full = tmp_path / "full.episodes.jsonl"
+    full.symlink_to("/dev/full")
+    done = run(tmp_path / "p.policy", "--episodes", 2, "--marks", full)
+    assert done.returncode != 0
+    assert "episode    1:" in done.stdout
+    assert f"cannot write the marks of episodes to {full}" in done.stderr
 
 
 def warnings_of(done: subprocess.CompletedProcess[str]) -> list[str]:

@@ -17,7 +17,8 @@ def lint(count: Count) -> bool:
     """
     configure("lint")
     steps = Steps("lint")
-    mypy = steps.begin("mypy", [PYTHON, "-m", "mypy", "python/trifinger", "tools", "evaluation"])
+    typed = ["python/trifinger", "packages", "tools", "evaluation"]
+    mypy = steps.begin("mypy", [PYTHON, "-m", "mypy", *typed])
     clang_format = [f"{PROGRAMS}/clang-format", "--dry-run", "-Werror"]
     checks = [
         steps.check("clang-format", [*clang_format, *map(str, tracked_files(".hpp", ".cpp"))]),

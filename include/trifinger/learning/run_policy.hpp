@@ -19,6 +19,8 @@ struct EpisodeReport {
   double total_reward{0.0};
   Outcome outcome{};            ///< Outcome of the last action.
   TimeIndex repeated_steps{0};  ///< Steps in which a late action was replaced by the previous one.
+  TimeIndex first_step{0};      ///< Step of the observation from which the first action was chosen.
+  TimeIndex last_step{0};       ///< Step of the observation that followed the last action.
 };
 
 struct PolicyRunOptions {

@@ -28,6 +28,8 @@ class TrifingerRobotConfig(RobotConfig):
     """Fields of the action. All others stay as a new action has them."""
     images: dict[str, list[int]] = field(default_factory=dict)
     """Cameras, with height and width of their images [pixels]."""
+    first_images: float = 10.0
+    """connect() waits so long for the first image of each camera, in the robot's time [s]."""
     fps: int = 30
     """Without real time: actions per second of the robot's own time."""
     burst: int = 10

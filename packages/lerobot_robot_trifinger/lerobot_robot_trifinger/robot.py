@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 from typing import Any
 
@@ -11,7 +12,7 @@ import trifinger
 from lerobot.robots import Robot
 from lerobot.utils.errors import DeviceAlreadyConnectedError, DeviceNotConnectedError
 from trifinger.cameras import Cameras
-from trifinger.errors import CameraLost, Error, InvalidArgument
+from trifinger.errors import CameraLost, Error, HistoryLost, InvalidArgument
 
 from lerobot_robot_trifinger.config_trifinger import TrifingerRobotConfig
 from lerobot_robot_trifinger.numbers import check_fields, fields_of, names_of, numbers_of
@@ -30,6 +31,8 @@ class TrifingerRobot(Robot):
             raise InvalidArgument(
                 f"fps is {config.fps} and burst is {config.burst}; both must be at least 1"
             )
+        if not config.first_images >= 0:
+            raise InvalidArgument(f"first_images is {config.first_images}, must be at least 0")
         self._robot: trifinger.Frontend | None = None
         self._seen: trifinger.Frontend | None = None
         self._cameras: Cameras | None = None
@@ -60,8 +63,9 @@ class TrifingerRobot(Robot):
     def connect(self, calibrate: bool = True) -> None:  # noqa: ARG002
         """Takes control of the robot, which holds its pose.
 
-        Raises what `trifinger.connect` raises; InvalidArgument if the robot has other fields or
-        cameras than the configuration says.
+        Returns when the first step has an observation and each camera has sent an image. Raises
+        what `trifinger.connect` raises; InvalidArgument if the robot has other fields or cameras
+        than the configuration says; CameraLost if a camera has sent no image in `first_images`.
         """
         if self.is_connected:
             raise DeviceAlreadyConnectedError(f"{self} is connected already")
@@ -76,17 +80,23 @@ class TrifingerRobot(Robot):
             action = robot.new_action()
             if "position" in self.config.action_fields and "position" in (first.dtype.names or ()):
                 action = robot.new_action(position=first["position"])
-            if robot.session_info().is_real_time:
-                self._feeder = _Feeder(robot, action, self.config.burst)
-            else:
-                robot.wait_until_time_index(robot.append_desired_action(action))
             if self.config.images:
                 self._cameras = Cameras(self._seen)
+            if robot.session_info().is_real_time:
+                self._feeder = _Feeder(robot, action, self.config.burst)
+                # Until then there is no step that could be read.
+                robot.wait_until_time_index(0)
+            else:
+                robot.wait_until_time_index(robot.append_desired_action(action))
+            self._wait_for_images(robot, action)
             self._robot = robot
         except BaseException:
             if self._feeder is not None:
                 self._feeder.stop()
-            self._feeder = self._seen = None
+            if self._seen is not None:
+                self._seen.close()
+            self._feeder = self._seen = self._cameras = None
+            self._image.clear()
             robot.close()
             raise
 
@@ -99,7 +109,7 @@ class TrifingerRobot(Robot):
     def get_observation(self) -> dict[str, Any]:
         """The newest observation, and of each camera the newest good image.
 
-        Raises RobotStopped if the robot has stopped; CameraLost before the first image.
+        Raises RobotStopped if the robot has stopped.
         """
         robot, seen = self._connected()
         if robot.fault() is not None:
@@ -107,20 +117,8 @@ class TrifingerRobot(Robot):
         observation: dict[str, Any] = numbers_of(
             seen.latest_observation(), self.config.observation_fields
         )
-        if self._cameras is not None:
-            images = self._cameras.get_latest_at(seen.current_time_index())
-            for name, size in self.config.images.items():
-                if images is not None and images.frame(name).state == "good":
-                    self._image[name] = images[name]
-                if name not in self._image:
-                    raise CameraLost(f"no image of {name} has come yet")
-                if list(self._image[name].shape[:2]) != list(size):
-                    raise InvalidArgument(
-                        f"the images of {name} have the shape {self._image[name].shape}; "
-                        f"`images` says {size}"
-                    )
-                observation[name] = self._image[name]
-        return observation
+        self._look(seen)
+        return observation | self._image
 
     def send_action(self, action: dict[str, Any]) -> dict[str, Any]:
         """Lets the robot do `action` until the next one comes; returns what it was asked for.
@@ -133,10 +131,7 @@ class TrifingerRobot(Robot):
         if self._feeder is not None:
             self._feeder.replace(wanted)
         else:
-            steps = max(1, round(1 / (self.config.fps * robot.session_info().period)))
-            robot.wait_until_time_index(
-                robot.append_desired_actions(np.repeat(np.array([wanted]), steps)) + 1
-            )
+            self._do(robot, wanted)
         return numbers_of(wanted, self.config.action_fields)
 
     def disconnect(self) -> None:
@@ -150,8 +145,50 @@ class TrifingerRobot(Robot):
                 robot.finish()
         finally:
             self._feeder = None
+            self._image.clear()
             seen.close()
             robot.close()
+
+    def _do(self, robot: trifinger.Frontend, action: trifinger.Action) -> None:
+        """Without real time: lets the robot do an action for as long as a frame lasts."""
+        steps = max(1, round(1 / (self.config.fps * robot.session_info().period)))
+        actions = np.repeat(np.array([action]), steps)
+        robot.wait_until_time_index(robot.append_desired_actions(actions) + 1)
+
+    def _wait_for_images(self, robot: trifinger.Frontend, action: trifinger.Action) -> None:
+        """Waits for the first image of each camera; without real time the robot does `action`."""
+        if self._seen is None:
+            return
+        period = robot.session_info().period
+        last = self._seen.current_time_index() + round(self.config.first_images / period)
+        while missing := self._look(self._seen):
+            step = self._seen.current_time_index()
+            if step >= last:
+                raise CameraLost(
+                    f"no image of {' and '.join(missing)} has come in "
+                    f"{self.config.first_images:g} s (first_images)"
+                )
+            if self._feeder is None:
+                self._do(robot, action)
+            else:
+                robot.wait_until_time_index(step + 1)
+
+    def _look(self, seen: trifinger.Frontend) -> list[str]:
+        """Keeps the newest good image of each camera. Returns the cameras that have none."""
+        images = None
+        if self._cameras is not None:
+            images = self._cameras.get_latest_at(seen.current_time_index())
+        for name, size in self.config.images.items():
+            # An image that was overwritten while it was read: a newer one comes at the next call.
+            with contextlib.suppress(HistoryLost):
+                if images is not None and images.frame(name).state == "good":
+                    self._image[name] = images[name]
+            if name in self._image and list(self._image[name].shape[:2]) != list(size):
+                raise InvalidArgument(
+                    f"the images of {name} have the shape {self._image[name].shape}; "
+                    f"`images` says {size}"
+                )
+        return [name for name in self.config.images if name not in self._image]
 
     def _connected(self) -> tuple[trifinger.Frontend, trifinger.Frontend]:
         if self._robot is None or self._seen is None:

@@ -104,14 +104,14 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--force", action="store_true", help="replace what is there")
 
 
-def choice_of(arguments: argparse.Namespace, *, high_rate: bool = True) -> Choice:
+def choice_of(arguments: argparse.Namespace) -> Choice:
     """What the options choose of the logs."""
     return Choice(
         rate=arguments.rate,
         cameras=arguments.cameras,
         action=arguments.action,
         companions=arguments.companions,
-        high_rate=high_rate,
+        high_rate=arguments.high_rate,
     )
 
 
@@ -123,7 +123,7 @@ def export_lerobot(arguments: argparse.Namespace) -> None:
     result = lerobot.write(
         episodes_of(arguments),
         arguments.output,
-        choice=choice_of(arguments, high_rate=not arguments.no_high_rate),
+        choice=choice_of(arguments),
         images=arguments.images,
         encoder=arguments.encoder,
         force=arguments.force,
@@ -142,6 +142,7 @@ def export_minari(arguments: argparse.Namespace) -> None:
         arguments.output,
         choice=choice_of(arguments),
         observation=arguments.observation,
+        high_rate=arguments.high_rate,
         about=minari.About(
             author=arguments.author,
             author_email=arguments.author_email,
@@ -181,7 +182,10 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
     )
     one.add_argument("--encoder", metavar="NAME", help="of films; default: libsvtav1 if there")
     one.add_argument(
-        "--no-high-rate", action="store_true", help="leave out the steps between the rows"
+        "--no-high-rate",
+        dest="high_rate",
+        action="store_false",
+        help="leave out the steps between the rows",
     )
     one.set_defaults(work=export_lerobot)
     one = formats.add_parser(
@@ -199,6 +203,9 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
         choices=("environment", "flat", "dictionary"),
         help="what the environment saw that has made the episodes (default if there is one), or "
         "what the robot measured: a vector, or a dictionary, which also has images",
+    )
+    one.add_argument(
+        "--high-rate", action="store_true", help="also keep the steps between the rows, in infos"
     )
     for name, what in (
         ("author", "who has made it"),

@@ -11,7 +11,7 @@ import contextlib
 import io
 import json
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -43,7 +43,9 @@ VERSION = "v3.0"
 FILES_PER_CHUNK = 1000
 DATA_SIZE = 100  # of a data file [MB]
 VIDEO_SIZE = 200  # of a video file [MB]
-WAITING = 10  # descriptions of episodes that are in memory at once
+EPISODES_SIZE = 8  # of the descriptions of episodes in a file, before they are compressed [MB]
+GROUP_SIZE = 4  # of rows that become a row group of a data file, before they are compressed [MB]
+WAITING = 10  # descriptions of episodes that become a table at once
 MEGABYTE = 1 << 20
 DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 VIDEO_PATH = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
@@ -234,28 +236,32 @@ class _Writer:
         show: Any,
     ) -> dict[str, list[bytes]]:
         files: dict[str, list[bytes]] = {}
-        wanted = {name: pictures.rows(name, block.steps) for name in pictures.names}
-        last: dict[str, tuple[int, NDArray[np.uint8]]] = {}
-        for i in range(len(block)):
-            for name in pictures.names:
-                row = int(wanted[name][i])
-                if name not in last or last[name][0] != row:
-                    last[name] = (row, pictures.image(name, row))
-                image = last[name][1]
-                size = self._sizes.setdefault(name, image.shape[:2])
-                if image.shape[:2] != size:
-                    raise InvalidArgument(
-                        f"the images of {name} have {image.shape[1]} x {image.shape[0]} pixels, "
-                        f"those before had {size[1]} x {size[0]}; export them as two data sets"
-                    )
-                if done + i in looked_at:
-                    brightness[name].add(thinned(image))
-                if name in self._videos:
-                    self._videos[name].add(image)
-                else:
-                    files.setdefault(IMAGES + name, []).append(_png(image))
-            show(done + i + 1)
+        with contextlib.closing(pictures.images(block.steps)) as rows:
+            for i, images in enumerate(rows):
+                self._add_row(images, done + i in looked_at, brightness, files)
+                show(done + i + 1)
         return files
+
+    def _add_row(
+        self,
+        images: Mapping[str, NDArray[np.uint8]],
+        is_looked_at: bool,
+        brightness: dict[str, Brightness],
+        files: dict[str, list[bytes]],
+    ) -> None:
+        for name, image in images.items():
+            size = self._sizes.setdefault(name, image.shape[:2])
+            if image.shape[:2] != size:
+                raise InvalidArgument(
+                    f"the images of {name} have {image.shape[1]} x {image.shape[0]} pixels, "
+                    f"those before had {size[1]} x {size[0]}; export them as two data sets"
+                )
+            if is_looked_at:
+                brightness[name].add(thinned(image))
+            if name in self._videos:
+                self._videos[name].add(image)
+            else:
+                files.setdefault(IMAGES + name, []).append(_png(image))
 
     def _describe(
         self,
@@ -394,10 +400,10 @@ def _judged(episode: Episode, steps: NDArray[np.int64]) -> dict[str, Array]:
         "next.success": np.zeros(len(steps), bool),
     }
     if mark is not None and mark.decisions is not None:
-        rows = np.searchsorted(steps, mark.decisions.steps[:-1], side="right") - 1
-        rewards = np.asarray(mark.decisions.rewards, np.float64)
-        is_inside = (rows >= 0) & (np.asarray(mark.decisions.steps[:-1]) < episode.end)
-        np.add.at(found["next.reward"], rows[is_inside], rewards[is_inside])
+        chosen_at = mark.decisions.steps[:-1]
+        rows = np.searchsorted(steps, chosen_at, side="right") - 1
+        is_inside = (rows >= 0) & (chosen_at < episode.end)
+        np.add.at(found["next.reward"], rows[is_inside], mark.decisions.rewards[is_inside])
     if episode.is_end:
         found["next.done"][-1] = True
         found["next.success"][-1] = bool(mark is not None and mark.success)
@@ -461,12 +467,16 @@ def _arrow_array(values: Array, feature: Feature) -> Any:
 
 
 class _Episodes:
-    """The file with a row for each episode."""
+    """The files with a row for each episode.
+
+    A file is written at once: its writer would keep something of each row group until its end, and
+    the descriptions have a thousand columns.
+    """
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._waiting: list[dict[str, Any]] = []
-        self._writer: Any = None
+        self._tables: list[Any] = []
         self.place = Place()
         self.count = 0
 
@@ -474,36 +484,46 @@ class _Episodes:
         """Adds an episode."""
         self._waiting.append(row)
         self.count += 1
-        if len(self._waiting) == WAITING:
-            self._write()
+        if len(self._waiting) >= WAITING:
+            self._pack()
+        if sum(table.nbytes for table in self._tables) >= EPISODES_SIZE * MEGABYTE:
+            self.close()
 
     def close(self) -> None:
-        """Ends the file."""
-        self._write()
-        if self._writer is not None:
-            self._writer.close()
-            self._writer = None
-
-    def _write(self) -> None:
+        """Writes a file of the episodes that were added since the last one."""
         import pyarrow as pa
         import pyarrow.parquet as pq
 
-        if not self._waiting:
-            return
-        table = pa.Table.from_pylist(self._waiting, self._writer and self._writer.schema)
-        self._waiting = []
-        if self._writer is None:
-            path = self.place.path(self._folder, EPISODES_PATH)
-            self._writer = pq.ParquetWriter(path, table.schema, compression="snappy")
-        self._writer.write_table(table)
+        self._pack()
+        if self._tables:
+            table = pa.concat_tables(self._tables)
+            pq.write_table(
+                table, self.place.path(self._folder, EPISODES_PATH), compression="snappy"
+            )
+            self.place = Place(self.place.number + 1)
+            self._tables = []
+
+    def _pack(self) -> None:
+        import pyarrow as pa
+
+        if self._waiting:
+            schema = self._tables[0].schema if self._tables else None
+            self._tables.append(pa.Table.from_pylist(self._waiting, schema))
+            self._waiting = []
 
 
 class _Table:
-    """The data files; an episode is in one of them."""
+    """The data files; an episode is in one of them.
+
+    Rows wait until they are a row group: short groups would be slow to read, and the writer keeps
+    something of each until the end of the file.
+    """
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._writer: Any = None
+        self._waiting: list[Any] = []
+        self._waiting_bytes = 0
         self._next = 0
         self.place = Place()
 
@@ -535,16 +555,28 @@ class _Table:
             )
             for name in schema.names[len(features) :]
         ]
-        self._writer.write_table(pa.Table.from_arrays(arrays, schema=schema))
+        table = pa.Table.from_arrays(arrays, schema=schema)
+        self._waiting.append(table)
+        self._waiting_bytes += table.nbytes
+        if self._waiting_bytes >= GROUP_SIZE * MEGABYTE:
+            self._write()
 
     def close(self) -> None:
         """Ends the file."""
         if self._writer is not None:
+            self._write()
             self._writer.close()
             self._writer = None
 
+    def _write(self) -> None:
+        import pyarrow as pa
+
+        if self._waiting:
+            self._writer.write_table(pa.concat_tables(self._waiting))
+            self._waiting, self._waiting_bytes = [], 0
+
     def _size(self) -> int:
-        return self._path.stat().st_size
+        return self._path.stat().st_size + self._waiting_bytes
 
 
 class Videos:

@@ -21,10 +21,13 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
+import numpy as np
+
 from trifinger.errors import InvalidArgument
 
 if TYPE_CHECKING:
     from trifinger._trifinger import Frontend
+    from trifinger.arrays import Array
 
 ENDING = ".episodes.jsonl"
 VERSION = 1
@@ -57,7 +60,10 @@ class Mark:
         """The mark as a line of a file."""
         numbers = {name: value for name, value in vars(self).items() if value is not None}
         if self.decisions is not None:
-            numbers["decisions"] = vars(self.decisions)
+            numbers["decisions"] = {
+                name: value.tolist() if isinstance(value, np.ndarray) else value
+                for name, value in vars(self.decisions).items()
+            }
         return json.dumps({"version": VERSION, **numbers})
 
     @classmethod
@@ -75,23 +81,41 @@ class Mark:
             raise InvalidArgument(f"no mark of an episode: {error}") from error
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Decisions:
-    """An episode of a learning environment: T actions, and T + 1 observations."""
+    """An episode of a learning environment: T actions, and T + 1 observations.
+
+    Lists become arrays, because an export has the decisions of all episodes in memory.
+    """
 
     environment: str
     """The environment as `Environment` is made, JSON: task, options, config, config_overrides."""
     seed: int
     episode: int
     """The number of the episode among those of the seed."""
-    steps: list[int]
-    """The robot's step of each observation."""
-    observations: list[list[float]]
-    """The environment's flat observations."""
-    actions: list[list[float]]
-    rewards: list[float]
+    steps: Array
+    """The robot's step of each observation: int64[T + 1]."""
+    observations: Array
+    """The environment's flat observations: float32[T + 1, n]."""
+    actions: Array
+    """float32[T, m]"""
+    rewards: Array
+    """float64[T]"""
 
     def __post_init__(self) -> None:
+        for name, dtype, dimensions in (
+            ("steps", np.int64, 1),
+            ("observations", np.float32, 2),
+            ("actions", np.float32, 2),
+            ("rewards", np.float64, 1),
+        ):
+            values = np.asarray(getattr(self, name), dtype)
+            if values.ndim != dimensions:
+                raise InvalidArgument(
+                    f"the {name} of an episode have the shape {values.shape}; expected are "
+                    f"{dimensions} dimensions"
+                )
+            object.__setattr__(self, name, values)
         count = len(self.actions)
         numbers = (len(self.observations), len(self.steps), len(self.rewards))
         if numbers != (count + 1, count + 1, count):
@@ -155,16 +179,15 @@ def read_marks(path: Path) -> list[Mark]:
 
     Raises InvalidArgument with the number of the line that is no mark; OSError.
     """
-    text = path.read_text(encoding="utf-8")
-    whole = text[: text.rfind("\n") + 1]
     marks = []
-    for number, line in enumerate(whole.splitlines(), 1):
-        if not line.strip():
-            continue
-        try:
-            marks.append(Mark.from_json(line))
-        except InvalidArgument as error:
-            raise InvalidArgument(f"{path}, line {number}: {error}") from error
+    with path.open("rb") as file:
+        for number, line in enumerate(file, 1):
+            if not line.endswith(b"\n") or not line.strip():
+                continue
+            try:
+                marks.append(Mark.from_json(line.decode()))
+            except (InvalidArgument, UnicodeDecodeError) as error:
+                raise InvalidArgument(f"{path}, line {number}: {error}") from error
     return marks
 
 

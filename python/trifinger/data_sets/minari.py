@@ -13,7 +13,7 @@ import contextlib
 import json
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -24,7 +24,15 @@ from trifinger import extras
 from trifinger.data_sets.episodes import Episode, Say
 from trifinger.data_sets.marks import Decisions, environment_of
 from trifinger.data_sets.output import whole_folder
-from trifinger.data_sets.rows import ACTION, ENVIRONMENT, STATE, STEP, Choice, Pictures, Rows
+from trifinger.data_sets.rows import (
+    ACTION,
+    ENVIRONMENT,
+    HIGH_RATE,
+    STATE,
+    STEP,
+    Choice,
+    Rows,
+)
 from trifinger.errors import InvalidArgument
 
 if TYPE_CHECKING:
@@ -85,6 +93,7 @@ def write(
     *,
     choice: Choice | None = None,
     observation: Literal["environment", "flat", "dictionary"] | None = None,
+    high_rate: bool = False,
     about: About | None = None,
     force: bool = False,
     say: Say = print,
@@ -93,7 +102,8 @@ def write(
 
     `observation` says what an observation is: that of the environment that has made the episodes,
     or one vector of what the robot measured, or a dictionary, which also has images. None takes
-    the first one that is possible; images need the dictionary. Raises InvalidArgument; Error if a
+    the first one that is possible; images need the dictionary. `high_rate` also keeps all steps
+    between the rows, in the infos, whatever `choice` says. Raises InvalidArgument; Error if a
     package is missing.
     """
     extras.require("minari")
@@ -106,7 +116,8 @@ def write(
     folder = root() / identifier
     if folder.exists() and not force:
         raise InvalidArgument(f"{folder} is there already; --force replaces it")
-    source = _source(episodes, choice or Choice(), observation, say)
+    choice = replace(choice or Choice(), high_rate=high_rate)
+    source = _source(episodes, choice, observation, say)
     usable = _with_actions(episodes, source, say)
     with whole_folder(folder, force=force) as part:
         (part / "data").mkdir()
@@ -135,6 +146,11 @@ def _source(
             raise InvalidArgument(
                 "not all episodes were made by the same environment; --observation flat takes what "
                 "the robot measured"
+            )
+        if choice.high_rate:
+            raise InvalidArgument(
+                "what an environment saw has no steps between its observations; --observation flat "
+                "takes what the robot measured, which has"
             )
         return _environment_source(made[0])
     if any(made):
@@ -182,13 +198,13 @@ def _robot_source(
 ) -> _Source:
     from gymnasium import spaces
 
-    rows = Rows(episodes, replace(choice, high_rate=False), say)
+    rows = Rows(episodes, choice, say)
     if observation is None:
         observation = "dictionary" if rows.cameras else "flat"
     if observation == "flat" and rows.cameras:
         if choice.cameras:
             raise InvalidArgument("images need --observation dictionary")
-        rows = Rows(episodes, replace(choice, high_rate=False, cameras=()), say)
+        rows = Rows(episodes, replace(choice, cameras=()), say)
     sizes = {one.name: one.shape[0] for one in rows.features}
 
     def box(size: int) -> spaces.Box:
@@ -256,11 +272,11 @@ def _add_decisions(group: Any, episode: Episode) -> int:
     decisions = episode.mark.decisions if episode.mark is not None else None
     if decisions is None:
         raise InvalidArgument(f"{episode} was not made by an environment")
-    group.create_dataset("observations", data=np.array(decisions.observations, np.float32))
-    group.create_dataset("actions", data=np.array(decisions.actions, np.float32))
-    group.create_dataset("rewards", data=np.array(decisions.rewards, np.float64))
+    group.create_dataset("observations", data=decisions.observations)
+    group.create_dataset("actions", data=decisions.actions)
+    group.create_dataset("rewards", data=decisions.rewards)
     infos = group.create_group("infos")
-    infos.create_dataset("step", data=np.array(decisions.steps, np.int64))
+    infos.create_dataset("step", data=decisions.steps)
     group.attrs["seed"] = decisions.seed
     group.attrs["options/episode"] = decisions.episode
     return len(decisions.actions)
@@ -281,6 +297,7 @@ def _add_rows(group: Any, episode: Episode, source: _Source) -> int:
             series[name] = group.create_dataset(name, shape, values.dtype, chunks=True)
         series[name][begin : begin + len(values)] = values
 
+    between = [one.name for one in rows.features if one.name.startswith(tuple(HIGH_RATE.values()))]
     begin = 0
     for block in rows.blocks(episode):
         vectors = {
@@ -292,20 +309,16 @@ def _add_rows(group: Any, episode: Episode, source: _Source) -> int:
         else:
             put("observations", begin, np.concatenate(list(vectors.values()), axis=1), steps + 1)
         put("actions", begin, block.values[ACTION], steps)
-        put("infos/step", begin, block.values[STEP], steps + 1)
+        for name in (STEP, *between):
+            put(f"infos/{name}", begin, block.values[name], steps + 1)
         if pictures is not None:
-            for i, images in enumerate(_images(pictures, block.steps)):
-                for name, image in images.items():
-                    put(f"observations/{name}", begin + i, image[None], steps + 1)
+            with contextlib.closing(pictures.images(block.steps)) as found:
+                for i, images in enumerate(found):
+                    for name, image in images.items():
+                        put(f"observations/{name}", begin + i, image[None], steps + 1)
         begin += len(block)
     group.create_dataset("rewards", data=np.zeros(steps))
     return steps
-
-
-def _images(pictures: Pictures, steps: Array) -> Iterator[dict[str, Array]]:
-    wanted = {name: pictures.rows(name, steps) for name in pictures.names}
-    for i in range(len(steps)):
-        yield {name: pictures.image(name, int(rows[i])) for name, rows in wanted.items()}
 
 
 def _metadata(identifier: str, source: _Source, about: About) -> dict[str, Any]:

@@ -149,10 +149,10 @@ class RecordEpisodes(gymnasium.Wrapper[Any, Array, Any, Array]):
                         environment=self._made,
                         seed=self._seed,
                         episode=self._episode,
-                        steps=self._steps,
-                        observations=self._observations,
-                        actions=self._actions,
-                        rewards=self._rewards,
+                        steps=np.array(self._steps),
+                        observations=np.array(self._observations),
+                        actions=np.array(self._actions),
+                        rewards=np.array(self._rewards),
                     ),
                 )
             )

@@ -8,6 +8,7 @@ brightness of their pixels, which has 256 values.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -35,7 +36,7 @@ class Columns:
         self._shape = tuple(shape)
         self._size = int(np.prod(self._shape, dtype=np.int64))
         self._dtype = np.dtype(dtype)
-        self._file = path.open("wb")
+        self._file = path.open("w+b")
         self.rows = 0
 
     def add(self, values: Array) -> None:
@@ -51,14 +52,17 @@ class Columns:
         found: dict[str, list[Array]] = {}
         for values in self._parts(first, count):
             numbers = values.astype(np.float64)
-            quantiles = np.quantile(numbers, list(QUANTILES.values()), axis=0)
+            del values
             parts = {
                 "min": numbers.min(axis=0),
                 "max": numbers.max(axis=0),
                 "mean": numbers.mean(axis=0),
                 "std": numbers.std(axis=0),
-                **dict(zip(QUANTILES, quantiles, strict=True)),
             }
+            # The last one may sort the numbers in place.
+            shares = list(QUANTILES.values())
+            quantiles = np.quantile(numbers, shares, axis=0, overwrite_input=True)
+            parts |= dict(zip(QUANTILES, quantiles, strict=True))
             for name, part in parts.items():
                 found.setdefault(name, []).append(part)
         result: Statistics = {
@@ -68,10 +72,18 @@ class Columns:
         return result | {"count": [count]}
 
     def _parts(self, first: int, count: int) -> Iterator[Array]:
-        rows = np.memmap(self._path, self._dtype, "r", shape=(self.rows, self._size))
-        width = max(1, MEMORY // (8 * max(count, 1)))
+        width = min(self._size, max(1, MEMORY // (8 * max(count, 1))))
+        # The file is not mapped: its pages would count as memory of this process.
+        row_bytes = self._size * self._dtype.itemsize
+        at_once = max(1, MEMORY // (4 * row_bytes))
         for column in range(0, self._size, width):
-            yield np.array(rows[first : first + count, column : column + width])
+            part = np.empty((count, min(width, self._size - column)), self._dtype)
+            for row in range(0, count, at_once):
+                size = min(at_once, count - row) * row_bytes
+                read = os.pread(self._file.fileno(), size, (first + row) * row_bytes)
+                numbers = np.frombuffer(read, self._dtype).reshape(-1, self._size)
+                part[row : row + len(numbers)] = numbers[:, column : column + width]
+            yield part
 
     def close(self) -> None:
         """Removes the file."""

@@ -140,8 +140,9 @@ class LiveRun:
             if end
             else robot.latest_observation(timeout=0)
         )
-        actions = robot.range("desired_action")[1]
-        desired = robot.get_desired_action(min(actions, end) - 1, timeout=0) if actions else None
+        # The first action may be there before the first observation.
+        actions = min(robot.range("desired_action")[1], end)
+        desired = robot.get_desired_action(actions - 1, timeout=0) if actions else None
         objects = None
         if self._objects is not None:
             with contextlib.suppress(Error):
