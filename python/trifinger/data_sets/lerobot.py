@@ -11,7 +11,7 @@ import contextlib
 import io
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -236,32 +236,28 @@ class _Writer:
         show: Any,
     ) -> dict[str, list[bytes]]:
         files: dict[str, list[bytes]] = {}
-        with contextlib.closing(pictures.images(block.steps)) as rows:
-            for i, images in enumerate(rows):
-                self._add_row(images, done + i in looked_at, brightness, files)
-                show(done + i + 1)
+        wanted = {name: pictures.rows(name, block.steps) for name in pictures.names}
+        last: dict[str, tuple[int, NDArray[np.uint8]]] = {}
+        for i in range(len(block)):
+            for name in pictures.names:
+                row = int(wanted[name][i])
+                if name not in last or last[name][0] != row:
+                    last[name] = (row, pictures.image(name, row))
+                image = last[name][1]
+                size = self._sizes.setdefault(name, image.shape[:2])
+                if image.shape[:2] != size:
+                    raise InvalidArgument(
+                        f"the images of {name} have {image.shape[1]} x {image.shape[0]} pixels, "
+                        f"those before had {size[1]} x {size[0]}; export them as two data sets"
+                    )
+                if done + i in looked_at:
+                    brightness[name].add(thinned(image))
+                if name in self._videos:
+                    self._videos[name].add(image)
+                else:
+                    files.setdefault(IMAGES + name, []).append(_png(image))
+            show(done + i + 1)
         return files
-
-    def _add_row(
-        self,
-        images: Mapping[str, NDArray[np.uint8]],
-        is_looked_at: bool,
-        brightness: dict[str, Brightness],
-        files: dict[str, list[bytes]],
-    ) -> None:
-        for name, image in images.items():
-            size = self._sizes.setdefault(name, image.shape[:2])
-            if image.shape[:2] != size:
-                raise InvalidArgument(
-                    f"the images of {name} have {image.shape[1]} x {image.shape[0]} pixels, "
-                    f"those before had {size[1]} x {size[0]}; export them as two data sets"
-                )
-            if is_looked_at:
-                brightness[name].add(thinned(image))
-            if name in self._videos:
-                self._videos[name].add(image)
-            else:
-                files.setdefault(IMAGES + name, []).append(_png(image))
 
     def _describe(
         self,

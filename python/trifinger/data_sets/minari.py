@@ -13,7 +13,7 @@ import contextlib
 import json
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -31,6 +31,7 @@ from trifinger.data_sets.rows import (
     STATE,
     STEP,
     Choice,
+    Pictures,
     Rows,
 )
 from trifinger.errors import InvalidArgument
@@ -312,13 +313,18 @@ def _add_rows(group: Any, episode: Episode, source: _Source) -> int:
         for name in (STEP, *between):
             put(f"infos/{name}", begin, block.values[name], steps + 1)
         if pictures is not None:
-            with contextlib.closing(pictures.images(block.steps)) as found:
-                for i, images in enumerate(found):
-                    for name, image in images.items():
-                        put(f"observations/{name}", begin + i, image[None], steps + 1)
+            for i, images in enumerate(_images(pictures, block.steps)):
+                for name, image in images.items():
+                    put(f"observations/{name}", begin + i, image[None], steps + 1)
         begin += len(block)
     group.create_dataset("rewards", data=np.zeros(steps))
     return steps
+
+
+def _images(pictures: Pictures, steps: Array) -> Iterator[dict[str, Array]]:
+    wanted = {name: pictures.rows(name, steps) for name in pictures.names}
+    for i in range(len(steps)):
+        yield {name: pictures.image(name, int(rows[i])) for name, rows in wanted.items()}
 
 
 def _metadata(identifier: str, source: _Source, about: About) -> dict[str, Any]:

@@ -12,9 +12,7 @@ its last step are repeated.
 from __future__ import annotations
 
 import itertools
-from collections import deque
-from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -36,7 +34,6 @@ if TYPE_CHECKING:
 
 DEFAULT_RATE = 30  # of data sets without images [rows/s]
 STEPS = 20_000  # steps that are in memory at once
-AHEAD = 2  # rows whose images are read in advance
 SCENE = "scene"  # the companion that says where everything in a simulation really is
 STAMP = "stamp."  # begins the fields of a companion's element that are no measurement
 GOOD = STATES.index("good")
@@ -496,30 +493,6 @@ class Pictures:
         captured = [self._captures[name][self.rows(name, steps)] for name in self.names]
         ages: Array = (steps[:, None] - np.stack(captured, axis=1)) * (1e-9 * period)
         return ages.astype(np.float32)
-
-    def images(self, steps: NDArray[np.int64]) -> Generator[dict[str, NDArray[np.uint8]]]:
-        """Yields the images for each step, by the names of the cameras.
-
-        A thread reads the next ones while the caller works on these. An image that stands for
-        several steps is read once.
-        """
-        wanted = {name: self.rows(name, steps) for name in self.names}
-        last: dict[str, tuple[int, NDArray[np.uint8]]] = {}
-
-        def read(i: int) -> dict[str, NDArray[np.uint8]]:
-            for name, rows in wanted.items():
-                row = int(rows[i])
-                if name not in last or last[name][0] != row:
-                    last[name] = (row, self.image(name, row))
-            return {name: image for name, (_, image) in last.items()}
-
-        with ThreadPoolExecutor(1, "images of a log") as thread:
-            coming: deque[Future[dict[str, NDArray[np.uint8]]]] = deque()
-            for i in range(len(steps) + AHEAD):
-                if i < len(steps):
-                    coming.append(thread.submit(read, i))
-                if i >= AHEAD:
-                    yield coming.popleft().result()
 
     def image(self, name: str, row: int) -> NDArray[np.uint8]:
         """An image in RGB, of an even number of rows and columns, as films need it."""
