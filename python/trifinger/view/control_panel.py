@@ -36,7 +36,7 @@ SLIDER_PERIOD = 0.1  # between two steps of a slider that follows [s]
 HANDLE_SIZE = 0.05  # [m]
 MOST_WAITING = 1000  # things that a browser has asked for; more are not done
 WARNING_COLOUR = (179, 107, 0)
-GUIDE_WORDS = "Drag a tip by the arrows and squares of its handle; the tip follows."
+GUIDE_WORDS = "Drag a tip by its handle: it follows. An object of a simulation is pulled."
 HAND_WORDS = "Drag a tip or an object by its handle: it is pulled until you let go."
 NO_LIMIT = 3.14  # end of a slider of a joint without limits [rad]
 
@@ -95,9 +95,8 @@ class ControlPanel:
                 self._seat = None
             if self._seat is not None:
                 self._seat.renew(live)
-        who = "" if driver is None else "a browser has control: only there the robot can be moved"
-        if driver is not None and not self._pilot.with_guide:
-            who = "a browser has the hand"
+        what = "control" if self._pilot.with_guide else "the hand"
+        who = "" if driver is None else f"a browser has {what}; the others look"
         lines = [line for line in (self._pilot.line(), who) if line]
         shown = (
             "".join(map(_note, lines)),
