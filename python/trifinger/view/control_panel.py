@@ -15,7 +15,7 @@ import html
 import queue
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -247,7 +247,7 @@ class _Seat:
                 joints = gui.add_folder("Joints [rad]", expand_by_default=False)
             self._parts += [modes, joints]
             with joints:
-                for number, name in enumerate(robot.joints):
+                for number, name in enumerate(short_names(robot.joints)):
                     self._add_slider(number, name, robot)
         if self._pilot.with_guide or robot.can_be_pulled:
             self._tips = [self._handle_of_tip(number) for number in range(robot.tips)]
@@ -373,6 +373,14 @@ class _Handle:
 
     def remove(self) -> None:
         self._gizmo.remove()
+
+
+def short_names(names: Sequence[str]) -> list[str]:
+    """The names without the words that all of them have, such as "joint", for a narrow panel."""
+    parts = [name.split("_") for name in names]
+    shared = set.intersection(*map(set, parts)) if len(parts) > 1 else set()
+    short = [" ".join(part for part in name if part not in shared) for name in parts]
+    return short if len({*short}) == len(short) and all(short) else list(names)
 
 
 def _note(line: str) -> str:
