@@ -16,6 +16,7 @@ from hypothesis import given, strategies as st
 from trifinger.commands import view
 from trifinger.errors import ControlHeld, InvalidArgument, RobotStopped, SessionNotFound
 from trifinger.view import pilot as pilots
+from trifinger.view.control_panel import short_names
 from trifinger.view.gate import Gate
 from trifinger.view.pilot import PATIENCE, WISH_PERIOD, Pilot
 from trifinger.view.stop import Stop
@@ -318,6 +319,13 @@ def test_hostile_numbers_are_refused_and_break_nothing(
         for hand in rig.hands:
             assert all(pull is None or np.isfinite(pull[1]).all() for pull in hand.pulls)
         assert rig.pilot.driver == 1
+
+
+def test_names_of_joints_are_short_if_they_stay_different() -> None:
+    names = [f"finger_{part}_joint_{angle}" for part in ("a_to_b", "b_to_c") for angle in (0, 120)]
+    assert short_names(names) == ["a 0", "a 120", "c 0", "c 120"]
+    for kept in ([], ["joint"], ["a_b", "b_a"], ["a", "a_b"], ["a", "a"]):
+        assert short_names(kept) == kept
 
 
 # ---- the stop ----

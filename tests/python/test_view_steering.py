@@ -289,7 +289,7 @@ def test_fault_68_points_that_are_none_move_nothing_and_control_goes_on(
             driver.drag("tip_0", point)
             driver.drag("object_0", point)
             driver.press("Robot", point)
-            driver.press("finger_upper_to_middle_joint_0", point)
+            driver.press("upper middle 0", point)
             driver.watch()
         for stranger in ("tip_7", "tip_-1", "../tip_0", "object_9", "", "x" * 2000):
             driver.drag(stranger, [0.0, 0.0, 0.1])
@@ -333,7 +333,10 @@ def test_sliders_and_buttons_move_joints(start_view: StartView, robot: Robot) ->
         driver = Steering(connection)
         driver.take_control()
         start = robot.joints()
-        labels = [label for label in driver.parts if "_joint_" in label]
+        labels = [
+            label for label, part in driver.parts.items() if part["type"] == "GuiSliderMessage"
+        ]
+        assert labels[1] == "upper middle 0"
         assert len(labels) == len(start)
         goal = start.copy()
         for number, change in ((1, 0.15), (5, -0.1)):  # fast: the first has not arrived

@@ -15,7 +15,7 @@ import html
 import queue
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -36,7 +36,7 @@ SLIDER_PERIOD = 0.1  # between two steps of a slider that follows [s]
 HANDLE_SIZE = 0.05  # [m]
 MOST_WAITING = 1000  # things that a browser has asked for; more are not done
 WARNING_COLOUR = (179, 107, 0)
-GUIDE_WORDS = "Drag a tip by the arrows and squares of its handle; the tip follows."
+GUIDE_WORDS = "Drag a tip by its handle: it follows. An object of a simulation is pulled."
 HAND_WORDS = "Drag a tip or an object by its handle: it is pulled until you let go."
 NO_LIMIT = 3.14  # end of a slider of a joint without limits [rad]
 
@@ -95,9 +95,8 @@ class ControlPanel:
                 self._seat = None
             if self._seat is not None:
                 self._seat.renew(live)
-        who = "" if driver is None else "a browser has control: only there the robot can be moved"
-        if driver is not None and not self._pilot.with_guide:
-            who = "a browser has the hand"
+        what = "control" if self._pilot.with_guide else "the hand"
+        who = "" if driver is None else f"a browser has {what}; the others look"
         lines = [line for line in (self._pilot.line(), who) if line]
         shown = (
             "".join(map(_note, lines)),
@@ -248,7 +247,7 @@ class _Seat:
                 joints = gui.add_folder("Joints [rad]", expand_by_default=False)
             self._parts += [modes, joints]
             with joints:
-                for number, name in enumerate(robot.joints):
+                for number, name in enumerate(short_names(robot.joints)):
                     self._add_slider(number, name, robot)
         if self._pilot.with_guide or robot.can_be_pulled:
             self._tips = [self._handle_of_tip(number) for number in range(robot.tips)]
@@ -374,6 +373,14 @@ class _Handle:
 
     def remove(self) -> None:
         self._gizmo.remove()
+
+
+def short_names(names: Sequence[str]) -> list[str]:
+    """The names without the words that all of them have, such as "joint", for a narrow panel."""
+    parts = [name.split("_") for name in names]
+    shared = set.intersection(*map(set, parts)) if len(parts) > 1 else set()
+    short = [" ".join(part for part in name if part not in shared) for name in parts]
+    return short if len({*short}) == len(short) and all(short) else list(names)
 
 
 def _note(line: str) -> str:
