@@ -321,10 +321,11 @@ def environment(effort: Effort) -> list[Row]:
 
 def live_view(effort: Effort) -> list[Row]:
     """Shows a simulated robot with its object, which moves at 1 kHz, in three viewers."""
+    rounds = -(-effort.windows // live_view_measure.WINDOWS)
     with back_end("sim", *PATIENCE) as name:
         with trifinger.connect(name) as robot:
             window = lateness_window(robot, effort.window_time)
-            lateness = live_view_measure.lateness_row(name, in_rounds(effort.windows), window)
+            lateness = live_view_measure.lateness_row(name, in_rounds(rounds), window)
         seconds = 2.0 if effort.rounds == 1 else 10.0
         with moved(name):
             return [lateness, *live_view_measure.picture_rows(name, seconds)]
