@@ -412,9 +412,10 @@ def listen(host: str, port: int) -> socket.socket:
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     try:
         return socket.create_server((host, port), family=family)
-    except OSError as error:
+    except (OSError, OverflowError) as error:
+        reason = getattr(error, "strerror", None) or error
         raise Error(
-            f"cannot listen at {host}, port {port}: {error.strerror or error}; "
+            f"cannot listen at {host}, port {port}: {reason}; "
             "--host and --port choose another address"
         ) from None
 

@@ -17,9 +17,13 @@ def run(work: Callable[[], int | None]) -> int:
     """Does the work of a command and returns its exit status; prints an error as one sentence."""
     try:
         return work() or 0
-    except (Error, OSError) as error:
+    except Error as error:
         print(f"trifinger: {error}", file=sys.stderr)
         return 2 if isinstance(error, InvalidArgument) else 1
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        print(f"trifinger: {where}{error.strerror or error}", file=sys.stderr)
+        return 1
     except KeyboardInterrupt:
         return 130
 
