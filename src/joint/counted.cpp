@@ -124,9 +124,9 @@ void write_element(const CountedAppliedAction& applied, void* element) noexcept 
 
 RobotTypes describe_counted(std::string type, std::span<const JointKind> joints,
                             std::span<const FieldDescription> more) {
-  if (joints.empty() || joints.size() > kMaxJoints) {
+  if (joints.empty() || joints.size() > kMaxCountedJoints) {
     throw InvalidArgument("a robot has " + std::to_string(joints.size()) +
-                          " joints, must have 1 to " + std::to_string(kMaxJoints));
+                          " joints, must have 1 to " + std::to_string(kMaxCountedJoints));
   }
   Fields observation(joints);
   observation.add("position", "rad", "m").add("velocity", "rad/s", "m/s").add("torque", "Nm", "N");

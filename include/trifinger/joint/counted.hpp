@@ -23,10 +23,10 @@
 namespace trifinger {
 
 /// The most joints that such a robot may have.
-inline constexpr std::size_t kMaxJoints = 128;
+inline constexpr std::size_t kMaxCountedJoints = 128;
 
-/// One value for each of up to `kMaxJoints` joints. Needs no memory from the heap, and copies only
-/// the values that it has.
+/// One value for each of up to `kMaxCountedJoints` joints. Needs no memory from the heap, and
+/// copies only the values that it has.
 template <class T>
 class PerJoint {
  public:
@@ -35,7 +35,7 @@ class PerJoint {
   using const_iterator = const T*;
 
   PerJoint() noexcept = default;
-  /// `size` must be at most `kMaxJoints`.
+  /// `size` must be at most `kMaxCountedJoints`.
   PerJoint(std::size_t size, T value) noexcept : size_(size) { std::ranges::fill(*this, value); }
   PerJoint(const PerJoint& other) noexcept : size_(other.size_) { copy(other); }
   PerJoint& operator=(const PerJoint& other) noexcept {
@@ -58,7 +58,7 @@ class PerJoint {
   void copy(const PerJoint& other) noexcept { std::copy(other.begin(), other.end(), begin()); }
 
   std::size_t size_{0};
-  std::array<T, kMaxJoints> values_;  // Nobody sees the values behind the last joint.
+  std::array<T, kMaxCountedJoints> values_;  // Nobody sees the values behind the last joint.
 };
 
 /// `JointAction` for joints that are counted at run time.
@@ -142,7 +142,8 @@ enum class JointKind : std::uint8_t {
 
 /// Describes these elements for a robot of `type` with such joints. A robot that has both kinds has
 /// units such as "rad or m". `more` follows in the observation; its offsets are set here.
-/// @throws InvalidArgument if there are no joints, more than `kMaxJoints`, or two fields of a name
+/// @throws InvalidArgument if there are no joints, more than `kMaxCountedJoints`, or two fields of
+/// a name
 [[nodiscard]] RobotTypes describe_counted(std::string type, std::span<const JointKind> joints,
                                           std::span<const FieldDescription> more = {});
 
