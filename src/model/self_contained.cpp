@@ -193,6 +193,31 @@ void replace_pictures(mjSpec* spec, const mjModel& model) {
   for_each_element(spec, mjOBJ_SKIN, [&](mjsElement* element, int) { mjs_delete(spec, element); });
 }
 
+// Sorts geoms into groups as viewers here expect: 2 is what one sees, 3 are shapes for collisions
+// alone. Group 1, which many files have for what looks, means surroundings here.
+void sort_into_groups(mjSpec* spec, const mjModel& model) {
+  constexpr int kSeen = 2;
+  constexpr int kHidden = 3;
+  const auto touches = [&model](int geom) {
+    return model.geom_contype[geom] != 0 || model.geom_conaffinity[geom] != 0;
+  };
+  // A body that has shapes to look at hides those that it touches with.
+  std::vector<bool> has_looks(static_cast<std::size_t>(model.nbody), false);
+  for (int geom = 0; geom < static_cast<int>(model.ngeom); ++geom) {
+    const bool is_shown = model.geom_group[geom] < kHidden && model.geom_rgba[4 * geom + 3] > 0.0F;
+    if (is_shown && !touches(geom)) {
+      has_looks[static_cast<std::size_t>(model.geom_bodyid[geom])] = true;
+    }
+  }
+  for_each_element(spec, mjOBJ_GEOM, [&](mjsElement* element, int id) {
+    mjsGeom* const geom = mjs_asGeom(element);
+    if (geom->group >= kHidden) return;
+    const bool is_hidden =
+        touches(id) && has_looks[static_cast<std::size_t>(model.geom_bodyid[id])];
+    geom->group = is_hidden ? kHidden : kSeen;
+  });
+}
+
 std::string saved(mjSpec* spec) {
   std::array<char, 1000> error{};
   std::string xml(std::size_t{1} << 22U, '\0');
@@ -220,6 +245,7 @@ std::string self_contained_mjcf(const mjSpec& spec, const mjModel& model) {
     if (copy == nullptr) throw Error("MuJoCo cannot copy the model");
     put_meshes_into_text(copy.get(), model, is_coarse);
     replace_pictures(copy.get(), model);
+    sort_into_groups(copy.get(), model);
     // Bodies keep the inertia that they have, whatever has become of their meshes.
     copy->compiler.saveinertial = true;
     mjs_setString(copy->compiler.meshdir, "");

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <filesystem>
 #include <memory>
+#include <system_error>
 #include <utility>
 
 #include "read_backend.hpp"
@@ -128,12 +129,15 @@ File load_config_file(const std::string& name, std::vector<std::string> override
   const Node robot = file.root().section("robot");
   const Node node = file_node(robot);
   std::filesystem::path model = node.as<std::string>();
-  if (model.is_absolute()) return file;
   // An override counts from the working directory.
   const bool is_override = node.location().line == 0;
   const std::filesystem::path folder =
       is_override ? "" : std::filesystem::path(node.location().source).parent_path();
   model = std::filesystem::absolute(folder / model).lexically_normal();
+  std::error_code ignored;
+  if (!std::filesystem::is_regular_file(model, ignored)) {
+    node.fail("is " + model.string() + ": there is no such file");
+  }
   std::string quoted;
   for (const char letter : model.string()) quoted += letter == '\'' ? "''" : std::string(1, letter);
   overrides.push_back(node.path() + "='" + quoted + "'");
