@@ -141,6 +141,7 @@ ModelFile::ModelFile(ModelFileOptions options) : options_(std::move(options)) {
   add_motors();
   set_step();
   compile();
+  options_.armature = nullptr;  // It may refer to what lives no longer than this call.
   const std::string name = mjs_getString(spec_->modelname);
   // "MuJoCo Model" is what MuJoCo calls a model without a name.
   name_ = name.empty() || name == "MuJoCo Model" ? options_.path.stem().string() : name;
@@ -272,8 +273,16 @@ void ModelFile::add_motors() {
   // A motor finds its joint by its name.
   for (mjsElement* element = mjs_firstElement(spec_.get(), mjOBJ_JOINT); element != nullptr;
        element = mjs_nextElement(spec_.get(), element)) {
-    if (*mjs_getString(mjs_getName(element)) != '\0') continue;
-    mjs_setName(element, ("joint" + std::to_string(mjs_getId(element))).c_str());
+    if (*mjs_getString(mjs_getName(element)) == '\0') {
+      mjs_setName(element, ("joint" + std::to_string(mjs_getId(element))).c_str());
+    }
+    mjsJoint* const joint = mjs_asJoint(element);
+    const bool has_rotor = joint->type == mjJNT_HINGE || joint->type == mjJNT_SLIDE;
+    if (!has_rotor || !options_.armature) continue;
+    const std::string name = mjs_getString(mjs_getName(element));
+    if (const auto armature = options_.armature(name)) {
+      joint->armature = *armature;
+    }
   }
   std::vector<mjsActuator*> actuators(static_cast<std::size_t>(model_->nu), nullptr);
   for (mjsElement* element = mjs_firstElement(spec_.get(), mjOBJ_ACTUATOR); element != nullptr;

@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <map>
+#include <utility>
 #include <vector>
 
 #include "spec.hpp"
@@ -31,12 +32,13 @@ struct Triangles {
 // Calls `visit` with each element of a type, together with its number in the compiled model.
 template <class Visit>
 void for_each_element(mjSpec* spec, mjtObj type, const Visit& visit) {
-  std::vector<mjsElement*> elements;
+  // A visit may remove elements, which changes the numbers of the others.
+  std::vector<std::pair<mjsElement*, int>> elements;
   for (mjsElement* element = mjs_firstElement(spec, type); element != nullptr;
        element = mjs_nextElement(spec, element)) {
-    elements.push_back(element);
+    elements.emplace_back(element, mjs_getId(element));
   }
-  for (mjsElement* element : elements) visit(element, mjs_getId(element));
+  for (const auto& [element, id] : elements) visit(element, id);
 }
 
 // The vertices of a mesh as they were in its file, but scaled: the compiler has moved them.
@@ -123,24 +125,26 @@ double size_of_mesh(const mjModel& model, int mesh) {
 void put_meshes_into_text(mjSpec* spec, const mjModel& model, bool is_coarse) {
   const std::vector<bool> touched = touched_meshes(model);
   for_each_element(spec, mjOBJ_MESH, [&](mjsElement* element, int id) {
-    mjsMesh* const mesh = mjs_asMesh(element);
+    mjsMesh* const old = mjs_asMesh(element);
     const bool may_change =
         is_coarse && !touched[static_cast<std::size_t>(id)] && model.mesh_facenum[id] >= kFewFaces;
     const double cell = may_change ? kDetail * size_of_mesh(model, id) : 0.0;
     const Triangles triangles = joined(model, id, cell);
-    mjs_setString(mesh->file, "");
-    mjs_setString(mesh->content_type, "");
+    // The old mesh would remember what the compiler has read from its file.
+    const std::string name = mj_id2name(&model, mjOBJ_MESH, id);
+    mjs_setName(element, (name + " from its file").c_str());
+    mjsMesh* const mesh = mjs_addMesh(spec, nullptr);
+    mjs_setName(mesh->element, name.c_str());
+    mesh->inertia = old->inertia;
+    mesh->smoothnormal = old->smoothnormal;
+    mesh->needsdf = old->needsdf;
+    mesh->maxhullvert = old->maxhullvert;
+    mjs_setString(mesh->material, mjs_getString(old->material));
+    std::ranges::fill(mesh->scale, 1.0);
     mjs_setFloat(mesh->uservert, triangles.vertices.data(),
                  static_cast<int>(triangles.vertices.size()));
     mjs_setInt(mesh->userface, triangles.faces.data(), static_cast<int>(triangles.faces.size()));
-    mjs_setFloat(mesh->usernormal, nullptr, 0);
-    mjs_setFloat(mesh->usertexcoord, nullptr, 0);
-    mjs_setInt(mesh->userfacenormal, nullptr, 0);
-    mjs_setInt(mesh->userfacetexcoord, nullptr, 0);
-    std::ranges::fill(mesh->scale, 1.0);
-    std::ranges::fill(mesh->refpos, 0.0);
-    std::ranges::fill(mesh->refquat, 0.0);
-    mesh->refquat[0] = 1.0;
+    mjs_delete(spec, element);
   });
   for_each_element(spec, mjOBJ_HFIELD, [&](mjsElement* element, int id) {
     mjsHField* const field = mjs_asHField(element);

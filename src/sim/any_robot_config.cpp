@@ -52,6 +52,13 @@ std::shared_ptr<const ModelFile> read_model(const Node& robot, const std::option
   }
   options.joints = robot.optional<std::vector<std::string>>("joints", {});
   if (period) options.period = detail::read_period(*period);
+  const auto armature = robot.optional_section("armature");
+  const auto every = armature ? armature->find("every_joint") : std::nullopt;
+  options.armature = [&](const std::string& joint) -> std::optional<double> {
+    const auto own = armature ? armature->find(joint) : std::nullopt;
+    if (!own && !every) return std::nullopt;
+    return (own ? *own : *every).as<double>({.min = 0, .max = 1e3});
+  };
   try {
     return std::make_shared<const ModelFile>(std::move(options));
   } catch (const InvalidArgument& error) {

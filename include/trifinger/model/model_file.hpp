@@ -3,6 +3,7 @@
 
 #include <array>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -27,6 +28,9 @@ struct ModelFileOptions {
   /// Length of a step of the robot. The physics does the smallest number of steps in it of which
   /// none is longer than the file's `timestep`. Default: the file's `timestep`.
   std::optional<Nanoseconds> period{};
+  /// The inertia of its rotor at a hinge or slide of this name [kgm^2], [kg], instead of the file's
+  /// `armature`. Many files leave it out, although behind a gear it is most of what a motor feels.
+  std::function<std::optional<double>(const std::string& joint)> armature{};
 };
 
 /// What a file says about one driven joint. Nothing where it says nothing, or nothing that one
