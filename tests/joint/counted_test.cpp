@@ -58,9 +58,9 @@ TEST(CountedJoints, AreAtLeastOneAndAtMostSoMany) {
   EXPECT_EQ(test::message_of<InvalidArgument>([] { (void)describe_counted("arm", hinges(0)); }),
             "a robot has 0 joints, must have 1 to 128");
   EXPECT_EQ(test::message_of<InvalidArgument>(
-                [] { (void)describe_counted("arm", hinges(kMaxJoints + 1)); }),
+                [] { (void)describe_counted("arm", hinges(kMaxCountedJoints + 1)); }),
             "a robot has 129 joints, must have 1 to 128");
-  EXPECT_NO_THROW((void)describe_counted("arm", hinges(kMaxJoints)));
+  EXPECT_NO_THROW((void)describe_counted("arm", hinges(kMaxCountedJoints)));
 }
 
 TEST(CountedJoints, ComeBackFromAnElementAsTheyWere) {
@@ -142,12 +142,12 @@ TEST(CountedJoints, AreCheckedByTheSameChainBitForBit) {
 }
 
 TEST(CountedJoints, NeedNoMemoryFromTheHeapInAStep) {
-  const std::vector<JointLimit> limits(kMaxJoints, test::some_limits<1>()[0]);
+  const std::vector<JointLimit> limits(kMaxCountedJoints, test::some_limits<1>()[0]);
   const SafetyChain<CountedJoints> chain(limits);
-  CountedSafetyState state{.joints = std::vector<JointMemory>(kMaxJoints)};
-  const CountedAction action(kMaxJoints);
-  const CountedObservation observation(kMaxJoints);
-  CountedAppliedAction applied(kMaxJoints);
+  CountedSafetyState state{.joints = std::vector<JointMemory>(kMaxCountedJoints)};
+  const CountedAction action(kMaxCountedJoints);
+  const CountedObservation observation(kMaxCountedJoints);
+  CountedAppliedAction applied(kMaxCountedJoints);
   const test::AllocationCounter allocations;
   (void)chain.apply(action, observation, kPeriod, state, applied);
   EXPECT_EQ(allocations.count(), 0);

@@ -3,6 +3,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <mujoco/mujoco.h>
 
 #include <algorithm>
 #include <chrono>
@@ -108,6 +109,17 @@ TEST_F(AnyRobotConfigFile, LetsAJointTurnForEver) {
       load(std::string(kHead) + kArmSafety,
            {"safety.rail.soft_lower=-.inf", "safety.rail.hard_lower=-.inf"});
   EXPECT_EQ(config.robot.limits[3].soft_lower, -kLargestJointLimit);
+}
+
+TEST_F(AnyRobotConfigFile, GivesJointsTheRotorsThatTheFileLacks) {
+  const FileRobotConfig config =
+      load(std::string(kHead) + kArmSafety, {"robot.armature={every_joint: 0.02, elbow: 0.3}"});
+  const mjModel_& model = *config.robot.model->mujoco();
+  const std::vector<double> armature(model.dof_armature, model.dof_armature + model.nv);
+  EXPECT_EQ(std::vector(armature.begin(), armature.begin() + 4),
+            (std::vector{0.02, 0.02, 0.3, 0.02}));
+  // Free bodies have no rotor.
+  EXPECT_EQ(armature[6], 0.0);
 }
 
 TEST_F(AnyRobotConfigFile, ChecksUnitsByTheKindOfAJoint) {
