@@ -112,8 +112,10 @@ TEST_F(AnyRobotConfigFile, LetsAJointTurnForEver) {
 }
 
 TEST_F(AnyRobotConfigFile, GivesJointsTheRotorsThatTheFileLacks) {
-  const FileRobotConfig config =
-      load(std::string(kHead) + kArmSafety, {"robot.armature={every_joint: 0.02, elbow: 0.3}"});
+  const std::string head =
+      "name: arm\ndriver: simulation\nrobot:\n  mjcf: models/arm.xml\n"
+      "  armature: {every_joint: 0.02, elbow: 0.3}\n";
+  const FileRobotConfig config = load(head + kArmSafety);
   const mjModel_& model = *config.robot.model->mujoco();
   const std::vector<double> armature(model.dof_armature, model.dof_armature + model.nv);
   EXPECT_EQ(std::vector(armature.begin(), armature.begin() + 4),
