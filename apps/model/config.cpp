@@ -7,7 +7,7 @@
 
 #include "commands.hpp"
 #include "shared/terminal.hpp"
-#include "trifinger/sim/robot_config.hpp"
+#include "trifinger/sim/any_robot_config.hpp"
 
 namespace trifinger::apps {
 namespace {
@@ -18,10 +18,9 @@ struct ConfigOptions {
 };
 
 int print_config(const ConfigOptions& options) {
-  const config::File file =
-      config::File::load(find_config(options.robot), options.overrides, config_folders());
+  const config::File file = load_config_file(options.robot, options.overrides);
   // Who reads it knows what is allowed.
-  static_cast<void>(read_robot_config(file));
+  static_cast<void>(read_any_robot_config(file));
   const std::vector<config::File::Key> keys = file.keys();
   std::size_t key_width = 0;
   std::size_t value_width = 0;

@@ -26,6 +26,8 @@
 #include "trifinger/model/kinematics.hpp"
 #include "trifinger/realtime/clock.hpp"
 #include "trifinger/rendering/simulation_that_sees.hpp"
+#include "trifinger/sim/any_robot_config.hpp"
+#include "trifinger/sim/file_robot.hpp"
 #include "trifinger/sim/object_observation.hpp"
 #include "trifinger/sim/robot_cameras.hpp"
 #include "trifinger/sim/robot_config.hpp"
@@ -133,6 +135,26 @@ std::vector<std::vector<std::string>> programs_for(const RunnableRobot& robot,
   return programs;
 }
 
+// Begins a simulation in the state of this file.
+template <class Simulated>
+void begin_in(Simulated& simulated, const std::filesystem::path& state) {
+  try {
+    simulated.restore(read_state(state));
+  } catch (const InvalidArgument& error) {
+    throw InvalidArgument(state.string() + ": " + error.what());
+  }
+}
+
+// Returns the state before a simulation diverged, for `RunnableRobot::state_before`.
+template <class Simulated>
+std::function<SimulationState(const Fault& fault)> state_before(const Simulated* simulated) {
+  return [simulated](const Fault& fault) {
+    const bool has_diverged =
+        fault.code == Fault::Code::kDriver && fault.detail == Simulated::kDiverged;
+    return has_diverged ? simulated->state_before_divergence() : SimulationState();
+  };
+}
+
 template <class R>
 void add_simulation(RunnableRobot& robot, SimulationOptions<R> options, const RobotConfig& config,
                     const std::optional<std::filesystem::path>& state) {
@@ -150,18 +172,8 @@ void add_simulation(RunnableRobot& robot, SimulationOptions<R> options, const Ro
   auto driver = std::make_unique<SimulatedRobot<R>>(std::move(options));
   driver->listen_to_hand(robot.name);
   robot.news = [simulation = driver.get()] { return simulation->take_hand_news(); };
-  if (state) {
-    try {
-      driver->restore(read_state(*state));
-    } catch (const InvalidArgument& error) {
-      throw InvalidArgument(state->string() + ": " + error.what());
-    }
-  }
-  robot.state_before = [simulation = driver.get()](const Fault& fault) {
-    const bool has_diverged =
-        fault.code == Fault::Code::kDriver && fault.detail == SimulatedRobot<R>::kDiverged;
-    return has_diverged ? simulation->state_before_divergence() : SimulationState();
-  };
+  if (state) begin_in(*driver, *state);
+  robot.state_before = state_before(driver.get());
   if (!is_real_time) {
     // Time stands still while images are drawn, so nothing is gained by other processes.
     if (auto seeing = rendering::make_driver_with_cameras(*driver, config, robot.name)) {
@@ -174,6 +186,21 @@ void add_simulation(RunnableRobot& robot, SimulationOptions<R> options, const Ro
   }
   robot.driver = std::move(driver);
   add_sensors(robot, std::move(sensors), config);
+}
+
+RunnableRobot make_file_robot(FileRobotConfig config,
+                              const std::optional<std::filesystem::path>& state) {
+  RunnableRobot robot;
+  robot.name = config.name;
+  robot.backend = config.backend;
+  robot.session = std::move(config.session);
+  std::ranges::move(model_documents(*config.robot.model),
+                    std::back_inserter(robot.session.documents));
+  auto driver = std::make_unique<FileRobot>(std::move(config.robot));
+  if (state) begin_in(*driver, *state);
+  robot.state_before = state_before(driver.get());
+  robot.driver = std::move(driver);
+  return robot;
 }
 
 // The torques that carry the weight of the fingers, from their model.
@@ -251,7 +278,11 @@ RunnableRobot make_robot(const RobotChoice& choice) {
     return as_chosen(make_replay(robot, overrides, choice.name), choice);
   }
 
-  RobotConfig config = load_robot_config(robot, overrides);
+  AnyRobotConfig any = load_any_robot_config(robot, overrides);
+  if (auto* const from_file = std::get_if<FileRobotConfig>(&any)) {
+    return as_chosen(make_file_robot(std::move(*from_file), state), choice);
+  }
+  RobotConfig config = std::get<RobotConfig>(std::move(any));
   RunnableRobot made;
   made.name = name.value_or(config.name);
   made.backend = config.backend;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <span>
+#include <type_traits>
 #include <utility>
 
 #include "conversion/text.hpp"
@@ -27,18 +28,44 @@ std::array<double, N> to_array(const std::vector<double>& values, const char* wh
   return array;
 }
 
-nb::bytes to_bytes(const SimulationState& state) { return nb::bytes(state.data(), state.size()); }
-
-}  // namespace
-
-RobotConfig load_config(const std::string& name, const nb::dict& overrides) {
+// The texts of overrides on the command line.
+std::vector<std::string> texts_of(const nb::dict& overrides) {
   // JSON is YAML, and Python writes it.
   const nb::object dumps = nb::module_::import_("json").attr("dumps");
   std::vector<std::string> texts;
   for (const auto& [key, value] : overrides) {
     texts.push_back(text_of(key) + "=" + text_of(dumps(value)));
   }
-  return load_robot_config(name, texts);
+  return texts;
+}
+
+// Calls `use` with a simulation that has fingers.
+template <class AnySimulation, class Use>
+auto with_fingers(const AnySimulation& simulation, const std::string& what, const Use& use) {
+  using Result = std::invoke_result_t<Use, const Simulation<TriFinger>&>;
+  return std::visit(
+      [&]<class Which>(const Which& which) -> Result {
+        if constexpr (std::is_same_v<Which, FileSimulation>) {
+          throw InvalidArgument(what +
+                                " is for a TriFinger or one of its fingers; this robot is "
+                                "from a file");
+        } else {
+          return use(which);
+        }
+      },
+      simulation);
+}
+
+nb::bytes to_bytes(const SimulationState& state) { return nb::bytes(state.data(), state.size()); }
+
+}  // namespace
+
+RobotConfig load_config(const std::string& name, const nb::dict& overrides) {
+  return load_robot_config(name, texts_of(overrides));
+}
+
+AnyRobotConfig load_any_config(const std::string& name, const nb::dict& overrides) {
+  return load_any_robot_config(name, texts_of(overrides));
 }
 
 RobotDescription description_of(const RobotConfig& config) {
@@ -52,14 +79,22 @@ Pull to_pull(const Vector3& target, const Vector3& point, double stiffness) {
   return pull;
 }
 
-PythonSimulation::PythonSimulation(const RobotConfig& config)
-    : name_(config.name),
+PythonSimulation::PythonSimulation(const AnyRobotConfig& config)
+    : name_(std::visit([](const auto& robot) { return robot.name; }, config)),
       checks_(nb::cast(new Checks, nb::rv_policy::take_ownership)),
-      simulation_(std::visit(
-          [&]<class R>(const SimulationOptions<R>&) -> decltype(simulation_) {
-            return rendering::make_simulation<R>(config);
-          },
-          config.simulation)) {}
+      simulation_(make(config)) {}
+
+auto PythonSimulation::make(const AnyRobotConfig& config) -> AnySimulation {
+  if (const auto* const file = std::get_if<FileRobotConfig>(&config)) {
+    return FileSimulation(file->robot, file->session, file->backend, file->name);
+  }
+  const RobotConfig& robot = std::get<RobotConfig>(config);
+  return std::visit(
+      [&]<class R>(const SimulationOptions<R>&) -> AnySimulation {
+        return rendering::make_simulation<R>(robot);
+      },
+      robot.simulation);
+}
 
 std::unique_ptr<PythonFrontend> PythonSimulation::connect(bool strict) const {
   return std::visit(
@@ -73,14 +108,16 @@ std::unique_ptr<PythonFrontend> PythonSimulation::connect(bool strict) const {
 
 void PythonSimulation::reset(const std::optional<std::vector<double>>& position,
                              std::optional<std::uint64_t> seed, std::uint64_t episode) const {
-  std::visit(
-      [&]<class R>(const Simulation<R>& simulation) {
-        SimulatedRobot<R>& robot = simulation.robot();
-        robot.reset(
-            position ? to_array<R::kJoints>(*position, "position") : robot.initial_position(),
-            Random{.seed = seed.value_or(robot.options().seed), .episode = episode});
-      },
-      simulation_);
+  if (const auto* const file = std::get_if<FileSimulation>(&simulation_)) {
+    // Nothing in it is random.
+    file->robot().reset(position ? *position : file->robot().initial_position());
+    return;
+  }
+  with_fingers(simulation_, "reset", [&]<class R>(const Simulation<R>& simulation) {
+    SimulatedRobot<R>& robot = simulation.robot();
+    robot.reset(position ? to_array<R::kJoints>(*position, "position") : robot.initial_position(),
+                Random{.seed = seed.value_or(robot.options().seed), .episode = episode});
+  });
 }
 
 void PythonSimulation::place_object(const std::string& name, const std::vector<double>& position,
@@ -92,7 +129,8 @@ void PythonSimulation::place_object(const std::string& name, const std::vector<d
 }
 
 void PythonSimulation::vary(const Variation& variation) const {
-  std::visit([&](const auto& simulation) { simulation.robot().vary(variation); }, simulation_);
+  with_fingers(simulation_, "vary",
+               [&](const auto& simulation) { simulation.robot().vary(variation); });
 }
 
 void PythonSimulation::push_object(const std::string& name,
@@ -104,21 +142,21 @@ void PythonSimulation::push_object(const std::string& name,
 
 void PythonSimulation::pull(const std::variant<std::int64_t, std::string>& body,
                             const Pull& pull) const {
-  std::visit(
-      [&](const auto& simulation, const auto& which) { simulation.robot().pull(which, pull); },
-      simulation_, body);
+  with_fingers(simulation_, "pull", [&](const auto& simulation) {
+    std::visit([&](const auto& which) { simulation.robot().pull(which, pull); }, body);
+  });
 }
 
 void PythonSimulation::let_go() const {
-  std::visit([](const auto& simulation) { simulation.robot().let_go(); }, simulation_);
+  with_fingers(simulation_, "let_go", [](const auto& simulation) { simulation.robot().let_go(); });
 }
 
 std::vector<std::string> PythonSimulation::bodies() const {
-  return std::visit(
-      [](const auto& simulation) {
-        return pullable_bodies(simulation.robot().options().description);
-      },
-      simulation_);
+  // Nothing of a robot from a file can be pulled.
+  if (std::holds_alternative<FileSimulation>(simulation_)) return {};
+  return with_fingers(simulation_, "bodies", [](const auto& simulation) {
+    return pullable_bodies(simulation.robot().options().description);
+  });
 }
 
 void PythonSimulation::set_object_velocity(const std::string& name,
@@ -178,22 +216,31 @@ std::shared_ptr<log::RecorderThread> PythonSimulation::record(const std::filesys
 }
 
 void PythonSimulation::add_check(nb::object function) {
-  std::visit(
-      [&]<class R>(const Simulation<R>& simulation) {
-        auto check =
-            nb::cast<Checks&>(checks_).add(std::move(function), describe<typename R::Observation>(),
-                                           describe<typename R::Action>());
-        simulation.robot().safety().add_check(
-            [check = std::move(check)](const typename R::Observation& y,
-                                       typename R::Action& action) { check->call(&y, &action); });
-      },
-      simulation_);
+  Checks& checks = nb::cast<Checks&>(checks_);
+  if (const auto* const file = std::get_if<FileSimulation>(&simulation_)) {
+    const RobotTypes& types = file->robot().description();
+    file->robot().add_check(
+        [check = checks.add(std::move(function), types.observation, types.action)](
+            const void* observation, void* action) { check->call(observation, action); });
+    return;
+  }
+  with_fingers(simulation_, "add_check", [&]<class R>(const Simulation<R>& simulation) {
+    auto check = checks.add(std::move(function), describe<typename R::Observation>(),
+                            describe<typename R::Action>());
+    simulation.robot().safety().add_check(
+        [check = std::move(check)](const typename R::Observation& y, typename R::Action& action) {
+          check->call(&y, &action);
+        });
+  });
 }
 
 std::string PythonSimulation::mjcf() const {
-  return std::visit(
-      [](const auto& simulation) { return export_mjcf(simulation.robot().options().description); },
-      simulation_);
+  if (const auto* const file = std::get_if<FileSimulation>(&simulation_)) {
+    return file->robot().model().mjcf();
+  }
+  return with_fingers(simulation_, "mjcf", [](const auto& simulation) {
+    return export_mjcf(simulation.robot().options().description);
+  });
 }
 
 }  // namespace trifinger::bindings

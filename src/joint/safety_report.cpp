@@ -66,6 +66,16 @@ std::string_view describe(SafetyFault fault) noexcept {
   return row != kFaultRows.end() ? row->sentence : "unknown fault";
 }
 
+FixedText describe(const SafetyReport& report, std::string_view joint_name) noexcept {
+  const auto* const row = std::ranges::find(kFaultRows, report.fault, &FaultRow::fault);
+  if (row == kFaultRows.end()) return FixedText("unknown fault");
+  if (report.joint < 0 || row->predicate.empty()) return FixedText(row->sentence);
+  FixedText text("joint ");
+  text.append(static_cast<std::size_t>(report.joint));
+  if (!joint_name.empty()) text.append(" (").append(joint_name).append(")");
+  return text.append(" ").append(row->predicate);
+}
+
 FixedText describe(const RejectedCommand& rejected, std::string_view joint_name,
                    const JointLimit& limit) noexcept {
   // Describes the first field that was rejected, in the order of the fields.

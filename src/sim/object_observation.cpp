@@ -9,7 +9,13 @@
 namespace trifinger {
 
 std::optional<CompanionDescription> object_companion(const RobotDescription& description) {
-  if (description.objects.empty()) return std::nullopt;
+  std::vector<std::string> names;
+  for (const ObjectDescription& object : description.objects) names.push_back(object.name);
+  return object_companion(names);
+}
+
+std::optional<CompanionDescription> object_companion(std::span<const std::string> objects) {
+  if (objects.empty()) return std::nullopt;
   std::vector<FieldDescription> fields;
   std::size_t offset = 0;
   const auto append = [&](const std::string& prefix, const ElementDescription& element) {
@@ -21,9 +27,7 @@ std::optional<CompanionDescription> object_companion(const RobotDescription& des
     offset += element.size();
   };
   append("stamp.", describe<Stamp>());
-  for (const ObjectDescription& object : description.objects) {
-    append(object.name + ".", describe<ObjectPose>());
-  }
+  for (const std::string& object : objects) append(object + ".", describe<ObjectPose>());
   return CompanionDescription{.name = kObjectCompanion,
                               .type = "object_observation",
                               .element = ElementDescription(std::move(fields))};

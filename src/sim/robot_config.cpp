@@ -9,6 +9,7 @@
 #include <set>
 #include <utility>
 
+#include "read_backend.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/text_of.hpp"
 #include "trifinger/joint/read_limits.hpp"
@@ -22,7 +23,6 @@ using detail::text_of;
 
 constexpr std::string_view kSuffix = ".yml";
 constexpr std::string_view kDocument = "configuration.yml";
-constexpr double kMaxCount = 1e6;
 
 double in_seconds(Nanoseconds time) { return std::chrono::duration<double>(time).count(); }
 
@@ -147,49 +147,6 @@ TimeIndex read_steps(const Node& section, std::string_view key, Nanoseconds peri
               text_of(in_seconds(period)) + " s");
   }
   return static_cast<TimeIndex>(rounded);
-}
-
-BackendOptions read_backend(const Node& section, SessionOptions& session) {
-  BackendOptions options;
-  options.mode = section.required_choice<BackendOptions::Mode>(
-      "mode", {{"real_time", BackendOptions::Mode::kRealTime},
-               {"non_real_time", BackendOptions::Mode::kNonRealTime}});
-  const Node period = section.at("period", "s");
-  options.period = std::chrono::round<Nanoseconds>(
-      std::chrono::duration<double>(period.as<double>({.unit = "s", .min = 1e-4, .max = 0.1})));
-  if (options.period % kPhysicsStep != Nanoseconds::zero()) {
-    period.fail("is " + text_of(in_seconds(options.period)) +
-                " s, must be a whole number of milliseconds in a simulation");
-  }
-
-  const Node late_action = section.section("late_action");
-  const bool repeats =
-      late_action.required_choice<bool>("policy", {{"stop", false}, {"repeat", true}});
-  const Range count{.min = 0, .max = kMaxCount};
-  // This key is read for both policies, so that changing the policy for a try needs no other
-  // change.
-  const auto max_repeats =
-      late_action.optional<std::uint32_t>("max_repeats", 0, {.min = 1, .max = kMaxCount});
-  if (repeats) {
-    static_cast<void>(late_action.at("max_repeats"));
-    options.max_action_repeats = max_repeats;
-  }
-  options.max_rejected_actions = section.required<std::uint32_t>("max_rejected_actions", count);
-  options.max_skipped_ticks = section.required<std::uint32_t>("max_skipped_ticks", count);
-  options.max_late_steps = section.required<std::uint32_t>("max_late_steps", count);
-  const auto timeout = [&section](const char* name) {
-    const auto time = section.required<double>(
-        name, {.unit = "s", .min = 0, .above_min = true, .allow_infinite = true});
-    // Longer times would overflow nanoseconds: more than 30 years counts as for ever.
-    constexpr double kLongest = 1e9;
-    return time > kLongest ? kForever
-                           : std::chrono::ceil<Nanoseconds>(std::chrono::duration<double>(time));
-  };
-  options.max_measurement_age = timeout("max_measurement_age");
-  options.first_action_timeout = timeout("first_action_timeout");
-  session.history = section.required<std::size_t>("history", {.min = 16, .max = 1048576});
-  session.mode = section.required_choice<unsigned>("access", {{"owner", 0600U}, {"group", 0660U}});
-  return options;
 }
 
 // Reads angles within the soft limits: three for every finger, or one for each joint.
@@ -398,12 +355,17 @@ RobotConfig load_robot_config(const std::string& name, const std::vector<std::st
 
 RobotConfig read_robot_config(const config::File& file) {
   const Node root = file.root();
+  if (detail::is_from_file(root)) {
+    root.section("robot").fail(
+        "is from a file; this is for a TriFinger or one of its fingers, with a variant and an "
+        "arrangement");
+  }
   RobotConfig config;
   config.name = root.required<std::string>("name");
   const bool is_on_boards =
       root.required_choice<bool>("driver", {{"simulation", false}, {"boards", true}});
   RobotDescription description = read_description(root);
-  config.backend = read_backend(root.section("backend"), config.session);
+  config.backend = detail::read_backend(root.section("backend"), config.session, kPhysicsStep);
   if (description.arrangement == Arrangement::kTriFinger) {
     config.simulation =
         read_simulation<TriFinger>(root, std::move(description), config.backend.period);

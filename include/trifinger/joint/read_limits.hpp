@@ -2,9 +2,13 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <span>
+#include <string>
+#include <vector>
 
 #include "trifinger/config/node.hpp"
+#include "trifinger/joint/counted.hpp"
 #include "trifinger/joint/limits.hpp"
 
 namespace trifinger {
@@ -28,5 +32,28 @@ template <std::size_t N>
   detail::read_joint_limits(section, limits);
   return limits;
 }
+
+/// A joint of a robot whose joints have names, and what is known of its limits already.
+struct NamedJoint {
+  std::string name;
+  JointKind kind{JointKind::kHinge};
+  JointLimit known{};  ///< From the robot's file; NaN: not known.
+};
+
+/// Reads the limits of these joints from the section "safety" of `root`. It has a section for each
+/// joint, under its name, and a section "every_joint" for values that hold for all joints that do
+/// not say otherwise:
+///
+///     safety:
+///       every_joint: {safety_kd: 1, max_velocity: 2, braking: 10, default_kp: 50, default_kd: 5}
+///       joint1: {soft_lower: -2.8, soft_upper: 2.8}
+///
+/// What the section does not say is taken from `known`. These values need not be said: `max_kp`
+/// and `max_kd` are then the default gains, and `max_torque_rate`, `continuous_torque`,
+/// `thermal_time` and `plausibility` are off. A soft or hard limit may be infinite.
+/// @throws config::ConfigError at a value that is wrong. One error names all values that nobody
+/// has said, as text to be filled in.
+[[nodiscard]] std::vector<JointLimit> read_limits_by_name(const config::Node& root,
+                                                          std::span<const NamedJoint> joints);
 
 }  // namespace trifinger

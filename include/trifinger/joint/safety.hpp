@@ -31,6 +31,24 @@ struct SafetyState {
   std::array<JointMemory, N> joints{};
 };
 
+namespace detail {
+
+// Where the chain of a robot keeps the limits and the memory of its joints. A robot whose joints
+// are counted at run time names its own types.
+template <class R>
+struct SafetyTypes {
+  using Limits = JointLimits<R::kJoints>;
+  using State = SafetyState<R::kJoints>;
+};
+template <class R>
+  requires requires { typename R::SafetyState; }
+struct SafetyTypes<R> {
+  using Limits = typename R::Limits;
+  using State = typename R::SafetyState;
+};
+
+}  // namespace detail
+
 /// The checks between a desired action and the motors of the robot R. They are the same in
 /// simulation and on hardware:
 ///
@@ -49,13 +67,11 @@ struct SafetyState {
 template <class R>
 class SafetyChain {
  public:
-  static constexpr std::size_t kJoints = R::kJoints;
-
   using Action = typename R::Action;
   using Observation = typename R::Observation;
   using AppliedAction = typename R::AppliedAction;
-  using Limits = JointLimits<kJoints>;
-  using State = SafetyState<kJoints>;
+  using Limits = typename detail::SafetyTypes<R>::Limits;
+  using State = typename detail::SafetyTypes<R>::State;
 
   /// A user's own check. It may look at the observation and change the action. The action that it
   /// gets is finite and has all gains; the check cannot break a limit. It runs in the loop: it must
@@ -158,7 +174,7 @@ SafetyReport SafetyChain<R>::apply(const Action& desired, const Observation& obs
       return report;
     }
   }
-  for (std::size_t i = 0; i < kJoints; ++i) {
+  for (std::size_t i = 0; i < limits_.size(); ++i) {
     report.action_rejected |= (applied.reasons[i] & kRejected) != 0;
     limit(i, desired, accepted, observation, seconds, state.joints[i], applied);
   }
@@ -171,7 +187,7 @@ SafetyReport SafetyChain<R>::check_measurements(const Observation& observation, 
                                                 State& state,
                                                 AppliedAction& applied) const noexcept {
   SafetyReport report;
-  for (std::size_t i = 0; i < kJoints; ++i) {
+  for (std::size_t i = 0; i < limits_.size(); ++i) {
     const JointLimit& limit = limits_[i];
     JointMemory& memory = state.joints[i];
     const JointMeasurement measured{observation.position[i], observation.velocity[i],
@@ -204,8 +220,8 @@ SafetyReport SafetyChain<R>::check_measurements(const Observation& observation, 
 template <class R>
 auto SafetyChain<R>::accept(const Action& desired, State& state,
                             AppliedAction& applied) const noexcept -> Action {
-  Action accepted;
-  for (std::size_t i = 0; i < kJoints; ++i) {
+  Action accepted = desired;
+  for (std::size_t i = 0; i < limits_.size(); ++i) {
     double& accepted_position = state.joints[i].accepted_position;
     const CheckedCommand checked =
         accept_command(detail::command_of(desired, i), accepted_position, limits_[i]);
@@ -235,7 +251,7 @@ SafetyFault SafetyChain<R>::run_own_checks(const Observation& observation, Actio
     if (thrown != nullptr) *thrown = FixedText("a safety check ").append_exception();
     return failed(SafetyFault::kOwnCheck);
   }
-  for (std::size_t i = 0; i < kJoints; ++i) {
+  for (std::size_t i = 0; i < limits_.size(); ++i) {
     const JointCommand after = detail::command_of(changed, i);
     if (detail::is_same(after, detail::command_of(accepted, i))) continue;
     // A check deserves no more trust than a user: its result is data to be checked.
@@ -282,7 +298,7 @@ void SafetyChain<R>::limit(std::size_t joint, const Action& desired, const Actio
 template <class R>
 void SafetyChain<R>::brake(const Observation& observation, State& state,
                            AppliedAction& applied) const noexcept {
-  for (std::size_t i = 0; i < kJoints; ++i) {
+  for (std::size_t i = 0; i < limits_.size(); ++i) {
     JointMemory& memory = state.joints[i];
     // A velocity that is not plausible damps nothing.
     const bool is_known = (applied.reasons[i] & kImplausible) == 0;
@@ -300,7 +316,7 @@ RejectedCommand SafetyChain<R>::find_rejected(
     const Action& desired, const AppliedAction& applied) const noexcept TRIFINGER_REALTIME {
   RejectedCommand found;
   // The loop runs backwards, so that the first joint remains.
-  for (std::size_t i = kJoints; i-- > 0;) {
+  for (std::size_t i = limits_.size(); i-- > 0;) {
     const std::uint64_t reasons = applied.reasons[i] & kRejected;
     if (reasons == 0) continue;
     const JointCommand command = detail::command_of(desired, i);

@@ -54,6 +54,10 @@ struct SafetyReport {
 /// first call makes the texts.
 [[nodiscard]] std::string_view fault_text_of(std::int32_t fault_code) noexcept;
 
+/// The same text for a robot whose joints have names: "joint 4 (elbow) is beyond its hard limit".
+/// `joint_name` may be empty. Needs no memory from the heap.
+[[nodiscard]] FixedText describe(const SafetyReport& report, std::string_view joint_name) noexcept;
+
 /// Describes a rejected action: the first joint whose command was rejected.
 struct RejectedCommand {
   std::size_t joint{0};

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <optional>
 #include <span>
+#include <string>
 
 #include "trifinger/core/driver.hpp"
 #include "trifinger/model/robot_description.hpp"
@@ -50,6 +51,10 @@ inline constexpr const char* kObjectCompanion = "object";
 /// order. Nothing if the scene has no objects.
 [[nodiscard]] std::optional<CompanionDescription> object_companion(
     const RobotDescription& description);
+
+/// Describes the same companion for objects of these names.
+[[nodiscard]] std::optional<CompanionDescription> object_companion(
+    std::span<const std::string> objects);
 
 /// Writes an element of that companion.
 void write_objects(const Stamp& stamp, std::span<const ObjectPose> objects,

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -27,7 +27,7 @@ class Frame:
     time: float
     """Time of the step since step 0 [s]."""
     position: Array | None = None
-    """Measured positions of the joints [rad], float[joints]."""
+    """Measured positions of the joints of the model [rad], float[joints]."""
     desired: Array | None = None
     """Desired positions of the joints [rad], float[joints]. A joint that is moved by torque alone
     has its measured position. None if no joint has a desired position."""
@@ -66,7 +66,10 @@ def frame_of(
     are further fields of Frame.
     """
     values = values_of(observation)
-    position = values.get("position")
+    joints = positions_field(values)
+    position = values.get(joints)
+    # Targets of some joints are no pose of the model.
+    desired = desired if joints == "position" else None
     return Frame(
         time_index=time_index,
         time=max(time_index, 0) * period,
@@ -78,6 +81,14 @@ def frame_of(
         values=values,
         **others,
     )
+
+
+def positions_field(fields: Collection[str]) -> str:
+    """The field of an observation that has the positions of all joints of the model.
+
+    A robot whose motors do not drive its joints one by one has "joint_position".
+    """
+    return "joint_position" if "joint_position" in fields else "position"
 
 
 def values_of(element: Any) -> dict[str, Array]:

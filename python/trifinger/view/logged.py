@@ -28,7 +28,7 @@ from trifinger.log.images import LoggedCameras
 from trifinger.log.plot.panels import Contents, contents_of
 from trifinger.log.steps import parts_of
 from trifinger.log.types import Steps
-from trifinger.view.frame import Frame, frame_of
+from trifinger.view.frame import Frame, frame_of, positions_field
 from trifinger.view.scene import Scene, scene_of
 
 OBJECTS = "object"
@@ -279,7 +279,10 @@ class _CourseReader:
         self._carried = np.uint8(0)  # marks of steps after the last frame
         self._wanted = run._start + np.round((times + _SLACK) * 1e9).astype(np.int64)
         self._observation = _names(session.observation_dtype)
-        self._action = _names(session.action_dtype)
+        # Targets of some joints are no pose of the model.
+        self._joints = positions_field(self._observation)
+        has_poses = self._joints == "position"
+        self._targets = {"position"} & _names(session.action_dtype) if has_poses else set()
         self._status = _names(session.status_dtype)
 
     def read(self) -> Course:
@@ -306,8 +309,8 @@ class _CourseReader:
         first = run.step_at(self._begin)
         last = min(run.step_at(self._end), run._last_step) + 1
         series = {
-            "observation": sorted({"position", "tip_force"} & self._observation),
-            "desired_action": sorted({"position"} & self._action),
+            "observation": sorted({self._joints, "tip_force"} & self._observation),
+            "desired_action": sorted(self._targets),
             "status": sorted({"time", "flags", "skipped_ticks"} & self._status),
         }
         chosen_series = {name: fields for name, fields in series.items() if fields}
@@ -332,7 +335,7 @@ class _CourseReader:
             yield {
                 "time_index": steps.time_index[chosen],
                 "times": (times[chosen] - run._start) * 1e-9,
-                "positions": _column(steps.observations, "position", chosen),
+                "positions": _column(steps.observations, self._joints, chosen),
                 "desired": _column(steps.desired_actions, "position", chosen),
                 "tip_forces": _column(steps.observations, "tip_force", chosen),
                 "marks": summed,
@@ -342,8 +345,8 @@ class _CourseReader:
         """The observation after the last step, which has no actions."""
         run = self._run
         seen = run.session.get_observations(run.last, run.last + 1)
-        joints = _column(seen, "position", slice(None))
-        has_target = "position" in self._action and joints is not None
+        joints = _column(seen, self._joints, slice(None))
+        has_target = bool(self._targets) and joints is not None
         return {
             "time_index": np.array([run.last]),
             "times": np.array([run.end]),

@@ -1,0 +1,399 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/model/model_file.hpp"
+
+#include <mujoco/mujoco.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <iterator>
+#include <span>
+#include <string_view>
+#include <system_error>
+#include <utility>
+
+#include "self_contained.hpp"
+#include "trifinger/base/error.hpp"
+#include "trifinger/base/text_of.hpp"
+
+namespace trifinger {
+namespace {
+
+using detail::require;
+using detail::text_of;
+
+std::string name_of(const mjModel& model, mjtObj type, int id) {
+  const char* const name = mj_id2name(&model, type, id);
+  return name != nullptr ? name : "";
+}
+
+std::string joined(std::span<const std::string> names) {
+  std::string text;
+  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
+  return text.empty() ? "none" : text;
+}
+
+bool is_scalar(const mjModel& model, int joint) {
+  return model.jnt_type[joint] == mjJNT_HINGE || model.jnt_type[joint] == mjJNT_SLIDE;
+}
+
+// A joint or a fixed tendon of the model.
+struct Target {
+  mjtObj type{mjOBJ_JOINT};
+  int id{-1};
+
+  friend bool operator==(const Target&, const Target&) = default;
+};
+
+bool is_fixed_tendon(const mjModel& model, int tendon) {
+  return model.wrap_type[model.tendon_adr[tendon]] == mjWRAP_JOINT;
+}
+
+// What an actuator drives. `problem` says why a motor cannot take its place; empty if it can.
+struct Drive {
+  Target target;
+  std::string problem;
+};
+
+Drive drive_of(const mjModel& model, int actuator) {
+  const int id = model.actuator_trnid[2 * actuator];
+  switch (model.actuator_trntype[actuator]) {
+    case mjTRN_JOINT:
+    case mjTRN_JOINTINPARENT:
+      if (!is_scalar(model, id)) return {{}, "it turns a ball joint or moves a free body"};
+      break;
+    case mjTRN_TENDON:
+      if (!is_fixed_tendon(model, id)) return {{}, "it pulls a tendon that runs along bodies"};
+      break;
+    default:
+      return {{}, "it acts on a site, a body or a crank"};
+  }
+  if (model.actuator_dyntype[actuator] == mjDYN_MUSCLE) return {{}, "it is a muscle"};
+  const bool is_tendon = model.actuator_trntype[actuator] == mjTRN_TENDON;
+  return {{.type = is_tendon ? mjOBJ_TENDON : mjOBJ_JOINT, .id = id}, ""};
+}
+
+// The same limit in both directions; nothing for a range that is not symmetric, because the torque
+// of a motor is limited in both directions.
+std::optional<double> symmetric(const double* range) {
+  const bool is_symmetric = range[1] > 0.0 && std::abs(range[0] + range[1]) <= 1e-9 * range[1];
+  return is_symmetric ? std::optional(range[1]) : std::nullopt;
+}
+
+void take_smaller(std::optional<double>& value, std::optional<double> other) {
+  if (other && (!value || *other < *value)) value = other;
+}
+
+// Adds to `joint` what the actuator says about it.
+void describe_actuator(const mjModel& model, int actuator, FileJoint& joint) {
+  const double gear = model.actuator_gear[6 * actuator];
+  const double* const gain = model.actuator_gainprm + mjNGAIN * actuator;
+  const double* const bias = model.actuator_biasprm + mjNBIAS * actuator;
+  const bool has_fixed_gain = model.actuator_gaintype[actuator] == mjGAIN_FIXED;
+  const auto at_joint = [gear](double value) { return std::abs(gear) * value; };
+  if (model.actuator_forcelimited[actuator]) {
+    if (const auto limit = symmetric(model.actuator_forcerange + 2 * actuator)) {
+      take_smaller(joint.max_torque, at_joint(*limit));
+    }
+  }
+  const bool is_motor = has_fixed_gain && model.actuator_biastype[actuator] == mjBIAS_NONE &&
+                        model.actuator_dyntype[actuator] == mjDYN_NONE;
+  if (is_motor && model.actuator_ctrllimited[actuator]) {
+    if (const auto limit = symmetric(model.actuator_ctrlrange + 2 * actuator)) {
+      take_smaller(joint.max_torque, at_joint(std::abs(gain[0]) * *limit));
+    }
+  }
+  if (!has_fixed_gain || model.actuator_biastype[actuator] != mjBIAS_AFFINE) return;
+  if (bias[1] < 0.0) joint.kp = -bias[1] * gear * gear;
+  if (bias[2] < 0.0) joint.kd = -bias[2] * gear * gear;
+  if (joint.kp && !joint.kd) joint.kd = 0.0;
+}
+
+}  // namespace
+
+void ModelFile::DeleteSpec::operator()(mjSpec_* spec) const noexcept { mj_deleteSpec(spec); }
+
+ModelFile::ModelFile(ModelFileOptions options) : options_(std::move(options)) {
+  const std::string file = options_.path.string();
+  std::error_code ignored;
+  require(std::filesystem::is_regular_file(options_.path, ignored),
+          file + ": there is no such file");
+  char error[1000] = "";
+  spec_.reset(mj_parseXML(file.c_str(), nullptr, error, sizeof(error)));
+  require(spec_ != nullptr, file + ": MuJoCo cannot read it: " + error);
+  if (options_.mesh_folder) {
+    const std::string folder = std::filesystem::absolute(*options_.mesh_folder).string();
+    mjs_setString(spec_->compiler.meshdir, folder.c_str());
+  }
+  // MuJoCo leaves out what only looks when it reads a URDF; a viewer wants to see it.
+  spec_->compiler.discardvisual = false;
+  // The simulation must see numbers that are not finite; MuJoCo must not reset silently.
+  spec_->option.disableflags |= mjDSBL_AUTORESET;
+  // The motors must work, whatever the file says of its actuators.
+  spec_->option.disableflags &= ~mjDSBL_ACTUATION;
+  spec_->option.disableactuator = 0;
+  const auto compile = [&] {
+    model_.reset(mj_compile(spec_.get(), nullptr));
+    require(model_ != nullptr, file + ": MuJoCo refuses the model: " + mjs_getError(spec_.get()));
+  };
+  compile();
+  find_joints();
+  add_motors();
+  set_step();
+  compile();
+  options_.armature = nullptr;  // It may refer to what lives no longer than this call.
+  const std::string name = mjs_getString(spec_->modelname);
+  // "MuJoCo Model" is what MuJoCo calls a model without a name.
+  name_ = name.empty() || name == "MuJoCo Model" ? options_.path.stem().string() : name;
+
+  for (int joint = 0; joint < static_cast<int>(model_->njnt); ++joint) {
+    if (model_->jnt_type[joint] != mjJNT_FREE) continue;
+    const int body = model_->jnt_bodyid[joint];
+    std::string body_name = name_of(*model_, mjOBJ_BODY, body);
+    if (body_name.empty()) body_name = "body" + std::to_string(body);
+    free_bodies_.push_back({.name = std::move(body_name),
+                            .body = body,
+                            .position = model_->jnt_qposadr[joint],
+                            .velocity = model_->jnt_dofadr[joint]});
+  }
+}
+
+ModelFile::ModelFile(ModelFile&&) noexcept = default;
+ModelFile& ModelFile::operator=(ModelFile&&) noexcept = default;
+ModelFile::~ModelFile() = default;
+
+// Finds out which joints are driven, and what the file says about them.
+void ModelFile::find_joints() {
+  const mjModel& model = *model_;
+  const std::string file = options_.path.string() + ": ";
+  for (int joint = 0; joint < static_cast<int>(model.njnt); ++joint) {
+    if (!is_scalar(model, joint)) continue;
+    std::string name = name_of(model, mjOBJ_JOINT, joint);
+    if (name.empty()) name = "joint" + std::to_string(joint);
+    model_joints_.push_back(
+        {.name = std::move(name), .is_slide = model.jnt_type[joint] == mjJNT_SLIDE});
+    model_parts_.push_back(
+        {.position = model.jnt_qposadr[joint], .velocity = model.jnt_dofadr[joint], .share = 1.0});
+  }
+  require(!model_joints_.empty(), file + "the model has no hinge and no slide, so nothing moves");
+
+  std::vector<Drive> drives;
+  for (int i = 0; i < static_cast<int>(model.nu); ++i) drives.push_back(drive_of(model, i));
+
+  std::vector<Target> targets;
+  const auto add = [&targets](const Target& target) {
+    if (std::ranges::find(targets, target) == targets.end()) targets.push_back(target);
+  };
+  for (const std::string& name : options_.joints) {
+    const int joint = mj_name2id(&model, mjOBJ_JOINT, name.c_str());
+    const int tendon = mj_name2id(&model, mjOBJ_TENDON, name.c_str());
+    const Target target = joint >= 0 ? Target{mjOBJ_JOINT, joint} : Target{mjOBJ_TENDON, tendon};
+    const bool is_drivable =
+        joint >= 0 ? is_scalar(model, joint) : tendon >= 0 && is_fixed_tendon(model, tendon);
+    std::vector<std::string> known;
+    for (const ModelJoint& other : model_joints_) known.push_back(other.name);
+    for (int i = 0; i < static_cast<int>(model.ntendon); ++i) {
+      if (is_fixed_tendon(model, i)) known.push_back(name_of(model, mjOBJ_TENDON, i));
+    }
+    require(is_drivable, file + "no joint or fixed tendon '" + name +
+                             "' can be driven; there are " + joined(known));
+    require(std::ranges::find(targets, target) == targets.end(),
+            file + "joint '" + name + "' is named twice");
+    targets.push_back(target);
+  }
+  if (options_.joints.empty()) {
+    for (int i = 0; i < static_cast<int>(model.nu); ++i) {
+      const Drive& drive = drives[static_cast<std::size_t>(i)];
+      require(drive.problem.empty(),
+              file + "no motor can take the place of actuator '" +
+                  name_of(model, mjOBJ_ACTUATOR, i) + "', because " + drive.problem +
+                  "; name the joints to be driven (robot.joints), without it");
+      add(drive.target);
+    }
+    for (int joint = 0; model.nu == 0 && joint < static_cast<int>(model.njnt); ++joint) {
+      if (is_scalar(model, joint)) add({.type = mjOBJ_JOINT, .id = joint});
+    }
+  }
+
+  for (const auto& [type, id] : targets) {
+    FileJoint joint;
+    Motor motor{.ctrl = -1, .parts = {}};
+    joint.name = name_of(model, type, id);
+    if (type == mjOBJ_JOINT) {
+      if (joint.name.empty()) joint.name = "joint" + std::to_string(id);
+      joint.is_slide = model.jnt_type[id] == mjJNT_SLIDE;
+      if (model.jnt_limited[id])
+        joint.range = {model.jnt_range[2 * id], model.jnt_range[2 * id + 1]};
+      if (model.jnt_actfrclimited[id]) {
+        joint.max_torque = symmetric(model.jnt_actfrcrange + 2 * id);
+      }
+      motor.parts.push_back(
+          {.position = model.jnt_qposadr[id], .velocity = model.jnt_dofadr[id], .share = 1.0});
+    } else {
+      if (joint.name.empty()) joint.name = "tendon" + std::to_string(id);
+      if (model.tendon_limited[id]) {
+        joint.range = {model.tendon_range[2 * id], model.tendon_range[2 * id + 1]};
+      }
+      if (model.tendon_actfrclimited[id]) {
+        joint.max_torque = symmetric(model.tendon_actfrcrange + 2 * id);
+      }
+      motor.sum_of_squares = 0.0;
+      bool has_hinge = false;
+      for (int i = 0; i < model.tendon_num[id]; ++i) {
+        const int wrap = model.tendon_adr[id] + i;
+        const int coupled = model.wrap_objid[wrap];
+        const double share = model.wrap_prm[wrap];
+        has_hinge = has_hinge || model.jnt_type[coupled] == mjJNT_HINGE;
+        motor.parts.push_back({.position = model.jnt_qposadr[coupled],
+                               .velocity = model.jnt_dofadr[coupled],
+                               .share = share});
+        motor.sum_of_squares += share * share;
+      }
+      joint.is_slide = !has_hinge;
+      require(motor.sum_of_squares > 0.0,
+              file + "tendon '" + joint.name + "' moves no joint, so it cannot be driven");
+    }
+    for (int i = 0; i < static_cast<int>(model.nu); ++i) {
+      const Drive& drive = drives[static_cast<std::size_t>(i)];
+      if (!drive.problem.empty() || drive.target != Target{type, id}) continue;
+      if (motor.ctrl < 0) motor.ctrl = i;
+      describe_actuator(model, i, joint);
+    }
+    joints_.push_back(std::move(joint));
+    motors_.push_back(std::move(motor));
+  }
+  drives_all_ = motors_.size() == model_parts_.size();
+  for (std::size_t i = 0; drives_all_ && i < motors_.size(); ++i) {
+    drives_all_ = joints_[i].name == model_joints_[i].name;
+  }
+}
+
+// Replaces the actuators: one motor for each driven joint, and nothing else.
+void ModelFile::add_motors() {
+  // A motor finds its joint by its name.
+  for (mjsElement* element = mjs_firstElement(spec_.get(), mjOBJ_JOINT); element != nullptr;
+       element = mjs_nextElement(spec_.get(), element)) {
+    if (*mjs_getString(mjs_getName(element)) == '\0') {
+      mjs_setName(element, ("joint" + std::to_string(mjs_getId(element))).c_str());
+    }
+    mjsJoint* const joint = mjs_asJoint(element);
+    const bool has_rotor = joint->type == mjJNT_HINGE || joint->type == mjJNT_SLIDE;
+    if (!has_rotor || !options_.armature) continue;
+    const std::string name = mjs_getString(mjs_getName(element));
+    if (const auto armature = options_.armature(name)) {
+      joint->armature = *armature;
+    }
+  }
+  std::vector<mjsActuator*> actuators(static_cast<std::size_t>(model_->nu), nullptr);
+  for (mjsElement* element = mjs_firstElement(spec_.get(), mjOBJ_ACTUATOR); element != nullptr;
+       element = mjs_nextElement(spec_.get(), element)) {
+    actuators[static_cast<std::size_t>(mjs_getId(element))] = mjs_asActuator(element);
+  }
+  for (std::size_t i = 0; i < actuators.size(); ++i) {
+    mjsActuator* const actuator = actuators[i];
+    const double gear = model_->actuator_gear[6 * i];
+    mjs_setToMotor(actuator);
+    actuator->ctrllimited = mjLIMITED_FALSE;
+    actuator->forcelimited = mjLIMITED_FALSE;
+    actuator->actlimited = mjLIMITED_FALSE;
+    actuator->inheritrange = 0.0;
+    const bool is_used =
+        std::ranges::find(motors_, static_cast<int>(i), &Motor::ctrl) != motors_.end();
+    if (!is_used) {
+      actuator->gainprm[0] = 0.0;
+      continue;
+    }
+    // Rotor and friction of the actuator stay what they are at the joint, without the gear.
+    double factor = gear * gear;
+    actuator->armature *= factor;
+    for (double& damping : actuator->damping) {
+      damping *= factor;
+      factor *= std::abs(gear);
+    }
+    std::fill(std::begin(actuator->gear), std::end(actuator->gear), 0.0);
+    actuator->gear[0] = 1.0;
+  }
+  int next = static_cast<int>(actuators.size());
+  for (std::size_t i = 0; i < motors_.size(); ++i) {
+    if (motors_[i].ctrl >= 0) continue;
+    motors_[i].ctrl = next++;
+    mjsActuator* const actuator = mjs_addActuator(spec_.get(), nullptr);
+    mjs_setToMotor(actuator);
+    const bool is_joint =
+        std::ranges::find(model_joints_, joints_[i].name, &ModelJoint::name) != model_joints_.end();
+    actuator->trntype = is_joint ? mjTRN_JOINT : mjTRN_TENDON;
+    actuator->ctrllimited = mjLIMITED_FALSE;
+    actuator->forcelimited = mjLIMITED_FALSE;
+    mjs_setString(actuator->target, joints_[i].name.c_str());
+  }
+  // Inputs and activations of the file's actuators mean nothing to the motors.
+  for (mjsElement* element = mjs_firstElement(spec_.get(), mjOBJ_KEY); element != nullptr;
+       element = mjs_nextElement(spec_.get(), element)) {
+    mjsKey* const key = mjs_asKey(element);
+    mjs_setDouble(key->ctrl, nullptr, 0);
+    mjs_setDouble(key->act, nullptr, 0);
+  }
+}
+
+void ModelFile::set_step() {
+  const double longest = model_->opt.timestep;
+  period_ = options_.period.value_or(
+      std::chrono::round<Nanoseconds>(std::chrono::duration<double>(longest)));
+  const double period = std::chrono::duration<double>(period_).count();
+  require(period > 0.0,
+          options_.path.string() + ": its timestep is " + text_of(longest) + " s, must be above 0");
+  // A quotient that is a whole number but for rounding is this number.
+  constexpr double kRounding = 1e-6;
+  substeps_ = std::max(1, static_cast<int>(std::ceil(period / longest - kRounding)));
+  spec_->option.timestep = period / substeps_;
+}
+
+RobotModel::Data ModelFile::make_data() const {
+  RobotModel::Data data(mj_makeData(model_.get()));
+  if (data == nullptr) throw Error("MuJoCo has no memory for the scene");
+  return data;
+}
+
+double ModelFile::position(std::size_t joint, const mjData_& data) const noexcept {
+  double position = 0.0;
+  for (const Part& part : motors_[joint].parts) position += part.share * data.qpos[part.position];
+  return position;
+}
+
+double ModelFile::velocity(std::size_t joint, const mjData_& data) const noexcept {
+  double velocity = 0.0;
+  for (const Part& part : motors_[joint].parts) velocity += part.share * data.qvel[part.velocity];
+  return velocity;
+}
+
+void ModelFile::set_position(std::size_t joint, double position, mjData_& data) const noexcept {
+  const double way = (position - this->position(joint, data)) / motors_[joint].sum_of_squares;
+  for (const Part& part : motors_[joint].parts) data.qpos[part.position] += part.share * way;
+}
+
+void ModelFile::set_torque(std::size_t joint, double torque, mjData_& data) const noexcept {
+  data.ctrl[motors_[joint].ctrl] = torque;
+}
+
+double ModelFile::torque_of(std::size_t joint, const double* force) const noexcept {
+  double torque = 0.0;
+  for (const Part& part : motors_[joint].parts) torque += part.share * force[part.velocity];
+  return torque / motors_[joint].sum_of_squares;
+}
+
+double ModelFile::model_position(std::size_t joint, const mjData_& data) const noexcept {
+  return data.qpos[model_parts_[joint].position];
+}
+
+double ModelFile::model_velocity(std::size_t joint, const mjData_& data) const noexcept {
+  return data.qvel[model_parts_[joint].velocity];
+}
+
+void ModelFile::set_model_position(std::size_t joint, double position,
+                                   mjData_& data) const noexcept {
+  data.qpos[model_parts_[joint].position] = position;
+}
+
+std::string ModelFile::mjcf() const { return detail::self_contained_mjcf(*spec_, *model_); }
+
+}  // namespace trifinger

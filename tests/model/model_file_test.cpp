@@ -1,0 +1,254 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/model/model_file.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <mujoco/mujoco.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <fstream>
+#include <numbers>
+#include <string>
+#include <vector>
+
+#include "model/file_robots.hpp"
+#include "support/folder.hpp"
+#include "support/message_of.hpp"
+#include "trifinger/base/error.hpp"
+
+namespace trifinger::test {
+namespace {
+
+using std::chrono::microseconds;
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+class ModelFileTest : public testing::Test {
+ protected:
+  [[nodiscard]] ModelFileOptions file(const std::string& text,
+                                      const std::string& name = "arm.xml") const {
+    write(folder_ / name, text);
+    return {.path = folder_ / name};
+  }
+  [[nodiscard]] ModelFile arm() const { return ModelFile(file(kArm)); }
+  [[nodiscard]] std::string message(const ModelFileOptions& options) const {
+    std::string text = message_of<InvalidArgument>([&] { return ModelFile(options); });
+    const std::string folder = folder_.path().string() + "/";
+    if (text.starts_with(folder)) text.erase(0, folder.size());
+    return text;
+  }
+  [[nodiscard]] static std::vector<std::string> names(const std::vector<FileJoint>& joints) {
+    std::vector<std::string> names;
+    for (const FileJoint& joint : joints) names.push_back(joint.name);
+    return names;
+  }
+
+  Folder folder_;
+};
+
+// The forces of all motors on the degrees of freedom, for a torque of 1 at joint `joint`.
+std::vector<double> forces_of(const ModelFile& model, std::size_t joint) {
+  const RobotModel::Data data = model.make_data();
+  model.set_torque(joint, 1.0, *data);
+  mj_forward(model.mujoco(), data.get());
+  return {data->qfrc_actuator, data->qfrc_actuator + model.mujoco()->nv};
+}
+
+TEST_F(ModelFileTest, SaysWhatTheFileSaysOfEachDrivenJoint) {
+  const ModelFile model = arm();
+  EXPECT_EQ(model.name(), "some arm");
+  ASSERT_THAT(names(model.joints()), ElementsAre("shoulder", "elbow", "finger", "rail"));
+  const FileJoint& shoulder = model.joints()[0];
+  EXPECT_EQ(shoulder.range, (std::array{-2.0, 2.0}));
+  // With a gear of 2 a force of 6 N is a torque of 12 Nm, and gains act with its square.
+  EXPECT_EQ(shoulder.max_torque, 12.0);
+  EXPECT_EQ(shoulder.kp, 40.0);
+  EXPECT_EQ(shoulder.kd, 4.0);
+  const FileJoint& elbow = model.joints()[1];
+  EXPECT_EQ(elbow.max_torque, 8.0);
+  EXPECT_FALSE(elbow.kp || elbow.kd);
+  const FileJoint& finger = model.joints()[2];
+  EXPECT_EQ(finger.range, (std::array{0.0, 1.5}));
+  EXPECT_EQ(finger.kp, 3.0);
+  EXPECT_EQ(finger.kd, 0.0);
+  EXPECT_FALSE(finger.is_slide);
+  const FileJoint& rail = model.joints()[3];
+  EXPECT_TRUE(rail.is_slide);
+  EXPECT_FALSE(rail.range);
+  // Its force limits differ, and a motor has one.
+  EXPECT_FALSE(rail.max_torque);
+}
+
+TEST_F(ModelFileTest, KnowsAllJointsAndFreeBodies) {
+  const ModelFile model = arm();
+  ASSERT_EQ(model.model_joints().size(), 6U);
+  EXPECT_EQ(model.model_joints()[0].name, "rail");
+  EXPECT_TRUE(model.model_joints()[0].is_slide);
+  EXPECT_EQ(model.model_joints()[5].name, "flap");
+  EXPECT_FALSE(model.drives_all());
+  ASSERT_EQ(model.free_bodies().size(), 2U);
+  EXPECT_EQ(model.free_bodies()[0].name, "ball");
+  EXPECT_EQ(model.free_bodies()[1].position, 6 + 7);
+}
+
+TEST_F(ModelFileTest, HasMotorsWhoseTorqueActsOnTheJointWhateverItsActuatorWas) {
+  const ModelFile model = arm();
+  // The degrees of freedom are rail, shoulder, elbow, near, far, flap, then the objects.
+  EXPECT_THAT(forces_of(model, 0), testing::Contains(1.0).Times(1));
+  EXPECT_EQ(forces_of(model, 0)[1], 1.0);
+  EXPECT_EQ(forces_of(model, 1)[2], 1.0);
+  EXPECT_EQ(forces_of(model, 2)[3], 0.5);
+  EXPECT_EQ(forces_of(model, 2)[4], 0.5);
+  EXPECT_EQ(forces_of(model, 3)[0], 1.0);
+  EXPECT_EQ(model.mujoco()->nu, 4);
+}
+
+TEST_F(ModelFileTest, MeasuresACoupledJointAsItsTendonIsLong) {
+  const ModelFile model = arm();
+  const RobotModel::Data data = model.make_data();
+  model.set_model_position(3, 1.0, *data);
+  model.set_model_position(4, 0.4, *data);
+  EXPECT_DOUBLE_EQ(model.position(2, *data), 0.7);
+  model.set_position(2, 0.9, *data);
+  EXPECT_DOUBLE_EQ(model.position(2, *data), 0.9);
+  EXPECT_DOUBLE_EQ(model.model_position(3, *data), 1.2);
+  EXPECT_DOUBLE_EQ(model.model_position(4, *data), 0.6);
+}
+
+TEST_F(ModelFileTest, DrivesTheJointsThatAreNamedInTheirOrder) {
+  ModelFileOptions options = file(kArm);
+  options.joints = {"flap", "shoulder"};
+  const ModelFile model(options);
+  EXPECT_THAT(names(model.joints()), ElementsAre("flap", "shoulder"));
+  EXPECT_EQ(forces_of(model, 0)[5], 1.0);
+  EXPECT_EQ(forces_of(model, 1)[1], 1.0);
+
+  // The other actuators of the file do nothing.
+  const RobotModel::Data data = model.make_data();
+  std::fill(data->ctrl, data->ctrl + model.mujoco()->nu, 0.0);
+  model.set_model_position(1, 1.0, *data);
+  mj_forward(model.mujoco(), data.get());
+  for (int i = 0; i < model.mujoco()->nv; ++i) EXPECT_EQ(data->qfrc_actuator[i], 0.0);
+}
+
+TEST_F(ModelFileTest, DrivesEveryJointOfAFileWithoutActuators) {
+  const ModelFile model(file(R"(<robot name="two links">
+    <link name="base"/>
+    <link name="one"><inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+    <link name="two"><inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+    <joint name="turn" type="revolute"><parent link="base"/><child link="one"/><axis xyz="0 0 1"/>
+      <limit lower="-1" upper="2" effort="7" velocity="3"/></joint>
+    <joint name="lift" type="prismatic"><parent link="one"/><child link="two"/><axis xyz="0 0 1"/>
+      <limit lower="0" upper="0.5" effort="50" velocity="1"/></joint>
+  </robot>)",
+                             "links.urdf"));
+  ASSERT_THAT(names(model.joints()), ElementsAre("turn", "lift"));
+  EXPECT_TRUE(model.drives_all());
+  EXPECT_EQ(model.joints()[0].range, (std::array{-1.0, 2.0}));
+  EXPECT_EQ(model.joints()[0].max_torque, 7.0);
+  EXPECT_TRUE(model.joints()[1].is_slide);
+  EXPECT_EQ(model.joints()[1].max_torque, 50.0);
+  EXPECT_EQ(forces_of(model, 1)[1], 1.0);
+}
+
+TEST_F(ModelFileTest, StepsAsTheFileSaysOrInEqualPartsThatAreNotLonger) {
+  EXPECT_EQ(arm().period(), microseconds(2000));
+  EXPECT_EQ(arm().substeps(), 1);
+  for (const auto& [period, substeps] : std::vector<std::pair<microseconds, int>>{
+           {microseconds(1000), 1}, {microseconds(4000), 2}, {microseconds(5000), 3}}) {
+    ModelFileOptions options = file(kArm);
+    options.period = period;
+    const ModelFile model(options);
+    EXPECT_EQ(model.substeps(), substeps);
+    EXPECT_NEAR(model.mujoco()->opt.timestep * substeps,
+                std::chrono::duration<double>(period).count(), 1e-12);
+  }
+}
+
+TEST_F(ModelFileTest, NamesWhatCannotBeUsed) {
+  EXPECT_EQ(message({.path = folder_ / "missing.xml"}), "missing.xml: there is no such file");
+  EXPECT_THAT(message(file("<mujoco><worldbody><bodi/></worldbody></mujoco>")),
+              HasSubstr("arm.xml: MuJoCo cannot read it: "));
+  EXPECT_EQ(message(file("<mujoco><worldbody><geom size=\"1\"/></worldbody></mujoco>")),
+            "arm.xml: the model has no hinge and no slide, so nothing moves");
+  ModelFileOptions options = file(kArm);
+  options.joints = {"shoulder", "knee"};
+  EXPECT_EQ(message(options),
+            "arm.xml: no joint or fixed tendon 'knee' can be driven; there are rail, shoulder, "
+            "elbow, near, far, flap, finger");
+  options.joints = {"shoulder", "shoulder"};
+  EXPECT_EQ(message(options), "arm.xml: joint 'shoulder' is named twice");
+  EXPECT_EQ(message(file(R"(<mujoco><worldbody><body><joint name="a"/><geom size="0.1"/>
+                            <site name="s"/></body></worldbody>
+                            <actuator><general name="jet" site="s"/></actuator></mujoco>)")),
+            "arm.xml: no motor can take the place of actuator 'jet', because it acts on a site, a "
+            "body or a crank; name the joints to be driven (robot.joints), without it");
+}
+
+// Writes a ball with many triangles as OBJ, each corner anew for each triangle, off its centre.
+void write_ball(const std::filesystem::path& path, int rings) {
+  std::ofstream obj(path);
+  int next = 1;
+  const auto corner = [&](int ring, int column) {
+    const double latitude = std::numbers::pi * ring / rings;
+    const double angle = 2 * std::numbers::pi * column / rings;
+    obj << "v " << 0.3 + 0.1 * std::sin(latitude) * std::cos(angle) << ' '
+        << 0.1 * std::sin(latitude) * std::sin(angle) << ' ' << 0.05 * std::cos(latitude) << '\n';
+    return next++;
+  };
+  const auto triangle = [&](int a, int b, int c) {
+    obj << "f " << a << ' ' << b << ' ' << c << '\n';
+  };
+  for (int ring = 0; ring < rings; ++ring) {
+    for (int column = 0; column < rings; ++column) {
+      if (ring > 0) {
+        triangle(corner(ring, column), corner(ring + 1, column), corner(ring, column + 1));
+      }
+      if (ring < rings - 1) {
+        triangle(corner(ring, column + 1), corner(ring + 1, column), corner(ring + 1, column + 1));
+      }
+    }
+  }
+}
+
+TEST_F(ModelFileTest, BecomesATextThatNeedsNoOtherFile) {
+  write_ball(folder_ / "ball.obj", 40);
+  const std::string text = R"(<mujoco model="meshes">
+    <asset>
+      <mesh name="looks" file="ball.obj" scale="2 2 2"/>
+      <mesh name="touches" file="ball.obj"/>
+    </asset>
+    <worldbody><body name="link" pos="0 0 1" euler="10 20 30"><joint name="turn"/>
+      <geom type="mesh" mesh="looks" contype="0" conaffinity="0" density="100" pos="0.1 0 0"/>
+      <geom type="mesh" mesh="touches" density="300" euler="0 90 0"/>
+    </body></worldbody></mujoco>)";
+  const ModelFile model(file(text, "meshes.xml"));
+  const std::string mjcf = model.mjcf();
+  EXPECT_THAT(mjcf, testing::Not(HasSubstr("ball.obj")));
+
+  std::filesystem::create_directory(folder_ / "alone");
+  write(folder_ / "alone" / "meshes.xml", mjcf);
+  const ModelFile again({.path = folder_ / "alone" / "meshes.xml"});
+  const mjModel& one = *model.mujoco();
+  const mjModel& other = *again.mujoco();
+  ASSERT_EQ(other.ngeom, one.ngeom);
+  const RobotModel::Data data = model.make_data();
+  const RobotModel::Data other_data = again.make_data();
+  mj_kinematics(&one, data.get());
+  mj_kinematics(&other, other_data.get());
+  for (int body = 0; body < one.nbody; ++body) {
+    EXPECT_NEAR(other.body_mass[body], one.body_mass[body], 1e-5 * one.body_mass[body]);
+  }
+  for (int i = 0; i < 3 * one.ngeom; ++i) {
+    EXPECT_NEAR(other_data->geom_xpos[i], data->geom_xpos[i], 1e-3);
+  }
+  for (int i = 0; i < 6 * one.ngeom; ++i) EXPECT_NEAR(other.geom_aabb[i], one.geom_aabb[i], 1e-3);
+  // Corners that triangles share are there once, and the mesh that touches kept every triangle.
+  EXPECT_LT(other.mesh_vertnum[1], one.mesh_vertnum[1] / 2);
+  EXPECT_EQ(other.mesh_facenum[1], one.mesh_facenum[1]);
+}
+
+}  // namespace
+}  // namespace trifinger::test

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""A robot from an MJCF file: sessions, logs, plots and pictures without a line of C++."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trifinger
+from trifinger.view.scene import scene_of
+
+ARM = """<mujoco model="arm">
+  <compiler angle="radian"/>
+  <option timestep="0.002"/>
+  <worldbody>
+    <body name="upper" pos="0 0 1">
+      <joint name="shoulder" axis="0 1 0" range="-2 2" damping="0.2" armature="0.01"/>
+      <geom type="capsule" fromto="0 0 0 0 0 -0.2" size="0.02"/>
+      <body name="lower" pos="0 0 -0.2">
+        <joint name="elbow" axis="0 1 0" range="-2.5 2.5" damping="0.2" armature="0.01"/>
+        <geom type="capsule" fromto="0 0 0 0 0 -0.2" size="0.02"/>
+        <body name="flap" pos="0 0 -0.2">
+          <joint name="flap" axis="1 0 0" damping="0.01" stiffness="0.5" armature="0.001"/>
+          <geom type="box" size="0.01 0.02 0.005" pos="0 0.02 0"/>
+        </body>
+      </body>
+    </body>
+    <body name="ball" pos="0.5 0 1"><freejoint/><geom type="sphere" size="0.05"/></body>
+  </worldbody>
+  <actuator>
+    <motor joint="elbow" gear="4" ctrllimited="true" ctrlrange="-2 2"/>
+    <position joint="shoulder" kp="20" kv="1" forcerange="-9 9"/>
+  </actuator>
+</mujoco>
+"""
+
+CONFIGURATION = """name: arm
+driver: simulation
+robot:
+  mjcf: arm.xml
+  initial_position: {elbow: 0.3}
+safety:
+  every_joint: {safety_kd: 0.3, max_velocity: 3, braking: 4, default_kp: 20, default_kd: 1}
+  shoulder: {soft_lower: -1.8, soft_upper: 1.8}
+  elbow: {soft_lower: -2.2, soft_upper: 2.2, max_kp: 40}
+"""
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> str:
+    """The configuration of a robot with two motors and a joint without one."""
+    (tmp_path / "arm.xml").write_text(ARM)
+    (tmp_path / "arm.yml").write_text(CONFIGURATION)
+    return str(tmp_path / "arm.yml")
+
+
+def test_a_robot_from_a_file_moves_like_any_other(arm: str) -> None:
+    robot = trifinger.simulate(arm)
+    assert robot.Action().torque.shape == (2,)
+    t = -1
+    for _ in range(1000):
+        t = robot.append_desired_action(robot.Action(position=[0.5, -0.4]))
+    observation = robot.get_observation(t)
+    np.testing.assert_allclose(observation.position, [0.5, -0.4], atol=0.1)
+    # The motors are in the order of the actuators, the joints in that of the model.
+    assert observation.joint_position.shape == (3,)
+    np.testing.assert_array_equal(observation.joint_position[[1, 0]], observation.position)
+
+
+def test_the_owner_of_the_simulation_places_everything(arm: str) -> None:
+    simulation = trifinger.Simulation(arm)
+    simulation.reset([0.1, -0.2])
+    simulation.place_object("ball", [0.3, 0.4, 0.5])
+    position, orientation = simulation.object_pose("ball")
+    np.testing.assert_allclose(position, [0.3, 0.4, 0.5])
+    np.testing.assert_allclose(orientation, [1, 0, 0, 0])
+    robot = simulation.connect()
+    state = simulation.save()
+    t = robot.append_desired_action(robot.Action(position=[0.5, 0.5]))
+    first = robot.get_observation(t + 1)
+    simulation.restore(state)
+    assert first.position[0] != pytest.approx(0.1, abs=1e-12)
+    simulation.reset([0.1, -0.2])
+    np.testing.assert_allclose(simulation.configuration()[:2], [-0.2, 0.1])
+    with pytest.raises(trifinger.InvalidArgument, match="vary is for a TriFinger"):
+        simulation.vary(friction=0.5)
+    with pytest.raises(trifinger.InvalidArgument, match="position has 3 numbers, must have 2"):
+        simulation.reset([0, 0, 0])
+    assert simulation.bodies == []
+
+
+def test_what_safety_needs_is_asked_for_by_name(tmp_path: Path) -> None:
+    (tmp_path / "arm.xml").write_text(ARM)
+    (tmp_path / "arm.yml").write_text("name: arm\ndriver: simulation\nrobot: {mjcf: arm.xml}\n")
+    with pytest.raises(trifinger.Error, match=r"elbow: \{soft_lower: FILL_IN"):
+        trifinger.simulate(str(tmp_path / "arm.yml"))
+
+
+def test_its_sessions_are_recorded_and_drawn(arm: str, tmp_path: Path) -> None:
+    simulation = trifinger.Simulation(arm)
+    with simulation.record(tmp_path):
+        robot = simulation.connect()
+        for _ in range(100):
+            t = robot.append_desired_action(robot.Action(position=[0.5, -0.4]))
+        last = robot.get_observation(t)
+        robot.finish()
+    session = trifinger.Log(tmp_path).session("arm")
+    assert session.type == "arm"
+    np.testing.assert_array_equal(session.observations["position"][t], last.position)
+    scene = scene_of(session.documents)
+    assert scene is not None
+    assert scene.joint_names == ("shoulder", "elbow", "flap")
+    assert scene.object_names == ("ball",)
+    positions, _ = scene.poses(last.joint_position)
+    assert positions.shape[0] == len(scene.bodies)

@@ -1,0 +1,178 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/sim/any_robot_config.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <mujoco/mujoco.h>
+
+#include <algorithm>
+#include <chrono>
+#include <filesystem>
+#include <string>
+#include <variant>
+
+#include "model/file_robots.hpp"
+#include "support/config_message.hpp"
+#include "support/folder.hpp"
+
+namespace trifinger::test {
+namespace {
+
+using std::chrono::microseconds;
+using testing::AllOf;
+using testing::HasSubstr;
+
+constexpr const char* kHead = "name: arm\ndriver: simulation\nrobot: {mjcf: models/arm.xml}\n";
+
+class AnyRobotConfigFile : public testing::Test {
+ protected:
+  AnyRobotConfigFile() {
+    std::filesystem::create_directory(folder_ / "models");
+    write(folder_ / "models" / "arm.xml", kArm);
+  }
+  [[nodiscard]] std::string path_of(const std::string& text) const {
+    write(folder_ / "my.yml", text);
+    return (folder_ / "my.yml").string();
+  }
+  [[nodiscard]] FileRobotConfig load(const std::string& text,
+                                     const std::vector<std::string>& overrides = {}) const {
+    return std::get<FileRobotConfig>(load_any_robot_config(path_of(text), overrides));
+  }
+  // Returns the error for the text, from the name of the file on.
+  [[nodiscard]] std::string message(const std::string& text) const {
+    std::string message = message_of([&] { (void)load(text); });
+    const std::string folder = folder_.path().string() + "/";
+    for (std::size_t at = 0; (at = message.find(folder)) != std::string::npos;) {
+      message.erase(at, folder.size());
+    }
+    return message;
+  }
+
+  Folder folder_;
+};
+
+TEST_F(AnyRobotConfigFile, TakesFromTheFileWhatItDoesNotSay) {
+  const FileRobotConfig config = load(std::string(kHead) + kArmSafety);
+  EXPECT_EQ(config.name, "arm");
+  EXPECT_EQ(config.backend.period, microseconds(2000));
+  EXPECT_EQ(config.backend.mode, BackendOptions::Mode::kRealTime);
+  ASSERT_EQ(config.robot.limits.size(), 4U);
+  const JointLimit& shoulder = config.robot.limits[0];
+  EXPECT_EQ(shoulder.max_torque, 12.0);
+  EXPECT_EQ(shoulder.hard_lower, -2.0);
+  EXPECT_EQ(shoulder.soft_upper, 1.8);
+  // What the configuration says goes before the file, for every joint, too.
+  EXPECT_EQ(shoulder.default_kp, 20.0);
+  // Nobody may ask for stiffer gains than the robot's own, unless the configuration allows it.
+  EXPECT_EQ(shoulder.max_kp, 20.0);
+  EXPECT_EQ(shoulder.continuous_torque, std::numeric_limits<double>::infinity());
+  // A row of a joint goes before that of every joint.
+  EXPECT_EQ(config.robot.limits[2].safety_kd, 0.1);
+  EXPECT_EQ(config.robot.limits[3].max_torque, 15.0);
+}
+
+TEST_F(AnyRobotConfigFile, AsksForAllThatIsMissingByName) {
+  EXPECT_EQ(message(kHead),
+            "my.yml:1:1: neither 'safety' nor the robot's file says all that the safety chain "
+            "needs. Fill this in; 'every_joint' is for all joints that do not say otherwise:\n"
+            "safety:\n"
+            "  every_joint: {safety_kd: FILL_IN, max_velocity: FILL_IN, braking: FILL_IN}\n"
+            "  shoulder: {soft_lower: FILL_IN, soft_upper: FILL_IN}  # its stops: -2 to 2 rad\n"
+            "  elbow: {soft_lower: FILL_IN, soft_upper: FILL_IN, default_kp: FILL_IN, default_kd: "
+            "FILL_IN}  # its stops: -2.5 to 2.5 rad\n"
+            "  finger: {soft_lower: FILL_IN, soft_upper: FILL_IN}  # its stops: 0 to 1.5 rad\n"
+            "  rail: {max_torque: FILL_IN, soft_lower: FILL_IN, soft_upper: FILL_IN, default_kp: "
+            "FILL_IN}  # it has no stops: -.inf and .inf are possible\n");
+}
+
+TEST_F(AnyRobotConfigFile, AcceptsTheTextItAskedForOnceItIsFilledIn) {
+  const std::string asked = message(kHead);
+  std::string text = asked.substr(asked.find("safety:"));
+  EXPECT_THAT(message(kHead + text), HasSubstr("FILL_IN"));
+  const auto fill = [&text](const std::string& key, const std::string& value) {
+    const std::string place = key + ": FILL_IN";
+    for (std::size_t at = 0; (at = text.find(place)) != std::string::npos;) {
+      text.replace(at, place.size(), key + ": " + value);
+    }
+  };
+  fill("soft_lower", "0.1");
+  fill("soft_upper", "1.4");
+  for (const char* const key :
+       {"safety_kd", "max_velocity", "braking", "default_kp", "default_kd", "max_torque"}) {
+    fill(key, "1");
+  }
+  EXPECT_EQ(message(kHead + text), "no error");
+}
+
+TEST_F(AnyRobotConfigFile, LetsAJointTurnForEver) {
+  const FileRobotConfig config =
+      load(std::string(kHead) + kArmSafety,
+           {"safety.rail.soft_lower=-.inf", "safety.rail.hard_lower=-.inf"});
+  EXPECT_EQ(config.robot.limits[3].soft_lower, -kLargestJointLimit);
+}
+
+TEST_F(AnyRobotConfigFile, GivesJointsTheRotorsThatTheFileLacks) {
+  const std::string head =
+      "name: arm\ndriver: simulation\nrobot:\n  mjcf: models/arm.xml\n"
+      "  armature: {every_joint: 0.02, elbow: 0.3}\n";
+  const FileRobotConfig config = load(head + kArmSafety);
+  const mjModel_& model = *config.robot.model->mujoco();
+  const std::vector<double> armature(model.dof_armature, model.dof_armature + model.nv);
+  EXPECT_EQ(std::vector(armature.begin(), armature.begin() + 4),
+            (std::vector{0.02, 0.02, 0.3, 0.02}));
+  // Free bodies have no rotor.
+  EXPECT_EQ(armature[6], 0.0);
+}
+
+TEST_F(AnyRobotConfigFile, ChecksUnitsByTheKindOfAJoint) {
+  const std::string text = std::string(kHead) + kArmSafety;
+  EXPECT_EQ(load(text, {"safety.rail.soft_lower=-0.5 m", "safety.rail.default_kp=90 N/m"})
+                .robot.limits[3]
+                .default_kp,
+            90.0);
+  EXPECT_THAT(message_of([&] { (void)load(text, {"safety.rail.max_torque=10 Nm"}); }),
+              HasSubstr("has the unit 'Nm', must be in 'N'"));
+}
+
+TEST_F(AnyRobotConfigFile, NamesKeysThatNobodyKnows) {
+  EXPECT_THAT(message(std::string(kHead) + kArmSafety + "  elbov: {soft_lower: 0}\n"),
+              HasSubstr("safety.elbov"));
+  EXPECT_THAT(message(std::string(kHead) + kArmSafety + "fingers: {height: 1}\n"),
+              HasSubstr("fingers"));
+  EXPECT_THAT(message("name: arm\ndriver: simulation\nrobot: {mjcf: none.xml}\n"),
+              HasSubstr("my.yml:3:15: robot.mjcf is none.xml: there is no such file"));
+}
+
+TEST_F(AnyRobotConfigFile, HasAPeriodOfItsOwn) {
+  const std::string backend =
+      "backend: {mode: non_real_time, period: 0.005, history: 64, access: owner, late_action: "
+      "{policy: stop}, max_rejected_actions: 3, max_skipped_ticks: 1, max_late_steps: 1, "
+      "max_measurement_age: .inf, first_action_timeout: 2}\n"
+      "simulation: {object_period: 0.01}\n";
+  const FileRobotConfig config = load(std::string(kHead) + kArmSafety + backend);
+  EXPECT_EQ(config.backend.period, microseconds(5000));
+  EXPECT_EQ(config.robot.model->substeps(), 3);
+  EXPECT_EQ(config.robot.object_period, 2);
+  EXPECT_EQ(config.backend.max_rejected_actions, 3U);
+}
+
+TEST_F(AnyRobotConfigFile, MeansTheSameWhereverItsTextIsRead) {
+  const FileRobotConfig config = load(std::string(kHead) + kArmSafety);
+  const std::string& text = config.session.documents.at(0).text;
+  const auto again = std::get<FileRobotConfig>(
+      read_any_robot_config(config::File::parse(text, "configuration.yml")));
+  EXPECT_TRUE(again.robot.model->options().path.is_absolute());
+  EXPECT_EQ(again.robot.limits.size(), 4U);
+  EXPECT_EQ(again.session.documents.at(0).text, text);
+}
+
+TEST_F(AnyRobotConfigFile, IsNotTakenForATriFinger) {
+  const std::string path = path_of(std::string(kHead) + kArmSafety);
+  EXPECT_THAT(message_of([&] { (void)load_robot_config(path); }),
+              HasSubstr("robot is from a file; this is for a TriFinger"));
+  ::setenv("TRIFINGER_CONFIG_DIR", TRIFINGER_CONFIG_DIR, 1);
+  EXPECT_TRUE(std::holds_alternative<RobotConfig>(load_any_robot_config("sim")));
+}
+
+}  // namespace
+}  // namespace trifinger::test
