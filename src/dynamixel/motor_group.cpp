@@ -187,13 +187,11 @@ void MotorGroup::set_up(std::size_t motor) {
                    static_cast<std::int32_t>(options_.return_delay / kReturnDelayUnit));
   set_if_different(motor, regs::kOperatingMode, static_cast<std::int32_t>(options_.mode));
   readings_[motor] = {};
+  limits_[motor] = read_limits(motor);
   std::int32_t goal = 0;
   if (is_position(options_.mode)) {
-    goal = get(motor, regs::kPresentPosition);
-    if (options_.mode == OperatingMode::kPosition) {
-      goal = std::clamp(goal, get(motor, regs::kMinPositionLimit),
-                        get(motor, regs::kMaxPositionLimit));
-    }
+    goal = std::clamp(get(motor, regs::kPresentPosition), limits_[motor].lowest,
+                      limits_[motor].highest);
   }
   if (options_.mode == OperatingMode::kCurrentBasedPosition) {
     const std::int32_t most = get(motor, regs::kCurrentLimit);
@@ -266,29 +264,39 @@ void MotorGroup::read_all() noexcept {
 }
 
 std::int32_t MotorGroup::raw_goal(std::size_t motor, double goal) const noexcept {
-  const bool is_number = std::isfinite(goal);
+  const bool is_position_goal = is_position(options_.mode);
+  if (!std::isfinite(goal)) return is_position_goal ? last_goals_[motor] : 0;
+  const bool is_current = options_.mode == OperatingMode::kCurrent;
+  const double unit = is_current         ? models_[motor]->current_unit
+                      : is_position_goal ? kPositionUnit
+                                         : kVelocityUnit;
+  const double raw = goal / unit + (is_position_goal ? kPositionMiddle : 0);
+  const GoalLimits& limits = limits_[motor];
+  return static_cast<std::int32_t>(std::lround(
+      std::clamp(raw, static_cast<double>(limits.lowest), static_cast<double>(limits.highest))));
+}
+
+// A motor refuses a goal beyond its limits without a word, and keeps the one before.
+MotorGroup::GoalLimits MotorGroup::read_limits(std::size_t motor) {
   switch (options_.mode) {
     case OperatingMode::kCurrent: {
-      if (!is_number) return 0;
-      const double unit = models_[motor]->current_unit;
+      const std::int32_t stored = get(motor, regs::kCurrentLimit);
       // Rounded towards 0, so that no goal is above the limit.
-      const double most = std::min(std::floor(options_.max_current / unit),
-                                   static_cast<double>(models_[motor]->current_limit));
-      return static_cast<std::int32_t>(std::lround(std::clamp(goal / unit, -most, most)));
+      const double wanted = std::floor(options_.max_current / models_[motor]->current_unit);
+      const auto most = wanted < stored ? static_cast<std::int32_t>(wanted) : stored;
+      return {.lowest = -most, .highest = most};
     }
     case OperatingMode::kVelocity: {
-      if (!is_number) return 0;
-      const auto most = static_cast<double>(regs::kGoalVelocity.highest);
-      return static_cast<std::int32_t>(std::lround(std::clamp(goal / kVelocityUnit, -most, most)));
+      const std::int32_t most = get(motor, regs::kVelocityLimit);
+      return {.lowest = -most, .highest = most};
     }
-    default: {
-      if (!is_number) return last_goals_[motor];
-      const bool is_one_turn = options_.mode == OperatingMode::kPosition;
-      const double least = is_one_turn ? 0.0 : static_cast<double>(regs::kGoalPosition.lowest);
-      const double most = is_one_turn ? 4095.0 : static_cast<double>(regs::kGoalPosition.highest);
-      return static_cast<std::int32_t>(
-          std::lround(std::clamp(goal / kPositionUnit + kPositionMiddle, least, most)));
-    }
+    case OperatingMode::kPosition:
+      return {.lowest = get(motor, regs::kMinPositionLimit),
+              .highest = std::max(get(motor, regs::kMinPositionLimit),
+                                  get(motor, regs::kMaxPositionLimit))};
+    default:
+      return {.lowest = static_cast<std::int32_t>(regs::kGoalPosition.lowest),
+              .highest = static_cast<std::int32_t>(regs::kGoalPosition.highest)};
   }
 }
 

@@ -125,9 +125,10 @@ void PacketParser::skip(std::size_t count) noexcept {
 // Skips everything that cannot be the beginning of a packet.
 void PacketParser::skip_to_header() noexcept {
   const auto bytes = waiting();
-  const auto found = std::ranges::search(bytes, kHeader);
-  auto place = static_cast<std::size_t>(found.begin() - bytes.begin());
-  if (found.empty()) {
+  // clang 14 does not compile std::ranges::search.
+  const auto found = std::search(bytes.begin(), bytes.end(), kHeader.begin(), kHeader.end());
+  auto place = static_cast<std::size_t>(found - bytes.begin());
+  if (found == bytes.end()) {
     // The last bytes may be the beginning of a header.
     std::size_t begun = std::min(bytes.size(), kHeader.size() - 1);
     while (begun > 0 && !std::ranges::equal(bytes.last(begun), std::span(kHeader).first(begun))) {

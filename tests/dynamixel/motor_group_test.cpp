@@ -127,6 +127,27 @@ TEST(MotorGroup, SendsNoGoalThatIsTooLargeOrNoNumber) {
   }
 }
 
+TEST(MotorGroup, KeepsToTheLimitsThatAreStoredInAMotor) {
+  // A motor would refuse a goal beyond them without a word, and go on with the one before.
+  struct Case {
+    OperatingMode mode;
+    Register limit;
+    std::int32_t stored;
+    Register goal;
+  };
+  for (const Case& limited :
+       {Case{OperatingMode::kCurrent, regs::kCurrentLimit, 50, regs::kGoalCurrent},
+        Case{OperatingMode::kVelocity, regs::kVelocityLimit, 40, regs::kGoalVelocity},
+        Case{OperatingMode::kPosition, regs::kMaxPositionLimit, 2500, regs::kGoalPosition}}) {
+    GroupRig rig(claw(limited.mode));
+    rig.line.motor(5).set_value(limited.limit, limited.stored);
+    rig.group->start();
+    rig.cycle(3, 3.0);
+    EXPECT_EQ(rig.line.motor(5).value(limited.goal), limited.stored) << limited.goal.name;
+    EXPECT_GT(rig.line.motor(4).value(limited.goal), limited.stored) << limited.goal.name;
+  }
+}
+
 TEST(MotorGroup, WritesWhatIsKeptOnlyOnce) {
   GroupRig rig(claw(OperatingMode::kCurrent));
   rig.group->start();

@@ -149,7 +149,7 @@ TEST(Encode, LeavesNoHeaderInsideAPacket) {
     const Bytes bytes = encoded(packet.id, packet.instruction, packet.parameters);
     constexpr std::array<std::uint8_t, 4> kHeader{0xFF, 0xFF, 0xFD, 0x00};
     const auto body = std::span(bytes).subspan(kHeaderSize, bytes.size() - kHeaderSize - 2);
-    RC_ASSERT(std::ranges::search(body, kHeader).empty());
+    RC_ASSERT(std::search(body.begin(), body.end(), kHeader.begin(), kHeader.end()) == body.end());
   }));
 }
 

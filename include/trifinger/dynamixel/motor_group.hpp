@@ -87,7 +87,8 @@ class MotorGroup {
   void start();
 
   /// One cycle: reads all motors, then sends them the goals. A goal that is not a number becomes
-  /// 0 A or 0 rad/s, or the last position. Without effect on the motors while there is a trouble.
+  /// 0 A or 0 rad/s, or the last position. Goals stay within the limits that are stored in the
+  /// motors. Without effect on the motors while there is a trouble.
   void cycle(std::span<const double> goals) noexcept;
 
   /// Switches torque off. Motors that do not hear it stop by their watchdog.
@@ -112,6 +113,13 @@ class MotorGroup {
   enum class Look : std::uint8_t { kTorque, kWatchdog, kSupply };
   static constexpr std::size_t kLooks = 3;
 
+  // What a motor takes as a goal, in its units.
+  struct GoalLimits {
+    std::int32_t lowest{0};
+    std::int32_t highest{0};
+  };
+
+  [[nodiscard]] GoalLimits read_limits(std::size_t motor);
   [[nodiscard]] std::int32_t get(std::size_t motor, const Register& which);
   void set(std::size_t motor, const Register& which, std::int32_t value);
   // Writes only what is different, because the memory that is kept wears.
@@ -131,6 +139,7 @@ class MotorGroup {
   std::array<const MotorModel*, kMaxMotors> models_{};
   std::array<MotorReading, kMaxMotors> readings_{};
   std::array<std::int32_t, kMaxMotors> last_goals_{};
+  std::array<GoalLimits, kMaxMotors> limits_{};
   std::array<MotorAnswer, kMaxMotors> answers_{};
   std::array<std::uint8_t, 4 * kMaxMotors> data_{};
   GroupTrouble trouble_{};
