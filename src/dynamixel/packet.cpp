@@ -88,13 +88,11 @@ std::size_t encode(const Packet& packet, std::span<std::uint8_t> bytes) noexcept
   bytes[size++] = static_cast<std::uint8_t>(packet.instruction);
   static_cast<void>(watch.ends_pattern(bytes[kHeaderSize]));
   for (const std::uint8_t byte : packet.parameters) {
-    // An extra byte may follow, and the CRC.
-    if (size + 4 > bytes.size()) {
-      const bool has_place = size + 3 <= bytes.size() && byte != kStuffing;
-      if (!has_place) return 0;
-    }
+    const bool needs_stuffing = watch.ends_pattern(byte);
+    const std::size_t needed = (needs_stuffing ? 2U : 1U) + 2U;  // and the CRC
+    if (bytes.size() - size < needed) return 0;
     bytes[size++] = byte;
-    if (watch.ends_pattern(byte)) {
+    if (needs_stuffing) {
       bytes[size++] = kStuffing;
       static_cast<void>(watch.ends_pattern(kStuffing));
     }
