@@ -158,6 +158,7 @@ def run_fuzzers(seconds: int) -> list[str]:
         {folder}/tests/mcap/fuzzer_seeds {folder}/reader/seeds
         run reader mcap/reader_fuzzer 20000
         run motor_board can/motor_board_fuzzer 600
+        run dynamixel_packet dynamixel/dynamixel_packet_fuzzer 5000
     """
     return ["bash", "-e", "-c", script]
 

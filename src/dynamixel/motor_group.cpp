@@ -1,0 +1,369 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/dynamixel/motor_group.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <string>
+#include <utility>
+
+#include "trifinger/base/error.hpp"
+#include "trifinger/base/text_of.hpp"
+
+namespace trifinger::dynamixel {
+namespace {
+
+namespace regs = registers;
+using trifinger::detail::require;
+using trifinger::detail::text_of;
+
+constexpr Nanoseconds kWatchdogUnit = std::chrono::milliseconds(20);
+constexpr Nanoseconds kReturnDelayUnit = std::chrono::microseconds(2);
+// Current, velocity and position lie side by side.
+constexpr std::uint16_t kPresent = regs::kPresentCurrent.address;
+constexpr std::size_t kPresentSize = regs::kPresentPosition.end() - kPresent;
+
+MotorGroupOptions checked(MotorGroupOptions options) {
+  const std::set<MotorId> ids(options.ids.begin(), options.ids.end());
+  require(!ids.empty() && options.ids.size() <= kMaxMotors,
+          text_of("a group has ", options.ids.size(), " motors, must have 1 to ", kMaxMotors));
+  require(ids.size() == options.ids.size(), "a group has the same motor twice");
+  require(*ids.rbegin() <= kMaxId,
+          text_of("a group has motor ", int{*ids.rbegin()}, ", numbers are 0 to 252"));
+  require(options.mode != OperatingMode::kPwm && name_of(options.mode) != "unknown",
+          text_of("the mode of a group is ", name_of(options.mode),
+                  ", must be current, velocity, position, extended position or current-based "
+                  "position"));
+  require(options.max_current > 0.0,  // false for NaN, too
+          text_of("max_current of a group is ", options.max_current, " A, must be above 0"));
+  const auto is_multiple = [](Nanoseconds value, Nanoseconds unit, std::int64_t most) {
+    return value % unit == Nanoseconds::zero() && value >= Nanoseconds::zero() &&
+           value / unit <= most;
+  };
+  require(is_multiple(options.return_delay, kReturnDelayUnit, regs::kReturnDelay.highest),
+          "return_delay of a group is " + duration_text(options.return_delay) +
+              ", must be a multiple of 2 µs up to 508 µs");
+  require(is_multiple(options.watchdog, kWatchdogUnit, regs::kBusWatchdog.highest),
+          "watchdog of a group is " + duration_text(options.watchdog) +
+              ", must be a multiple of 20 ms up to 2.54 s");
+  require(options.silent_after > Nanoseconds::zero(), "silent_after of a group must be above 0");
+  require(options.cycles_between_looks >= 1, "cycles_between_looks of a group must be at least 1");
+  require(options.attempts >= 1, "attempts of a group must be at least 1");
+  return options;
+}
+
+std::string motor_text(MotorId id) { return text_of("motor ", int{id}); }
+
+bool is_position(OperatingMode mode) noexcept {
+  return mode == OperatingMode::kPosition || mode == OperatingMode::kExtendedPosition ||
+         mode == OperatingMode::kCurrentBasedPosition;
+}
+
+}  // namespace
+
+FixedText describe(const GroupTrouble& trouble) noexcept {
+  FixedText text("motor ");
+  text.append(std::size_t{trouble.motor}).append(" ");
+  switch (trouble.kind) {
+    case Trouble::kNone:
+      return FixedText("the motors report no trouble");
+    case Trouble::kLineGone:
+      return FixedText(
+          "the serial line to the motors has gone; check the adapter's plug, then recover");
+    case Trouble::kSilent:
+      return text.append(
+          "does not answer any more; check its supply and the cable in front of it, then recover");
+    case Trouble::kHardwareError:
+      return text.append("has stopped: ").append(describe_hardware_errors(trouble.detail).view());
+    case Trouble::kTorqueLost:
+      return text.append(
+          "has switched its torque off, as after a restart; check its supply under load, then "
+          "recover");
+    case Trouble::kWatchdog:
+      return text.append(
+          "has stopped because it heard nothing for too long; check the load of this machine and "
+          "the adapter, then recover");
+    case Trouble::kRefused: {
+      const ErrorText& error = dynamixel::text_of(static_cast<StatusError>(trouble.detail));
+      return text.append("refuses: ").append(error.sentence).append("; ").append(error.remedy);
+    }
+  }
+  return text;
+}
+
+MotorGroup::MotorGroup(std::unique_ptr<Port> port, MotorGroupOptions options, Nanoseconds slack)
+    : options_(checked(std::move(options))), bus_(std::move(port), {.slack = slack}) {
+  // Until they are found, motors are what most people have.
+  models_.fill(&kXm430W210);
+}
+
+const Register& MotorGroup::goal_register() const noexcept {
+  switch (options_.mode) {
+    case OperatingMode::kCurrent:
+      return regs::kGoalCurrent;
+    case OperatingMode::kVelocity:
+      return regs::kGoalVelocity;
+    default:
+      return regs::kGoalPosition;
+  }
+}
+
+std::int32_t MotorGroup::get(std::size_t motor, const Register& which) {
+  std::int32_t value = 0;
+  Answer answer;
+  for (int i = 0; i < options_.attempts && !answer; ++i) {
+    answer = bus_.read(options_.ids[motor], which, value);
+  }
+  if (answer) return value;
+  throw Error(text_of(motor_text(options_.ids[motor]), " does not let ", which.name,
+                      " be read: ", name_of(answer.outcome),
+                      answer.outcome == Outcome::kRefused
+                          ? text_of(", ", dynamixel::text_of(answer.error).sentence)
+                          : std::string(),
+                      "; check its cable and its supply"));
+}
+
+void MotorGroup::set(std::size_t motor, const Register& which, std::int32_t value) {
+  Answer answer;
+  for (int i = 0; i < options_.attempts && !answer; ++i) {
+    answer = bus_.write(options_.ids[motor], which, value);
+  }
+  if (answer) return;
+  const std::string what =
+      text_of(motor_text(options_.ids[motor]), " does not take ", value, " as ", which.name);
+  if (answer.outcome != Outcome::kRefused) {
+    throw Error(text_of(what, ": ", name_of(answer.outcome), "; check its cable and its supply"));
+  }
+  const ErrorText& error = dynamixel::text_of(answer.error);
+  throw Error(text_of(what, ": ", error.sentence, "; ", error.remedy));
+}
+
+void MotorGroup::set_if_different(std::size_t motor, const Register& which, std::int32_t value) {
+  if (get(motor, which) != value) set(motor, which, value);
+}
+
+void MotorGroup::identify(std::size_t motor) {
+  const MotorId id = options_.ids[motor];
+  Identity identity;
+  Answer answer;
+  for (int i = 0; i < options_.attempts && !answer; ++i) answer = bus_.ping(id, identity);
+  if (!answer) {
+    throw Error(text_of(motor_text(id), " does not answer at ", bus_.port().baud(),
+                        " baud: ", name_of(answer.outcome),
+                        "; check its supply and cable, its number, and its register baud_rate"));
+  }
+  const MotorModel* const model = find_model(identity.model_number);
+  if (model == nullptr) {
+    throw Error(text_of(motor_text(id), " is of model ", identity.model_number,
+                        ", but only XM430 and XH430 are known; use one of these"));
+  }
+  models_[motor] = model;
+}
+
+void MotorGroup::clear_errors(std::size_t motor) {
+  const MotorId id = options_.ids[motor];
+  auto bits = static_cast<std::uint8_t>(get(motor, regs::kHardwareErrorStatus));
+  if (bits != 0 && options_.reboot_after_error) {
+    static_cast<void>(bus_.reboot(id));
+    // The firmware needs a part of a second.
+    const Instant end = bus_.port().now() + std::chrono::seconds(2);
+    Identity identity;
+    do {
+      bus_.port().sleep_until(bus_.port().now() + std::chrono::milliseconds(100));
+    } while (!bus_.ping(id, identity) && bus_.port().now() < end);
+    bits = static_cast<std::uint8_t>(get(motor, regs::kHardwareErrorStatus));
+  }
+  if (bits != 0) {
+    throw Error(
+        text_of(motor_text(id), " cannot be started: ", describe_hardware_errors(bits).view()));
+  }
+}
+
+void MotorGroup::set_up(std::size_t motor) {
+  set(motor, regs::kStatusReturnLevel, 2);
+  set(motor, regs::kBusWatchdog, 0);
+  set(motor, regs::kTorqueEnable, 0);
+  set_if_different(motor, regs::kReturnDelay,
+                   static_cast<std::int32_t>(options_.return_delay / kReturnDelayUnit));
+  set_if_different(motor, regs::kOperatingMode, static_cast<std::int32_t>(options_.mode));
+  readings_[motor] = {};
+  limits_[motor] = read_limits(motor);
+  std::int32_t goal = 0;
+  if (is_position(options_.mode)) {
+    goal = std::clamp(get(motor, regs::kPresentPosition), limits_[motor].lowest,
+                      limits_[motor].highest);
+  }
+  if (options_.mode == OperatingMode::kCurrentBasedPosition) {
+    const std::int32_t most = get(motor, regs::kCurrentLimit);
+    const double wanted = options_.max_current / models_[motor]->current_unit;
+    set(motor, regs::kGoalCurrent, wanted < most ? static_cast<std::int32_t>(wanted) : most);
+  }
+  set(motor, goal_register(), goal);
+  last_goals_[motor] = goal;
+  set(motor, regs::kTorqueEnable, 1);
+}
+
+void MotorGroup::start() {
+  is_started_ = false;
+  trouble_ = {};
+  bus_.set_return_delay(kReturnDelayUnit * regs::kReturnDelay.highest);
+  for (std::size_t i = 0; i < size(); ++i) identify(i);
+  for (std::size_t i = 0; i < size(); ++i) clear_errors(i);
+  for (std::size_t i = 0; i < size(); ++i) set_up(i);
+  bus_.set_return_delay(options_.return_delay);
+  // Last, because the watchdogs begin to count.
+  const auto watchdog = static_cast<std::int32_t>(options_.watchdog / kWatchdogUnit);
+  for (std::size_t i = 0; i < size(); ++i) set(i, regs::kBusWatchdog, watchdog);
+  const Instant now = bus_.port().now();
+  for (MotorReading& reading : readings_) {
+    reading.measured = now;
+    reading.has_torque = true;
+  }
+  is_started_ = true;
+  read_all();
+}
+
+void MotorGroup::note(Trouble kind, std::size_t motor, std::uint8_t detail) noexcept {
+  if (trouble_.kind != Trouble::kNone) return;
+  trouble_ = {.kind = kind, .motor = options_.ids[motor], .detail = detail};
+}
+
+void MotorGroup::read_all() noexcept {
+  bus_.sync_read(options_.ids, kPresent, kPresentSize, answers_, options_.is_fast);
+  for (std::size_t i = 0; i < size(); ++i) {
+    const MotorAnswer& answer = answers_[i];
+    MotorReading& reading = readings_[i];
+    switch (answer.answer.outcome) {
+      case Outcome::kDone:
+        break;
+      case Outcome::kRefused:
+        note(Trouble::kRefused, i, static_cast<std::uint8_t>(answer.answer.error));
+        continue;
+      case Outcome::kLineGone:
+        note(Trouble::kLineGone, i);
+        continue;
+      default:
+        ++reading.missing;
+        continue;
+    }
+    const std::span data(answer.data);
+    const auto value = [&](const Register& which) {
+      return signed_number_in(data.subspan(which.address - kPresent, which.size));
+    };
+    reading.current = value(regs::kPresentCurrent) * models_[i]->current_unit;
+    reading.velocity = value(regs::kPresentVelocity) * kVelocityUnit;
+    reading.position = (value(regs::kPresentPosition) - kPositionMiddle) * kPositionUnit;
+    reading.measured = answer.answer.asked;
+    // The alert does not say which error it is.
+    if (answer.answer.alert && trouble_.kind == Trouble::kNone) look(i, Look::kTorque);
+  }
+  const Instant now = bus_.port().now();
+  for (std::size_t i = 0; i < size(); ++i) {
+    if (now - readings_[i].measured > options_.silent_after) note(Trouble::kSilent, i);
+  }
+}
+
+std::int32_t MotorGroup::raw_goal(std::size_t motor, double goal) const noexcept {
+  const bool is_position_goal = is_position(options_.mode);
+  if (!std::isfinite(goal)) return is_position_goal ? last_goals_[motor] : 0;
+  const bool is_current = options_.mode == OperatingMode::kCurrent;
+  const double unit = is_current         ? models_[motor]->current_unit
+                      : is_position_goal ? kPositionUnit
+                                         : kVelocityUnit;
+  const double raw = goal / unit + (is_position_goal ? kPositionMiddle : 0);
+  const GoalLimits& limits = limits_[motor];
+  return static_cast<std::int32_t>(std::lround(
+      std::clamp(raw, static_cast<double>(limits.lowest), static_cast<double>(limits.highest))));
+}
+
+// A motor refuses a goal beyond its limits without a word, and keeps the one before.
+MotorGroup::GoalLimits MotorGroup::read_limits(std::size_t motor) {
+  switch (options_.mode) {
+    case OperatingMode::kCurrent: {
+      const std::int32_t stored = get(motor, regs::kCurrentLimit);
+      // Rounded towards 0, so that no goal is above the limit.
+      const double wanted = std::floor(options_.max_current / models_[motor]->current_unit);
+      const auto most = wanted < stored ? static_cast<std::int32_t>(wanted) : stored;
+      return {.lowest = -most, .highest = most};
+    }
+    case OperatingMode::kVelocity: {
+      const std::int32_t most = get(motor, regs::kVelocityLimit);
+      return {.lowest = -most, .highest = most};
+    }
+    case OperatingMode::kPosition:
+      return {.lowest = get(motor, regs::kMinPositionLimit),
+              .highest = std::max(get(motor, regs::kMinPositionLimit),
+                                  get(motor, regs::kMaxPositionLimit))};
+    default:
+      return {.lowest = static_cast<std::int32_t>(regs::kGoalPosition.lowest),
+              .highest = static_cast<std::int32_t>(regs::kGoalPosition.highest)};
+  }
+}
+
+void MotorGroup::write_all(std::span<const double> goals) noexcept {
+  const Register& which = goal_register();
+  for (std::size_t i = 0; i < size(); ++i) {
+    last_goals_[i] = raw_goal(i, i < goals.size() ? goals[i] : std::nan(""));
+    put_number(std::span(data_).subspan(i * which.size), static_cast<std::uint32_t>(last_goals_[i]),
+               which.size);
+  }
+  const Outcome sent = bus_.sync_write(options_.ids, which.address, which.size,
+                                       std::span(data_).first(size() * which.size));
+  if (sent == Outcome::kLineGone) note(Trouble::kLineGone, 0);
+}
+
+void MotorGroup::look(std::size_t motor, Look what) noexcept {
+  const MotorId id = options_.ids[motor];
+  MotorReading& reading = readings_[motor];
+  switch (what) {
+    case Look::kTorque: {
+      constexpr std::size_t kFirst = regs::kTorqueEnable.address;
+      constexpr std::size_t kErrors = regs::kHardwareErrorStatus.address - kFirst;
+      std::array<std::uint8_t, kErrors + 1> data{};
+      if (!bus_.read(id, kFirst, data)) return;
+      reading.has_torque = data[0] != 0;
+      reading.hardware_errors = data[kErrors];
+      if (reading.hardware_errors != 0) {
+        note(Trouble::kHardwareError, motor, reading.hardware_errors);
+      } else if (!reading.has_torque) {
+        note(Trouble::kTorqueLost, motor);
+      }
+      return;
+    }
+    case Look::kWatchdog: {
+      std::int32_t value = 0;
+      if (bus_.read(id, regs::kBusWatchdog, value) && value < 0) note(Trouble::kWatchdog, motor);
+      return;
+    }
+    case Look::kSupply: {
+      std::array<std::uint8_t, 3> data{};
+      if (!bus_.read(id, regs::kPresentInputVoltage.address, data)) return;
+      reading.supply = number_in(std::span(data).first(2)) * regs::kPresentInputVoltage.scale;
+      reading.temperature = data[2];
+      return;
+    }
+  }
+}
+
+void MotorGroup::cycle(std::span<const double> goals) noexcept {
+  ++cycles_;
+  read_all();
+  if (!is_started_ || trouble_.kind != Trouble::kNone) return;
+  write_all(goals);
+  if (cycles_ % static_cast<std::uint64_t>(options_.cycles_between_looks) != 0) return;
+  look(looks_ / kLooks % size(), static_cast<Look>(looks_ % kLooks));
+  ++looks_;
+}
+
+void MotorGroup::release() noexcept {
+  is_started_ = false;
+  const std::array<std::uint8_t, kMaxMotors> off{};
+  // Nobody answers, so the second one is for those who did not hear the first.
+  for (int i = 0; i < 2; ++i) {
+    static_cast<void>(bus_.sync_write(options_.ids, regs::kTorqueEnable.address, 1,
+                                      std::span(off).first(size())));
+  }
+  for (MotorReading& reading : readings_) reading.has_torque = false;
+}
+
+}  // namespace trifinger::dynamixel

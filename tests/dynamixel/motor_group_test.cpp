@@ -1,0 +1,347 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/dynamixel/motor_group.hpp"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "dynamixel/rig.hpp"
+#include "support/allocation_counter.hpp"
+#include "support/message_of.hpp"
+
+namespace trifinger::dynamixel::test {
+namespace {
+
+using namespace std::chrono_literals;
+namespace regs = registers;
+
+MotorGroupOptions claw(OperatingMode mode) { return {.ids = kClawIds, .mode = mode}; }
+
+// Nine emulated motors and a group of them, in simulated time.
+class GroupRig {
+ public:
+  explicit GroupRig(MotorGroupOptions options, const EmulatedBusOptions& bus = {})
+      : plant(kClawIds.size()), line(motors_of(kClawIds, 4'000'000, 500us), plant, kBegin, bus) {
+    auto made = std::make_unique<EmulatedPort>(line, 4'000'000, kBegin);
+    port = made.get();
+    group = std::make_unique<MotorGroup>(std::move(made), std::move(options));
+  }
+
+  void cycle(int count, double goal) {
+    const std::vector<double> goals(kClawIds.size(), goal);
+    for (int i = 0; i < count; ++i) group->cycle(goals);
+  }
+  // Cycles until there is a trouble; fails if none comes.
+  void cycle_until_trouble(double goal = 0.0) {
+    for (int i = 0; i < 100'000 && group->trouble().kind == Trouble::kNone; ++i) cycle(1, goal);
+    EXPECT_NE(group->trouble().kind, Trouble::kNone);
+  }
+
+  InertiaPlant plant;
+  EmulatedBus line;
+  EmulatedPort* port{nullptr};  // the group owns it
+  std::unique_ptr<MotorGroup> group;
+};
+
+std::string text_of(const GroupTrouble& trouble) { return std::string(describe(trouble).view()); }
+
+TEST(MotorGroup, SetsUpMotorsThatAreNew) {
+  GroupRig rig(claw(OperatingMode::kCurrent));
+  rig.group->start();
+  for (std::size_t i = 0; i < rig.group->size(); ++i) {
+    EmulatedMotor& motor = rig.line.motor(i);
+    EXPECT_EQ(motor.value(regs::kTorqueEnable), 1);
+    EXPECT_EQ(motor.value(regs::kOperatingMode), static_cast<int>(OperatingMode::kCurrent));
+    EXPECT_EQ(motor.value(regs::kReturnDelay), 0);
+    EXPECT_EQ(motor.value(regs::kBusWatchdog), 5);
+    EXPECT_EQ(rig.group->model(i).number, kXm430W210.number);
+  }
+}
+
+TEST(MotorGroup, DrivesCurrentsAndMeasuresThem) {
+  GroupRig rig(claw(OperatingMode::kCurrent));
+  rig.group->start();
+  rig.cycle(20, 0.5);
+  for (const MotorReading& reading : rig.group->readings()) {
+    EXPECT_NEAR(reading.current, 0.5, kXm430W210.current_unit);
+    EXPECT_GT(reading.velocity, 0.0);
+    EXPECT_LE(rig.port->now() - reading.measured, 2ms);
+  }
+  EXPECT_EQ(rig.group->trouble().kind, Trouble::kNone);
+}
+
+TEST(MotorGroup, GoesToPositionsInEveryModeOfPositions) {
+  for (const OperatingMode mode : {OperatingMode::kPosition, OperatingMode::kExtendedPosition,
+                                   OperatingMode::kCurrentBasedPosition}) {
+    MotorGroupOptions options = claw(mode);
+    options.max_current = 1.0;
+    GroupRig rig(options);
+    rig.group->start();
+    rig.cycle(4000, 0.7);
+    for (const MotorReading& reading : rig.group->readings()) {
+      EXPECT_NEAR(reading.position, 0.7, 0.05) << name_of(mode);
+    }
+  }
+}
+
+TEST(MotorGroup, KeepsAVelocity) {
+  GroupRig rig(claw(OperatingMode::kVelocity));
+  rig.group->start();
+  rig.cycle(3000, 2.0);
+  for (const MotorReading& reading : rig.group->readings()) EXPECT_NEAR(reading.velocity, 2.0, 0.1);
+}
+
+TEST(MotorGroup, StartsWhereTheMotorsAre) {
+  GroupRig rig(claw(OperatingMode::kPosition));
+  for (std::size_t i = 0; i < 9; ++i) rig.plant.set_position(i, 0.1 * static_cast<double>(i));
+  rig.group->start();
+  rig.cycle(500, std::nan(""));
+  for (std::size_t i = 0; i < 9; ++i) {
+    EXPECT_NEAR(rig.plant.position(i), 0.1 * static_cast<double>(i), 2 * kPositionUnit);
+  }
+}
+
+TEST(MotorGroup, SendsNoGoalThatIsTooLargeOrNoNumber) {
+  MotorGroupOptions options = claw(OperatingMode::kCurrent);
+  options.max_current = 0.3;
+  GroupRig rig(options);
+  rig.group->start();
+  const double infinity = std::numeric_limits<double>::infinity();
+  for (const double goal : {1e300, -1e300, 0.3, -0.3001, infinity, std::nan("")}) {
+    rig.cycle(3, goal);
+    rig.port->sleep_until(rig.port->now() + 2ms);
+    for (std::size_t i = 0; i < 9; ++i) {
+      const double current = rig.line.motor(i).current();
+      EXPECT_LE(std::abs(current), 0.3);
+      if (!std::isfinite(goal)) {
+        EXPECT_EQ(current, 0.0);
+      }
+    }
+  }
+}
+
+TEST(MotorGroup, KeepsToTheLimitsThatAreStoredInAMotor) {
+  // A motor would refuse a goal beyond them without a word, and go on with the one before.
+  struct Case {
+    OperatingMode mode;
+    Register limit;
+    std::int32_t stored;
+    Register goal;
+  };
+  for (const Case& limited :
+       {Case{OperatingMode::kCurrent, regs::kCurrentLimit, 50, regs::kGoalCurrent},
+        Case{OperatingMode::kVelocity, regs::kVelocityLimit, 40, regs::kGoalVelocity},
+        Case{OperatingMode::kPosition, regs::kMaxPositionLimit, 2500, regs::kGoalPosition}}) {
+    GroupRig rig(claw(limited.mode));
+    rig.line.motor(5).set_value(limited.limit, limited.stored);
+    rig.group->start();
+    rig.cycle(3, 3.0);
+    EXPECT_EQ(rig.line.motor(5).value(limited.goal), limited.stored) << limited.goal.name;
+    EXPECT_GT(rig.line.motor(4).value(limited.goal), limited.stored) << limited.goal.name;
+  }
+}
+
+TEST(MotorGroup, WritesWhatIsKeptOnlyOnce) {
+  GroupRig rig(claw(OperatingMode::kCurrent));
+  rig.group->start();
+  const std::uint64_t first = rig.group->counts().instructions;
+  rig.group->start();
+  // The second start finds return delay and mode as they must be: two writes less per motor.
+  EXPECT_EQ(rig.group->counts().instructions - first, first - 2 * rig.group->size());
+}
+
+TEST(MotorGroup, SaysWhichMotorDoesNotAnswer) {
+  GroupRig rig(claw(OperatingMode::kCurrent));
+  rig.line.motor(4).set_power(false);
+  const std::string text =
+      trifinger::test::message_of<Error>([&] { return rig.group->start(), 0; });
+  EXPECT_NE(text.find("motor 21 does not answer"), std::string::npos) << text;
+}
+
+TEST(MotorGroup, RebootsAMotorWithAnErrorOnlyIfItMay) {
+  MotorGroupOptions options = claw(OperatingMode::kCurrent);
+  {
+    GroupRig rig(options);
+    rig.line.motor(2).fail(HardwareError::kOverload);
+    EXPECT_NO_THROW(rig.group->start());
+    EXPECT_EQ(rig.line.motor(2).value(regs::kTorqueEnable), 1);
+  }
+  options.reboot_after_error = false;
+  GroupRig rig(options);
+  rig.line.motor(2).fail(HardwareError::kOverload);
+  const std::string text =
+      trifinger::test::message_of<Error>([&] { return rig.group->start(), 0; });
+  EXPECT_NE(text.find("motor 12"), std::string::npos) << text;
+  EXPECT_NE(text.find(dynamixel::text_of(HardwareError::kOverload).sentence), std::string::npos);
+}
+
+TEST(MotorGroup, NamesEveryHardwareErrorWhileItRuns) {
+  for (const HardwareError error : kHardwareErrors) {
+    GroupRig rig(claw(OperatingMode::kCurrent));
+    rig.group->start();
+    rig.cycle(5, 0.1);
+    rig.line.motor(7).fail(error);
+    rig.cycle(1, 0.1);
+    EXPECT_EQ(rig.group->trouble().kind, Trouble::kHardwareError);
+    EXPECT_EQ(rig.group->trouble().motor, 31);
+    const std::string text = text_of(rig.group->trouble());
+    EXPECT_NE(text.find(dynamixel::text_of(error).sentence), std::string::npos) << text;
+    EXPECT_NE(text.find(dynamixel::text_of(error).remedy), std::string::npos) << text;
+  }
+}
+
+TEST(MotorGroup, NoticesAMotorThatFallsSilent) {
+  GroupRig rig(claw(OperatingMode::kCurrent));
+  rig.group->start();
+  rig.cycle(5, 0.0);
+  rig.line.motor(8).set_power(false);
+  const Instant off = rig.port->now();
+  rig.cycle_until_trouble();
+  EXPECT_EQ(rig.group->trouble().kind, Trouble::kSilent);
+  EXPECT_EQ(rig.group->trouble().motor, 32);
+  EXPECT_GE(rig.port->now() - off, rig.group->options().silent_after);
+}
+
+TEST(MotorGroup, NoticesAMotorThatHasRestarted) {
+  GroupRig rig(claw(OperatingMode::kCurrent));
+  rig.group->start();
+  rig.cycle(5, 0.0);
+  rig.line.motor(3).set_power(false);
+  rig.line.motor(3).set_power(true);
+  rig.cycle_until_trouble();
+  EXPECT_EQ(rig.group->trouble().kind, Trouble::kTorqueLost);
+  EXPECT_EQ(rig.group->trouble().motor, 20);
+}
+
+TEST(MotorGroup, StopsByTheWatchdogIfTheHostStalls) {
+  GroupRig rig(claw(OperatingMode::kCurrent));
+  rig.group->start();
+  rig.cycle(5, 0.5);
+  rig.port->sleep_until(rig.port->now() + 130ms);
+  for (std::size_t i = 0; i < 9; ++i) EXPECT_EQ(rig.line.motor(i).torque(), 0.0);
+  rig.cycle_until_trouble(0.5);
+  EXPECT_EQ(rig.group->trouble().kind, Trouble::kWatchdog);
+  // A start makes them work again.
+  rig.group->start();
+  rig.cycle(5, 0.5);
+  EXPECT_EQ(rig.group->trouble().kind, Trouble::kNone);
+  EXPECT_GT(rig.line.motor(0).torque(), 0.0);
+}
+
+TEST(MotorGroup, NoticesThatTheLineHasGone) {
+  GroupRig rig(claw(OperatingMode::kCurrent));
+  rig.group->start();
+  rig.port->set_open(false);
+  rig.cycle(1, 0.0);
+  EXPECT_EQ(rig.group->trouble().kind, Trouble::kLineGone);
+}
+
+TEST(MotorGroup, NoLongerDrivesAfterATrouble) {
+  GroupRig rig(claw(OperatingMode::kCurrent));
+  rig.group->start();
+  rig.cycle(5, 0.0);
+  rig.line.motor(0).fail(HardwareError::kOverheating);
+  rig.cycle(5, 0.5);
+  for (std::size_t i = 0; i < 9; ++i) EXPECT_EQ(rig.line.motor(i).current(), 0.0);
+}
+
+TEST(MotorGroup, ReleasesEveryMotor) {
+  GroupRig rig(claw(OperatingMode::kPosition));
+  rig.group->start();
+  rig.group->release();
+  rig.port->sleep_until(rig.port->now() + 2ms);
+  for (std::size_t i = 0; i < 9; ++i) EXPECT_EQ(rig.line.motor(i).value(regs::kTorqueEnable), 0);
+  rig.cycle(5, 1.0);
+  EXPECT_EQ(rig.group->trouble().kind, Trouble::kNone);
+}
+
+TEST(MotorGroup, LooksAtSupplyAndTemperatureOfEveryMotor) {
+  GroupRig rig(claw(OperatingMode::kCurrent));
+  for (std::size_t i = 0; i < 9; ++i) {
+    rig.line.motor(i).set_temperature(30.0 + static_cast<double>(i));
+  }
+  rig.group->start();
+  rig.cycle(9 * 3 * rig.group->options().cycles_between_looks, 0.0);
+  for (std::size_t i = 0; i < 9; ++i) {
+    EXPECT_EQ(rig.group->readings()[i].temperature, 30.0 + static_cast<double>(i));
+    EXPECT_DOUBLE_EQ(rig.group->readings()[i].supply, 12.0);
+  }
+}
+
+TEST(MotorGroup, SurvivesALineThatLosesAndDamages) {
+  for (const bool is_fast : {false, true}) {
+    MotorGroupOptions options = claw(OperatingMode::kPosition);
+    options.is_fast = is_fast;
+    GroupRig rig(options, {.faults = {.unheard = 0.003,
+                                      .lost = 0.003,
+                                      .damaged = 0.003,
+                                      .byte_lost = 0.003,
+                                      .byte_added = 0.003,
+                                      .seed = 5}});
+    rig.group->start();
+    rig.cycle(20'000, 0.5);
+    ASSERT_EQ(rig.group->trouble().kind, Trouble::kNone) << text_of(rig.group->trouble());
+    EXPECT_GT(rig.group->counts().missing, 0U);
+    EXPECT_GT(rig.group->counts().damaged, 0U);
+    for (const MotorReading& reading : rig.group->readings()) {
+      EXPECT_NEAR(reading.position, 0.5, 0.05);
+      EXPECT_GT(reading.missing, 0U);
+    }
+  }
+}
+
+TEST(MotorGroup, HasTheRateOfTheArithmeticAtFourMegabaud) {
+  for (const bool is_fast : {false, true}) {
+    MotorGroupOptions options = claw(OperatingMode::kPosition);
+    options.is_fast = is_fast;
+    GroupRig rig(options);
+    rig.group->start();
+    const Instant begin = rig.port->now();
+    constexpr int kCycles = 1000;
+    rig.cycle(kCycles, 0.0);
+    rig.group->bus().wait_until_sent();
+    const double hertz = kCycles / std::chrono::duration<double>(rig.port->now() - begin).count();
+    EXPECT_NEAR(hertz / (is_fast ? 1852.0 : 1476.0), 1.0, 0.1) << hertz;
+  }
+}
+
+TEST(MotorGroup, DoesNotAllocateInACycle) {
+  GroupRig rig(claw(OperatingMode::kCurrent));
+  rig.group->start();
+  const std::vector<double> goals(9, 0.1);
+  for (int i = 0; i < 100; ++i) rig.group->cycle(goals);  // the emulated line gets its memory
+  const trifinger::test::AllocationCounter allocations;
+  for (int i = 0; i < 200; ++i) rig.group->cycle(goals);
+  EXPECT_EQ(allocations.count(), 0U);
+}
+
+TEST(MotorGroup, RefusesOptionsThatMakeNoSense) {
+  const auto make = [](MotorGroupOptions options) { GroupRig rig(std::move(options)); };
+  EXPECT_THROW(make({}), InvalidArgument);
+  EXPECT_THROW(make({.ids = {1, 1}}), InvalidArgument);
+  EXPECT_THROW(make({.ids = {253}}), InvalidArgument);
+  EXPECT_THROW(make({.ids = std::vector<MotorId>(kMaxMotors + 1)}), InvalidArgument);
+  EXPECT_THROW(make({.ids = {1}, .mode = OperatingMode::kPwm}), InvalidArgument);
+  EXPECT_THROW(make({.ids = {1}, .max_current = std::nan("")}), InvalidArgument);
+  EXPECT_THROW(make({.ids = {1}, .return_delay = 1us}), InvalidArgument);
+  EXPECT_THROW(make({.ids = {1}, .watchdog = 30ms}), InvalidArgument);
+  EXPECT_THROW(make({.ids = {1}, .silent_after = 0ms}), InvalidArgument);
+}
+
+TEST(GroupTroubles, HaveASentenceEach) {
+  for (const Trouble kind :
+       {Trouble::kNone, Trouble::kLineGone, Trouble::kSilent, Trouble::kHardwareError,
+        Trouble::kTorqueLost, Trouble::kWatchdog, Trouble::kRefused}) {
+    EXPECT_GT(describe({.kind = kind, .motor = 7, .detail = 1}).view().size(), 20U);
+  }
+}
+
+}  // namespace
+}  // namespace trifinger::dynamixel::test

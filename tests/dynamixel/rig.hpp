@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "trifinger/base/error.hpp"
+#include "trifinger/dynamixel/bus.hpp"
+#include "trifinger/dynamixel/emulated_bus.hpp"
+#include "trifinger/dynamixel/emulated_port.hpp"
+
+namespace trifinger::dynamixel::test {
+
+/// The numbers of D'Claw's motors.
+inline const std::vector<MotorId> kClawIds{10, 11, 12, 20, 21, 22, 30, 31, 32};
+
+inline constexpr Instant kBegin{std::chrono::seconds(1000)};
+
+inline std::vector<EmulatedMotorOptions> motors_of(const std::vector<MotorId>& ids, int baud,
+                                                   Nanoseconds return_delay) {
+  std::vector<EmulatedMotorOptions> motors;
+  for (const MotorId id : ids) {
+    motors.push_back({.id = id, .baud = baud, .return_delay = return_delay});
+  }
+  return motors;
+}
+
+/// What a rig is made of.
+struct RigOptions {
+  std::vector<MotorId> ids{kClawIds};
+  int baud{4'000'000};
+  Nanoseconds return_delay{0};
+  EmulatedBusOptions line{};
+};
+
+/// Emulated motors with a host in the same thread, in simulated time.
+class Rig {
+ public:
+  explicit Rig(const RigOptions& options = {})
+      : ids(options.ids),
+        plant(ids.size()),
+        line(motors_of(ids, options.baud, options.return_delay), plant, kBegin, options.line),
+        port(new EmulatedPort(line, options.baud, kBegin)),
+        bus(std::unique_ptr<Port>(port), {.return_delay = options.return_delay}),
+        answers(ids.size()) {}
+
+  /// Time since the beginning.
+  [[nodiscard]] Nanoseconds elapsed() const { return port->now() - kBegin; }
+
+  std::vector<MotorId> ids;
+  InertiaPlant plant;
+  EmulatedBus line;
+  EmulatedPort* port;  // the bus owns it
+  Bus bus;
+  std::vector<MotorAnswer> answers;
+};
+
+}  // namespace trifinger::dynamixel::test
