@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import trifinger
-from robot_interfaces.py_generic import ErrorStatus, RobotBackendTerminationReason, Status
+from trifinger_compat.generic import ErrorStatus, RobotBackendTerminationReason, Status
 from trifinger.commands import program
 from trifinger.errors import (
     AcausalAction,
@@ -415,6 +415,12 @@ class RobotBackend:
         else:
             self._reason = reasons.DRIVER_ERROR
         self._stop()
+
+    def ask_to_end(self) -> None:
+        """Like request_shutdown(), without waiting: for handlers of signals."""
+        if self._reason is RobotBackendTerminationReason.NOT_TERMINATED:
+            self._reason = RobotBackendTerminationReason.SHUTDOWN_REQUESTED
+        os.kill(self._process.pid, signal.SIGTERM)
 
     def _stop(self) -> None:
         if self._process.poll() is None:

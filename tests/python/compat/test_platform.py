@@ -22,7 +22,7 @@ HOME = [0, 0.9, -1.7] * 3
 
 
 def hold(platform: Any) -> Any:
-    return platform.Action(position=limits.robot_position.default)
+    return platform.Action(position=limits.robot_position.default.copy())
 
 
 def test_observation_0_is_what_was_given_even_outside_of_the_arena() -> None:

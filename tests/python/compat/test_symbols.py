@@ -17,6 +17,7 @@ OURS = [symbol for symbol in SYMBOLS if symbol.path.partition(".")[0].partition(
 def instance(path: str) -> Any:
     """An object of a class, for members that only objects have."""
     import trifinger_simulation as simulation
+    from trifinger_object_tracking.py_tricamera_types import LogReader
     from trifinger_simulation.tasks.move_cube import Pose
 
     makers: dict[str, Callable[[], Any]] = {
@@ -28,6 +29,7 @@ def instance(path: str) -> Any:
         "trifinger_simulation:TriCameraObservation": simulation.TriCameraObservation,
         "trifinger_simulation:TriCameraObjectObservation": simulation.TriCameraObjectObservation,
         "trifinger_simulation.tasks.move_cube:Pose": Pose,
+        "trifinger_object_tracking.py_tricamera_types:LogReader": LogReader,
     }
     return makers[path]() if path in makers else None
 
