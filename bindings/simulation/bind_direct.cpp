@@ -53,8 +53,8 @@ nb::object to_array(const std::array<double, N>& values) {
   npy_intp shape[] = {static_cast<npy_intp>(N)};
   nb::object array = nb::steal(PyArray_SimpleNew(1, shape, NPY_DOUBLE));
   if (!array.is_valid()) throw nb::python_error();
-  std::ranges::copy(values, static_cast<double*>(PyArray_DATA(
-                                reinterpret_cast<PyArrayObject*>(array.ptr()))));
+  std::ranges::copy(
+      values, static_cast<double*>(PyArray_DATA(reinterpret_cast<PyArrayObject*>(array.ptr()))));
   return array;
 }
 
@@ -183,8 +183,7 @@ void bind_direct(nb::module_& m) {
           [](PythonDirect& direct, nb::handle torque, nb::handle position, nb::handle position_kp,
              nb::handle position_kd, nb::handle kp, nb::handle kd, nb::handle damping,
              double max_torque) {
-            desire(direct, torque, position, position_kp, position_kd, kp, kd, damping,
-                   max_torque);
+            desire(direct, torque, position, position_kp, position_kd, kp, kd, damping, max_torque);
             return step(direct);
           },
           "torque"_a, "position"_a, "position_kp"_a, "position_kd"_a, "kp"_a, "kd"_a, "damping"_a,
@@ -227,8 +226,7 @@ void bind_direct(nb::module_& m) {
           },
           "keep"_a = true, "Whether the next steps are kept for kept_steps().")
       .def(
-          "kept_steps",
-          [](const PythonDirect& direct) { return Array<RowMajor>{rows_of(direct)}; },
+          "kept_steps", [](const PythonDirect& direct) { return Array<RowMajor>{rows_of(direct)}; },
           "A row for each step: torque and position that were asked for, then position, velocity, "
           "torque and\ntip_force of the observation before the step.")
       .def(
@@ -273,8 +271,7 @@ void bind_direct(nb::module_& m) {
           "other"_a, docs::DirectSimulation::continue_from)
       .def(
           "set_object_velocity",
-          [](PythonDirect& direct, const std::string& name, nb::handle linear,
-             nb::handle angular) {
+          [](PythonDirect& direct, const std::string& name, nb::handle linear, nb::handle angular) {
             const ObjectVelocity velocity{.linear = to_numbers<3>(linear, "linear"),
                                           .angular = to_numbers<3>(angular, "angular")};
             direct.visit(
@@ -334,8 +331,7 @@ void bind_direct(nb::module_& m) {
             return direct.visit([](const auto& steps) {
               const auto position = steps.simulation.configuration_position();
               const auto velocity = steps.simulation.configuration_velocity();
-              Eigen::VectorXd values(
-                  static_cast<Eigen::Index>(position.size() + velocity.size()));
+              Eigen::VectorXd values(static_cast<Eigen::Index>(position.size() + velocity.size()));
               std::ranges::copy(velocity, std::ranges::copy(position, values.data()).out);
               return Array<Eigen::VectorXd>{std::move(values)};
             });

@@ -66,15 +66,15 @@ void DirectSimulation<R>::apply_control(const Action& action, const Control& con
     const double wish = applied.position_kp[i] * (action.position[i] - now.position[i]) -
                         applied.position_kd[i] * now.velocity[i];
     const double torque = clipped(action.torque[i] + or_else(wish, 0.0), control.max_torque);
-    applied.torque[i] =
-        clipped(torque - control.damping[i] * now.velocity[i], control.max_torque);
+    applied.torque[i] = clipped(torque - control.damping[i] * now.velocity[i], control.max_torque);
   }
 }
 
 template <class R>
 bool DirectSimulation<R>::step(const Joints& torque) noexcept {
-  const bool is_finite = simulator_.move(torque, *model_, *data_, state_) &&
-                         std::ranges::none_of(torque, [](double value) { return std::isnan(value); });
+  const bool is_finite =
+      simulator_.move(torque, *model_, *data_, state_) &&
+      std::ranges::none_of(torque, [](double value) { return std::isnan(value); });
   state_.memory.torque = torque;
   if (std::exchange(was_pushed_, false)) {
     std::fill_n(data_->xfrc_applied, 6 * static_cast<std::size_t>(model_->nbody), 0.0);

@@ -24,8 +24,8 @@ struct DirectControl {
 };
 
 /// A simulated robot that its owner moves step by step. There are no sessions, no limits of
-/// positions and speeds, and no faults: it is for programs that bring their own rules, such as those
-/// written for other simulators. `Simulation` is for all others.
+/// positions and speeds, and no faults: it is for programs that bring their own rules, such as
+/// those written for other simulators. `Simulation` is for all others.
 ///
 /// Nothing is random. One object must not be used by several threads at once.
 template <class R>

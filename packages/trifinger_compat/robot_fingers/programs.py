@@ -15,9 +15,7 @@ from robot_interfaces.py_trifinger_types import MultiProcessData
 from trifinger.log.original import export
 from trifinger_compat.robot_data import RobotBackend
 
-CUBE = (
-    "[{name: cube, type: cube, size: [0.065], mass: 0.094, position: [0, 0, 0.0325]}]"
-)
+CUBE = "[{name: cube, type: cube, size: [0.065], mass: 0.094, position: [0, 0, 0.0325]}]"
 PERIOD, DELAY = 0.1, 0.09  # of poses and images [s]
 
 
@@ -73,7 +71,7 @@ def _run(backend: RobotBackend, arguments: Any, record: str | None) -> int:
 
 
 def _save(record: str, arguments: Any) -> None:
-    session = trifinger.Log(record).session("trifinger")
+    session = trifinger.Log(record).session(arguments.name)
     with tempfile.TemporaryDirectory() as folder:
         files = {path.name: path for path in export(session, Path(folder))}
         for name, target in (

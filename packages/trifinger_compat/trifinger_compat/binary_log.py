@@ -7,8 +7,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from trifinger_compat.generic import ErrorStatus, Status
 from trifinger.log.original import ACTION_FIELDS, OBSERVATION_FIELDS, read_robot_log, times_of
+
+from trifinger_compat.generic import ErrorStatus, Status
 
 
 @dataclass

@@ -8,6 +8,7 @@ process has died does not count.
 import json
 import os
 import tempfile
+from contextlib import suppress
 from pathlib import Path
 
 _FOLDER = Path(os.environ.get("XDG_RUNTIME_DIR") or tempfile.gettempdir())
@@ -27,9 +28,9 @@ def write(name: str, max_actions: int) -> None:
 
 def remove(name: str) -> None:
     """Removes the note of this process."""
-    path = _path(name)
-    if path.is_file() and json.loads(path.read_text())["pid"] == os.getpid():
-        path.unlink()
+    with suppress(OSError, ValueError, KeyError):  # another thread removes it, too
+        if json.loads(_path(name).read_text())["pid"] == os.getpid():
+            _path(name).unlink()
 
 
 def max_actions(name: str) -> int:

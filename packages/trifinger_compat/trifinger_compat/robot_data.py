@@ -16,7 +16,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 import trifinger
-from trifinger_compat.generic import ErrorStatus, RobotBackendTerminationReason, Status
 from trifinger.commands import program
 from trifinger.errors import (
     AcausalAction,
@@ -28,6 +27,7 @@ from trifinger.errors import (
 )
 
 from trifinger_compat import notes
+from trifinger_compat.generic import ErrorStatus, RobotBackendTerminationReason, Status
 from trifinger_compat.types import ActionLike
 from trifinger_compat.world import CONFIGURATIONS
 
@@ -420,7 +420,8 @@ class RobotBackend:
         """Like request_shutdown(), without waiting: for handlers of signals."""
         if self._reason is RobotBackendTerminationReason.NOT_TERMINATED:
             self._reason = RobotBackendTerminationReason.SHUTDOWN_REQUESTED
-        os.kill(self._process.pid, signal.SIGTERM)
+        with suppress(ProcessLookupError):  # it has just ended
+            os.kill(self._process.pid, signal.SIGTERM)
 
     def _stop(self) -> None:
         if self._process.poll() is None:

@@ -288,9 +288,7 @@ def test_an_action_log_has_all_steps_with_the_original_types(tmp_path: Path) -> 
         platform.store_action_log(path)
     observations = []
     for i in range(120):
-        action = (
-            robot_interfaces.trifinger.Action(position=HOME) if i == 7 else hold(platform)
-        )
+        action = robot_interfaces.trifinger.Action(position=HOME) if i == 7 else hold(platform)
         t = platform.append_desired_action(action)
         observations.append(platform.get_robot_observation(t))
     platform.store_action_log(path)

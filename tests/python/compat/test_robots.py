@@ -61,10 +61,8 @@ def test_poses_come_ten_times_per_second_and_90_steps_late(frontend: Any) -> Non
     assert np.abs(pose.orientation) == pytest.approx([0, 0, 0, 1], abs=1e-3)
 
 
-def test_the_first_name_gives_poses_too(
-    frontend: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    del frontend
+@pytest.mark.usefixtures("frontend")
+def test_the_first_name_gives_poses_too() -> None:
     old = robot_fingers.TriFingerPlatformFrontend()
     t = old.append_desired_action(old.Action())
     assert old.get_camera_observation(t).object_pose.position.shape == (3,)

@@ -2,14 +2,17 @@
 """Every name of the table is there, and the table has every name of the ranked list."""
 
 import importlib
+import runpy
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from trifinger_compat.symbols import OTHERS, PACKAGES, RANKED, SYMBOLS, Symbol
 
+ROOT = Path(__file__).parents[3]
 OURS = [symbol for symbol in SYMBOLS if symbol.path.partition(".")[0].partition(":")[0] in PACKAGES]
 
 
@@ -81,3 +84,10 @@ def test_only_names_of_data_sets_belong_to_other_packages() -> None:
 
 def test_whatever_differs_says_how() -> None:
     assert all(symbol.note for symbol in SYMBOLS if symbol.verdict != "works")
+
+
+def test_the_page_has_the_table() -> None:
+    writer = runpy.run_path(str(ROOT / "tools" / "write_compat_table.py"))
+    text = writer["PAGE"].read_text()
+    if writer["page"](text) != text:
+        pytest.fail("the table has changed: python tools/write_compat_table.py")

@@ -158,7 +158,11 @@ def test_poses_keep_arrays_without_a_copy_and_go_through_json() -> None:
     assert again.position == pytest.approx(pose.position)
     assert move_cube.Pose.from_dict(pose.to_dict()).position is position
     assert json.loads(move_cube.goal_to_json(pose))["orientation"] == [0, 0, 0, 1]
-    assert move_cube.goal_from_json(move_cube.goal_to_json(pose)).position.tolist() == [0.5, 0.2, 0.3]
+    assert move_cube.goal_from_json(move_cube.goal_to_json(pose)).position.tolist() == [
+        0.5,
+        0.2,
+        0.3,
+    ]
 
 
 def test_corners_of_a_turned_cube() -> None:
