@@ -360,6 +360,7 @@ class RobotBackend:
         self._data = robot_data
         self._max_actions = max_number_of_actions
         self._reason = RobotBackendTerminationReason.NOT_TERMINATED
+        self._is_signalled = False
         values: dict[str, object] = {
             "backend.history": max(16384, robot_data.history_size),
             "backend.late_action.policy": "repeat",
@@ -420,12 +421,19 @@ class RobotBackend:
         """Like request_shutdown(), without waiting: for handlers of signals."""
         if self._reason is RobotBackendTerminationReason.NOT_TERMINATED:
             self._reason = RobotBackendTerminationReason.SHUTDOWN_REQUESTED
+        self._signal_once()
+
+    def _signal_once(self) -> None:
+        # A second signal would kill it, and its session would be left behind.
+        if self._is_signalled:
+            return
+        self._is_signalled = True
         with suppress(ProcessLookupError):  # it has just ended
             os.kill(self._process.pid, signal.SIGTERM)
 
     def _stop(self) -> None:
         if self._process.poll() is None:
-            self._process.send_signal(signal.SIGTERM)
+            self._signal_once()
         self._process.wait()
         notes.remove(self._data.name)
 
