@@ -28,6 +28,8 @@ void bind_replay(nanobind::module_& m);
 
 /// Simulation, simulate, export_mjcf, export_urdf.
 void bind_simulation(nanobind::module_& m);
+/// DirectSimulation.
+void bind_direct(nanobind::module_& m);
 /// Hand, hand.
 void bind_hand(nanobind::module_& m);
 /// CameraRenderer.

@@ -74,6 +74,30 @@ rate of the first sample is zero. A sample with no time since the previous one c
 nothing.)";
 }
 
+namespace DirectSimulation {
+inline constexpr const char* DirectSimulation = R"(A simulated robot that its owner moves step by step. There are no sessions, no limits of
+positions and speeds, and no faults: it is for programs that bring their own rules, such as
+those written for other simulators. `Simulation` is for all others.
+
+Nothing is random. One object must not be used by several threads at once.)";
+inline constexpr const char* configuration_position = R"(Positions and velocities of joints and objects in MuJoCo's layout: `qpos`, and `qvel`.)";
+inline constexpr const char* continue_from = R"(Continues where `other` is: with its joints, and with the objects that both have by their
+names. The other objects stay.)";
+inline constexpr const char* place_object = R"(Places an object at rest.
+
+Raises InvalidArgument that names the existing objects, or if the pose is not valid.)";
+inline constexpr const char* push_object = R"(Lets a force [N] and a moment [Nm] act on an object's centre in the next step, in the world
+frame. Several add up.
+
+Raises InvalidArgument that names the existing objects, or if a number is not finite.)";
+inline constexpr const char* set_joints = R"(Sets positions [rad] and velocities [rad/s] of all joints, also beyond limits.
+
+Raises InvalidArgument if a number is not finite.)";
+inline constexpr const char* set_object_mass = R"(Sets the mass of an object, which must be above 0 [kg]. Its inertia grows with it.
+
+Raises InvalidArgument that names the existing objects, or if the mass is not valid.)";
+}
+
 namespace Environment {
 inline constexpr const char* Environment = R"(Makes a decision process of a robot: starts, goals, observations, rewards, ends. The same
 functions serve a robot that is driven through a front-end and thousands of simulations.

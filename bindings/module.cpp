@@ -23,6 +23,7 @@ NB_MODULE(_trifinger, m) {
   bind_backend(m);
   bind_recorder(m);
   bind_simulation(m);
+  bind_direct(m);
   bind_hand(m);
   bind_rendering(m);
   bind_kinematics(m);

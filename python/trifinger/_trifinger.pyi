@@ -841,6 +841,126 @@ def export_urdf(config: str = 'sim', overrides: dict[str, object] = {}) -> str:
     Raises InvalidArgument if the description cannot be built.
     """
 
+class DirectSimulation:
+    """
+    A simulated robot that its owner moves step by step. There are no sessions, no limits of
+    positions and speeds, and no faults: it is for programs that bring their own rules, such as
+    those written for other simulators. `Simulation` is for all others.
+
+    Nothing is random. One object must not be used by several threads at once.
+    """
+
+    def __init__(self, config: str = 'sim', overrides: dict[str, object] = {}) -> None:
+        """
+        `config` is the name of a configuration that comes with the package, or a file. `overrides` changes
+        single values.
+        """
+
+    def __repr__(self) -> str: ...
+
+    def desire(self, torque: numpy.typing.ArrayLike, position: numpy.typing.ArrayLike, position_kp: numpy.typing.ArrayLike, position_kd: numpy.typing.ArrayLike, kp: numpy.typing.ArrayLike, kd: numpy.typing.ArrayLike, damping: numpy.typing.ArrayLike, max_torque: float) -> None:
+        """
+        The action for the next step: its torques and those of its positions, clipped to `max_torque`
+        [Nm], damped and clipped again.
+
+        A position that is NaN asks for nothing, and a gain that is NaN stands for `kp` [Nm/rad] or `kd`
+        [Nms/rad]. `damping` [Nms/rad] acts always.
+        """
+
+    def step(self) -> bool:
+        """
+        Moves on by one step. False if the simulation has diverged: a number is not finite any more.
+        """
+
+    def act(self, torque: numpy.typing.ArrayLike, position: numpy.typing.ArrayLike, position_kp: numpy.typing.ArrayLike, position_kd: numpy.typing.ArrayLike, kp: numpy.typing.ArrayLike, kd: numpy.typing.ArrayLike, damping: numpy.typing.ArrayLike, max_torque: float) -> bool:
+        """desire() and step() in one call."""
+
+    def observation(self) -> tuple[numpy.typing.NDArray[numpy.float64], ...]:
+        """
+        The measurements now, in new arrays: position [rad], velocity [rad/s], torque [Nm] and tip_force [N].
+        The last two are those of the last step.
+        """
+
+    def observation_before(self) -> tuple[numpy.typing.NDArray[numpy.float64], ...]:
+        """
+        Like observation(), just before the newest step; the torque is that of the step.
+        """
+
+    def desired(self) -> tuple[numpy.typing.NDArray[numpy.float64], ...]:
+        """
+        What was asked for last: torque [Nm], position [rad], position_kp [Nm/rad] and position_kd [Nms/rad].
+        """
+
+    def applied(self) -> tuple[numpy.typing.NDArray[numpy.float64], ...]:
+        """
+        What follows from it: torque [Nm], position [rad], position_kp [Nm/rad] and position_kd [Nms/rad].
+        """
+
+    def keep_steps(self, keep: bool = ...) -> None:
+        """Whether the next steps are kept for kept_steps()."""
+
+    def kept_steps(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        A row for each step: torque and position that were asked for, then position, velocity, torque and
+        tip_force of the observation before the step.
+        """
+
+    def set_joints(self, position: numpy.typing.ArrayLike, velocity: numpy.typing.ArrayLike) -> None:
+        """
+        Sets positions [rad] and velocities [rad/s] of all joints, also beyond limits.
+
+        Raises InvalidArgument if a number is not finite.
+        """
+
+    def place_object(self, name: str, position: numpy.typing.ArrayLike, orientation: numpy.typing.ArrayLike) -> None:
+        """
+        Places an object at rest.
+
+        Raises InvalidArgument that names the existing objects, or if the pose is not valid.
+
+        The pose is `position` x, y, z [m] and `orientation`, a quaternion w, x, y, z.
+        """
+
+    def continue_from(self, other: DirectSimulation) -> None:
+        """
+        Continues where `other` is: with its joints, and with the objects that both have by their
+        names. The other objects stay.
+        """
+
+    def set_object_velocity(self, name: str, linear: numpy.typing.ArrayLike, angular: numpy.typing.ArrayLike) -> None:
+        """
+        Sets an object in motion from where it is: velocity of its centre [m/s] and angular velocity [rad/s]
+        in the world frame.
+        """
+
+    def push_object(self, name: str, force: numpy.typing.ArrayLike, moment: numpy.typing.ArrayLike) -> None:
+        """
+        Lets a force [N] and a moment [Nm] act on an object's centre in the next step, in the world
+        frame. Several add up.
+
+        Raises InvalidArgument that names the existing objects, or if a number is not finite.
+        """
+
+    def set_object_mass(self, name: str, mass: float) -> None:
+        """
+        Sets the mass of an object, which must be above 0 [kg]. Its inertia grows with it.
+
+        Raises InvalidArgument that names the existing objects, or if the mass is not valid.
+        """
+
+    def object_pose(self, name: str) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64]]:
+        """Position [m] and quaternion w, x, y, z of an object now."""
+
+    def object_velocity(self, name: str) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64]]:
+        """
+        Velocity of an object's centre [m/s] and angular velocity [rad/s], in the world frame.
+        """
+
+    def configuration(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Positions and velocities of joints and objects in MuJoCo's layout: `qpos`, and `qvel`.
+        """
+
 class Hand:
     """
     The hand of a simulated robot that `trifinger run` runs in another process.

@@ -10,6 +10,7 @@ from trifinger._trifinger import Log, LoggedSession
 from trifinger.commands import program
 from trifinger.commands.command_line import add_log_options, run
 from trifinger.errors import InvalidArgument
+from trifinger.log import original
 from trifinger.log.images import save_images
 from trifinger.log.steps import step_range
 from trifinger.log.tables import SERIES, to_csv, to_parquet
@@ -51,6 +52,12 @@ def export(arguments: argparse.Namespace) -> int:
         first, last = step_range(session, arguments.from_, arguments.to)
         count = save_images(session, arguments.images, first, last)
         print(f"{arguments.images} has {count} images and images.csv.")
+        return 0
+    if arguments.format == "original":
+        session = log.session(arguments.robot or "")
+        first, last = step_range(session, arguments.from_, arguments.to)
+        for path in original.export(session, arguments.output or Path(), first, last):
+            print(f"{path} written.")
         return 0
     output = arguments.output or Path()
     kind = output.suffix.removeprefix(".")
@@ -96,8 +103,9 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
     add_log_options(parser)
     parser.add_argument(
         "--format",
-        choices=[*WRITERS, "mcap"],
-        help="default: the ending of the output, or csv; parquet needs pyarrow; mcap is a copy",
+        choices=[*WRITERS, "mcap", "original"],
+        help="default: the ending of the output, or csv; parquet needs pyarrow; mcap is a copy; "
+        "original is robot_data.dat and camera_data.dat of the original stack",
     )
     parser.add_argument(
         "-o",

@@ -1,0 +1,342 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <nanobind/nanobind.h>
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <string>
+#include <type_traits>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "bindings.hpp"
+#include "conversion/array.hpp"
+#include "conversion/numpy.hpp"
+#include "conversion/text.hpp"
+#include "direct.hpp"
+#include "docstrings.hpp"
+#include "simulation.hpp"
+#include "trifinger/base/error.hpp"
+
+namespace nb = nanobind;
+using namespace nanobind::literals;
+
+namespace trifinger::bindings {
+namespace {
+
+// Copies an array or sequence of Python. Arrays of doubles, the usual case, are read in place.
+template <std::size_t N>
+void read_numbers(nb::handle source, std::array<double, N>& values, const char* what) {
+  const nb::object array =
+      nb::steal(PyArray_FROM_OTF(source.ptr(), NPY_DOUBLE, NPY_ARRAY_IN_ARRAY));
+  if (!array.is_valid()) throw nb::python_error();
+  auto* const numbers = reinterpret_cast<PyArrayObject*>(array.ptr());
+  if (PyArray_SIZE(numbers) != static_cast<npy_intp>(N)) {
+    throw nb::value_error((std::string(what) + " has " + std::to_string(PyArray_SIZE(numbers)) +
+                           " numbers, must have " + std::to_string(N))
+                              .c_str());
+  }
+  std::copy_n(static_cast<const double*>(PyArray_DATA(numbers)), N, values.begin());
+}
+
+template <std::size_t N>
+std::array<double, N> to_numbers(nb::handle source, const char* what) {
+  std::array<double, N> values{};
+  read_numbers(source, values, what);
+  return values;
+}
+
+template <std::size_t N>
+nb::object to_array(const std::array<double, N>& values) {
+  npy_intp shape[] = {static_cast<npy_intp>(N)};
+  nb::object array = nb::steal(PyArray_SimpleNew(1, shape, NPY_DOUBLE));
+  if (!array.is_valid()) throw nb::python_error();
+  std::ranges::copy(
+      values, static_cast<double*>(PyArray_DATA(reinterpret_cast<PyArrayObject*>(array.ptr()))));
+  return array;
+}
+
+template <class Observation>
+nb::tuple to_tuple(const Observation& observation) {
+  return nb::make_tuple(to_array(observation.position), to_array(observation.velocity),
+                        to_array(observation.torque), to_array(observation.tip_force));
+}
+
+// A DirectSimulation, whatever its number of fingers.
+class PythonDirect {
+ public:
+  explicit PythonDirect(const RobotConfig& config)
+      : name_(config.name),
+        steps_(std::visit(
+            [](const auto& options) -> decltype(steps_) {
+              return decltype(steps_)(std::in_place_type<StepsOf<decltype(options)>>, options);
+            },
+            config.simulation)) {}
+
+  [[nodiscard]] const std::string& name() const noexcept { return name_; }
+
+  template <class Work>
+  auto visit(Work work) {
+    return std::visit(work, steps_);
+  }
+  template <class Work>
+  auto visit(Work work) const {
+    return std::visit(work, steps_);
+  }
+
+ private:
+  template <class Options>
+  struct RobotOf;
+  template <class R>
+  struct RobotOf<const SimulationOptions<R>&> {
+    using type = R;
+  };
+  template <class Options>
+  using StepsOf = DirectSteps<typename RobotOf<Options>::type>;
+
+  std::string name_;
+  std::variant<DirectSteps<TriFinger>, DirectSteps<Finger>> steps_;
+};
+
+void desire(PythonDirect& direct, nb::handle torque, nb::handle position, nb::handle position_kp,
+            nb::handle position_kd, nb::handle kp, nb::handle kd, nb::handle damping,
+            double max_torque) {
+  direct.visit([&]<class R>(DirectSteps<R>& steps) {
+    typename R::Action action;
+    read_numbers(torque, action.torque, "torque");
+    read_numbers(position, action.position, "position");
+    read_numbers(position_kp, action.position_kp, "position_kp");
+    read_numbers(position_kd, action.position_kd, "position_kd");
+    DirectControl<R::kJoints> control{.max_torque = max_torque};
+    read_numbers(kp, control.kp, "kp");
+    read_numbers(kd, control.kd, "kd");
+    read_numbers(damping, control.damping, "damping");
+    steps.desire(action, control);
+  });
+}
+
+bool step(PythonDirect& direct) {
+  return direct.visit([](auto& steps) { return steps.step(); });
+}
+
+nb::tuple to_tuple(const PythonDirect& direct, bool is_applied) {
+  return direct.visit([&](const auto& steps) {
+    const auto& action = is_applied ? steps.applied : steps.desired;
+    return nb::make_tuple(to_array(action.torque), to_array(action.position),
+                          to_array(action.position_kp), to_array(action.position_kd));
+  });
+}
+
+RowMajor rows_of(const PythonDirect& direct) {
+  return direct.visit([](const auto& steps) {
+    const auto& rows = steps.rows;
+    RowMajor matrix(static_cast<Eigen::Index>(rows.size()),
+                    static_cast<Eigen::Index>(std::remove_cvref_t<decltype(steps)>::kRow));
+    Eigen::Index i = 0;
+    for (const auto& row : rows) {
+      matrix.row(i++) = Eigen::Map<const Eigen::RowVectorXd>(row.data(), matrix.cols());
+    }
+    return matrix;
+  });
+}
+
+constexpr const char* kActionDocs =
+    "torque [Nm], position [rad], position_kp [Nm/rad] and position_kd [Nms/rad]";
+
+}  // namespace
+
+void bind_direct(nb::module_& m) {
+  nb::class_<PythonDirect>(m, "DirectSimulation", docs::DirectSimulation::DirectSimulation)
+      .def(
+          "__init__",
+          [](PythonDirect* self, const std::string& config, const nb::dict& overrides) {
+            new (self) PythonDirect(load_config(config, overrides));
+          },
+          "config"_a = "sim", "overrides"_a = nb::dict(),
+          nb::sig(
+              "def __init__(self, config: str = 'sim', overrides: dict[str, object] = {}) -> None"),
+          "`config` is the name of a configuration that comes with the package, or a file. "
+          "`overrides` changes\nsingle values.")
+      .def("__repr__",
+           [](const PythonDirect& direct) {
+             return "<DirectSimulation of '" + direct.name() + "'>";
+           })
+      .def("desire", &desire, "torque"_a, "position"_a, "position_kp"_a, "position_kd"_a, "kp"_a,
+           "kd"_a, "damping"_a, "max_torque"_a,
+           nb::sig("def desire(self, torque: numpy.typing.ArrayLike, position: "
+                   "numpy.typing.ArrayLike, position_kp: numpy.typing.ArrayLike, position_kd: "
+                   "numpy.typing.ArrayLike, kp: numpy.typing.ArrayLike, kd: "
+                   "numpy.typing.ArrayLike, damping: numpy.typing.ArrayLike, max_torque: float) "
+                   "-> None"),
+           also("The action for the next step: its torques and those of its positions, clipped to "
+                "`max_torque`\n[Nm], damped and clipped again.",
+                "A position that is NaN asks for nothing, and a gain that is NaN stands for `kp` "
+                "[Nm/rad] or `kd`\n[Nms/rad]. `damping` [Nms/rad] acts always.")
+               .c_str())
+      .def("step", &step,
+           "Moves on by one step. False if the simulation has diverged: a number is not finite "
+           "any more.")
+      .def(
+          "act",
+          [](PythonDirect& direct, nb::handle torque, nb::handle position, nb::handle position_kp,
+             nb::handle position_kd, nb::handle kp, nb::handle kd, nb::handle damping,
+             double max_torque) {
+            desire(direct, torque, position, position_kp, position_kd, kp, kd, damping, max_torque);
+            return step(direct);
+          },
+          "torque"_a, "position"_a, "position_kp"_a, "position_kd"_a, "kp"_a, "kd"_a, "damping"_a,
+          "max_torque"_a,
+          nb::sig("def act(self, torque: numpy.typing.ArrayLike, position: "
+                  "numpy.typing.ArrayLike, position_kp: numpy.typing.ArrayLike, position_kd: "
+                  "numpy.typing.ArrayLike, kp: numpy.typing.ArrayLike, kd: "
+                  "numpy.typing.ArrayLike, damping: numpy.typing.ArrayLike, max_torque: float) -> "
+                  "bool"),
+          "desire() and step() in one call.")
+      .def(
+          "observation",
+          [](const PythonDirect& direct) {
+            return direct.visit(
+                [](const auto& steps) { return to_tuple(steps.simulation.observation()); });
+          },
+          nb::sig("def observation(self) -> tuple[numpy.typing.NDArray[numpy.float64], ...]"),
+          "The measurements now, in new arrays: position [rad], velocity [rad/s], torque [Nm] and "
+          "tip_force [N].\nThe last two are those of the last step.")
+      .def(
+          "observation_before",
+          [](const PythonDirect& direct) {
+            return direct.visit([](const auto& steps) { return to_tuple(steps.before); });
+          },
+          nb::sig(
+              "def observation_before(self) -> tuple[numpy.typing.NDArray[numpy.float64], ...]"),
+          "Like observation(), just before the newest step; the torque is that of the step.")
+      .def(
+          "desired", [](const PythonDirect& direct) { return to_tuple(direct, false); },
+          nb::sig("def desired(self) -> tuple[numpy.typing.NDArray[numpy.float64], ...]"),
+          (std::string("What was asked for last: ") + kActionDocs + ".").c_str())
+      .def(
+          "applied", [](const PythonDirect& direct) { return to_tuple(direct, true); },
+          nb::sig("def applied(self) -> tuple[numpy.typing.NDArray[numpy.float64], ...]"),
+          (std::string("What follows from it: ") + kActionDocs + ".").c_str())
+      .def(
+          "keep_steps",
+          [](PythonDirect& direct, bool is_kept) {
+            direct.visit([is_kept](auto& steps) { steps.is_kept = is_kept; });
+          },
+          "keep"_a = true, "Whether the next steps are kept for kept_steps().")
+      .def(
+          "kept_steps", [](const PythonDirect& direct) { return Array<RowMajor>{rows_of(direct)}; },
+          "A row for each step: torque and position that were asked for, then position, velocity, "
+          "torque and\ntip_force of the observation before the step.")
+      .def(
+          "set_joints",
+          [](PythonDirect& direct, nb::handle position, nb::handle velocity) {
+            direct.visit([&]<class R>(DirectSteps<R>& steps) {
+              steps.simulation.set_joints(to_numbers<R::kJoints>(position, "position"),
+                                          to_numbers<R::kJoints>(velocity, "velocity"));
+            });
+          },
+          "position"_a, "velocity"_a,
+          nb::sig("def set_joints(self, position: numpy.typing.ArrayLike, velocity: "
+                  "numpy.typing.ArrayLike) -> None"),
+          docs::DirectSimulation::set_joints)
+      .def(
+          "place_object",
+          [](PythonDirect& direct, const std::string& name, nb::handle position,
+             nb::handle orientation) {
+            const ObjectPose pose{.position = to_numbers<3>(position, "position"),
+                                  .orientation = to_numbers<4>(orientation, "orientation")};
+            direct.visit([&](auto& steps) { steps.simulation.place_object(name, pose); });
+          },
+          "name"_a, "position"_a, "orientation"_a,
+          nb::sig("def place_object(self, name: str, position: numpy.typing.ArrayLike, "
+                  "orientation: numpy.typing.ArrayLike) -> None"),
+          also(docs::DirectSimulation::place_object,
+               "The pose is `position` x, y, z [m] and `orientation`, a quaternion w, x, y, z.")
+              .c_str())
+      .def(
+          "continue_from",
+          [](PythonDirect& direct, const PythonDirect& other) {
+            direct.visit([&]<class R>(DirectSteps<R>& steps) {
+              other.visit([&]<class Other>(const DirectSteps<Other>& others) {
+                if constexpr (std::is_same_v<R, Other>) {
+                  steps.continue_from(others);
+                } else {
+                  throw InvalidArgument("the other simulation has another number of fingers");
+                }
+              });
+            });
+          },
+          "other"_a, docs::DirectSimulation::continue_from)
+      .def(
+          "set_object_velocity",
+          [](PythonDirect& direct, const std::string& name, nb::handle linear, nb::handle angular) {
+            const ObjectVelocity velocity{.linear = to_numbers<3>(linear, "linear"),
+                                          .angular = to_numbers<3>(angular, "angular")};
+            direct.visit(
+                [&](auto& steps) { steps.simulation.set_object_velocity(name, velocity); });
+          },
+          "name"_a, "linear"_a, "angular"_a,
+          nb::sig("def set_object_velocity(self, name: str, linear: numpy.typing.ArrayLike, "
+                  "angular: numpy.typing.ArrayLike) -> None"),
+          "Sets an object in motion from where it is: velocity of its centre [m/s] and angular "
+          "velocity [rad/s]\nin the world frame.")
+      .def(
+          "push_object",
+          [](PythonDirect& direct, const std::string& name, nb::handle force, nb::handle moment) {
+            direct.visit([&](auto& steps) {
+              steps.simulation.push_object(name, to_numbers<3>(force, "force"),
+                                           to_numbers<3>(moment, "moment"));
+            });
+          },
+          "name"_a, "force"_a, "moment"_a,
+          nb::sig("def push_object(self, name: str, force: numpy.typing.ArrayLike, moment: "
+                  "numpy.typing.ArrayLike) -> None"),
+          docs::DirectSimulation::push_object)
+      .def(
+          "set_object_mass",
+          [](PythonDirect& direct, const std::string& name, double mass) {
+            direct.visit([&](auto& steps) { steps.simulation.set_object_mass(name, mass); });
+          },
+          "name"_a, "mass"_a, docs::DirectSimulation::set_object_mass)
+      .def(
+          "object_pose",
+          [](const PythonDirect& direct, const std::string& name) {
+            return direct.visit([&](const auto& steps) {
+              const ObjectPose pose = steps.simulation.object_pose(name);
+              return nb::make_tuple(to_array(pose.position), to_array(pose.orientation));
+            });
+          },
+          "name"_a,
+          nb::sig("def object_pose(self, name: str) -> tuple[numpy.typing.NDArray[numpy.float64], "
+                  "numpy.typing.NDArray[numpy.float64]]"),
+          "Position [m] and quaternion w, x, y, z of an object now.")
+      .def(
+          "object_velocity",
+          [](const PythonDirect& direct, const std::string& name) {
+            return direct.visit([&](const auto& steps) {
+              const ObjectVelocity velocity = steps.simulation.object_velocity(name);
+              return nb::make_tuple(to_array(velocity.linear), to_array(velocity.angular));
+            });
+          },
+          "name"_a,
+          nb::sig("def object_velocity(self, name: str) -> "
+                  "tuple[numpy.typing.NDArray[numpy.float64], "
+                  "numpy.typing.NDArray[numpy.float64]]"),
+          "Velocity of an object's centre [m/s] and angular velocity [rad/s], in the world frame.")
+      .def(
+          "configuration",
+          [](const PythonDirect& direct) {
+            return direct.visit([](const auto& steps) {
+              const auto position = steps.simulation.configuration_position();
+              const auto velocity = steps.simulation.configuration_velocity();
+              Eigen::VectorXd values(static_cast<Eigen::Index>(position.size() + velocity.size()));
+              std::ranges::copy(velocity, std::ranges::copy(position, values.data()).out);
+              return Array<Eigen::VectorXd>{std::move(values)};
+            });
+          },
+          docs::DirectSimulation::configuration_position);
+}
+
+}  // namespace trifinger::bindings

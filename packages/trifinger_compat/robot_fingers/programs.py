@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Programs that run a robot for the programs of users: `trifinger_backend`, `pybullet_backend`."""
+
+import argparse
+import signal
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import trifinger
+from robot_interfaces.py_generic import RobotBackendTerminationReason
+from robot_interfaces.py_trifinger_types import MultiProcessData
+from trifinger.log.original import export
+from trifinger_compat.robot_data import RobotBackend
+
+CUBE = "[{name: cube, type: cube, size: [0.065], mass: 0.094, position: [0, 0, 0.0325]}]"
+PERIOD, DELAY = 0.1, 0.09  # of poses and images [s]
+
+
+def _dice() -> str:
+    from trifinger_simulation.tasks import rearrange_dice
+
+    return "[{}]".format(
+        ", ".join(
+            f"{{name: die_{i}, type: cube, size: [0.022], mass: 0.012, position: {list(place)}}}"
+            for i, place in enumerate(rearrange_dice.sample_goal())
+        )
+    )
+
+
+def simulation_overrides(scene: str, *, has_cameras: bool) -> dict[str, object]:
+    """What the configuration of a TriFingerPro needs to be the original's simulated platform."""
+    values: dict[str, object] = {
+        "objects": {"cube": CUBE, "dice": _dice() if scene == "dice" else "", "none": "[]"}[scene],
+        "simulation.object_period": PERIOD,
+        "simulation.object_delay": DELAY,
+    }
+    if has_cameras:
+        values |= {
+            "cameras.source": "simulated",
+            "cameras.calibration": "figures",
+            "cameras.rate": 1 / PERIOD,
+            "cameras.exposure": 0.0015,
+            "cameras.gain": 0,
+            "cameras.size": 540,
+            "cameras.pixels": "bayer_rggb8",
+            "cameras.devices": "[]",
+            "cameras.delay": DELAY,
+            "cameras.varies": "false",
+        }
+    return values
+
+
+def _run(backend: RobotBackend, arguments: Any, record: str | None) -> int:
+    signal.signal(signal.SIGTERM, lambda *_: backend.ask_to_end())
+    if arguments.ready_indicator is not None:
+        arguments.ready_indicator.touch()
+    print("The robot is ready.", flush=True)
+    try:
+        reason = backend.wait_until_terminated()
+    except KeyboardInterrupt:
+        backend.request_shutdown()
+        reason = backend.wait_until_terminated()
+    if record is not None:
+        _save(record, arguments)
+    is_error = reason < 0
+    print(f"The robot has ended: {RobotBackendTerminationReason(reason).name}.", flush=True)
+    return -reason if is_error else 0
+
+
+def _save(record: str, arguments: Any) -> None:
+    session = trifinger.Log(record).session(arguments.name)
+    with tempfile.TemporaryDirectory() as folder:
+        files = {path.name: path for path in export(session, Path(folder))}
+        for name, target in (
+            ("robot_data.dat", arguments.robot_logfile),
+            ("camera_data.dat", arguments.camera_logfile),
+        ):
+            if target is not None and name in files:
+                target.write_bytes(files[name].read_bytes())
+
+
+def _add_common(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("-a", "--max-number-of-actions", type=int, default=0)
+    parser.add_argument("-t", "--first-action-timeout", type=float, default=float("inf"))
+    parser.add_argument("--robot-logfile", type=Path, help="robot_data.dat; needs -a")
+    parser.add_argument("--camera-logfile", type=Path, help="camera_data.dat; needs -a")
+    parser.add_argument("--ready-indicator", type=Path, help="a file that is made when it is ready")
+    parser.add_argument("--name", default="trifinger", help="name of the session")
+
+
+def _start(
+    parser: argparse.ArgumentParser,
+    arguments: Any,
+    config: str,
+    overrides: dict[str, object],
+    real_time: bool,
+) -> int:
+    has_log = arguments.robot_logfile is not None or arguments.camera_logfile is not None
+    if has_log and not arguments.max_number_of_actions:
+        parser.error("--robot-logfile and --camera-logfile need --max-number-of-actions")
+    data = MultiProcessData(arguments.name, True)
+    with tempfile.TemporaryDirectory() as folder:
+        record = folder if has_log else None
+        backend = RobotBackend(
+            data,
+            config,
+            overrides,
+            real_time=real_time,
+            first_action_timeout=arguments.first_action_timeout,
+            max_number_of_actions=arguments.max_number_of_actions,
+            record=record,
+        )
+        return _run(backend, arguments, record)
+
+
+def pybullet_backend(words: Sequence[str] | None = None) -> int:
+    """Runs a simulated TriFingerPro for programs of users; it needs no PyBullet."""
+    parser = argparse.ArgumentParser(prog="pybullet_backend", description=pybullet_backend.__doc__)
+    _add_common(parser)
+    parser.add_argument("-r", "--real-time-mode", action="store_true")
+    parser.add_argument("--object", choices=("cube", "dice", "none"), default="cube")
+    parser.add_argument("--cameras", action="store_true", help="poses of the object; always there")
+    parser.add_argument("--render-images", action="store_true", help="images of three cameras")
+    parser.add_argument("-v", "--visualize", action="store_true", help="says how to see the robot")
+    arguments = parser.parse_args(words)
+    if arguments.visualize:
+        print(f"`trifinger view {arguments.name}` shows the robot in a browser.", flush=True)
+    overrides = simulation_overrides(arguments.object, has_cameras=arguments.render_images)
+    return _start(parser, arguments, "trifinger_pro", overrides, arguments.real_time_mode)
+
+
+def trifinger_backend(words: Sequence[str] | None = None) -> int:
+    """Runs the robot of a configuration of this project for programs of users."""
+    parser = argparse.ArgumentParser(
+        prog="trifinger_backend", description=trifinger_backend.__doc__
+    )
+    _add_common(parser)
+    parser.add_argument("--config", required=True, help="a configuration: its name or its file")
+    for name in ("--cameras-with-tracker", "--object", "--config-dir"):
+        parser.add_argument(name, help="is said by the configuration here")
+    parser.add_argument("-c", "--cameras", help="is said by the configuration here", nargs="?")
+    arguments = parser.parse_args(words)
+    return _start(parser, arguments, arguments.config, {}, True)
+
+
+if __name__ == "__main__":
+    sys.exit(pybullet_backend())

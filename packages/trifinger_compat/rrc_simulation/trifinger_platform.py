@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""A TriFingerPro with a cube and three cameras, with the figures of 2020-08."""
+
+from typing import Any
+
+from trifinger_compat.generation import FIRST
+from trifinger_compat.types import Numbers, PoseLike
+from trifinger_simulation import camera
+from trifinger_simulation.trifinger_platform import (
+    CameraObservation as CameraObservation,
+    ObjectPose as ObjectPose,
+    TriCameraObservation as TriCameraObservation,
+    TriFingerPlatform as _TriFingerPlatform,
+)
+
+from rrc_simulation import trifingerpro_limits
+from rrc_simulation.sim_finger import SimFinger
+
+
+class _Spaces:
+    """Ranges of everything, each also as a space of Gymnasium."""
+
+    robot_torque = trifingerpro_limits.robot_torque
+    robot_position = trifingerpro_limits.robot_position
+    robot_velocity = trifingerpro_limits.robot_velocity
+    object_position = trifingerpro_limits.object_position
+    object_orientation = trifingerpro_limits.object_orientation
+
+
+class TriFingerPlatform(_TriFingerPlatform):
+    """A simulated TriFingerPro; a step takes 4 ms, and the cube's pose is new at each step."""
+
+    spaces = _Spaces
+    _finger_class = SimFinger
+
+    def __init__(
+        self,
+        visualization: bool = False,
+        initial_robot_position: Numbers | None = None,
+        initial_object_pose: PoseLike | None = None,
+        enable_cameras: bool = False,
+        **options: Any,
+    ) -> None:
+        """Arguments are those of trifinger_simulation.TriFingerPlatform."""
+        options.setdefault("time_step_s", FIRST.time_step)
+        options.setdefault("camera_delay_steps", FIRST.camera_delay_steps)
+        options.setdefault("object_mass", 0.02)
+        super().__init__(
+            visualization, initial_robot_position, initial_object_pose, enable_cameras, **options
+        )
+        self.camera_rate_fps = FIRST.camera_rate
+
+    @property
+    def tricamera(self) -> Any:
+        """The three cameras, made when they are first needed."""
+        if self._tricamera is None:
+            size = (FIRST.image_size, FIRST.image_size)
+            self._tricamera = camera.TriFingerCameras(
+                image_size=size, pybullet_client_id=self.simfinger._pybullet_client_id
+            )
+        return self._tricamera
+
+    @tricamera.setter
+    def tricamera(self, cameras: Any) -> None:
+        self._tricamera = cameras

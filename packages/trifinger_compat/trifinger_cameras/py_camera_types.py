@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""A single camera."""
+
+from typing import Any, TypeAlias
+
+import numpy as np
+from trifinger_compat.camera_backends import (
+    CameraBackend as Backend,
+    CameraLogger as Logger,
+    SingleProcessCameras as SingleProcessData,
+    _RealDriver,
+)
+from trifinger_compat.camera_series import (
+    RunningCameras as MultiProcessData,
+    TriCameraFrontend as Frontend,
+)
+from trifinger_compat.types import Array
+from trifinger_simulation.trifinger_platform import CameraObservation as CameraObservation
+
+BaseData = SingleProcessData
+# Programs of 2020 make images with it; an array is one here.
+cvMat = np.asarray  # noqa: N816
+
+__all__ = [
+    "Backend",
+    "BaseData",
+    "CameraInfo",
+    "CameraObservation",
+    "CameraParameters",
+    "Frontend",
+    "Image",
+    "Logger",
+    "MultiProcessData",
+    "OpenCVDriver",
+    "PylonDriver",
+    "SingleProcessData",
+    "cvMat",
+]
+
+Image: TypeAlias = Any
+
+
+class CameraParameters:
+    """What calibration says of a camera."""
+
+    def __init__(self) -> None:
+        self.image_width = 0
+        self.image_height = 0
+        self.camera_matrix: Array = np.zeros((3, 3))
+        self.distortion_coefficients: Array = np.zeros((1, 5))
+        self.tf_world_to_camera: Array = np.zeros((4, 4))
+
+
+class CameraInfo(CameraParameters):
+    """The same, with the number of images per second."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.frame_rate_fps = 0.0
+
+
+class OpenCVDriver(_RealDriver):
+    """A webcam."""
+
+
+class PylonDriver(_RealDriver):
+    """An industrial camera."""

@@ -1,0 +1,255 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Cameras that a program runs itself, and loggers of images.
+
+Cameras of a robot belong to its own processes here: `trifinger cameras` and `trifinger track`.
+What a program can run itself are the cameras of a simulated robot.
+"""
+
+import threading
+import time
+from collections import deque
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trifinger
+from trifinger.errors import Error
+from trifinger_simulation.trifinger_platform import (
+    ObjectPose,
+    TriCameraObjectObservation,
+    TriCameraObservation,
+)
+
+from trifinger_compat import camera_series
+from trifinger_compat.robot_data import BaseData
+from trifinger_compat.types import wxyz
+
+RATE = 10  # images of each camera per second [Hz]
+
+
+class SingleProcessCameras:
+    """The series of cameras of this process."""
+
+    def __init__(self, history_size: int = 1000) -> None:
+        self.history_size = history_size
+        self._elements: deque[tuple[int, float, Any]] = deque(maxlen=history_size)
+        self._changed = threading.Condition()
+        self._count = 0
+        self._info: Any = None
+
+    def append(self, observation: Any) -> None:
+        """Adds an observation that comes now."""
+        with self._changed:
+            self._elements.append((self._count, time.time() * 1000, observation))
+            self._count += 1
+            self._changed.notify_all()
+
+    def newest(self) -> int:
+        """The number of the newest observation; waits for the first one."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._count > 0)
+            return self._count - 1
+
+    def range(self) -> tuple[int, int]:
+        """The first number that can be read, and the one after the newest."""
+        with self._changed:
+            return self._count - len(self._elements), self._count
+
+    def element(self, t: int, has_object: bool = False) -> tuple[float, Any]:
+        """Time of arrival [ms] and observation number `t`; waits for it."""
+        del has_object
+        with self._changed:
+            self._changed.wait_for(lambda: self._count > t)
+            oldest = self._count - len(self._elements)
+            if t < oldest:
+                raise ValueError(f"observation {t} was overwritten; the oldest one is {oldest}")
+            _, stamp, observation = self._elements[t - oldest]
+            return stamp, observation
+
+    def info(self) -> Any:
+        """What is known about the cameras."""
+        return self._info
+
+
+class _RealDriver:
+    """Real cameras; a program cannot open them itself."""
+
+    def __init__(self, *_: Any, **__: Any) -> None:
+        raise NotImplementedError(
+            "cameras run beside their robot here: `trifinger run ROBOT` starts them, as its "
+            "configuration says (docs/cameras.md); read them with a Frontend"
+        )
+
+
+class TriCameraDriver(_RealDriver):
+    """Three real cameras."""
+
+
+class TriCameraObjectTrackerDriver(_RealDriver):
+    """Three real cameras and the tracker of the object."""
+
+
+class PyBulletTriCameraDriver:
+    """The cameras of a simulated robot that runs in a back-end. It needs no PyBullet."""
+
+    has_object = False
+
+    def __init__(self, robot_data: BaseData, render_images: bool = True) -> None:
+        self._data = robot_data
+        self._render = render_images
+        self._renderer: trifinger.CameraRenderer | None = None
+        self._objects: trifinger.Frontend | None = None
+        self._object = ""
+
+    def get_observation(self) -> Any:
+        """What the cameras see now."""
+        robot = self._data.robot
+        observation: Any = (
+            TriCameraObjectObservation() if self.has_object else TriCameraObservation()
+        )
+        joints = robot.latest_observation()["position"]
+        pose = self._find_object(robot)
+        now = time.time()
+        for each in observation.cameras:
+            each.timestamp = now
+        if self.has_object:
+            if pose is None:
+                raise Error("the robot has no object; its configuration needs one")
+            observation.object_pose, observation.filtered_object_pose = pose, pose
+        if self._render:
+            for each, image in zip(observation.cameras, self._images(joints, pose), strict=True):
+                each.image = image
+        return observation
+
+    def _find_object(self, robot: trifinger.Frontend) -> ObjectPose | None:
+        if self._objects is None:
+            try:
+                self._objects = robot.companion("object")
+            except trifinger.SessionNotFound:
+                return None
+            names = self._objects.observation_dtype.names or ()
+            self._object = next(name for name in names if name != "stamp")
+        end = self._objects.range("observation")[1]
+        if end == 0:
+            return None
+        found = self._objects.get_observation(end - 1)[self._object]
+        pose = ObjectPose()
+        w, x, y, z = found["orientation"]
+        pose.position = np.array(found["position"])
+        pose.orientation = np.array([x, y, z, w])
+        pose.timestamp = time.time()
+        return pose
+
+    def _images(self, joints: Any, pose: ObjectPose | None) -> list[Any]:
+        if self._renderer is None:
+            objects: list[dict[str, object]] = []
+            if pose is not None:
+                objects = [{"name": "cube", "type": "cube"}]
+            self._renderer = trifinger.CameraRenderer("trifinger_pro", {"objects": objects})
+        parts = [np.asarray(joints, dtype=float)]
+        if pose is not None:
+            parts += [pose.position, wxyz(pose.orientation)]
+        return list(self._renderer.render(np.concatenate(parts), 0))
+
+
+class PyBulletTriCameraObjectTrackerDriver(PyBulletTriCameraDriver):
+    """The same with the pose of the object."""
+
+    has_object = True
+
+    def __init__(
+        self, tracked_object: Any, robot_data: BaseData, render_images: bool = True
+    ) -> None:
+        del tracked_object  # the robot knows its object
+        super().__init__(robot_data, render_images)
+
+
+class CameraBackend:
+    """Takes images with a driver, ten times per second, in a thread of its own."""
+
+    def __init__(self, driver: Any, camera_data: SingleProcessCameras) -> None:
+        """The images are for this process; those of a running robot are for all."""
+        if not isinstance(camera_data, SingleProcessCameras):
+            raise NotImplementedError(
+                "cameras for several processes belong to the configuration of the robot "
+                "(docs/cameras.md); give SingleProcessData for cameras of this process"
+            )
+        self._driver, self._data = driver, camera_data
+        self._is_ending = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        while True:
+            self._data.append(self._driver.get_observation())
+            if self._is_ending.wait(1 / RATE):
+                return
+
+    def shutdown(self) -> None:
+        """Ends the thread."""
+        self._is_ending.set()
+        self._thread.join()
+
+
+class CameraLogger:
+    """Keeps images from start() on, up to a number of them, in memory."""
+
+    def __init__(self, camera_data: Any, buffer_limit: int) -> None:
+        self._data, self._limit = camera_data, buffer_limit
+        self._elements: list[tuple[float, Any]] = []
+        self._is_ending = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def start(self) -> None:
+        """Begins to keep images."""
+        if self._thread is None:
+            self._is_ending.clear()
+            self._thread = threading.Thread(target=self._run, daemon=True)
+            self._thread.start()
+
+    def _run(self) -> None:
+        t = self._data.newest()
+        while len(self._elements) < self._limit:
+            while t <= self._data.newest() and len(self._elements) < self._limit:
+                self._elements.append(self._data.element(t, True))
+                t += 1
+            if self._is_ending.wait(0.02):
+                return
+
+    def stop(self) -> None:
+        """Keeps no more."""
+        if self._thread is not None:
+            self._is_ending.set()
+            self._thread.join()
+            self._thread = None
+
+    def reset(self) -> None:
+        """Forgets all images and keeps no more."""
+        self.stop()
+        self._elements = []
+
+    def stop_and_save(self, filename: str | Path) -> None:
+        """Stops, and writes what was kept."""
+        self.stop()
+        stamps = [stamp for stamp, _ in self._elements]
+        camera_series.save(filename, stamps, [each for _, each in self._elements])
+
+    def stop_and_save_hdf5(self, filename: str | Path) -> None:
+        """Stops, and writes what was kept as HDF5. Needs h5py."""
+        self.stop()
+        import h5py
+
+        if not self._elements:
+            raise Error(f"there are no images to write to {filename}")
+        observations = [each for _, each in self._elements]
+        images = np.array([[each.image for each in one.cameras] for one in observations])
+        times = np.array([[each.timestamp for each in one.cameras] for one in observations])
+        with h5py.File(filename, "w") as file:
+            attributes = {"magic": 0x3CDA7A00, "format_version": 2, "format_version_minor": 1}
+            attributes |= {"num_cameras": 3, "image_width": images.shape[3]}
+            attributes["image_height"] = images.shape[2]
+            for name, value in attributes.items():
+                file.attrs[name] = value
+            file["images"] = images
+            file["timestamps"] = times
+            file["sensor_data_timestamps"] = np.array([stamp for stamp, _ in self._elements])

@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Running somebody's policy in the simulation, and replaying what it has logged."""
+
+import pickle
+import subprocess
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from trifinger.errors import Error
+from trifinger_simulation.trifinger_platform import TriFingerPlatform
+
+
+class EvaluationError(Error):
+    """A policy failed, or its log does not show what the simulation does."""
+
+
+def run_policy(words: Sequence[str], log: Path) -> None:
+    """Runs a policy, which must write its log; raises EvaluationError."""
+    log.unlink(missing_ok=True)
+    done = subprocess.run(words, check=False)
+    if done.returncode != 0:
+        raise EvaluationError(f"{' '.join(words[:2])} failed with the status {done.returncode}")
+    if not log.is_file():
+        raise EvaluationError(f"{' '.join(words[:2])} has not written {log}")
+
+
+def read_pickle(path: str | Path) -> Any:
+    """The content of a file that the same user's program has written."""
+    with Path(path).open("rb") as file:
+        return pickle.load(file)  # noqa: S301  # the format of the original
+
+
+def write_pickle(path: Path, content: Any) -> None:
+    """Writes a file for read_pickle()."""
+    with path.open("wb") as file:
+        pickle.dump(content, file)
+
+
+def replay(
+    path: str | Path,
+    cost: Callable[[int, Any], float],
+    *,
+    length: int,
+    decimals: int | None,
+    initial_pose: Any = None,
+) -> float:
+    """Applies the actions of a log again and returns minus the sum of `cost(t, object pose)`.
+
+    Raises EvaluationError if robot or object differ: from `decimals` digits on, or at all if that
+    is None.
+    """
+    log = read_pickle(path)
+    actions = log["actions"]
+    if len(actions) != length:
+        raise EvaluationError(f"{path} has {len(actions)} actions, must have {length}")
+    begin = log["initial_object_pose"]
+    if initial_pose is not None:
+        _compare(begin.position, initial_pose.position, decimals, "the object's first position", 0)
+    platform = TriFingerPlatform(
+        visualization=False,
+        initial_robot_position=log["initial_robot_position"],
+        initial_object_pose=begin,
+    )
+    total = 0.0
+    for entry in actions:
+        t = platform.append_desired_action(entry["action"])
+        if entry["t"] != t:
+            raise EvaluationError(f"{path} has index {entry['t']} at step {t}")
+        robot, logged = platform.get_robot_observation(t), entry["robot_observation"]
+        _compare(robot.position, logged.position, decimals, "the joints' position", t)
+        _compare(robot.velocity, logged.velocity, decimals, "the joints' velocity", t)
+        pose, logged_pose = platform.get_camera_observation(t).object_pose, entry["object_pose"]
+        _compare(pose.position, logged_pose.position, decimals, "the object's position", t)
+        _compare(pose.orientation, logged_pose.orientation, decimals, "its orientation", t)
+        total += cost(t, platform.get_camera_observation(t).filtered_object_pose)
+    last = platform.cube.get_state()
+    final = log["final_object_pose"]["pose"]
+    digits = 3 if decimals is not None else None
+    _compare(last[0], final.position, digits, "the object's last position", length)
+    return -total
+
+
+def _compare(value: Any, logged: Any, decimals: int | None, what: str, t: int) -> None:
+    is_equal = (
+        np.array_equal(value, logged)
+        if decimals is None
+        else np.allclose(value, logged, rtol=0, atol=1.5 * 10**-decimals)
+    )
+    if not is_equal:
+        raise EvaluationError(f"{what} at step {t} is {value}, but the log has {logged}")

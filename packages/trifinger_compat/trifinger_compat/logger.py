@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Keeping the series of a robot, and writing them to files of the original."""
+
+import enum
+import threading
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from trifinger.errors import Error, HistoryLost
+from trifinger.log.original import (
+    ACTION_FIELDS,
+    OBSERVATION_FIELDS,
+    row_type,
+    set_times,
+    write_robot_csv,
+    write_robot_log,
+)
+
+from trifinger_compat.robot_data import BaseData
+
+BLOCK = 500  # steps that are read at once
+
+
+class Format(enum.Enum):
+    """Formats of log files."""
+
+    BINARY = 0
+    CSV = 1
+    CSV_GZIP = 2
+
+
+_Format = Format
+
+
+class BaseLogger:
+    """Keeps the steps of a robot from start() on, up to a number of them, in memory.
+
+    `trifinger record` writes to a file while the robot runs, and can keep any number of steps.
+    """
+
+    Format = _Format
+
+    def __init__(self, robot_data: BaseData, buffer_limit: int = 0) -> None:
+        """`buffer_limit` is the number of steps that are kept at most; 0: any number."""
+        self._data = robot_data
+        self._limit = buffer_limit
+        self._rows: list[NDArray[np.void]] = []
+        self._thread: threading.Thread | None = None
+        self._is_ending = threading.Event()
+        self._filename: str | Path | None = None
+        data = robot_data
+        self._row_type = row_type(data.action_class.JOINTS, data.observation_class.TIPS)
+
+    def start(self, filename: str | Path | None = None) -> None:
+        """Begins to keep steps. Programs of 2020 give the file for stop() here."""
+        if self._thread is not None:
+            return
+        self._filename = filename
+        self._is_ending.clear()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Keeps the steps until now, and no more."""
+        if self._thread is not None:
+            self._is_ending.set()
+            self._thread.join()
+            self._thread = None
+        if self._filename is not None:
+            self.stop_and_save(self._filename, Format.CSV)
+
+    def reset(self) -> None:
+        """Forgets all steps and keeps no more."""
+        self._filename = None
+        self.stop()
+        self._rows = []
+
+    def stop_and_save(self, filename: str | Path, log_format: _Format = _Format.BINARY) -> None:
+        """Stops, and writes what was kept."""
+        self._filename = None
+        self.stop()
+        _save(filename, self._all_rows(), log_format)
+
+    def save_current_robot_data(
+        self, filename: str | Path, start_index: int = 0, end_index: int = -1
+    ) -> None:
+        """Writes steps that can still be read, as text; the last index is not included."""
+        _save(filename, self._current(start_index, end_index), Format.CSV)
+
+    def save_current_robot_data_binary(
+        self, filename: str | Path, start_index: int = 0, end_index: int = -1
+    ) -> None:
+        """Writes steps that can still be read; the last index is not included."""
+        _save(filename, self._current(start_index, end_index), Format.BINARY)
+
+    def _current(self, start: int, end: int) -> NDArray[np.void]:
+        first, newest = self._data.robot.range("status")
+        return self._read(max(first, start), newest if end < 0 else min(end, newest))
+
+    def _all_rows(self) -> NDArray[np.void]:
+        if not self._rows:
+            return np.zeros(0, dtype=self._row_type)
+        return np.concatenate(self._rows)
+
+    def _run(self) -> None:
+        robot = self._data.robot
+        next_step = robot.range("status")[1]
+        kept = sum(map(len, self._rows))
+        while True:
+            # What is there when the end is asked for is kept.
+            is_ending = self._is_ending.wait(0.05)
+            first, end = robot.range("status")
+            end = min(end, robot.range("applied_action")[1])
+            next_step = max(next_step, first)
+            while next_step < end and (not self._limit or kept < self._limit):
+                last = min(end, next_step + BLOCK)
+                if self._limit:
+                    last = min(last, next_step + self._limit - kept)
+                try:
+                    rows = self._read(next_step, last)
+                except HistoryLost as error:
+                    next_step = error.oldest
+                    continue
+                self._rows.append(rows)
+                kept += len(rows)
+                next_step = last
+            if is_ending:
+                return
+
+    def _read(self, first: int, last: int) -> NDArray[np.void]:
+        rows = np.zeros(max(0, last - first), dtype=self._row_type)
+        if not len(rows):
+            return rows
+        robot = self._data.robot
+        statuses = robot.get_statuses(first, last)
+        observations = robot.get_observations(first, last)
+        rows["time_index"] = np.arange(first, last)
+        set_times(rows, statuses["time"] * 1e-9 + self._data._since_1970)
+        rows["action_repetitions"] = statuses["action_repeats"]
+        rows["error_status"] = np.where(statuses["fault_code"] >= 16, 2, 0)
+        for name in OBSERVATION_FIELDS:
+            if f"observation_{name}" in (self._row_type.names or ()):
+                values: Any = observations[name]
+                is_force = name == "tip_force"
+                values = np.clip(values / 5 + 0.05, 0, 1) if is_force else values
+                rows[f"observation_{name}"] = values
+        desired = robot.get_desired_actions(first, last)
+        applied = robot.get_applied_actions(first, last)
+        for name in ACTION_FIELDS:
+            rows[f"desired_action_{name}"] = desired[name]
+            rows[f"applied_action_{name}"] = applied[name]
+        return rows
+
+
+def _save(filename: str | Path, rows: NDArray[np.void], log_format: Format) -> None:
+    if not len(rows):
+        raise Error(f"there are no steps to write to {filename}")
+    if log_format is Format.BINARY:
+        write_robot_log(filename, rows)
+    else:
+        write_robot_csv(filename, rows, is_compressed=log_format is Format.CSV_GZIP)

@@ -1,0 +1,410 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What programs of the original stack use, and what becomes of it here.
+
+The command `trifinger compat-check`, the tests and docs/coming_from_the_original.md have this one
+table. `path` says where a name is found: "module:attribute.attribute". Members of objects belong
+to a class, such as "trifinger_simulation:TriFingerPlatform.append_desired_action"; what only an
+instance has is listed in INSTANCE_MEMBERS.
+"""
+
+from dataclasses import dataclass
+
+SAME, DIFFERS, MISSING = "works", "works, differs", "does not work"
+
+_TS = "trifinger_simulation"
+_P = f"{_TS}:TriFingerPlatform"
+_SF = f"{_TS}:SimFinger"
+_L = f"{_TS}.trifingerpro_limits:"
+_MC = f"{_TS}.tasks.move_cube:"
+_MCT = f"{_TS}.tasks.move_cube_on_trajectory:"
+_RD = f"{_TS}.tasks.rearrange_dice:"
+_CE = f"{_TS}.gym_wrapper.envs.cube_env:"
+_VO = f"{_TS}.visual_objects:"
+_FTD = f"{_TS}.finger_types_data:"
+_TP = f"{_TS}.trifinger_platform:"
+_RI = "robot_interfaces"
+_RF = "robot_fingers"
+_K = "robot_properties_fingers:Kinematics"
+_OT = "trifinger_object_tracking"
+_RLDS = "trifinger_rl_datasets"
+
+_DRAWN_BY_NOBODY = "markers are kept, and drawn by nobody; `trifinger view` shows goals"
+_OPAQUE = "a number that markers, objects and cameras take; PyBullet does not know it"
+_OTHERS = "of a package of its own, which works on top of this one: install it with --no-deps"
+
+
+@dataclass(frozen=True)
+class Symbol:
+    """A name of the original."""
+
+    sites: int  # how often programs use it
+    name: str  # as facts and documents call it
+    path: str  # where it is here
+    verdict: str = SAME
+    note: str = ""
+
+
+def _all(sites: int, *names: tuple[str, str] | tuple[str, str, str, str]) -> list[Symbol]:
+    return [Symbol(sites, *name) for name in names]
+
+
+# In the order of use: 160 names are 92 % of all places.
+RANKED: list[Symbol] = [
+    *_all(235, ("P.simfinger", f"{_P}.simfinger")),
+    *_all(115, ("mc.sample_goal", f"{_MC}sample_goal")),
+    *_all(109, ("Goal.position", f"{_MC}Pose.position")),
+    *_all(106, ("mc.Pose", f"{_MC}Pose")),
+    *_all(85, ("RO.position", f"{_TS}:Observation.position")),
+    *_all(78, ("P.get_camera_observation", f"{_P}.get_camera_observation")),
+    *_all(
+        71, ("Pose.position", f"{_MC}Pose.position"), ("mc.Pose.from_dict", f"{_MC}Pose.from_dict")
+    ),
+    *_all(65, ("Goal.orientation", f"{_MC}Pose.orientation")),
+    *_all(59, ("P.append_desired_action", f"{_P}.append_desired_action")),
+    *_all(
+        56,
+        (
+            "SF.reset_finger_positions_and_velocities",
+            f"{_SF}.reset_finger_positions_and_velocities",
+        ),
+    ),
+    *_all(54, ("P.get_robot_observation", f"{_P}.get_robot_observation")),
+    *_all(50, ("CO.object_pose", f"{_TS}:TriCameraObjectObservation.object_pose")),
+    *_all(48, ("P.Action", f"{_P}.Action")),
+    *_all(47, ("ts.TriFingerPlatform", _P)),
+    *_all(46, ("L.robot_torque.default", f"{_L}robot_torque.default")),
+    *_all(44, ("L.robot_position.default", f"{_L}robot_position.default")),
+    *_all(
+        43,
+        ("Pose.orientation", f"{_MC}Pose.orientation"),
+        ("mc.episode_length", f"{_MC}episode_length"),
+    ),
+    *_all(41, ("SF._pybullet_client_id", f"{_SF}._pybullet_client_id", DIFFERS, _OPAQUE)),
+    *_all(
+        40, ("CO.filtered_object_pose", f"{_TS}:TriCameraObjectObservation.filtered_object_pose")
+    ),
+    *_all(
+        39,
+        ("CO.cameras", f"{_TS}:TriCameraObservation.cameras"),
+        ("mc.evaluate_state", f"{_MC}evaluate_state"),
+    ),
+    *_all(38, ("mc._CUBE_WIDTH", f"{_MC}_CUBE_WIDTH")),
+    *_all(37, ("RO.velocity", f"{_TS}:Observation.velocity")),
+    *_all(35, ("ri.trifinger.Action", f"{_RI}:trifinger.Action")),
+    *_all(34, ("mct.EPISODE_LENGTH", f"{_MCT}EPISODE_LENGTH")),
+    *_all(31, ("RO.torque", f"{_TS}:Observation.torque"), ("SF.Action", f"{_SF}.Action")),
+    *_all(
+        29,
+        ("S.robot_torque.gym", f"{_P}.spaces.robot_torque.gym"),
+        ("mc._ARENA_RADIUS", f"{_MC}_ARENA_RADIUS"),
+    ),
+    *_all(
+        28,
+        ("CE.ActionType.POSITION", f"{_CE}ActionType.POSITION"),
+        ("L.robot_position.high", f"{_L}robot_position.high"),
+        ("L.robot_position.low", f"{_L}robot_position.low"),
+        ("L.robot_torque.high", f"{_L}robot_torque.high"),
+        ("L.robot_torque.low", f"{_L}robot_torque.low"),
+        ("rf.TriFingerPlatformFrontend", f"{_RF}:TriFingerPlatformFrontend"),
+    ),
+    *_all(
+        27,
+        ("P.forward_kinematics", f"{_P}.forward_kinematics"),
+        ("SF.append_desired_action", f"{_SF}.append_desired_action"),
+    ),
+    *_all(
+        26,
+        ("L.object_position.high", f"{_L}object_position.high"),
+        ("L.object_position.low", f"{_L}object_position.low"),
+        ("L.robot_velocity.high", f"{_L}robot_velocity.high"),
+        ("L.robot_velocity.low", f"{_L}robot_velocity.low"),
+    ),
+    *_all(25, ("SF.get_observation", f"{_SF}.get_observation")),
+    *_all(
+        24,
+        ("CE.ActionType.TORQUE", f"{_CE}ActionType.TORQUE"),
+        ("rd.EPISODE_LENGTH", f"{_RD}EPISODE_LENGTH"),
+    ),
+    *_all(
+        23,
+        ("PlatformLog.get_last_timeindex", f"{_RF}:TriFingerPlatformLog.get_last_timeindex"),
+        ("mc._CUBOID_SIZE", f"{_MC}_CUBOID_SIZE"),
+    ),
+    *_all(22, ("RO.tip_force", f"{_TS}:Observation.tip_force")),
+    *_all(21, ("S", f"{_P}.spaces"), ("SF.max_motor_torque", f"{_SF}.max_motor_torque")),
+    *_all(
+        20,
+        ("L.object_orientation.high", f"{_L}object_orientation.high"),
+        ("L.object_orientation.low", f"{_L}object_orientation.low"),
+        ("ts.Action", f"{_TS}:Action"),
+    ),
+    *_all(
+        19,
+        ("CO.cameras[].timestamp", f"{_TS}:CameraObservation.timestamp"),
+        ("mc.validate_goal", f"{_MC}validate_goal"),
+    ),
+    *_all(
+        18,
+        ("SF.pinocchio_utils", f"{_SF}.pinocchio_utils"),
+        ("ts.SimFinger", _SF),
+        ("vo.CubeMarker", f"{_VO}CubeMarker", DIFFERS, _DRAWN_BY_NOBODY),
+    ),
+    *_all(
+        16,
+        ("P.get_timestamp_ms", f"{_P}.get_timestamp_ms"),
+        ("PlatformLog.get_first_timeindex", f"{_RF}:TriFingerPlatformLog.get_first_timeindex"),
+        ("S.robot_position.gym", f"{_P}.spaces.robot_position.gym"),
+        ("mc.Pose.from_json", f"{_MC}Pose.from_json"),
+        ("mc._max_height", f"{_MC}_max_height"),
+    ),
+    *_all(15, ("P.get_current_timeindex", f"{_P}.get_current_timeindex")),
+    *_all(
+        14,
+        ("CE.RandomInitializer", f"{_CE}RandomInitializer"),
+        ("P.get_object_pose", f"{_P}.get_object_pose"),
+        ("mc.random", f"{_MC}random"),
+    ),
+    *_all(
+        13,
+        ("Goal.to_dict", f"{_MC}Pose.to_dict"),
+        ("Kinematics()", _K),
+        ("mct.get_active_goal", f"{_MCT}get_active_goal"),
+    ),
+    *_all(
+        12,
+        ("CE.ActionType.TORQUE_AND_POSITION", f"{_CE}ActionType.TORQUE_AND_POSITION"),
+        ("K.inverse_kinematics", f"{_K}.inverse_kinematics"),
+        ("L.n_fingers", f"{_L}n_fingers"),
+        ("Marker.set_state", f"{_VO}Marker.set_state", DIFFERS, _DRAWN_BY_NOBODY),
+        ("P.wait_until_timeindex", f"{_RF}:TriFingerPlatformFrontend.wait_until_timeindex"),
+    ),
+    *_all(
+        11,
+        ("ftd.get_finger_urdf", f"{_FTD}get_finger_urdf"),
+        ("rd.sample_goal", f"{_RD}sample_goal"),
+        ("rf.TriFingerPlatformLog", f"{_RF}:TriFingerPlatformLog"),
+        (
+            "rf.TriFingerPlatformWithObjectFrontend",
+            f"{_RF}:TriFingerPlatformWithObjectFrontend",
+        ),
+    ),
+    *_all(
+        10,
+        ("S.robot_position.default", f"{_P}.spaces.robot_position.default"),
+        ("mc.InvalidGoalError", f"{_MC}InvalidGoalError"),
+        ("rf.TriFingerPlatformWithObjectLog", f"{_RF}:TriFingerPlatformWithObjectLog"),
+    ),
+    *_all(9, ("mc._min_height", f"{_MC}_min_height"), ("robot_fingers", f"{_RF}:")),
+    *_all(
+        8,
+        ("K.forward_kinematics", f"{_K}.forward_kinematics"),
+        ("K.inverse_kinematics_one_finger", f"{_K}.inverse_kinematics_one_finger"),
+        ("cam.utils.convert_image", "trifinger_cameras.utils:convert_image"),
+        ("mc.get_cube_corner_positions", f"{_MC}get_cube_corner_positions"),
+    ),
+    *_all(
+        7,
+        ("SF._get_latest_observation", f"{_SF}._get_latest_observation"),
+        (
+            "TriFingerDatasetEnv.get_dataset",
+            f"{_RLDS}:TriFingerDatasetEnv.get_dataset",
+            DIFFERS,
+            _OTHERS,
+        ),
+        ("mc._max_cube_com_distance_to_center", f"{_MC}_max_cube_com_distance_to_center"),
+        ("mct.sample_goal", f"{_MCT}sample_goal"),
+    ),
+    *_all(
+        6,
+        ("Action.position", f"{_TS}:Action.position"),
+        ("Goal.to_json", f"{_MC}Pose.to_json"),
+        ("L.object_orientation.default", f"{_L}object_orientation.default"),
+        ("SF.kinematics", f"{_SF}.kinematics"),
+        ("mc._base_orientations", f"{_MC}_base_orientations"),
+        ("mct.INITIAL_CUBE_POSITION", f"{_MCT}INITIAL_CUBE_POSITION"),
+        ("mct.Position", f"{_MCT}Position"),
+        ("mct.Trajectory", f"{_MCT}Trajectory"),
+        ("ot.py_tricamera_types.LogReader", f"{_OT}.py_tricamera_types:LogReader"),
+        ("rd.Goal", f"{_RD}Goal"),
+        ("rd.evaluate_state", f"{_RD}evaluate_state"),
+        ("rd.generate_goal_mask", f"{_RD}generate_goal_mask"),
+        ("rd.seed", f"{_RD}seed"),
+        ("rd.validate_goal", f"{_RD}validate_goal"),
+    ),
+    *_all(
+        5,
+        ("Action.torque", f"{_TS}:Action.torque"),
+        ("CO.cameras[].image", f"{_TS}:CameraObservation.image"),
+        ("P.get_desired_action", f"{_P}.get_desired_action"),
+        ("P.store_action_log", f"{_P}.store_action_log"),
+        ("SF.number_of_fingers", f"{_SF}.number_of_fingers"),
+        ("robot_interfaces", f"{_RI}:"),
+        ("vo.CuboidMarker", f"{_VO}CuboidMarker", DIFFERS, _DRAWN_BY_NOBODY),
+    ),
+    *_all(
+        4,
+        ("ObjectType.COLORED_CUBE", f"{_TP}ObjectType.COLORED_CUBE"),
+        ("P.spaces", f"{_P}.spaces"),
+        ("S.robot_position", f"{_P}.spaces.robot_position"),
+        ("SF.finger_urdf_path", f"{_SF}.finger_urdf_path"),
+        ("ftd.get_valid_finger_types", f"{_FTD}get_valid_finger_types"),
+        ("mct.GOAL_DIFFICULTY", f"{_MCT}GOAL_DIFFICULTY"),
+        ("mct.seed", f"{_MCT}seed"),
+        ("mct.validate_goal", f"{_MCT}validate_goal"),
+        ("ri.trifinger", f"{_RI}:trifinger"),
+        ("rlds.PolicyBase", f"{_RLDS}:PolicyBase", DIFFERS, _OTHERS),
+        (
+            "rrc_2022_datasets.utils.get_pose_from_keypoints",
+            "rrc_2022_datasets.utils:get_pose_from_keypoints",
+            DIFFERS,
+            _OTHERS,
+        ),
+        ("vo.Marker", f"{_VO}Marker", DIFFERS, _DRAWN_BY_NOBODY),
+    ),
+    *_all(
+        3,
+        ("CE.CubeEnv", f"{_CE}CubeEnv"),
+        ("ObjectType.DICE", f"{_TP}ObjectType.DICE"),
+        ("P.wait_until_time_index", f"{_RF}:TriFingerPlatformFrontend.wait_until_time_index"),
+        ("SF.position_gains", f"{_SF}.position_gains"),
+        ("SF.velocity_gains", f"{_SF}.velocity_gains"),
+        ("mct.evaluate_state", f"{_MCT}evaluate_state"),
+    ),
+    *_all(
+        2,
+        ("Action.position_kd", f"{_TS}:Action.position_kd"),
+        ("Action.position_kp", f"{_TS}:Action.position_kp"),
+        ("CE.FixedInitializer", f"{_CE}FixedInitializer"),
+        ("LogReader.data", f"{_OT}.py_tricamera_types:LogReader.data"),
+        ("P.camera_rate_fps", f"{_P}.camera_rate_fps"),
+        ("P.enable_cameras", f"{_P}.enable_cameras"),
+        ("P.get_applied_action", f"{_P}.get_applied_action"),
+        ("S.object_orientation.default", f"{_P}.spaces.object_orientation.default"),
+        ("S.object_position.default", f"{_P}.spaces.object_position.default"),
+        ("SF._set_desired_action", f"{_SF}._set_desired_action"),
+        ("SF._step_simulation", f"{_SF}._step_simulation"),
+        ("cam.py_tricamera_types.LogReader", "trifinger_cameras.py_tricamera_types:LogReader"),
+        ("ftd.finger_types_data", f"{_FTD}finger_types_data"),
+        ("ftd.get_number_of_fingers", f"{_FTD}get_number_of_fingers"),
+        ("mc._CUBOID_HALF_SIZE", f"{_MC}_CUBOID_HALF_SIZE"),
+        ("mct.FIRST_GOAL_DURATION", f"{_MCT}FIRST_GOAL_DURATION"),
+        ("mct.GOAL_DURATION", f"{_MCT}GOAL_DURATION"),
+        ("rlds.PolicyConfig", f"{_RLDS}:PolicyConfig", DIFFERS, _OTHERS),
+        ("rlds.TriFingerDatasetEnv", f"{_RLDS}:TriFingerDatasetEnv", DIFFERS, _OTHERS),
+        ("vo.SphereMaker", f"{_VO}SphereMaker", DIFFERS, _DRAWN_BY_NOBODY),
+    ),
+    *_all(
+        1,
+        ("CollObj.get_state", f"{_TS}.collision_objects:Cube.get_state"),
+        ("K.compute_jacobian", f"{_K}.compute_jacobian"),
+        ("P.get_time_step", f"{_P}.get_time_step"),
+        ("S.robot_position.gym.high", f"{_P}.spaces.robot_position.gym.high"),
+        ("S.robot_position.gym.low", f"{_P}.spaces.robot_position.gym.low"),
+        ("SF.time_step_s", f"{_SF}.time_step_s"),
+        (
+            "rlds.evaluate_sim.load_policy_class",
+            f"{_RLDS}.evaluate_sim:load_policy_class",
+            DIFFERS,
+            _OTHERS,
+        ),
+        ("vo.CubeMarker2", f"{_VO}CubeMarker2", DIFFERS, _DRAWN_BY_NOBODY),
+    ),
+]
+
+# The other names that programs use: 8 % of all places.
+OTHERS: list[Symbol] = [
+    *_all(62, ("P.cube", f"{_P}.cube")),
+    *_all(56, ("SF.finger_id", f"{_SF}.finger_id", DIFFERS, _OPAQUE)),
+    *_all(34, ("SF.pybullet_link_indices", f"{_SF}.pybullet_link_indices", DIFFERS, _OPAQUE)),
+    *_all(
+        20, ("SF.pybullet_tip_link_indices", f"{_SF}.pybullet_tip_link_indices", DIFFERS, _OPAQUE)
+    ),
+    *_all(
+        10,
+        ("ts.camera.TriFingerCameras", f"{_TS}.camera:TriFingerCameras"),
+        ("ts.sample.random_joint_positions", f"{_TS}.sample:random_joint_positions"),
+    ),
+    *_all(
+        7,
+        (
+            "ot.py_lightblue_segmenter.segment_image",
+            f"{_OT}.py_lightblue_segmenter:segment_image",
+            DIFFERS,
+            "found by colour, not by a trained classifier",
+        ),
+    ),
+    *_all(6, ("ts.camera.CameraParameters", f"{_TS}.camera:CameraParameters")),
+    *_all(5, ("ts.collision_objects.Block", f"{_TS}.collision_objects:Block")),
+    *_all(
+        4,
+        ("ot.py_tricamera_types.CubeVisualizer", f"{_OT}.py_tricamera_types:CubeVisualizer"),
+        ("ri.finger", f"{_RI}:finger"),
+        ("ts.camera.load_camera_parameters", f"{_TS}.camera:load_camera_parameters"),
+        (
+            "ts.drivers.create_single_finger_backend",
+            "rrc_simulation.drivers:create_single_finger_backend",
+        ),
+        (
+            "ts.drivers.create_trifinger_backend",
+            "rrc_simulation.drivers:create_trifinger_backend",
+        ),
+    ),
+    *_all(
+        3,
+        ("cam.camera.cvMat", "trifinger_cameras.camera:cvMat"),
+        ("ot.py_object_tracker.Data", f"{_OT}.py_object_tracker:Data"),
+        ("ot.py_object_tracker.SimulationBackend", f"{_OT}.py_object_tracker:SimulationBackend"),
+    ),
+    *_all(
+        2,
+        ("ot.py_object_tracker.Frontend", f"{_OT}.py_object_tracker:Frontend"),
+        ("ts.camera.Camera", f"{_TS}.camera:Camera"),
+        ("P.tricamera", f"{_P}.tricamera"),
+    ),
+    *_all(
+        1,
+        ("cam.tricamera.Backend", "trifinger_cameras.py_tricamera_types:Backend"),
+        (
+            "cam.tricamera.PyBulletTriCameraDriver",
+            "trifinger_cameras.py_tricamera_types:PyBulletTriCameraDriver",
+        ),
+        ("ot.py_object_tracker.ObjectPose", f"{_OT}.py_object_tracker:ObjectPose"),
+        ("ot.py_object_tracker.get_model_by_name", f"{_OT}.py_object_tracker:get_model_by_name"),
+    ),
+]
+
+SYMBOLS = RANKED + OTHERS
+
+PACKAGES = (
+    "trifinger_simulation",
+    "rrc_simulation",
+    "robot_interfaces",
+    "robot_fingers",
+    "trifinger_cameras",
+    "trifinger_object_tracking",
+    "robot_properties_fingers",
+)
+
+# Calls of PyBullet, by what they need.
+PYBULLET = {
+    "resetDebugVisualizerCamera": "views belong to `trifinger view`; remove the call",
+    "configureDebugVisualizer": "views belong to `trifinger view`; remove the call",
+    "startStateLogging": "`trifinger film` makes a film of a log",
+    "getQuaternionFromEuler": "use scipy.spatial.transform.Rotation.from_euler(..).as_quat()",
+    "getEulerFromQuaternion": "use scipy.spatial.transform.Rotation.from_quat(..).as_euler('xyz')",
+    "getMatrixFromQuaternion": "use scipy.spatial.transform.Rotation.from_quat(..).as_matrix()",
+    "resetBasePositionAndOrientation": "use platform.cube.set_state(position, orientation)",
+    "getBasePositionAndOrientation": "use platform.cube.get_state()",
+    "createVisualShape": "use trifinger_simulation.visual_objects",
+    "createMultiBody": "use trifinger_simulation.visual_objects or collision_objects",
+    "isConnected": "a simulation here always is; remove the call",
+    "changeDynamics": "give TriFingerPlatform(object_mass=..)",
+    "getJointStates": "use simfinger.get_observation(t)",
+    "calculateInverseDynamics": "use trifinger.Kinematics(..).gravity_torques(q)",
+    "calculateJacobian": "use simfinger.kinematics.compute_jacobian(finger, q)",
+    "applyExternalForce": "use trifinger.Simulation(..).push_object(name, force)",
+    "getContactPoints": "use tip_force of an observation",
+    "stepSimulation": "use simfinger._step_simulation()",
+    "setTimeStep": "give TriFingerPlatform(time_step_s=..)",
+}
+PYBULLET_ELSE = "there is no PyBullet below this simulation; see docs/coming_from_the_original.md"

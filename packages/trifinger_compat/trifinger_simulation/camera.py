@@ -1,0 +1,241 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Simulated cameras. Images are drawn by this project's renderer, without noise."""
+
+from collections.abc import Sequence
+from math import radians, tan
+from pathlib import Path
+from typing import IO, Any, NamedTuple
+
+import numpy as np
+import trifinger
+from scipy.spatial.transform import Rotation
+from trifinger_compat.camera_files import IDS, MATRICES, data_folder, matrix_text, parse, to_matrix
+from trifinger_compat.types import Array, Image, Numbers
+from trifinger_compat.world import world_of
+
+# What TriFingerCameras are by default: position [m] and orientation x, y, z, w, as OpenCV has it.
+_SIMPLE_POSES = (
+    ((0.2496, 0.2458, 0.4190), (0.3760, 0.8690, -0.2918, -0.1354)),
+    ((0.0047, -0.2834, 0.4558), (0.9655, -0.0098, -0.0065, -0.2603)),
+    ((-0.2470, 0.2513, 0.3943), (-0.3633, 0.8686, -0.3141, 0.1220)),
+)
+
+
+def calib_data_to_matrix(data: dict[str, Any]) -> Array:
+    """The matrix of a calibration file's {rows, cols, data}."""
+    return to_matrix(data)
+
+
+def rbg_to_bayer_bg(image: Image) -> Image:
+    """The Bayer mosaic of an RGB image: rows R G and G B, height x width."""
+    bayer = np.array(image[:, :, 1])
+    bayer[0::2, 0::2] = image[0::2, 0::2, 0]
+    bayer[1::2, 1::2] = image[1::2, 1::2, 2]
+    return bayer
+
+
+class CameraParameters(NamedTuple):
+    """A calibrated camera."""
+
+    name: str
+    width: int
+    height: int
+    camera_matrix: Array
+    distortion_coefficients: Array
+    tf_world_to_camera: Array
+
+    @classmethod
+    def load(cls, stream: IO[str]) -> "CameraParameters":
+        """Reads a calibration file."""
+        content = parse(stream.read())
+        matrices = [to_matrix(content[name]) for name in MATRICES]
+        size = content["image_width"], content["image_height"]
+        return cls(content["camera_name"], *size, matrices[0], matrices[1], matrices[2])
+
+    def dump(self, stream: IO[str]) -> None:
+        """Writes a calibration file."""
+        text = f"camera_name: {self.name}\n"
+        text += f"image_height: {self.height}\nimage_width: {self.width}\n"
+        for name, matrix in zip(MATRICES, self[3:], strict=True):
+            text += matrix_text(name, np.asarray(matrix))
+        stream.write(text)
+
+
+def load_camera_parameters(
+    config_dir: str | Path, filename_pattern: str = "camera{id}.yml"
+) -> list[CameraParameters]:
+    """Reads the calibration files of the cameras 60, 180 and 300."""
+    parameters = []
+    for camera_id in IDS:
+        with Path(config_dir, filename_pattern.format(id=camera_id)).open() as file:
+            parameters.append(CameraParameters.load(file))
+    return parameters
+
+
+class BaseCamera:
+    """A camera of a simulation."""
+
+    def __init__(self, described: trifinger.Camera, pybullet_client_id: int) -> None:
+        self._described = described
+        self._pybullet_client_id = pybullet_client_id
+        self._renderer: trifinger.CameraRenderer | None = None
+        self._rendered: object = None
+        self._number = 0
+
+    def get_image(self, renderer: Any = None) -> Image:  # noqa: ARG002  # there is one renderer
+        """What the camera sees now: RGB, height x width x 3."""
+        world = world_of(self._pybullet_client_id)
+        if self._renderer is None or self._rendered is not world.core:
+            configuration = world.core.configuration()  # builds the core, if need be
+            self._renderer = trifinger.CameraRenderer(
+                world.config,
+                world.overrides,
+                calibration=trifinger.CameraCalibration([self._described]).text(),
+                pixels="rgb8",
+                read_noise=0.0,
+                shot_noise=0.0,
+            )
+            self._rendered = world.core
+        configuration = world.core.configuration()
+        return self._renderer.render(configuration, 0)[0]
+
+    def get_bayer_image(self, renderer: Any = None) -> Image:
+        """The same as a Bayer mosaic, rows R G and G B: height x width x 1."""
+        return rbg_to_bayer_bg(self.get_image(renderer))[:, :, None]
+
+    def get_width(self) -> int:
+        """Width of the image [pixel]."""
+        return self._described.width
+
+    def get_height(self) -> int:
+        """Height of the image [pixel]."""
+        return self._described.height
+
+
+class Camera(BaseCamera):
+    """A camera without distortion, at a pose [m], x, y, z, w; z looks forward and y down."""
+
+    def __init__(
+        self,
+        camera_position: Numbers,
+        camera_orientation: Numbers,
+        image_size: tuple[int, int] = (540, 540),
+        field_of_view: float = 52,
+        near_plane_distance: float = 0.001,  # noqa: ARG002  # nothing is that near or far
+        far_plane_distance: float = 100.0,  # noqa: ARG002
+        pybullet_client_id: int = 0,
+    ) -> None:
+        """`image_size` is width and height [pixel], `field_of_view` that of the height [degree]."""
+        width, height = image_size
+        focal_length = height / 2 / tan(radians(field_of_view) / 2)
+        pose = np.eye(4)
+        pose[:3, :3] = Rotation.from_quat(camera_orientation).as_matrix()
+        pose[:3, 3] = np.asarray(camera_position, dtype=float)
+        lens = trifinger.Lens([focal_length] * 2, [(width - 1) / 2, (height - 1) / 2])
+        super().__init__(
+            trifinger.Camera("camera", width, height, "rgb8", lens, pose), pybullet_client_id
+        )
+
+
+class CalibratedCamera(BaseCamera):
+    """A camera whose lens and pose were measured."""
+
+    def __init__(
+        self,
+        camera_matrix: Numbers,
+        distortion_coefficients: Numbers,
+        tf_world_to_camera: Numbers,
+        image_size: tuple[int, int],
+        near_plane_distance: float = 0.02,  # noqa: ARG002  # nothing is that near or far
+        far_plane_distance: float = 2.0,  # noqa: ARG002
+        pybullet_client_id: int = 0,
+    ) -> None:
+        """`image_size` is width and height [pixel]."""
+        width, height = image_size
+        matrix = np.asarray(camera_matrix, dtype=float)
+        distortion = np.zeros(5)
+        given = np.ravel(np.asarray(distortion_coefficients, dtype=float))[:5]
+        distortion[: len(given)] = given
+        lens = trifinger.Lens(
+            [matrix[0, 0], matrix[1, 1]], [matrix[0, 2], matrix[1, 2]], distortion
+        )
+        from_world = np.asarray(tf_world_to_camera, dtype=float)
+        # The stored matrices are means, and not quite rotations.
+        u, _, v = np.linalg.svd(from_world[:3, :3])
+        rotation = u @ v
+        pose = np.eye(4)
+        pose[:3, :3] = rotation.T
+        pose[:3, 3] = -rotation.T @ from_world[:3, 3]
+        super().__init__(
+            trifinger.Camera("camera", width, height, "rgb8", lens, pose), pybullet_client_id
+        )
+
+
+class CameraArray:
+    """Several cameras."""
+
+    def __init__(self, cameras: Sequence[BaseCamera]) -> None:
+        self.cameras: list[Any] = list(cameras)
+
+    def get_images(self, renderer: Any = None) -> list[Image]:
+        """What the cameras see now: RGB, height x width x 3."""
+        return [
+            each.get_image() if renderer is None else each.get_image(renderer)
+            for each in self.cameras
+        ]
+
+    def get_bayer_images(self, renderer: Any = None) -> list[Image]:
+        """The same as Bayer mosaics, height x width x 1."""
+        return [rbg_to_bayer_bg(image)[:, :, None] for image in self.get_images(renderer)]
+
+
+class TriFingerCameras(CameraArray):
+    """The cameras 60, 180 and 300 without distortion; arguments are those of Camera."""
+
+    def __init__(self, **camera_kwargs: Any) -> None:
+        super().__init__([Camera(*pose, **camera_kwargs) for pose in _SIMPLE_POSES])
+
+
+def create_trifinger_camera_array(
+    camera_params: Sequence[CameraParameters],
+    pybullet_client_id: int = 0,
+    near_plane_distance: float = 0.02,
+    far_plane_distance: float = 2.0,
+) -> CameraArray:
+    """The cameras of calibrations, which must be those of 60, 180 and 300 in this order."""
+    names = [each.name for each in camera_params]
+    if names != [f"camera{camera_id}" for camera_id in IDS]:
+        raise ValueError(f"the cameras are {names}, must be camera60, camera180, camera300")
+    return CameraArray(
+        [
+            CalibratedCamera(
+                each.camera_matrix,
+                each.distortion_coefficients,
+                each.tf_world_to_camera,
+                (each.width, each.height),
+                near_plane_distance,
+                far_plane_distance,
+                pybullet_client_id,
+            )
+            for each in camera_params
+        ]
+    )
+
+
+def create_trifinger_camera_array_from_config(
+    config_dir: str | Path,
+    calib_filename_pattern: str = "camera{id}.yml",
+    pybullet_client_id: int = 0,
+    **kwargs: Any,
+) -> CameraArray:
+    """The cameras of the calibration files in a folder."""
+    parameters = load_camera_parameters(config_dir, calib_filename_pattern)
+    return create_trifinger_camera_array(parameters, pybullet_client_id, **kwargs)
+
+
+def default_cameras(pybullet_client_id: int, image_size: int) -> CameraArray:
+    """The calibrated cameras of the robot's model, 540 or 270 pixels wide."""
+    suffix = "cropped" if image_size == 540 else "cropped_and_downsampled"
+    return create_trifinger_camera_array_from_config(
+        data_folder() / "camera_params", f"camera{{id}}_{suffix}.yml", pybullet_client_id
+    )

@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Goals as patterns of text: `X` is a die, `.` is free, and `#` is beside the table."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from trifinger_simulation.tasks import rearrange_dice as _task
+
+OUTSIDE, EMPTY, DIE = "#", ".", "X"
+
+
+def create_empty_pattern() -> str:
+    """The pattern without dice: a row for each cell in x, a column for each in y."""
+    cells = range(_task.N_CELLS_PER_ROW)
+    rows = (
+        "".join(EMPTY if _task._is_cell_valid((x, y)) else OUTSIDE for y in cells) for x in cells
+    )
+    return "\n".join(rows)
+
+
+def parse_pattern(lines: str | Iterable[str]) -> list[tuple[float, float, float]]:
+    """The goal of a pattern, which ends at an empty line; raises ValueError where it is wrong."""
+    goal = []
+    lines = lines.splitlines() if isinstance(lines, str) else lines
+    rows = []
+    for line in lines:
+        if not line.strip():
+            break
+        rows.append(line.strip())
+    count = _task.N_CELLS_PER_ROW
+    if len(rows) != count or any(len(row) != count for row in rows):
+        raise ValueError(f"a pattern must have {count} rows of {count} characters")
+    for x, row in enumerate(rows):
+        for y, character in enumerate(row):
+            expected = EMPTY + DIE if _task._is_cell_valid((x, y)) else OUTSIDE
+            if character not in expected:
+                raise ValueError(
+                    f"row {x}, column {y} of the pattern is '{character}', must be one of "
+                    f"'{expected}'"
+                )
+            if character == DIE:
+                goal.append(_task._get_cell_center_position((x, y)))
+    return goal
+
+
+def parse_pattern_file(filename: str | Path) -> list[tuple[float, float, float]]:
+    """The goal of a file with a pattern."""
+    return parse_pattern(Path(filename).read_text())

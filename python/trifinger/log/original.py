@@ -1,0 +1,300 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The log files of the original stack: `robot_data.dat` and `camera_data.dat`.
+
+Robot logs have a row for each step, with the types of `row_type`. Their time stamps are in the
+format of x86's `long double`, which is decoded here, so that files can be read on every machine.
+"""
+
+import gzip
+import struct
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO, Any, BinaryIO, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trifinger._trifinger import LoggedSession
+from trifinger.arrays import Array
+from trifinger.errors import Error, NotInLog
+from trifinger.log.images import LoggedCameras
+
+ROBOT_VERSION = 2
+CAMERA_VERSION = 1
+MESSAGE_SIZE = 64  # bytes, with a zero at the end
+ACTION_FIELDS = ("torque", "position", "position_kp", "position_kd")
+OBSERVATION_FIELDS = ("position", "velocity", "torque", "tip_force")
+NEWTONS = 5.0  # of a tip force of 1
+OFFSET = 0.05  # of a tip that touches nothing
+
+# x86's long double: 64 bits of mantissa, sign and 15 bits of exponent, 6 bytes without meaning.
+_STAMP = np.dtype([("mantissa", "<u8"), ("exponent", "<u2"), ("nothing", "V6")])
+_BIAS = 16383
+
+
+def row_type(joints: int, tips: int) -> "np.dtype[np.void]":
+    """The row of a robot log, without padding."""
+    sizes = dict.fromkeys(OBSERVATION_FIELDS, joints) | {"tip_force": tips}
+    fields: list[tuple[Any, ...]] = [
+        ("time_index", "<i8"),
+        ("stamp", _STAMP),
+        ("action_repetitions", "<u4"),
+        ("error_status", "<i4"),
+        ("message", f"S{MESSAGE_SIZE}"),
+    ]
+    fields += [(f"observation_{name}", "<f8", (size,)) for name, size in sizes.items() if size]
+    for series in ("desired_action", "applied_action"):
+        fields += [(f"{series}_{name}", "<f8", (joints,)) for name in ACTION_FIELDS]
+    return np.dtype(fields)
+
+
+def set_times(rows: NDArray[np.void], seconds: Array) -> None:
+    """Writes the time stamps of rows, which are not negative [s]."""
+    fraction, exponent = np.frexp(seconds)
+    # 53 of the 64 bits come from a double; the first one is always set.
+    rows["stamp"]["mantissa"] = (fraction * 2.0**53).astype(np.uint64) << np.uint64(11)
+    rows["stamp"]["exponent"] = np.where(seconds > 0, exponent - 1 + _BIAS, 0)
+
+
+def times_of(rows: NDArray[np.void]) -> Array:
+    """The time stamps of rows [s]."""
+    mantissa = rows["stamp"]["mantissa"].astype(np.float64)
+    exponent = (rows["stamp"]["exponent"] & np.uint16(0x7FFF)).astype(np.int32)
+    sign = np.where(rows["stamp"]["exponent"] & np.uint16(0x8000), -1.0, 1.0)
+    seconds: Array = sign * np.ldexp(mantissa, exponent - _BIAS - 63)
+    return seconds
+
+
+def _open(path: Path) -> BinaryIO:
+    """Opens a file, compressed or not; raises Error if there is none."""
+    try:
+        with path.open("rb") as file:
+            is_compressed = file.read(2) == b"\x1f\x8b"
+    except OSError as error:
+        raise Error(f"the log {path} cannot be opened: {error.strerror}") from error
+    return cast(BinaryIO, gzip.open(path, "rb") if is_compressed else path.open("rb"))
+
+
+def _read(file: IO[bytes], size: int, path: Path) -> bytes:
+    try:
+        data = file.read(size)
+    except (OSError, EOFError) as error:
+        raise Error(f"the log {path} is damaged: {error}") from error
+    if len(data) < size:
+        raise Error(f"the log {path} is cut off")
+    return data
+
+
+def _read_count(file: IO[bytes], version: int, path: Path) -> int:
+    found, count = struct.unpack("<IQ", _read(file, 12, path))
+    if found != version:
+        raise Error(f"the log {path} has format version {found}, must have {version}")
+    return int(count)
+
+
+def read_robot_log(path: str | Path, joints: int, tips: int) -> NDArray[np.void]:
+    """The rows of a robot log; raises Error if it is none of such a robot."""
+    path = Path(path)
+    row = row_type(joints, tips)
+    with _open(path) as file:
+        count = _read_count(file, ROBOT_VERSION, path)
+        data = _read(file, count * row.itemsize, path)
+        if file.read(1):
+            raise Error(f"the log {path} is longer than one of a robot with {joints} joints")
+    return np.frombuffer(data, dtype=row)
+
+
+def write_robot_log(path: str | Path, rows: NDArray[np.void]) -> None:
+    """Writes a robot log, compressed."""
+    with gzip.open(path, "wb", compresslevel=6) as file:
+        file.write(struct.pack("<IQ", ROBOT_VERSION, len(rows)))
+        file.write(np.ascontiguousarray(rows).tobytes())
+
+
+def write_robot_csv(path: str | Path, rows: NDArray[np.void], *, is_compressed: bool) -> None:
+    """Writes a robot log as text with a header, separated by spaces."""
+    order = ["observation", "applied_action", "desired_action"]
+    fields = rows.dtype.names or ()
+    names = [name for kind in order for name in fields if name.startswith(kind)]
+    header = ["#time_index", "timestamp", "status_action_repetitions", "status_error_status"]
+    for name in names:
+        size = rows.dtype[name].shape[0]
+        header += [name] if size == 1 else [f"{name}_{i}" for i in range(size)]
+    with _open_text(Path(path), is_compressed) as file:
+        file.write(" ".join(header) + "\n")
+        for row, stamp in zip(rows, times_of(rows), strict=True):
+            words = [str(row["time_index"]), repr(float(stamp))]
+            words += [str(row["action_repetitions"]), str(row["error_status"])]
+            words += [repr(float(number)) for name in names for number in row[name]]
+            file.write(" ".join(words) + "\n")
+
+
+def _open_text(path: Path, is_compressed: bool) -> IO[str]:
+    return cast(IO[str], gzip.open(path, "wt") if is_compressed else path.open("w"))
+
+
+@dataclass
+class CameraEntry:
+    """An element of a camera log."""
+
+    stamp: float
+    """When it was written, since 1970 [ms]."""
+    images: list[NDArray[np.uint8]]
+    """Height x width, as the camera delivers them."""
+    times: list[float]
+    """When each image was taken, since 1970 [s]."""
+    poses: list[Array] = field(default_factory=list)
+    """None, or the pose of the object and the filtered one: x, y, z [m], quaternion x, y, z, w,
+    confidence."""
+
+
+_IMAGE_HEAD = struct.Struct("<iii?")
+
+
+def read_camera_log(path: str | Path, *, has_object: bool) -> Iterator[CameraEntry]:
+    """The elements of a log of three cameras, one by one; raises Error if it is none."""
+    path = Path(path)
+    with _open(path) as file:
+        for _ in range(_read_count(file, CAMERA_VERSION, path)):
+            yield _read_entry(file, path, has_object)
+        if file.read(1):
+            raise Error(
+                f"the log {path} has more data than expected: it was written "
+                f"{'without' if has_object else 'with'} poses of an object"
+            )
+
+
+def _read_entry(file: IO[bytes], path: Path, has_object: bool) -> CameraEntry:
+    (stamp,) = struct.unpack("<d", _read(file, 8, path))
+    entry = CameraEntry(stamp, [], [])
+    for _ in range(3):
+        rows, columns, kind, _ = _IMAGE_HEAD.unpack(_read(file, _IMAGE_HEAD.size, path))
+        channels = (kind >> 3) + 1
+        if kind & 7 or not (0 <= rows < 1 << 16 and 0 <= columns < 1 << 16):
+            # It is read at a wrong place, or of a type that no camera has.
+            raise Error(
+                f"the log {path} cannot be read: it has no image where one must be; perhaps it was "
+                f"written {'without' if has_object else 'with'} poses of an object"
+            )
+        pixels = np.frombuffer(_read(file, rows * columns * channels, path), dtype=np.uint8)
+        shape = (rows, columns) if channels == 1 else (rows, columns, channels)
+        entry.images.append(pixels.reshape(shape))
+        entry.times.append(struct.unpack("<d", _read(file, 8, path))[0])
+    if has_object:
+        numbers = np.frombuffer(_read(file, 128, path), dtype="<f8").astype(float)
+        entry.poses = [numbers[:8], numbers[8:]]
+    return entry
+
+
+def write_camera_log(path: str | Path, count: int, entries: Iterable[CameraEntry]) -> None:
+    """Writes a log of `count` elements, compressed."""
+    written = 0
+    with gzip.open(path, "wb", compresslevel=1) as file:
+        file.write(struct.pack("<IQ", CAMERA_VERSION, count))
+        for entry in entries:
+            file.write(struct.pack("<d", entry.stamp))
+            for image, time in zip(entry.images, entry.times, strict=True):
+                channels = 1 if image.ndim == 2 else image.shape[2]
+                file.write(_IMAGE_HEAD.pack(*image.shape[:2], (channels - 1) << 3, True))
+                file.write(np.ascontiguousarray(image).tobytes())
+                file.write(struct.pack("<d", time))
+            for pose in entry.poses:
+                file.write(np.asarray(pose, dtype="<f8").tobytes())
+            written += 1
+    if written != count:
+        raise Error(f"{path} should have {count} elements, has {written}")
+
+
+def export(
+    session: LoggedSession, folder: Path, first: int | None = None, last: int | None = None
+) -> list[Path]:
+    """Writes a session to `robot_data.dat` and, if it has cameras, `camera_data.dat`.
+
+    Returns the files. Tip forces become numbers from 0 to 1, as the original has them.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    robot = folder / "robot_data.dat"
+    write_robot_log(robot, robot_rows(session, first, last))
+    if not any(companion.name.endswith(".cameras") for companion in session.companions):
+        return [robot]
+    camera = folder / "camera_data.dat"
+    entries = list(_camera_entries(session))
+    write_camera_log(camera, len(entries), entries)
+    return [robot, camera]
+
+
+def _given(series: NDArray[Any] | None) -> NDArray[Any]:
+    if series is None:  # only those that nobody asked for
+        raise Error("the log lacks a series")
+    return series
+
+
+def robot_rows(session: LoggedSession, first: int | None, last: int | None) -> NDArray[np.void]:
+    """The whole steps of a session as rows of a robot log."""
+    steps = session.read(first, last)
+    observations, statuses = _given(steps.observations), _given(steps.statuses)
+    series = {
+        "desired_action": _given(steps.desired_actions),
+        "applied_action": _given(steps.applied_actions),
+    }
+    joints = observations["position"].shape[1]
+    names = observations.dtype.names or ()
+    tips = observations["tip_force"].shape[1] if "tip_force" in names else 0
+    rows = np.zeros(len(steps.time_index), dtype=row_type(joints, tips))
+    rows["time_index"] = steps.time_index
+    set_times(rows, steps.times.astype("datetime64[ns]").astype(np.int64) * 1e-9)
+    rows["action_repetitions"] = statuses["action_repeats"]
+    rows["error_status"] = np.where(statuses["fault_code"] >= 16, 2, 0)
+    for name in OBSERVATION_FIELDS[:3]:
+        rows[f"observation_{name}"] = observations[name]
+    if tips:
+        force = observations["tip_force"] / NEWTONS + OFFSET
+        rows["observation_tip_force"] = np.clip(force, 0, 1)
+    for kind, actions in series.items():
+        for name in ACTION_FIELDS:
+            rows[f"{kind}_{name}"] = actions[name]
+    return rows
+
+
+def _arrivals(companion: LoggedSession) -> NDArray[np.int64]:
+    """When the elements arrived at the robot, since 1970 [ns]."""
+    measured = companion.times.astype("datetime64[ns]").astype(np.int64)
+    stamps = companion.observations["stamp"]
+    arrivals: NDArray[np.int64] = measured + stamps["arrival_time"] - stamps["capture_time"]
+    return arrivals
+
+
+def _camera_entries(session: LoggedSession) -> Iterator[CameraEntry]:
+    cameras = LoggedCameras(session)
+    objects = next((each for each in session.companions if each.name.endswith(".object")), None)
+    poses = _poses(objects) if objects is not None else None
+    arrivals = _arrivals(cameras.companion).tolist()
+    by_index = dict(zip(cameras.companion.time_index.tolist(), arrivals, strict=True))
+    for images in cameras:
+        if not all(images.has(name) for name in cameras.names):
+            continue
+        try:
+            pixels = [images.raw(name) for name in cameras.names]
+        except NotInLog:
+            continue
+        times = [float(images.time_of(name).astype(np.int64)) * 1e-9 for name in cameras.names]
+        arrival = by_index[images.index]
+        pose = [] if poses is None else [poses(arrival)] * 2
+        yield CameraEntry(arrival * 1e-6, pixels, times, pose)
+
+
+def _poses(objects: LoggedSession) -> Callable[[int], Array]:
+    """The pose that was known at a time: x, y, z, quaternion x, y, z, w, confidence."""
+    elements = objects.observations
+    times = _arrivals(objects)
+    name = next(name for name in elements.dtype.names or () if name != "stamp")
+
+    def pose_at(time: int) -> Array:
+        i = int(np.searchsorted(times, time, side="right")) - 1
+        if i < 0:
+            return np.zeros(8)
+        w, x, y, z = elements[name]["orientation"][i]
+        return np.array([*elements[name]["position"][i], x, y, z, w, 1.0])
+
+    return pose_at

@@ -1,0 +1,185 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/sim/direct_simulation.hpp"
+
+#include <mujoco/mujoco.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+
+#include "trifinger/base/error.hpp"
+#include "trifinger/base/text_of.hpp"
+
+namespace trifinger {
+namespace {
+
+using detail::require;
+
+template <std::size_t N>
+void require_all_finite(const std::array<double, N>& values, const char* what) {
+  for (const double value : values) {
+    require(std::isfinite(value), std::string(what) + " has the value " + detail::text_of(value) +
+                                      ", must have finite numbers");
+  }
+}
+
+constexpr double kLargestTorque = 10.0;  // [Nm]; a description allows no more
+
+double or_else(double value, double other) noexcept { return std::isnan(value) ? other : value; }
+
+// NaN stays NaN; the step then says that the simulation has diverged.
+double clipped(double torque, double limit) noexcept { return std::clamp(torque, -limit, limit); }
+
+// Motors that deliver each torque at each speed.
+template <class R>
+SimulationOptions<R> with_ideal_motors(SimulationOptions<R> options) {
+  // The limits of the joints do not act, but a simulator has some.
+  if (!options.limits) options.limits = default_limits<R>(options.description);
+  ActuatorParameters motors = actuator(options.description);
+  motors.torque_limit = kLargestTorque;
+  motors.stall_torque = 1e3;
+  motors.no_load_speed = 1e4;
+  options.description.actuator = motors;
+  return options;
+}
+
+}  // namespace
+
+template <class R>
+DirectSimulation<R>::DirectSimulation(SimulationOptions<R> options)
+    : simulator_(with_ideal_motors(std::move(options))),
+      model_(simulator_.model().copy()),
+      data_(simulator_.model().make_data()),
+      state_(simulator_.make_state()) {
+  simulator_.reset(simulator_.initial_position(), Random{}, *model_, *data_, state_);
+}
+
+template <class R>
+void DirectSimulation<R>::apply_control(const Action& action, const Control& control,
+                                        Action& applied) const noexcept {
+  const Observation& now = state_.observation;
+  applied.position = action.position;
+  for (std::size_t i = 0; i < R::kJoints; ++i) {
+    applied.position_kp[i] = or_else(action.position_kp[i], control.kp[i]);
+    applied.position_kd[i] = or_else(action.position_kd[i], control.kd[i]);
+    const double wish = applied.position_kp[i] * (action.position[i] - now.position[i]) -
+                        applied.position_kd[i] * now.velocity[i];
+    const double torque = clipped(action.torque[i] + or_else(wish, 0.0), control.max_torque);
+    applied.torque[i] = clipped(torque - control.damping[i] * now.velocity[i], control.max_torque);
+  }
+}
+
+template <class R>
+bool DirectSimulation<R>::step(const Joints& torque) noexcept {
+  const bool is_finite =
+      simulator_.move(torque, *model_, *data_, state_) &&
+      std::ranges::none_of(torque, [](double value) { return std::isnan(value); });
+  state_.memory.torque = torque;
+  if (std::exchange(was_pushed_, false)) {
+    std::fill_n(data_->xfrc_applied, 6 * static_cast<std::size_t>(model_->nbody), 0.0);
+  }
+  simulator_.observe(*data_, state_);
+  return is_finite;
+}
+
+template <class R>
+void DirectSimulation<R>::set_joints(const Joints& position, const Joints& velocity) {
+  require_all_finite(position, "position");
+  require_all_finite(velocity, "velocity");
+  std::ranges::copy(position, data_->qpos);
+  std::ranges::copy(velocity, data_->qvel);
+  simulator_.observe(*data_, state_);
+}
+
+template <class R>
+void DirectSimulation<R>::place_object(const std::string& name, const ObjectPose& pose) {
+  const ObjectAddress& object = simulator_.model().object(name);
+  require_all_finite(pose.position, "position");
+  require_all_finite(pose.orientation, "orientation");
+  require(std::ranges::any_of(pose.orientation, [](double value) { return value != 0.0; }),
+          "orientation is zero, must be a quaternion");
+  simulator_.place(object, pose, *data_, state_);
+  simulator_.observe(*data_, state_);
+}
+
+template <class R>
+void DirectSimulation<R>::set_object_velocity(const std::string& name,
+                                              const ObjectVelocity& velocity) {
+  const ObjectAddress& object = simulator_.model().object(name);
+  require_all_finite(velocity.linear, "linear");
+  require_all_finite(velocity.angular, "angular");
+  simulator_.set_velocity(object, velocity, *data_);
+}
+
+template <class R>
+void DirectSimulation<R>::push_object(const std::string& name, const std::array<double, 3>& force,
+                                      const std::array<double, 3>& moment) {
+  const ObjectAddress& object = simulator_.model().object(name);
+  require_all_finite(force, "force");
+  require_all_finite(moment, "moment");
+  double* const pushed = data_->xfrc_applied + 6 * static_cast<std::ptrdiff_t>(object.body);
+  for (std::size_t i = 0; i < 3; ++i) {
+    pushed[i] += force[i];
+    pushed[3 + i] += moment[i];
+  }
+  was_pushed_ = true;
+}
+
+template <class R>
+void DirectSimulation<R>::set_object_mass(const std::string& name, double mass) {
+  const ObjectAddress& object = simulator_.model().object(name);
+  require(std::isfinite(mass) && mass > 0.0,
+          "mass is " + detail::text_of(mass) + " kg, must be above 0");
+  if (mass == model_->body_mass[object.body]) return;
+  const double factor = mass / model_->body_mass[object.body];
+  model_->body_mass[object.body] = mass;
+  for (std::ptrdiff_t axis = 0; axis < 3; ++axis) {
+    model_->body_inertia[3 * static_cast<std::ptrdiff_t>(object.body) + axis] *= factor;
+  }
+  // This works with data of its own, so that the simulation goes on where it is.
+  const RobotModel::Data scratch = simulator_.model().make_data();
+  mj_setConst(model_.get(), scratch.get());
+}
+
+template <class R>
+ObjectPose DirectSimulation<R>::object_pose(const std::string& name) const {
+  return simulator_.object_pose(simulator_.model().object(name), *data_);
+}
+
+template <class R>
+ObjectVelocity DirectSimulation<R>::object_velocity(const std::string& name) const {
+  return simulator_.object_velocity(simulator_.model().object(name), *data_);
+}
+
+template <class R>
+void DirectSimulation<R>::continue_from(const DirectSimulation& other) {
+  std::copy_n(other.data_->qpos, R::kJoints, data_->qpos);
+  std::copy_n(other.data_->qvel, R::kJoints, data_->qvel);
+  for (const ObjectAddress& object : simulator_.model().objects()) {
+    for (const ObjectAddress& its : other.simulator_.model().objects()) {
+      if (its.name != object.name) continue;
+      std::copy_n(other.data_->qpos + its.position, 7, data_->qpos + object.position);
+      std::copy_n(other.data_->qvel + its.velocity, 6, data_->qvel + object.velocity);
+      set_object_mass(object.name, other.model_->body_mass[its.body]);
+    }
+  }
+  state_.memory.torque = other.state_.memory.torque;
+  state_.memory.tip_force = other.state_.memory.tip_force;
+  simulator_.observe(*data_, state_);
+}
+
+template <class R>
+std::span<const double> DirectSimulation<R>::configuration_position() const noexcept {
+  return {data_->qpos, static_cast<std::size_t>(model_->nq)};
+}
+
+template <class R>
+std::span<const double> DirectSimulation<R>::configuration_velocity() const noexcept {
+  return {data_->qvel, static_cast<std::size_t>(model_->nv)};
+}
+
+template class DirectSimulation<TriFinger>;
+template class DirectSimulation<Finger>;
+
+}  // namespace trifinger

@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""A simulated platform in another process, for programs that want a robot."""
+
+import os
+import signal
+import subprocess
+import sys
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import trifinger
+
+PACKAGES = Path(__file__).parents[3] / "packages" / "trifinger_compat"
+
+
+def environment(**values: str) -> dict[str, str]:
+    """The environment of programs that use the packages of the original."""
+    path = os.pathsep.join([str(PACKAGES), *filter(None, sys.path)])
+    return {**os.environ, "PYTHONPATH": path, **values}
+
+
+@contextmanager
+def running(*words: str | Path, ends: bool = False) -> Iterator[str]:
+    """The name of a platform that waits for each action; it must end by itself if it `ends`."""
+    name = f"compat-{uuid.uuid4().hex[:12]}"
+    command = [sys.executable, "-m", "robot_fingers.programs", "--name", name, *map(str, words)]
+    process = subprocess.Popen(
+        command, env=environment(), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True
+    )
+    try:
+        assert process.stdout is not None
+        assert process.stdout.readline().strip() == "The robot is ready."
+        yield name
+        if not ends:
+            process.terminate()
+        status = process.wait()
+        # It may end by itself when its user has gone, and be told to end at that moment.
+        assert status == 0 or (not ends and status == -signal.SIGTERM), status
+    finally:
+        process.kill()
+        process.communicate()
+    assert name not in [info.name for info in trifinger.list_sessions()]

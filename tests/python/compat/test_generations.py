@@ -1,0 +1,370 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Environments of the old Gym, cameras, evaluation of policies, and the names of 2020."""
+
+import json
+import pickle
+import random
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+import rrc_simulation
+import trifinger_simulation
+from backend import environment
+from trifinger_cameras import utils
+from trifinger_cameras.camera_calibration_file import CameraCalibrationFile
+from trifinger_compat import evaluation, generation
+from trifinger_object_tracking import py_lightblue_segmenter, py_object_tracker
+from trifinger_object_tracking.py_tricamera_types import CubeVisualizer
+from trifinger_simulation import camera, collision_objects, sample, visual_objects
+from trifinger_simulation.gym_wrapper.envs import cube_env, cube_trajectory_env
+from trifinger_simulation.tasks import move_cube, move_cube_on_trajectory
+from trifinger_simulation.tasks.move_cube import __main__ as move_cube_program
+
+HOME = [0, 0.9, -1.7] * 3
+
+
+@pytest.mark.parametrize("action_type", cube_env.ActionType)
+def test_the_environment_of_the_cube(action_type: Any) -> None:
+    env = cube_env.CubeEnv(cube_env.RandomInitializer(4), action_type, frameskip=3)
+    with pytest.raises(RuntimeError, match="reset"):
+        env.step(env.action_space.sample())
+    env.seed(5)
+    observation = env.reset()
+    assert sorted(observation) == ["achieved_goal", "desired_goal", "observation"]
+    for _ in range(5):
+        observation, reward, is_done, info = env.step(env.action_space.sample())
+        assert reward < 0
+        assert not is_done
+        assert info == {"difficulty": 4}
+    assert env.step_count == 15
+    assert observation["observation"]["position"].shape == (9,)
+    now = env.platform.get_robot_observation(15)
+    assert np.array_equal(now.position, observation["observation"]["position"])
+    with pytest.raises(ValueError, match="action space"):
+        env.step(np.full(9, 99.0))
+
+
+def test_equal_seeds_give_equal_episodes() -> None:
+    env = cube_env.CubeEnv(cube_env.RandomInitializer(3))
+    goals = []
+    for _ in range(2):
+        env.seed(11)
+        env.reset()
+        goals.append(env.goal["position"])
+    assert np.array_equal(*goals)
+
+
+def test_an_environment_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(move_cube, "episode_length", 4)
+    pose = move_cube.Pose([0, 0, 0.0325], [0, 0, 0, 1])
+    with pytest.raises(move_cube.InvalidGoalError):
+        cube_env.FixedInitializer(1, pose, move_cube.Pose([1, 0, 0.05], [0, 0, 0, 1]))
+    env = cube_env.CubeEnv(cube_env.FixedInitializer(1, pose, pose), frameskip=2)
+    env.reset()
+    assert env.step(np.array(HOME))[2] is False
+    assert env.step(np.array(HOME))[2] is True
+    with pytest.raises(RuntimeError, match="over"):
+        env.step(np.array(HOME))
+
+
+def test_the_environment_of_trajectories() -> None:
+    env = cube_trajectory_env.CubeTrajectoryEnv(
+        cube_trajectory_env.RandomInitializer(), cube_trajectory_env.ActionType.POSITION, 2
+    )
+    observation = env.reset()
+    assert observation["achieved_goal"] == pytest.approx([0, 0, 0.0325])
+    observation, reward, is_done, info = env.step(np.array(HOME))
+    assert reward <= 0
+    assert not is_done
+    assert info["time_index"] == 1
+    goal = move_cube_on_trajectory.get_active_goal(info["trajectory"], 2)
+    assert np.array_equal(observation["desired_goal"], goal)
+
+
+@pytest.mark.parametrize("name", ["reach-v0", "push-v0"])
+def test_environments_are_registered(name: str) -> None:
+    env: Any = gymnasium.make(f"trifinger_simulation.gym_wrapper:{name}").unwrapped
+    observation = env.reset()
+    assert observation.shape == env.observation_space.shape
+    observation, reward, is_done, _ = env.step(np.zeros(9))
+    assert observation.shape == env.observation_space.shape
+    assert reward < 0
+    assert not is_done
+
+
+def test_the_simulation_of_2020_has_its_figures() -> None:
+    platform = rrc_simulation.TriFingerPlatform()
+    assert platform.get_time_step() == 0.004
+    finger = platform.simfinger
+    assert finger.max_motor_torque == 0.36
+    assert list(finger.position_gains[:3]) == [10, 10, 10]
+    assert platform.get_robot_observation(0).position[:3] == pytest.approx(
+        np.radians([0, 70, -130])
+    )
+    for i in range(5):
+        t = platform.append_desired_action(platform.Action(torque=[1.0] * 9))
+        assert t == i
+        if i == 0:  # later the damping takes from it
+            assert platform.get_applied_action(0).torque == pytest.approx([0.36] * 9)
+        assert platform.get_object_pose(t).timestamp == pytest.approx(0.004 * t)
+        assert platform.get_object_pose(t + 1).position.shape == (3,)
+    assert platform.get_timestamp_ms(5) == pytest.approx(20)
+    task = rrc_simulation.tasks.move_cube
+    assert task.episode_length == 3750
+    task.random = np.random.RandomState(2)
+    orientation = task.sample_goal(-1).orientation
+    assert list(orientation[:2]) == [0, 0]  # only a yaw
+    limits = rrc_simulation.trifingerpro_limits
+    assert limits.robot_position.low[:3] == pytest.approx([-0.9, -1.57, -2.7])
+    assert platform.spaces.robot_torque.gym.dtype == np.float32
+
+
+def test_the_environment_of_2020() -> None:
+    from rrc_simulation.gym_wrapper.envs.cube_env import ActionType, CubeEnv, RandomInitializer
+
+    env = CubeEnv(RandomInitializer(difficulty=1), ActionType.TORQUE, frameskip=10)
+    env.reset()
+    observation, _, _, _ = env.step(np.zeros(9))
+    now = env.platform.get_object_pose(10).position
+    assert np.array_equal(observation["achieved_goal"]["position"], now)
+
+
+@pytest.mark.parametrize(("name", "step"), [("2020", 0.004), ("2021", 0.001)])
+def test_the_environment_names_a_generation(name: str, step: float) -> None:
+    text = (
+        "import trifinger_simulation as ts; p = ts.TriFingerPlatform(); "
+        "print(p.get_time_step(), p._camera_delay_steps, p.simfinger.position_gains[0])"
+    )
+    said = subprocess.run(
+        [sys.executable, "-c", text],
+        env=environment(**{generation.VARIABLE: name}),
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout
+    assert said.split()[:2] == [str(step), "0"]
+
+
+def test_an_unknown_generation_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(generation.VARIABLE, "1999")
+    with pytest.raises(ValueError, match="must be one of"):
+        generation.chosen()
+
+
+def test_objects_come_and_go_while_a_finger_moves() -> None:
+    finger = trifinger_simulation.SimFinger("trifingerpro")
+    t = finger.append_desired_action(finger.Action(torque=[0.1] * 9))
+    before = finger.get_observation(t + 1)
+    block = collision_objects.Block(
+        position=[0, 0, 0.2], pybullet_client_id=finger._pybullet_client_id
+    )
+    after = finger.get_observation(t + 1)
+    assert np.array_equal(before.position, after.position)
+    assert np.array_equal(before.velocity, after.velocity)
+    assert np.array_equal(finger.get_observation(t).torque, before.torque)
+    assert block.get_state() == ([0, 0, 0.2], [0, 0, 0, 1])
+    fixed = collision_objects.Cuboid(
+        [0, 0, 0.4], [0, 0, 0, 1], [0.02, 0.02, 0.02], 0, None, finger._pybullet_client_id
+    )
+    for _ in range(100):
+        finger.append_desired_action(finger.Action(position=HOME))
+    assert block.get_state()[0][2] < 0.19
+    assert fixed.get_state()[0] == pytest.approx([0, 0, 0.4])
+    del block
+    finger.append_desired_action(finger.Action(position=HOME))
+    assert len(finger._world.items) == 1
+    with pytest.raises(ValueError, match="client id"):
+        collision_objects.Block(pybullet_client_id=12345)
+
+
+def test_markers_take_all_spellings() -> None:
+    position, orientation = [0, 0, 0.1], [0, 0, 0, 1]
+    for marker in (
+        visual_objects.CubeMarker(0.065, position, orientation, physicsClientId=0),
+        visual_objects.CubeMarker(width=0.065, position=position, orientation=orientation),
+        visual_objects.CuboidMarker(
+            (0.02, 0.08, 0.02), position, orientation, pybullet_client_id=3
+        ),
+    ):
+        marker.set_state([0, 0, 0.2], orientation)
+        assert marker.position[2] == 0.2
+    goals = visual_objects.Marker(number_of_goals=3)
+    goals.set_state([[0, 0, 0.1]] * 3)
+    assert len(goals.positions) == 3
+    assert visual_objects.SphereMaker(0.01, position, color=(1, 0, 0, 1)).radius == 0.01
+
+
+def test_random_positions_come_from_the_global_random() -> None:
+    draws = []
+    for _ in range(2):
+        random.seed(3)
+        draws.append([sample.random_joint_positions(3), sample.random_position_in_arena()])
+    assert draws[0] == draws[1]
+    angles, (x, y, z) = draws[0]
+    assert len(angles) == 9
+    assert np.hypot(x, y) <= 0.15
+    assert 0.05 <= z <= 0.15
+    finger = trifinger_simulation.SimFinger("trifingerone")
+    bounds = {"low": np.radians([-70, -70, -160] * 3), "high": np.radians([70, 0, -2] * 3)}
+    found = sample.feasible_random_joint_positions_for_reaching(finger, bounds)
+    assert np.all(found >= bounds["low"])
+    assert np.all(found <= bounds["high"])
+
+
+@pytest.mark.release
+def test_cameras_see_the_cube_where_their_calibration_says() -> None:
+    platform = trifinger_simulation.TriFingerPlatform(enable_cameras=True)
+    seen = platform.get_camera_observation(0)
+    for each in seen.cameras:
+        assert each.image.shape == (540, 540, 3)
+        assert each.image.dtype == np.uint8
+    folder = trifinger_simulation.get_data_dir() / "camera_params"
+    parameters = camera.load_camera_parameters(folder, "camera{id}_cropped.yml")
+    files = [folder / f"camera{i}_cropped.yml" for i in (60, 180, 300)]
+    drawn = CubeVisualizer("cube_v2", files).draw_cube(
+        [each.image for each in seen.cameras], seen.object_pose, opacity=1.0
+    )
+    # What the drawing covers is what changes when the cube goes.
+    platform.cube.set_state([0, 0, 0.5], [0, 0, 0, 1])
+    empty = platform.tricamera.get_images()
+    for each, with_faces, without in zip(seen.cameras, drawn, empty, strict=True):
+        covered = np.any(with_faces != each.image, axis=2)
+        changed = np.abs(each.image.astype(int) - without).max(axis=2) > 10
+        assert np.count_nonzero(covered & changed) > 0.85 * np.count_nonzero(covered)
+    with pytest.raises(ValueError, match="camera60"):
+        camera.create_trifinger_camera_array(parameters[::-1])
+
+
+@pytest.mark.release
+def test_simple_cameras_have_the_size_that_was_asked_for() -> None:
+    platform = trifinger_simulation.TriFingerPlatform()
+    cameras = camera.TriFingerCameras(
+        image_size=(90, 60), pybullet_client_id=platform.simfinger._pybullet_client_id
+    )
+    images, mosaics = cameras.get_images(), cameras.get_bayer_images()
+    assert [image.shape for image in images] == [(60, 90, 3)] * 3
+    assert [image.shape for image in mosaics] == [(60, 90, 1)] * 3
+    assert np.array_equal(mosaics[0][0::2, 0::2, 0], images[0][0::2, 0::2, 0])
+    assert np.array_equal(mosaics[0][1::2, 1::2, 0], images[0][1::2, 1::2, 2])
+    assert (cameras.cameras[0].get_width(), cameras.cameras[0].get_height()) == (90, 60)
+
+
+def test_calibration_files_survive(tmp_path: Path) -> None:
+    folder = trifinger_simulation.get_data_dir() / "camera_params"
+    assert len(list(folder.glob("camera*.yml"))) == 9
+    first = camera.load_camera_parameters(folder, "camera{id}_cropped.yml")[0]
+    assert (first.width, first.height) == (540, 540)
+    assert first.camera_matrix[0, 0] == pytest.approx(587.298)
+    expected = [-0.701913, 0.712235, -0.004805, 0.002253]
+    assert first.tf_world_to_camera[0] == pytest.approx(expected, abs=2e-5)
+    path = tmp_path / "camera60.yml"
+    with path.open("w") as file:
+        first.dump(file)
+    with path.open() as file:
+        again = camera.CameraParameters.load(file)
+    assert np.array_equal(again.tf_world_to_camera, first.tf_world_to_camera)
+    assert CameraCalibrationFile(path)["camera_matrix"].shape == (3, 3)
+
+
+def test_raw_images_become_colours() -> None:
+    colours = np.zeros((20, 20, 3), dtype=np.uint8)
+    colours[:] = (200, 100, 50)
+    raw = camera.rbg_to_bayer_bg(colours)
+    assert utils.convert_image(raw, "rgb")[10, 10].tolist() == [200, 100, 50]
+    assert utils.convert_image(raw)[10, 10].tolist() == [50, 100, 200]
+    assert utils.convert_image(raw[:, :, None], format="gray").shape == (20, 20)
+    with pytest.raises(ValueError, match="format"):
+        utils.convert_image(raw, "hsv")
+
+
+def test_dice_are_found_by_their_colour() -> None:
+    image = np.full((40, 40, 3), 90, dtype=np.uint8)
+    image[10:20, 10:20] = (0xCF, 0x7D, 0x0A)
+    mask = py_lightblue_segmenter.segment_image(image)
+    assert set(np.unique(mask)) == {0, 255}
+    assert mask[15, 15] == 255
+    assert np.count_nonzero(mask) == pytest.approx(100, abs=12)
+    with pytest.raises(RuntimeError, match="three channels"):
+        py_lightblue_segmenter.segment_image(image[:, :, 0])
+
+
+def test_poses_of_a_simulated_object() -> None:
+    platform = trifinger_simulation.TriFingerPlatform()
+    data = py_object_tracker.Data("object", True)
+    backend = py_object_tracker.SimulationBackend(data, platform.cube)
+    frontend = py_object_tracker.Frontend(py_object_tracker.Data("object", False))
+    assert frontend.get_current_pose().position == pytest.approx([0, 0, 0.0325])
+    frontend.wait_until_timeindex(1)
+    assert frontend.get_oldest_timeindex() == 0
+    assert frontend.has_observations()
+    backend.stop()
+    assert py_object_tracker.get_model_by_name("cube_v2") == "cube_v2"
+    with pytest.raises(RuntimeError, match="must be one of"):
+        py_object_tracker.get_model_by_name("sphere")
+
+
+def test_a_policy_is_run_and_its_log_replayed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(move_cube, "episode_length", 150)
+    monkeypatch.setattr(move_cube_program, "SAMPLES", 1)
+    (tmp_path / "evaluate_policy.py").write_text(
+        "import sys\n"
+        "from trifinger_simulation import TriFingerPlatform\n"
+        "from trifinger_simulation.tasks import move_cube\n"
+        "level, initial, goal, log = sys.argv[1:]\n"
+        "pose = move_cube.Pose.from_json(initial)\n"
+        "platform = TriFingerPlatform(initial_object_pose=pose)\n"
+        "for i in range(150):\n"
+        "    platform.append_desired_action(platform.Action(torque=[0.01 * (i % 7)] * 9))\n"
+        "platform.store_action_log(log)\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", environment()["PYTHONPATH"])
+    folder = tmp_path / "out"
+    assert move_cube_program.main(["evaluate_and_check", str(folder)]) == 0
+    assert "Total:" in (folder / "reward.txt").read_text()
+    (test, *_) = pickle.loads((folder / "test_data.p").read_bytes())
+    assert test.difficulty == 1
+    words = ["replay_one", "-l", test.logfile, "-d", "1"]
+    words += ["-i", test.init_pose_json, "-g", test.goal_pose_json]
+    assert move_cube_program.main(words) == 0
+    log = evaluation.read_pickle(test.logfile)
+    log["actions"][70]["robot_observation"].position[0] += 1e-3
+    evaluation.write_pickle(Path(test.logfile), log)
+    assert move_cube_program.main(words) == 1
+
+
+def test_goals_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from trifinger_simulation.tasks import __main__ as old
+    from trifinger_simulation.tasks.move_cube_on_trajectory import __main__ as trajectory
+    from trifinger_simulation.tasks.rearrange_dice import __main__ as dice
+
+    config = tmp_path / "goal.json"
+    config.write_text(json.dumps({"difficulty": 2}))
+    for main, words in (
+        (move_cube_program.main, ["sample_goal"]),
+        (move_cube_program.main, ["goal_from_config", str(config)]),
+        (trajectory.main, ["sample_goal"]),
+        (trajectory.main, ["goal_from_config", str(config)]),
+        (dice.main, ["sample_goal"]),
+        (dice.main, ["goal_from_config", str(config)]),
+        (old.main, ["move_cube", "sample_goal", "3"]),
+    ):
+        assert main(words) == 0
+        json.loads(capsys.readouterr().out)
+    assert old.main(["move_cube", "validate_goal_file", str(config)]) == 0
+    assert dice.main(["create_pattern_template"]) == 0
+    for main, words in (
+        (move_cube_program.main, ["goal_from_config", str(tmp_path / "none")]),
+        (move_cube_program.main, ["sample_goal", "--difficulty", "9"]),
+        (old.main, ["move_cube", "validate_goal_file", str(tmp_path / "none")]),
+    ):
+        assert main(words) == 1
+        said = capsys.readouterr()
+        assert said.err

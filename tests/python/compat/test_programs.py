@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Programs of the kinds that exist, in simulation and on a back-end in another process."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from backend import environment, running
+from trifinger_compat import check
+from trifinger_compat.robot_data import VARIABLE
+
+PROGRAMS = Path(__file__).parent / "programs"
+pytestmark = pytest.mark.release
+
+
+def said(program: str, *words: str | Path, robot: str = "") -> str:
+    command = [sys.executable, str(PROGRAMS / program), *map(str, words)]
+    done = subprocess.run(
+        command,
+        env=environment(**{VARIABLE: robot} if robot else {}),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
+
+
+def said_by_both(program: str, *words: str | Path) -> tuple[str, str]:
+    """What a program says in simulation, and with a robot in another process."""
+    simulated = said(program, "sim", *words)
+    with running() as robot:
+        return simulated, said(program, "real", *words, robot=robot)
+
+
+def test_a_gym_environment_around_the_platform() -> None:
+    for text in said_by_both("gym_environment.py"):
+        assert text.startswith("reward -")
+        assert text.endswith("after 300 steps")
+
+
+def test_pushing_with_inverse_kinematics() -> None:
+    for text in said_by_both("pushing.py"):
+        assert -0.04 < float(text.removeprefix("pushed ")) < -0.01
+
+
+def test_a_state_machine_with_force_control() -> None:
+    for text in said_by_both("force_control.py"):
+        states = dict(line.split() for line in text.splitlines())
+        assert list(states) == ["above", "aside", "away"]
+        assert all(float(error) < 0.01 for error in states.values()), text
+
+
+def test_an_evaluation_script_with_a_goal_file(tmp_path: Path) -> None:
+    goal = tmp_path / "goal.json"
+    pose = {"position": [0.05, 0.0, 0.0825], "orientation": [0, 0, 0, 1]}
+    goal.write_text(json.dumps({"difficulty": 3, "goal": pose}))
+    simulated, real = said_by_both("evaluate_policy.py", goal, tmp_path / "log.p")
+    assert json.loads(simulated)["reward"] == pytest.approx(json.loads(real)["reward"], abs=0.5)
+    assert (tmp_path / "log.p").stat().st_size > 0
+
+
+def test_a_log_reader(tmp_path: Path) -> None:
+    goal = {"position": [0.05, 0.0, 0.0825], "orientation": [0, 0, 0, 1]}
+    (tmp_path / "goal.json").write_text(json.dumps({"difficulty": 3, "goal": goal}))
+    robot, camera = tmp_path / "robot_data.dat", tmp_path / "camera_data.dat"
+    words = ["-a", "200", "--render-images", "--robot-logfile", robot, "--camera-logfile", camera]
+    with running(*words, ends=True) as name:
+        evaluated = said("evaluate_policy.py", "real", tmp_path / "goal.json", "-", robot=name)
+    text = said("read_log.py", tmp_path)
+    seen, rest = text.split(" steps ")
+    reward = float(rest.split()[0])
+    assert text.endswith("(540, 540, 3) True True")
+    assert int(seen) > 50
+    assert reward == pytest.approx(json.loads(evaluated)["reward"] / 200, abs=0.01)
+
+
+def test_the_check_says_that_these_programs_work(capsys: pytest.CaptureFixture[str]) -> None:
+    assert check.main([str(PROGRAMS)]) == 0
+    assert "0 do not work" in capsys.readouterr().out
+
+
+def test_the_check_says_what_does_not_work_and_why(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    program = tmp_path / "theirs.py"
+    program.write_text(
+        "import pybullet as p\n"
+        "from trifinger_simulation import TriFingerPlatform, nothing\n"
+        "from trifinger_simulation.tasks import move_cube as mc\n"
+        "platform = TriFingerPlatform()\n"
+        "p.resetDebugVisualizerCamera(1, 2)\n"
+        "p.loadURDF('x')\n"
+        "mc.sample_goal(1)\n"
+        "mc.sample_gaol(1)\n"
+        "print(platform.simfinger.finger_id)\n"
+    )
+    assert check.main([str(program)]) == 1
+    said = capsys.readouterr().out
+    assert "theirs.py:2: trifinger_simulation.nothing does not work" in said
+    assert "theirs.py:5: pybullet.resetDebugVisualizerCamera does not work: views" in said
+    assert "theirs.py:6: pybullet.loadURDF does not work: there is no PyBullet" in said
+    assert "theirs.py:8: trifinger_simulation.tasks.move_cube.sample_gaol does not work" in said
+    assert "theirs.py:9: SF.finger_id works, differs" in said
+    assert "sample_goal works" not in said
+    assert check.main([str(program), "--all"]) == 1
+    assert "theirs.py:7: trifinger_simulation.tasks.move_cube.sample_goal works\n" in (
+        capsys.readouterr().out
+    )
+
+
+def test_the_check_needs_something_to_read(tmp_path: Path) -> None:
+    assert check.main([str(tmp_path)]) == 2
+    assert check.main([str(tmp_path / "none.py")]) == 2
+    broken = tmp_path / "old.py"
+    broken.write_text("print 'python 2'\n")
+    assert check.main([str(broken)]) == 1

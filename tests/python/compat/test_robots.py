@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Front-ends of robots in other processes, and back-ends that a program starts."""
+
+import copy
+import pickle
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import robot_fingers
+import robot_interfaces
+from backend import running
+from robot_interfaces.py_trifinger_types import Action, Observation
+from trifinger_compat import robot_data
+
+HOME = [0, 0.9, -1.7] * 3
+pytestmark = pytest.mark.release
+
+
+@pytest.fixture
+def frontend(monkeypatch: pytest.MonkeyPatch) -> Any:
+    with running() as name:
+        monkeypatch.setenv(robot_data.VARIABLE, name)
+        yield robot_fingers.TriFingerPlatformWithObjectFrontend()
+
+
+def test_a_front_end_has_the_rules_of_the_original(frontend: Any) -> None:
+    action = frontend.Action(position=HOME)
+    for expected in range(200):
+        t = frontend.append_desired_action(action)
+        assert t == expected
+        observation = frontend.get_robot_observation(t)
+    assert type(observation) is Observation
+    assert observation.position == pytest.approx(HOME, abs=0.3)
+    assert np.all((observation.tip_force >= 0) & (observation.tip_force <= 1))
+    assert frontend.get_current_timeindex() >= t
+    desired, applied = frontend.get_desired_action(t), frontend.get_applied_action(t)
+    assert desired.position == pytest.approx(HOME)
+    assert np.isnan(desired.position_kp).all()
+    assert not np.isnan(applied.position_kp).any()
+    assert frontend.get_robot_status(t).error_status == 0
+    assert frontend.get_timestamp_ms(t) > frontend.get_timestamp_ms(0) > 1.6e12
+    frontend.wait_until_timeindex(t)
+    frontend.wait_until_time_index(t)
+    with pytest.raises(ValueError, match="negative"):
+        frontend.get_robot_observation(-1)
+
+
+def test_poses_come_ten_times_per_second_and_90_steps_late(frontend: Any) -> None:
+    changes, last = [], None
+    for _ in range(300):
+        t = frontend.append_desired_action(frontend.Action(position=HOME))
+        stamp = frontend.get_camera_observation(t).object_pose.timestamp
+        if stamp != last:
+            changes.append(t)
+        last = stamp
+    assert changes == [0, 90, 190, 290]
+    pose = frontend.get_camera_observation(t).filtered_object_pose
+    assert pose.position == pytest.approx([0, 0, 0.0325], abs=1e-3)
+    assert np.abs(pose.orientation) == pytest.approx([0, 0, 0, 1], abs=1e-3)
+
+
+@pytest.mark.usefixtures("frontend")
+def test_the_first_name_gives_poses_too() -> None:
+    old = robot_fingers.TriFingerPlatformFrontend()
+    t = old.append_desired_action(old.Action())
+    assert old.get_camera_observation(t).object_pose.position.shape == (3,)
+
+
+def test_without_a_robot_a_front_end_says_how_to_get_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv(robot_data.VARIABLE, "nobody-runs-this")
+    with pytest.raises(RuntimeError, match="trifinger run"):
+        robot_fingers.TriFingerPlatformFrontend()
+
+
+def test_a_robot_of_a_program_takes_so_many_actions_and_no_more() -> None:
+    data = robot_interfaces.trifinger.SingleProcessData()
+    backend = robot_fingers.pybullet_drivers.create_trifinger_backend(
+        data, real_time_mode=False, visualize=False, max_number_of_actions=20
+    )
+    frontend = robot_interfaces.trifinger.Frontend(data)
+    backend.initialize()
+    for _ in range(20):
+        t = frontend.append_desired_action(Action(position=HOME))
+        frontend.get_observation(t)
+    assert frontend.get_observation(20).position.shape == (9,)
+    assert backend.wait_until_terminated() == 2
+    assert backend.get_termination_reason() == 2
+    with pytest.raises(RuntimeError, match="Maximum number of actions"):
+        frontend.append_desired_action(Action())
+    assert data.observation.count_appended_elements() == 21
+    assert data.desired_action.newest_timeindex() == 19
+
+
+def test_a_series_has_the_names_of_the_original() -> None:
+    data = robot_interfaces.finger.SingleProcessData()
+    backend = robot_fingers.pybullet_drivers.create_single_finger_backend(data, False, False)
+    frontend = robot_interfaces.finger.Frontend(data)
+    for _ in range(5):
+        t = frontend.append_desired_action(robot_interfaces.finger.Action())
+        frontend.get_observation(t)
+    series = data.observation
+    assert series.oldest_timeindex() == 0
+    assert series.newest_timeindex() >= 4
+    assert series.get(3).position.shape == (3,)
+    assert series[0].position == pytest.approx([0, -0.7, -1.5], abs=1e-6)
+    assert series.wait_for_timeindex(3, 1.0)
+    assert not series.wait_for_timeindex(100, 0.01)
+    assert not series.is_empty()
+    series.tag(2)
+    assert series.tagged_timeindex() == 2
+    assert series.has_changed_since_tag()
+    assert series.timestamp_s(2) == pytest.approx(series.timestamp_ms(2) / 1000)
+    with pytest.raises(RuntimeError, match="back-end"):
+        series.append(None)
+    backend.request_shutdown()
+    assert backend.wait_until_terminated() == 1
+    assert not backend.is_running()
+
+
+def test_a_logger_writes_what_a_reader_reads(tmp_path: Path) -> None:
+    data = robot_interfaces.trifinger.SingleProcessData()
+    backend = robot_fingers.pybullet_drivers.create_trifinger_backend(data, False, False)
+    logger = robot_interfaces.trifinger.Logger(data, 1000)
+    frontend = robot_interfaces.trifinger.Frontend(data)
+    logger.start()
+    expected = []
+    for i in range(30):
+        t = frontend.append_desired_action(Action(torque=[0.01 * i] * 9))
+        expected.append(frontend.get_observation(t).position)
+    frontend.get_observation(30)
+    path = tmp_path / "robot_data.dat"
+    logger.stop_and_save(path, logger.Format.BINARY)
+    log = robot_interfaces.trifinger.BinaryLogReader(path)
+    assert [entry.timeindex for entry in log.data] == list(range(30))
+    for entry, position in zip(log.data, expected, strict=True):
+        assert np.array_equal(entry.observation.position, position)
+    assert log.data[3].desired_action.torque == pytest.approx([0.03] * 9)
+    assert log.data[3].status.error_status == 0
+    for log_format in (logger.Format.CSV, logger.Format.CSV_GZIP):
+        logger.stop_and_save(tmp_path / "log.csv", log_format)
+    logger.save_current_robot_data(tmp_path / "now.csv", 5, 10)
+    lines = (tmp_path / "now.csv").read_text().splitlines()
+    assert len(lines) == 6
+    names = lines[0].split(" ")
+    assert names[:5] == [
+        "#time_index",
+        "timestamp",
+        "status_action_repetitions",
+        "status_error_status",
+        "observation_position_0",
+    ]
+    assert len(names) == 4 + 30 + 72
+    assert names[34] == "applied_action_torque_0"
+    backend.request_shutdown()
+
+
+def test_actions_have_exactly_so_many_numbers() -> None:
+    action = Action(torque=np.arange(9, dtype=np.float32), position=[1] * 9)
+    assert action.torque.dtype == np.float64
+    action.torque[2] = 7
+    assert action.torque[2] == 7
+    action.position = range(9)
+    assert list(action.position) == list(range(9))
+    assert np.isnan(action.position_kp).all()
+    for copied in (copy.deepcopy(action), pickle.loads(pickle.dumps(action))):
+        assert type(copied) is Action
+        assert np.array_equal(copied.torque, action.torque)
+        assert copied.torque is not action.torque
+    for wrong in ([0] * 8, 0.0, np.zeros((9, 1))):
+        with pytest.raises(TypeError):
+            Action(torque=wrong)
+    with pytest.raises(TypeError):
+        action.position = [0] * 10
+    assert robot_interfaces.solo_eight.Action().torque.shape == (8,)
+    assert robot_interfaces.one_joint.Observation().position.shape == (1,)
+    assert not hasattr(robot_interfaces.two_joint.Observation(), "tip_force")
+
+
+def test_a_status_keeps_its_first_error() -> None:
+    status = robot_interfaces.Status()
+    assert not status.get_error_message()
+    status.set_error(status.ErrorStatus.DRIVER_ERROR, "x" * 100)
+    status.set_error(status.ErrorStatus.BACKEND_ERROR, "later")
+    again = pickle.loads(pickle.dumps(status))
+    assert again.error_status == 1
+    assert again.get_error_message() == "x" * 62 + "~"
+    reasons = robot_interfaces.RobotBackendTerminationReason
+    assert [int(reason) for reason in reasons] == [0, 1, 2, -1, -2, -3]
+
+
+def test_ways_of_least_jerk_end_before_the_end() -> None:
+    way = list(robot_fingers.utils.min_jerk_trajectory([0, 1], [1, 3], 4))
+    assert len(way) == 4
+    assert way[0] == pytest.approx([0, 1])
+    assert way[2] == pytest.approx([0.5, 2])
+    with pytest.raises(ValueError, match="at least 1"):
+        robot_fingers.utils.min_jerk_trajectory([0], [1], 0)
