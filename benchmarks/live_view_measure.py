@@ -14,7 +14,7 @@ import msgspec.msgpack
 import numpy as np
 import trifinger
 import viser
-from measuring import open_browser
+from chromium import open_browser
 from rows import Row
 from trifinger.commands import view as command
 from trifinger.view.gate import Gate, page_server

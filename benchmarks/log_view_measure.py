@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import trifinger
-from measuring import open_browser
+from chromium import open_browser
 from rows import Row
 
 if TYPE_CHECKING:

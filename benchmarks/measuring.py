@@ -15,22 +15,11 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rows import Row
 
-if TYPE_CHECKING:
-    from playwright.sync_api import Browser
-
 FOLDER = "trifinger-benchmarks-"  # the number of the process follows
-BROWSER_OPTIONS = (
-    "--headless=new",
-    "--no-sandbox",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--ignore-gpu-blocklist",
-    "--disable-background-networking",
-)
 END_TIME = 10.0  # time that a measure may take to end by itself [s]
 
 
@@ -179,20 +168,3 @@ def _remove_remains(root: Path) -> None:
         number = folder.name.removeprefix(FOLDER)
         if number.isdecimal() and not Path("/proc", number).exists():
             shutil.rmtree(folder, ignore_errors=True)
-
-
-@contextlib.contextmanager
-def open_browser() -> Iterator[Browser]:
-    """Debian's Chromium, which draws without a graphics card; it ends with the block."""
-    from playwright.sync_api import sync_playwright
-
-    # Chromium makes folders in it, and refuses long paths of sockets.
-    environment: dict[str, str | float | bool] = {**os.environ, "TMPDIR": "/tmp"}  # noqa: S108
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(
-            executable_path="/usr/bin/chromium", args=list(BROWSER_OPTIONS), env=environment
-        )
-        try:
-            yield browser
-        finally:
-            browser.close()

@@ -14,6 +14,7 @@ import pytest
 import trifinger
 from hypothesis import settings
 from trifinger import _trifinger
+from viewing import StartView, Viewing
 
 settings.register_profile("trifinger", deadline=None)  # machines may be busy
 settings.load_profile("trifinger")
@@ -272,3 +273,18 @@ def robot() -> Iterator[trifinger.Frontend]:
     robot = trifinger.fake()
     yield robot
     robot.close()
+
+
+@pytest.fixture
+def start_view() -> Iterator[StartView]:
+    """Starts `trifinger view` with these words, after the code `before` in its process."""
+    started: list[Viewing] = []
+
+    def start(*words: str, before: str = "") -> Viewing:
+        started.append(Viewing(*words, before=before))
+        return started[-1]
+
+    yield start
+    for viewing in started:
+        with viewing.process:
+            viewing.process.kill()

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trifinger
-from chromium import Complaints, open_browser
+from chromium import open_browser
 from conftest import BUILD
 from playwright.sync_api import Browser, Page
 from trifinger.commands import view
@@ -74,6 +74,20 @@ def file(run: LoggedRun, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def browser() -> Iterator[Browser]:
     with open_browser() as browser:
         yield browser
+
+
+class Complaints:
+    """What goes wrong in a page, and what it asks the network for."""
+
+    def __init__(self, page: Page) -> None:
+        self.errors: list[str] = []
+        self.requests: list[str] = []
+        page.on("pageerror", lambda error: self.errors.append(str(error)))
+        page.on(
+            "console",
+            lambda line: self.errors.append(line.text) if line.type == "error" else None,
+        )
+        page.on("request", lambda request: self.requests.append(request.url))
 
 
 @dataclass

@@ -19,6 +19,7 @@ from hypothesis import given, strategies
 from trifinger import Error, InvalidArgument
 from trifinger.view import gate as gates
 from trifinger.view.gate import Gate, page_server
+from viewing import Viewing
 from websockets.sync.client import ClientConnection, connect
 
 pytestmark = pytest.mark.release  # sanitizers have nothing to find here
@@ -54,7 +55,7 @@ def get(gate: Gate, path: str = "/", **headers: str) -> tuple[int, dict[str, str
         return answer.status, dict(answer.getheaders()), answer.read()
 
 
-def browse(gate: Gate, **headers: str) -> ClientConnection:
+def browse(gate: Gate | Viewing, **headers: str) -> ClientConnection:
     """Connects as the page does, with other headers on request."""
     origin = headers.pop("Origin", f"http://127.0.0.1:{gate.port}")
     cookies = headers.pop("Cookie", f"{gate.cookie}={gate.token}")

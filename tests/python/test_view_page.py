@@ -5,9 +5,7 @@ import contextlib
 import os
 import re
 import signal
-import subprocess
-import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +18,7 @@ from trifinger.commands import view
 from trifinger.view import page as viewed
 from trifinger.view.gate import Gate, page_server
 from trifinger.view.words import Line
+from viewing import StartView
 
 pytestmark = [
     pytest.mark.release,
@@ -27,53 +26,9 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
 ]
 
-VIEW = "import sys; from trifinger.commands.view import main; sys.exit(main())"
 HOME = np.array([0.0, 0.9, -1.7] * 3)
 NEVER = 280_000.0  # tests have watchdogs of their own [ms]
 ROBOT = ("run", "sim", "--non-real-time", *PATIENT)
-StartView = Callable[..., "Viewing"]
-
-
-class Viewing:
-    """A running `trifinger view`."""
-
-    def __init__(self, *words: str) -> None:
-        self.process = subprocess.Popen(
-            [sys.executable, "-c", VIEW, *words],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-        )
-        assert self.process.stdout is not None
-        line = self.process.stdout.readline()
-        assert line.startswith("Open http://127.0.0.1:"), line + self.process.stdout.read()
-        self.url = line.split()[1]
-        self.said = ""
-        """What it has printed after the address."""
-        while "Ctrl-C" not in line:
-            line = self.process.stdout.readline()
-            self.said += line
-
-    def end(self) -> tuple[int, str]:
-        """Presses Ctrl-C; returns the exit status and the rest of the output."""
-        self.process.send_signal(signal.SIGINT)
-        output, _ = self.process.communicate()
-        return self.process.returncode, output
-
-
-@pytest.fixture
-def start_view() -> Iterator[StartView]:
-    started: list[Viewing] = []
-
-    def start(*words: str) -> Viewing:
-        started.append(Viewing(*words, "--no-browser", "--plain"))
-        return started[-1]
-
-    yield start
-    for viewing in started:
-        with viewing.process:
-            viewing.process.kill()
 
 
 @pytest.fixture(scope="module")
@@ -285,6 +240,5 @@ def test_over_ssh_the_way_to_the_page_is_printed(
 ) -> None:
     monkeypatch.setenv("SSH_CONNECTION", "10.0.0.1 5000 10.0.0.2 22")
     viewing = start_view("sim")
-    port = re.search(r":(\d+)/", viewing.url)
-    assert port is not None
-    assert re.search(rf"ssh -L {port[1]}:127\.0\.0\.1:{port[1]} \w+@10\.0\.0\.2", viewing.said)
+    port = viewing.port
+    assert re.search(rf"ssh -L {port}:127\.0\.0\.1:{port} \w+@10\.0\.0\.2", viewing.said)

@@ -5,10 +5,7 @@ import contextlib
 import html
 import http.client
 import signal
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,58 +13,19 @@ import pytest
 import trifinger
 from conftest import PATIENT, StartProgram
 from test_view_gate import browse, messages_of, send
+from trifinger.view.gate import LOOPBACK
 from trifinger.view.scene import scene_of
+from viewing import StartView, Viewing
 from websockets.exceptions import ConnectionClosed
 
 pytestmark = pytest.mark.release  # sanitizers have nothing to find here
 
-TOKEN = "a-token-of-a-test-0"  # noqa: S105
-PAGE = ("--no-browser", "--port", "0", "--token", TOKEN)
-VIEW = """
-import sys, time
-from trifinger.view import pilot
-{before}
-from trifinger.commands.view import main
-sys.exit(main())
-"""
-PATIENTLY = "pilot.PATIENCE = 60.0"  # a busy machine can be silent for seconds
-StartView = Callable[..., Any]
 UP = np.array([0.0, 0.0, 1.0])
 
 
-@pytest.fixture
-def start_view() -> Iterator[StartView]:
-    """Starts `trifinger view` and returns what reaches its page."""
-    started = []
-
-    def start(*words: str, before: str = PATIENTLY) -> Any:
-        process = subprocess.Popen(
-            [sys.executable, "-c", VIEW.format(before=before), *words, *PAGE],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-        )
-        started.append(process)
-        assert process.stdout is not None
-        line = process.stdout.readline()
-        assert line.startswith("Open http://127.0.0.1:"), line + process.stdout.read()
-        gate = SimpleNamespace(
-            host="127.0.0.1", token=TOKEN, port=int(line.split(":")[2].split("/")[0])
-        )
-        gate.process = process
-        gate.cookie = f"trifinger_view_{gate.port}"
-        return gate
-
-    yield start
-    for process in started:
-        with process:
-            process.kill()
-
-
-def ask(gate: Any, path: str, **headers: str) -> tuple[int, str]:
+def ask(gate: Viewing, path: str, **headers: str) -> tuple[int, str]:
     """Asks as a script of the page does."""
-    connection = http.client.HTTPConnection(gate.host, gate.port)
+    connection = http.client.HTTPConnection(LOOPBACK, gate.port)
     with contextlib.closing(connection):
         cookie = {"Cookie": f"{gate.cookie}={gate.token}"}
         connection.request("GET", path, headers=cookie | headers)
@@ -432,7 +390,7 @@ pilot.Pilot.drag_tip = hang
 def test_the_stop_works_while_the_page_hangs_at_the_robot(
     start_view: StartView, robot: Robot
 ) -> None:
-    gate = start_view("sim", "--control", before=PATIENTLY + HANG)
+    gate = start_view("sim", "--control", before=HANG)
     with browse(gate) as connection:
         driver = Steering(connection)
         driver.take_control()

@@ -3,8 +3,6 @@
 
 import os
 import signal
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -18,54 +16,20 @@ from conftest import PATIENT, Running, StartProgram
 from playwright.sync_api import Browser, BrowserContext, Page, expect
 from trifinger.view.control_panel import HANDLE_SIZE
 from trifinger.view.scene import Scene, scene_of
+from viewing import StartView
 
 pytestmark = pytest.mark.release
 
 NEVER = 280_000.0  # tests have watchdogs of their own [ms]
-# A browser without a graphics card can be silent for seconds on a busy machine.
-VIEW = """
-import sys, threading, time
-from trifinger.view import pilot
-pilot.PATIENCE = 60.0
-{before}
-from trifinger.commands.view import main
-sys.exit(main())
-"""
 HANG = """
 def hang(self, *_):
     with self._lock:
         time.sleep(1e6)
 pilot.Pilot.do = hang
 """
-StartView = Callable[..., tuple[str, "subprocess.Popen[str]"]]
 OpenTab = Callable[[str], "Tab"]
 UP = np.array([0.0, 0.0, 1.0])
 RISE = 0.03  # of a tip that the mouse lifts [m]
-
-
-@pytest.fixture
-def start_view() -> Iterator[StartView]:
-    """Starts `trifinger view` and returns the address of its page, and the process."""
-    started = []
-
-    def start(*words: str, before: str = "") -> tuple[str, "subprocess.Popen[str]"]:
-        process = subprocess.Popen(
-            [sys.executable, "-c", VIEW.format(before=before), *words, "--no-browser", "--plain"],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-        )
-        started.append(process)
-        assert process.stdout is not None
-        line = process.stdout.readline()
-        assert line.startswith("Open http://127.0.0.1:"), line + process.stdout.read()
-        return line.split()[1], process
-
-    yield start
-    for process in started:
-        with process:
-            process.kill()
 
 
 @pytest.fixture(scope="module")
@@ -227,8 +191,8 @@ def robot(start_program: StartProgram) -> Robot:
 def test_the_mouse_drags_a_tip_and_no_other(
     open_tab: OpenTab, start_view: StartView, robot: Robot
 ) -> None:
-    url, _ = start_view("sim", "--control")
-    tab = open_tab(url)
+    viewing = start_view("sim", "--control")
+    tab = open_tab(viewing.url)
     tab.take("control")
     tab.keep_picture("control")
     start = robot.tips()
@@ -248,11 +212,11 @@ def test_the_mouse_drags_a_tip_and_no_other(
 def test_a_closed_tab_leaves_control_to_another_which_stops_the_robot(
     open_tab: OpenTab, start_view: StartView, robot: Robot
 ) -> None:
-    url, _ = start_view("sim", "--control")
-    tab = open_tab(url)
+    viewing = start_view("sim", "--control")
+    tab = open_tab(viewing.url)
     tab.take("control")
     start = robot.tips()
-    second = open_tab(url)
+    second = open_tab(viewing.url)
     expect(second.button("Take control")).to_be_disabled(timeout=NEVER)
     assert second.button("Release control").count() == 0
     second.keep_picture("second")
@@ -270,8 +234,8 @@ def test_a_closed_tab_leaves_control_to_another_which_stops_the_robot(
 def test_the_stop_works_while_the_page_hangs_at_the_robot(
     open_tab: OpenTab, start_view: StartView, robot: Robot
 ) -> None:
-    url, _ = start_view("sim", "--control", before=HANG)
-    tab = open_tab(url)
+    viewing = start_view("sim", "--control", before=HANG)
+    tab = open_tab(viewing.url)
     tab.take("control")
     tab.button("Home").click()
     tab.button("Stop the robot").click()
@@ -282,16 +246,16 @@ def test_the_stop_works_while_the_page_hangs_at_the_robot(
 def test_a_stop_that_does_not_reach_the_server_is_said(
     open_tab: OpenTab, start_view: StartView, robot: Robot
 ) -> None:
-    url, process = start_view("sim", "--control")
-    tab = open_tab(url)
+    viewing = start_view("sim", "--control")
+    tab = open_tab(viewing.url)
     expect(tab.button("Take control")).to_be_visible(timeout=NEVER)
-    process.send_signal(signal.SIGSTOP)
+    viewing.process.send_signal(signal.SIGSTOP)
     tab.button("Stop the robot").click()
     tab.says("NOT stopped: this page's server does not answer")
     tab.says("trifinger stop sim")
     tab.keep_picture("unreachable")
-    process.kill()
-    process.wait()
+    viewing.process.kill()
+    viewing.process.wait()
     tab.button("Stop the robot").click()
     tab.says("NOT stopped: this page's server does not answer")
     assert robot.frontend.session_info().backend_is_alive
@@ -300,8 +264,8 @@ def test_a_stop_that_does_not_reach_the_server_is_said(
 def test_a_hand_in_the_page_pulls_a_robot_that_another_process_lets_float(
     open_tab: OpenTab, start_view: StartView, robot: Robot
 ) -> None:
-    url, _ = start_view("sim", "--hand")
-    tab = open_tab(url)
+    viewing = start_view("sim", "--hand")
+    tab = open_tab(viewing.url)
     tab.take("the hand")
     assert tab.button("Stop the robot").count() == 0  # it ends nothing
     with trifinger.guide("sim") as guide:

@@ -10,6 +10,7 @@ import sys
 import time
 import webbrowser
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from trifinger import extras
@@ -24,6 +25,15 @@ IDLE_RATE = 5.0  # without a browser
 TOKEN_VARIABLE = "TRIFINGER_VIEW_TOKEN"  # noqa: S105 (the name of a variable)
 
 
+@dataclass(frozen=True)
+class PageOptions:
+    """How to serve a page."""
+
+    gate: Gate
+    opens_browser: bool
+    is_plain: bool  # without lights and shadows
+
+
 def is_log(text: str) -> bool:
     """Whether a word on the command line is a log, and not the name of a robot."""
     return text.endswith(".mcap") or os.sep in text or (text != "" and Path(text).is_dir())
@@ -31,26 +41,24 @@ def is_log(text: str) -> bool:
 
 def show(
     page_title: str,
-    gate: Gate,
-    with_browser: bool,
+    options: PageOptions,
     begin: Callable[..., Callable[[bool], None]],
     pilot: Pilot | None = None,
-    *,
-    is_plain: bool = False,
 ) -> None:
     """Serves a page until Ctrl-C. `begin` makes the page and returns what renews it."""
     from trifinger.view.live import be_modest
     from trifinger.view.page import Page, help_slow_browsers
 
+    gate = options.gate
     if pilot is None:  # the thread of a guide would inherit this
         be_modest()
     with contextlib.closing(gate):
-        help_slow_browsers(gate, is_plain=is_plain)
+        help_slow_browsers(gate, is_plain=options.is_plain)
         server = page_server(gate, page_title, None if pilot is None else CONTROL_MESSAGES)
-        page = Page(server, page_title, is_plain=is_plain)
+        page = Page(server, page_title, is_plain=options.is_plain)
         renew = begin(page)
         print_address(gate, controls=pilot is not None and pilot.with_guide)
-        if with_browser:
+        if options.opens_browser:
             webbrowser.open(gate.url)
         following = time.monotonic()
         try:
@@ -87,14 +95,7 @@ def print_address(gate: Gate, *, controls: bool = False) -> None:
     print(f"Ctrl-C ends the page; {end}.", flush=True)
 
 
-def show_robot(
-    name: str,
-    gate: Gate,
-    with_browser: bool,
-    pilot: Pilot | None = None,
-    *,
-    is_plain: bool = False,
-) -> None:
+def show_robot(name: str, options: PageOptions, pilot: Pilot | None = None) -> None:
     """Shows a running robot, or the next one that runs. With a pilot, the page can steer it."""
     from trifinger.view.control_panel import ControlPanel, add_stop
     from trifinger.view.live import LiveRun
@@ -102,7 +103,7 @@ def show_robot(
 
     live = LiveRun(name)
     if pilot is not None and pilot.with_guide:
-        add_stop(gate, name)
+        add_stop(options.gate, name)
 
     def begin(page: Page) -> Callable[[bool], None]:
         shown: dict[str, object] = {"session": None, "lines": None}
@@ -129,21 +130,19 @@ def show_robot(
 
         return renew
 
-    show(name or "TriFinger", gate, with_browser, begin, pilot, is_plain=is_plain)
+    show(name or "TriFinger", options, begin, pilot)
 
 
-def steer_robot(
-    name: str, gate: Gate, with_browser: bool, *, with_guide: bool, is_plain: bool = False
-) -> None:
+def steer_robot(name: str, options: PageOptions, *, with_guide: bool) -> None:
     """Shows a robot with a panel that steers it, or that pulls at it in simulation."""
     pilot = Pilot(name, with_guide=with_guide)
     with ended_by_signals(), contextlib.closing(pilot):
         with contextlib.suppress(SessionNotFound, RobotStopped):  # the page says so and waits
             pilot.connect()
-        show_robot(name, gate, with_browser, pilot, is_plain=is_plain)
+        show_robot(name, options, pilot)
 
 
-def show_log(run: LoggedRun, gate: Gate, with_browser: bool, *, is_plain: bool = False) -> None:
+def show_log(run: LoggedRun, options: PageOptions) -> None:
     """Shows a log with a time line."""
     from trifinger.view.log_page import LogPage
     from trifinger.view.page import Page
@@ -151,8 +150,7 @@ def show_log(run: LoggedRun, gate: Gate, with_browser: bool, *, is_plain: bool =
     def begin(page: Page) -> Callable[[bool], None]:
         return LogPage(page, run).renew
 
-    title = f"{run.session.name}, {run.log.files[0].name}"
-    show(title, gate, with_browser, begin, is_plain=is_plain)
+    show(f"{run.session.name}, {run.log.files[0].name}", options, begin)
 
 
 def write_log(arguments: argparse.Namespace) -> None:
@@ -258,8 +256,7 @@ def main(words: Sequence[str] | None = None) -> int:
             require_no_file_options(arguments, "--output")
             extras.require("view")
             logged = LoggedRun(arguments.what, arguments.robot, arguments.session)
-            gate = Gate(arguments.host, arguments.port, arguments.token)
-            show_log(logged, gate, wants_browser(arguments), is_plain=arguments.plain)
+            show_log(logged, page_options(arguments))
             return
         if arguments.output is not None:
             raise InvalidArgument(
@@ -267,19 +264,18 @@ def main(words: Sequence[str] | None = None) -> int:
             )
         require_no_file_options(arguments, "a log and -o")
         extras.require("view")
-        gate = Gate(arguments.host, arguments.port, arguments.token)
         if steers:
-            steer_robot(
-                arguments.what,
-                gate,
-                wants_browser(arguments),
-                with_guide=arguments.control,
-                is_plain=arguments.plain,
-            )
+            steer_robot(arguments.what, page_options(arguments), with_guide=arguments.control)
         else:
-            show_robot(arguments.what, gate, wants_browser(arguments), is_plain=arguments.plain)
+            show_robot(arguments.what, page_options(arguments))
 
     return run(work)
+
+
+def page_options(arguments: argparse.Namespace) -> PageOptions:
+    """What the command line says about the page. The gate listens from now on."""
+    gate = Gate(arguments.host, arguments.port, arguments.token)
+    return PageOptions(gate, wants_browser(arguments), arguments.plain)
 
 
 def wants_browser(arguments: argparse.Namespace) -> bool:
