@@ -6,7 +6,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <mutex>
 
+#include "file_robot_parts.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/text_of.hpp"
 
@@ -57,6 +59,12 @@ std::string plain_name(const std::string& name) {
   return is_taken ? plain + "_file" : plain;
 }
 
+std::vector<std::string> names_of(const ModelFile& model) {
+  std::vector<std::string> names;
+  for (const FileJoint& joint : model.joints()) names.push_back(joint.name);
+  return names;
+}
+
 template <class Joints>
 std::vector<JointKind> kinds_of(const Joints& joints) {
   std::vector<JointKind> kinds;
@@ -66,7 +74,42 @@ std::vector<JointKind> kinds_of(const Joints& joints) {
   return kinds;
 }
 
-RobotTypes types_of(const ModelFile& model) {
+}  // namespace
+
+namespace detail {
+
+void silence_warnings() {
+  static std::once_flag once;
+  std::call_once(once, [] { mju_user_warning = [](const char*) {}; });
+}
+
+bool is_finite(const mjModel& model, const mjData& data) noexcept {
+  const auto all_finite = [](const double* values, auto count) {
+    return std::none_of(values, values + count, [](double value) { return mju_isBad(value) != 0; });
+  };
+  return all_finite(data.qpos, model.nq) && all_finite(data.qvel, model.nv) &&
+         data.warning[mjWARN_BADQACC].number == 0;
+}
+
+void compute_weight(const ModelFile& model, mjData& data, std::span<double> torque) noexcept {
+  const mjModel& mujoco = *model.mujoco();
+  mj_kinematics(&mujoco, &data);
+  mj_comPos(&mujoco, &data);
+  mj_tendon(&mujoco, &data);
+  mj_comVel(&mujoco, &data);
+  mj_passive(&mujoco, &data);
+  // qfrc_inverse only serves as memory of the right size: no step reads it.
+  mj_rne(&mujoco, &data, 0, data.qfrc_inverse);
+  mju_subFrom(data.qfrc_inverse, data.qfrc_spring, static_cast<int>(mujoco.nv));
+  mju_subFrom(data.qfrc_inverse, data.qfrc_gravcomp, static_cast<int>(mujoco.nv));
+  for (std::size_t i = 0; i < torque.size(); ++i) {
+    torque[i] = model.torque_of(i, data.qfrc_inverse);
+  }
+}
+
+}  // namespace detail
+
+RobotTypes robot_types_of(const ModelFile& model) {
   std::vector<FieldDescription> more;
   if (!model.drives_all()) {
     const std::vector<JointKind> kinds = kinds_of(model.model_joints());
@@ -87,25 +130,21 @@ RobotTypes types_of(const ModelFile& model) {
   return describe_counted(plain_name(model.name()), kinds_of(model.joints()), more);
 }
 
-}  // namespace
-
 std::vector<Document> model_documents(const ModelFile& model) {
   return {{"model.xml", "application/xml", model.mjcf()}};
 }
 
 FileRobot::FileRobot(Options options)
     : simulator_(std::move(options)),
-      types_(types_of(model())),
+      chain_(robot_types_of(model()), names_of(model()), this->options().limits),
       fingerprint_(fingerprint_of(*model().mujoco())),
       data_(model().make_data()),
       state_(simulator_.make_state()),
       held_(num_joints()),
       desired_(num_joints()),
-      applied_(num_joints()),
-      check_observation_(types_.observation.size()),
-      check_action_(types_.action.size()),
       before_step_(state_size_of(model(), kChangedByStep)),
       memory_before_step_(state_.memory),
+      safety_before_step_(num_joints()),
       after_step_(before_step_.size()),
       physics_(state_size_of(model(), kWholeState)) {
   std::vector<std::string> names;
@@ -133,27 +172,13 @@ DriverReport FileRobot::get_latest_observation(void* observation) noexcept {
 DriverReport FileRobot::apply_action(const void* desired, void* applied) noexcept {
   keep_state_before_step();
   read_element(desired, desired_);
-  SafetyReport checked;
-  const DriverReport report =
-      simulator_.step(desired_, mujoco(), *data_, state_, applied_, &checked);
-  write_element(applied_, applied);
-  if (checked.fault != SafetyFault::kNone) {
-    const std::string_view joint =
-        checked.joint < 0 ? std::string_view()
-                          : model().joints()[static_cast<std::size_t>(checked.joint)].name;
-    const bool is_own = checked.fault == SafetyFault::kOwnCheck;
-    fault_text_ = is_own ? state_.thrown : describe(checked, joint);
-    return report;
-  }
-  if (report.fault_code == kDiverged) {
-    fault_text_ = FixedText("the simulation diverged");
+  const DriverReport report = chain_.apply(desired_, state_.observation, model().period());
+  write_element(chain_.applied(), applied);
+  if (report.state != DriverReport::State::kReady) return report;
+  if (!simulator_.move(chain_.applied().torque, mujoco(), *data_, state_)) {
+    chain_.set_fault_text(FixedText("the simulation diverged"));
     keep_state_before_divergence();
-    return report;
-  }
-  if (report.action_rejected) {
-    const RejectedCommand rejected = simulator_.safety().find_rejected(desired_, applied_);
-    rejection_text_ = describe(rejected, model().joints()[rejected.joint].name,
-                               simulator_.safety().limits()[rejected.joint]);
+    return DriverReport::fault(kDiverged);
   }
   return report;
 }
@@ -162,20 +187,7 @@ DriverReport FileRobot::hold(const void* observation, void* action) noexcept {
   read_element(observation, held_);
   desired_ = hold_position(held_);
   // Without these torques the robot would sink until its position controllers carry its weight.
-  const mjModel& model = mujoco();
-  mjData& data = *data_;
-  mj_kinematics(&model, &data);
-  mj_comPos(&model, &data);
-  mj_tendon(&model, &data);
-  mj_comVel(&model, &data);
-  mj_passive(&model, &data);
-  // qfrc_inverse only serves as memory of the right size: no step reads it.
-  mj_rne(&model, &data, 0, data.qfrc_inverse);
-  mju_subFrom(data.qfrc_inverse, data.qfrc_spring, static_cast<int>(model.nv));
-  mju_subFrom(data.qfrc_inverse, data.qfrc_gravcomp, static_cast<int>(model.nv));
-  for (std::size_t i = 0; i < num_joints(); ++i) {
-    desired_.torque[i] = this->model().torque_of(i, data.qfrc_inverse);
-  }
+  detail::compute_weight(model(), *data_, {desired_.torque.begin(), num_joints()});
   write_element(desired_, action);
   return DriverReport::ready();
 }
@@ -190,18 +202,12 @@ bool FileRobot::get_companion_element(std::size_t, TimeIndex time_index, void* e
   return true;
 }
 
-std::string_view FileRobot::fault_text(std::int32_t) const noexcept { return fault_text_.view(); }
+std::string_view FileRobot::fault_text(std::int32_t) const noexcept { return chain_.fault_text(); }
 
-std::string_view FileRobot::rejection_text() const noexcept { return rejection_text_.view(); }
+std::string_view FileRobot::rejection_text() const noexcept { return chain_.rejection_text(); }
 
 void FileRobot::add_check(Check check) {
-  simulator_.safety().add_check(
-      [this, check = std::move(check)](const CountedObservation&, CountedAction& action) {
-        write_observation(check_observation_.data());
-        write_element(action, check_action_.data());
-        check(check_observation_.data(), check_action_.data());
-        read_element(check_action_.data(), action);
-      });
+  chain_.add_check(std::move(check), [this](void* element) { write_observation(element); });
 }
 
 const mjModel_& FileRobot::mujoco() const noexcept {
@@ -217,6 +223,7 @@ void FileRobot::reset(std::span<const double> position, std::span<const double> 
           text_of("there are positions for ", model_position.size(),
                   " hinges and slides, the model has ", joints));
   simulator_.reset(position, mujoco(), *data_, state_, model_position);
+  chain_.forget();
   begin_here();
 }
 
@@ -342,17 +349,18 @@ std::size_t FileRobot::state_size() const noexcept {
   const FileSimulator::Memory& memory = state_.memory;
   return sizeof(Header) + sizeof(Variation) + sizeof(memory.num_sent) +
          std::span(physics_).size_bytes() + num_joints() * sizeof(double) +
-         std::span(memory.sent).size_bytes() + std::span(memory.safety.joints).size_bytes();
+         std::span(memory.sent).size_bytes() + chain_.memory().size_bytes();
 }
 
 void FileRobot::write_state(std::span<std::byte> state) const noexcept {
   mj_getState(model().mujoco(), data_.get(), physics_.data(), kWholeState);
-  write_state(state, state_.memory);
+  write_state(state, state_.memory, chain_.memory());
 }
 
 // Writes `physics_` and the rest.
 void FileRobot::write_state(std::span<std::byte> state,
-                            const FileSimulator::Memory& memory) const noexcept {
+                            const FileSimulator::Memory& memory,
+                            std::span<const JointMemory> safety) const noexcept {
   std::byte* target = state.data();
   const auto write = [&target](const void* source, std::size_t size) {
     std::memcpy(target, source, size);
@@ -365,7 +373,7 @@ void FileRobot::write_state(std::span<std::byte> state,
   write(physics_.data(), std::span(physics_).size_bytes());
   write(memory.torque.begin(), num_joints() * sizeof(double));
   write(memory.sent.data(), std::span(memory.sent).size_bytes());
-  write(memory.safety.joints.data(), std::span(memory.safety.joints).size_bytes());
+  write(safety.data(), safety.size_bytes());
 }
 
 // Reads everything but the varied model, which the caller has made already.
@@ -383,12 +391,13 @@ void FileRobot::read_state(std::span<const std::byte> state) noexcept {
   data_->warning[mjWARN_BADQACC].number = 0;
   read(memory.torque.begin(), num_joints() * sizeof(double));
   read(memory.sent.data(), std::span(memory.sent).size_bytes());
-  read(memory.safety.joints.data(), std::span(memory.safety.joints).size_bytes());
+  read(chain_.memory().data(), chain_.memory().size_bytes());
 }
 
 void FileRobot::keep_state_before_step() noexcept {
   mj_getState(model().mujoco(), data_.get(), before_step_.data(), kChangedByStep);
   memory_before_step_ = state_.memory;
+  std::ranges::copy(chain_.memory(), safety_before_step_.begin());
 }
 
 void FileRobot::keep_state_before_divergence() noexcept {
@@ -399,7 +408,7 @@ void FileRobot::keep_state_before_divergence() noexcept {
   mj_setState(mujoco, data_.get(), before_step_.data(), kChangedByStep);
   mj_getState(mujoco, data_.get(), physics_.data(), kWholeState);
   mj_setState(mujoco, data_.get(), after_step_.data(), kChangedByStep);
-  write_state(state_before_divergence_, memory_before_step_);
+  write_state(state_before_divergence_, memory_before_step_, safety_before_step_);
 }
 
 }  // namespace trifinger

@@ -5,8 +5,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <mutex>
 
+#include "file_robot_parts.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/text_of.hpp"
 
@@ -15,21 +15,6 @@ namespace {
 
 using detail::require;
 using detail::text_of;
-
-// MuJoCo writes warnings to a file in the working directory. Here the counters in mjData show them,
-// and they become faults.
-void silence_warnings() {
-  static std::once_flag once;
-  std::call_once(once, [] { mju_user_warning = [](const char*) {}; });
-}
-
-bool is_finite(const mjModel& model, const mjData& data) noexcept {
-  const auto all_finite = [](const double* values, auto count) {
-    return std::none_of(values, values + count, [](double value) { return mju_isBad(value) != 0; });
-  };
-  return all_finite(data.qpos, model.nq) && all_finite(data.qvel, model.nv) &&
-         data.warning[mjWARN_BADQACC].number == 0;
-}
 
 std::string unit_of(const FileJoint& joint) { return joint.is_slide ? " m" : " rad"; }
 
@@ -65,9 +50,32 @@ void FileRobotOptions::validate() const {
   require(object_period >= 1, text_of("object_period is ", object_period, ", must be at least 1"));
 }
 
+void FileRobotOptions::put_at_start(mjData& data) const noexcept {
+  const mjModel& mujoco = *model->mujoco();
+  const int key =
+      keyframe ? mj_name2id(&mujoco, mjOBJ_KEY, keyframe->c_str()) : (mujoco.nkey > 0 ? 0 : -1);
+  if (key >= 0) {
+    mj_resetDataKeyframe(&mujoco, &data, key);
+  } else {
+    mj_resetData(&mujoco, &data);
+  }
+  for (const auto& [name, position] : initial_position) {
+    const auto driven = std::ranges::find(model->joints(), name, &FileJoint::name);
+    if (driven != model->joints().end()) {
+      const auto index = static_cast<std::size_t>(driven - model->joints().begin());
+      model->set_position(index, position, data);
+      continue;
+    }
+    const auto any = std::ranges::find(model->model_joints(), name, &ModelJoint::name);
+    if (any == model->model_joints().end()) continue;
+    model->set_model_position(static_cast<std::size_t>(any - model->model_joints().begin()),
+                              position, data);
+  }
+}
+
 FileSimulator::FileSimulator(FileRobotOptions options)
     : options_((options.validate(), std::move(options))), safety_(options_.limits) {
-  silence_warnings();
+  detail::silence_warnings();
   const mjModel& mujoco = *model().mujoco();
   if (options_.keyframe) {
     const int key = mj_name2id(&mujoco, mjOBJ_KEY, options_.keyframe->c_str());
@@ -81,7 +89,7 @@ FileSimulator::FileSimulator(FileRobotOptions options)
     require(std::isfinite(position), "the initial position of joint '" + name + "' is not finite");
   }
   const RobotModel::Data data = model().make_data();
-  put_at_start(*data);
+  options_.put_at_start(*data);
   initial_configuration_.assign(data->qpos, data->qpos + mujoco.nq);
   std::string beyond;
   for (std::size_t i = 0; i < num_joints(); ++i) {
@@ -119,7 +127,7 @@ void FileSimulator::check(std::span<const double> position) const {
 
 auto FileSimulator::make_state() const -> State {
   State state;
-  state.memory.safety.joints.resize(num_joints());
+  state.safety.joints.resize(num_joints());
   state.memory.torque = PerJoint<double>(num_joints(), 0.0);
   state.memory.sent.resize(static_cast<std::size_t>(Variation::kMaxTorqueDelay) * num_joints());
   state.observation = Observation(num_joints());
@@ -180,40 +188,17 @@ RobotModel::Compiled FileSimulator::make_varied_model() const {
   return copy;
 }
 
-// Puts everything where it begins.
-void FileSimulator::put_at_start(mjData_& data) const noexcept {
-  const mjModel& mujoco = *model().mujoco();
-  const int key = options_.keyframe ? mj_name2id(&mujoco, mjOBJ_KEY, options_.keyframe->c_str())
-                                    : (mujoco.nkey > 0 ? 0 : -1);
-  if (key >= 0) {
-    mj_resetDataKeyframe(&mujoco, &data, key);
-  } else {
-    mj_resetData(&mujoco, &data);
-  }
-  for (const auto& [name, position] : options_.initial_position) {
-    const auto driven = std::ranges::find(model().joints(), name, &FileJoint::name);
-    if (driven != model().joints().end()) {
-      const auto index = static_cast<std::size_t>(driven - model().joints().begin());
-      model().set_position(index, position, data);
-      continue;
-    }
-    const auto any = std::ranges::find(model().model_joints(), name, &ModelJoint::name);
-    model().set_model_position(static_cast<std::size_t>(any - model().model_joints().begin()),
-                               position, data);
-  }
-}
-
 void FileSimulator::reset(std::span<const double> position, const mjModel_& /*model*/,
                           mjData_& data, State& state,
                           std::span<const double> model_position) const noexcept {
-  put_at_start(data);
+  options_.put_at_start(data);
   for (std::size_t i = 0; i < model_position.size(); ++i) {
     if (!std::isnan(model_position[i])) model().set_model_position(i, model_position[i], data);
   }
   for (std::size_t i = 0; i < num_joints(); ++i) model().set_position(i, position[i], data);
   Memory& memory = state.memory;
   // After a reset, nothing of what happened before counts.
-  std::ranges::fill(memory.safety.joints, JointMemory{});
+  std::ranges::fill(state.safety.joints, JointMemory{});
   memory.torque = PerJoint<double>(num_joints(), 0.0);
   std::ranges::fill(memory.sent, 0.0);
   memory.num_sent = 0;
@@ -264,18 +249,19 @@ void FileSimulator::observe(const mjData_& data, State& state) const noexcept {
 }
 
 DriverReport FileSimulator::step(const Action& desired, const mjModel_& model, mjData_& data,
-                                 State& state, AppliedAction& applied,
-                                 SafetyReport* report) const noexcept {
-  const SafetyReport checked =
-      safety_.apply(desired, state.observation, this->model().period(), state.memory.safety,
-                    applied, &state.thrown);
-  if (report != nullptr) *report = checked;
-  if (checked.fault == SafetyFault::kInterrupted) return DriverReport::interrupted();
-  if (checked.fault != SafetyFault::kNone) return DriverReport::fault(fault_code_of(checked));
-  set_torques(applied.torque, state.memory, data);
+                                 State& state, AppliedAction& applied) const noexcept {
+  const SafetyReport report = safety_.apply(desired, state.observation, this->model().period(),
+                                            state.safety, applied, nullptr);
+  if (report.fault != SafetyFault::kNone) return DriverReport::fault(fault_code_of(report));
+  if (!move(applied.torque, model, data, state)) return DriverReport::fault(kDiverged);
+  return {.action_rejected = report.action_rejected};
+}
+
+bool FileSimulator::move(const PerJoint<double>& torque, const mjModel_& model, mjData_& data,
+                         State& state) const noexcept {
+  set_torques(torque, state.memory, data);
   for (int i = 0; i < this->model().substeps(); ++i) mj_step(&model, &data);
-  if (!is_finite(model, data)) return DriverReport::fault(kDiverged);
-  return {.action_rejected = checked.action_rejected};
+  return detail::is_finite(model, data);
 }
 
 // Sends torques to the motors, which may deliver them later, or not quite.

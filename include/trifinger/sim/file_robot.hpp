@@ -4,16 +4,15 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <functional>
 #include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
-#include "trifinger/base/text.hpp"
 #include "trifinger/core/document.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/joint/counted.hpp"
+#include "trifinger/joint/counted_chain.hpp"
 #include "trifinger/model/model_file.hpp"
 #include "trifinger/sim/file_simulator.hpp"
 #include "trifinger/sim/object_observation.hpp"
@@ -21,6 +20,9 @@
 #include "trifinger/sim/variation.hpp"
 
 namespace trifinger {
+
+/// The elements of a session of the robot in this file.
+[[nodiscard]] RobotTypes robot_types_of(const ModelFile& model);
 
 /// The documents of its sessions: "model.xml", which needs no other file.
 /// @throws Error
@@ -48,7 +50,7 @@ class FileRobot final : public UntypedDriver {
   explicit FileRobot(Options options);
   ~FileRobot() override;
 
-  [[nodiscard]] const RobotTypes& description() const noexcept override { return types_; }
+  [[nodiscard]] const RobotTypes& description() const noexcept override { return chain_.types(); }
   [[nodiscard]] std::span<const CompanionDescription> companions() const noexcept override {
     return companions_;
   }
@@ -65,8 +67,7 @@ class FileRobot final : public UntypedDriver {
 
   [[nodiscard]] const Options& options() const noexcept { return simulator_.options(); }
   [[nodiscard]] const ModelFile& model() const noexcept { return simulator_.model(); }
-  /// A user's own check, see `SafetyChain::Check`. It sees the elements of the session.
-  using Check = std::function<void(const void* observation, void* action)>;
+  using Check = CountedChain::Check;
   /// Adds a check after the existing ones, before the first session.
   void add_check(Check check);
 
@@ -124,7 +125,8 @@ class FileRobot final : public UntypedDriver {
   // Saved states.
   [[nodiscard]] std::size_t state_size() const noexcept;
   void write_state(std::span<std::byte> state) const noexcept;
-  void write_state(std::span<std::byte> state, const FileSimulator::Memory& memory) const noexcept;
+  void write_state(std::span<std::byte> state, const FileSimulator::Memory& memory,
+                   std::span<const JointMemory> safety) const noexcept;
   void read_state(std::span<const std::byte> state) noexcept;
 
   // The state before a step, in case that the simulation diverges.
@@ -132,7 +134,7 @@ class FileRobot final : public UntypedDriver {
   void keep_state_before_divergence() noexcept;
 
   FileSimulator simulator_;
-  RobotTypes types_;
+  CountedChain chain_;
   std::vector<CompanionDescription> companions_;
   std::uint64_t fingerprint_;
 
@@ -142,15 +144,11 @@ class FileRobot final : public UntypedDriver {
 
   CountedObservation held_;
   CountedAction desired_;
-  CountedAppliedAction applied_;
-  std::vector<std::byte> check_observation_;  // elements for added checks
-  std::vector<std::byte> check_action_;
-  FixedText fault_text_;
-  FixedText rejection_text_;
 
   SimulationState begin_state_;  // Every session begins here.
   std::vector<double> before_step_;
   FileSimulator::Memory memory_before_step_;
+  std::vector<JointMemory> safety_before_step_;
   std::vector<double> after_step_;
   SimulationState state_before_divergence_;
   SimulationState spare_state_;          // Memory for `state_before_divergence_`.

@@ -11,7 +11,6 @@
 #include <vector>
 
 #include "trifinger/base/random.hpp"
-#include "trifinger/base/text.hpp"
 #include "trifinger/base/time.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/joint/counted.hpp"
@@ -41,6 +40,8 @@ struct FileRobotOptions {
 
   /// @throws InvalidArgument that names the option, the value found and the values allowed
   void validate() const;
+  /// Puts everything in a simulation of the model where sessions begin, at rest.
+  void put_at_start(mjData_& data) const noexcept;
 };
 
 /// Does one step of a simulated robot from a file, for one simulation or for thousands at once:
@@ -60,9 +61,9 @@ class FileSimulator {
   /// Fault codes in addition to those of `SafetyFault`.
   static constexpr std::int32_t kDiverged = 64;
 
-  /// The values that decide how a simulation continues, apart from MuJoCo's state.
+  /// The values that decide how a simulation continues, apart from MuJoCo's state and the memory of
+  /// the checks.
   struct Memory {
-    CountedSafetyState safety{};
     PerJoint<double> torque{};   ///< Torques of the previous step [Nm], [N].
     std::vector<double> sent{};  ///< Torques on their way to the motors, in a ring.
     std::uint64_t num_sent{0};
@@ -81,12 +82,12 @@ class FileSimulator {
   /// One simulation.
   struct State {
     Memory memory{};
+    CountedSafetyState safety{};
     Observation observation{};  ///< The newest observation, which the checks use.
     std::vector<double> model_position{};  ///< Of all hinges and slides, at that observation.
     std::vector<double> model_velocity{};
     std::vector<ObjectPose> objects{};  ///< Poses of all objects at that observation.
     Capture capture{};                  ///< The newest poses that have arrived.
-    FixedText thrown{};                 ///< Text of the last exception from an added check.
   };
 
   /// @throws InvalidArgument
@@ -98,9 +99,6 @@ class FileSimulator {
     return model().free_bodies();
   }
   [[nodiscard]] std::size_t num_joints() const noexcept { return options_.limits.size(); }
-  [[nodiscard]] const SafetyChain<CountedJoints>& safety() const noexcept { return safety_; }
-  /// For adding checks, while nobody uses the simulator.
-  [[nodiscard]] SafetyChain<CountedJoints>& safety() noexcept { return safety_; }
 
   /// Positions of the driven joints at the beginning, unless others are set [rad], [m].
   [[nodiscard]] const std::vector<double>& initial_position() const noexcept {
@@ -143,11 +141,12 @@ class FileSimulator {
   /// Measures `state.observation`, and notes where everything else is.
   void observe(const mjData_& data, State& state) const noexcept;
   /// Checks `desired` against `state.observation` and moves on by one step. If a number is not
-  /// finite after the step, the simulation has diverged. `report`, if given, receives what the
-  /// checks said.
+  /// finite after the step, the simulation has diverged.
   [[nodiscard]] DriverReport step(const Action& desired, const mjModel_& model, mjData_& data,
-                                  State& state, AppliedAction& applied,
-                                  SafetyReport* report = nullptr) const noexcept;
+                                  State& state, AppliedAction& applied) const noexcept;
+  /// The part of `step` after the checks. False if a number is no longer finite.
+  [[nodiscard]] bool move(const PerJoint<double>& torque, const mjModel_& model, mjData_& data,
+                          State& state) const noexcept;
 
   /// Returns the poses of the objects that arrive at `time_index`; nullptr if none arrive. Call it
   /// once per step, and once before step 0 with a number below 0. The result is valid until the
@@ -161,7 +160,6 @@ class FileSimulator {
                                                const mjData_& data) const noexcept;
 
  private:
-  void put_at_start(mjData_& data) const noexcept;
   void set_torques(const PerJoint<double>& torque, Memory& memory, mjData_& data) const noexcept;
 
   FileRobotOptions options_;
