@@ -102,15 +102,22 @@ namespace Environment {
 inline constexpr const char* Environment = R"(Makes a decision process of a robot: starts, goals, observations, rewards, ends. The same
 functions serve a robot that is driven through a front-end and thousands of simulations.
 
+The robot is a TriFinger, one of its fingers, or a robot from a file. The goals, points and
+rewards of fingers are then those of the frames that the option `frames` names.
+
 An environment is constant. Threads may share one, each with its own episodes.)";
 inline constexpr const char* begin = R"(Draws the beginning of episode `number` of `seed`. The same arguments give the same episode.)";
 inline constexpr const char* entries = R"(The parts of an observation, in the order of `Layout.DICTIONARY`. Images are not among them:
 whoever has cameras adds these.)";
+inline constexpr const char* has_goals_of_fingers = R"(True if each finger or frame has a goal of its own.)";
 inline constexpr const char* judges_by_truth = R"(True if a simulation shall judge the outcome by where the object really is, because its pose
 is not observed, or tracked.)";
+inline constexpr const char* num_parts = R"(Number of parts of a goal that are judged one by one: one for each finger or frame if each
+has a goal of its own, else 1.)";
 inline constexpr const char* observe = R"(Computes the observation after the actions that `episode` counts. The outcome is judged by
 the goal that was shown before, which is written to `desired`. If a new goal begins now, it
 is in `observation`.)";
+inline constexpr const char* scores = R"(Names of the scores of the task.)";
 }
 
 namespace EnvironmentBatch {

@@ -15,8 +15,6 @@ using namespace trifinger::learning;
 
 namespace {
 
-constexpr EnvironmentOptions kDefaults{.action = ActionKind::kPositionChange, .duration = 2.0};
-
 using Goal = Eigen::Map<const Eigen::Vector3d>;
 
 class Middle final : public Task {
@@ -53,7 +51,7 @@ class Middle final : public Task {
 }  // namespace
 
 int main() {
-  add_task({.name = "middle", .options = kDefaults, .make = [](const trifinger::RobotDescription&) {
+  add_task({.name = "middle", .options = {.action = ActionKind::kPositionChange, .duration = 2.0}, .make = [](trifinger::learning::Workspace&) {
               return std::make_unique<Middle>();
             }});
 

@@ -37,7 +37,7 @@ auto array_of(M T::* member) {
 }
 
 /// Copies the numbers of `object` to `value`. Vectors must have one dimension, matrices two. The
-/// number of rows must be that of `M` or, if `M` leaves it open, at most the maximum of `M`.
+/// number of rows must be that of `M` or, if `M` leaves it open, at most the maximum of `M`, if any.
 /// Returns false, without setting an error in Python, if `object` does not fit.
 template <class M>
 bool read_array(nanobind::handle object, M& value) noexcept {
@@ -53,7 +53,9 @@ bool read_array(nanobind::handle object, M& value) noexcept {
   const Eigen::Index rows = PyArray_DIM(numbers, 0);
   const Eigen::Index columns = kDimensions == 1 ? 1 : PyArray_DIM(numbers, kDimensions - 1);
   constexpr bool kAnyRows = M::RowsAtCompileTime == Eigen::Dynamic;
-  if (kAnyRows ? rows > M::MaxRowsAtCompileTime : rows != M::RowsAtCompileTime) return false;
+  constexpr int kMostRows = M::MaxRowsAtCompileTime;
+  constexpr bool kHasMost = kMostRows != Eigen::Dynamic;
+  if (kAnyRows ? kHasMost && rows > kMostRows : rows != M::RowsAtCompileTime) return false;
   if (columns != M::ColsAtCompileTime) return false;
   value =
       Eigen::Map<const RowMajor>(static_cast<const double*>(PyArray_DATA(numbers)), rows, columns);

@@ -68,16 +68,72 @@ Nanoseconds period_of(const RobotConfig& config) {
   return std::visit([](const auto& options) { return options.period; }, config.simulation);
 }
 
+Nanoseconds period_of(const AnyRobotConfig& config) {
+  if (const auto* const file = std::get_if<FileRobotConfig>(&config)) {
+    return file->robot.model->period();
+  }
+  return period_of(std::get<RobotConfig>(config));
+}
+
+Environment make_environment(const TaskDescription& task, const EnvironmentOptions& options,
+                             const AnyRobotConfig& config) {
+  if (const auto* const file = std::get_if<FileRobotConfig>(&config)) {
+    return {task, options, file->robot};
+  }
+  const auto& robot = std::get<RobotConfig>(config);
+  return {task, options, description_of(robot), period_of(robot)};
+}
+
+// Age of the newest pose just before the next one arrives; `is_elsewhere`: of a robot in another
+// process, whose poses may be a little late [steps].
+TimeIndex oldest_sure_age_of(const AnyRobotConfig& config, bool is_elsewhere) {
+  if (const auto* const file = std::get_if<FileRobotConfig>(&config)) {
+    return (is_elsewhere ? 2 : 1) * file->robot.object_period - 1;
+  }
+  const auto& robot = std::get<RobotConfig>(config);
+  return is_elsewhere ? rendering::oldest_sure_age_elsewhere(robot)
+                      : rendering::oldest_sure_age(robot);
+}
+
+// Throws InvalidArgument if `actual` is another robot than `expected`.
+void check_same_robot(const AnyRobotConfig& actual, const AnyRobotConfig& expected) {
+  const auto is_same = [&] {
+    if (actual.index() != expected.index()) return false;
+    if (const auto* const file = std::get_if<FileRobotConfig>(&actual)) {
+      const auto names_of = [](const FileRobotConfig& config) {
+        std::vector<std::string> names;
+        for (const FileJoint& joint : config.robot.model->joints()) names.push_back(joint.name);
+        return names;
+      };
+      return names_of(*file) == names_of(std::get<FileRobotConfig>(expected));
+    }
+    const RobotDescription description = description_of(std::get<RobotConfig>(actual));
+    const RobotDescription wanted = description_of(std::get<RobotConfig>(expected));
+    return description.variant == wanted.variant && description.arrangement == wanted.arrangement;
+  };
+  if (!is_same()) {
+    throw InvalidArgument("the robot is a '" +
+                          std::visit([](const auto& robot) { return robot.name; }, actual) +
+                          "', which is not what `config` says");
+  }
+  if (period_of(actual) != period_of(expected)) {
+    throw InvalidArgument("the robot's period is " +
+                          std::to_string(to_seconds(period_of(actual))) + " s, `config` says " +
+                          std::to_string(to_seconds(period_of(expected))) + " s");
+  }
+}
+
 // `Environment`, one episode of it, and what was seen last.
 struct Episodes {
-  Episodes(nb::object its_task, const EnvironmentOptions& options, RobotConfig its_config,
+  Episodes(nb::object its_task, const EnvironmentOptions& options, AnyRobotConfig its_config,
            std::vector<camera::Camera> its_cameras)
       : task(std::move(its_task)),
-        environment(nb::isinstance<nb::str>(task) ? find_task(nb::cast<std::string>(task))
-                                                  : describe_task(task, failure),
-                    options, description_of(its_config), period_of(its_config)),
+        environment(make_environment(nb::isinstance<nb::str>(task)
+                                         ? find_task(nb::cast<std::string>(task))
+                                         : describe_task(task, failure),
+                                     options, its_config)),
         config(std::move(its_config)),
-        oldest_sure_age(rendering::oldest_sure_age(config)),
+        oldest_sure_age(oldest_sure_age_of(config, /*is_elsewhere=*/false)),
         cameras(std::move(its_cameras)),
         observation(environment.observation_size()),
         achieved(environment.goal_size()),
@@ -93,7 +149,7 @@ struct Episodes {
   nb::object task;  // a name, or an object of Python's class
   std::shared_ptr<TaskFailure> failure = std::make_shared<TaskFailure>();
   Environment environment;
-  RobotConfig config;
+  AnyRobotConfig config;
   TimeIndex oldest_sure_age;            // of a pose [steps]
   std::vector<camera::Camera> cameras;  // that are observed
   Start start;
@@ -103,6 +159,16 @@ struct Episodes {
   std::vector<double> achieved;
   std::vector<double> desired;
 };
+
+// Where the hinges and slides of a robot from a file begin.
+std::vector<double> model_positions(const Episodes& episodes, const Start& start) {
+  const auto* const file = std::get_if<FileRobotConfig>(&episodes.config);
+  if (file == nullptr) return {};
+  const std::size_t joints =
+      std::min(file->robot.model->model_joints().size(), start.model_position.size());
+  return {start.model_position.begin(),
+          start.model_position.begin() + static_cast<std::ptrdiff_t>(joints)};
+}
 
 // A pose from position and quaternion, if there is one.
 std::optional<ObjectPose> to_pose(nb::handle given) {
@@ -115,11 +181,41 @@ std::optional<ObjectPose> to_pose(nb::handle given) {
   return pose;
 }
 
+// Torques, positions and velocities of the model, and poses of free bodies.
+using More = std::tuple<Array<Eigen::VectorXd>, Array<Eigen::VectorXd>, Array<Eigen::VectorXd>,
+                        std::vector<nb::object>>;
+
+void add_measurement_of_file(const Episodes& episodes, const More& more,
+                             std::vector<ObjectPose>& bodies, Measurement& measurement) {
+  const auto* const file = std::get_if<FileRobotConfig>(&episodes.config);
+  if (file == nullptr) throw InvalidArgument("more is for robots from files");
+  const auto& [torque, position, velocity, poses] = more;
+  const ModelFile& model = *file->robot.model;
+  const auto span_of = [](const auto& array, std::size_t size, const char* name) {
+    const auto given = static_cast<std::size_t>(array.value.size());
+    if (given == size) return std::span(array.value.data(), size);
+    throw InvalidArgument(std::string(name) + " has " + std::to_string(given) +
+                          " numbers, must have " + std::to_string(size));
+  };
+  const std::size_t joints = model.drives_all() ? 0 : model.model_joints().size();
+  measurement.torque = span_of(torque, model.joints().size(), "torque");
+  measurement.model_position = span_of(position, joints, "joint_position");
+  measurement.model_velocity = span_of(velocity, joints, "joint_velocity");
+  if (poses.size() != model.free_bodies().size()) {
+    throw InvalidArgument("there are " + std::to_string(poses.size()) + " poses for " +
+                          std::to_string(model.free_bodies().size()) + " free bodies");
+  }
+  for (const nb::object& pose : poses) bodies.push_back(to_pose(pose).value());
+  measurement.bodies = bodies;
+}
+
 // The cameras that an environment with these options observes.
 std::vector<camera::Camera> observed_cameras(const EnvironmentOptions& options,
-                                             const RobotConfig& config) {
+                                             const AnyRobotConfig& config) {
   if (options.layout != Layout::kImages) return {};
-  return camera_calibration(config, config.name).cameras;
+  const auto* const robot = std::get_if<RobotConfig>(&config);
+  if (robot == nullptr) return {};  // The environment refuses the layout.
+  return camera_calibration(*robot, robot->name).cameras;
 }
 
 nb::list describe_cameras(const std::vector<camera::Camera>& cameras) {
@@ -163,6 +259,18 @@ void bind_description(nb::class_<T>& type, const Environment& (*environment_of)(
           "judges_by_truth",
           [environment_of](const T& self) { return environment_of(self).judges_by_truth(); },
           docs::Environment::judges_by_truth)
+      .def_prop_ro(
+          "num_parts",
+          [environment_of](const T& self) { return environment_of(self).num_parts(); },
+          docs::Environment::num_parts)
+      .def_prop_ro(
+          "has_goals_of_fingers",
+          [environment_of](const T& self) { return environment_of(self).has_goals_of_fingers(); },
+          docs::Environment::has_goals_of_fingers)
+      .def_prop_ro(
+          "score_names",
+          [environment_of](const T& self) { return environment_of(self).scores(); },
+          docs::Environment::scores)
       .def_prop_ro("num_joints",
                    [environment_of](const T& self) { return environment_of(self).num_joints(); })
       .def_prop_ro("object_name",
@@ -199,7 +307,7 @@ void bind_episodes(nb::module_& m) {
           "__init__",
           [](Episodes* self, const nb::object& task, const std::string& options,
              const std::string& config, const nb::dict& overrides) {
-            RobotConfig robot = load_config(config, overrides);
+            AnyRobotConfig robot = load_any_config(config, overrides);
             const EnvironmentOptions wanted = read_options(options);
             std::vector<camera::Camera> cameras = observed_cameras(wanted, robot);
             new (self) Episodes(task, wanted, std::move(robot), std::move(cameras));
@@ -219,36 +327,25 @@ void bind_episodes(nb::module_& m) {
             return nb::make_tuple(list(start.position, self.environment.num_joints()),
                                   list(start.object.position, 3), list(start.object.orientation, 4),
                                   list(start.object_velocity.linear, 3), start.variation,
-                                  start.random.episode);
+                                  start.random.episode, model_positions(self, start));
           },
           "seed"_a, "number"_a,
           nb::sig("def begin(self, seed: int, number: int) -> tuple[list[float], list[float], "
-                  "list[float], list[float], Variation, int]"),
+                  "list[float], list[float], Variation, int, list[float]]"),
           also(
               docs::Environment::begin,
-              R"(Returns the joints [rad], the object's position [m], quaternion and velocity [m/s], the variation and
-the series of random numbers.)")
+              R"(Returns the joints [rad], the object's position [m], quaternion and velocity [m/s], the variation,
+the series of random numbers, and positions of the first hinges and slides of a robot from a file; NaN: as always.)")
               .c_str())
       .def(
           "check_robot",
           [](Episodes& self, const std::optional<std::string>& configuration) {
-            const RobotConfig actual =
-                configuration
-                    ? read_robot_config(config::File::parse(*configuration, "configuration.yml"))
-                    : self.config;
-            const RobotDescription& description = description_of(actual);
-            const RobotDescription& expected = description_of(self.config);
-            if (description.variant != expected.variant ||
-                description.arrangement != expected.arrangement) {
-              throw InvalidArgument("the robot is a '" + actual.name +
-                                    "', which is not what `config` says");
-            }
-            if (period_of(actual) != period_of(self.config)) {
-              throw InvalidArgument(
-                  "the robot's period is " + std::to_string(to_seconds(period_of(actual))) +
-                  " s, `config` says " + std::to_string(to_seconds(period_of(self.config))) + " s");
-            }
-            self.oldest_sure_age = rendering::oldest_sure_age_elsewhere(actual);
+            const AnyRobotConfig actual =
+                configuration ? read_any_robot_config(
+                                    config::File::parse(*configuration, "configuration.yml"))
+                              : self.config;
+            check_same_robot(actual, self.config);
+            self.oldest_sure_age = oldest_sure_age_of(actual, /*is_elsewhere=*/true);
           },
           "configuration"_a.none(),
           "Refuses another robot than that of `config`, by its configuration if that is known, and "
@@ -259,7 +356,7 @@ the series of random numbers.)")
           "Age of a pose up to which it is sure; of a connected robot once it was checked [steps].")
       .def(
           "way",
-          [](const Episodes& self, const Array<JointValues>& from) {
+          [](const Episodes& self, const Array<Eigen::VectorXd>& from) {
             const auto joints = static_cast<Eigen::Index>(self.environment.num_joints());
             if (from.value.size() != joints) {
               throw InvalidArgument("from_position must have " + std::to_string(joints) +
@@ -301,8 +398,9 @@ the series of random numbers.)")
           "Torques [Nm] and positions [rad] of the joints for one action.")
       .def(
           "observe",
-          [](Episodes& self, const Array<JointValues>& position, const Array<JointValues>& velocity,
-             nb::handle object, nb::handle true_object) {
+          [](Episodes& self, const Array<Eigen::VectorXd>& position,
+             const Array<Eigen::VectorXd>& velocity, nb::handle object, nb::handle true_object,
+             const std::optional<More>& more) {
             const auto joints = static_cast<Eigen::Index>(self.environment.num_joints());
             if (position.value.size() != joints || velocity.value.size() != joints) {
               throw InvalidArgument("a measurement must have " + std::to_string(joints) +
@@ -314,26 +412,48 @@ the series of random numbers.)")
             const std::optional<ObjectPose> pose = to_pose(object);
             const std::optional<ObjectPose> truth = to_pose(true_object);
             const auto size = static_cast<std::size_t>(joints);
-            self.outcome = self.environment.observe({.position = {position.value.data(), size},
-                                                     .velocity = {velocity.value.data(), size},
-                                                     .object = pose ? &*pose : nullptr,
-                                                     .true_object = truth ? &*truth : nullptr},
-                                                    self.episode, self.observation, self.achieved,
-                                                    self.desired);
+            Measurement measurement{.position = {position.value.data(), size},
+                                    .velocity = {velocity.value.data(), size},
+                                    .object = pose ? &*pose : nullptr,
+                                    .true_object = truth ? &*truth : nullptr};
+            std::vector<ObjectPose> bodies;
+            if (more) add_measurement_of_file(self, *more, bodies, measurement);
+            self.outcome = self.environment.observe(measurement, self.episode, self.observation,
+                                                    self.achieved, self.desired);
             self.failure->rethrow();
             const Outcome& outcome = self.outcome;
             return nb::make_tuple(outcome.reward, outcome.terminated, outcome.truncated,
                                   outcome.success);
           },
           "position"_a, "velocity"_a, "object"_a = nb::none(), "true_object"_a = nb::none(),
+          "more"_a.none() = nb::none(),
           nb::sig("def observe(self, position: numpy.typing.ArrayLike, velocity: "
                   "numpy.typing.ArrayLike, object: tuple[numpy.typing.ArrayLike, "
                   "numpy.typing.ArrayLike] | None = None, true_object: "
-                  "tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike] | None = None) -> "
+                  "tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike] | None = None, more: "
+                  "tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike, numpy.typing.ArrayLike, "
+                  "list[tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike]]] | None = None) -> "
                   "tuple[float, bool, bool, bool]"),
           also(docs::Environment::observe,
-               R"(Returns reward, terminated, truncated, success; the arrays below change.)")
+               R"(`more` is for robots from files: torques, positions and velocities of all hinges and slides (empty if
+each has a motor), and poses of the free bodies. Returns reward, terminated, truncated, success; the arrays below
+change.)")
               .c_str());
+  type.def_prop_ro("is_from_file", [](const Episodes& self) {
+    return std::holds_alternative<FileRobotConfig>(self.config);
+  });
+  type.def_prop_ro(
+      "bodies",
+      [](const Episodes& self) {
+        std::vector<std::string> names;
+        if (const auto* const file = std::get_if<FileRobotConfig>(&self.config)) {
+          for (const ObjectAddress& body : file->robot.model->free_bodies()) {
+            names.push_back(body.name);
+          }
+        }
+        return names;
+      },
+      "Names of the free bodies of a robot from a file.");
   type.def_prop_ro(
       "cameras", [](const Episodes& self) { return describe_cameras(self.cameras); },
       nb::sig("def cameras(self) -> list[tuple[str, int, int]]"),
@@ -353,12 +473,15 @@ the series of random numbers.)")
         [](nb::handle owner, Episodes& self) { return view(owner, self.desired); });
   array("distance", "def distance(self) -> numpy.typing.NDArray[numpy.float64]",
         [](nb::handle owner, Episodes& self) {
-          return view(owner, self.outcome.distance.data(), self.outcome.distance.size());
+          return view(owner, self.outcome.distance.data(), self.environment.num_parts());
         });
   array("finger_rewards", "def finger_rewards(self) -> numpy.typing.NDArray[numpy.float64]",
         [](nb::handle owner, Episodes& self) {
-          return view(owner, self.outcome.finger_rewards.data(),
-                      self.outcome.finger_rewards.size());
+          return view(owner, self.outcome.finger_rewards.data(), self.environment.num_parts());
+        });
+  array("scores", "def scores(self) -> numpy.typing.NDArray[numpy.float64]",
+        [](nb::handle owner, Episodes& self) {
+          return view(owner, self.outcome.scores.data(), self.environment.scores().size());
         });
 }
 
@@ -371,8 +494,13 @@ void bind_batch(nb::module_& m) {
           "__init__",
           [](EnvironmentBatch* self, const std::string& task, const std::string& options, int size,
              int num_threads, const std::string& config, const nb::dict& overrides) {
-            const RobotConfig robot = load_config(config, overrides);
+            const AnyRobotConfig any = load_any_config(config, overrides);
             const EnvironmentOptions wanted = read_options(options);
+            if (const auto* const file = std::get_if<FileRobotConfig>(&any)) {
+              new (self) EnvironmentBatch(task, wanted, file->robot, size, num_threads);
+              return;
+            }
+            const auto& robot = std::get<RobotConfig>(any);
             std::visit(
                 [&](const auto& simulation) {
                   new (self) EnvironmentBatch(task, wanted, simulation, size, num_threads,
@@ -441,6 +569,8 @@ void bind_batch(nb::module_& m) {
   array(
       "finger_rewards", "float64", [](Results& r) -> auto& { return r.seen.finger_rewards; },
       kRows);
+  array("scores", "float64", [](Results& r) -> auto& { return r.seen.scores; }, kRows);
+  array("final_scores", "float64", [](Results& r) -> auto& { return r.final.scores; }, kRows);
   array("final_distance", "float64", [](Results& r) -> auto& { return r.final.distance; }, kRows);
   array(
       "final_finger_rewards", "float64", [](Results& r) -> auto& { return r.final.finger_rewards; },
@@ -499,20 +629,33 @@ void bind_environment(nb::module_& m) {
       "Default options of a task, as JSON.");
   m.def(
       "environment_overrides",
-      [](const std::optional<std::string>& task, const std::string& options) {
+      [](const std::optional<std::string>& task, const std::string& options, bool is_from_file) {
         const nb::object loads = nb::module_::import_("json").attr("loads");
         nb::dict overrides;
         const TaskDescription described =
             task ? find_task(*task) : TaskDescription{.config_overrides = {}};
-        for (const std::string& text : config_overrides(described, read_options(options))) {
+        for (const std::string& text :
+             config_overrides(described, read_options(options), is_from_file)) {
           const std::size_t end = text.find('=');
           overrides[text.substr(0, end).c_str()] = loads(text.substr(end + 1));
         }
         return overrides;
       },
-      "task"_a, "options"_a,
-      nb::sig("def environment_overrides(task: str | None, options: str) -> dict[str, object]"),
+      "task"_a, "options"_a, "is_from_file"_a = false,
+      nb::sig("def environment_overrides(task: str | None, options: str, is_from_file: bool = "
+              "False) -> dict[str, object]"),
       "The overrides that a robot's configuration needs for options (JSON), and for a task.");
+  m.def(
+      "robot_of_task", [](const std::string& task) { return find_task(task).robot; }, "task"_a,
+      "Name of the configuration of the robot that a task is usually for.");
+  m.def(
+      "is_from_file",
+      [](const std::string& config, const nb::dict& overrides) {
+        return is_robot_from_file(config, overrides);
+      },
+      "config"_a, "overrides"_a = nb::dict(),
+      nb::sig("def is_from_file(config: str, overrides: dict[str, object] = {}) -> bool"),
+      "Whether the robot of a configuration is from a file.");
   m.def(
       "describe_environment_options",
       [] {
@@ -527,7 +670,9 @@ void bind_environment(nb::module_& m) {
   m.def(
       "robot_configuration",
       [](const std::string& config, const nb::dict& overrides) {
-        return load_config(config, overrides).session.documents.front().text;
+        return std::visit(
+            [](const auto& robot) { return robot.session.documents.front().text; },
+            load_any_config(config, overrides));
       },
       "config"_a, "config_overrides"_a = nb::dict(),
       nb::sig("def robot_configuration(config: str, config_overrides: dict[str, object] = {}) -> "

@@ -135,7 +135,10 @@ class PythonTask final : public Task {
     using Rows = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;
     return view_("tips"_a = nb::cast(Rows(Rows::Map(view.tips.data(), view.tips.size() / 3, 3))),
                  "object_position"_a = array_of(view.object.position),
-                 "object_orientation"_a = array_of(view.object.orientation), "time"_a = view.time);
+                 "object_orientation"_a = array_of(view.object.orientation), "time"_a = view.time,
+                 "position"_a = array_of(view.position), "velocity"_a = array_of(view.velocity),
+                 "joint_position"_a = array_of(view.model_position),
+                 "joint_velocity"_a = array_of(view.model_velocity));
   }
 
   nb::handle task_;
@@ -152,9 +155,9 @@ class PythonTask final : public Task {
 TaskDescription describe_task(nb::handle task, const std::shared_ptr<TaskFailure>& failure) {
   return {.name = nb::cast<std::string>(task.attr("name")),
           .num_fingers = nb::cast<int>(task.attr("num_fingers")),
-          .make = [task, failure](const RobotDescription& robot) {
-            return std::make_unique<PythonTask>(
-                task, static_cast<std::size_t>(trifinger::num_joints(robot)), failure);
+          .is_for_files = nb::cast<bool>(task.attr("is_for_files")),
+          .make = [task, failure](const Workspace& robot) {
+            return std::make_unique<PythonTask>(task, robot.low.size(), failure);
           }};
 }
 

@@ -164,10 +164,11 @@ void bind_simulation(nb::module_& m) {
       .def("connect", &PythonSimulation::connect, nb::kw_only(), "strict"_a = true,
            docs::Simulation::connect)
       .def("reset", &PythonSimulation::reset, "position"_a = nb::none(), "seed"_a = nb::none(),
-           "episode"_a = 0,
+           "episode"_a = 0, "joints"_a = nb::none(),
            "Resets the simulation: joints at `position` [rad] (default: the configuration's), "
            "objects as they\nare at the start of the configuration, random numbers of `episode` of "
-           "`seed` (default: the\nconfiguration's).")
+           "`seed` (default: the\nconfiguration's). `joints` are positions of the first hinges and "
+           "slides of a robot from a file, driven or\nnot; NaN: as always.")
       .def("vary", &PythonSimulation::vary, "variation"_a,
            "Makes the simulation differ from its configuration as `variation` says.")
       .def(
@@ -287,7 +288,11 @@ Simulation.add_check().)")
   m.def(
       "export_mjcf",
       [](const std::string& config, const nb::dict& overrides) {
-        return export_mjcf(description_of(load_config(config, overrides)));
+        const AnyRobotConfig any = load_any_config(config, overrides);
+        if (const auto* const file = std::get_if<FileRobotConfig>(&any)) {
+          return file->robot.model->mjcf();
+        }
+        return export_mjcf(description_of(std::get<RobotConfig>(any)));
       },
       "config"_a = "sim", "overrides"_a = nb::dict(),
       nb::sig("def export_mjcf(config: str = 'sim', overrides: dict[str, object] = {}) -> str"),

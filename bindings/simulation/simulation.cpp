@@ -68,6 +68,10 @@ AnyRobotConfig load_any_config(const std::string& name, const nb::dict& override
   return load_any_robot_config(name, texts_of(overrides));
 }
 
+bool is_robot_from_file(const std::string& name, const nb::dict& overrides) {
+  return is_from_file(load_config_file(name, texts_of(overrides)));
+}
+
 RobotDescription description_of(const RobotConfig& config) {
   return std::visit([](const auto& options) { return options.description; }, config.simulation);
 }
@@ -107,12 +111,15 @@ std::unique_ptr<PythonFrontend> PythonSimulation::connect(bool strict) const {
 }
 
 void PythonSimulation::reset(const std::optional<std::vector<double>>& position,
-                             std::optional<std::uint64_t> seed, std::uint64_t episode) const {
+                             std::optional<std::uint64_t> seed, std::uint64_t episode,
+                             const std::optional<std::vector<double>>& joints) const {
   if (const auto* const file = std::get_if<FileSimulation>(&simulation_)) {
     // Nothing in it is random.
-    file->robot().reset(position ? *position : file->robot().initial_position());
+    file->robot().reset(position ? *position : file->robot().initial_position(),
+                        joints ? *joints : std::vector<double>());
     return;
   }
+  if (joints) throw InvalidArgument("joints are for robots from files");
   with_fingers(simulation_, "reset", [&]<class R>(const Simulation<R>& simulation) {
     SimulatedRobot<R>& robot = simulation.robot();
     robot.reset(position ? to_array<R::kJoints>(*position, "position") : robot.initial_position(),
@@ -129,8 +136,7 @@ void PythonSimulation::place_object(const std::string& name, const std::vector<d
 }
 
 void PythonSimulation::vary(const Variation& variation) const {
-  with_fingers(simulation_, "vary",
-               [&](const auto& simulation) { simulation.robot().vary(variation); });
+  std::visit([&](const auto& simulation) { simulation.robot().vary(variation); }, simulation_);
 }
 
 void PythonSimulation::push_object(const std::string& name,

@@ -28,6 +28,9 @@ namespace trifinger::bindings {
 [[nodiscard]] AnyRobotConfig load_any_config(const std::string& name,
                                              const nanobind::dict& overrides);
 
+/// Whether the configuration `name` is that of a robot from a file.
+[[nodiscard]] bool is_robot_from_file(const std::string& name, const nanobind::dict& overrides);
+
 [[nodiscard]] RobotDescription description_of(const RobotConfig& config);
 
 [[nodiscard]] Pull to_pull(const Vector3& target, const Vector3& point, double stiffness);
@@ -41,7 +44,7 @@ class PythonSimulation {
   [[nodiscard]] const std::string& name() const noexcept { return name_; }
   [[nodiscard]] std::unique_ptr<PythonFrontend> connect(bool strict) const;
   void reset(const std::optional<std::vector<double>>& position, std::optional<std::uint64_t> seed,
-             std::uint64_t episode) const;
+             std::uint64_t episode, const std::optional<std::vector<double>>& joints) const;
   void vary(const Variation& variation) const;
   void place_object(const std::string& name, const std::vector<double>& position,
                     const std::vector<double>& orientation) const;

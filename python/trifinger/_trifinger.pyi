@@ -679,11 +679,12 @@ class Simulation:
         Raises ControlHeld while another front-end controls it.
         """
 
-    def reset(self, position: Sequence[float] | None = ..., seed: int | None = ..., episode: int = ...) -> None:
+    def reset(self, position: Sequence[float] | None = ..., seed: int | None = ..., episode: int = ..., joints: Sequence[float] | None = ...) -> None:
         """
         Resets the simulation: joints at `position` [rad] (default: the configuration's), objects as they
         are at the start of the configuration, random numbers of `episode` of `seed` (default: the
-        configuration's).
+        configuration's). `joints` are positions of the first hinges and slides of a robot from a file, driven or
+        not; NaN: as always.
         """
 
     @overload
@@ -2496,6 +2497,9 @@ class Episodes:
     Makes a decision process of a robot: starts, goals, observations, rewards, ends. The same
     functions serve a robot that is driven through a front-end and thousands of simulations.
 
+    The robot is a TriFinger, one of its fingers, or a robot from a file. The goals, points and
+    rewards of fingers are then those of the frames that the option `frames` names.
+
     An environment is constant. Threads may share one, each with its own episodes.
 
     `trifinger.environments` uses it.
@@ -2503,12 +2507,12 @@ class Episodes:
 
     def __init__(self, task: object, options: str, config: str, overrides: dict[str, object]) -> None: ...
 
-    def begin(self, seed: int, number: int) -> tuple[list[float], list[float], list[float], list[float], Variation, int]:
+    def begin(self, seed: int, number: int) -> tuple[list[float], list[float], list[float], list[float], Variation, int, list[float]]:
         """
         Draws the beginning of episode `number` of `seed`. The same arguments give the same episode.
 
-        Returns the joints [rad], the object's position [m], quaternion and velocity [m/s], the variation and
-        the series of random numbers.
+        Returns the joints [rad], the object's position [m], quaternion and velocity [m/s], the variation,
+        the series of random numbers, and positions of the first hinges and slides of a robot from a file; NaN: as always.
         """
 
     def check_robot(self, configuration: str | None) -> None:
@@ -2531,14 +2535,23 @@ class Episodes:
     def take_action(self, numbers: numpy.typing.NDArray[numpy.float32]) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64]]:
         """Torques [Nm] and positions [rad] of the joints for one action."""
 
-    def observe(self, position: numpy.typing.ArrayLike, velocity: numpy.typing.ArrayLike, object: tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike] | None = None, true_object: tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike] | None = None) -> tuple[float, bool, bool, bool]:
+    def observe(self, position: numpy.typing.ArrayLike, velocity: numpy.typing.ArrayLike, object: tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike] | None = None, true_object: tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike] | None = None, more: tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike, numpy.typing.ArrayLike, list[tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike]]] | None = None) -> tuple[float, bool, bool, bool]:
         """
         Computes the observation after the actions that `episode` counts. The outcome is judged by
         the goal that was shown before, which is written to `desired`. If a new goal begins now, it
         is in `observation`.
 
-        Returns reward, terminated, truncated, success; the arrays below change.
+        `more` is for robots from files: torques, positions and velocities of all hinges and slides (empty if
+        each has a motor), and poses of the free bodies. Returns reward, terminated, truncated, success; the arrays below
+        change.
         """
+
+    @property
+    def is_from_file(self) -> bool: ...
+
+    @property
+    def bodies(self) -> list[str]:
+        """Names of the free bodies of a robot from a file."""
 
     @property
     def cameras(self) -> list[tuple[str, int, int]]:
@@ -2574,6 +2587,21 @@ class Episodes:
         """
 
     @property
+    def num_parts(self) -> int:
+        """
+        Number of parts of a goal that are judged one by one: one for each finger or frame if each
+        has a goal of its own, else 1.
+        """
+
+    @property
+    def has_goals_of_fingers(self) -> bool:
+        """True if each finger or frame has a goal of its own."""
+
+    @property
+    def score_names(self) -> list[str]:
+        """Names of the scores of the task."""
+
+    @property
     def num_joints(self) -> int: ...
 
     @property
@@ -2596,6 +2624,9 @@ class Episodes:
 
     @property
     def finger_rewards(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
+    @property
+    def scores(self) -> numpy.typing.NDArray[numpy.float64]: ...
 
 class EnvironmentBatch:
     """
@@ -2684,6 +2715,21 @@ class EnvironmentBatch:
         """
 
     @property
+    def num_parts(self) -> int:
+        """
+        Number of parts of a goal that are judged one by one: one for each finger or frame if each
+        has a goal of its own, else 1.
+        """
+
+    @property
+    def has_goals_of_fingers(self) -> bool:
+        """True if each finger or frame has a goal of its own."""
+
+    @property
+    def score_names(self) -> list[str]:
+        """Names of the scores of the task."""
+
+    @property
     def num_joints(self) -> int: ...
 
     @property
@@ -2715,6 +2761,12 @@ class EnvironmentBatch:
 
     @property
     def finger_rewards(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
+    @property
+    def scores(self) -> numpy.typing.NDArray[numpy.float64]: ...
+
+    @property
+    def final_scores(self) -> numpy.typing.NDArray[numpy.float64]: ...
 
     @property
     def final_distance(self) -> numpy.typing.NDArray[numpy.float64]: ...
@@ -2770,10 +2822,16 @@ def task_names() -> list[str]:
 def default_environment_options(task: str) -> str:
     """Default options of a task, as JSON."""
 
-def environment_overrides(task: str | None, options: str) -> dict[str, object]:
+def environment_overrides(task: str | None, options: str, is_from_file: bool = False) -> dict[str, object]:
     """
     The overrides that a robot's configuration needs for options (JSON), and for a task.
     """
+
+def robot_of_task(task: str) -> str:
+    """Name of the configuration of the robot that a task is usually for."""
+
+def is_from_file(config: str, overrides: dict[str, object] = {}) -> bool:
+    """Whether the robot of a configuration is from a file."""
 
 def describe_environment_options() -> list[tuple[str, str, str, str]]:
     """Name, type, default (JSON) and meaning of each option."""

@@ -29,6 +29,9 @@ class OptionFields:
     per_finger: bool = False
     """Whether observations are ordered finger by finger, with goals in the frame of each finger.
     A policy that the fingers share needs this."""
+    frames: tuple[str, ...] = ()
+    """Names of sites, bodies or geoms of a robot from a file, which take the place of tips:
+    tasks such as reach have a goal for each."""
     position_noise: float = 0.0
     """Standard deviation of measured joint positions [rad]."""
     velocity_noise: float = 0.0

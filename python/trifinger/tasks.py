@@ -44,13 +44,21 @@ class View:
     """What was measured at one instant, in the world frame."""
 
     tips: Array
-    """Positions of the finger tips, one row for each finger [m]."""
+    """Positions of the finger tips, or of the frames of a robot from a file, a row for each [m]."""
     object_position: Array
     """Centre of the task's object [m]; zeros without an object."""
     object_orientation: Array
     """Orientation of that object: a quaternion w, x, y, z with w >= 0."""
     time: float
     """Time since the episode began [s]."""
+    position: Array
+    """Joint positions [rad], [m]."""
+    velocity: Array
+    """Joint velocities [rad/s], [m/s]."""
+    joint_position: Array
+    """Positions of all hinges and slides of a robot from a file, driven or not [rad], [m]."""
+    joint_velocity: Array
+    """Their velocities [rad/s], [m/s]."""
 
 
 class Task:
@@ -66,9 +74,11 @@ class Task:
     options: ClassVar[OptionFields] = OptionFields()
     """Options that this task has by default: a `trifinger.environments.Options`."""
     config_overrides: ClassVar[Mapping[str, object]] = {"objects": []}
-    """What the configuration of the robot must say, for example the objects on the table."""
+    """What the configuration of a TriFinger must say, for example the objects on the table."""
     num_fingers: ClassVar[int] = 3
-    """Number of fingers of the robots that this task is for."""
+    """Number of fingers of the TriFingers that this task is for; 0: for none."""
+    is_for_files: ClassVar[bool] = False
+    """Whether this task is for robots from files: docs/any_robot.md."""
     object_name: ClassVar[str] = ""
     """Name of the object that the task is about; empty for none."""
     has_goals_of_fingers: ClassVar[bool] = False

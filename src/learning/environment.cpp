@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numbers>
 #include <numeric>
+#include <optional>
 #include <utility>
 
 #include "make_task.hpp"
@@ -23,7 +24,7 @@ constexpr double kBeyondLimits = 0.2;   // [rad]
 constexpr double kMaxHeight = 0.6;      // [m]
 constexpr double kWayTime = 2.0;        // Time to reach the start of an episode [s].
 constexpr long long kWayActions = 20;   // Minimum number of actions for it.
-constexpr std::size_t kMaxValues = 64;  // Largest number of values in an observation.
+constexpr std::size_t kMaxValues = 1024;  // Largest number of values in an observation.
 
 // Each episode has three series of random numbers.
 constexpr std::uint64_t kStreams = 4;
@@ -59,6 +60,12 @@ void draw_what_varies(const EnvironmentOptions& options, Random& random, Start& 
   }
 }
 
+double distance_between(std::span<const double> a, std::span<const double> b) noexcept {
+  double square = 0.0;
+  for (std::size_t i = 0; i < a.size(); ++i) square += (a[i] - b[i]) * (a[i] - b[i]);
+  return std::sqrt(square);
+}
+
 // A quaternion and its negative mean the same; the one with w >= 0 is shown.
 ObjectPose upward(const ObjectPose& pose) noexcept {
   ObjectPose shown = pose;
@@ -68,22 +75,99 @@ ObjectPose upward(const ObjectPose& pose) noexcept {
   return shown;
 }
 
-// The range of desired positions in the authors' simulation of their reaching task, in the sign
-// convention of the variant and clipped to the soft limits.
-Workspace make_workspace(const Kinematics& kinematics) {
+// What is known of each joint of a robot, one number per joint.
+struct JointFigures {
+  std::vector<double> initial{};     // Where it begins [rad], [m].
+  std::vector<double> low{};         // What actions can ask for.
+  std::vector<double> high{};
+  std::vector<double> max_torque{};  // [Nm], [N]
+  Entry position{.name = "joint_position", .unit = "rad", .low = {}, .high = {}};  // observed
+  Entry velocity{.name = "joint_velocity", .unit = "rad/s", .low = {}, .high = {}};
+};
+
+// The range of desired positions is that of the authors' simulation of their reaching task, in the
+// sign convention of the variant and clipped to the soft limits.
+JointFigures figures_of(const Kinematics& kinematics) {
   const RobotDescription& description = kinematics.description();
   const bool is_one = description.variant == Variant::kOne;
   const FingerJoints low{-70 * kDegree, is_one ? -70 * kDegree : 0.0, -160 * kDegree};
   const FingerJoints high{70 * kDegree, is_one ? 0.0 : 70 * kDegree, -2 * kDegree};
   const VariantFigures& limits = figures(description);
-  Workspace workspace{.kinematics = &kinematics, .low = {}, .high = {}};
+  JointFigures joints;
   for (int finger = 0; finger < kinematics.num_fingers(); ++finger) {
     for (std::size_t i = 0; i < kJointsPerFinger; ++i) {
-      workspace.low.push_back(std::max(low[i], limits.soft_lower[i]));
-      workspace.high.push_back(std::min(high[i], limits.soft_upper[i]));
+      joints.initial.push_back(limits.initial_position[i]);
+      joints.low.push_back(std::max(low[i], limits.soft_lower[i]));
+      joints.high.push_back(std::min(high[i], limits.soft_upper[i]));
+      joints.max_torque.push_back(actuator(description).torque_limit);
+      joints.position.low.push_back(limits.hard_lower[i] - kBeyondLimits);
+      joints.position.high.push_back(limits.hard_upper[i] + kBeyondLimits);
+      joints.velocity.low.push_back(-kMaxVelocity);
+      joints.velocity.high.push_back(kMaxVelocity);
     }
   }
-  return workspace;
+  return joints;
+}
+
+// The range of desired positions is that of the soft limits. A joint without an end is asked for
+// one turn, and observed for two.
+JointFigures figures_of(const FileBody& body) {
+  JointFigures joints;
+  bool has_slide = false;
+  bool has_hinge = false;
+  for (std::size_t i = 0; i < body.num_joints(); ++i) {
+    const JointLimit& limit = body.limits()[i];
+    const bool is_slide = body.model().joints()[i].is_slide;
+    (is_slide ? has_slide : has_hinge) = true;
+    const double half_turn = is_slide ? 1.0 : std::numbers::pi;
+    const auto is_end = [](double bound) { return std::abs(bound) < kLargestJointLimit; };
+    joints.initial.push_back(body.initial_position()[i]);
+    joints.low.push_back(is_end(limit.soft_lower) ? limit.soft_lower : -half_turn);
+    joints.high.push_back(is_end(limit.soft_upper) ? limit.soft_upper : half_turn);
+    joints.max_torque.push_back(limit.max_torque);
+    joints.position.low.push_back(is_end(limit.hard_lower) ? limit.hard_lower - kBeyondLimits
+                                                           : -2 * half_turn);
+    joints.position.high.push_back(is_end(limit.hard_upper) ? limit.hard_upper + kBeyondLimits
+                                                            : 2 * half_turn);
+    const double fastest = is_end(limit.max_velocity) ? limit.max_velocity : kMaxVelocity;
+    joints.velocity.low.push_back(-fastest);
+    joints.velocity.high.push_back(fastest);
+  }
+  if (has_slide) {
+    joints.position.unit = has_hinge ? "rad or m" : "m";
+    joints.velocity.unit = has_hinge ? "rad/s or m/s" : "m/s";
+  }
+  return joints;
+}
+
+Workspace workspace_of(const JointFigures& joints, const Kinematics* kinematics,
+                       const FileBody* file) {
+  return {.kinematics = kinematics, .file = file, .low = joints.low, .high = joints.high};
+}
+
+// Refuses what only a simulated TriFinger can do.
+void check_for_file(const EnvironmentOptions& options, const TaskDescription& task) {
+  const auto refuse = [](bool is_asked, const char* option, const char* reason) {
+    if (is_asked) throw InvalidArgument(text_of(option, " is for TriFingers: ", reason));
+  };
+  if (!task.is_for_files) {
+    throw InvalidArgument(
+        text_of("the task '", task.name, "' is for a TriFinger, this robot is from a file"));
+  }
+  refuse(options.per_finger, "per_finger", "frames of a robot from a file are not alike");
+  refuse(options.needs_cameras(), "observation 'images' or object_poses 'tracked'",
+         "a robot from a file has no cameras");
+  refuse(options.object_delay != 0.0 || options.object_loss != 0.0 ||
+             options.object_position_noise != 0.0 || options.object_orientation_noise != 0.0,
+         "delay, noise or loss of object poses", "those of a robot from a file are exact");
+  const EnvironmentOptions usual;
+  refuse(options.stop_margin.low != usual.stop_margin.low ||
+             options.stop_margin.high != usual.stop_margin.high,
+         "stop_margin", "stops of a robot from a file are where the file says");
+  for (const SurfacePair pair : all_surface_pairs()) {
+    refuse(options.pair_friction[pair].has_value(), "pair_friction",
+           "surfaces of a robot from a file have no names");
+  }
 }
 
 }  // namespace
@@ -92,14 +176,37 @@ struct Environment::Implementation {
   Implementation(const TaskDescription& its_task, const EnvironmentOptions& wanted,
                  const RobotDescription& description, Nanoseconds step)
       : options((wanted.validate(), wanted)),
-        kinematics(description),
-        task(make_task(its_task, description)),
-        workspace(make_workspace(kinematics)),
+        kinematics(std::in_place, description),
+        joints(figures_of(*kinematics)),
+        workspace(workspace_of(joints, &*kinematics, nullptr)),
+        task(make_task(its_task, workspace)),
         goal(task->goal()),
-        action_time(std::chrono::duration<double>(step).count() * wanted.steps_per_action),
-        max_torque(actuator(description).torque_limit),
-        num_joints(workspace.low.size()),
-        episode_actions(std::llround(options.duration / action_time)) {
+        num_points(static_cast<std::size_t>(kinematics->num_fingers())) {
+    if (!options.frames.empty()) {
+      throw InvalidArgument("frames are for robots from files: a TriFinger has its tips");
+    }
+    set_up(its_task, step);
+    for (int finger = 0; finger < kinematics->num_fingers(); ++finger) {
+      turns.push_back(kinematics->finger_azimuth(0) - kinematics->finger_azimuth(finger));
+    }
+  }
+
+  Implementation(const TaskDescription& its_task, const EnvironmentOptions& wanted,
+                 const FileRobotOptions& robot)
+      : options((wanted.validate(), check_for_file(wanted, its_task), wanted)),
+        file(std::make_unique<const FileBody>(robot, wanted.frames)),
+        joints(figures_of(*file)),
+        workspace(workspace_of(joints, nullptr, file.get())),
+        task(make_task(its_task, workspace)),
+        goal(task->goal()),
+        num_points(file->num_frames()) {
+    set_up(its_task, robot.model->period());
+  }
+
+  void set_up(const TaskDescription& its_task, Nanoseconds step) {
+    action_time = std::chrono::duration<double>(step).count() * options.steps_per_action;
+    num_joints = joints.initial.size();
+    episode_actions = std::llround(options.duration / action_time);
     if (episode_actions < 1) {
       throw InvalidArgument(text_of("duration is ", options.duration,
                                     " s, must be at least that of an action, ", action_time, " s"));
@@ -113,11 +220,10 @@ struct Environment::Implementation {
       throw InvalidArgument(
           text_of("object_poses is 'tracked', but the task '", its_task.name, "' has no object"));
     }
-    list_entries();
+    num_parts = task->has_goals_of_fingers() ? num_points : 1;
+    scores = task->scores();
+    list_entries(its_task);
     list_flat();
-    for (int finger = 0; finger < kinematics.num_fingers(); ++finger) {
-      turns.push_back(kinematics.finger_azimuth(0) - kinematics.finger_azimuth(finger));
-    }
   }
 
   void add(std::string name, std::string unit, std::size_t size, double least, double most) {
@@ -127,16 +233,30 @@ struct Environment::Implementation {
                        .high = std::vector<double>(size, most)});
   }
 
-  void list_entries() {
-    const VariantFigures& limits = figures(kinematics.description());
-    Entry positions{.name = "joint_position", .unit = "rad", .low = {}, .high = {}};
-    for (std::size_t i = 0; i < num_joints; ++i) {
-      positions.low.push_back(limits.hard_lower[i % kJointsPerFinger] - kBeyondLimits);
-      positions.high.push_back(limits.hard_upper[i % kJointsPerFinger] + kBeyondLimits);
+  void list_entries(const TaskDescription& its_task) {
+    entries = task->entries();
+    has_own_entries = !entries.empty();
+    if (has_own_entries) {
+      if (options.layout == Layout::kGoal) {
+        throw InvalidArgument(text_of("observation is 'goal', but what the task '", its_task.name,
+                                      "' shows has no part without its goal"));
+      }
+      for (const Entry& entry : entries) own_values += entry.low.size();
+    } else {
+      list_usual_entries();
     }
-    entries.push_back(std::move(positions));
-    add("joint_velocity", "rad/s", num_joints, -kMaxVelocity, kMaxVelocity);
-    if (!task->object_name().empty()) {
+    const auto is_action = [](const Entry& entry) { return entry.name == "action"; };
+    shows_action = options.mapping == Mapping::kStateAugmentation &&
+                   std::ranges::none_of(entries, is_action);
+    if (shows_action) add("action", "1", num_joints, -1.0, 1.0);
+    if (options.layout != Layout::kGoal && !has_own_entries) entries.push_back(goal);
+  }
+
+  void list_usual_entries() {
+    entries = {joints.position, joints.velocity};
+    if (!task->object_name().empty() && file != nullptr && num_points > 0) {
+      entries.push_back(file->frame_bounds("frame_position", workspace.low, workspace.high));
+    } else if (!task->object_name().empty() && file == nullptr) {
       add("tip_position", "m", num_joints, -kMaxSideways, kMaxSideways);
       for (std::size_t i = 2; i < num_joints; i += 3) entries.back().low[i] = 0.0;
       for (std::size_t i = 2; i < num_joints; i += 3) entries.back().high[i] = kMaxHeight;
@@ -147,9 +267,6 @@ struct Environment::Implementation {
       entries.back().high[2] = kMaxHeight;
       add("object_orientation", "1", 4, -1.0, 1.0);
     }
-    if (options.mapping == Mapping::kStateAugmentation) add("action", "1", num_joints, -1.0, 1.0);
-    goal_entry = entries.size();
-    if (options.layout != Layout::kGoal) entries.push_back(goal);
   }
 
   // Lists which number of which entry comes next in the observation.
@@ -162,7 +279,11 @@ struct Environment::Implementation {
       low.insert(low.end(), entry.low.begin(), entry.low.end());
       high.insert(high.end(), entry.high.begin(), entry.high.end());
     }
-    if (!is_flat() || !task->has_goals_of_fingers()) {
+    if (begin > kMaxValues) {
+      throw InvalidArgument(text_of("an observation of this robot would have ", begin,
+                                    " numbers, allowed are ", kMaxValues));
+    }
+    if (!is_flat() || !task->has_goals_of_fingers() || file != nullptr) {
       flat.resize(begin);
       std::iota(flat.begin(), flat.end(), std::size_t{0});
       return;
@@ -200,6 +321,19 @@ struct Environment::Implementation {
     }
   }
 
+  // Computes where tips or frames are.
+  void find_points(const Measurement& measurement, View& view) const noexcept {
+    if (kinematics) {
+      view.tips = kinematics->tip_positions(
+          JointValues::Map(view.position.data(), static_cast<Eigen::Index>(num_joints)));
+      return;
+    }
+    view.tips.resize(static_cast<Eigen::Index>(3 * num_points));
+    file->find_frames(view.position, measurement.model_position.empty() ? std::span<const double>()
+                                                                         : view.model_position,
+                      view.bodies, {view.tips.data(), 3 * num_points});
+  }
+
   // Computes what was achieved and compares it with the goal.
   Outcome judge(const View& view, Episode& episode, std::span<double> achieved,
                 std::span<double> desired) const noexcept {
@@ -207,38 +341,50 @@ struct Environment::Implementation {
     task->achieve(view, episode, achieved);
     std::copy_n(episode.goal.begin(), goal_size, desired.begin());
     Outcome outcome;
-    outcome.reward = task->reward(achieved, desired);
+    outcome.reward = task->reward(achieved, desired) - task->cost(view);
     outcome.success = task->is_success(achieved, desired, episode);
     outcome.terminated = episode.actions > 0 && task->has_ended(view, episode);
     outcome.truncated = !outcome.terminated && episode.actions >= episode_actions;
-    const bool by_finger = task->has_goals_of_fingers();
-    for (std::size_t i = 0; i < (by_finger ? num_joints / 3 : 1); ++i) {
-      double square = 0.0;
-      for (std::size_t k = 3 * i; k < std::min(3 * i + 3, goal_size); ++k) {
-        square += (achieved[k] - desired[k]) * (achieved[k] - desired[k]);
-      }
-      outcome.distance[i] = std::sqrt(square);
-      if (by_finger) outcome.finger_rewards[i] = -outcome.distance[i];
+    task->score(view, achieved, desired, std::span(outcome.scores).first(scores.size()));
+    if (!task->has_goals_of_fingers()) {
+      outcome.distance[0] = task->distance(achieved, desired);
+      return outcome;
+    }
+    for (std::size_t i = 0; i < num_parts; ++i) {
+      outcome.distance[i] = distance_between(achieved.subspan(3 * i, 3), desired.subspan(3 * i, 3));
+      outcome.finger_rewards[i] = -outcome.distance[i];
     }
     return outcome;
   }
 
   EnvironmentOptions options;
-  Kinematics kinematics;
-  std::unique_ptr<const Task> task;
+  std::optional<Kinematics> kinematics{};  // of a TriFinger
+  std::unique_ptr<const FileBody> file{};  // a robot from a file
+  JointFigures joints;
   Workspace workspace;
+  std::unique_ptr<const Task> task;
   Entry goal;
-  double action_time;  // Duration of one action [s].
-  double max_torque;   // [Nm]
-  std::size_t num_joints;
-  std::int64_t episode_actions;
+  std::size_t num_points;   // tips or frames
+  std::size_t num_parts{1};  // of a goal
+  double action_time{0.0};  // Duration of one action [s].
+  std::size_t num_joints{0};
+  std::int64_t episode_actions{0};
+  std::vector<std::string> scores;
   std::vector<Entry> entries;
-  std::size_t goal_entry{0};
+  bool has_own_entries{false};  // The task says what is observed.
+  std::size_t own_values{0};    // Number of numbers that it says.
+  bool shows_action{false};
   std::vector<std::size_t> flat;  // Index in all entries of each number observed.
   std::vector<double> low;        // Lower bounds of all entries, concatenated.
   std::vector<double> high;
   std::vector<double> turns;  // Angle that rotates each finger onto finger 0 [rad].
 };
+
+double Task::distance(std::span<const double> achieved,
+                      std::span<const double> desired) const noexcept {
+  const std::size_t size = std::min<std::size_t>(achieved.size(), 3);
+  return distance_between(achieved.first(size), desired.first(size));
+}
 
 Environment::Environment(const TaskDescription& task, const EnvironmentOptions& options,
                          const RobotDescription& description, Nanoseconds period)
@@ -246,6 +392,12 @@ Environment::Environment(const TaskDescription& task, const EnvironmentOptions& 
 Environment::Environment(std::string_view task, const EnvironmentOptions& options,
                          const RobotDescription& description, Nanoseconds period)
     : Environment(find_task(task), options, description, period) {}
+Environment::Environment(const TaskDescription& task, const EnvironmentOptions& options,
+                         const FileRobotOptions& robot)
+    : implementation_(std::make_unique<const Implementation>(task, options, robot)) {}
+Environment::Environment(std::string_view task, const EnvironmentOptions& options,
+                         const FileRobotOptions& robot)
+    : Environment(find_task(task), options, robot) {}
 Environment::Environment(Environment&&) noexcept = default;
 Environment& Environment::operator=(Environment&&) noexcept = default;
 Environment::~Environment() = default;
@@ -253,7 +405,14 @@ Environment::~Environment() = default;
 const EnvironmentOptions& Environment::options() const noexcept { return implementation_->options; }
 std::size_t Environment::num_joints() const noexcept { return implementation_->num_joints; }
 std::size_t Environment::num_fingers() const noexcept {
-  return implementation_->num_joints / kJointsPerFinger;
+  return implementation_->num_points;
+}
+std::size_t Environment::num_parts() const noexcept { return implementation_->num_parts; }
+bool Environment::has_goals_of_fingers() const noexcept {
+  return implementation_->task->has_goals_of_fingers();
+}
+const std::vector<std::string>& Environment::scores() const noexcept {
+  return implementation_->scores;
 }
 std::int64_t Environment::episode_actions() const noexcept {
   return implementation_->episode_actions;
@@ -297,13 +456,9 @@ Start Environment::begin(std::uint64_t seed, std::uint64_t number,
   episode.noise = {.seed = seed, .episode = stream + kJointNoise};
   Start start;
   start.random = {.seed = seed, .episode = stream + kPoseNoise};
-  const FingerJoints& initial = figures(self.kinematics.description()).initial_position;
-  for (std::size_t i = 0; i < self.num_joints; ++i) {
-    start.position[i] = initial[i % kJointsPerFinger];
-  }
-  self.task->draw_start(self.workspace, episode.random, start);
-  self.task->draw_goal(self.workspace, episode.random,
-                       std::span(episode.goal).first(self.goal.low.size()));
+  std::ranges::copy(self.joints.initial, start.position.begin());
+  self.task->begin(self.workspace, start, episode,
+                   std::span(episode.goal).first(self.goal.low.size()));
   const EnvironmentOptions& options = self.options;
   start.variation = {.object_mass = draw(episode.random, options.object_mass),
                      .friction = draw(episode.random, options.friction),
@@ -359,7 +514,7 @@ bool Environment::take_action(std::span<const float> numbers, Episode& episode,
         break;
       case ActionKind::kTorque:
         target = kNotGiven;
-        torque[i] = self.max_torque * number;
+        torque[i] = self.joints.max_torque[i] * number;
         break;
     }
     position[i] = target;
@@ -373,35 +528,51 @@ Outcome Environment::observe(const Measurement& measurement, Episode& episode,
   const Implementation& self = *implementation_;
   const EnvironmentOptions& options = self.options;
   const std::size_t n = self.num_joints;
-  const auto joints = static_cast<Eigen::Index>(n);
   const auto goal_size = self.goal.low.size();
 
-  std::array<double, kMaxValues> values{};
-  double* next = values.data();
-  JointValues position = JointValues::Map(measurement.position.data(), joints);
-  JointValues velocity = JointValues::Map(measurement.velocity.data(), joints);
-  if (options.position_noise > 0.0) {
-    for (double& value : position) value += options.position_noise * episode.noise.normal();
-  }
-  if (options.velocity_noise > 0.0) {
-    for (double& value : velocity) value += options.velocity_noise * episode.noise.normal();
-  }
-  next = std::ranges::copy(position, next).out;
-  next = std::ranges::copy(velocity, next).out;
+  // Only what is filled in is read.
+  std::array<double, kMaxValues> values;           // NOLINT(*-member-init)
+  std::array<double, kMaxCountedJoints> position;  // NOLINT(*-member-init)
+  std::array<double, kMaxCountedJoints> velocity;  // NOLINT(*-member-init)
+  std::array<double, FileBody::kMaxConfiguration> model_position;  // NOLINT(*-member-init)
+  const std::size_t num_model = measurement.model_position.size();
+  std::ranges::copy(measurement.position, position.begin());
+  std::ranges::copy(measurement.velocity, velocity.begin());
+  std::ranges::copy(measurement.model_position, model_position.begin());
+  const auto add_noise = [&episode](std::span<double> numbers, double deviation) {
+    if (!(deviation > 0.0)) return;
+    for (double& value : numbers) value += deviation * episode.noise.normal();
+  };
+  add_noise(std::span(position).first(n), options.position_noise);
+  add_noise(std::span(velocity).first(n), options.velocity_noise);
+  add_noise(std::span(model_position).first(num_model), options.position_noise);
 
-  View view{
-      .tips = self.kinematics.tip_positions(position), .object = {}, .time = self.time_of(episode)};
+  View view{.time = self.time_of(episode),
+            .position = std::span(position).first(n),
+            .velocity = std::span(velocity).first(n),
+            .torque = measurement.torque,
+            .model_position = std::span(model_position).first(num_model),
+            .model_velocity = measurement.model_velocity,
+            .bodies = measurement.bodies};
+  if (num_model == 0) {
+    view.model_position = view.position;
+    view.model_velocity = view.velocity;
+  }
+  self.find_points(measurement, view);
+
+  double* next = values.data();
+  if (!self.has_own_entries) {
+    next = std::ranges::copy(view.position, next).out;
+    next = std::ranges::copy(view.velocity, next).out;
+  }
   if (measurement.object != nullptr) {
     view.object = upward(*measurement.object);
-    next = std::ranges::copy(view.tips, next).out;
-    if (self.shows_object()) {
+    if (!self.has_own_entries) next = std::ranges::copy(view.tips, next).out;
+    if (!self.has_own_entries && self.shows_object()) {
       next = std::ranges::copy(view.object.position, next).out;
       next = std::ranges::copy(view.object.orientation, next).out;
     }
     if (measurement.true_object != nullptr) view.object = upward(*measurement.true_object);
-  }
-  if (options.mapping == Mapping::kStateAugmentation) {
-    next = std::copy_n(episode.action.begin(), n, next);
   }
 
   // The outcome is judged by the goal that was shown before this action.
@@ -410,7 +581,12 @@ Outcome Environment::observe(const Measurement& measurement, Episode& episode,
     ++episode.goals;
     self.task->draw_goal(self.workspace, episode.random, std::span(episode.goal).first(goal_size));
   }
-  if (options.layout != Layout::kGoal) self.show_goal(episode, next);
+  if (self.has_own_entries) {
+    self.task->show(view, episode, {next, self.own_values});
+    next += self.own_values;
+  }
+  if (self.shows_action) next = std::copy_n(episode.action.begin(), n, next);
+  if (options.layout != Layout::kGoal && !self.has_own_entries) self.show_goal(episode, next);
 
   for (std::size_t i = 0; i < self.flat.size(); ++i) {
     const std::size_t k = self.flat[i];

@@ -85,10 +85,10 @@ class SharedEyes {
 
 class EnvironmentBatch::Implementation {
  public:
-  Implementation(std::string_view task, const EnvironmentOptions& options,
-                 const RobotDescription& description, Nanoseconds period, std::size_t count,
+  Implementation(Environment its_environment, std::size_t count,
                  const std::optional<rendering::SightOptions>& sight)
-      : environment(task, options, description, period), size(count), seeds(count), runs(count) {
+      : environment(std::move(its_environment)), size(count), seeds(count), runs(count) {
+    const EnvironmentOptions& options = environment.options();
     require(sight.has_value() || !options.needs_cameras(),
             "the options need simulated cameras, which are missing in the configuration");
     if (options.layout == Layout::kImages) cameras = sight->cameras;
@@ -97,8 +97,9 @@ class EnvironmentBatch::Implementation {
       observations->observation.resize(size * environment.observation_size());
       observations->achieved.resize(size * environment.goal_size());
       observations->desired.resize(size * environment.goal_size());
-      observations->distance.resize(size * kMaxFingers);
-      observations->finger_rewards.resize(size * kMaxFingers);
+      observations->distance.resize(size * environment.num_parts());
+      observations->finger_rewards.resize(size * environment.num_parts());
+      observations->scores.resize(size * environment.scores().size());
       observations->success.resize(size);
       if (!environment.object_name().empty()) observations->object_age.resize(size);
       observations->image_age.resize(size * cameras.size());
@@ -146,24 +147,32 @@ class EnvironmentBatch::Implementation {
   std::span<const float> actions;
 };
 
-template <class R>
+// `Physics` is the `Simulator` of a TriFinger, or `FileSimulator`.
+template <class Physics>
 class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
  public:
-  Typed(std::string_view task, const EnvironmentOptions& options,
-        const SimulationOptions<R>& simulation, std::size_t count, int num_threads,
+  Typed(Environment its_environment, Physics physics, std::size_t count, int num_threads,
         const std::optional<rendering::SightOptions>& sight)
-      : Implementation(task, options, simulation.description, simulation.period, count, sight),
-        simulator_(simulation),
+      : Implementation(std::move(its_environment), count, sight),
+        simulator_(std::move(physics)),
         simulations_(count) {
-    oldest_sure_age = sight && sight->finds_objects ? rendering::oldest_sure_age(sight->capture)
-                                                    : rendering::oldest_sure_age(simulation);
+    if constexpr (kIsFromFile) {
+      oldest_sure_age = simulator_.options().object_period - 1;
+    } else {
+      oldest_sure_age = sight && sight->finds_objects
+                            ? rendering::oldest_sure_age(sight->capture)
+                            : rendering::oldest_sure_age(simulator_.options());
+    }
     require(num_threads >= 0,
             "num_threads is " + std::to_string(num_threads) + ", must be at least 0");
-    for (Simulation& one : simulations_) one.state = simulator_.make_state();
-    const RobotModel& model = simulator_.model();
+    for (Simulation& one : simulations_) {
+      one.state = simulator_.make_state();
+      one.action = hold_position(one.state.observation);
+    }
+    const auto& model = simulator_.model();
     if (const std::string name(environment.object_name()); !name.empty()) {
-      const auto found = std::ranges::find(model.objects(), name, &ObjectAddress::name);
-      object_ = static_cast<std::size_t>(found - model.objects().begin());
+      const auto found = std::ranges::find(objects(), name, &ObjectAddress::name);
+      object_ = static_cast<std::size_t>(found - objects().begin());
       has_object_ = true;
     }
     mjBatchConfig config;
@@ -175,27 +184,10 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
     batch_.reset(mjb_makeBatch(model.mujoco(), static_cast<int>(count), &config, error,
                                static_cast<int>(sizeof(error))));
     if (batch_ == nullptr) throw Error("MuJoCo cannot make the simulations: " + std::string(error));
-    if (sight && (options.needs_cameras() || sight->finds_objects)) {
-      is_tracked_ = sight->finds_objects;
-      const std::size_t num_objects = model.objects().size();
-      for (Simulation& one : simulations_) {
-        one.sight.emplace(sight->capture, num_objects);
-        if (sight->varies) one.sight->vary(sight->rendering);
-      }
-      const std::size_t num_eyes = std::min(static_cast<std::size_t>(this->num_threads()), count);
-      for (std::size_t i = 0; i < num_eyes; ++i) {
-        eyes_.add(rendering::make_eyes(simulation.description, *sight));
-      }
-    }
+    if constexpr (!kIsFromFile) open_eyes(sight);
     if (environment.options().varies()) {
       std::vector<const mjModel*> models;
-      // This model contains all pairs whose friction any episode may set.
-      Variation variation;
-      for (const SurfacePair pair : all_surface_pairs()) {
-        const auto& range = environment.options().pair_friction[pair];
-        if (range) variation.pair_friction[pair] = range->low < range->high ? 0.0 : range->low;
-      }
-      const RobotModel::Compiled varied = simulator_.make_varied_model(variation);
+      const RobotModel::Compiled varied = make_varied_model();
       for (Simulation& one : simulations_) {
         one.varied.reset(mj_copyModel(nullptr, varied.get()));
         if (one.varied == nullptr) throw Error("MuJoCo has no memory for the models");
@@ -215,7 +207,7 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
       if (status[i] == 0) continue;
       // A simulation in which MuJoCo has failed has ended, just like one that has diverged.
       const auto index = static_cast<std::size_t>(i);
-      end_with_fault(index, Simulator<R>::kDiverged);
+      end_with_fault(index, Physics::kDiverged);
       keep_final(index);
       given_up_.push_back(i);
     }
@@ -228,7 +220,43 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
   }
 
  private:
-  using Action = typename R::Action;
+  using Action = typename Physics::Action;
+  static constexpr bool kIsFromFile = std::is_same_v<Physics, FileSimulator>;
+
+  [[nodiscard]] const std::vector<ObjectAddress>& objects() const noexcept {
+    if constexpr (kIsFromFile) {
+      return simulator_.objects();
+    } else {
+      return simulator_.model().objects();
+    }
+  }
+
+  void open_eyes(const std::optional<rendering::SightOptions>& sight) {
+    if (!sight || !(environment.options().needs_cameras() || sight->finds_objects)) return;
+    is_tracked_ = sight->finds_objects;
+    for (Simulation& one : simulations_) {
+      one.sight.emplace(sight->capture, objects().size());
+      if (sight->varies) one.sight->vary(sight->rendering);
+    }
+    const std::size_t num_eyes = std::min(static_cast<std::size_t>(num_threads()), size);
+    for (std::size_t i = 0; i < num_eyes; ++i) {
+      eyes_.add(rendering::make_eyes(simulator_.options().description, *sight));
+    }
+  }
+
+  // Makes a model that contains all pairs of surfaces whose friction any episode may set.
+  [[nodiscard]] RobotModel::Compiled make_varied_model() const {
+    if constexpr (kIsFromFile) {
+      return simulator_.make_varied_model();
+    } else {
+      Variation variation;
+      for (const SurfacePair pair : all_surface_pairs()) {
+        const auto& range = environment.options().pair_friction[pair];
+        if (range) variation.pair_friction[pair] = range->low < range->high ? 0.0 : range->low;
+      }
+      return simulator_.make_varied_model(variation);
+    }
+  }
 
   void apply(std::span<const int> which) {
     mjb_apply(batch_.get(), which.data(), static_cast<int>(which.size()), &Typed::run_one, this,
@@ -236,7 +264,7 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
   }
 
   struct Simulation {
-    typename Simulator<R>::State state{};
+    typename Physics::State state{};
     RobotModel::Compiled varied{};
     ObjectPose object{};  // Newest pose seen.
     TimeIndex object_step{kNeverSeen};
@@ -289,6 +317,7 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
     keep(results.final.desired, results.seen.desired);
     keep(results.final.distance, results.seen.distance);
     keep(results.final.finger_rewards, results.seen.finger_rewards);
+    keep(results.final.scores, results.seen.scores);
     keep(results.final.success, results.seen.success);
     keep(results.final.object_age, results.seen.object_age);
     keep(results.final.image_age, results.seen.image_age);
@@ -304,15 +333,7 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
     run.must_reset = false;
     if (one.varied != nullptr) simulator_.vary(start.variation, *one.varied, data);
     one.state.memory.variation = start.variation;
-    JointVector<R::kJoints> position{};
-    std::copy_n(start.position.begin(), R::kJoints, position.begin());
-    simulator_.reset(position, start.random, model, data, one.state);
-    if (has_object_) {
-      const ObjectAddress& object = simulator_.model().objects()[object_];
-      simulator_.place(object, start.object, data, one.state);
-      simulator_.set_velocity(object, start.object_velocity, data);
-      simulator_.observe(data, one.state);
-    }
+    put_at(start, model, data, one.state);
     one.object = {};
     one.object_step = kNeverSeen;
     if (one.sight) one.sight->begin(one.state.memory.random);
@@ -322,16 +343,42 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
     (void)observe(i);
   }
 
+  [[nodiscard]] typename Physics::AppliedAction make_applied() const noexcept {
+    if constexpr (kIsFromFile) {
+      return typename Physics::AppliedAction(simulator_.num_joints());
+    } else {
+      return {};
+    }
+  }
+
+  void put_at(const Start& start, const mjModel& model, mjData& data,
+              typename Physics::State& state) noexcept {
+    if constexpr (kIsFromFile) {
+      const std::size_t joints = std::min(state.model_position.size(), start.model_position.size());
+      simulator_.reset(start.position, model, data, state,
+                       std::span(start.model_position).first(joints));
+      if (has_object_) simulator_.place(objects()[object_], start.object, data);
+    } else {
+      typename Physics::Joints position{};
+      std::copy_n(start.position.begin(), position.size(), position.begin());
+      simulator_.reset(position, start.random, model, data, state);
+      if (has_object_) simulator_.place(objects()[object_], start.object, data, state);
+    }
+    if (!has_object_) return;
+    simulator_.set_velocity(objects()[object_], start.object_velocity, data);
+    simulator_.observe(data, state);
+  }
+
   void step(const mjModel& model, mjData& data, std::size_t i) noexcept {
     Simulation& one = simulations_[i];
     const int steps = environment.options().steps_per_action;
     // Number of steps for which the previous action continues: docs/learning.md.
     const int lag = environment.options().mapping == Mapping::kApproximation ? 1 : steps;
-    Action next;
+    Action next = one.action;
     if (!environment.take_action(row_of_actions(i), runs[i].episode, next.torque, next.position)) {
       return;  // Never: the actions were checked before.
     }
-    typename R::AppliedAction applied;
+    typename Physics::AppliedAction applied = make_applied();
     for (int k = 0; k < steps; ++k) {
       if (k == lag) one.action = next;
       const DriverReport report = simulator_.step(one.action, model, data, one.state, applied);
@@ -398,6 +445,14 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
     }
     Measurement measurement{.position = one.state.observation.position,
                             .velocity = one.state.observation.velocity};
+    if constexpr (kIsFromFile) {
+      measurement.torque = one.state.observation.torque;
+      measurement.bodies = one.state.capture.objects;
+      if (!simulator_.model().drives_all()) {
+        measurement.model_position = one.state.model_position;
+        measurement.model_velocity = one.state.model_velocity;
+      }
+    }
     if (has_object_) {
       measurement.object = &one.object;
       if (environment.judges_by_truth()) measurement.true_object = &one.state.objects[object_];
@@ -406,8 +461,13 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
     const Outcome outcome =
         environment.observe(measurement, runs[i].episode, row(seen.observation, i, size),
                             row(seen.achieved, i, size), row(seen.desired, i, size));
-    std::ranges::copy(outcome.distance, row(seen.distance, i, size).begin());
-    std::ranges::copy(outcome.finger_rewards, row(seen.finger_rewards, i, size).begin());
+    const auto copy = [i, this](const auto& numbers, std::vector<double>& all) {
+      const std::span target = row(all, i, size);
+      std::copy_n(numbers.begin(), target.size(), target.begin());
+    };
+    copy(outcome.distance, seen.distance);
+    copy(outcome.finger_rewards, seen.finger_rewards);
+    copy(outcome.scores, seen.scores);
     seen.success[i] = outcome.success ? 1 : 0;
     runs[i].reward = outcome.reward;
     return outcome;
@@ -424,10 +484,11 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
   }
 
   [[nodiscard]] std::span<const float> row_of_actions(std::size_t i) const noexcept {
-    return actions.subspan(i * R::kJoints, R::kJoints);
+    const std::size_t width = environment.num_joints();
+    return actions.subspan(i * width, width);
   }
 
-  Simulator<R> simulator_;
+  Physics simulator_;
   std::vector<Simulation> simulations_;
   std::vector<int> given_up_;  // Simulations in which MuJoCo has failed during this call.
   std::size_t object_{0};
@@ -444,8 +505,14 @@ EnvironmentBatch::EnvironmentBatch(std::string_view task, const EnvironmentOptio
                                    const SimulationOptions<R>& simulation, int size,
                                    int num_threads,
                                    const std::optional<rendering::SightOptions>& sight)
-    : implementation_(std::make_unique<Typed<R>>(task, options, simulation, checked_size(size),
-                                                 num_threads, sight)) {}
+    : implementation_(std::make_unique<Typed<Simulator<R>>>(
+          Environment(task, options, simulation.description, simulation.period),
+          Simulator<R>(simulation), checked_size(size), num_threads, sight)) {}
+EnvironmentBatch::EnvironmentBatch(std::string_view task, const EnvironmentOptions& options,
+                                   const FileRobotOptions& robot, int size, int num_threads)
+    : implementation_(std::make_unique<Typed<FileSimulator>>(
+          Environment(task, options, robot), FileSimulator(robot), checked_size(size), num_threads,
+          std::nullopt)) {}
 EnvironmentBatch::~EnvironmentBatch() = default;
 
 const Environment& EnvironmentBatch::environment() const noexcept {

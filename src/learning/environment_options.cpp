@@ -21,6 +21,7 @@ using trifinger::detail::text_of;
 
 using Json = nlohmann::ordered_json;
 using PairRanges = OfSurfacePairs<std::optional<Range<double>>>;
+using Names = std::vector<std::string>;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
@@ -68,6 +69,9 @@ void visit(Options& options, const Visitor& field) {
   field("per_finger", options.per_finger,
         About{"Whether observations are ordered finger by finger, with goals in the frame of each "
               "finger. A policy that the fingers share needs this."});
+  field("frames", options.frames,
+        About{"Names of sites, bodies or geoms of a robot from a file, which take the place of "
+              "tips: tasks such as reach have a goal for each."});
   field("position_noise", options.position_noise,
         About{"Standard deviation of measured joint positions [rad].", 0, 1});
   field("velocity_noise", options.velocity_noise,
@@ -221,6 +225,7 @@ std::string type_of(const Range<T>& range, const About& about) {
   const std::string type = type_of(range.low, about);
   return text_of("tuple[", type, ", ", type, "]");
 }
+std::string type_of(const Names& /*names*/, const About& /*about*/) { return "tuple[str, ...]"; }
 std::string type_of(const PairRanges& /*ranges*/, const About& /*about*/) {
   return "Mapping[str, tuple[float, float]]";
 }

@@ -10,6 +10,6 @@ namespace trifinger::learning {
 // Makes the task for this robot.
 // @throws InvalidArgument if they do not suit each other
 [[nodiscard]] std::unique_ptr<const Task> make_task(const TaskDescription& description,
-                                                    const RobotDescription& robot);
+                                                    Workspace& robot);
 
 }  // namespace trifinger::learning

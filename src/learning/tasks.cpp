@@ -80,13 +80,21 @@ std::vector<std::string> config_overrides(std::string_view task,
 }
 
 std::vector<std::string> config_overrides(const TaskDescription& task,
-                                          const EnvironmentOptions& options) {
-  std::vector<std::string> overrides = task.config_overrides;
+                                          const EnvironmentOptions& options, bool is_from_file) {
+  std::vector<std::string> overrides;
+  if (!is_from_file) overrides = task.config_overrides;
   const auto add = [&overrides](const char* name, double value) {
     std::ostringstream text;
     text << name << "=" << std::setprecision(17) << value;
     overrides.push_back(text.str());
   };
+  if (is_from_file) {
+    // The usual period need not fit the steps of this robot.
+    if (options.object_period != EnvironmentOptions{}.object_period) {
+      add("simulation.object_period", options.object_period);
+    }
+    return overrides;
+  }
   const bool is_tracked = options.object_poses == ObjectPoses::kTracked;
   overrides.push_back(
       text_of("simulation.object_poses=", is_tracked ? "\"tracked\"" : "\"exact\""));
@@ -104,19 +112,24 @@ std::vector<std::string> config_overrides(const TaskDescription& task,
   return overrides;
 }
 
-std::unique_ptr<const Task> make_task(const TaskDescription& description,
-                                      const RobotDescription& robot) {
-  if (description.num_fingers != num_fingers(robot)) {
+std::unique_ptr<const Task> make_task(const TaskDescription& description, Workspace& robot) {
+  if (robot.kinematics != nullptr && description.num_fingers == 0) {
+    throw InvalidArgument(text_of("the task '", description.name,
+                                  "' is for a robot from a file, such as ", description.robot));
+  }
+  if (robot.kinematics != nullptr && description.num_fingers != robot.kinematics->num_fingers()) {
     throw InvalidArgument(text_of("the task '", description.name, "' is for a robot with ",
                                   description.num_fingers, " fingers, this one has ",
-                                  num_fingers(robot)));
+                                  robot.kinematics->num_fingers()));
   }
   auto task = description.make(robot);
   const std::string_view object = task->object_name();
+  const auto is_object = [object](const auto& candidate) { return candidate.name == object; };
   const bool has_object =
-      object.empty() || std::ranges::any_of(robot.objects, [&](const auto& candidate) {
-        return candidate.name == object;
-      });
+      object.empty() ||
+      (robot.file != nullptr
+           ? std::ranges::any_of(robot.file->model().free_bodies(), is_object)
+           : std::ranges::any_of(robot.kinematics->description().objects, is_object));
   if (!has_object) {
     throw InvalidArgument(text_of("the task '", description.name, "' needs an object called '",
                                   object, "' in the robot's configuration"));

@@ -367,8 +367,18 @@ double ModelFile::velocity(std::size_t joint, const mjData_& data) const noexcep
 }
 
 void ModelFile::set_position(std::size_t joint, double position, mjData_& data) const noexcept {
-  const double way = (position - this->position(joint, data)) / motors_[joint].sum_of_squares;
-  for (const Part& part : motors_[joint].parts) data.qpos[part.position] += part.share * way;
+  set_position(joint, position, std::span(data.qpos, static_cast<std::size_t>(model_->nq)));
+}
+
+void ModelFile::set_position(std::size_t joint, double position,
+                             std::span<double> configuration) const noexcept {
+  const auto at = [&](const Part& part) -> double& {
+    return configuration[static_cast<std::size_t>(part.position)];
+  };
+  double present = 0.0;
+  for (const Part& part : motors_[joint].parts) present += part.share * at(part);
+  const double way = (position - present) / motors_[joint].sum_of_squares;
+  for (const Part& part : motors_[joint].parts) at(part) += part.share * way;
 }
 
 void ModelFile::set_torque(std::size_t joint, double torque, mjData_& data) const noexcept {
@@ -392,6 +402,11 @@ double ModelFile::model_velocity(std::size_t joint, const mjData_& data) const n
 void ModelFile::set_model_position(std::size_t joint, double position,
                                    mjData_& data) const noexcept {
   data.qpos[model_parts_[joint].position] = position;
+}
+
+void ModelFile::set_model_position(std::size_t joint, double position,
+                                   std::span<double> configuration) const noexcept {
+  configuration[static_cast<std::size_t>(model_parts_[joint].position)] = position;
 }
 
 std::string ModelFile::mjcf() const { return detail::self_contained_mjcf(*spec_, *model_); }

@@ -194,6 +194,8 @@ File load_config_file(const std::string& name, std::vector<std::string> override
   return File::load(path, overrides, config_folders());
 }
 
+bool is_from_file(const File& file) { return detail::is_from_file(file.root()); }
+
 AnyRobotConfig load_any_robot_config(const std::string& name,
                                      const std::vector<std::string>& overrides) {
   return read_any_robot_config(load_config_file(name, overrides));

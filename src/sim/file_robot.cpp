@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <iterator>
 #include <mutex>
 
 #include "file_robot_parts.hpp"
@@ -20,7 +19,7 @@ using detail::require;
 using detail::text_of;
 
 // Every saved state begins with this number, so that states of other versions are recognised.
-constexpr std::uint64_t kStateMagic = 0x314c494653465254;  // "TRFSFIL1"
+constexpr std::uint64_t kStateMagic = 0x324c494653465254;  // "TRFSFIL2"
 
 struct Header {
   std::uint64_t magic{kStateMagic};
@@ -46,8 +45,6 @@ std::uint64_t fingerprint_of(const mjModel& model) {
   }
   return hash;
 }
-
-std::string unit_of(const FileJoint& joint) { return joint.is_slide ? " m" : " rad"; }
 
 // Letters, digits and '_', for names of types.
 std::string plain_name(const std::string& name) {
@@ -133,109 +130,28 @@ RobotTypes robot_types_of(const ModelFile& model) {
   return describe_counted(plain_name(model.name()), kinds_of(model.joints()), more);
 }
 
-std::vector<NamedJoint> joints_of(const ModelFile& model) {
-  std::vector<NamedJoint> joints;
-  for (const FileJoint& joint : model.joints()) {
-    JointLimit known;
-    known.max_torque = joint.max_torque.value_or(kNotGiven);
-    known.default_kp = joint.kp.value_or(kNotGiven);
-    known.default_kd = joint.kd.value_or(kNotGiven);
-    // A joint without stops may be anywhere.
-    known.hard_lower = joint.range ? (*joint.range)[0] : -kLargestJointLimit;
-    known.hard_upper = joint.range ? (*joint.range)[1] : kLargestJointLimit;
-    joints.push_back({.name = joint.name,
-                      .kind = joint.is_slide ? JointKind::kSlide : JointKind::kHinge,
-                      .known = known});
-  }
-  return joints;
-}
-
-void FileRobotOptions::validate() const {
-  require(model != nullptr, "a robot from a file has no model");
-  require(limits.size() == model->joints().size(),
-          text_of("there are limits for ", limits.size(), " joints, but the model has ",
-                  model->joints().size()));
-  trifinger::validate(limits);
-  require(object_period >= 1, text_of("object_period is ", object_period, ", must be at least 1"));
-}
-
-void FileRobotOptions::put_at_start(mjData& data) const noexcept {
-  const mjModel& mujoco = *model->mujoco();
-  const int key =
-      keyframe ? mj_name2id(&mujoco, mjOBJ_KEY, keyframe->c_str()) : (mujoco.nkey > 0 ? 0 : -1);
-  if (key >= 0) {
-    mj_resetDataKeyframe(&mujoco, &data, key);
-  } else {
-    mj_resetData(&mujoco, &data);
-  }
-  for (const auto& [name, position] : initial_position) {
-    const auto driven = std::ranges::find(model->joints(), name, &FileJoint::name);
-    if (driven != model->joints().end()) {
-      const auto index = static_cast<std::size_t>(driven - model->joints().begin());
-      model->set_position(index, position, data);
-      continue;
-    }
-    const auto any = std::ranges::find(model->model_joints(), name, &ModelJoint::name);
-    if (any == model->model_joints().end()) continue;
-    model->set_model_position(static_cast<std::size_t>(any - model->model_joints().begin()),
-                              position, data);
-  }
-}
-
 std::vector<Document> model_documents(const ModelFile& model) {
   return {{"model.xml", "application/xml", model.mjcf()}};
 }
 
 FileRobot::FileRobot(Options options)
-    : options_((options.validate(), std::move(options))),
-      chain_(robot_types_of(model()), names_of(model()), options_.limits),
+    : simulator_(std::move(options)),
+      chain_(robot_types_of(model()), names_of(model()), this->options().limits),
       fingerprint_(fingerprint_of(*model().mujoco())),
       data_(model().make_data()),
-      observation_(num_joints()),
-      torque_(num_joints(), 0.0),
-      objects_at_observation_(model().free_bodies().size()),
+      state_(simulator_.make_state()),
       held_(num_joints()),
       desired_(num_joints()),
-      sent_objects_(model().free_bodies().size()),
       before_step_(state_size_of(model(), kChangedByStep)),
-      memory_before_step_(num_joints()),
-      torque_before_step_(num_joints(), 0.0),
+      memory_before_step_(state_.memory),
+      safety_before_step_(num_joints()),
       after_step_(before_step_.size()),
       physics_(state_size_of(model(), kWholeState)) {
-  detail::silence_warnings();
   std::vector<std::string> names;
   for (const ObjectAddress& object : model().free_bodies()) names.push_back(object.name);
   if (auto objects = object_companion(names)) companions_.push_back(std::move(*objects));
   begin_state_.resize(state_size());
   spare_state_.resize(state_size());
-  if (options_.keyframe) {
-    const int key = mj_name2id(model().mujoco(), mjOBJ_KEY, options_.keyframe->c_str());
-    require(key >= 0, "the model has no key frame '" + *options_.keyframe + "'");
-  }
-  for (const auto& [name, position] : options_.initial_position) {
-    const auto driven = std::ranges::find(model().joints(), name, &FileJoint::name);
-    const auto any = std::ranges::find(model().model_joints(), name, &ModelJoint::name);
-    require(driven != model().joints().end() || any != model().model_joints().end(),
-            "the model has no joint '" + name + "', for which there is an initial position");
-    require(std::isfinite(position), "the initial position of joint '" + name + "' is not finite");
-  }
-  options_.put_at_start(*data_);
-  for (std::size_t i = 0; i < num_joints(); ++i) {
-    initial_position_.push_back(model().position(i, *data_));
-  }
-  std::string beyond;
-  for (std::size_t i = 0; i < num_joints(); ++i) {
-    const JointLimit& limit = options_.limits[i];
-    if (initial_position_[i] >= limit.soft_lower && initial_position_[i] <= limit.soft_upper)
-      continue;
-    beyond += (beyond.empty() ? "" : "; ") + text_of(model().joints()[i].name, " begins at ",
-                                                     initial_position_[i], ", its soft limits are ",
-                                                     limit.soft_lower, " and ", limit.soft_upper);
-  }
-  require(beyond.empty(),
-          "some joints begin beyond their soft limits: give them an initial position "
-          "within (robot.initial_position). " +
-              beyond);
   reset();
 }
 
@@ -243,12 +159,12 @@ FileRobot::~FileRobot() = default;
 
 DriverReport FileRobot::prepare(TimeIndex) noexcept {
   read_state(begin_state_);
-  next_poses_ = -1;
+  simulator_.begin(state_);
   return DriverReport::ready();
 }
 
 DriverReport FileRobot::get_latest_observation(void* observation) noexcept {
-  observe();
+  simulator_.observe(*data_, state_);
   write_observation(observation);
   return DriverReport::ready();
 }
@@ -256,15 +172,10 @@ DriverReport FileRobot::get_latest_observation(void* observation) noexcept {
 DriverReport FileRobot::apply_action(const void* desired, void* applied) noexcept {
   keep_state_before_step();
   read_element(desired, desired_);
-  const DriverReport report = chain_.apply(desired_, observation_, model().period());
+  const DriverReport report = chain_.apply(desired_, state_.observation, model().period());
   write_element(chain_.applied(), applied);
   if (report.state != DriverReport::State::kReady) return report;
-  for (std::size_t i = 0; i < num_joints(); ++i) {
-    torque_[i] = chain_.applied().torque[i];
-    model().set_torque(i, torque_[i], *data_);
-  }
-  for (int i = 0; i < model().substeps(); ++i) mj_step(model().mujoco(), data_.get());
-  if (!detail::is_finite(*model().mujoco(), *data_)) {
+  if (!simulator_.move(chain_.applied().torque, mujoco(), *data_, state_)) {
     chain_.set_fault_text(FixedText("the simulation diverged"));
     keep_state_before_divergence();
     return DriverReport::fault(kDiverged);
@@ -274,8 +185,7 @@ DriverReport FileRobot::apply_action(const void* desired, void* applied) noexcep
 
 DriverReport FileRobot::hold(const void* observation, void* action) noexcept {
   read_element(observation, held_);
-  desired_ = CountedAction(num_joints());
-  desired_.position = held_.position;
+  desired_ = hold_position(held_);
   // Without these torques the robot would sink until its position controllers carry its weight.
   detail::compute_weight(model(), *data_, {desired_.torque.begin(), num_joints()});
   write_element(desired_, action);
@@ -285,14 +195,10 @@ DriverReport FileRobot::hold(const void* observation, void* action) noexcept {
 DriverReport FileRobot::stop(TimeIndex) noexcept { return DriverReport::ready(); }
 
 bool FileRobot::get_companion_element(std::size_t, TimeIndex time_index, void* element) noexcept {
-  if (time_index < next_poses_) return false;
-  // The first poses are those before step 0; the others count from there.
-  next_poses_ = time_index < 0 ? 0 : time_index + options_.object_period;
-  for (std::size_t i = 0; i < sent_objects_.size(); ++i) {
-    sent_objects_[i] = pose_of(model().free_bodies()[i]);
-  }
-  write_objects({.arrival_index = time_index, .capture_index = time_index}, sent_objects_,
-                static_cast<std::byte*>(element));
+  const auto* const received = simulator_.receive_poses(time_index, *data_, state_);
+  if (received == nullptr) return false;
+  write_objects({.arrival_index = time_index, .capture_index = received->capture_index},
+                received->objects, static_cast<std::byte*>(element));
   return true;
 }
 
@@ -304,31 +210,36 @@ void FileRobot::add_check(Check check) {
   chain_.add_check(std::move(check), [this](void* element) { write_observation(element); });
 }
 
-void FileRobot::reset() {
-  options_.put_at_start(*data_);
-  forget();
+const mjModel_& FileRobot::mujoco() const noexcept {
+  return varied_ != nullptr ? *varied_ : *model().mujoco();
 }
 
-void FileRobot::reset(std::span<const double> position) {
-  require(position.size() == num_joints(),
-          text_of("position has ", position.size(), " numbers, must have ", num_joints()));
-  for (std::size_t i = 0; i < num_joints(); ++i) {
-    const JointLimit& limit = options_.limits[i];
-    require(position[i] >= limit.hard_lower && position[i] <= limit.hard_upper,
-            text_of("joint ", i, " (", model().joints()[i].name, ") cannot begin at ", position[i],
-                    unit_of(model().joints()[i]), ", its hard limits are ", limit.hard_lower,
-                    " and ", limit.hard_upper));
-  }
-  options_.put_at_start(*data_);
-  for (std::size_t i = 0; i < num_joints(); ++i) model().set_position(i, position[i], *data_);
-  forget();
-}
+void FileRobot::reset() { reset(initial_position()); }
 
-// After a reset, nothing of what happened before counts.
-void FileRobot::forget() noexcept {
+void FileRobot::reset(std::span<const double> position, std::span<const double> model_position) {
+  simulator_.check(position);
+  const std::size_t joints = model().model_joints().size();
+  require(model_position.size() <= joints,
+          text_of("there are positions for ", model_position.size(),
+                  " hinges and slides, the model has ", joints));
+  simulator_.reset(position, mujoco(), *data_, state_, model_position);
   chain_.forget();
-  torque_ = PerJoint<double>(num_joints(), 0.0);
   begin_here();
+}
+
+void FileRobot::vary(const Variation& variation) {
+  FileSimulator::check(variation);
+  vary_model(variation);
+  state_.memory.variation = variation;
+  begin_here();
+}
+
+void FileRobot::vary_model(const Variation& variation) {
+  if (variation == state_.memory.variation) return;
+  mj_getState(&mujoco(), data_.get(), physics_.data(), kWholeState);
+  if (varied_ == nullptr) varied_ = simulator_.make_varied_model();
+  simulator_.vary(variation, *varied_, *data_);
+  mj_setState(&mujoco(), data_.get(), physics_.data(), kWholeState);
 }
 
 const ObjectAddress& FileRobot::object(const std::string& name) const {
@@ -341,14 +252,6 @@ const ObjectAddress& FileRobot::object(const std::string& name) const {
                         (known.empty() ? "the scene has none." : "the scene has " + known + "."));
 }
 
-ObjectPose FileRobot::pose_of(const ObjectAddress& object) const noexcept {
-  ObjectPose pose;
-  const double* const values = data_->qpos + object.position;
-  std::copy_n(values, pose.position.size(), pose.position.begin());
-  std::copy_n(values + pose.position.size(), pose.orientation.size(), pose.orientation.begin());
-  return pose;
-}
-
 void FileRobot::place_object(const std::string& name, const ObjectPose& pose) {
   const ObjectAddress& address = object(name);
   double square = 0.0;
@@ -358,12 +261,7 @@ void FileRobot::place_object(const std::string& name, const ObjectPose& pose) {
   for (const double value : pose.position) is_pose = is_pose && std::isfinite(value);
   require(is_pose, "object '" + name +
                        "' cannot be placed: its pose is not finite, or its quaternion is zero");
-  double* const values = data_->qpos + address.position;
-  std::ranges::copy(pose.position, values);
-  const double norm = std::sqrt(square);
-  std::ranges::transform(pose.orientation, values + pose.position.size(),
-                         [norm](double value) { return value / norm; });
-  std::fill_n(data_->qvel + address.velocity, 6, 0.0);
+  simulator_.place(address, pose, *data_);
   begin_here();
 }
 
@@ -383,29 +281,21 @@ void FileRobot::set_object_velocity(const std::string& name, const ObjectVelocit
       require(std::isfinite(value), "the velocity of object '" + name + "' is not finite");
     }
   }
-  double* const values = data_->qvel + address.velocity;
-  std::ranges::copy(velocity.linear, values);
-  // MuJoCo expresses the rotation of a free body in the body's frame.
-  std::array<double, 4> inverse{};
-  mju_negQuat(inverse.data(), data_->qpos + address.position + 3);
-  mju_rotVecQuat(values + 3, velocity.angular.data(), inverse.data());
+  simulator_.set_velocity(address, velocity, *data_);
   begin_here();
 }
 
-ObjectPose FileRobot::object_pose(const std::string& name) const { return pose_of(object(name)); }
+ObjectPose FileRobot::object_pose(const std::string& name) const {
+  return simulator_.object_pose(object(name), *data_);
+}
 
 ObjectPose FileRobot::observed_object_pose(const std::string& name) const {
   const ObjectAddress* const first = model().free_bodies().data();
-  return objects_at_observation_[static_cast<std::size_t>(&object(name) - first)];
+  return state_.objects[static_cast<std::size_t>(&object(name) - first)];
 }
 
 ObjectVelocity FileRobot::object_velocity(const std::string& name) const {
-  const ObjectAddress& address = object(name);
-  const double* const values = data_->qvel + address.velocity;
-  ObjectVelocity velocity;
-  std::copy_n(values, velocity.linear.size(), velocity.linear.begin());
-  mju_rotVecQuat(velocity.angular.data(), values + 3, data_->qpos + address.position + 3);
-  return velocity;
+  return simulator_.object_velocity(object(name), *data_);
 }
 
 SimulationState FileRobot::save() const {
@@ -421,6 +311,10 @@ void FileRobot::restore(std::span<const std::byte> state) {
           "this is not the saved state of a robot from a file, or one of another version");
   require(header.model == fingerprint_ && state.size() == state_size(),
           "this state was saved from another model");
+  Variation variation;
+  std::memcpy(&variation, state.data() + sizeof(Header), sizeof(variation));
+  FileSimulator::check(variation);
+  vary_model(variation);
   read_state(state);
   begin_here();
 }
@@ -432,50 +326,41 @@ std::vector<double> FileRobot::configuration() const {
   return values;
 }
 
-void FileRobot::observe() noexcept {
-  for (std::size_t i = 0; i < num_joints(); ++i) {
-    observation_.position[i] = model().position(i, *data_);
-    observation_.velocity[i] = model().velocity(i, *data_);
-    observation_.torque[i] = torque_[i];
-  }
-  for (std::size_t i = 0; i < objects_at_observation_.size(); ++i) {
-    objects_at_observation_[i] = pose_of(model().free_bodies()[i]);
-  }
-}
-
 void FileRobot::write_observation(void* element) const noexcept {
-  write_element(observation_, element);
+  write_element(state_.observation, element);
   if (model().drives_all()) return;
   auto* next = static_cast<std::byte*>(element) + 3 * num_joints() * sizeof(double);
   const auto write = [&next](double value) {
     std::memcpy(next, &value, sizeof(value));
     next += sizeof(value);
   };
-  const std::size_t count = model().model_joints().size();
-  for (std::size_t i = 0; i < count; ++i) write(model().model_position(i, *data_));
-  for (std::size_t i = 0; i < count; ++i) write(model().model_velocity(i, *data_));
+  std::ranges::for_each(state_.model_position, write);
+  std::ranges::for_each(state_.model_velocity, write);
 }
 
 // Call this after the owner has moved the robot: the next session begins here. In a session that
 // continues, the next action must not be judged by an observation from before.
 void FileRobot::begin_here() noexcept {
-  observe();
+  simulator_.observe(*data_, state_);
   write_state(begin_state_);
 }
 
 std::size_t FileRobot::state_size() const noexcept {
-  return sizeof(Header) + std::span(physics_).size_bytes() +
-         num_joints() * (sizeof(double) + sizeof(JointMemory));
+  const FileSimulator::Memory& memory = state_.memory;
+  return sizeof(Header) + sizeof(Variation) + sizeof(memory.num_sent) +
+         std::span(physics_).size_bytes() + num_joints() * sizeof(double) +
+         std::span(memory.sent).size_bytes() + chain_.memory().size_bytes();
 }
 
 void FileRobot::write_state(std::span<std::byte> state) const noexcept {
   mj_getState(model().mujoco(), data_.get(), physics_.data(), kWholeState);
-  write_state(state, torque_, chain_.memory());
+  write_state(state, state_.memory, chain_.memory());
 }
 
 // Writes `physics_` and the rest.
-void FileRobot::write_state(std::span<std::byte> state, const PerJoint<double>& torque,
-                            std::span<const JointMemory> memory) const noexcept {
+void FileRobot::write_state(std::span<std::byte> state,
+                            const FileSimulator::Memory& memory,
+                            std::span<const JointMemory> safety) const noexcept {
   std::byte* target = state.data();
   const auto write = [&target](const void* source, std::size_t size) {
     std::memcpy(target, source, size);
@@ -483,28 +368,36 @@ void FileRobot::write_state(std::span<std::byte> state, const PerJoint<double>& 
   };
   const Header header{.model = fingerprint_};
   write(&header, sizeof(header));
+  write(&memory.variation, sizeof(memory.variation));
+  write(&memory.num_sent, sizeof(memory.num_sent));
   write(physics_.data(), std::span(physics_).size_bytes());
-  write(torque.begin(), num_joints() * sizeof(double));
-  write(memory.data(), memory.size_bytes());
+  write(memory.torque.begin(), num_joints() * sizeof(double));
+  write(memory.sent.data(), std::span(memory.sent).size_bytes());
+  write(safety.data(), safety.size_bytes());
 }
 
+// Reads everything but the varied model, which the caller has made already.
 void FileRobot::read_state(std::span<const std::byte> state) noexcept {
   const std::byte* source = state.data() + sizeof(Header);
   const auto read = [&source](void* target, std::size_t size) {
     std::memcpy(target, source, size);
     source += size;
   };
+  FileSimulator::Memory& memory = state_.memory;
+  read(&memory.variation, sizeof(memory.variation));
+  read(&memory.num_sent, sizeof(memory.num_sent));
   read(physics_.data(), std::span(physics_).size_bytes());
   mj_setState(model().mujoco(), data_.get(), physics_.data(), kWholeState);
   data_->warning[mjWARN_BADQACC].number = 0;
-  read(torque_.begin(), num_joints() * sizeof(double));
-  read(chain_.memory().data(), num_joints() * sizeof(JointMemory));
+  read(memory.torque.begin(), num_joints() * sizeof(double));
+  read(memory.sent.data(), std::span(memory.sent).size_bytes());
+  read(chain_.memory().data(), chain_.memory().size_bytes());
 }
 
 void FileRobot::keep_state_before_step() noexcept {
   mj_getState(model().mujoco(), data_.get(), before_step_.data(), kChangedByStep);
-  std::ranges::copy(chain_.memory(), memory_before_step_.begin());
-  torque_before_step_ = torque_;
+  memory_before_step_ = state_.memory;
+  std::ranges::copy(chain_.memory(), safety_before_step_.begin());
 }
 
 void FileRobot::keep_state_before_divergence() noexcept {
@@ -515,7 +408,7 @@ void FileRobot::keep_state_before_divergence() noexcept {
   mj_setState(mujoco, data_.get(), before_step_.data(), kChangedByStep);
   mj_getState(mujoco, data_.get(), physics_.data(), kWholeState);
   mj_setState(mujoco, data_.get(), after_step_.data(), kChangedByStep);
-  write_state(state_before_divergence_, torque_before_step_, memory_before_step_);
+  write_state(state_before_divergence_, memory_before_step_, safety_before_step_);
 }
 
 }  // namespace trifinger

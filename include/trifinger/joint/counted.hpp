@@ -88,6 +88,13 @@ struct CountedObservation {
       : position(joints, 0.0), velocity(joints, 0.0), torque(joints, 0.0) {}
 };
 
+/// The action that keeps the measured pose with the robot's own gains.
+[[nodiscard]] inline CountedAction hold_position(const CountedObservation& observation) noexcept {
+  CountedAction action(observation.position.size());
+  action.position = observation.position;
+  return action;
+}
+
 /// `AppliedJointAction` for joints that are counted at run time.
 struct CountedAppliedAction {
   PerJoint<double> torque;

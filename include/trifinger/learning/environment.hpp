@@ -14,24 +14,35 @@
 
 #include "trifinger/base/random.hpp"
 #include "trifinger/base/time.hpp"
+#include "trifinger/joint/counted.hpp"
 #include "trifinger/joint/types.hpp"
 #include "trifinger/learning/environment_options.hpp"
 #include "trifinger/model/kinematics.hpp"
 #include "trifinger/realtime/annotations.hpp"
+#include "trifinger/sim/file_simulator.hpp"
 #include "trifinger/sim/object_observation.hpp"
 #include "trifinger/sim/variation.hpp"
 
 namespace trifinger::learning {
 
-inline constexpr std::size_t kMaxGoal = 9;
+inline constexpr std::size_t kMaxFrames = 32;  ///< Frames of a robot from a file.
+inline constexpr std::size_t kMaxGoal = 3 * kMaxFrames;
+inline constexpr std::size_t kMaxScores = 8;
 
 /// What the robot has measured at one instant.
 struct Measurement {
-  std::span<const double> position;   ///< Joint positions [rad].
-  std::span<const double> velocity;   ///< Joint velocities [rad/s].
+  std::span<const double> position;   ///< Joint positions [rad], [m].
+  std::span<const double> velocity;   ///< Joint velocities [rad/s], [m/s].
   const ObjectPose* object{nullptr};  ///< Pose of the task's object; nullptr if it has none.
   /// True pose of that object, by which the outcome is judged. nullptr: `object` is true enough.
   const ObjectPose* true_object{nullptr};
+  std::span<const double> torque{};  ///< Joint torques [Nm], [N]; for robots from files.
+  /// @name All hinges and slides of a robot from a file, if not all of them are driven one by one
+  /// @{
+  std::span<const double> model_position{};
+  std::span<const double> model_velocity{};
+  /// @}
+  std::span<const ObjectPose> bodies{};  ///< Free bodies of a robot from a file.
 };
 
 /// Memory of a task during an episode: plain data of a type of its own.
@@ -57,23 +68,27 @@ class TaskMemory {
 
 /// The memory of an environment about an episode. Plain data.
 struct Episode {
-  Random random{};                          ///< Random numbers for goals.
-  Random noise{};                           ///< Random numbers for the noise on measured joints.
-  std::int64_t actions{0};                  ///< Number of actions so far.
-  std::array<double, kMaxGoal> goal{};      ///< [m], [1]
-  std::array<double, kMaxJoints> target{};  ///< Desired joint positions [rad].
-  std::array<double, kMaxJoints> action{};  ///< The last action, each number from -1 to 1.
-  std::int64_t goals{1};                    ///< Number of goals drawn so far.
-  TaskMemory memory{};                      ///< Data of the task.
+  Random random{};                      ///< Random numbers for goals.
+  Random noise{};                       ///< Random numbers for the noise on measured joints.
+  std::int64_t actions{0};              ///< Number of actions so far.
+  std::array<double, kMaxGoal> goal{};  ///< [m], [1]
+  std::array<double, kMaxCountedJoints> target{};  ///< Desired joint positions [rad], [m].
+  /// The last action, each number from -1 to 1.
+  std::array<double, kMaxCountedJoints> action{};
+  std::int64_t goals{1};  ///< Number of goals drawn so far.
+  TaskMemory memory{};    ///< Data of the task.
 };
 
 /// The beginning of an episode in a simulation.
 struct Start {
-  std::array<double, kMaxJoints> position{};  ///< Joint positions [rad].
-  ObjectPose object{};                        ///< Pose of the task's object, if it has one.
-  ObjectVelocity object_velocity{};           ///< Velocity of that object.
+  std::array<double, kMaxCountedJoints> position{};  ///< Joint positions [rad], [m].
+  ObjectPose object{};               ///< Pose of the task's object, if it has one.
+  ObjectVelocity object_velocity{};  ///< Velocity of that object.
   Variation variation{};
   Random random{};  ///< Random numbers for the noise on poses.
+  /// Positions of the first hinges and slides of a robot from a file, driven or not [rad], [m].
+  /// NaN: where its configuration begins, or `position` says.
+  std::array<double, kMaxCountedJoints> model_position = detail::filled<kMaxCountedJoints>(kNotGiven);
 };
 
 /// The result of an observation.
@@ -82,10 +97,13 @@ struct Outcome {
   bool terminated{false};  ///< The task cannot continue; no action may follow.
   bool truncated{false};   ///< The time of the episode is over.
   bool success{false};
-  /// Distance from the goal [m], of each tip or of the object.
-  std::array<double, kMaxFingers> distance{};
-  /// Each finger's part of the reward, in tasks that have such parts.
-  std::array<double, kMaxFingers> finger_rewards{};
+  /// Distance from the goal, of each part of the goal: `Environment::num_parts`. [m] of each tip,
+  /// frame or of the object.
+  std::array<double, kMaxFrames> distance{};
+  /// Each part's share of the reward, in tasks whose goal has a part for each finger or frame.
+  std::array<double, kMaxFrames> finger_rewards{};
+  /// Other measures of how well it goes: `Environment::scores` names them.
+  std::array<double, kMaxScores> scores{};
 };
 
 /// A part of an observation.
@@ -101,6 +119,9 @@ struct TaskDescription;
 /// Makes a decision process of a robot: starts, goals, observations, rewards, ends. The same
 /// functions serve a robot that is driven through a front-end and thousands of simulations.
 ///
+/// The robot is a TriFinger, one of its fingers, or a robot from a file. The goals, points and
+/// rewards of fingers are then those of the frames that the option `frames` names.
+///
 /// An environment is constant. Threads may share one, each with its own episodes.
 class Environment {
  public:
@@ -108,17 +129,30 @@ class Environment {
   Environment(const TaskDescription& task, const EnvironmentOptions& options,
               const RobotDescription& description,
               Nanoseconds period = std::chrono::milliseconds(1));
+  /// Makes an environment of a robot from a file.
+  Environment(const TaskDescription& task, const EnvironmentOptions& options,
+              const FileRobotOptions& robot);
   /// Makes an environment of the task with this name.
   Environment(std::string_view task, const EnvironmentOptions& options,
               const RobotDescription& description,
               Nanoseconds period = std::chrono::milliseconds(1));
+  Environment(std::string_view task, const EnvironmentOptions& options,
+              const FileRobotOptions& robot);
   Environment(Environment&&) noexcept;
   Environment& operator=(Environment&&) noexcept;
   ~Environment();
 
   [[nodiscard]] const EnvironmentOptions& options() const noexcept;
   [[nodiscard]] std::size_t num_joints() const noexcept;
+  /// Number of fingers, or of frames of a robot from a file.
   [[nodiscard]] std::size_t num_fingers() const noexcept;
+  /// Number of parts of a goal that are judged one by one: one for each finger or frame if each has
+  /// a goal of its own, else 1.
+  [[nodiscard]] std::size_t num_parts() const noexcept;
+  /// True if each finger or frame has a goal of its own.
+  [[nodiscard]] bool has_goals_of_fingers() const noexcept;
+  /// Names of the scores of the task.
+  [[nodiscard]] const std::vector<std::string>& scores() const noexcept;
   /// Number of actions in an episode that is not terminated.
   [[nodiscard]] std::int64_t episode_actions() const noexcept;
   /// Name of the object that the task is about; empty if there is none.
@@ -136,7 +170,7 @@ class Environment {
   [[nodiscard]] std::size_t goal_size() const noexcept;
   /// Bounds of goals and of achieved values.
   [[nodiscard]] const Entry& goal() const noexcept;
-  /// Joint positions that mean -1 and 1 in `ActionKind::kPosition` [rad].
+  /// Joint positions that mean -1 and 1 in `ActionKind::kPosition` [rad], [m].
   [[nodiscard]] std::span<const double> position_low() const noexcept;
   [[nodiscard]] std::span<const double> position_high() const noexcept;
 

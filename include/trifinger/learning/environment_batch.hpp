@@ -12,6 +12,7 @@
 #include "trifinger/camera/camera.hpp"
 #include "trifinger/learning/environment.hpp"
 #include "trifinger/rendering/simulation_that_sees.hpp"
+#include "trifinger/sim/file_simulator.hpp"
 #include "trifinger/sim/simulation_options.hpp"
 
 namespace trifinger::learning {
@@ -31,8 +32,10 @@ struct Observations {
   std::vector<float> observation;
   std::vector<double> achieved;
   std::vector<double> desired;
-  std::vector<double> distance;        ///< `Outcome::distance`, `kMaxFingers` per simulation.
+  /// `Outcome::distance`, as many numbers per simulation as `Environment::num_parts`.
+  std::vector<double> distance;
   std::vector<double> finger_rewards;  ///< `Outcome::finger_rewards`, as many.
+  std::vector<double> scores;          ///< `Outcome::scores`, those that the task has.
   std::vector<std::uint8_t> success;
   /// Age of the object's pose [steps]; -1 if it was not found yet. Empty if there is no object.
   std::vector<TimeIndex> object_age;
@@ -72,6 +75,9 @@ class EnvironmentBatch {
   EnvironmentBatch(std::string_view task, const EnvironmentOptions& options,
                    const SimulationOptions<R>& simulation, int size, int num_threads = 0,
                    const std::optional<rendering::SightOptions>& sight = {});
+  /// Makes simulations of a robot from a file.
+  EnvironmentBatch(std::string_view task, const EnvironmentOptions& options,
+                   const FileRobotOptions& robot, int size, int num_threads = 0);
   ~EnvironmentBatch();
   EnvironmentBatch(const EnvironmentBatch&) = delete;
   EnvironmentBatch& operator=(const EnvironmentBatch&) = delete;
@@ -104,7 +110,7 @@ class EnvironmentBatch {
 
  private:
   class Implementation;
-  template <class R>
+  template <class Physics>
   class Typed;
   std::unique_ptr<Implementation> implementation_;
 };

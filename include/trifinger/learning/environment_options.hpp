@@ -57,6 +57,9 @@ struct EnvironmentOptions {
   /// Gives observations finger by finger and goals in the frame of their finger, so that the
   /// fingers cannot be distinguished. For tasks with a goal for each finger.
   bool per_finger{false};
+  /// Sites, bodies or geoms of a robot from a file, which take the place of tips: tasks such as
+  /// reach have a goal for each. Up to `kMaxFrames`.
+  std::vector<std::string> frames{};
   double position_noise{0.0};  ///< Standard deviation of measured joint positions [rad].
   double velocity_noise{0.0};  ///< Standard deviation of measured velocities [rad/s].
   ObjectPoses object_poses{ObjectPoses::kExact};

@@ -13,6 +13,7 @@
 
 #include "trifinger/learning/environment.hpp"
 #include "trifinger/learning/environment_options.hpp"
+#include "trifinger/learning/file_body.hpp"
 #include "trifinger/model/kinematics.hpp"
 
 namespace trifinger::learning {
@@ -21,16 +22,30 @@ inline constexpr double kDegree = std::numbers::pi / 180.0;
 
 /// What a task knows of the robot.
 struct Workspace {
-  const Kinematics* kinematics;
-  std::vector<double> low;  ///< Lowest joint positions that actions can ask for [rad].
-  std::vector<double> high;
+  const Kinematics* kinematics{nullptr};  ///< Of a TriFinger; nullptr for a robot from a file.
+  const FileBody* file{nullptr};          ///< A robot from a file; nullptr for a TriFinger.
+  std::vector<double> low{};  ///< Lowest joint positions that actions can ask for [rad], [m].
+  std::vector<double> high{};
 };
+
+/// Three numbers for each point. They are stored in place, never on the heap.
+using Points =
+    Eigen::Matrix<double, Eigen::Dynamic, 1, 0, static_cast<int>(3 * kMaxFrames), 1>;
 
 /// What a task sees at one instant, as it was measured.
 struct View {
-  TipPositions tips;  ///< [m]
-  ObjectPose object;
-  double time;  ///< Since the episode began [s].
+  Points tips{};  ///< Tips of a TriFinger, frames of a robot from a file [m].
+  ObjectPose object{};
+  double time{0.0};                    ///< Since the episode began [s].
+  std::span<const double> position{};  ///< Joint positions [rad], [m].
+  std::span<const double> velocity{};  ///< Joint velocities [rad/s], [m/s].
+  /// @name Robots from files
+  /// @{
+  std::span<const double> torque{};          ///< Joint torques [Nm], [N].
+  std::span<const double> model_position{};  ///< Of all hinges and slides, driven or not.
+  std::span<const double> model_velocity{};
+  std::span<const ObjectPose> bodies{};  ///< Free bodies.
+  /// @}
 };
 
 /// What is to be done with a robot: starts, goals, reward, success. An environment asks it, in
@@ -47,7 +62,7 @@ class Task {
 
   /// Name of the object that the task is about, in the robot's configuration; empty for none.
   [[nodiscard]] virtual std::string_view object_name() const noexcept { return ""; }
-  /// True if each finger has a goal of its own, of three numbers.
+  /// True if each finger, or frame of a robot from a file, has a goal of its own, of three numbers.
   [[nodiscard]] virtual bool has_goals_of_fingers() const noexcept { return false; }
   /// Unit and bounds of goals: up to `kMaxGoal` numbers.
   [[nodiscard]] virtual Entry goal() const = 0;
@@ -58,10 +73,17 @@ class Task {
                           Start& start) const noexcept = 0;
   virtual void draw_goal(const Workspace& workspace, Random& random,
                          std::span<double> goal) const noexcept = 0;
+  /// Begins an episode. Override it if start, goal and memory depend on each other.
+  virtual void begin(const Workspace& workspace, Start& start, Episode& episode,
+                     std::span<double> goal) const noexcept {
+    draw_start(workspace, episode.random, start);
+    draw_goal(workspace, episode.random, goal);
+  }
   /// Number of goals that an episode has had until `time` [s].
   [[nodiscard]] virtual std::int64_t num_goals(double /*time*/) const noexcept { return 1; }
 
-  /// Says what is achieved, in the numbers of goals, each time the robot was looked at.
+  /// Says what is achieved, in the numbers of goals, each time the robot was looked at. It may move
+  /// `episode.goal` if the goal moves by itself.
   virtual void achieve(const View& view, Episode& episode,
                        std::span<double> achieved) const noexcept = 0;
   [[nodiscard]] virtual double reward(std::span<const double> achieved,
@@ -69,6 +91,27 @@ class Task {
   [[nodiscard]] virtual bool is_success(std::span<const double> achieved,
                                         std::span<const double> desired,
                                         const Episode& episode) const noexcept = 0;
+  /// What the reward loses for how the robot moves, whatever it achieves.
+  [[nodiscard]] virtual double cost(const View& /*view*/) const noexcept { return 0.0; }
+  /// Distance from the goal, for tasks without goals of fingers: that of its first three numbers.
+  [[nodiscard]] virtual double distance(std::span<const double> achieved,
+                                        std::span<const double> desired) const noexcept;
+
+  /// @name An observation of the task's own
+  /// @{
+  /// All that an observation consists of, if the task says so. Default: none, and the observation
+  /// consists of joints, object, last action and goal.
+  [[nodiscard]] virtual std::vector<Entry> entries() const { return {}; }
+  /// Fills in the numbers of `entries`, one entry after the other.
+  virtual void show(const View& /*view*/, const Episode& /*episode*/,
+                    std::span<double> /*shown*/) const noexcept {}
+  /// @}
+
+  /// Names of up to `kMaxScores` other measures of how well it goes.
+  [[nodiscard]] virtual std::vector<std::string> scores() const { return {}; }
+  virtual void score(const View& /*view*/, std::span<const double> /*achieved*/,
+                     std::span<const double> /*desired*/,
+                     std::span<double> /*scores*/) const noexcept {}
   /// True if nothing can follow: the episode is terminated.
   [[nodiscard]] virtual bool has_ended(const View& /*view*/,
                                        const Episode& /*episode*/) const noexcept {
@@ -81,10 +124,14 @@ struct TaskDescription {
   std::string name{};
   /// Options that this task has by default.
   EnvironmentOptions options{};
-  /// What the configuration of a simulated robot must say, as in "boundary=false": a key and JSON.
+  /// What the configuration of a simulated TriFinger must say, as in "boundary=false": a key and
+  /// JSON.
   std::vector<std::string> config_overrides{"objects=[]"};
-  int num_fingers{3};  ///< Number of fingers that a robot must have.
-  std::function<std::unique_ptr<const Task>(const RobotDescription&)> make{};
+  int num_fingers{3};  ///< Number of fingers that a TriFinger must have; 0: no TriFinger will do.
+  bool is_for_files{false};            ///< Robots from files will do.
+  std::string robot{"trifinger_edu"};  ///< Configuration of the robot that it is usually for.
+  /// Makes the task for a robot, whose range of actions it may change.
+  std::function<std::unique_ptr<const Task>(Workspace&)> make{};
 };
 
 /// Makes a task known by its name: environments, vector environments and Python's classes find it.
@@ -96,8 +143,9 @@ void add_task(TaskDescription task);
 [[nodiscard]] TaskDescription find_task(std::string_view name);
 
 /// What the configuration of a simulated robot must say for this task with these options: a key and
-/// JSON each.
+/// JSON each. `is_from_file` is about the robot.
 [[nodiscard]] std::vector<std::string> config_overrides(const TaskDescription& task,
-                                                        const EnvironmentOptions& options);
+                                                        const EnvironmentOptions& options,
+                                                        bool is_from_file = false);
 
 }  // namespace trifinger::learning

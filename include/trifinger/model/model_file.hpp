@@ -6,6 +6,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -103,6 +104,9 @@ class ModelFile {
   [[nodiscard]] double velocity(std::size_t joint, const mjData_& data) const noexcept;
   /// Moves the joint there; coupled joints share the way as the torque of their motor would.
   void set_position(std::size_t joint, double position, mjData_& data) const noexcept;
+  /// Moves the joint in `configuration`, positions in the order of MuJoCo's `qpos`.
+  void set_position(std::size_t joint, double position,
+                    std::span<double> configuration) const noexcept;
   /// Sets the torque of its motor.
   void set_torque(std::size_t joint, double torque, mjData_& data) const noexcept;
   /// The torque that acts on this joint if `force` acts on the model's degrees of freedom.
@@ -112,6 +116,8 @@ class ModelFile {
   [[nodiscard]] double model_position(std::size_t joint, const mjData_& data) const noexcept;
   [[nodiscard]] double model_velocity(std::size_t joint, const mjData_& data) const noexcept;
   void set_model_position(std::size_t joint, double position, mjData_& data) const noexcept;
+  void set_model_position(std::size_t joint, double position,
+                          std::span<double> configuration) const noexcept;
 
   /// The model in MuJoCo's format. It needs no other file: meshes are part of the text. Meshes that
   /// only look are made coarser where nobody can see it, and pictures on surfaces become their mean

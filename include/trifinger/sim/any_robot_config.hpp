@@ -36,6 +36,9 @@ using AnyRobotConfig = std::variant<RobotConfig, FileRobotConfig>;
 [[nodiscard]] config::File load_config_file(const std::string& name,
                                             std::vector<std::string> overrides = {});
 
+/// Whether a configuration that has been loaded is that of a robot from a file.
+[[nodiscard]] bool is_from_file(const config::File& file);
+
 /// Reads the configuration `name` of any robot, like `load_robot_config`.
 /// @throws config::ConfigError at the value that is wrong, InvalidArgument, SystemError
 [[nodiscard]] AnyRobotConfig load_any_robot_config(const std::string& name,

@@ -4,49 +4,25 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <memory>
-#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
-#include <utility>
 #include <vector>
 
 #include "trifinger/core/document.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/joint/counted.hpp"
 #include "trifinger/joint/counted_chain.hpp"
-#include "trifinger/joint/read_limits.hpp"
 #include "trifinger/model/model_file.hpp"
+#include "trifinger/sim/file_simulator.hpp"
 #include "trifinger/sim/object_observation.hpp"
 #include "trifinger/sim/simulated_robot.hpp"
+#include "trifinger/sim/variation.hpp"
 
 namespace trifinger {
 
-/// What `ModelFile` knows of the limits of its joints, for `read_limits_by_name`: largest torques,
-/// stops as hard limits, and the gains of position actuators.
-[[nodiscard]] std::vector<NamedJoint> joints_of(const ModelFile& model);
-
 /// The elements of a session of the robot in this file.
 [[nodiscard]] RobotTypes robot_types_of(const ModelFile& model);
-
-/// The settings of a simulated robot from a file.
-struct FileRobotOptions {
-  std::shared_ptr<const ModelFile> model;
-  /// One entry for each joint of the model, in their order.
-  std::vector<JointLimit> limits;
-  /// The key frame in which every session begins, by its name. Default: the file's first one; the
-  /// zero pose of the model if it has none.
-  std::optional<std::string> keyframe{};
-  /// Joints that begin elsewhere, driven or not, by their names [rad], [m].
-  std::vector<std::pair<std::string, double>> initial_position{};
-  TimeIndex object_period{10};  ///< Steps between two poses of the objects.
-
-  /// @throws InvalidArgument that names the option, the value found and the values allowed
-  void validate() const;
-  /// Puts everything in a simulation of the model where sessions begin, at rest.
-  void put_at_start(mjData_& data) const noexcept;
-};
 
 /// The documents of its sessions: "model.xml", which needs no other file.
 /// @throws Error
@@ -68,7 +44,7 @@ class FileRobot final : public UntypedDriver {
   using Options = FileRobotOptions;
 
   /// Fault codes in addition to those of `SafetyFault`.
-  static constexpr std::int32_t kDiverged = 64;
+  static constexpr std::int32_t kDiverged = FileSimulator::kDiverged;
 
   /// @throws InvalidArgument
   explicit FileRobot(Options options);
@@ -89,8 +65,8 @@ class FileRobot final : public UntypedDriver {
   [[nodiscard]] std::string_view fault_text(std::int32_t fault_code) const noexcept override;
   [[nodiscard]] std::string_view rejection_text() const noexcept override;
 
-  [[nodiscard]] const Options& options() const noexcept { return options_; }
-  [[nodiscard]] const ModelFile& model() const noexcept { return *options_.model; }
+  [[nodiscard]] const Options& options() const noexcept { return simulator_.options(); }
+  [[nodiscard]] const ModelFile& model() const noexcept { return simulator_.model(); }
   using Check = CountedChain::Check;
   /// Adds a check after the existing ones, before the first session.
   void add_check(Check check);
@@ -98,14 +74,20 @@ class FileRobot final : public UntypedDriver {
   /// Positions of the driven joints at the beginning of every session, unless `reset` sets others
   /// [rad], [m].
   [[nodiscard]] const std::vector<double>& initial_position() const noexcept {
-    return initial_position_;
+    return simulator_.initial_position();
   }
   /// Resets the simulation: initial pose, and objects as in the file.
   void reset();
-  /// Resets the simulation with the driven joints at `position` [rad], [m].
+  /// Resets the simulation with the driven joints at `position` [rad], [m]. `model_position` are
+  /// positions of the first hinges and slides of the model, driven or not; NaN: as always.
   /// @throws InvalidArgument if there are more or fewer positions than joints, or if one is beyond
   /// its hard limit or not a number
-  void reset(std::span<const double> position);
+  void reset(std::span<const double> position, std::span<const double> model_position = {});
+  /// Makes the simulation differ from its file by `variation` from now on. A reset does not change
+  /// this.
+  /// @throws InvalidArgument that names the value found and the values allowed, or what only a
+  /// TriFinger can vary
+  void vary(const Variation& variation);
   /// @throws InvalidArgument that names the existing objects, or if the pose is not valid
   void place_object(const std::string& name, const ObjectPose& pose);
   /// @throws InvalidArgument that names the existing objects, or if the force is not finite
@@ -132,45 +114,41 @@ class FileRobot final : public UntypedDriver {
   [[nodiscard]] std::vector<double> configuration() const;
 
  private:
-  [[nodiscard]] std::size_t num_joints() const noexcept { return options_.limits.size(); }
+  [[nodiscard]] std::size_t num_joints() const noexcept { return simulator_.num_joints(); }
+  // The model of this simulation, as it was varied.
+  [[nodiscard]] const mjModel_& mujoco() const noexcept;
   [[nodiscard]] const ObjectAddress& object(const std::string& name) const;
-  [[nodiscard]] ObjectPose pose_of(const ObjectAddress& object) const noexcept;
-  void forget() noexcept;
-  void observe() noexcept;
+  void vary_model(const Variation& variation);
   void write_observation(void* element) const noexcept;
   void begin_here() noexcept;
 
   // Saved states.
   [[nodiscard]] std::size_t state_size() const noexcept;
   void write_state(std::span<std::byte> state) const noexcept;
-  void write_state(std::span<std::byte> state, const PerJoint<double>& torque,
-                   std::span<const JointMemory> memory) const noexcept;
+  void write_state(std::span<std::byte> state, const FileSimulator::Memory& memory,
+                   std::span<const JointMemory> safety) const noexcept;
   void read_state(std::span<const std::byte> state) noexcept;
 
   // The state before a step, in case that the simulation diverges.
   void keep_state_before_step() noexcept;
   void keep_state_before_divergence() noexcept;
 
-  Options options_;
+  FileSimulator simulator_;
   CountedChain chain_;
   std::vector<CompanionDescription> companions_;
-  std::vector<double> initial_position_;
   std::uint64_t fingerprint_;
 
   RobotModel::Data data_;
-  CountedObservation observation_;
-  PerJoint<double> torque_;                         // of the previous period
-  std::vector<ObjectPose> objects_at_observation_;  // at the newest one
-  TimeIndex next_poses_{-1};
+  RobotModel::Compiled varied_;  // Null as long as nothing differs from the file.
+  FileSimulator::State state_;
 
   CountedObservation held_;
   CountedAction desired_;
-  std::vector<ObjectPose> sent_objects_;
 
   SimulationState begin_state_;  // Every session begins here.
   std::vector<double> before_step_;
-  std::vector<JointMemory> memory_before_step_;
-  PerJoint<double> torque_before_step_;
+  FileSimulator::Memory memory_before_step_;
+  std::vector<JointMemory> safety_before_step_;
   std::vector<double> after_step_;
   SimulationState state_before_divergence_;
   SimulationState spare_state_;          // Memory for `state_before_divergence_`.

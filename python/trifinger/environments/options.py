@@ -48,17 +48,26 @@ class Options(OptionFields):
         return cls(**of(json.loads(text)))
 
 
+def robot_of(task: str | Task, config: str | None) -> str:
+    """The configuration of a robot; None: the one that the task is usually for."""
+    if config is not None:
+        return config
+    return _trifinger.robot_of_task(task) if isinstance(task, str) else "trifinger_edu"
+
+
 def overrides_of(
-    task: str | Task, options: Options, config_overrides: dict[str, object] | None
+    task: str | Task, options: Options, config: str, config_overrides: dict[str, object] | None
 ) -> dict[str, object]:
     """What a task and its options need of the robot's configuration, and the user's overrides."""
+    own = config_overrides or {}
+    is_from_file = _trifinger.is_from_file(config, own)
     # A session with a short history begins faster.
-    needed: dict[str, object] = {"backend.history": 1024}
-    own = task if isinstance(task, str) else None
-    needed |= _trifinger.environment_overrides(own, options.to_json())
-    if isinstance(task, Task):
+    needed: dict[str, object] = {} if is_from_file else {"backend.history": 1024}
+    name = task if isinstance(task, str) else None
+    needed |= _trifinger.environment_overrides(name, options.to_json(), is_from_file)
+    if isinstance(task, Task) and not is_from_file:
         needed |= task.config_overrides
-    return needed | (config_overrides or {})
+    return needed | own
 
 
 def default_options(task: str | Task, **changes: Any) -> Options:
@@ -71,14 +80,15 @@ def default_options(task: str | Task, **changes: Any) -> Options:
 def policy_metadata(
     task: str,
     options: Options,
-    config: str = "trifinger_edu",
+    config: str | None = None,
     config_overrides: dict[str, object] | None = None,
 ) -> dict[str, str]:
     """The metadata that `trifinger run-policy` needs in the file of a policy.
 
     The arguments are those of the `Environment` in which the policy was trained.
     """
-    overrides = overrides_of(task, options, config_overrides)
+    config = robot_of(task, config)
+    overrides = overrides_of(task, options, config, config_overrides)
     return {
         "task": task,
         "options": options.to_json(),

@@ -14,7 +14,7 @@ from trifinger import _trifinger, mappings
 from trifinger._trifinger import Frontend, Observation as Observed, Simulation
 from trifinger.arrays import Array
 from trifinger.cameras import Cameras
-from trifinger.environments.options import Options, default_options, overrides_of
+from trifinger.environments.options import Options, default_options, overrides_of, robot_of
 from trifinger.environments.task_environment import (
     AGE,
     Info,
@@ -69,7 +69,7 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
         *,
         options: Options | None = None,
         connect: Callable[[], Frontend] | None = None,
-        config: str = "trifinger_edu",
+        config: str | None = None,
         config_overrides: dict[str, object] | None = None,
         render_mode: Literal["rgb_array", "human"] | None = None,
         view: View | None = None,
@@ -82,7 +82,8 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
                 f'observation is "{options.observation}"; GoalEnvironment needs "goal", '
                 "Environment any other"
             )
-        overrides = overrides_of(task, options, config_overrides)
+        config = robot_of(task, config)
+        overrides = overrides_of(task, options, config, config_overrides)
         observed = options
         if connect is not None:
             observed = dataclasses.replace(options, position_noise=0.0, velocity_noise=0.0)
@@ -90,6 +91,8 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
         super().__init__(task if isinstance(task, str) else task.name, options, core)
         self.render_mode = render_mode
         self._object = self._core.object_name
+        self._is_from_file = self._core.is_from_file
+        self._bodies: list[str] = self._core.bodies
         self._scene = (config, overrides)
         self._simulation = None
         if connect is None:
@@ -157,14 +160,14 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
         if options and "episode" in options:
             self._episode = int(options["episode"])
         self._is_running = False
-        position, object_position, orientation, velocity, variation, stream = self._core.begin(
-            self._seed, self._episode
+        position, object_position, orientation, velocity, variation, stream, joints = (
+            self._core.begin(self._seed, self._episode)
         )
         self._episode += 1
         simulation = self._simulation
         if simulation is not None:
             simulation.vary(variation)
-            simulation.reset(position, self._seed, stream)
+            simulation.reset(position, self._seed, stream, joints or None)
             if self._object:
                 simulation.place_object(self._object, object_position, orientation)
                 simulation.set_object_velocity(self._object, velocity)
@@ -265,9 +268,28 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
                 truth = self._simulation.observed_object_pose(self._object)
         if self._cameras is not None:
             self._look_at_images(self._cameras)
-        outcome = self._core.observe(observation.position, observation.velocity, pose, truth)
+        more = self._look_at_model(observation) if self._is_from_file else None
+        outcome = self._core.observe(observation.position, observation.velocity, pose, truth, more)
         self._last_reward = outcome[0]
         return outcome
+
+    # What is only measured of robots from files.
+    def _look_at_model(self, observation: Observed) -> tuple[Array, Array, Array, list[Any]]:
+        bodies: list[Any] = []
+        if self._bodies:
+            now = self._process.time_index
+            seen = self._process.robot.companion(OBJECT).get_latest_at(now)
+            if seen is None:
+                raise InvalidArgument(f"nobody has said where the {self._bodies[0]} is")
+            bodies = [(seen[name]["position"], seen[name]["orientation"]) for name in self._bodies]
+        none = np.zeros(0)
+        names = observation.dtype.names
+        joints = (
+            (observation.joint_position, observation.joint_velocity)
+            if "joint_position" in names
+            else (none, none)
+        )
+        return (observation.torque, *joints, bodies)
 
     # The newest pose of the object that has arrived.
     def _look_for_object(self) -> tuple[Array, Array]:
@@ -314,7 +336,7 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
 
     def _info(self, **more: Any) -> Info:
         info: Info = {"is_success": False, "fault": 0} | self._measures()
-        if self._object:
+        if info["distance"].ndim == 0:
             info["distance"] = float(info["distance"])
         return info | more
 

@@ -114,19 +114,16 @@ class TaskEnvironment:
             for goal in ("achieved", "desired")
         }
         distance = getattr(core, f"{part}distance")
-        if core.object_name:
-            info["distance"] = distance[..., 0].copy()
-            if self.options.observation != "images":
-                age = self._object_age(part)
-                info["object_age"] = age
-                info["object_is_sure"] = (age >= 0) & (age <= core.oldest_sure_age)
-            return info
-        fingers = core.num_joints // 3
+        scores = getattr(core, f"{part}scores")
+        info |= {name: scores[..., i].copy() for i, name in enumerate(core.score_names)}
+        if core.object_name and self.options.observation != "images":
+            age = self._object_age(part)
+            info["object_age"] = age
+            info["object_is_sure"] = (age >= 0) & (age <= core.oldest_sure_age)
+        if not core.has_goals_of_fingers:
+            return info | {"distance": distance[..., 0].copy()}
         rewards = getattr(core, f"{part}finger_rewards")
-        return info | {
-            "distance": distance[..., :fingers].copy(),
-            "finger_rewards": rewards[..., :fingers].copy(),
-        }
+        return info | {"distance": distance.copy(), "finger_rewards": rewards.copy()}
 
     def _reward_of(self, achieved: npt.ArrayLike, desired: npt.ArrayLike) -> Any:
         rows = [

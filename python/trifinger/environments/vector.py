@@ -12,7 +12,7 @@ from gymnasium.vector.utils import batch_space
 
 from trifinger import _trifinger
 from trifinger.arrays import Array
-from trifinger.environments.options import Options, overrides_of
+from trifinger.environments.options import Options, overrides_of, robot_of
 from trifinger.environments.task_environment import (
     AGE,
     Info,
@@ -43,7 +43,7 @@ class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, 
         num_threads: int = 0,
         autoreset_mode: AutoresetMode = AutoresetMode.NEXT_STEP,
         copy: bool = True,
-        config: str = "trifinger_edu",
+        config: str | None = None,
         config_overrides: dict[str, object] | None = None,
     ) -> None:
         if not isinstance(task, str):
@@ -51,7 +51,8 @@ class VectorEnvironment(TaskEnvironment, gymnasium.vector.VectorEnv[Any, Array, 
                 "the task is in Python, must be the name of one in C++: docs/environments.md"
             )
         options = options or Options.of(task)
-        overrides = overrides_of(task, options, config_overrides)
+        config = robot_of(task, config)
+        overrides = overrides_of(task, options, config, config_overrides)
         core = _trifinger.EnvironmentBatch(
             task, options.to_json(), num_envs, num_threads, config, overrides
         )

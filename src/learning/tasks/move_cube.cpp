@@ -188,7 +188,7 @@ TaskDescription move_cube(std::string name, double duration, Goal goal) {
   return {.name = std::move(name),
           .options = move_cube_defaults(duration),
           .config_overrides = {kObjects},
-          .make = [goal](const RobotDescription&) { return std::make_unique<MoveCube>(goal); }};
+          .make = [goal](Workspace&) { return std::make_unique<MoveCube>(goal); }};
 }
 
 }  // namespace
@@ -201,7 +201,7 @@ std::vector<TaskDescription> move_cube_tasks() {
       {.name = "move_cube_on_trajectory",
        .options = move_cube_defaults(120),
        .config_overrides = {kObjects},
-       .make = [](const RobotDescription&) { return std::make_unique<MoveCubeOnTrajectory>(); }}};
+       .make = [](Workspace&) { return std::make_unique<MoveCubeOnTrajectory>(); }}};
 }
 
 }  // namespace trifinger::learning

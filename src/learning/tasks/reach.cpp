@@ -6,13 +6,14 @@
 
 #include "drawing.hpp"
 #include "tasks.hpp"
+#include "trifinger/base/error.hpp"
 
 namespace trifinger::learning {
 namespace {
 
 // ---- defaults ----
 
-constexpr EnvironmentOptions kReachDefaults{.action = ActionKind::kPosition, .duration = 2};
+EnvironmentOptions reach_defaults() { return {.action = ActionKind::kPosition, .duration = 2}; }
 
 // ---- the task ----
 
@@ -26,11 +27,44 @@ constexpr double kLowest = 0.02;
 // How far a tip may be from its goal: the paper's ellipse [m].
 constexpr double kReached = 0.02;
 
-class Reach final : public Task {
- public:
-  explicit Reach(int num_fingers) : num_fingers_(num_fingers) {}
+double distance_at(std::span<const double> a, std::span<const double> b,
+                   std::size_t begin) noexcept {
+  return std::hypot(a[begin] - b[begin], a[begin + 1] - b[begin + 1], a[begin + 2] - b[begin + 2]);
+}
 
+// Goals for points, whatever they are.
+class Reach : public Task {
+ public:
   [[nodiscard]] bool has_goals_of_fingers() const noexcept override { return true; }
+
+  void achieve(const View& view, Episode& /*episode*/,
+               std::span<double> achieved) const noexcept override {
+    std::ranges::copy(view.tips, achieved.begin());
+  }
+
+  // The mean distance, negated [m].
+  [[nodiscard]] double reward(std::span<const double> achieved,
+                              std::span<const double> desired) const noexcept override {
+    double sum = 0.0;
+    for (std::size_t i = 0; i < achieved.size(); i += 3) sum += distance_at(achieved, desired, i);
+    return -sum / (static_cast<double>(achieved.size()) / 3.0);
+  }
+
+  [[nodiscard]] bool is_success(std::span<const double> achieved, std::span<const double> desired,
+                                const Episode& /*episode*/) const noexcept override {
+    for (std::size_t i = 0; i < achieved.size(); i += 3) {
+      // Written so that NaN fails.
+      if (!(distance_at(achieved, desired, i) <= kReached)) return false;
+    }
+    return true;
+  }
+
+};
+
+// The paper's task: each tip has a goal within the third of the arena that belongs to its finger.
+class ReachOfTips final : public Reach {
+ public:
+  explicit ReachOfTips(int num_fingers) : num_fingers_(num_fingers) {}
 
   [[nodiscard]] Entry goal() const override {
     Entry entry{.name = "goal", .unit = "m", .low = {}, .high = {}};
@@ -54,35 +88,7 @@ class Reach final : public Task {
     std::ranges::copy(draw_poses(workspace, random, position), goal.begin());
   }
 
-  void achieve(const View& view, Episode& /*episode*/,
-               std::span<double> achieved) const noexcept override {
-    std::ranges::copy(view.tips, achieved.begin());
-  }
-
-  // The mean distance, negated [m].
-  [[nodiscard]] double reward(std::span<const double> achieved,
-                              std::span<const double> desired) const noexcept override {
-    double sum = 0.0;
-    for (std::size_t i = 0; i < achieved.size(); i += 3) sum += distance(achieved, desired, i);
-    return -sum / num_fingers_;
-  }
-
-  [[nodiscard]] bool is_success(std::span<const double> achieved, std::span<const double> desired,
-                                const Episode& /*episode*/) const noexcept override {
-    for (std::size_t i = 0; i < achieved.size(); i += 3) {
-      // Written so that NaN fails.
-      if (!(distance(achieved, desired, i) <= kReached)) return false;
-    }
-    return true;
-  }
-
  private:
-  static double distance(std::span<const double> a, std::span<const double> b,
-                         std::size_t begin) noexcept {
-    return std::hypot(a[begin] - b[begin], a[begin + 1] - b[begin + 1],
-                      a[begin + 2] - b[begin + 2]);
-  }
-
   // Draws poses of all fingers. Fingers cannot meet, since each stays in its own sector. Returns
   // the positions of the tips.
   TipPositions draw_poses(const Workspace& workspace, Random& random,
@@ -119,16 +125,52 @@ class Reach final : public Task {
   int num_fingers_;
 };
 
-std::unique_ptr<const Task> make_reach(const RobotDescription& description) {
-  return std::make_unique<Reach>(num_fingers(description));
+// Each frame of a robot from a file has a goal. All goals of an episode can be reached at once,
+// because a pose of the robot that touches nothing has them.
+class ReachOfFrames final : public Reach {
+ public:
+  explicit ReachOfFrames(const Workspace& workspace)
+      : body_(*workspace.file),
+        goal_(body_.frame_bounds("goal", workspace.low, workspace.high)) {}
+
+  [[nodiscard]] Entry goal() const override { return goal_; }
+
+  void draw_start(const Workspace& /*workspace*/, Random& /*random*/,
+                  Start& /*start*/) const noexcept override {
+    // The robot begins where its configuration says.
+  }
+
+  void draw_goal(const Workspace& workspace, Random& random,
+                 std::span<double> goal) const noexcept override {
+    body_.draw_pose(workspace.low, workspace.high, random, goal);
+  }
+
+ private:
+  const FileBody& body_;
+  Entry goal_;
+};
+
+std::unique_ptr<const Task> make_reach(const Workspace& robot) {
+  if (robot.file == nullptr) {
+    return std::make_unique<ReachOfTips>(robot.kinematics->num_fingers());
+  }
+  if (robot.file->num_frames() == 0) {
+    throw InvalidArgument(
+        "reach needs the names of the sites, bodies or geoms that shall reach a goal: the option "
+        "frames, as in frames=[\"gripper\"]");
+  }
+  return std::make_unique<ReachOfFrames>(robot);
 }
 
 }  // namespace
 
 std::vector<TaskDescription> reach_tasks() {
-  return {{.name = "reach", .options = kReachDefaults, .make = make_reach},
+  return {{.name = "reach",
+           .options = reach_defaults(),
+           .is_for_files = true,
+           .make = make_reach},
           {.name = "finger_reach",
-           .options = kReachDefaults,
+           .options = reach_defaults(),
            .config_overrides = {R"(robot.arrangement="finger")", "objects=[]"},
            .num_fingers = 1,
            .make = make_reach}};

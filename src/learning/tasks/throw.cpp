@@ -14,7 +14,9 @@ namespace {
 
 // ---- defaults ----
 
-constexpr EnvironmentOptions kThrowDefaults{.action = ActionKind::kPositionChange, .duration = 3};
+EnvironmentOptions throw_defaults() {
+  return {.action = ActionKind::kPositionChange, .duration = 3};
+}
 
 // ---- the task ----
 
@@ -100,10 +102,11 @@ class Throw final : public Task {
 
 std::vector<TaskDescription> throw_tasks() {
   return {{.name = "throw",
-           .options = kThrowDefaults,
+           .options = throw_defaults(),
            .config_overrides = {R"(objects=[{"name": "ball", "type": "ball"}])", "boundary=false"},
-           .make = [](const RobotDescription& description) {
-             return std::make_unique<Throw>(description.objects.front().size[0] / 2);
+           .make = [](const Workspace& robot) {
+             const auto& objects = robot.kinematics->description().objects;
+             return std::make_unique<Throw>(objects.front().size[0] / 2);
            }}};
 }
 

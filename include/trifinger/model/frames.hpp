@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "trifinger/model/model_file.hpp"
+
+namespace trifinger {
+
+/// Where named frames of a model from a file are: forward kinematics without any other physics.
+///
+/// It is constant: any number of threads may share it. Only the constructor allocates or throws.
+class Frames {
+ public:
+  /// `names` are those of sites, bodies or geoms; a site goes before a body of the same name.
+  /// @throws InvalidArgument that names the frames there are
+  Frames(std::shared_ptr<const ModelFile> model, std::span<const std::string> names);
+
+  [[nodiscard]] std::size_t size() const noexcept { return chains_.size(); }
+  /// Computes x, y, z of each frame in the world frame [m], in the order of the names.
+  /// `configuration` are positions in the order of MuJoCo's `qpos`.
+  void positions(std::span<const double> configuration, std::span<double> positions) const noexcept;
+
+ private:
+  // A frame: the bodies from the world to it, and its place in the last one.
+  struct Chain {
+    std::vector<int> bodies;
+    const double* offset;  // three numbers of the model; null: the body itself
+  };
+
+  std::shared_ptr<const ModelFile> model_;
+  std::vector<Chain> chains_;
+};
+
+}  // namespace trifinger

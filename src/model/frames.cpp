@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/model/frames.hpp"
+
+#include <mujoco/mujoco.h>
+
+#include <algorithm>
+#include <array>
+#include <utility>
+
+#include "trifinger/base/error.hpp"
+#include "trifinger/base/text_of.hpp"
+
+namespace trifinger {
+namespace {
+
+using detail::require;
+
+struct Pose {
+  std::array<double, 3> position{};
+  std::array<double, 4> orientation{1.0, 0.0, 0.0, 0.0};
+};
+
+// The point `local` of a body at `pose`, in the world frame.
+std::array<double, 3> point_of(const Pose& pose, const double* local) noexcept {
+  std::array<double, 3> point{};
+  mju_rotVecQuat(point.data(), local, pose.orientation.data());
+  mju_addTo3(point.data(), pose.position.data());
+  return point;
+}
+
+void turn(Pose& pose, const double* quaternion) noexcept {
+  const std::array<double, 4> before = pose.orientation;
+  mju_mulQuat(pose.orientation.data(), before.data(), quaternion);
+}
+
+// Moves the pose of a body by one of its joints, like MuJoCo's kinematics.
+void move(const mjModel& model, int joint, const double* qpos, Pose& pose) noexcept {
+  const int address = model.jnt_qposadr[joint];
+  const double* const axis = model.jnt_axis + 3 * joint;
+  const double* const anchor = model.jnt_pos + 3 * joint;
+  const std::array<double, 3> fixed = point_of(pose, anchor);
+  std::array<double, 4> quaternion{};
+  switch (model.jnt_type[joint]) {
+    case mjJNT_SLIDE: {
+      std::array<double, 3> direction{};
+      mju_rotVecQuat(direction.data(), axis, pose.orientation.data());
+      mju_addToScl3(pose.position.data(), direction.data(), qpos[address] - model.qpos0[address]);
+      return;
+    }
+    case mjJNT_HINGE:
+      mju_axisAngle2Quat(quaternion.data(), axis, qpos[address] - model.qpos0[address]);
+      break;
+    default:  // a ball joint
+      std::copy_n(qpos + address, 4, quaternion.begin());
+      mju_normalize4(quaternion.data());
+      break;
+  }
+  turn(pose, quaternion.data());
+  // The joint's anchor stays where it is.
+  const std::array<double, 3> moved = point_of(pose, anchor);
+  for (std::size_t i = 0; i < 3; ++i) pose.position[i] += fixed[i] - moved[i];
+}
+
+void go_to(const mjModel& model, int body, const double* qpos, Pose& pose) noexcept {
+  const int first = model.body_jntadr[body];
+  if (model.body_jntnum[body] == 1 && model.jnt_type[first] == mjJNT_FREE) {
+    const double* const values = qpos + model.jnt_qposadr[first];
+    std::copy_n(values, 3, pose.position.begin());
+    std::copy_n(values + 3, 4, pose.orientation.begin());
+    mju_normalize4(pose.orientation.data());
+    return;
+  }
+  pose.position = point_of(pose, model.body_pos + 3 * body);
+  turn(pose, model.body_quat + 4 * body);
+  for (int i = 0; i < model.body_jntnum[body]; ++i) move(model, first + i, qpos, pose);
+}
+
+std::string names_of(const mjModel& model, mjtObj type, int count) {
+  std::string text;
+  for (int id = 0; id < count; ++id) {
+    const char* const name = mj_id2name(&model, type, id);
+    if (name == nullptr || std::string_view(name) == "world") continue;
+    text += (text.empty() ? "" : ", ") + std::string(name);
+  }
+  return text.empty() ? "none" : text;
+}
+
+}  // namespace
+
+Frames::Frames(std::shared_ptr<const ModelFile> model, std::span<const std::string> names)
+    : model_(std::move(model)) {
+  const mjModel& mujoco = *model_->mujoco();
+  for (const std::string& name : names) {
+    Chain chain{.bodies = {}, .offset = nullptr};
+    int body = -1;
+    if (const int site = mj_name2id(&mujoco, mjOBJ_SITE, name.c_str()); site >= 0) {
+      body = mujoco.site_bodyid[site];
+      chain.offset = mujoco.site_pos + 3 * site;
+    } else if (const int named = mj_name2id(&mujoco, mjOBJ_BODY, name.c_str()); named >= 0) {
+      body = named;
+    } else if (const int geom = mj_name2id(&mujoco, mjOBJ_GEOM, name.c_str()); geom >= 0) {
+      body = mujoco.geom_bodyid[geom];
+      chain.offset = mujoco.geom_pos + 3 * geom;
+    }
+    require(body >= 0,
+            detail::text_of("the model has no frame '", name, "'; its sites are ",
+                            names_of(mujoco, mjOBJ_SITE, static_cast<int>(mujoco.nsite)),
+                            ", its bodies are ",
+                            names_of(mujoco, mjOBJ_BODY, static_cast<int>(mujoco.nbody))));
+    for (; body > 0; body = mujoco.body_parentid[body]) chain.bodies.push_back(body);
+    std::ranges::reverse(chain.bodies);
+    chains_.push_back(std::move(chain));
+  }
+}
+
+void Frames::positions(std::span<const double> configuration,
+                       std::span<double> positions) const noexcept {
+  const mjModel& model = *model_->mujoco();
+  for (std::size_t i = 0; i < chains_.size(); ++i) {
+    Pose pose;
+    for (const int body : chains_[i].bodies) go_to(model, body, configuration.data(), pose);
+    const std::array<double, 3> point =
+        chains_[i].offset != nullptr ? point_of(pose, chains_[i].offset) : pose.position;
+    std::ranges::copy(point, positions.begin() + static_cast<std::ptrdiff_t>(3 * i));
+  }
+}
+
+}  // namespace trifinger
