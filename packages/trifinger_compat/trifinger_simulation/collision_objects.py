@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from trifinger_compat.handles import Body, Client
 from trifinger_compat.types import Numbers
 from trifinger_compat.world import STATIC_MASS, Item, World, world_of
 
@@ -18,7 +19,7 @@ class BaseCollisionObject:
         orientation: Numbers,
         shape: dict[str, object],
         mass: float,
-        pybullet_client_id: int,
+        pybullet_client_id: Client | int,
     ) -> None:
         is_static = mass == 0
         if mass < 0:
@@ -33,7 +34,8 @@ class BaseCollisionObject:
         self._pybullet_client_id = pybullet_client_id
         self._name = self._world.add(item)
         # Robot and table have the lower numbers.
-        self._object_id = 10 + int(self._name.removeprefix("object_"))
+        number = 10 + int(self._name.removeprefix("object_"))
+        self._object_id = Body(number, self._world.client_id, self._name)
         self.block = self._object_id
         self.block_id = self._object_id
 
@@ -61,7 +63,7 @@ class Cuboid(BaseCollisionObject):
         half_extents: Sequence[float],
         mass: float,
         color_rgba: Numbers | None = None,  # noqa: ARG002  # pictures show the colours of the cube
-        pybullet_client_id: int = 0,
+        pybullet_client_id: Client | int = 0,
         **kwargs: Any,
     ) -> None:
         pybullet_client_id = kwargs.pop("physicsClientId", pybullet_client_id)
@@ -81,7 +83,7 @@ class Cube(Cuboid):
         half_width: float = 0.0325,
         mass: float = 0.08,
         color_rgba: Numbers | None = None,
-        pybullet_client_id: int = 0,
+        pybullet_client_id: Client | int = 0,
         **kwargs: Any,
     ) -> None:
         half_width = kwargs.pop("half_size", half_width)
@@ -100,7 +102,7 @@ class ColoredCubeV2(BaseCollisionObject):
         self,
         position: Numbers,
         orientation: Numbers,
-        pybullet_client_id: int = 0,
+        pybullet_client_id: Client | int = 0,
         *,
         mass: float = 0.094,
         scale: float = 1.0,
