@@ -5,11 +5,13 @@
 """
 
 import sys
+from collections.abc import Callable
+from pathlib import Path
 
 from trifinger_compat.camera_files import data_folder
 from trifinger_compat.urdf import share_folder
 
-_FOLDERS = {
+_FOLDERS: dict[str, Callable[[], Path]] = {
     "robot_properties_fingers": share_folder,  # has `urdf`
     "trifinger_simulation": lambda: data_folder().parent,  # has `data/camera_params`
 }

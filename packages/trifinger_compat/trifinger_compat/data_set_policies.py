@@ -30,7 +30,7 @@ class PolicyConfig:
 class PolicyBase(ABC):
     """A policy that can be evaluated."""
 
-    def __init__(self, action_space: Any, observation_space: Any, episode_length: int) -> None:
+    def __init__(self, action_space: Any, observation_space: Any, episode_length: int) -> None:  # noqa: B027  # need not be overridden
         """`episode_length` is in steps."""
 
     @staticmethod

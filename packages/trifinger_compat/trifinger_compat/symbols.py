@@ -368,6 +368,7 @@ OTHERS: list[Symbol] = [
             "cam.tricamera.PyBulletTriCameraDriver",
             "trifinger_cameras.py_tricamera_types:PyBulletTriCameraDriver",
         ),
+        ("ot.py_object_tracker.FakeBackend", f"{_OT}.py_object_tracker:FakeBackend"),
         ("ot.py_object_tracker.ObjectPose", f"{_OT}.py_object_tracker:ObjectPose"),
         ("ot.py_object_tracker.get_model_by_name", f"{_OT}.py_object_tracker:get_model_by_name"),
         ("Backend.wait_until_terminated", f"{_RI}:trifinger.Backend.wait_until_terminated"),

@@ -9,7 +9,8 @@ from typing import IO, Any, NamedTuple
 import numpy as np
 import trifinger
 from scipy.spatial.transform import Rotation
-from trifinger_compat.camera_files import IDS, MATRICES, data_folder, matrix_text, parse, to_matrix
+from trifinger_compat import yaml_files
+from trifinger_compat.camera_files import IDS, MATRICES, data_folder, matrix_text, to_matrix
 from trifinger_compat.handles import Client
 from trifinger_compat.types import Array, Image, Numbers
 from trifinger_compat.world import world_of
@@ -48,7 +49,7 @@ class CameraParameters(NamedTuple):
     @classmethod
     def load(cls, stream: IO[str]) -> "CameraParameters":
         """Reads a calibration file."""
-        content = parse(stream.read())
+        content = yaml_files.read(stream.read())
         matrices = [to_matrix(content[name]) for name in MATRICES]
         size = content["image_width"], content["image_height"]
         return cls(content["camera_name"], *size, matrices[0], matrices[1], matrices[2])

@@ -54,7 +54,7 @@ class BaseCollisionObject:
 
 
 class Cuboid(BaseCollisionObject):
-    """A box of any size; with a mass of 0 it does not move."""
+    """A box of any size; with a mass of 0 it does not move. Without a colour it has six."""
 
     def __init__(
         self,
@@ -62,15 +62,19 @@ class Cuboid(BaseCollisionObject):
         orientation: Numbers,
         half_extents: Sequence[float],
         mass: float,
-        color_rgba: Numbers | None = None,  # noqa: ARG002  # pictures show the colours of the cube
+        color_rgba: Numbers | None = None,
         pybullet_client_id: Client | int = 0,
         **kwargs: Any,
     ) -> None:
         pybullet_client_id = kwargs.pop("physicsClientId", pybullet_client_id)
-        size = [2 * float(half) for half in half_extents]
-        super().__init__(
-            position, orientation, {"type": "cuboid", "size": size}, mass, pybullet_client_id
-        )
+        shape: dict[str, object] = {
+            "type": "cuboid",
+            "size": [2 * float(half) for half in half_extents],
+        }
+        if color_rgba is not None:
+            red, green, blue = np.rint(255 * np.asarray(color_rgba, dtype=float)[:3]).astype(int)
+            shape["colours"] = [f"#{red:02x}{green:02x}{blue:02x}"] * 6
+        super().__init__(position, orientation, shape, mass, pybullet_client_id)
 
 
 class Cube(Cuboid):

@@ -16,7 +16,7 @@ from trifinger_compat.types import ActionLike, Array, Image, Numbers, PoseLike
 from trifinger_simulation import camera, collision_objects, trifingerpro_limits
 from trifinger_simulation.action import Action
 from trifinger_simulation.observation import Observation
-from trifinger_simulation.sim_finger import SimFinger
+from trifinger_simulation.sim_finger import SimFinger, int_to_rgba
 
 _generation = chosen()
 _NO_EVENT = 1 << 62
@@ -179,7 +179,7 @@ class TriFingerPlatform:
                 (0, 0, 0, 1),
                 (half, half, half),
                 mass=0.012,
-                color_rgba=(0x0A / 255, 0x7D / 255, 0xCF / 255, 1),
+                color_rgba=int_to_rgba(int(rearrange_dice.DIE_COLOUR[1:], 16)),
                 pybullet_client_id=self.simfinger._pybullet_client_id,
             )
             for position in rearrange_dice.sample_goal()
