@@ -187,6 +187,7 @@ def test_the_environment_of_2020() -> None:
     assert np.array_equal(observation["achieved_goal"]["position"], now)
 
 
+@pytest.mark.release
 @pytest.mark.parametrize(("name", "step"), [("2020", 0.004), ("2021", 0.001)])
 def test_the_environment_names_a_generation(name: str, step: float) -> None:
     text = (
@@ -367,6 +368,7 @@ def test_poses_of_a_simulated_object(tmp_path: Path) -> None:
         py_object_tracker.get_model_by_name("sphere")
 
 
+@pytest.mark.release
 def test_a_policy_is_run_and_its_log_replayed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
