@@ -31,6 +31,9 @@ import trifinger
 from rows import Row
 from trifinger.commands import program
 
+sys.path.insert(0, str(Path(__file__).parents[1] / "packages" / "trifinger_compat"))
+ORIGINAL_PLATFORM = 6100.0  # steps/s of the original's platform with its cube
+
 # Options of a robot that outlives long breaks of its controller.
 PATIENCE = (
     *("--set", "backend.late_action.max_repeats=1000000"),
@@ -135,6 +138,36 @@ def inline_loop(effort: Effort) -> list[Row]:
         samples = [control_loop(robot, 200_000) for _ in in_rounds(effort.rounds)]
     reference = effort.reference("inline loop of the fake robot, C++")
     return [loop_row("inline loop of the fake robot, Python", samples, 700_000, reference)]
+
+
+def compat(effort: Effort) -> list[Row]:
+    """Moves the platform of the original stack, with a cube on its table."""
+    from trifinger_simulation import TriFingerPlatform
+
+    def steps_per_second(steps: int) -> float:
+        platform = TriFingerPlatform()
+        action = platform.Action(position=platform.spaces.robot_position.default)
+        begin = time.perf_counter()
+        for _ in range(steps):
+            t = platform.append_desired_action(action)
+            platform.get_robot_observation(t)
+            platform.get_camera_observation(t)
+        return steps / (time.perf_counter() - begin)
+
+    samples = [steps_per_second(20_000) for _ in in_rounds(effort.rounds)]
+    ratio = statistics.median(samples) / ORIGINAL_PLATFORM
+    return [
+        Row.of(
+            "platform of the original stack with cube, Python",
+            samples,
+            "steps/s",
+            reference="the original",
+            reference_value=ORIGINAL_PLATFORM,
+            ratio=ratio,
+            reach=">= 5x",
+            holds=ratio >= 5,
+        )
+    ]
 
 
 def loop(effort: Effort) -> list[Row]:
@@ -357,6 +390,7 @@ MEASURES: dict[str, Callable[[Effort], list[Row]]] = {
     "python_loop": loop,
     "python_inline_loop": inline_loop,
     "python_environment": environment,
+    "compat": compat,
     "python_log": log,
     "data_set": data_set,
     "log_view": log_view,

@@ -156,7 +156,7 @@ class Run {
     if (options_.has_sensors) sensors_.emplace(robot_.sensor_programs);
     while (!loop.wait_for_end(Timeout::zero())) {
       if (const std::optional<int> signal = signals_.wait(kRefresh)) {
-        if (is_stopping_) Signals::die_of(*signal);
+        if (is_stopping_) die_of(*signal);
         is_stopping_ = true;
         backend_.request_stop();
         reporter_.print("comes to rest; a second Ctrl-C kills");
@@ -205,7 +205,7 @@ class Run {
   void finish_sensors() {
     while (sensors_ && !sensors_->finish(kRefresh)) {
       if (const std::optional<int> signal = signals_.wait(Nanoseconds::zero())) {
-        Signals::die_of(*signal);
+        die_of(*signal);
       }
     }
     sensors_.reset();
@@ -220,6 +220,13 @@ class Run {
       report();
     }
     report();
+  }
+
+  // Ends the program at once. Nobody finds the sessions of a robot that has gone, unless the log
+  // may lack what they have in memory.
+  [[noreturn]] void die_of(int signal) {
+    if (recorder_ == nullptr) host_.withdraw();
+    Signals::die_of(signal);
   }
 
   // Ends the program like a kill would, so that the memory of the last session remains: it has what

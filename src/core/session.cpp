@@ -214,6 +214,8 @@ SessionHost::SessionHost(SessionHost&&) noexcept = default;
 SessionHost& SessionHost::operator=(SessionHost&&) noexcept = default;
 SessionHost::~SessionHost() = default;
 
+void SessionHost::withdraw() noexcept { place_->directory()->remove_all(place_->name()); }
+
 SessionHost SessionHost::anonymous(SessionOptions options, const std::string& name) {
   return SessionHost(std::make_unique<detail::SessionPlace>(detail::directory_of_process(), name,
                                                             std::move(options)));

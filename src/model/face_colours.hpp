@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <optional>
 #include <string_view>
 
 namespace trifinger::detail {
@@ -19,5 +20,8 @@ inline constexpr std::array<FaceColour, 6> kFaceColours{{{"red", {0.765F, 0.188F
                                                          {"cyan", {0.455F, 0.784F, 0.749F}},
                                                          {"magenta", {0.643F, 0.357F, 0.643F}},
                                                          {"yellow", {1.000F, 0.922F, 0.424F}}}};
+
+/// How a colour is drawn, by its name or as "#rrggbb". Nothing if the text is neither.
+[[nodiscard]] std::optional<std::array<float, 3>> rgb_of(std::string_view colour);
 
 }  // namespace trifinger::detail

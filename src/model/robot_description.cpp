@@ -185,10 +185,9 @@ void validate_object(const ObjectDescription& object) {
   }
   if (norm < 1e-3) reject(name, "its orientation is zero; a quaternion w x y z is needed.");
   for (const std::string& colour : object.colours) {
-    if (std::ranges::find(detail::kFaceColours, colour, &detail::FaceColour::name) ==
-        detail::kFaceColours.end()) {
+    if (!detail::rgb_of(colour)) {
       reject(name, "its faces cannot be '", colour,
-             "', only red, green, blue, cyan, magenta or yellow.");
+             "', only red, green, blue, cyan, magenta, yellow, or a colour like #0a7dcf.");
     }
   }
 }

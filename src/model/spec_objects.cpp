@@ -72,8 +72,7 @@ void SpecBuilder::add_box_object(mjsBody* body, const ObjectDescription& object)
     Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
     pose.translation()[face.axis] = face.side * half[face.axis];
     mjsGeom* tile = add_box(body, pose, plate);
-    const auto& [red, green, blue] =
-        std::ranges::find(kFaceColours, object.colours[i], &FaceColour::name)->rgb;
+    const auto [red, green, blue] = rgb_of(object.colours[i]).value();
     set_colour(tile->rgba, {red, green, blue, 1});
     mjs_setString(tile->material, "plastic");
   }

@@ -247,6 +247,7 @@ def test_a_second_signal_kills(start_program: StartProgram) -> None:
     program.process.send_signal(signal.SIGINT)
     program.wait_for("comes to rest")
     assert program.end(signal.SIGINT)[0] == -signal.SIGINT
+    assert trifinger.list_sessions() == []
 
 
 def test_a_reader_that_goes_away_does_not_end_the_robot(start_program: StartProgram) -> None:

@@ -2,8 +2,10 @@
 """What a wheel gives to somebody who has neither the sources nor a compiler: `./run wheel`."""
 
 import fcntl
+import json
 import os
 import re
+import shutil
 import sys
 import sysconfig
 import tomllib
@@ -19,6 +21,7 @@ pytestmark = pytest.mark.release
 SOURCES = Path(__file__).parents[2]
 PROJECT = tomllib.loads((SOURCES / "pyproject.toml").read_text())["project"]
 VERSION = PROJECT["version"]
+PROGRAMS = SOURCES / "tests" / "python" / "compat" / "programs"
 PACKAGES = Path(sysconfig.get_path("purelib"))
 
 
@@ -50,8 +53,16 @@ class Installation:
         self.sessions = folder / "sessions"
         self.sessions.mkdir()
         (self.packages,) = folder.glob("lib/python*/site-packages")
+        self.install(wheel)
+        self.link("mujoco", "numpy", "numpy.libs")
+
+    def install(self, wheel: Path) -> None:
+        """Installs a wheel, without the packages that it needs."""
         pip("--python", self.scripts / "python", "install", "--no-index", "--no-deps", wheel)
-        for name in ("mujoco", "numpy", "numpy.libs"):
+
+    def link(self, *names: str) -> None:
+        """Makes packages available that are installed here."""
+        for name in names:
             (self.packages / name).symlink_to(PACKAGES / name)
 
     def run(self, *command: str | Path, succeeds: bool = True) -> str:
@@ -60,6 +71,8 @@ class Installation:
             "PATH": f"{self.scripts}:/usr/bin:/bin",
             "LC_ALL": "C.UTF-8",
             "TRIFINGER_SESSION_DIR": str(self.sessions),
+            "XDG_CACHE_HOME": str(self.folder / "cache"),
+            "MUJOCO_GL": "egl",
         }
         return output_of(*command, env=environment, cwd=self.folder, succeeds=succeeds)
 
@@ -196,3 +209,65 @@ def test_demo_runs_without_what_draws_it(installation: Installation) -> None:
     assert re.search(r"cube lifted by +20\.\d cm", told)
     packages = " ".join(PROJECT["optional-dependencies"]["demo"])
     assert f"Not drawn: matplotlib is missing: pip install {packages}\n" in told
+
+
+@pytest.fixture(scope="module")
+def compat(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Installation:
+    """An environment with the wheels of the package and of trifinger-compat."""
+    folder = tmp_path_factory.mktemp("compat")
+    sources = shutil.copytree(SOURCES / "packages" / "trifinger_compat", folder / "sources")
+    build = ["wheel", "--no-build-isolation", "--no-deps", "--wheel-dir", folder, sources]
+    pip(*build)
+    (compat_wheel,) = folder.glob("*.whl")
+    environment = Installation(folder / "environment", wheel)
+    environment.install(compat_wheel)
+    environment.link("scipy", "scipy.libs", "cv2", "opencv_python_headless.libs")
+    environment.link("gymnasium", "cloudpickle", "farama_notifications", "typing_extensions.py")
+    return environment
+
+
+@pytest.mark.parametrize(
+    ("program", "said"),
+    [
+        ("gym_environment.py", r"reward -.* after 300 steps\n"),
+        ("pushing.py", r"pushed -0\.0\d+\n"),
+        ("force_control.py", r"above \S+\naside \S+\naway \S+\n"),
+    ],
+)
+def test_programs_for_the_original_run_with_the_wheel_of_compat(
+    compat: Installation, program: str, said: str
+) -> None:
+    assert re.fullmatch(said, compat.run("python", PROGRAMS / program, "sim"))
+
+
+def test_a_back_end_an_evaluation_and_a_log_reader_run_with_the_wheel_of_compat(
+    compat: Installation,
+) -> None:
+    goal = {"position": [0.05, 0.0, 0.0825], "orientation": [0, 0, 0, 1]}
+    (compat.folder / "goal.json").write_text(json.dumps({"difficulty": 3, "goal": goal}))
+    logs = "--render-images --robot-logfile robot_data.dat --camera-logfile camera_data.dat"
+    backend = f"pybullet_backend --name wheel -a 200 {logs}"
+    evaluation = f"python {PROGRAMS / 'evaluate_policy.py'} real goal.json -"
+    script = f"""
+        mkfifo told
+        {backend} > told & backend=$!
+        exec 3< told
+        read -r line <&3  # the robot is ready
+        TRIFINGER_COMPAT_ROBOT=wheel {evaluation}
+        wait $backend
+        python {PROGRAMS / "read_log.py"} .
+    """
+    told = compat.run("bash", "-e", "-c", script)
+    assert re.search(r"steps .* \(540, 540, 3\) True True\n", told)
+
+
+def test_the_check_and_what_stands_in_for_other_packages_come_with_compat(
+    compat: Installation,
+) -> None:
+    assert "0 do not work" in compat.run("trifinger", "compat-check", PROGRAMS)
+    modules = (
+        "pybullet, rrc_2022_datasets.utils, trifinger_rl_datasets, ament_index_python.packages"
+    )
+    compat.run("python", "-c", f"import {modules}")
+    for name in ("trifinger_backend", "trifinger_data_backend", "trifinger_robot_backend"):
+        assert compat.run(name, "--help").startswith(f"usage: {name} ")

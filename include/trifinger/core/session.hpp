@@ -154,6 +154,10 @@ class SessionHost {
   /// @throws SessionNotFound before the back-end has begun a session
   [[nodiscard]] Session open(const std::string& companion = {}) const;
 
+  /// Lets nobody find the sessions any more, as the destructor does: for a process that is about to
+  /// end without it. Whoever has opened a session keeps it. Any thread may call it.
+  void withdraw() noexcept;
+
   [[nodiscard]] detail::SessionPlace& place() const noexcept { return *place_; }
 
  private:

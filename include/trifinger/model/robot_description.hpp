@@ -175,7 +175,9 @@ enum class ObjectShape {
 /// The colours of a box's faces, by name: +x, +y, +z, -z, -x, -y.
 using BoxColours = std::array<std::string, 6>;
 /// The colours of the competition's cubes, versions 2 and 3, and of its cuboid: red, green, blue,
-/// cyan, magenta, yellow. Boxes can have these six colours, in any order and more than once.
+/// cyan, magenta, yellow. Boxes can have these six colours, in any order and more than once. They
+/// can also have others, as "#rrggbb" in hexadecimal digits; trackers need a colour model with
+/// them.
 [[nodiscard]] BoxColours competition_colours();
 
 /// A loose object. It has a free joint and a body, both with the object's name.

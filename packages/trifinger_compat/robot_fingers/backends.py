@@ -2,12 +2,12 @@
 """Back-ends of robots. Each is a process of its own: `trifinger run`."""
 
 import json
-import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from trifinger_compat import yaml_files
 from trifinger_compat.robot_data import BaseData, RobotBackend
 from trifinger_compat.types import Numbers
 
@@ -73,7 +73,7 @@ class _Config:
     def load_config(cls, config_file_name: str | Path) -> "_Config":
         """Reads a file; RuntimeError if it cannot be read."""
         try:
-            return cls(read_yaml(Path(config_file_name).read_text()))
+            return cls(yaml_files.read(Path(config_file_name).read_text()))
         except (OSError, ValueError) as error:
             raise RuntimeError(
                 f"cannot read the configuration {config_file_name}: {error}"
@@ -89,69 +89,6 @@ class _Config:
         """Prints all values."""
         for key, value in self._content.items():
             print(f"{key}: {json.dumps(value)}")
-
-
-def read_yaml(text: str) -> dict[str, Any]:
-    """The part of YAML that these files use: numbers, lists in brackets, and nested keys."""
-    try:
-        import yaml  # type: ignore[import-untyped]
-    except ImportError:
-        return _read_simple(text)
-    content: dict[str, Any] = yaml.safe_load(text)
-    return content
-
-
-def _read_simple(text: str) -> dict[str, Any]:
-    text = re.sub(r"#.*", "", text)
-    # Lists in brackets may be long.
-    text = re.sub(r"\[[^\]]*\]", lambda match: re.sub(r"\s+", " ", match[0]), text)
-    lines = [line.rstrip() for line in text.splitlines() if line.strip() and line.strip() != "---"]
-    content, rest = _block(lines, 0)
-    if rest or not isinstance(content, dict):
-        raise ValueError(f"'{(rest or lines)[0]}' is not understood; install PyYAML to read it")
-    return content
-
-
-def _indent(line: str) -> int:
-    return len(line) - len(line.lstrip())
-
-
-def _block(lines: list[str], indent: int) -> tuple[Any, list[str]]:
-    if lines and lines[0].lstrip().startswith("- "):
-        items = []
-        while lines and _indent(lines[0]) == indent and lines[0].lstrip().startswith("- "):
-            own = [" " * (indent + 2) + lines[0].lstrip()[2:]]
-            lines = lines[1:]
-            while lines and _indent(lines[0]) > indent:
-                own.append(lines[0])
-                lines = lines[1:]
-            if ":" in own[0] and not own[0].lstrip().startswith("["):
-                items.append(_block(own, indent + 2)[0])
-            else:
-                items.append(_scalar(own[0].strip()))
-        return items, lines
-    content: dict[str, Any] = {}
-    while lines and _indent(lines[0]) == indent:
-        match = re.fullmatch(r"\s*([\w-]+):\s*(.*)", lines[0])
-        if match is None:
-            break
-        lines = lines[1:]
-        if match[2]:
-            content[match[1]] = _scalar(match[2])
-        elif lines:
-            content[match[1]], lines = _block(lines, _indent(lines[0]))
-    return content, lines
-
-
-def _scalar(text: str) -> Any:
-    if text.startswith("["):
-        return [_scalar(word.strip()) for word in text.strip("[]").split(",") if word.strip()]
-    for convert in (int, float):
-        try:
-            return convert(text)
-        except ValueError:
-            continue
-    return {"true": True, "false": False}.get(text.lower(), text.strip("\"'"))
 
 
 class TriFingerConfig(_Config):

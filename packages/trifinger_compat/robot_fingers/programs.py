@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Programs that run a robot for the programs of users: `trifinger_backend`, `pybullet_backend`."""
+"""Programs that run a robot for the programs of users."""
 
 import argparse
 import signal
-import sys
+import subprocess
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,11 +12,13 @@ from typing import Any
 import trifinger
 from robot_interfaces.py_generic import RobotBackendTerminationReason
 from robot_interfaces.py_trifinger_types import MultiProcessData
+from trifinger.commands import program
 from trifinger.log.original import export
 from trifinger_compat.robot_data import RobotBackend
 
 CUBE = "[{name: cube, type: cube, size: [0.065], mass: 0.094, position: [0, 0, 0.0325]}]"
 PERIOD, DELAY = 0.1, 0.09  # of poses and images [s]
+INCOMPLETE = 20  # exit status, by the original
 
 
 def _dice() -> str:
@@ -24,7 +26,8 @@ def _dice() -> str:
 
     return "[{}]".format(
         ", ".join(
-            f"{{name: die_{i}, type: cube, size: [0.022], mass: 0.012, position: {list(place)}}}"
+            f"{{name: die_{i}, type: cube, size: [0.022], mass: 0.012, position: {list(place)}, "
+            f"colours: {[rearrange_dice.DIE_COLOUR] * 6}}}"
             for i, place in enumerate(rearrange_dice.sample_goal())
         )
     )
@@ -53,21 +56,43 @@ def simulation_overrides(scene: str, *, has_cameras: bool) -> dict[str, object]:
     return values
 
 
-def _run(backend: RobotBackend, arguments: Any, record: str | None) -> int:
-    signal.signal(signal.SIGTERM, lambda *_: backend.ask_to_end())
+def _add_name(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--ready-indicator", type=Path, help="a file that is made when it is ready")
+    parser.add_argument("--name", default="trifinger", help="name of the session")
+
+
+def _add_limits(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("-a", "--max-number-of-actions", type=int, default=0)
+    parser.add_argument("-t", "--first-action-timeout", type=float, default=float("inf"))
+
+
+def _add_logs(parser: argparse.ArgumentParser, condition: str = "") -> None:
+    parser.add_argument("--robot-logfile", type=Path, help=f"robot_data.dat{condition}")
+    parser.add_argument("--camera-logfile", type=Path, help=f"camera_data.dat{condition}")
+
+
+def _add_common(parser: argparse.ArgumentParser) -> None:
+    _add_limits(parser)
+    _add_logs(parser, "; needs -a")
+    _add_name(parser)
+
+
+def _add_ignored(parser: argparse.ArgumentParser) -> None:
+    said = "is said by the configuration here"
+    for name in ("--cameras-with-tracker", "--cameras", "-c"):
+        parser.add_argument(name, action="store_true", help=said)
+    for name in ("--object", "--config-dir"):
+        parser.add_argument(name, help=said)
+
+
+def _wants_logs(arguments: Any) -> bool:
+    return arguments.robot_logfile is not None or arguments.camera_logfile is not None
+
+
+def _say_ready(arguments: Any) -> None:
     if arguments.ready_indicator is not None:
         arguments.ready_indicator.touch()
     print("The robot is ready.", flush=True)
-    try:
-        reason = backend.wait_until_terminated()
-    except KeyboardInterrupt:
-        backend.request_shutdown()
-        reason = backend.wait_until_terminated()
-    if record is not None:
-        _save(record, arguments)
-    is_error = reason < 0
-    print(f"The robot has ended: {RobotBackendTerminationReason(reason).name}.", flush=True)
-    return -reason if is_error else 0
 
 
 def _save(record: str, arguments: Any) -> None:
@@ -82,23 +107,29 @@ def _save(record: str, arguments: Any) -> None:
                 target.write_bytes(files[name].read_bytes())
 
 
-def _add_common(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("-a", "--max-number-of-actions", type=int, default=0)
-    parser.add_argument("-t", "--first-action-timeout", type=float, default=float("inf"))
-    parser.add_argument("--robot-logfile", type=Path, help="robot_data.dat; needs -a")
-    parser.add_argument("--camera-logfile", type=Path, help="camera_data.dat; needs -a")
-    parser.add_argument("--ready-indicator", type=Path, help="a file that is made when it is ready")
-    parser.add_argument("--name", default="trifinger", help="name of the session")
+def _until_end(backend: RobotBackend, arguments: Any) -> RobotBackendTerminationReason:
+    """Says that the robot is ready, waits for its end and says why it has ended."""
+    signal.signal(signal.SIGTERM, lambda *_: backend.ask_to_end())
+    _say_ready(arguments)
+    try:
+        number = backend.wait_until_terminated()
+    except KeyboardInterrupt:
+        backend.request_shutdown()
+        number = backend.wait_until_terminated()
+    reason = RobotBackendTerminationReason(number)
+    print(f"The robot has ended: {reason.name}.", flush=True)
+    return reason
 
 
-def _start(
+def _run(
     parser: argparse.ArgumentParser,
     arguments: Any,
     config: str,
     overrides: dict[str, object],
     real_time: bool,
 ) -> int:
-    has_log = arguments.robot_logfile is not None or arguments.camera_logfile is not None
+    """Runs a robot and its logs; returns the exit status."""
+    has_log = _wants_logs(arguments)
     if has_log and not arguments.max_number_of_actions:
         parser.error("--robot-logfile and --camera-logfile need --max-number-of-actions")
     data = MultiProcessData(arguments.name, True)
@@ -113,7 +144,10 @@ def _start(
             max_number_of_actions=arguments.max_number_of_actions,
             record=record,
         )
-        return _run(backend, arguments, record)
+        reason = _until_end(backend, arguments)
+        if record is not None:
+            _save(record, arguments)
+    return max(0, -reason)
 
 
 def pybullet_backend(words: Sequence[str] | None = None) -> int:
@@ -129,7 +163,7 @@ def pybullet_backend(words: Sequence[str] | None = None) -> int:
     if arguments.visualize:
         print(f"`trifinger view {arguments.name}` shows the robot in a browser.", flush=True)
     overrides = simulation_overrides(arguments.object, has_cameras=arguments.render_images)
-    return _start(parser, arguments, "trifinger_pro", overrides, arguments.real_time_mode)
+    return _run(parser, arguments, "trifinger_pro", overrides, arguments.real_time_mode)
 
 
 def trifinger_backend(words: Sequence[str] | None = None) -> int:
@@ -139,12 +173,64 @@ def trifinger_backend(words: Sequence[str] | None = None) -> int:
     )
     _add_common(parser)
     parser.add_argument("--config", required=True, help="a configuration: its name or its file")
-    for name in ("--cameras-with-tracker", "--object", "--config-dir"):
-        parser.add_argument(name, help="is said by the configuration here")
-    parser.add_argument("-c", "--cameras", help="is said by the configuration here", nargs="?")
+    _add_ignored(parser)
     arguments = parser.parse_args(words)
-    return _start(parser, arguments, arguments.config, {}, True)
+    return _run(parser, arguments, arguments.config, {}, True)
 
 
-if __name__ == "__main__":
-    sys.exit(pybullet_backend())
+def trifinger_robot_backend(words: Sequence[str] | None = None) -> int:
+    """Runs the robot of a configuration; trifinger_data_backend, if it runs, writes the logs."""
+    parser = argparse.ArgumentParser(
+        prog="trifinger_robot_backend", description=trifinger_robot_backend.__doc__
+    )
+    _add_limits(parser)
+    _add_name(parser)
+    parser.add_argument("--config", required=True, help="a configuration: its name or its file")
+    parser.add_argument(
+        "--fail-on-incomplete-run",
+        action="store_true",
+        help=f"exit status {INCOMPLETE} if it ends before the number of actions",
+    )
+    _add_ignored(parser)
+    arguments = parser.parse_args(words)
+    backend = RobotBackend(
+        MultiProcessData(arguments.name, True),
+        arguments.config,
+        first_action_timeout=arguments.first_action_timeout,
+        max_number_of_actions=arguments.max_number_of_actions,
+    )
+    reason = _until_end(backend, arguments)
+    is_whole = reason is RobotBackendTerminationReason.MAXIMUM_NUMBER_OF_ACTIONS_REACHED
+    if reason >= 0 and arguments.fail_on_incomplete_run and not is_whole:
+        return INCOMPLETE
+    return max(0, -reason)
+
+
+def trifinger_data_backend(words: Sequence[str] | None = None) -> int:
+    """Keeps what a robot does and writes it to logs when the robot has ended.
+
+    Start it before the robot. Here it is not needed for the robot or for front-ends.
+    """
+    parser = argparse.ArgumentParser(
+        prog="trifinger_data_backend", description=trifinger_data_backend.__doc__
+    )
+    _add_logs(parser)
+    _add_name(parser)
+    parser.add_argument("-a", "--max-number-of-actions", help="not needed here: all are kept")
+    _add_ignored(parser)
+    arguments = parser.parse_args(words)
+    with tempfile.TemporaryDirectory() as folder:
+        command = [program.path(), "record", arguments.name, "--to", folder, "--until-end"]
+        recorder = subprocess.Popen(
+            [*command, "--images", "raw"], stdout=subprocess.DEVNULL, start_new_session=True
+        )
+        signal.signal(signal.SIGTERM, lambda *_: recorder.terminate())
+        _say_ready(arguments)
+        try:
+            status = recorder.wait()
+        except KeyboardInterrupt:
+            recorder.terminate()
+            status = recorder.wait()
+        if _wants_logs(arguments) and any(Path(folder).iterdir()):
+            _save(folder, arguments)
+    return max(0, status)

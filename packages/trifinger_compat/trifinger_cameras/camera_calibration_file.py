@@ -4,7 +4,8 @@
 from pathlib import Path
 from typing import Any
 
-from trifinger_compat.camera_files import parse, to_matrix
+from trifinger_compat import yaml_files
+from trifinger_compat.camera_files import to_matrix
 from trifinger_compat.types import Array
 
 
@@ -17,7 +18,7 @@ class CameraCalibrationFile:
     """A calibration file; matrices are arrays."""
 
     def __init__(self, calibration_file: str | Path) -> None:
-        self._content = parse(Path(calibration_file).read_text())
+        self._content = yaml_files.read(Path(calibration_file).read_text())
 
     def __getitem__(self, name: str) -> Any:
         """A value of the file; KeyError if it has none of this name."""

@@ -14,13 +14,14 @@ from typing import Any
 import numpy as np
 import trifinger
 from trifinger.errors import Error
+from trifinger.log.original import CameraEntry, write_camera_log
 from trifinger_simulation.trifinger_platform import (
     ObjectPose,
     TriCameraObjectObservation,
     TriCameraObservation,
 )
 
-from trifinger_compat import camera_series
+from trifinger_compat import camera_files, camera_hdf5, camera_series
 from trifinger_compat.robot_data import BaseData
 from trifinger_compat.types import wxyz
 
@@ -231,25 +232,13 @@ class CameraLogger:
     def stop_and_save(self, filename: str | Path) -> None:
         """Stops, and writes what was kept."""
         self.stop()
-        stamps = [stamp for stamp, _ in self._elements]
-        camera_series.save(filename, stamps, [each for _, each in self._elements])
+        entries = self._entries()
+        write_camera_log(filename, len(entries), entries)
 
     def stop_and_save_hdf5(self, filename: str | Path) -> None:
-        """Stops, and writes what was kept as HDF5. Needs h5py."""
+        """Stops, and writes what was kept as HDF5, without poses. Needs h5py."""
         self.stop()
-        import h5py
+        camera_hdf5.write(filename, self._entries(), camera_files.NAMES)
 
-        if not self._elements:
-            raise Error(f"there are no images to write to {filename}")
-        observations = [each for _, each in self._elements]
-        images = np.array([[each.image for each in one.cameras] for one in observations])
-        times = np.array([[each.timestamp for each in one.cameras] for one in observations])
-        with h5py.File(filename, "w") as file:
-            attributes = {"magic": 0x3CDA7A00, "format_version": 2, "format_version_minor": 1}
-            attributes |= {"num_cameras": 3, "image_width": images.shape[3]}
-            attributes["image_height"] = images.shape[2]
-            for name, value in attributes.items():
-                file.attrs[name] = value
-            file["images"] = images
-            file["timestamps"] = times
-            file["sensor_data_timestamps"] = np.array([stamp for stamp, _ in self._elements])
+    def _entries(self) -> list[CameraEntry]:
+        return [camera_series.to_entry(stamp, observation) for stamp, observation in self._elements]

@@ -2,8 +2,7 @@
 """Calibration files of the original's cameras: `camera60_cropped.yml` and so on."""
 
 import os
-import re
-from collections.abc import Iterator
+import tempfile
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -21,17 +20,10 @@ MATRICES = ("camera_matrix", "distortion_coefficients", "tf_world_to_camera")
 @cache
 def figures() -> trifinger.CameraCalibration:
     """The cameras of the robot's model."""
-    import tempfile
-
-    renderer_text = _model_calibration()
     with tempfile.NamedTemporaryFile("w", suffix=".yml") as file:
-        file.write(renderer_text)
+        file.write(trifinger.CameraRenderer("trifinger_pro").calibration)
         file.flush()
         return trifinger.CameraCalibration.read(file.name)
-
-
-def _model_calibration() -> str:
-    return trifinger.CameraRenderer("trifinger_pro").calibration
 
 
 @cache
@@ -52,53 +44,6 @@ def data_folder() -> Path:
                 part.write_text(text)
                 part.replace(path)
     return folder
-
-
-def parse(text: str) -> dict[str, Any]:
-    """The content of a calibration file: texts, whole numbers and matrices as dicts."""
-    content: dict[str, Any] = {}
-    section: dict[str, Any] | None = None
-    for indent, key, value in _entries(text):
-        target = content if indent == 0 or section is None else section
-        if value == "" and indent == 0:
-            section = content[key] = {}
-        else:
-            target[key] = _value(value)
-            if indent == 0:
-                section = None
-    return content
-
-
-def _entries(text: str) -> Iterator[tuple[int, str, str]]:
-    """Indentation, key and value of each entry; lists are one text in brackets."""
-    lines = [line.rstrip() for line in text.splitlines()]
-    lines = [line for line in lines if line.strip() and not re.match(r"\s*(#|%|---|\.\.\.)", line)]
-    i = 0
-    while i < len(lines):
-        match = re.match(r"(\s*)([\w-]+):\s*(.*)$", lines[i])
-        if match is None:
-            raise ValueError(f"'{lines[i]}' is no line of a calibration file")
-        indent, key, value = len(match[1]), match[2], match[3]
-        i += 1
-        if value.startswith("[") and "]" not in value:
-            while i < len(lines) and "]" not in value:
-                value += " " + lines[i].strip()
-                i += 1
-        elif value.startswith("!!"):  # OpenCV's own types
-            value = ""
-        items = []
-        while not value and i < len(lines) and (item := re.match(r"\s*-\s+(.*)$", lines[i])):
-            items.append(item[1])
-            i += 1
-        yield indent, key, f"[{', '.join(items)}]" if items else value
-
-
-def _value(text: str) -> Any:
-    if text.startswith("["):
-        return [float(word) for word in re.split(r"[\s,]+", text.strip("[] ")) if word]
-    if re.fullmatch(r"[+-]?\d+", text):
-        return int(text)
-    return text.strip("\"'")
 
 
 def to_matrix(data: dict[str, Any]) -> Array:

@@ -2,6 +2,7 @@
 """What cameras and trackers saw, live and in logs, by the original's names and rules."""
 
 import time
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 import trifinger
 from trifinger.cameras import Cameras
 from trifinger.errors import CameraLost, HistoryLost, InvalidArgument
-from trifinger.log.original import CameraEntry, read_camera_log, write_camera_log
+from trifinger.log.original import CameraEntry, read_camera_log
 from trifinger_simulation.trifinger_platform import (
     CameraObservation,
     ObjectPose,
@@ -17,6 +18,8 @@ from trifinger_simulation.trifinger_platform import (
     TriCameraObservation,
 )
 
+from trifinger_compat import camera_hdf5
+from trifinger_compat.clock import SINCE_1970
 from trifinger_compat.robot_data import session_name
 from trifinger_compat.types import Array
 
@@ -44,7 +47,6 @@ class RobotEyes:
         """A robot without cameras gives observations without images."""
         self._robot = robot
         self._has_object = has_object
-        self._since_1970 = time.time() - time.monotonic()
         self._cameras = self._find_cameras()
         self._objects: trifinger.Frontend | None = None
         self._object_name = ""
@@ -84,7 +86,7 @@ class RobotEyes:
             if images is None:
                 continue
             name = images.names[number]
-            each.timestamp = images.frame(name).time + self._since_1970
+            each.timestamp = images.frame(name).time + SINCE_1970
             try:
                 each.image = images.raw(name)
             except (CameraLost, HistoryLost):
@@ -103,7 +105,7 @@ class RobotEyes:
         w, x, y, z = found["orientation"]
         pose.position = np.array(found["position"])
         pose.orientation = np.array([x, y, z, w])
-        pose.timestamp = float(element["stamp"]["capture_time"]) * 1e-9 + self._since_1970
+        pose.timestamp = float(element["stamp"]["capture_time"]) * 1e-9 + SINCE_1970
         return pose
 
 
@@ -164,9 +166,19 @@ class LogReaderBase:
     def read_file(self, filename: str | Path) -> None:
         """Reads a file in place of what was read before; raises RuntimeError."""
         self.data, self.timestamps = [], []
-        for entry in read_camera_log(filename, has_object=self.has_object):
+        for entry in self._entries(filename):
             self.timestamps.append(entry.stamp)
             self.data.append(self._observation(entry))
+
+    def _entries(self, filename: str | Path) -> Iterable[CameraEntry]:
+        if not camera_hdf5.is_hdf5(filename):
+            return read_camera_log(filename, has_object=self.has_object)
+        if self.has_object:
+            raise RuntimeError(
+                f"{filename} is HDF5, which has no poses; read it with "
+                "trifinger_cameras.tricamera.LogReader"
+            )
+        return camera_hdf5.read(filename)
 
     def _observation(self, entry: CameraEntry) -> Any:
         observation: Any = (
@@ -182,20 +194,15 @@ class LogReaderBase:
         return observation
 
 
-def save(filename: str | Path, stamps: list[float], observations: list[Any]) -> None:
-    """Writes observations to a log."""
-    entries = [
-        CameraEntry(
-            stamp,
-            [each.image for each in observation.cameras],
-            [each.timestamp for each in observation.cameras],
-            [from_pose(observation.object_pose), from_pose(observation.filtered_object_pose)]
-            if hasattr(observation, "object_pose")
-            else [],
-        )
-        for stamp, observation in zip(stamps, observations, strict=True)
-    ]
-    write_camera_log(filename, len(entries), entries)
+def to_entry(stamp: float, observation: Any) -> CameraEntry:
+    """The element of a log for an observation that arrived at a time [ms]."""
+    poses = []
+    if hasattr(observation, "object_pose"):
+        poses = [from_pose(observation.object_pose), from_pose(observation.filtered_object_pose)]
+    cameras = observation.cameras
+    return CameraEntry(
+        stamp, [each.image for each in cameras], [each.timestamp for each in cameras], poses
+    )
 
 
 class RunningCameras:
@@ -212,7 +219,7 @@ class RunningCameras:
         self._robot = trifinger.observe(session_name("trifinger"))
         self._cameras = Cameras(self._robot)
         self._companion = self._cameras.companion
-        self._since_1970 = time.time() - time.monotonic()
+        self._eyes: dict[bool, RobotEyes] = {}  # with and without objects
 
     def newest(self) -> int:
         """The number of the newest images; waits for the first ones."""
@@ -227,9 +234,10 @@ class RunningCameras:
         except HistoryLost as error:
             raise ValueError(str(error)) from error
         step = int(element["stamp"]["arrival_index"])
-        eyes = RobotEyes(self._robot, has_object=has_object)
-        stamp = float(element["stamp"]["arrival_time"]) * 1e-9 + self._since_1970
-        return stamp * 1000, eyes.at(max(step, 0))
+        if has_object not in self._eyes:
+            self._eyes[has_object] = RobotEyes(self._robot, has_object=has_object)
+        stamp = float(element["stamp"]["arrival_time"]) * 1e-9 + SINCE_1970
+        return stamp * 1000, self._eyes[has_object].at(max(step, 0))
 
     def info(self) -> Any:
         """The text of the calibration."""
@@ -242,5 +250,5 @@ __all__ = [
     "RobotEyes",
     "RunningCameras",
     "TriCameraFrontend",
-    "save",
+    "to_entry",
 ]

@@ -11,12 +11,11 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
+from trifinger_compat.handles import SERVED, no_such_call
 from trifinger_compat.symbols import (
     DIFFERS,
     MISSING,
     PACKAGES,
-    PYBULLET,
-    PYBULLET_ELSE,
     SAME,
     SYMBOLS,
 )
@@ -97,11 +96,7 @@ class _Names(ast.NodeVisitor):
     def _judge(self, line: int, name: str) -> None:
         if name == "pybullet":
             return  # what is used of it counts
-        if name.startswith("pybullet."):
-            call = name.partition(".")[2]
-            self._add(line, name, MISSING, PYBULLET.get(call, PYBULLET_ELSE))
-            return
-        verdict, why = _judge(name)
+        verdict, why = _judge_call(name) if name.startswith("pybullet.") else _judge(name)
         self._add(line, name, verdict, why)
 
     def _add(self, line: int, name: str, verdict: str, why: str) -> None:
@@ -110,6 +105,16 @@ class _Names(ast.NodeVisitor):
 
 def _is_ours(package: str) -> bool:
     return package in PACKAGES
+
+
+def _judge_call(name: str) -> tuple[str, str]:
+    """What becomes of a name of PyBullet, and why."""
+    call = name.partition(".")[2]
+    if call.isupper():
+        return SAME, ""
+    if call in SERVED:
+        return DIFFERS, f"if PyBullet is not installed; else {SERVED[call]}"
+    return MISSING, str(no_such_call(call)).partition(": ")[2]
 
 
 def _judge(name: str) -> tuple[str, str]:

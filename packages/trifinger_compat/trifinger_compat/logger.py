@@ -18,6 +18,7 @@ from trifinger.log.original import (
     write_robot_log,
 )
 
+from trifinger_compat.clock import SINCE_1970
 from trifinger_compat.robot_data import BaseData
 
 BLOCK = 500  # steps that are read at once
@@ -137,7 +138,7 @@ class BaseLogger:
         statuses = robot.get_statuses(first, last)
         observations = robot.get_observations(first, last)
         rows["time_index"] = np.arange(first, last)
-        set_times(rows, statuses["time"] * 1e-9 + self._data._since_1970)
+        set_times(rows, statuses["time"] * 1e-9 + SINCE_1970)
         rows["action_repetitions"] = statuses["action_repeats"]
         rows["error_status"] = np.where(statuses["fault_code"] >= 16, 2, 0)
         for name in OBSERVATION_FIELDS:

@@ -27,6 +27,7 @@ from trifinger.errors import (
 )
 
 from trifinger_compat import notes
+from trifinger_compat.clock import SINCE_1970
 from trifinger_compat.generic import ErrorStatus, RobotBackendTerminationReason, Status
 from trifinger_compat.types import ActionLike
 from trifinger_compat.world import CONFIGURATIONS
@@ -166,8 +167,6 @@ class BaseData:
         self.applied_action = TimeSeries(self, "applied_action", self.to_action)
         self.observation = TimeSeries(self, "observation", self.to_observation)
         self.status = TimeSeries(self, "status", to_status)
-        # From the clock of the stamps to that of the world.
-        self._since_1970 = time.time() - time.monotonic()
 
     @property
     def robot(self) -> trifinger.Frontend:
@@ -221,7 +220,7 @@ class BaseData:
             if t > 0 and robot.session_info().is_real_time:
                 period = robot.session_info().period
                 nanoseconds = int(robot.get_status(t - 1)["time"]) + round(period * 1e9)
-        return (nanoseconds * 1e-9 + self._since_1970) * 1000
+        return (nanoseconds * 1e-9 + SINCE_1970) * 1000
 
     def to_action(self, element: Any) -> Any:
         """An action as the original has it."""

@@ -29,8 +29,8 @@ _OT = "trifinger_object_tracking"
 _RLDS = "trifinger_rl_datasets"
 
 _DRAWN_BY_NOBODY = "markers are kept, and drawn by nobody; `trifinger view` shows goals"
-_OPAQUE = "a number that markers, objects and cameras take; PyBullet does not know it"
-_OTHERS = "of a package of its own, which works on top of this one: install it with --no-deps"
+_OPAQUE = "markers, objects and cameras take it; calls of an installed PyBullet raise an error"
+_OWN_PACKAGE = "only with trifinger_rl_datasets itself, see 'Data sets'; else NotImplementedError"
 
 
 @dataclass(frozen=True)
@@ -209,7 +209,7 @@ RANKED: list[Symbol] = [
             "TriFingerDatasetEnv.get_dataset",
             f"{_RLDS}:TriFingerDatasetEnv.get_dataset",
             DIFFERS,
-            _OTHERS,
+            _OWN_PACKAGE,
         ),
         ("mc._max_cube_com_distance_to_center", f"{_MC}_max_cube_com_distance_to_center"),
         ("mct.sample_goal", f"{_MCT}sample_goal"),
@@ -252,12 +252,10 @@ RANKED: list[Symbol] = [
         ("mct.seed", f"{_MCT}seed"),
         ("mct.validate_goal", f"{_MCT}validate_goal"),
         ("ri.trifinger", f"{_RI}:trifinger"),
-        ("rlds.PolicyBase", f"{_RLDS}:PolicyBase", DIFFERS, _OTHERS),
+        ("rlds.PolicyBase", f"{_RLDS}:PolicyBase"),
         (
             "rrc_2022_datasets.utils.get_pose_from_keypoints",
             "rrc_2022_datasets.utils:get_pose_from_keypoints",
-            DIFFERS,
-            _OTHERS,
         ),
         ("vo.Marker", f"{_VO}Marker", DIFFERS, _DRAWN_BY_NOBODY),
     ),
@@ -289,8 +287,8 @@ RANKED: list[Symbol] = [
         ("mc._CUBOID_HALF_SIZE", f"{_MC}_CUBOID_HALF_SIZE"),
         ("mct.FIRST_GOAL_DURATION", f"{_MCT}FIRST_GOAL_DURATION"),
         ("mct.GOAL_DURATION", f"{_MCT}GOAL_DURATION"),
-        ("rlds.PolicyConfig", f"{_RLDS}:PolicyConfig", DIFFERS, _OTHERS),
-        ("rlds.TriFingerDatasetEnv", f"{_RLDS}:TriFingerDatasetEnv", DIFFERS, _OTHERS),
+        ("rlds.PolicyConfig", f"{_RLDS}:PolicyConfig"),
+        ("rlds.TriFingerDatasetEnv", f"{_RLDS}:TriFingerDatasetEnv", DIFFERS, _OWN_PACKAGE),
         ("vo.SphereMaker", f"{_VO}SphereMaker", DIFFERS, _DRAWN_BY_NOBODY),
     ),
     *_all(
@@ -304,8 +302,6 @@ RANKED: list[Symbol] = [
         (
             "rlds.evaluate_sim.load_policy_class",
             f"{_RLDS}.evaluate_sim:load_policy_class",
-            DIFFERS,
-            _OTHERS,
         ),
         ("vo.CubeMarker2", f"{_VO}CubeMarker2", DIFFERS, _DRAWN_BY_NOBODY),
     ),
@@ -354,12 +350,16 @@ OTHERS: list[Symbol] = [
         ("cam.camera.cvMat", "trifinger_cameras.camera:cvMat"),
         ("ot.py_object_tracker.Data", f"{_OT}.py_object_tracker:Data"),
         ("ot.py_object_tracker.SimulationBackend", f"{_OT}.py_object_tracker:SimulationBackend"),
+        ("Frontend.append_desired_action", f"{_RI}:trifinger.Frontend.append_desired_action"),
+        ("Frontend.get_observation", f"{_RI}:trifinger.Frontend.get_observation"),
+        ("Frontend.wait_until_time_index", f"{_RI}:trifinger.Frontend.wait_until_time_index"),
     ),
     *_all(
         2,
         ("ot.py_object_tracker.Frontend", f"{_OT}.py_object_tracker:Frontend"),
         ("ts.camera.Camera", f"{_TS}.camera:Camera"),
         ("P.tricamera", f"{_P}.tricamera"),
+        ("SF.pybullet_joint_indices", f"{_SF}.pybullet_joint_indices", DIFFERS, _OPAQUE),
     ),
     *_all(
         1,
@@ -368,8 +368,21 @@ OTHERS: list[Symbol] = [
             "cam.tricamera.PyBulletTriCameraDriver",
             "trifinger_cameras.py_tricamera_types:PyBulletTriCameraDriver",
         ),
+        ("ot.py_object_tracker.FakeBackend", f"{_OT}.py_object_tracker:FakeBackend"),
         ("ot.py_object_tracker.ObjectPose", f"{_OT}.py_object_tracker:ObjectPose"),
         ("ot.py_object_tracker.get_model_by_name", f"{_OT}.py_object_tracker:get_model_by_name"),
+        ("Backend.wait_until_terminated", f"{_RI}:trifinger.Backend.wait_until_terminated"),
+        ("Logger.start", f"{_RI}:trifinger.Logger.start"),
+        ("cam.tricamera.MultiProcessData", "trifinger_cameras.py_tricamera_types:MultiProcessData"),
+        ("ot.py_tricamera_types.Frontend", f"{_OT}.py_tricamera_types:Frontend"),
+        ("P._camera_observation_t", f"{_P}._camera_observation_t"),
+        ("P._delayed_camera_observation", f"{_P}._delayed_camera_observation"),
+        ("P._get_current_camera_observation", f"{_P}._get_current_camera_observation"),
+        ("CameraArray.cameras", f"{_TS}.camera:CameraArray.cameras"),
+        (
+            "ts.camera.create_trifinger_camera_array_from_config",
+            f"{_TS}.camera:create_trifinger_camera_array_from_config",
+        ),
     ),
 ]
 
@@ -383,28 +396,7 @@ PACKAGES = (
     "trifinger_cameras",
     "trifinger_object_tracking",
     "robot_properties_fingers",
+    "trifinger_rl_datasets",
+    "rrc_2022_datasets",
+    "ament_index_python",
 )
-
-# Calls of PyBullet, by what they need.
-PYBULLET = {
-    "resetDebugVisualizerCamera": "views belong to `trifinger view`; remove the call",
-    "configureDebugVisualizer": "views belong to `trifinger view`; remove the call",
-    "startStateLogging": "`trifinger film` makes a film of a log",
-    "getQuaternionFromEuler": "use scipy.spatial.transform.Rotation.from_euler(..).as_quat()",
-    "getEulerFromQuaternion": "use scipy.spatial.transform.Rotation.from_quat(..).as_euler('xyz')",
-    "getMatrixFromQuaternion": "use scipy.spatial.transform.Rotation.from_quat(..).as_matrix()",
-    "resetBasePositionAndOrientation": "use platform.cube.set_state(position, orientation)",
-    "getBasePositionAndOrientation": "use platform.cube.get_state()",
-    "createVisualShape": "use trifinger_simulation.visual_objects",
-    "createMultiBody": "use trifinger_simulation.visual_objects or collision_objects",
-    "isConnected": "a simulation here always is; remove the call",
-    "changeDynamics": "give TriFingerPlatform(object_mass=..)",
-    "getJointStates": "use simfinger.get_observation(t)",
-    "calculateInverseDynamics": "use trifinger.Kinematics(..).gravity_torques(q)",
-    "calculateJacobian": "use simfinger.kinematics.compute_jacobian(finger, q)",
-    "applyExternalForce": "use trifinger.Simulation(..).push_object(name, force)",
-    "getContactPoints": "use tip_force of an observation",
-    "stepSimulation": "use simfinger._step_simulation()",
-    "setTimeStep": "give TriFingerPlatform(time_step_s=..)",
-}
-PYBULLET_ELSE = "there is no PyBullet below this simulation; see docs/coming_from_the_original.md"

@@ -14,6 +14,7 @@ import numpy as np
 from trifinger._trifinger import DirectSimulation
 from trifinger.errors import InvalidArgument
 
+from trifinger_compat.handles import Client
 from trifinger_compat.types import Array, Numbers, wxyz, xyzw
 
 CONFIGURATIONS = {
@@ -26,15 +27,16 @@ CONFIGURATIONS = {
 }
 STATIC_MASS = 2.0  # of what the original cannot move; it is put back after each step
 
-_worlds: dict[int, "weakref.ref[World]"] = {}
+_worlds: dict[Client, "weakref.ref[World]"] = {}
 
 
-def world_of(client_id: int) -> "World":
+def world_of(client_id: Client | int) -> "World":
     """The world of this number; raises ValueError if there is none."""
-    world = _worlds[client_id]() if client_id in _worlds else None
+    key = client_id if isinstance(client_id, Client) else Client(client_id)
+    world = _worlds[key]() if key in _worlds else None
     if world is None:
         raise InvalidArgument(
-            f"there is no simulation with the client id {client_id}; create a SimFinger or a "
+            f"there is no simulation with the client id {key.number}; create a SimFinger or a "
             "TriFingerPlatform first and give its `_pybullet_client_id`"
         )
     return world
@@ -87,7 +89,8 @@ class World:
         self._present: set[str] = set()
         self._number_of_items = 0
         self.core = cast(DirectSimulation, _NotBuilt(self))
-        self.client_id = next(i for i in range(len(_worlds) + 1) if i not in _worlds)
+        numbers = map(Client, range(len(_worlds) + 1))
+        self.client_id = next(client for client in numbers if client not in _worlds)
         _worlds[self.client_id] = weakref.ref(self)
         weakref.finalize(self, _worlds.pop, self.client_id, None)
 

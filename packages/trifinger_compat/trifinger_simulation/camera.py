@@ -9,7 +9,9 @@ from typing import IO, Any, NamedTuple
 import numpy as np
 import trifinger
 from scipy.spatial.transform import Rotation
-from trifinger_compat.camera_files import IDS, MATRICES, data_folder, matrix_text, parse, to_matrix
+from trifinger_compat import yaml_files
+from trifinger_compat.camera_files import IDS, MATRICES, data_folder, matrix_text, to_matrix
+from trifinger_compat.handles import Client
 from trifinger_compat.types import Array, Image, Numbers
 from trifinger_compat.world import world_of
 
@@ -47,7 +49,7 @@ class CameraParameters(NamedTuple):
     @classmethod
     def load(cls, stream: IO[str]) -> "CameraParameters":
         """Reads a calibration file."""
-        content = parse(stream.read())
+        content = yaml_files.read(stream.read())
         matrices = [to_matrix(content[name]) for name in MATRICES]
         size = content["image_width"], content["image_height"]
         return cls(content["camera_name"], *size, matrices[0], matrices[1], matrices[2])
@@ -75,18 +77,19 @@ def load_camera_parameters(
 class BaseCamera:
     """A camera of a simulation."""
 
-    def __init__(self, described: trifinger.Camera, pybullet_client_id: int) -> None:
+    def __init__(self, described: trifinger.Camera, pybullet_client_id: Client | int) -> None:
         self._described = described
         self._pybullet_client_id = pybullet_client_id
         self._renderer: trifinger.CameraRenderer | None = None
         self._rendered: object = None
-        self._number = 0
+        # By the original's names, for programs that read them.
+        self._output_width, self._output_height = described.width, described.height
 
     def get_image(self, renderer: Any = None) -> Image:  # noqa: ARG002  # there is one renderer
         """What the camera sees now: RGB, height x width x 3."""
         world = world_of(self._pybullet_client_id)
         if self._renderer is None or self._rendered is not world.core:
-            configuration = world.core.configuration()  # builds the core, if need be
+            world.core.configuration()  # builds the core, if need be
             self._renderer = trifinger.CameraRenderer(
                 world.config,
                 world.overrides,
@@ -123,7 +126,7 @@ class Camera(BaseCamera):
         field_of_view: float = 52,
         near_plane_distance: float = 0.001,  # noqa: ARG002  # nothing is that near or far
         far_plane_distance: float = 100.0,  # noqa: ARG002
-        pybullet_client_id: int = 0,
+        pybullet_client_id: Client | int = 0,
     ) -> None:
         """`image_size` is width and height [pixel], `field_of_view` that of the height [degree]."""
         width, height = image_size
@@ -148,7 +151,7 @@ class CalibratedCamera(BaseCamera):
         image_size: tuple[int, int],
         near_plane_distance: float = 0.02,  # noqa: ARG002  # nothing is that near or far
         far_plane_distance: float = 2.0,  # noqa: ARG002
-        pybullet_client_id: int = 0,
+        pybullet_client_id: Client | int = 0,
     ) -> None:
         """`image_size` is width and height [pixel]."""
         width, height = image_size
@@ -198,7 +201,7 @@ class TriFingerCameras(CameraArray):
 
 def create_trifinger_camera_array(
     camera_params: Sequence[CameraParameters],
-    pybullet_client_id: int = 0,
+    pybullet_client_id: Client | int = 0,
     near_plane_distance: float = 0.02,
     far_plane_distance: float = 2.0,
 ) -> CameraArray:
@@ -225,7 +228,7 @@ def create_trifinger_camera_array(
 def create_trifinger_camera_array_from_config(
     config_dir: str | Path,
     calib_filename_pattern: str = "camera{id}.yml",
-    pybullet_client_id: int = 0,
+    pybullet_client_id: Client | int = 0,
     **kwargs: Any,
 ) -> CameraArray:
     """The cameras of the calibration files in a folder."""
@@ -233,7 +236,7 @@ def create_trifinger_camera_array_from_config(
     return create_trifinger_camera_array(parameters, pybullet_client_id, **kwargs)
 
 
-def default_cameras(pybullet_client_id: int, image_size: int) -> CameraArray:
+def default_cameras(pybullet_client_id: Client | int, image_size: int) -> CameraArray:
     """The calibrated cameras of the robot's model, 540 or 270 pixels wide."""
     suffix = "cropped" if image_size == 540 else "cropped_and_downsampled"
     return create_trifinger_camera_array_from_config(

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from trifinger_compat.handles import Body, Client
 from trifinger_compat.types import Numbers
 from trifinger_compat.world import STATIC_MASS, Item, World, world_of
 
@@ -18,7 +19,7 @@ class BaseCollisionObject:
         orientation: Numbers,
         shape: dict[str, object],
         mass: float,
-        pybullet_client_id: int,
+        pybullet_client_id: Client | int,
     ) -> None:
         is_static = mass == 0
         if mass < 0:
@@ -33,7 +34,8 @@ class BaseCollisionObject:
         self._pybullet_client_id = pybullet_client_id
         self._name = self._world.add(item)
         # Robot and table have the lower numbers.
-        self._object_id = 10 + int(self._name.removeprefix("object_"))
+        number = 10 + int(self._name.removeprefix("object_"))
+        self._object_id = Body(number, self._world.client_id, self._name)
         self.block = self._object_id
         self.block_id = self._object_id
 
@@ -52,7 +54,7 @@ class BaseCollisionObject:
 
 
 class Cuboid(BaseCollisionObject):
-    """A box of any size; with a mass of 0 it does not move."""
+    """A box of any size; with a mass of 0 it does not move. Without a colour it has six."""
 
     def __init__(
         self,
@@ -60,15 +62,19 @@ class Cuboid(BaseCollisionObject):
         orientation: Numbers,
         half_extents: Sequence[float],
         mass: float,
-        color_rgba: Numbers | None = None,  # noqa: ARG002  # pictures show the colours of the cube
-        pybullet_client_id: int = 0,
+        color_rgba: Numbers | None = None,
+        pybullet_client_id: Client | int = 0,
         **kwargs: Any,
     ) -> None:
         pybullet_client_id = kwargs.pop("physicsClientId", pybullet_client_id)
-        size = [2 * float(half) for half in half_extents]
-        super().__init__(
-            position, orientation, {"type": "cuboid", "size": size}, mass, pybullet_client_id
-        )
+        shape: dict[str, object] = {
+            "type": "cuboid",
+            "size": [2 * float(half) for half in half_extents],
+        }
+        if color_rgba is not None:
+            red, green, blue = np.rint(255 * np.asarray(color_rgba, dtype=float)[:3]).astype(int)
+            shape["colours"] = [f"#{red:02x}{green:02x}{blue:02x}"] * 6
+        super().__init__(position, orientation, shape, mass, pybullet_client_id)
 
 
 class Cube(Cuboid):
@@ -81,7 +87,7 @@ class Cube(Cuboid):
         half_width: float = 0.0325,
         mass: float = 0.08,
         color_rgba: Numbers | None = None,
-        pybullet_client_id: int = 0,
+        pybullet_client_id: Client | int = 0,
         **kwargs: Any,
     ) -> None:
         half_width = kwargs.pop("half_size", half_width)
@@ -100,7 +106,7 @@ class ColoredCubeV2(BaseCollisionObject):
         self,
         position: Numbers,
         orientation: Numbers,
-        pybullet_client_id: int = 0,
+        pybullet_client_id: Client | int = 0,
         *,
         mass: float = 0.094,
         scale: float = 1.0,

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from robot_properties_fingers.kinematics import Kinematics, tip_links
 from trifinger_compat.generation import chosen
+from trifinger_compat.handles import Body
 from trifinger_compat.show import Show
 from trifinger_compat.types import ActionLike, Array, Numbers
 from trifinger_compat.urdf import share_folder
@@ -64,7 +65,7 @@ class SimFinger:
         self._number_of_joints = 3 * self.number_of_fingers
         self._t = -1
         self._action_type: type[Any] = Action
-        self.finger_id = 1
+        self.finger_id = Body(1, self._world.client_id)
         self.tip_link_names = tip_links(self.number_of_fingers)
         suffixes = [name.removeprefix("finger_tip_link") for name in self.tip_link_names]
         self.link_names = [

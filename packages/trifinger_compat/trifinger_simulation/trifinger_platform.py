@@ -16,7 +16,7 @@ from trifinger_compat.types import ActionLike, Array, Image, Numbers, PoseLike
 from trifinger_simulation import camera, collision_objects, trifingerpro_limits
 from trifinger_simulation.action import Action
 from trifinger_simulation.observation import Observation
-from trifinger_simulation.sim_finger import SimFinger
+from trifinger_simulation.sim_finger import SimFinger, int_to_rgba
 
 _generation = chosen()
 _NO_EVENT = 1 << 62
@@ -179,7 +179,7 @@ class TriFingerPlatform:
                 (0, 0, 0, 1),
                 (half, half, half),
                 mass=0.012,
-                color_rgba=(0x0A / 255, 0x7D / 255, 0xCF / 255, 1),
+                color_rgba=int_to_rgba(int(rearrange_dice.DIE_COLOUR[1:], 16)),
                 pybullet_client_id=self.simfinger._pybullet_client_id,
             )
             for position in rearrange_dice.sample_goal()
@@ -221,7 +221,7 @@ class TriFingerPlatform:
                 pose.position = np.array(self._initial_object_pose.position, dtype=float)
                 pose.orientation = np.array(self._initial_object_pose.orientation, dtype=float)
         self._camera_observation_t = first
-        self._delayed_camera_observation: Any = None
+        self._delayed_camera_observation: Any = first  # programs assign it, too
         self._delayed_due = _NO_EVENT
         self._next_camera_trigger = 0
         self._next_camera_event = 0
@@ -233,19 +233,18 @@ class TriFingerPlatform:
 
     def _update_cameras(self, k: int) -> None:
         """Captures and publishes what is due before step `k`."""
-        if self._delayed_camera_observation is None and k >= self._next_camera_trigger:
+        is_pending = self._delayed_due != _NO_EVENT
+        if not is_pending and k >= self._next_camera_trigger:
             self._delayed_camera_observation = self._get_current_camera_observation(k)
             self._next_camera_trigger += self._compute_camera_update_step_interval()
             self._delayed_due = k + self._camera_delay_steps
-        if self._delayed_camera_observation is not None and k >= self._delayed_due:
+        if k >= self._delayed_due:
             self._camera_observation_t = self._delayed_camera_observation
-            self._delayed_camera_observation = None
             self._delayed_due = _NO_EVENT
             self._published.append((k, self._camera_observation_t))
-        if self._delayed_camera_observation is None:
-            self._next_camera_event = self._next_camera_trigger
-        else:
-            self._next_camera_event = self._delayed_due
+        # The next image is taken only after this one is published.
+        is_pending = self._delayed_due != _NO_EVENT
+        self._next_camera_event = self._delayed_due if is_pending else self._next_camera_trigger
 
     def _get_current_camera_observation(self, t: int | None = None) -> Any:
         """What the cameras would see now; `t` is the index of its time stamps."""

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from trifinger_compat.handles import Client
 from trifinger_compat.types import Array, Numbers
 
 
@@ -17,7 +18,7 @@ class ObjectMarker:
         position: Numbers,
         orientation: Numbers,
         color: Numbers = (0, 1, 0, 0.5),
-        pybullet_client_id: int = 0,
+        pybullet_client_id: Client | int = 0,
         **kwargs: Any,
     ) -> None:
         self.shape_type = shape_type
@@ -41,7 +42,7 @@ class CuboidMarker(ObjectMarker):
         position: Numbers,
         orientation: Numbers,
         color: Numbers = (0, 1, 0, 0.5),
-        pybullet_client_id: int = 0,
+        pybullet_client_id: Client | int = 0,
         **kwargs: Any,
     ) -> None:
         self.size = np.array(size, dtype=float)
@@ -57,7 +58,7 @@ class CubeMarker(CuboidMarker):
         position: Numbers,
         orientation: Numbers,
         color: Numbers = (0, 1, 0, 0.5),
-        pybullet_client_id: int = 0,
+        pybullet_client_id: Client | int = 0,
         **kwargs: Any,
     ) -> None:
         super().__init__(

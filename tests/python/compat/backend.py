@@ -21,14 +21,28 @@ def environment(**values: str) -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": path, **values}
 
 
+def new_name() -> str:
+    """A name for a session that no other test has."""
+    return f"compat-{uuid.uuid4().hex[:12]}"
+
+
+def started(program: str, *words: str | Path) -> "subprocess.Popen[str]":
+    """A program of robot_fingers.programs that runs, and its output."""
+    text = f"import sys; from robot_fingers.programs import {program}; sys.exit({program}())"
+    return subprocess.Popen(
+        [sys.executable, "-c", text, *map(str, words)],
+        env=environment(),
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+
+
 @contextmanager
 def running(*words: str | Path, ends: bool = False) -> Iterator[str]:
     """The name of a platform that waits for each action; it must end by itself if it `ends`."""
-    name = f"compat-{uuid.uuid4().hex[:12]}"
-    command = [sys.executable, "-m", "robot_fingers.programs", "--name", name, *map(str, words)]
-    process = subprocess.Popen(
-        command, env=environment(), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True
-    )
+    name = new_name()
+    process = started("pybullet_backend", "--name", name, *words)
     try:
         assert process.stdout is not None
         assert process.stdout.readline().strip() == "The robot is ready."

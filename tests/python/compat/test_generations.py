@@ -13,6 +13,7 @@ import gymnasium
 import numpy as np
 import pytest
 import rrc_simulation
+import trifinger_cameras
 import trifinger_simulation
 from backend import environment
 from trifinger_cameras import utils
@@ -21,6 +22,7 @@ from trifinger_compat import evaluation, generation
 from trifinger_object_tracking import py_lightblue_segmenter, py_object_tracker
 from trifinger_object_tracking.py_tricamera_types import CubeVisualizer
 from trifinger_simulation import camera, collision_objects, sample, visual_objects
+from trifinger_simulation.gym_wrapper import data_logger, finger_spaces
 from trifinger_simulation.gym_wrapper.envs import cube_env, cube_trajectory_env
 from trifinger_simulation.tasks import move_cube, move_cube_on_trajectory
 from trifinger_simulation.tasks.move_cube import __main__ as move_cube_program
@@ -97,6 +99,57 @@ def test_environments_are_registered(name: str) -> None:
     assert not is_done
 
 
+def test_spaces_of_fingers_have_the_bounds_of_the_original() -> None:
+    keys = ("joint_positions", "object_position")
+    spaces = finger_spaces.FingerSpaces(3, keys, (9, 3), separate_goals=False)
+    assert spaces.key_to_index == {"joint_positions": slice(0, 9), "object_position": slice(9, 12)}
+    whole = spaces.get_unscaled_observation_space()
+    assert whole.low == pytest.approx([*np.radians([-90, -90, -172] * 3), -0.5, -0.5, 0])
+    assert whole.high == pytest.approx([*np.radians([90, 100, -2] * 3), 0.5, 0.5, 0.5])
+    assert spaces.get_unscaled_action_space().high == pytest.approx(np.radians([70, 0, -2] * 3))
+    for scaled in (spaces.get_scaled_observation_space(), spaces.get_scaled_action_space()):
+        assert set(scaled.low) | set(scaled.high) == {-1, 1}
+    assert spaces.lower_bounds["goal_position"] == pytest.approx([-0.5] * 3)
+    with pytest.raises(ValueError, match="zip"):
+        finger_spaces.FingerSpaces(3, keys, (9,), separate_goals=False)
+
+
+def test_whole_episodes_are_logged(tmp_path: Path) -> None:
+    logger = data_logger.DataLogger()
+    with pytest.raises(RuntimeError, match="new_episode"):
+        logger.append(0, 0, 0)
+    logger.new_episode([1.0], [2.0])
+    logger.append([3.0], [4.0], 5.0)
+    logger.store(tmp_path / "log.p")
+    assert pickle.loads((tmp_path / "log.p").read_bytes()) == []
+    logger.new_episode([0.0], [0.0])
+    logger.store(tmp_path / "log.p")
+    assert pickle.loads((tmp_path / "log.p").read_bytes()) == [
+        {
+            "joint_goal": [1.0],
+            "tip_goal": [2.0],
+            "joint_positions": [[3.0]],
+            "tip_positions": [[4.0]],
+            "timestamps": [5.0],
+        }
+    ]
+
+
+def test_settings_of_cameras_are_in_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("TRIFINGER_CAMERA_CONFIG", raising=False)
+    settings = trifinger_cameras.camera.Settings()
+    assert settings.get_tricamera_driver_settings().frame_rate_fps == 10
+    path = tmp_path / "cameras.toml"
+    monkeypatch.setenv("TRIFINGER_CAMERA_CONFIG", str(path))
+    path.write_text("[tricamera_driver]\nframe_rate_fps = 15.0\n[pylon_driver]\ngain = 2\n")
+    settings = trifinger_cameras.camera.Settings()
+    assert settings.get_tricamera_driver_settings().frame_rate_fps == 15
+    assert settings.get_pylon_driver_settings().values == {"gain": 2}
+    path.write_text("[")
+    with pytest.raises(RuntimeError, match="cannot read the settings"):
+        trifinger_cameras.camera.Settings()
+
+
 def test_the_simulation_of_2020_has_its_figures() -> None:
     platform = rrc_simulation.TriFingerPlatform()
     assert platform.get_time_step() == 0.004
@@ -134,6 +187,7 @@ def test_the_environment_of_2020() -> None:
     assert np.array_equal(observation["achieved_goal"]["position"], now)
 
 
+@pytest.mark.release
 @pytest.mark.parametrize(("name", "step"), [("2020", 0.004), ("2021", 0.001)])
 def test_the_environment_names_a_generation(name: str, step: float) -> None:
     text = (
@@ -293,7 +347,7 @@ def test_dice_are_found_by_their_colour() -> None:
         py_lightblue_segmenter.segment_image(image[:, :, 0])
 
 
-def test_poses_of_a_simulated_object() -> None:
+def test_poses_of_a_simulated_object(tmp_path: Path) -> None:
     platform = trifinger_simulation.TriFingerPlatform()
     data = py_object_tracker.Data("object", True)
     backend = py_object_tracker.SimulationBackend(data, platform.cube)
@@ -303,11 +357,18 @@ def test_poses_of_a_simulated_object() -> None:
     assert frontend.get_oldest_timeindex() == 0
     assert frontend.has_observations()
     backend.stop()
+    data = py_object_tracker.Data("fake", True)
+    fake = py_object_tracker.FakeBackend(data)
+    assert list(py_object_tracker.Frontend(data).get_pose(0).orientation) == [0, 0, 0, 1]
+    fake.stop()
+    fake.store_buffered_data(tmp_path / "poses.json")
+    assert json.loads((tmp_path / "poses.json").read_text())[0][1:] == [0, 0, 0, 0, 0, 0, 1, 1.0]
     assert py_object_tracker.get_model_by_name("cube_v2") == "cube_v2"
     with pytest.raises(RuntimeError, match="must be one of"):
         py_object_tracker.get_model_by_name("sphere")
 
 
+@pytest.mark.release
 def test_a_policy_is_run_and_its_log_replayed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

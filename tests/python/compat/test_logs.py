@@ -15,7 +15,7 @@ from backend import running
 from hypothesis import given, strategies as st
 from trifinger.log import original
 from trifinger_cameras.py_tricamera_types import LogReader as ImagesReader
-from trifinger_compat import robot_data
+from trifinger_compat import camera_hdf5, robot_data
 from trifinger_object_tracking.py_tricamera_types import LogReader as ObjectReader
 
 
@@ -108,6 +108,42 @@ def test_a_camera_log_is_read_and_written_as_the_sheet_describes_it(
     assert gzip.decompress(again.read_bytes()) == data
     with pytest.raises(RuntimeError, match=r"pose|cut off"):
         (ImagesReader if has_object else ObjectReader)(path)
+
+
+def test_a_camera_log_in_hdf5_has_the_layout_of_the_sheet(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    images = [np.arange(12, dtype=np.uint8).reshape(3, 4) + i for i in range(3)]
+    path = tmp_path / "camera_data.hdf5"
+    entries = [original.CameraEntry(1000.0 * i, images, [i, i + 0.1, i + 0.2], []) for i in (1, 2)]
+    camera_hdf5.write(path, entries, ("camera60", "camera180", "camera300"))
+    with h5py.File(path) as file:
+        assert dict(file.attrs) == {
+            "magic": 0x3CDA7A00,
+            "format_version": 2,
+            "format_version_minor": 1,
+            "num_cameras": 3,
+            "image_width": 4,
+            "image_height": 3,
+        }
+        assert file["images"].shape == (2, 3, 3, 4)
+        assert file["timestamps"].shape == (2, 3)
+        assert list(file["sensor_data_timestamps"]) == [1000.0, 2000.0]
+        assert sorted(file["camera_info"]) == ["camera180", "camera300", "camera60"]
+    log = ImagesReader(path)
+    assert log.timestamps == [1000.0, 2000.0]
+    assert np.array_equal(log.data[1].cameras[2].image, images[2])
+    assert log.data[1].cameras[1].timestamp == 2.1
+    with pytest.raises(RuntimeError, match="no poses"):
+        ObjectReader(path)
+    with h5py.File(path, "a") as file:
+        file.attrs["format_version"] = 3
+    with pytest.raises(RuntimeError, match="version 3"):
+        ImagesReader(path)
+    path.write_bytes(path.read_bytes()[:100])
+    with pytest.raises(RuntimeError, match="damaged"):
+        ImagesReader(path)
+    with pytest.raises(RuntimeError, match="no images"):
+        camera_hdf5.write(path, [], ())
 
 
 @pytest.mark.release

@@ -14,8 +14,10 @@ import pytest
 import robot_interfaces
 import trifinger_simulation
 from hypothesis import given, settings, strategies as st
+from trifinger_object_tracking.py_lightblue_segmenter import segment_image
 from trifinger_simulation import SimFinger, TriFingerPlatform, trifingerpro_limits as limits
-from trifinger_simulation.tasks import move_cube
+from trifinger_simulation.camera import load_camera_parameters
+from trifinger_simulation.tasks import move_cube, rearrange_dice
 from trifinger_simulation.trifinger_platform import ObjectType
 
 HOME = [0, 0.9, -1.7] * 3
@@ -242,6 +244,28 @@ def test_25_dice_lie_on_the_table() -> None:
         platform.append_desired_action(hold(platform))
     after = np.array([die.get_state()[0] for die in platform.dice])
     assert np.abs(after - before).max() < 0.002
+
+
+@pytest.mark.release
+def test_dice_are_light_blue_in_images() -> None:
+    platform = TriFingerPlatform(object_type=ObjectType.DICE, enable_cameras=True)
+    empty = TriFingerPlatform(object_type=ObjectType.NONE, enable_cameras=True)
+    goal = [die.get_state()[0] for die in platform.dice]
+    folder = trifinger_simulation.get_data_dir() / "camera_params"
+    cameras = load_camera_parameters(folder, "camera{id}_cropped.yml")
+    masks = rearrange_dice.generate_goal_mask(cameras, goal)
+    for mask, seen, other in zip(
+        masks,
+        platform.get_camera_observation(0).cameras,
+        empty.get_camera_observation(0).cameras,
+        strict=True,
+    ):
+        # One of the fingers is blue, too.
+        found, of_robot = (
+            segment_image(np.ascontiguousarray(one.image[:, :, ::-1])) for one in (seen, other)
+        )
+        assert np.count_nonzero(found & ~mask & ~of_robot) < 50
+        assert np.count_nonzero(found & mask) > 0.4 * np.count_nonzero(mask)
 
 
 def test_platforms_are_independent_and_equal_ones_are_equal_bit_for_bit() -> None:

@@ -93,6 +93,7 @@ def test_the_check_says_what_does_not_work_and_why(
         "platform = TriFingerPlatform()\n"
         "p.resetDebugVisualizerCamera(1, 2)\n"
         "p.loadURDF('x')\n"
+        "p.GUI\n"
         "mc.sample_goal(1)\n"
         "mc.sample_gaol(1)\n"
         "print(platform.simfinger.finger_id)\n"
@@ -100,13 +101,14 @@ def test_the_check_says_what_does_not_work_and_why(
     assert check.main([str(program)]) == 1
     said = capsys.readouterr().out
     assert "theirs.py:2: trifinger_simulation.nothing does not work" in said
-    assert "theirs.py:5: pybullet.resetDebugVisualizerCamera does not work: views" in said
-    assert "theirs.py:6: pybullet.loadURDF does not work: there is no PyBullet" in said
-    assert "theirs.py:8: trifinger_simulation.tasks.move_cube.sample_gaol does not work" in said
-    assert "theirs.py:9: SF.finger_id works, differs" in said
+    assert "theirs.py:5: pybullet.resetDebugVisualizerCamera works, differs: if PyBullet" in said
+    assert "theirs.py:6: pybullet.loadURDF does not work: no PyBullet is below this" in said
+    assert "theirs.py:7: pybullet.GUI" not in said
+    assert "theirs.py:9: trifinger_simulation.tasks.move_cube.sample_gaol does not work" in said
+    assert "theirs.py:10: SF.finger_id works, differs" in said
     assert "sample_goal works" not in said
     assert check.main([str(program), "--all"]) == 1
-    assert "theirs.py:7: trifinger_simulation.tasks.move_cube.sample_goal works\n" in (
+    assert "theirs.py:8: trifinger_simulation.tasks.move_cube.sample_goal works\n" in (
         capsys.readouterr().out
     )
 

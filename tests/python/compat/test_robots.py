@@ -10,9 +10,12 @@ import numpy as np
 import pytest
 import robot_fingers
 import robot_interfaces
-from backend import running
+from backend import new_name, running, started
 from robot_interfaces.py_trifinger_types import Action, Observation
+from trifinger_cameras import tricamera
 from trifinger_compat import robot_data
+from trifinger_object_tracking import py_object_tracker, py_tricamera_types
+from trifinger_simulation.real_finger import RealFinger
 
 HOME = [0, 0.9, -1.7] * 3
 pytestmark = pytest.mark.release
@@ -62,10 +65,95 @@ def test_poses_come_ten_times_per_second_and_90_steps_late(frontend: Any) -> Non
 
 
 @pytest.mark.usefixtures("frontend")
+def test_a_robot_that_runs_stands_for_a_simulated_finger() -> None:
+    finger = RealFinger("trifingerpro", "0")
+    assert finger.number_of_fingers == 3
+    goal = [0.1, 1.0, -1.6] * 3
+    assert finger.reset_finger(goal, 300).position == pytest.approx(goal, abs=0.1)
+    t = finger.append_desired_action(finger.Action(position=goal))
+    assert finger.get_observation(t).position.shape == (9,)
+    with pytest.raises(ValueError, match="Invalid finger type"):
+        RealFinger("nothing")
+
+
+def test_images_and_poses_of_a_robot_are_numbered(monkeypatch: pytest.MonkeyPatch) -> None:
+    with running("--render-images") as name:
+        monkeypatch.setenv(robot_data.VARIABLE, name)
+        robot = robot_fingers.TriFingerPlatformFrontend()
+        for _ in range(130):
+            robot.get_robot_observation(robot.append_desired_action(robot.Action(position=HOME)))
+        data = tricamera.MultiProcessData("tricamera", False)
+        frontend = py_tricamera_types.Frontend(data)
+        newest = frontend.get_current_timeindex()
+        seen = frontend.get_observation(newest)
+        assert [each.image.shape for each in seen.cameras] == [(540, 540)] * 3
+        assert seen.object_pose.position == pytest.approx([0, 0, 0.0325], abs=1e-3)
+        assert frontend.get_timestamp_ms(newest) > 1.6e12
+        assert frontend.get_latest_observation().cameras[0].timestamp >= seen.cameras[0].timestamp
+        assert "camera300" in frontend.get_sensor_info()
+
+
+def test_a_program_takes_images_of_its_robot_and_keeps_them(tmp_path: Path) -> None:
+    data = robot_interfaces.trifinger.SingleProcessData()
+    robot = robot_fingers.pybullet_drivers.create_trifinger_backend(data, False, False)
+    frontend = robot_interfaces.trifinger.Frontend(data)
+    frontend.get_observation(frontend.append_desired_action(Action(position=HOME)))
+    images = tricamera.SingleProcessData(history_size=100)
+    backend = tricamera.Backend(tricamera.PyBulletTriCameraDriver(data), images)
+    logger = tricamera.Logger(images, 3)
+    logger.start()
+    seen = tricamera.Frontend(images).get_observation(2)
+    backend.shutdown()
+    robot.request_shutdown()
+    assert [each.image.shape for each in seen.cameras] == [(540, 540)] * 3
+    assert not hasattr(seen, "object_pose")
+    assert py_object_tracker.ObjectPose().confidence == 1.0
+    logger.stop_and_save(tmp_path / "camera_data.dat")
+    logger.stop_and_save_hdf5(tmp_path / "camera_data.hdf5")
+    for name in ("camera_data.dat", "camera_data.hdf5"):
+        log = tricamera.LogReader(tmp_path / name)
+        assert 1 <= len(log.data) <= 3
+        assert np.array_equal(log.data[0].cameras[2].image.shape, (540, 540))
+
+
+@pytest.mark.usefixtures("frontend")
 def test_the_first_name_gives_poses_too() -> None:
     old = robot_fingers.TriFingerPlatformFrontend()
     t = old.append_desired_action(old.Action())
     assert old.get_camera_observation(t).object_pose.position.shape == (3,)
+
+
+@pytest.mark.parametrize(("limit", "status"), [(30, 0), (1000000, 20)])
+def test_the_original_programs_for_data_and_robot_work_together(
+    limit: int, status: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name, log, ready = new_name(), tmp_path / "robot_data.dat", tmp_path / "ready"
+    monkeypatch.setenv(robot_data.VARIABLE, name)
+    words = ["--name", name, "--cameras", "-a", str(limit)]
+    data = started("trifinger_data_backend", *words, "--robot-logfile", log)
+    robot = started(
+        "trifinger_robot_backend",
+        *(*words, "--config", "trifinger_pro", "--fail-on-incomplete-run"),
+        *("--ready-indicator", ready),
+    )
+    with data, robot:
+        assert data.stdout is not None
+        assert robot.stdout is not None
+        assert data.stdout.readline() == "The robot is ready.\n"
+        assert robot.stdout.readline() == "The robot is ready.\n"
+        assert ready.is_file()
+        frontend = robot_fingers.TriFingerPlatformFrontend()
+        t = -1
+        while t < 29:  # a late user misses steps
+            t = frontend.append_desired_action(frontend.Action(position=HOME))
+            frontend.get_robot_observation(min(t, 29))
+        if status != 0:
+            robot.terminate()
+        assert robot.wait() == status
+        assert data.wait() == 0
+    read = robot_interfaces.trifinger.BinaryLogReader(log).data
+    assert [entry.timeindex for entry in read] == list(range(len(read)))
+    assert len(read) >= 30
 
 
 def test_without_a_robot_a_front_end_says_how_to_get_one(
@@ -102,6 +190,7 @@ def test_a_series_has_the_names_of_the_original() -> None:
     for _ in range(5):
         t = frontend.append_desired_action(robot_interfaces.finger.Action())
         frontend.get_observation(t)
+    frontend.wait_until_time_index(t)
     series = data.observation
     assert series.oldest_timeindex() == 0
     assert series.newest_timeindex() >= 4
@@ -199,3 +288,66 @@ def test_ways_of_least_jerk_end_before_the_end() -> None:
     assert way[2] == pytest.approx([0.5, 2])
     with pytest.raises(ValueError, match="at least 1"):
         robot_fingers.utils.min_jerk_trajectory([0], [1], 0)
+
+
+CONFIGURATION = """\
+# A robot of three fingers.
+can_ports: ["can0", "can1", "can2", "can3", "can4", "can5"]
+max_current_A: 2.0
+has_endstop: true
+calibration:
+    endstop_search_torques_Nm: [-0.22, -0.22, 0.2,
+        -0.22, -0.22, 0.2, -0.22, -0.22, 0.2]
+    move_steps: 500
+move_to_position_tolerance_rad: 0.05
+safety_kd: [0.09, 0.09, 0.05]
+position_control_gains:
+    kp: [15, 15, 9]
+    kd: [0.5, 1, 0.5]
+hard_position_limits_lower: [-0.33, 0.0, -2.7]
+hard_position_limits_upper: [1.0, 1.57, 0.0]
+soft_position_limits_lower: [-.inf, -.inf, -.inf]
+soft_position_limits_upper: [.inf, .inf, .inf]
+home_offset_rad: [0.1, 0.2, 0.3]
+initial_position_rad: [0, 0.9, -1.7]
+shutdown_trajectory:
+    - target_position_rad: [0, 0.9, -2.0]
+      move_steps: 3000
+    - target_position_rad: [0, 1.3, -2.4]
+      move_steps: 500
+"""
+
+
+@pytest.mark.parametrize("name", ["TriFingerConfig", "FingerConfig", "SoloEightConfig"])
+def test_configurations_of_the_original_are_read(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "robot.yml"
+    path.write_text(CONFIGURATION)
+    config = getattr(robot_fingers, name).load_config(path)
+    assert config.can_ports == [f"can{i}" for i in range(6)]
+    assert (config.max_current_A, config.has_endstop) == (2.0, True)
+    assert config.calibration.endstop_search_torques_Nm == [-0.22, -0.22, 0.2] * 3
+    assert config.calibration.move_steps == 500
+    assert config.move_to_position_tolerance_rad == 0.05
+    assert config.safety_kd == [0.09, 0.09, 0.05]
+    assert config.position_control_gains.kp == [15, 15, 9]
+    assert config.position_control_gains.kd == [0.5, 1, 0.5]
+    assert config.soft_position_limits_lower == [-np.inf] * 3
+    assert config.soft_position_limits_upper == [np.inf] * 3
+    assert config.home_offset_rad == [0.1, 0.2, 0.3]
+    assert config.initial_position_rad == [0, 0.9, -1.7]
+    steps = [(one.target_position_rad, one.move_steps) for one in config.shutdown_trajectory]
+    assert steps == [([0, 0.9, -2.0], 3000), ([0, 1.3, -2.4], 500)]
+    assert config.is_within_hard_position_limits([0, 0.9, -1.7])
+    assert not config.is_within_hard_position_limits([0, 1.6, -1.7])
+    config.print()
+    assert "move_to_position_tolerance_rad: 0.05\n" in capsys.readouterr().out
+    with pytest.raises(NotImplementedError, match="coming_from_the_original"):
+        robot_fingers.create_trifinger_backend(
+            robot_interfaces.trifinger.SingleProcessData(), str(path)
+        )
+    path.write_text("calibration: [")
+    for wrong in (path, tmp_path / "missing.yml"):
+        with pytest.raises(RuntimeError, match="cannot read the configuration"):
+            robot_fingers.TriFingerConfig.load_config(wrong)

@@ -193,6 +193,9 @@ def test_a_trajectory_has_ten_goals() -> None:
     trajectory_task.seed(3)
     trajectory = trajectory_task.sample_goal()
     assert [t for t, _ in trajectory] == [0, *range(30000, 120000, 10000)]
+    trajectory_task.seed(3)
+    again = trajectory_task.sample_goal()
+    assert [list(position) for _, position in again] == [list(p) for _, p in trajectory]
     trajectory_task.validate_goal(trajectory)
     assert trajectory_task.get_active_goal(trajectory, 29999) is trajectory[0][1]
     assert trajectory_task.get_active_goal(trajectory, 30000) is trajectory[1][1]

@@ -1,20 +1,17 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Reaching random positions with the tips, as an environment of the old Gym."""
 
-from math import radians
 from typing import Any
 
 import numpy as np
 from trifinger_compat.gym_environment import OldEnvironment
-from trifinger_compat.spaces import box
 
 from trifinger_simulation import sample
+from trifinger_simulation.gym_wrapper.finger_spaces import FingerSpaces
+from trifinger_simulation.gym_wrapper.utils import scale, unscale
 from trifinger_simulation.sim_finger import SimFinger
 
-_LOW = np.array([radians(-70), radians(-70), radians(-160)])
-_HIGH = np.array([radians(70), radians(0), radians(-2)])
-_JOINTS_LOW = np.array([radians(-90), radians(-90), radians(-172)])
-_JOINTS_HIGH = np.array([radians(90), radians(100), radians(-2)])
+_KEYS = ("end_effector_position", "joint_positions", "joint_velocities", "goal_position")
 
 
 class TriFingerReach(OldEnvironment):
@@ -41,21 +38,17 @@ class TriFingerReach(OldEnvironment):
         count = self.finger.number_of_fingers
         self.steps_per_control = round(control_rate_s / 0.001)
         self.smoothing_params = smoothing_params
-        self._low, self._high = np.tile(_LOW, count), np.tile(_HIGH, count)
-        self._joints = (np.tile(_JOINTS_LOW, count), np.tile(_JOINTS_HIGH, count))
-        self._speeds = (np.full(3 * count, -20.0), np.full(3 * count, 20.0))
-        self._goals = (np.full(3 * count, -0.5), np.full(3 * count, 0.5))
-        self._tips = (np.tile([-0.5, -0.5, 0.0], count), np.full(3 * count, 0.5))
-        size = 12 * count
-        self.action_space = box(-np.ones(3 * count), np.ones(3 * count), "float64")
-        self.observation_space = box(-np.ones(size), np.ones(size), "float64")
+        self._spaces = FingerSpaces(count, _KEYS, [3 * count] * 4, separate_goals=True)
+        self.action_space = self._spaces.get_scaled_action_space()
+        self._unscaled_space = self._spaces.get_unscaled_observation_space()
+        self.observation_space = self._spaces.get_scaled_observation_space()
         self.goal: Any = None
         self._smoothed: Any = None
         self._episodes = 0
 
     def step(self, action: Any) -> Any:
         """Goes to joint positions; gives observation, reward, done and info."""
-        wanted = self._low + (np.asarray(action, dtype=float) + 1) / 2 * (self._high - self._low)
+        wanted = unscale(action, self._spaces.get_unscaled_action_space())
         wanted = self._smooth(wanted)
         t = -1
         for _ in range(self.steps_per_control):
@@ -80,7 +73,7 @@ class TriFingerReach(OldEnvironment):
 
     def reset(self, **_: Any) -> Any:
         """Begins an episode with another goal and gives the first observation."""
-        bounds = {"low": self._low, "high": self._high}
+        bounds = self._spaces.action_bounds
         draw = sample.feasible_random_joint_positions_for_reaching
         begin, end = draw(self.finger, bounds), draw(self.finger, bounds)
         observation = self.finger.reset_finger_positions_and_velocities(begin)
@@ -91,12 +84,5 @@ class TriFingerReach(OldEnvironment):
         return self._scaled(observation, np.array(kinematics.forward_kinematics(begin)).ravel())
 
     def _scaled(self, observation: Any, tips: Any) -> Any:
-        parts = (
-            (tips, self._tips),
-            (observation.position, self._joints),
-            (observation.velocity, self._speeds),
-            (self.goal, self._goals),
-        )
-        return np.concatenate(
-            [2 * (values - low) / (high - low) - 1 for values, (low, high) in parts]
-        )
+        parts = (tips, observation.position, observation.velocity, self.goal)
+        return scale(np.concatenate(parts), self._unscaled_space)

@@ -1,0 +1,196 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Names whose figures no other file checks: limits, constants, types, ids and private members."""
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+import trifinger_simulation
+from trifinger_cameras import camera as camera_types
+from trifinger_simulation import (
+    SimFinger,
+    TriFingerPlatform,
+    camera,
+    trifingerpro_limits as limits,
+    visual_objects,
+)
+from trifinger_simulation.gym_wrapper.envs.cube_env import ActionType, CubeEnv, RandomInitializer
+from trifinger_simulation.tasks import move_cube, move_cube_on_trajectory, rearrange_dice
+from trifinger_simulation.trifinger_platform import ObjectType
+
+# low, high and default of each range.
+FIGURES: dict[str, tuple[list[float], list[float], list[float]]] = {
+    "robot_torque": ([-0.397] * 9, [0.397] * 9, [0] * 9),
+    "robot_position": ([-0.33, 0, -2.7] * 3, [1, 1.57, 0] * 3, [0, 0.9, -1.7] * 3),
+    "robot_velocity": ([-10] * 9, [10] * 9, [0] * 9),
+    "object_position": ([-0.3, -0.3, 0], [0.3, 0.3, 0.3], [0, 0, 0.0325]),
+    "object_orientation": ([-1] * 4, [1] * 4, [0, 0, 0, 1]),
+}
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_ranges_have_their_figures(name: str) -> None:
+    low, high, default = FIGURES[name]
+    for found in (getattr(limits, name), getattr(TriFingerPlatform.spaces, name)):
+        assert found.low == pytest.approx(low)
+        assert found.high == pytest.approx(high)
+        assert found.default == pytest.approx(default)
+        assert found.gym.low == pytest.approx(low)
+        assert found.gym.high == pytest.approx(high)
+    assert TriFingerPlatform().spaces is TriFingerPlatform.spaces
+    assert limits.n_fingers == 3
+
+
+def test_constants_of_the_tasks() -> None:
+    task = move_cube_on_trajectory
+    assert task.EPISODE_LENGTH == rearrange_dice.EPISODE_LENGTH == 120000
+    assert (task.FIRST_GOAL_DURATION, task.GOAL_DURATION) == (30000, 10000)
+    assert task.GOAL_DIFFICULTY == 3
+    assert task.move_cube is move_cube
+    assert (rearrange_dice.NUM_DICE, rearrange_dice.N_CELLS_PER_ROW) == (25, 17)
+    assert (rearrange_dice.ARENA_RADIUS, rearrange_dice.DIE_WIDTH) == (0.19, 0.022)
+    assert (rearrange_dice.TOLERANCE, rearrange_dice.TARGET_WIDTH) == (0.004, 0.026)
+
+
+def test_types_of_goals_can_be_named() -> None:
+    def shifted(
+        goal: move_cube_on_trajectory.Trajectory, by: move_cube_on_trajectory.Position
+    ) -> move_cube_on_trajectory.Trajectory:
+        return [(t, np.asarray(position) + by) for t, position in goal]
+
+    ((t, position),) = shifted([(0, (0, 0, 0.05))], (0.01, 0, 0))
+    assert (t, list(position)) == (0, [0.01, 0, 0.05])
+    goal: rearrange_dice.Goal = rearrange_dice.sample_goal()
+    assert np.shape(goal) == (25, 3)
+
+
+def test_objects_are_chosen_by_their_numbers() -> None:
+    assert [each.value for each in ObjectType] == [0, 1, 2]
+    platform = TriFingerPlatform(object_type=ObjectType.COLORED_CUBE)
+    assert platform.object_type is ObjectType.COLORED_CUBE
+    assert platform.cube.get_state() == ([0, 0, pytest.approx(0.0325)], [0, 0, 0, 1])
+
+
+@pytest.mark.parametrize("action_type", [ActionType.TORQUE, ActionType.TORQUE_AND_POSITION])
+def test_types_of_actions_become_actions_of_the_robot(action_type: ActionType) -> None:
+    env = CubeEnv(RandomInitializer(difficulty=1), action_type)
+    env.reset()
+    torque = np.full(9, 0.01)
+    action: Any = torque
+    if action_type is ActionType.TORQUE_AND_POSITION:
+        assert isinstance(env.action_space, gymnasium.spaces.Dict)
+        action = {"torque": torque, "position": limits.robot_position.default}
+    env.step(action)
+    desired = env.platform.get_desired_action(0)
+    assert desired.torque == pytest.approx(torque)
+    if action_type is ActionType.TORQUE:
+        assert np.isnan(desired.position).all()
+    else:
+        assert desired.position == pytest.approx([0, 0.9, -1.7] * 3)
+
+
+def test_positions_are_actions_too() -> None:
+    env = CubeEnv(RandomInitializer(difficulty=1), ActionType.POSITION)
+    env.reset()
+    env.step(limits.robot_position.high)
+    desired = env.platform.get_desired_action(0)
+    assert desired.position == pytest.approx([1, 1.57, 0] * 3)
+    assert list(desired.torque) == [0] * 9
+
+
+def test_an_action_has_gains_that_are_not_numbers_unless_they_are_given() -> None:
+    action = trifinger_simulation.Action([0.1] * 9, [0.2] * 9)
+    assert np.isnan(action.position_kp).all()
+    assert np.isnan(action.position_kd).all()
+    action = trifinger_simulation.Action([0.1] * 9, [0.2] * 9, kp=[3] * 9, kd=[0.4] * 9)
+    assert list(action.torque) == [0.1] * 9
+    assert list(action.position) == [0.2] * 9
+    assert list(action.position_kp) == [3] * 9
+    assert list(action.position_kd) == [0.4] * 9
+
+
+def test_actions_of_platform_and_finger_have_defaults() -> None:
+    platform = TriFingerPlatform(time_step_s=0.002)
+    finger = platform.simfinger
+    assert isinstance(finger, SimFinger)
+    assert (finger.finger_type, finger.number_of_fingers) == ("trifingerpro", 3)
+    assert finger.time_step_s == platform.get_time_step() == 0.002
+    for action in (platform.Action(), finger.Action()):
+        assert list(action.torque) == [0] * 9
+        assert np.isnan(action.position).all()
+    assert list(finger.Action(position=[0.5] * 9).position) == [0.5] * 9
+
+
+def test_ids_of_links_are_nine_in_joint_order_and_three_tips() -> None:
+    finger = SimFinger("trifingerpro")
+    assert finger.finger_id.client is finger._pybullet_client_id
+    assert len(finger.pybullet_link_indices) == 9
+    assert finger.pybullet_link_indices == sorted(set(finger.pybullet_link_indices))
+    assert finger.pybullet_joint_indices == finger.pybullet_link_indices
+    assert len(finger.pybullet_tip_link_indices) == 3
+    assert not set(finger.pybullet_tip_link_indices) & set(finger.pybullet_link_indices)
+
+
+def test_the_marker_of_a_fork_is_a_cube_marker() -> None:
+    marker = visual_objects.CubeMarker2(0.065, [0, 0, 0.1], [0, 0, 0, 1])
+    assert list(marker.size) == [0.065] * 3
+
+
+def test_observations_of_the_cameras_can_be_replaced() -> None:
+    class Cameras:
+        def get_images(self) -> list[Any]:
+            return [np.full((2, 2, 3), i, dtype=np.uint8) for i in range(3)]
+
+    platform = TriFingerPlatform()
+    platform.tricamera = Cameras()
+    platform.enable_cameras = True
+    first = platform._get_current_camera_observation(0)
+    assert [each.image[0, 0, 0] for each in first.cameras] == [0, 1, 2]
+    assert [each.timestamp for each in first.cameras] == [0, 0, 0]
+    platform._delayed_camera_observation = first
+    platform._camera_observation_t = first
+    assert platform.get_camera_observation(0) is first
+    # The rhythm of the images stays.
+    changes, last = [], first
+    for _ in range(200):
+        t = platform.append_desired_action(platform.Action())
+        seen = platform.get_camera_observation(t)
+        if seen is not last:
+            changes.append(t)
+            last = seen
+    assert changes == [90, 190]
+
+
+def test_matrices_of_opencv_are_arrays() -> None:
+    image = np.arange(6, dtype=np.uint8).reshape(2, 3)
+    assert np.array_equal(np.array(camera_types.cvMat(image)), image)
+
+
+@pytest.mark.release
+def test_a_camera_sees_what_it_looks_at() -> None:
+    platform = TriFingerPlatform()
+    client = platform.simfinger._pybullet_client_id
+    # From above, with the image's right at the world's x.
+    eye = camera.Camera([0, 0, 0.25], [1, 0, 0, 0], image_size=(60, 40), pybullet_client_id=client)
+    with_cube = eye.get_image().astype(int)
+    assert with_cube.shape == (40, 60, 3)
+    platform.cube.set_state([0.04, 0, 0.0325], [0, 0, 0, 1])
+    moved = np.abs(eye.get_image() - with_cube).max(axis=2) > 20
+    assert np.nonzero(moved)[1].mean() > 32
+
+
+@pytest.mark.release
+def test_cameras_of_a_folder_can_get_company() -> None:
+    platform = TriFingerPlatform()
+    folder = trifinger_simulation.get_data_dir() / "camera_params"
+    cameras = camera.create_trifinger_camera_array_from_config(
+        folder,
+        "camera{id}_cropped_and_downsampled.yml",
+        platform.simfinger._pybullet_client_id,
+    )
+    assert [(one.get_width(), one.get_height()) for one in cameras.cameras] == [(270, 270)] * 3
+    cameras.cameras.append(cameras.cameras[0])
+    images = cameras.get_images()
+    assert len(images) == 4
+    assert np.array_equal(images[0], images[3])

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gtest/gtest.h>
+
+#include "support/malloc_counter.hpp"
+#include "trifinger/sim/direct_simulation.hpp"
+
+namespace trifinger::test {
+namespace {
+
+TEST(DirectAllocation, AStepNeedsNoMemory) {
+  DirectSimulation<TriFinger> direct({});
+  TriFinger::Action applied;
+  // The first contacts of the cube come with memory that MuJoCo keeps.
+  ASSERT_TRUE(direct.step({}));
+  const MallocCounter allocations;
+  for (int i = 0; i < 100; ++i) {
+    direct.apply_control({}, {.max_torque = 0.3}, applied);
+    ASSERT_TRUE(direct.step(applied.torque));
+  }
+  EXPECT_EQ(allocations.count(), 0);
+}
+
+}  // namespace
+}  // namespace trifinger::test
