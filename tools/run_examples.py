@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Runs the examples, in both languages: `./run examples [NAME ...]`.
 
-A NAME is the start of the name of an example: 05, or 05_own_robot. The first example needs a robot
-that already runs: it gets a simulated one, which is stopped after some steps.
+A NAME is the start of the name of an example: 05, or 05_own_robot. Some examples need robots that
+already run: they get simulated ones. That of the first example is stopped after some steps.
 """
 
 import os
@@ -11,7 +11,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import trifinger
@@ -20,6 +20,7 @@ from trifinger.commands import program
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = ROOT / "examples"
 CONTROL_LOOP = "01_basic_control_loop"
+TWO_ROBOTS = "16_two_robots"
 STEPS = 2000  # steps of the control loop before its robot is stopped
 
 
@@ -30,9 +31,9 @@ def commands(name: str, programs: Path) -> Iterator[tuple[str, list[str]]]:
 
 
 @contextmanager
-def simulated_robot() -> Iterator[None]:
-    """Runs a robot 'sim' that waits for actions, so that a busy machine does no harm."""
-    words = [program.path(), "run", "sim", "--non-real-time"]
+def simulated_robot(robot: str, *options: str) -> Iterator[None]:
+    """Runs a robot with these options of `trifinger run`."""
+    words = [program.path(), "run", robot, *options]
     with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as process:
         try:
             if not any("waits for a user" in line for line in process.stdout or ()):
@@ -44,9 +45,12 @@ def simulated_robot() -> Iterator[None]:
 
 
 def run_control_loop(command: Sequence[str]) -> tuple[int, str]:
-    """Runs the control loop on a robot that is stopped after some steps."""
+    """Runs the control loop on a robot that is stopped after some steps.
+
+    The robot waits for actions, so that a busy machine does no harm.
+    """
     with (
-        simulated_robot(),
+        simulated_robot("sim", "--non-real-time"),
         subprocess.Popen(
             command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
         ) as process,
@@ -59,6 +63,14 @@ def run_control_loop(command: Sequence[str]) -> tuple[int, str]:
         subprocess.run([program.path(), "stop", "sim"], check=True, stdout=subprocess.DEVNULL)
         output, _ = process.communicate()
     return process.returncode, output
+
+
+def run_two_robots(command: Sequence[str]) -> tuple[int, str]:
+    """Runs the example with two robots in real time."""
+    with ExitStack() as robots:
+        for robot in ("sim", str(EXAMPLES / "arm.yml")):
+            robots.enter_context(simulated_robot(robot))
+        return run_alone(command)
 
 
 def run_alone(command: Sequence[str]) -> tuple[int, str]:
@@ -86,8 +98,8 @@ def main(words: Sequence[str]) -> int:
             for language, command in commands(name, programs):
                 print(f"{name}, {language}", flush=True)
                 began = time.monotonic()
-                run = run_control_loop if name == CONTROL_LOOP else run_alone
-                status, output = run(command)
+                run = {CONTROL_LOOP: run_control_loop, TWO_ROBOTS: run_two_robots}
+                status, output = run.get(name, run_alone)(command)
                 print("".join(f"    {line}\n" for line in output.splitlines()), end="")
                 if status != 0:
                     failed.append(f"{name}, {language}")

@@ -10,13 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trifinger
-from conftest import BUILD, PROGRAM, StartProgram
+from conftest import BUILD, PROGRAM, Running, StartProgram
 
 pytestmark = pytest.mark.release  # these tests need the program
 
 PROGRAMS = BUILD / "examples"
 EXAMPLES = Path(__file__).parents[2] / "examples"
 CONTROL_LOOP = "01_basic_control_loop"  # connects to a robot that runs elsewhere
+TWO_ROBOTS = "16_two_robots"  # connects to two of them
 # This machine may be busy with other tests, so late actions must not cause a fault.
 PATIENT = (
     "--set",
@@ -31,7 +32,8 @@ def python_command(name: str) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    "name", sorted(path.stem for path in EXAMPLES.glob("*.py") if path.stem != CONTROL_LOOP)
+    "name",
+    sorted({path.stem for path in EXAMPLES.glob("*.py")} - {CONTROL_LOOP, TWO_ROBOTS}),
 )
 def test_shows_what_it_says(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", f"{PROGRAMS}:{os.environ['PATH']}")
@@ -48,9 +50,13 @@ def test_comes_in_both_languages() -> None:
 
 # ---- the basic control loop, in both languages ----
 
-in_both_languages = pytest.mark.parametrize(
-    "command", [[str(PROGRAMS / CONTROL_LOOP)], python_command(CONTROL_LOOP)], ids=["C++", "Python"]
-)
+
+def versions(name: str) -> pytest.MarkDecorator:
+    commands = [[str(PROGRAMS / name)], python_command(name)]
+    return pytest.mark.parametrize("command", commands, ids=["C++", "Python"])
+
+
+in_both_languages = versions(CONTROL_LOOP)
 
 
 @contextmanager
@@ -104,6 +110,85 @@ def test_the_control_loop_says_how_to_start_a_robot(command: list[str]) -> None:
     example = subprocess.run(command, capture_output=True, text=True)
     assert example.returncode == 1
     assert "'trifinger run sim" in example.stderr
+
+
+# ---- two robots ----
+
+
+# As PATIENT, for a robot whose configuration leaves the section out.
+PATIENT_BACKEND = """
+backend:
+  mode: real_time
+  period: 0.001
+  history: 16384
+  access: owner
+  late_action: {policy: repeat, max_repeats: 1000000}
+  max_skipped_ticks: 1000000
+  max_late_steps: 1000000
+  max_measurement_age: .inf
+  max_rejected_actions: 10
+  first_action_timeout: .inf
+"""
+
+
+@pytest.fixture
+def two_robots(start_program: StartProgram, tmp_path: Path) -> dict[str, Running]:
+    """A TriFinger and the arm in processes of their own, in real time and recorded."""
+    arm = tmp_path / "patient_arm.yml"
+    arm.write_text(f"extends: {EXAMPLES / 'arm.yml'}\n{PATIENT_BACKEND}")
+    robots = {"sim": ("sim", *PATIENT), "arm": (str(arm),)}
+    started = {}
+    for name, words in robots.items():
+        started[name] = start_program("run", *words, "--record", str(tmp_path / name))
+        started[name].wait_for("waits for a user")
+    return started
+
+
+def whole_session(folder: Path) -> trifinger.LoggedSession:
+    """What the only robot in these logs did; nothing is missing."""
+    session = trifinger.Log(folder).session()
+    assert session.is_real_time
+    assert session.steps is not None
+    assert session.steps >= 2000
+    assert session.gaps == []
+    return session
+
+
+@versions(TWO_ROBOTS)
+def test_one_program_controls_two_robots(
+    command: list[str], two_robots: dict[str, Running], tmp_path: Path
+) -> None:
+    with running(command) as program:
+        output, errors = program.communicate()
+    assert (program.returncode, errors) == (0, ""), output
+    for name, robot in two_robots.items():
+        assert re.search(rf"^{name}: \d+ steps$", output, re.MULTILINE)
+        assert robot.end()[0] == 0
+    finger = whole_session(tmp_path / "sim").observations["position"][:, 2]
+    elbow = whole_session(tmp_path / "arm").observations["position"][:, 1]
+    assert np.ptp(finger) > 0.3
+    assert np.ptp(elbow) == pytest.approx(np.ptp(finger), abs=0.2)  # the arm has followed
+
+
+@versions(TWO_ROBOTS)
+@pytest.mark.parametrize(("failing", "other"), [("arm", "sim"), ("sim", "arm")])
+def test_a_robot_that_fails_does_not_disturb_the_other(
+    command: list[str],
+    failing: str,
+    other: str,
+    two_robots: dict[str, Running],
+    tmp_path: Path,
+) -> None:
+    observer = trifinger.observe(failing)
+    with running(command) as program:
+        observer.wait_until_time_index(100)
+        two_robots[failing].process.kill()
+        output, _ = program.communicate()
+    assert program.returncode == 1
+    assert f"robot '{failing}' has stopped: the back-end died" in output
+    assert re.search(rf"^{other}: \d+ steps$", output, re.MULTILINE)
+    assert two_robots[other].end()[0] == 0
+    whole_session(tmp_path / other)
 
 
 # ---- ./run examples ----
