@@ -48,7 +48,7 @@ class Tasks {
 
  private:
   Tasks() {
-    for (const auto make : {reach_tasks, move_cube_tasks, throw_tasks}) {
+    for (const auto make : {reach_tasks, move_cube_tasks, throw_tasks, dclaw_tasks}) {
       std::ranges::move(make(), std::back_inserter(tasks_));
     }
   }

@@ -17,7 +17,7 @@ namespace trifinger {
 class Frames {
  public:
   /// `names` are those of sites, bodies or geoms; a site goes before a body of the same name.
-  /// @throws InvalidArgument that names the frames there are
+  /// @throws InvalidArgument that names the frames there are, or one that no joint moves
   Frames(std::shared_ptr<const ModelFile> model, std::span<const std::string> names);
 
   [[nodiscard]] std::size_t size() const noexcept { return chains_.size(); }

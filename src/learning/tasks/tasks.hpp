@@ -12,5 +12,6 @@ namespace trifinger::learning {
 [[nodiscard]] std::vector<TaskDescription> reach_tasks();
 [[nodiscard]] std::vector<TaskDescription> move_cube_tasks();
 [[nodiscard]] std::vector<TaskDescription> throw_tasks();
+[[nodiscard]] std::vector<TaskDescription> dclaw_tasks();
 
 }  // namespace trifinger::learning
