@@ -70,8 +70,8 @@ class PythonDirect {
   explicit PythonDirect(const RobotConfig& config)
       : name_(config.name),
         steps_(std::visit(
-            [](const auto& options) -> decltype(steps_) {
-              return decltype(steps_)(std::in_place_type<StepsOf<decltype(options)>>, options);
+            []<class R>(const SimulationOptions<R>& options) {
+              return Steps(std::in_place_type<DirectSteps<R>>, options);
             },
             config.simulation)) {}
 
@@ -87,17 +87,10 @@ class PythonDirect {
   }
 
  private:
-  template <class Options>
-  struct RobotOf;
-  template <class R>
-  struct RobotOf<const SimulationOptions<R>&> {
-    using type = R;
-  };
-  template <class Options>
-  using StepsOf = DirectSteps<typename RobotOf<Options>::type>;
+  using Steps = std::variant<DirectSteps<TriFinger>, DirectSteps<Finger>>;
 
   std::string name_;
-  std::variant<DirectSteps<TriFinger>, DirectSteps<Finger>> steps_;
+  Steps steps_;
 };
 
 void desire(PythonDirect& direct, nb::handle torque, nb::handle position, nb::handle position_kp,

@@ -14,10 +14,10 @@ std::optional<std::array<float, 3>> rgb_of(std::string_view colour) {
   if (colour.size() != 7 || colour.front() != '#') return std::nullopt;
   std::array<float, 3> rgb{};
   for (std::size_t i = 0; i < rgb.size(); ++i) {
-    const std::string_view digits = colour.substr(1 + 2 * i, 2);
+    const char* const begin = &colour[1 + 2 * i];
+    const char* const end = begin + 2;
     unsigned value = 0;
-    const char* const end = digits.data() + digits.size();
-    const auto read = std::from_chars(digits.data(), end, value, 16);
+    const auto read = std::from_chars(begin, end, value, 16);
     if (read.ec != std::errc{} || read.ptr != end) return std::nullopt;
     rgb[i] = static_cast<float>(value) / 255.0F;
   }

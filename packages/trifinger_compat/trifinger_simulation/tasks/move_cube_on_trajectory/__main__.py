@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from trifinger_compat.commands import print_result
 from trifinger_compat.evaluation import read_pickle, replay, run_policy, write_pickle
 
 from trifinger_simulation.tasks import move_cube_on_trajectory as task
@@ -93,12 +94,7 @@ def run(arguments: Any) -> str:
 
 def main(words: Sequence[str] | None = None) -> int:
     """Runs a command; its result is on stdout, an error on stderr."""
-    try:
-        print(run(parse(words)))
-    except Exception as error:
-        print(error, file=sys.stderr)
-        return 1
-    return 0
+    return print_result(lambda: run(parse(words)))
 
 
 if __name__ == "__main__":

@@ -6,6 +6,8 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
+from trifinger_compat.commands import print_result
+
 from trifinger_simulation.tasks import rearrange_dice
 from trifinger_simulation.tasks.rearrange_dice import utils
 
@@ -63,12 +65,7 @@ def run(arguments: Any) -> str:
 
 def main(words: Sequence[str] | None = None) -> int:
     """Runs a command; its result is on stdout, an error on stderr."""
-    try:
-        print(run(parse(words)))
-    except Exception as error:
-        print(error, file=sys.stderr)
-        return 1
-    return 0
+    return print_result(lambda: run(parse(words)))
 
 
 if __name__ == "__main__":

@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The types of a robot with a number of joints: each module of robot_interfaces has a set."""
+
+from typing import Any, NamedTuple
+
+from trifinger_compat.binary_log import BaseBinaryLogReader
+from trifinger_compat.logger import BaseLogger
+from trifinger_compat.robot_data import MultiProcessData, RobotFrontend, SingleProcessData
+from trifinger_compat.structures import BaseAction, BaseObservation, BaseTipObservation
+
+
+class RobotTypes(NamedTuple):
+    """The types by their names in a module."""
+
+    action: type[BaseAction]
+    observation: type[BaseObservation]
+    single_process_data: type[SingleProcessData]
+    multi_process_data: type[MultiProcessData]
+    frontend: type[RobotFrontend]
+    logger: type[BaseLogger]
+    binary_log_reader: type[BaseBinaryLogReader]
+
+
+def define(module: str, joints: int, tips: int = 0) -> RobotTypes:
+    """Makes the types of a module; pickles find them there. `tips` is the number of tip sensors."""
+
+    def derived(name: str, base: type, **members: Any) -> Any:
+        own = {"__module__": module, "__doc__": base.__doc__, **members}
+        return type(name, (base,), own)
+
+    action = derived("Action", BaseAction, JOINTS=joints, __slots__=())
+    base = BaseTipObservation if tips else BaseObservation
+    observation = derived("Observation", base, JOINTS=joints, TIPS=tips, __slots__=())
+    series = {"action_class": action, "observation_class": observation}
+    return RobotTypes(
+        action,
+        observation,
+        derived("SingleProcessData", SingleProcessData, **series),
+        derived("MultiProcessData", MultiProcessData, **series),
+        derived("Frontend", RobotFrontend, Action=action),
+        derived("Logger", BaseLogger),
+        derived("BinaryLogReader", BaseBinaryLogReader, **series),
+    )
