@@ -58,5 +58,6 @@ void add_log_replay(CLI::App& log, Action& action);
 // model/
 void add_config(CLI::App& program, Action& action);
 void add_model(CLI::App& program, Action& action);
+void add_new(CLI::App& program, Action& action);
 
 }  // namespace trifinger::apps

@@ -125,6 +125,7 @@ int run_program(const std::vector<std::string>& words) {
   add_log(program, action);
   add_config(program, action);
   add_model(program, action);
+  add_new(program, action);
   add_doctor(program, action);
   using enum Package;
   declare_external(program, "manipulate", "Lift or slide a cube with a running robot", kPrograms);

@@ -51,14 +51,15 @@ class Middle final : public Task {
 }  // namespace
 
 int main() {
-  add_task({.name = "middle", .options = {.action = ActionKind::kPositionChange, .duration = 2.0}, .make = [](trifinger::learning::Workspace&) {
+  const EnvironmentOptions options{.action = ActionKind::kPositionChange, .duration = 2.0};
+  add_task({.name = "middle", .options = options, .make = [](const Workspace&) {
               return std::make_unique<Middle>();
             }});
 
   constexpr int kSimulations = 16;
   trifinger::SimulationOptions<trifinger::TriFinger> simulation;
   simulation.description.objects.clear();
-  EnvironmentBatch batch("middle", kDefaults, simulation, kSimulations);
+  EnvironmentBatch batch("middle", options, simulation, kSimulations);
   for (std::size_t i = 0; i < batch.size(); ++i) batch.seed(i, 1 + i);
   batch.reset();
 

@@ -142,6 +142,12 @@ double fallback(const JointLimitField& field, const JointLimit& limit) {
   return may_be_off ? std::numeric_limits<double>::infinity() : kNotGiven;
 }
 
+// True for a value that nobody has said. Missing gains are asked for as the default gains.
+bool must_be_asked_for(const JointLimitField& field, double value) {
+  const bool follows = field.value == &JointLimit::max_kp || field.value == &JointLimit::max_kd;
+  return !is_said(value) && !follows;
+}
+
 // The values of each joint that nobody has said.
 using Missing = std::vector<std::vector<const JointLimitField*>>;
 
@@ -209,9 +215,7 @@ std::vector<JointLimit> read_limits_by_name(const Node& root, std::span<const Na
         value = joints[i].known.*field.value;
       }
       if (!is_said(value)) value = fallback(field, limits[i]);
-      // Gains that are missing are asked for as the default gains.
-      const bool follows = field.value == &JointLimit::max_kp || field.value == &JointLimit::max_kd;
-      if (!is_said(value) && !follows) missing[i].push_back(&field);
+      if (must_be_asked_for(field, value)) missing[i].push_back(&field);
     }
   }
   const Node& place = safety ? *safety : root;
@@ -231,6 +235,21 @@ std::vector<JointLimit> read_limits_by_name(const Node& root, std::span<const Na
               " " + problem->text);
   }
   return limits;
+}
+
+std::string limits_to_fill_in(std::span<const NamedJoint> joints) {
+  Missing missing(joints.size());
+  bool is_complete = true;
+  for (std::size_t i = 0; i < joints.size(); ++i) {
+    JointLimit limit = joints[i].known;
+    for (const JointLimitField& field : JointLimit::fields()) {
+      double& value = limit.*field.value;
+      if (!is_said(value)) value = fallback(field, limit);
+      if (must_be_asked_for(field, value)) missing[i].push_back(&field);
+    }
+    is_complete = is_complete && missing[i].empty();
+  }
+  return is_complete ? "" : text_to_fill_in(joints, missing);
 }
 
 }  // namespace trifinger

@@ -9,9 +9,10 @@
 #include <system_error>
 #include <utility>
 
-#include "read_backend.hpp"
+#include "from_file.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/text_of.hpp"
+#include "trifinger/joint/read_backend.hpp"
 #include "trifinger/joint/read_limits.hpp"
 #include "trifinger/sim/file_plant.hpp"
 
@@ -52,7 +53,7 @@ std::shared_ptr<const ModelFile> read_model(const Node& robot, const std::option
     options.mesh_folder = options.path.parent_path() / meshes->as<std::string>();
   }
   options.joints = robot.optional<std::vector<std::string>>("joints", {});
-  if (period) options.period = detail::read_period(*period);
+  if (period) options.period = read_period(*period);
   const auto armature = robot.optional_section("armature");
   const auto every = armature ? armature->find("every_joint") : std::nullopt;
   options.armature = [&](const std::string& joint) -> std::optional<double> {
@@ -146,12 +147,12 @@ FileRobotConfig read_file_robot(const File& file) {
   config.robot.model = read_model(robot, period);
   read_start(robot, config.robot);
   if (backend) {
-    config.backend = detail::read_backend(*backend, config.session, Nanoseconds(1));
+    config.backend = read_backend(*backend, config.session);
   } else {
     const File usual = File::parse(std::string(kUsualBackend) + "period: " +
                                        detail::text_of(in_seconds(config.robot.model->period())),
                                    "backend");
-    config.backend = detail::read_backend(usual.root(), config.session, Nanoseconds(1));
+    config.backend = read_backend(usual.root(), config.session);
     config.backend.period = config.robot.model->period();
   }
   config.robot.limits = read_limits_by_name(root, joints_of(*config.robot.model));

@@ -9,9 +9,10 @@
 #include <set>
 #include <utility>
 
-#include "read_backend.hpp"
+#include "from_file.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/text_of.hpp"
+#include "trifinger/joint/read_backend.hpp"
 #include "trifinger/joint/read_limits.hpp"
 
 namespace trifinger {
@@ -365,7 +366,7 @@ RobotConfig read_robot_config(const config::File& file) {
   const bool is_on_boards =
       root.required_choice<bool>("driver", {{"simulation", false}, {"boards", true}});
   RobotDescription description = read_description(root);
-  config.backend = detail::read_backend(root.section("backend"), config.session, kPhysicsStep);
+  config.backend = read_backend(root.section("backend"), config.session, kPhysicsStep);
   if (description.arrangement == Arrangement::kTriFinger) {
     config.simulation =
         read_simulation<TriFinger>(root, std::move(description), config.backend.period);

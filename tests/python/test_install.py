@@ -8,7 +8,8 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from conftest import BUILD, output_of
+import trifinger
+from conftest import BUILD, StartProgram, output_of
 
 pytestmark = pytest.mark.release
 
@@ -159,6 +160,53 @@ def test_others_build_programs_that_simulate(prefix: Path, tmp_path: Path) -> No
 def test_others_build_controllers_without_simulation(prefix: Path, tmp_path: Path) -> None:
     program = build_consumer(CONSUMERS / "control", tmp_path, prefix, *without("Eiquadprog"))
     assert run(program) == "each of two tips presses with 1.30 N\n"
+
+
+def test_others_begin_a_robot_of_their_own_with_a_project_that_works(
+    prefix: Path, tmp_path: Path, start_program: StartProgram
+) -> None:
+    trifinger_program = prefix / "bin" / "trifinger"
+    said = run(trifinger_program, "new", "robot", "two_axes", "--to", tmp_path)
+    assert f"{tmp_path}/two_axes/ has a robot with a driver in one file, two_axes.hpp" in said
+    project = tmp_path / "two_axes"
+    assert {path.name for path in project.iterdir()} == {
+        *("CMakeLists.txt", "README.md", "main.cpp"),
+        *("two_axes.hpp", "two_axes.yml", "two_axes_test.cpp"),
+    }
+    texts = [path.read_text() for path in project.iterdir()]
+    assert not any(re.search(r"my_robot|MyRobot|SPDX|@", text) for text in texts)
+
+    # As its README says, with warnings as errors.
+    build = project / "build"
+    warnings = "-DCMAKE_CXX_FLAGS=-Wall -Wextra -Wpedantic -Wshadow -Wconversion -Werror"
+    run(
+        *("cmake", "-G", "Ninja", "-S", project, "-B", build, warnings),
+        f"-DCMAKE_PREFIX_PATH={prefix}",
+    )
+    run("cmake", "--build", build)
+    run("ctest", "--test-dir", build, "--output-on-failure")
+
+    # This machine may be busy with other tests.
+    configuration = project / "two_axes.yml"
+    configuration.write_text(re.sub(r"(max_\w+s): \d+", r"\1: 1000000", configuration.read_text()))
+    robot = start_program(str(configuration), program=[str(build / "two_axes")])
+    robot.wait_for("two_axes runs")
+    words = ["record", "two_axes", "--to", str(tmp_path / "logs"), "--until-end"]
+    recorder = start_program(*words, program=[str(trifinger_program)])
+    recorder.wait_for("records into")
+    assert "two_axes" in output_of(trifinger_program, "status", "two_axes", "--once")
+    with trifinger.connect("two_axes") as user:
+        for _ in range(100):
+            t = user.append_desired_action(user.new_action(position=[0.5, -0.5]))
+        assert user.get_applied_action(t).position.tolist() == [0.5, -0.5]
+        user.finish()
+    output_of(trifinger_program, "stop", "two_axes")
+    assert robot.process.wait() == 0
+    assert recorder.process.wait() == 0
+    session = trifinger.Log(tmp_path / "logs").session("two_axes")
+    assert session.type == "two_axes"
+    assert session.steps is not None
+    assert session.steps >= 100
 
 
 @pytest.mark.parametrize(

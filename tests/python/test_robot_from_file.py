@@ -57,10 +57,10 @@ def arm(tmp_path: Path) -> str:
 
 def test_a_robot_from_a_file_moves_like_any_other(arm: str) -> None:
     robot = trifinger.simulate(arm)
-    assert robot.Action().torque.shape == (2,)
+    assert robot.new_action().torque.shape == (2,)
     t = -1
     for _ in range(1000):
-        t = robot.append_desired_action(robot.Action(position=[0.5, -0.4]))
+        t = robot.append_desired_action(robot.new_action(position=[0.5, -0.4]))
     observation = robot.get_observation(t)
     np.testing.assert_allclose(observation.position, [0.5, -0.4], atol=0.1)
     # The motors are in the order of the actuators, the joints in that of the model.
@@ -77,7 +77,7 @@ def test_the_owner_of_the_simulation_places_everything(arm: str) -> None:
     np.testing.assert_allclose(orientation, [1, 0, 0, 0])
     robot = simulation.connect()
     state = simulation.save()
-    t = robot.append_desired_action(robot.Action(position=[0.5, 0.5]))
+    t = robot.append_desired_action(robot.new_action(position=[0.5, 0.5]))
     first = robot.get_observation(t + 1)
     simulation.restore(state)
     assert first.position[0] != pytest.approx(0.1, abs=1e-12)
@@ -102,7 +102,7 @@ def test_its_sessions_are_recorded_and_drawn(arm: str, tmp_path: Path) -> None:
     with simulation.record(tmp_path):
         robot = simulation.connect()
         for _ in range(100):
-            t = robot.append_desired_action(robot.Action(position=[0.5, -0.4]))
+            t = robot.append_desired_action(robot.new_action(position=[0.5, -0.4]))
         last = robot.get_observation(t)
         robot.finish()
     session = trifinger.Log(tmp_path).session("arm")

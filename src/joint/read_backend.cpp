@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "read_backend.hpp"
+#include "trifinger/joint/read_backend.hpp"
 
 #include <chrono>
 #include <cstddef>
@@ -7,15 +7,10 @@
 
 #include "trifinger/base/text_of.hpp"
 
-namespace trifinger::detail {
+namespace trifinger {
 
 using config::Node;
 using config::Range;
-
-bool is_from_file(const Node& root) {
-  const auto robot = root.optional_section("robot");
-  return robot && (robot->find("mjcf") || robot->find("urdf"));
-}
 
 Nanoseconds read_period(const Node& period) {
   return std::chrono::round<Nanoseconds>(
@@ -31,7 +26,7 @@ BackendOptions read_backend(const Node& section, SessionOptions& session, Nanose
   const Node period = section.at("period", "s");
   options.period = read_period(period);
   if (options.period % step != Nanoseconds::zero()) {
-    period.fail("is " + text_of(std::chrono::duration<double>(options.period).count()) +
+    period.fail("is " + detail::text_of(std::chrono::duration<double>(options.period).count()) +
                 " s, must be a whole number of milliseconds in a simulation");
   }
 
@@ -65,4 +60,4 @@ BackendOptions read_backend(const Node& section, SessionOptions& session, Nanose
   return options;
 }
 
-}  // namespace trifinger::detail
+}  // namespace trifinger

@@ -1,0 +1,229 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include "commands.hpp"
+#include "trifinger/base/error.hpp"
+#include "trifinger/base/regular_file.hpp"
+#include "trifinger/joint/read_limits.hpp"
+#include "trifinger/joint/types.hpp"
+#include "trifinger/model/model_file.hpp"
+#include "trifinger/sim/file_robot.hpp"
+#include "trifinger/sim/robot_config.hpp"
+
+namespace trifinger::apps {
+namespace {
+
+namespace fs = std::filesystem;
+
+// The robot that the templates are about.
+constexpr std::string_view kName = "my_robot";
+constexpr std::string_view kStruct = "MyRobot";
+constexpr std::string_view kTemplates = "new_robot";  // a folder of the configurations
+constexpr std::string_view kVersion = "@TRIFINGER_VERSION@";
+// The files that name the robot last, so that a driver is looked at before what uses it.
+constexpr std::array<std::string_view, 6> kFiles{
+    "README.md", "my_robot.hpp", "my_robot.yml", "my_robot_test.cpp", "main.cpp", "CMakeLists.txt"};
+
+struct NewRobotOptions {
+  std::string name;
+  std::optional<fs::path> file;
+  fs::path folder{"."};
+};
+
+bool is_lower(char letter) { return letter >= 'a' && letter <= 'z'; }
+bool is_digit(char letter) { return letter >= '0' && letter <= '9'; }
+
+// The name becomes that of files, a session, a type in C++ and a target of CMake.
+void require_usable(const std::string& name) {
+  const bool is_plain =
+      !name.empty() && is_lower(name.front()) &&
+      std::ranges::all_of(
+          name,
+          [](char letter) { return is_lower(letter) || is_digit(letter) || letter == '_'; }) &&
+      name.find("__") == std::string::npos && name.back() != '_';
+  if (!is_plain) {
+    throw UsageError(fmt::format(
+        "'{}' cannot name a robot; a name has lower-case letters, digits and single '_' between "
+        "them, such as my_robot",
+        name));
+  }
+  constexpr std::size_t kMostLetters = 40;
+  if (name.size() > kMostLetters) {
+    throw UsageError(
+        fmt::format("the name '{}' has {} letters, may have {}", name, name.size(), kMostLetters));
+  }
+  constexpr std::array<std::string_view, 9> kTaken{
+      "all", "clean", "finger", "help", "install", "package", "test", "trifinger", "main"};
+  if (std::ranges::find(kTaken, name) != kTaken.end()) {
+    throw UsageError(fmt::format("'{}' means something else already; choose another name", name));
+  }
+}
+
+// "my_robot" becomes "MyRobot".
+std::string struct_name(const std::string& name) {
+  std::string words;
+  bool begins = true;
+  for (const char letter : name) {
+    if (letter != '_')
+      words += begins && is_lower(letter) ? static_cast<char>(letter - 'a' + 'A') : letter;
+    begins = letter == '_';
+  }
+  return words;
+}
+
+std::string replaced(std::string text, std::string_view from, std::string_view to) {
+  for (std::size_t at = text.find(from); at != std::string::npos;
+       at = text.find(from, at + to.size())) {
+    text.replace(at, from.size(), to);
+  }
+  return text;
+}
+
+std::string read_template(std::string_view name) {
+  for (const fs::path& place : config_folders(std::string(kTemplates))) {
+    constexpr std::size_t kMaxSize = 1U << 20U;
+    if (fs::exists(place / name)) return read_file(place / name, kMaxSize);
+  }
+  throw Error(fmt::format("the template {}/{} is missing in this installation", kTemplates, name));
+}
+
+// The template for somebody else's project: it is theirs, so our licence line goes.
+std::string for_robot(std::string text, const std::string& name) {
+  if (text.find("SPDX-License-Identifier") < text.find('\n')) text.erase(0, text.find('\n') + 1);
+  if (text.starts_with("#\n")) text.erase(0, 2);
+  const std::string version = TRIFINGER_VERSION;
+  text = replaced(std::move(text), kVersion, version.substr(0, version.rfind('.')));
+  return replaced(replaced(std::move(text), kName, name), kStruct, struct_name(name));
+}
+
+void require_new(const fs::path& path) {
+  std::error_code ignored;
+  if (fs::symlink_status(path, ignored).type() == fs::file_type::not_found) return;
+  throw Error(fmt::format("{} exists already; nothing was written", path.string()));
+}
+
+void write_driver(const NewRobotOptions& options) {
+  const fs::path folder = options.folder / options.name;
+  std::vector<std::pair<fs::path, std::string>> files;
+  for (const std::string_view file : kFiles) {
+    files.emplace_back(folder / replaced(std::string(file), kName, options.name),
+                       for_robot(read_template(file), options.name));
+  }
+  require_new(folder);
+  std::error_code problem;
+  fs::create_directories(folder, problem);
+  if (problem) throw SystemError("make the folder " + folder.string(), problem.value());
+  for (const auto& [path, text] : files) write_new_file(path, std::as_bytes(std::span(text)));
+  fmt::print(
+      "{}/ has a robot with a driver in one file, {}.hpp, where FILL_IN marks what you replace.\n"
+      "It builds, passes its test and runs as it is: {}/README.md says how.\n",
+      folder.string(), options.name, folder.string());
+}
+
+// The configuration of a simulated robot from a file.
+std::string configuration_of(const NewRobotOptions& options, const ModelFile& model,
+                             const fs::path& file) {
+  const bool is_urdf = file.extension() == ".urdf";
+  std::string text = fmt::format(
+      "# {}, simulated. docs/any_robot.md explains the keys; 'trifinger config {}.yml' checks "
+      "them.\n"
+      "name: {}\ndriver: simulation\n\nrobot:\n  {}: '{}'\n",
+      model.name(), options.name, options.name, is_urdf ? "urdf" : "mjcf",
+      replaced(file.string(), "'", "''"));
+  text +=
+      "  # Where joints begin, if not at zero or in the file's first key frame [rad], [m].\n"
+      "  # initial_position: {JOINT: 0.5}\n"
+      "  # Inertia of the rotors behind their gears, if the file leaves it out [kgm^2], [kg].\n"
+      "  # armature: {every_joint: 0.1}\n";
+  const std::string missing = limits_to_fill_in(joints_of(model));
+  if (missing.empty()) return text;
+  return text +
+         "\n"
+         "# What the file does not say and safety needs. Values of joints that slide are in m and "
+         "N.\n"
+         "#   max_torque              largest torque of the motor [Nm]\n"
+         "#   safety_kd               damping that always acts, whatever a user asks for "
+         "[Nms/rad]\n"
+         "#   soft_lower, soft_upper  targets are clamped, and a joint beyond is pushed back "
+         "[rad]\n"
+         "#   default_kp, default_kd  gains of a position that comes without its own [Nm/rad], "
+         "[Nms/rad]\n"
+         "#   max_velocity            a faster joint is not driven, but braked [rad/s]\n"
+         "#   braking                 deceleration that must suffice to stop at a soft limit "
+         "[rad/s^2]\n" +
+         missing;
+}
+
+void write_configuration(const NewRobotOptions& options) {
+  const ModelFile model({.path = *options.file});
+  const fs::path path = options.folder / (options.name + ".yml");
+  require_new(path);
+  // From the folder of the configuration, so that both can be moved together.
+  std::error_code ignored;
+  fs::path file = fs::relative(fs::absolute(*options.file), fs::absolute(options.folder), ignored);
+  if (file.empty()) file = fs::absolute(*options.file);
+  const std::string text = configuration_of(options, model, file);
+  write_new_file(path, std::as_bytes(std::span(text)));
+  const bool is_whole = text.find("FILL_IN") == std::string::npos;
+  fmt::print("{} has the {} joints of {}.\n", path.string(), model.joints().size(),
+             options.file->string());
+  fmt::print("{}'trifinger run {}' starts it.\n",
+             is_whole ? "" : "Replace each FILL_IN: nobody may guess what safety needs. Then ",
+             path.string());
+}
+
+int make_robot_files(const NewRobotOptions& options) {
+  require_usable(options.name);
+  if (options.file) {
+    write_configuration(options);
+  } else {
+    write_driver(options);
+  }
+  return kDone;
+}
+
+void add_new_robot(CLI::App& parent, Action& action) {
+  const auto& [command, options] = add_command(
+      parent, action, "robot", "Write a robot of your own to begin with", make_robot_files);
+  command.add_option("NAME", options.name, "Its name, such as my_robot")->required();
+  command
+      .add_option(
+          "--from", options.file,
+          "Write a configuration that simulates the robot of this MJCF or URDF file, instead "
+          "of a driver")
+      ->option_text("FILE");
+  command.add_option("--to", options.folder, "Where to write; default: the working directory")
+      ->option_text("FOLDER");
+  command.footer(
+      "Without --from it makes the folder NAME: a driver in one C++ file, its configuration, a "
+      "test,\n"
+      "and a project that builds against an installed trifinger.\n"
+      "Example:\n"
+      "  trifinger new robot my_robot\n"
+      "  trifinger new robot panda --from panda.xml");
+}
+
+}  // namespace
+
+void add_new(CLI::App& program, Action& action) {
+  CLI::App* const command = program.add_subcommand("new", "Write files to begin with");
+  command->require_subcommand(1);
+  command->footer(
+      "Example:\n"
+      "  trifinger new robot my_robot");
+  add_new_robot(*command, action);
+}
+
+}  // namespace trifinger::apps

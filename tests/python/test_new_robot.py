@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""`trifinger new robot`; test_install.py builds and runs what it writes."""
+
+from pathlib import Path
+
+import pytest
+import trifinger
+from conftest import PROGRAM, output_of
+
+pytestmark = pytest.mark.release  # these tests need the program
+
+MJCF = """<mujoco model="gantry">
+  <compiler angle="radian"/>
+  <worldbody>
+    <body>
+      <joint name="rail" type="slide" axis="1 0 0" range="-1 1" armature="1"/>
+      <geom size="0.05" mass="1"/>
+      <body pos="0 0 -0.1">
+        <joint name="swing" axis="0 1 0" armature="0.01"/>
+        <geom size="0.02" pos="0 0 -0.1" mass="0.1"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator><motor joint="rail" ctrlrange="-20 20"/><motor joint="swing"/></actuator>
+</mujoco>
+"""
+URDF = """<robot name="lever">
+  <link name="base"/>
+  <link name="lever">
+    <inertial>
+      <mass value="0.2"/>
+      <inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/>
+    </inertial>
+  </link>
+  <joint name="hinge" type="revolute">
+    <parent link="base"/><child link="lever"/><axis xyz="0 1 0"/>
+    <limit lower="-1" upper="1" effort="2" velocity="3"/>
+  </joint>
+</robot>
+"""
+
+
+def new_robot(*words: str | Path, succeeds: bool = True) -> str:
+    return output_of(PROGRAM, "new", "robot", *words, succeeds=succeeds)
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("My-Robot", "cannot name a robot; a name has lower-case letters"),
+        ("2_axes", "cannot name a robot"),
+        ("a__b", "cannot name a robot"),
+        ("../robot", "cannot name a robot"),
+        ("trifinger", "means something else already"),
+        ("test", "means something else already"),
+        ("x" * 41, "has 41 letters, may have 40"),
+    ],
+)
+def test_refuses_names_that_cannot_work(name: str, reason: str, tmp_path: Path) -> None:
+    assert reason in new_robot(name, "--to", tmp_path, succeeds=False)
+    assert list(tmp_path.iterdir()) in ([], [tmp_path / "sessions"])
+
+
+def test_leaves_what_is_there_alone(tmp_path: Path) -> None:
+    (tmp_path / "cart").mkdir()
+    said = new_robot("cart", "--to", tmp_path, succeeds=False)
+    assert f"{tmp_path}/cart exists already; nothing was written" in said
+    assert list((tmp_path / "cart").iterdir()) == []
+    (tmp_path / "gantry.xml").write_text(MJCF)
+    (tmp_path / "cart.yml").write_text("mine")
+    words = ["cart", "--from", tmp_path / "gantry.xml", "--to", tmp_path]
+    assert "cart.yml exists already" in new_robot(*words, succeeds=False)
+    assert (tmp_path / "cart.yml").read_text() == "mine"
+
+
+def test_asks_for_what_the_file_of_a_robot_does_not_say(tmp_path: Path) -> None:
+    models = tmp_path / "models"
+    models.mkdir()
+    (models / "gantry.xml").write_text(MJCF)
+    said = new_robot("gantry", "--from", models / "gantry.xml", "--to", tmp_path)
+    assert "gantry.yml has the 2 joints of" in said
+    assert "Replace each FILL_IN" in said
+    path = tmp_path / "gantry.yml"
+    text = path.read_text()
+    assert "mjcf: 'models/gantry.xml'" in text
+    assert "rail: {soft_lower: FILL_IN, soft_upper: FILL_IN}  # its stops: -1 to 1 m" in text
+    assert "swing: {max_torque: FILL_IN, soft_lower: FILL_IN, soft_upper: FILL_IN}" in text
+    refusal = output_of(PROGRAM, "config", path, succeeds=False)
+    assert "'FILL_IN'" in refusal
+
+    # With numbers it is a robot.
+    text = text.replace("soft_lower: FILL_IN", "soft_lower: -0.9")
+    text = text.replace("soft_upper: FILL_IN", "soft_upper: 0.9")
+    path.write_text(text.replace("FILL_IN", "1"))
+    robot = trifinger.simulate(str(path))
+    t = robot.append_desired_action(robot.new_action(torque=[1, 0]))
+    assert robot.get_applied_action(t).torque[0] == pytest.approx(1)
+
+
+def test_reads_urdf(tmp_path: Path) -> None:
+    (tmp_path / "lever.urdf").write_text(URDF)
+    new_robot("lever", "--from", tmp_path / "lever.urdf", "--to", tmp_path)
+    text = (tmp_path / "lever.yml").read_text()
+    assert "urdf: 'lever.urdf'" in text
+    assert "hinge: {soft_lower: FILL_IN, soft_upper: FILL_IN}  # its stops: -1 to 1 rad" in text
+
+
+def test_says_what_is_wrong_with_the_file_of_a_robot(tmp_path: Path) -> None:
+    words = ["cart", "--from", tmp_path / "cart.xml", "--to", tmp_path]
+    assert "cart.xml" in new_robot(*words, succeeds=False)
+    (tmp_path / "cart.xml").write_text("<mujoco><worldbody/></mujoco>")
+    assert "cart.xml" in new_robot(*words, succeeds=False)
+    assert not (tmp_path / "cart.yml").exists()
