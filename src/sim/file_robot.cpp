@@ -47,7 +47,7 @@ std::uint64_t fingerprint_of(const mjModel& model) {
   return hash;
 }
 
-std::string unit_of(const FileJoint& joint) { return joint.is_slide ? " m" : " rad"; }
+std::string_view unit_of(const FileJoint& joint) { return joint.is_slide ? " m" : " rad"; }
 
 // Letters, digits and '_', for names of types.
 std::string plain_name(const std::string& name) {
@@ -64,6 +64,7 @@ std::string plain_name(const std::string& name) {
 
 std::vector<std::string> names_of(const ModelFile& model) {
   std::vector<std::string> names;
+  names.reserve(model.joints().size());
   for (const FileJoint& joint : model.joints()) names.push_back(joint.name);
   return names;
 }

@@ -101,7 +101,7 @@ TEST_F(RobotConfigFile, EveryOneThatComesWithTheProgramRuns) {
       run_ten_steps(*from_file);
       continue;
     }
-    const RobotConfig& config = std::get<RobotConfig>(any);
+    const auto& config = std::get<RobotConfig>(any);
     std::visit([&](const auto& options) { run_ten_steps(options, config.session); },
                config.simulation);
   }
