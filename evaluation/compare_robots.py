@@ -67,7 +67,7 @@ class Finger:
     @property
     def site(self) -> int:
         """The number of the tip."""
-        return mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_SITE, self.robot.tip)
+        return int(mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_SITE, self.robot.tip))
 
     def jacobian(self) -> Array:
         """How the tip moves with the joints of the finger, 3 x 3 [m/rad]."""
