@@ -46,6 +46,7 @@ MEASURES = (
     Measure("vector_environment_2_threads", "figures"),
     Measure("environment", "figures"),
     Measure("python_environment", "figures", is_python=True, reference="environment"),
+    Measure("any_robot", "figures"),
     Measure("lift", "figures"),
     Measure("live_view", "figures", is_python=True),
     Measure("recorder", "logs", is_python=True),
