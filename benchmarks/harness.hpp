@@ -138,6 +138,7 @@ Measure can_frames;
 Measure safety_chain, simulation, cameras, control_cycle;
 Measure policy, single_precision_policy;
 Measure vector_environment_1_thread, vector_environment_2_threads, environment;
+Measure any_robot;
 Measure log_files, recorded_simulation, recorded_images;
 Measure images;
 Measure dead_user, dead_user_with_repeats, dead_backend, kills;

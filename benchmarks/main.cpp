@@ -43,6 +43,7 @@ constexpr std::array kMeasures{
     NamedMeasure{"vector_environment_1_thread", benchmarks::vector_environment_1_thread},
     NamedMeasure{"vector_environment_2_threads", benchmarks::vector_environment_2_threads},
     NamedMeasure{"environment", benchmarks::environment},
+    NamedMeasure{"any_robot", benchmarks::any_robot},
     NamedMeasure{"lift", benchmarks::lift},
     NamedMeasure{"log", benchmarks::log_files},
     NamedMeasure{"recorded_simulation", benchmarks::recorded_simulation},

@@ -47,6 +47,7 @@ MEASURES = (
     Measure("vector_environment_2_threads", "figures"),
     Measure("environment", "figures"),
     Measure("python_environment", "figures", is_python=True, reference="environment"),
+    Measure("any_robot", "figures"),
     Measure("compat", "figures", is_python=True),
     Measure("lift", "figures"),
     Measure("live_view", "figures", is_python=True),

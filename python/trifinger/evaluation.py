@@ -89,7 +89,7 @@ class Evaluator:
         options: Options,
         episodes: int = 50,
         seed: int = SEED,
-        config: str = "trifinger_edu",
+        config: str | None = None,
     ) -> None:
         self._environment = VectorEnvironment(
             task,
@@ -166,12 +166,12 @@ def evaluate(
 ) -> Evaluation:
     """Evaluates a policy with the options and the robot that its file names.
 
-    If the file names none, they are the task's options and the robot trifinger_edu. Raises
+    If the file names none, they are the task's options and its usual robot. Raises
     InvalidArgument if the policy does not fit the task.
     """
     text = policy.metadata.get("options")
     options = Options.from_json(text) if text else Options.of(task)
-    config = policy.metadata.get("robot", "trifinger_edu")
+    config = policy.metadata.get("robot")
     evaluator = Evaluator(task, options, episodes, seed, config)
     return evaluator(act_of(policy), evaluator.rows_of(policy), watch)
 

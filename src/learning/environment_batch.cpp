@@ -403,9 +403,10 @@ class EnvironmentBatch::Typed final : public EnvironmentBatch::Implementation {
       configuration.insert(configuration.end(), data.qvel, data.qvel + model.nv);
       one.sight->capture(step, std::move(configuration));
     }
-    if (!has_object_ || is_tracked_) return;
+    // A task sees all free bodies of a robot from a file.
+    if ((!has_object_ && !kIsFromFile) || is_tracked_) return;
     const auto* const received = simulator_.receive_poses(step, data, one.state);
-    if (received == nullptr) return;
+    if (received == nullptr || !has_object_) return;
     one.object = received->objects[object_];
     one.object_step = received->capture_index;
   }

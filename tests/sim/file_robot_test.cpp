@@ -283,6 +283,46 @@ TEST_F(FileRobotTest, ContinuesFromASavedStateBitForBit) {
             "this state was saved from another model");
 }
 
+TEST_F(FileRobotTest, ContinuesFromASavedStateWithItsVariation) {
+  const Variation variation{.object_mass = 1.3, .friction = 0.7, .motor_gain = 0.9,
+                            .torque_delay = 3, .joint_damping = 1.5, .joint_friction = 0.01};
+  FileRobot robot(config().robot);
+  ASSERT_EQ(robot.prepare(0).state, DriverReport::State::kReady);
+  const std::vector<double> usual = series(robot, 0, 50);
+  robot.reset();
+  robot.vary(variation);
+  ASSERT_EQ(robot.prepare(0).state, DriverReport::State::kReady);
+  EXPECT_NE(series(robot, 0, 50), usual);
+  const SimulationState state = robot.save();
+  const std::vector<double> rest = series(robot, 50, 200);
+  FileRobot other(config().robot);
+  other.restore(state);
+  ASSERT_EQ(other.prepare(0).state, DriverReport::State::kReady);
+  EXPECT_EQ(series(other, 50, 200), rest);
+
+  robot.vary({});
+  robot.reset();
+  ASSERT_EQ(robot.prepare(0).state, DriverReport::State::kReady);
+  EXPECT_EQ(series(robot, 0, 50), usual);
+  const auto refused = [&robot](const Variation& wanted) {
+    return message_of<InvalidArgument>([&] {
+      robot.vary(wanted);
+      return 0;
+    });
+  };
+  EXPECT_THAT(refused({.stop_margin = 0.5}), HasSubstr("stop_margin is for TriFingers"));
+  EXPECT_THAT(refused({.motor_gain = -1.0}), HasSubstr("motor_gain"));
+}
+
+TEST_F(FileRobotTest, BeginsWithJointsWithoutMotorsElsewhere) {
+  FileRobot robot(config().robot);
+  const std::vector<double> position = robot.initial_position();
+  robot.reset(position, std::vector<double>{kNotGiven, kNotGiven, kNotGiven, kNotGiven, kNotGiven,
+                                            0.25});
+  EXPECT_EQ(observe(robot).joint_position[5], 0.25);
+  EXPECT_THAT(observe(robot).position, testing::ElementsAreArray(position));
+}
+
 TEST_F(FileRobotTest, SaysWhereItsObjectsAre) {
   FileRobot robot(config().robot);
   ASSERT_EQ(robot.companions().size(), 1U);
