@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Names whose figures no other file checks: limits, constants, types, ids and private members."""
 
+import datetime
 from typing import Any
 
 import gymnasium
@@ -15,6 +16,7 @@ from trifinger_simulation import (
     trifingerpro_limits as limits,
     visual_objects,
 )
+from trifinger_simulation.gym_wrapper import utils
 from trifinger_simulation.gym_wrapper.envs.cube_env import ActionType, CubeEnv, RandomInitializer
 from trifinger_simulation.tasks import move_cube, move_cube_on_trajectory, rearrange_dice
 from trifinger_simulation.trifinger_platform import ObjectType
@@ -194,3 +196,11 @@ def test_cameras_of_a_folder_can_get_company() -> None:
     images = cameras.get_images()
     assert len(images) == 4
     assert np.array_equal(images[0], images[3])
+
+
+def test_small_helps_of_the_environments() -> None:
+    assert utils.compute_distance([0, 3], [4, 0]) == 5
+    utils.sleep_until(datetime.datetime.now() - datetime.timedelta(seconds=1))
+    space = gymnasium.spaces.Box(np.array([0.0, -2.0]), np.array([1.0, 2.0]), dtype=np.float64)
+    assert list(utils.scale([0.5, 2.0], space)) == [0, 1]
+    assert list(utils.unscale([0.0, 1.0], space)) == [0.5, 2.0]

@@ -288,5 +288,21 @@ def test_patterns_of_text_are_layouts(tmp_path: Path) -> None:
     path = tmp_path / "pattern"
     path.write_text("\n".join(rows) + "\n\nwhatever\n")
     assert utils.parse_pattern_file(path) == [dice._get_cell_center_position((8, 3))]
-    with pytest.raises(ValueError, match="row 0"):
+    with path.open() as file:
+        assert utils.parse_pattern_file(file) == utils.parse_pattern_file(path)
+    utils.create_pattern_template_file(path)
+    assert utils.parse_pattern_file(path) == []
+    with pytest.raises(RuntimeError, match="row 0"):
         utils.parse_pattern(["X" + rows[0][1:], *rows[1:]])
+
+
+def test_goal_files_of_the_cuboid(tmp_path: Path) -> None:
+    path = tmp_path / "goal.json"
+    goal = {"position": [0, 0, 0.06], "orientation": [0, 0, 0, 1]}
+    path.write_text(json.dumps({"difficulty": 2, "goal": goal}))
+    move_cuboid.validate_goal_file(path)
+    text = move_cuboid.goal_to_json(move_cuboid.goal_from_json(json.dumps(goal)))
+    assert json.loads(text) == goal
+    path.write_text(json.dumps({"difficulty": 2, "goal": goal | {"position": [0, 0, 0.5]}}))
+    with pytest.raises(AssertionError):
+        move_cuboid.validate_goal_file(path)
