@@ -3,8 +3,8 @@
 
 The command `trifinger compat-check`, the tests and docs/coming_from_the_original.md have this one
 table. `path` says where a name is found: "module:attribute.attribute". Members of objects belong
-to a class, such as "trifinger_simulation:TriFingerPlatform.append_desired_action"; what only an
-instance has is listed in INSTANCE_MEMBERS.
+to a class, such as "trifinger_simulation:TriFingerPlatform.append_desired_action", also those that
+only an instance has.
 """
 
 from dataclasses import dataclass
