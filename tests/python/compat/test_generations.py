@@ -270,6 +270,15 @@ def test_random_positions_come_from_the_global_random() -> None:
     assert np.all(found <= bounds["high"])
 
 
+def test_tips_around_a_point_are_at_0_and_minus_120_and_minus_240_degrees() -> None:
+    tips = sample.get_tip_positions_around_position(3, [0.1, 0.2, 0.3])
+    height = 0.05 * np.sqrt(3) / 2
+    expected = [[0.15, 0.2, 0.3], [0.075, 0.2 - height, 0.3], [0.075, 0.2 + height, 0.3]]
+    assert np.array(tips) == pytest.approx(np.array(expected))
+    (alone,) = sample.get_tip_positions_around_position(1, [0.1, 0.2, 0.3])
+    assert list(alone) == [0.1, 0.2, 0.3]
+
+
 @pytest.mark.release
 def test_cameras_see_the_cube_where_their_calibration_says() -> None:
     platform = trifinger_simulation.TriFingerPlatform(enable_cameras=True)
