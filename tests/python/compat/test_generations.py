@@ -192,7 +192,9 @@ def test_the_environment_of_2020() -> None:
 def test_the_environment_names_a_generation(name: str, step: float) -> None:
     text = (
         "import trifinger_simulation as ts; p = ts.TriFingerPlatform(); "
-        "print(p.get_time_step(), p._camera_delay_steps, p.simfinger.position_gains[0])"
+        "print(p.get_time_step(), p._camera_delay_steps, p.simfinger.position_gains[0]); "
+        "mc = ts.tasks.move_cube; mc.seed(1); goals = [mc.sample_goal(-1) for _ in range(9)]; "
+        "print(all(list(g.orientation[:2]) == [0, 0] for g in goals))"
     )
     said = subprocess.run(
         [sys.executable, "-c", text],
@@ -202,6 +204,7 @@ def test_the_environment_names_a_generation(name: str, step: float) -> None:
         check=True,
     ).stdout
     assert said.split()[:2] == [str(step), "0"]
+    assert said.split()[-1] == str(name == "2020")  # whether an episode begins with a yaw alone
 
 
 def test_an_unknown_generation_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,6 +14,8 @@ from trifinger_simulation.tasks.move_cube import (
     InvalidGoalError as InvalidGoalError,
     NumpyEncoder as NumpyEncoder,
     Pose as Pose,
+    _base_orientations as _base_orientations,
+    _faces as _faces,
     goal_from_json as goal_from_json,
     goal_to_json as goal_to_json,
 )
@@ -49,8 +51,11 @@ def get_cube_corner_positions(pose: Any) -> Array:
 
 
 def sample_goal(difficulty: int) -> Pose:
-    """Draws a goal of a level: -1, 1, 2, 3 or 4; else ValueError."""
-    return Pose(*_task.sample(random, difficulty, _box, None))
+    """Draws a goal of a level: -1, 1, 2, 3 or 4; else ValueError.
+
+    Level -1 is like the original's: the cuboid may stand on end, and then is partly in the table.
+    """
+    return Pose(*_task.sample(random, difficulty, _box, _faces))
 
 
 def validate_goal(goal: Any) -> None:
