@@ -13,7 +13,7 @@ from trifinger_compat.handles import Body
 from trifinger_compat.show import Show
 from trifinger_compat.types import ActionLike, Array, Numbers
 from trifinger_compat.urdf import share_folder
-from trifinger_compat.world import World
+from trifinger_compat.world import World, link_indices
 
 from trifinger_simulation import finger_types_data
 from trifinger_simulation.action import Action
@@ -75,11 +75,9 @@ class SimFinger:
             for suffix in suffixes
             for part in ("upper", "middle", "lower")
         ]
-        # A tip has an index after the three links of its finger.
-        fingers = range(self.number_of_fingers)
-        self.pybullet_link_indices = [5 * finger + i for finger in fingers for i in (1, 2, 3)]
-        self.pybullet_joint_indices = self.pybullet_link_indices
-        self.pybullet_tip_link_indices = [5 * finger + 4 for finger in fingers]
+        links, tips = link_indices(self.finger_type)
+        self.pybullet_link_indices, self.pybullet_tip_link_indices = links, tips
+        self.pybullet_joint_indices = links
         initial = finger_types_data.get_initial_joint_positions(finger_type)
         self._world.core.set_joints(initial, np.zeros(self._number_of_joints))
 
