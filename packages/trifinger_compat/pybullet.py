@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from trifinger_compat.handles import Body, Client, no_such_call
 from trifinger_compat.types import Array, Numbers
-from trifinger_compat.world import World, world_of
+from trifinger_compat.world import World, link_indices, world_of
 
 # PyBullet's numbers of what programs name.
 GUI, DIRECT, SHARED_MEMORY = 1, 2, 3
@@ -165,8 +165,10 @@ def getJointStates(  # noqa: N802
     """Position [rad], velocity [rad/s], six zeros and torque [Nm] of joints of the robot."""
     if not isinstance(bodyUniqueId, Body) or bodyUniqueId.name:
         raise no_such_call("getJointStates")
-    position, velocity, torque, _forces = world_of(bodyUniqueId.client).core.observation()
-    places = [3 * (index // 5) + index % 5 - 1 for index in jointIndices]
+    world = world_of(bodyUniqueId.client)
+    position, velocity, torque, _forces = world.core.observation()
+    links, _tips = link_indices(world.finger_type)
+    places = [links.index(index) for index in jointIndices]
     no_forces = (0.0,) * 6
     return [(float(position[i]), float(velocity[i]), no_forces, float(torque[i])) for i in places]
 

@@ -6,6 +6,8 @@
 
 #include <Eigen/Dense>
 #include <cmath>
+#include <string>
+#include <vector>
 
 #include "scenes.hpp"
 #include "trifinger/base/error.hpp"
@@ -142,6 +144,17 @@ TEST(Validate, RefusesObjectsThatCannotBe) {
   ObjectDescription stub = stick("stub");
   stub.size = {0.01, 0.02, 0};
   EXPECT_THAT(refusal({.objects = {stub}}), AllOf(HasSubstr("stub"), HasSubstr("diameter")));
+}
+
+TEST(Validate, TakesColoursInHexadecimalDigitsAndNothingLikeThem) {
+  ObjectDescription die = cube("die");
+  die.colours.fill("#0a7DcF");
+  EXPECT_EQ(refusal({.objects = {die}}), "accepted");
+  for (const std::string& wrong :
+       std::vector<std::string>{"#0a7dc", "#0a7dcff", "0a7dcf0", "#0a7dcg", "#-10203", ""}) {
+    die.colours[3] = wrong;
+    EXPECT_THAT(refusal({.objects = {die}}), HasSubstr("'" + wrong + "'"));
+  }
 }
 
 TEST(Validate, RefusesNamesThatAreTakenTwice) {

@@ -4,6 +4,7 @@
 import argparse
 import signal
 import subprocess
+import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -231,6 +232,9 @@ def trifinger_data_backend(words: Sequence[str] | None = None) -> int:
         except KeyboardInterrupt:
             recorder.terminate()
             status = recorder.wait()
-        if _wants_logs(arguments) and any(Path(folder).iterdir()):
+        if _wants_logs(arguments):
+            if not any(Path(folder).iterdir()):
+                print(f"no robot '{arguments.name}' ran: there are no logs", file=sys.stderr)
+                return 1
             _save(folder, arguments)
     return max(0, status)

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A robot in simulation, with the figures of 2020-08."""
 
-import numpy as np
 from trifinger_compat.generation import FIRST
 from trifinger_compat.types import Numbers
 from trifinger_simulation.sim_finger import SimFinger as _SimFinger
@@ -9,6 +8,8 @@ from trifinger_simulation.sim_finger import SimFinger as _SimFinger
 
 class SimFinger(_SimFinger):
     """A simulated robot of one or three fingers; a step takes 4 ms by default."""
+
+    _generation = FIRST
 
     def __init__(
         self,
@@ -19,10 +20,3 @@ class SimFinger(_SimFinger):
     ) -> None:
         """`time_step` is in whole milliseconds [s]. Raises ValueError for an unknown type."""
         super().__init__(finger_type, time_step, enable_visualization, robot_position_offset)
-
-    def _configure(self) -> None:
-        count = self.number_of_fingers
-        self.max_motor_torque = FIRST.max_torque
-        self.position_gains = np.array(FIRST.pro_kp * count)
-        self.velocity_gains = np.array(FIRST.pro_kd * count)
-        self.safety_kd = np.array((0.08, 0.08, 0.04) * count)

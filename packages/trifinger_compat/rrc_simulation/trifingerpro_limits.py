@@ -4,11 +4,7 @@
 from trifinger_compat.generation import FIRST as _FIRST
 from trifinger_compat.spaces import Limits as _Limits
 
-_limits = _Limits(
-    _FIRST.torque_space,
-    (_FIRST.position_low, _FIRST.position_high, _FIRST.position_default),
-    _FIRST.space_type,
-)
+_limits = _Limits(_FIRST)
 
 n_joints = 9
 n_fingers = 3

@@ -33,7 +33,7 @@ class SingleProcessCameras:
 
     def __init__(self, history_size: int = 1000) -> None:
         self.history_size = history_size
-        self._elements: deque[tuple[int, float, Any]] = deque(maxlen=history_size)
+        self._elements: deque[tuple[float, Any]] = deque(maxlen=history_size)
         self._changed = threading.Condition()
         self._count = 0
         self._info: Any = None
@@ -41,7 +41,7 @@ class SingleProcessCameras:
     def append(self, observation: Any) -> None:
         """Adds an observation that comes now."""
         with self._changed:
-            self._elements.append((self._count, time.time() * 1000, observation))
+            self._elements.append((time.time() * 1000, observation))
             self._count += 1
             self._changed.notify_all()
 
@@ -64,8 +64,7 @@ class SingleProcessCameras:
             oldest = self._count - len(self._elements)
             if t < oldest:
                 raise ValueError(f"observation {t} was overwritten; the oldest one is {oldest}")
-            _, stamp, observation = self._elements[t - oldest]
-            return stamp, observation
+            return self._elements[t - oldest]
 
     def info(self) -> Any:
         """What is known about the cameras."""

@@ -155,9 +155,9 @@ class Pose:
         return json.dumps(self.to_dict(), cls=NumpyEncoder)
 
     @classmethod
-    def from_dict(cls, dict: dict[str, Any]) -> "Pose":  # noqa: A002  # the original's name
+    def from_dict(cls, pose_dict: dict[str, Any]) -> "Pose":
         """The pose that to_dict() has given."""
-        return cls(dict["position"], dict["orientation"])
+        return cls(pose_dict["position"], pose_dict["orientation"])
 
     @classmethod
     def from_json(cls, json_str: str) -> "Pose":

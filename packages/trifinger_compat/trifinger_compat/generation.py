@@ -34,6 +34,7 @@ class Generation:
     image_size: int  # [pixel]
     episode_length: int  # [steps]
     space_type: str  # of the elements of spaces
+    turns_faces: bool  # whether each face of the object may be up when an episode begins
 
 
 LATEST = Generation(
@@ -51,6 +52,7 @@ LATEST = Generation(
     image_size=540,
     episode_length=120000,
     space_type="float64",
+    turns_faces=True,
 )
 _OF_2022 = replace(LATEST, name="2022", image_size=270)
 _OF_2021 = replace(_OF_2022, name="2021", camera_delay_steps=0, space_type="float32")
@@ -60,6 +62,7 @@ _PHASE_2 = replace(
     time_step=0.004,
     pro_kp=(10.0, 10.0, 10.0),
     pro_kd=(0.1, 0.3, 0.001),
+    turns_faces=False,
 )
 FIRST = replace(
     _PHASE_2,

@@ -18,7 +18,6 @@ import numpy as np
 import trifinger
 from trifinger.commands import program
 from trifinger.errors import (
-    AcausalAction,
     Error,
     HistoryLost,
     RobotStopped,
@@ -296,8 +295,6 @@ class RobotFrontend:
             t = robot.append_desired_action(desired)
         except RobotStopped as error:
             raise RuntimeError(self._why(error)) from error
-        except AcausalAction:
-            raise
         if self._limit and t + 1 >= self._limit:
             with suppress(TimedOut, RobotStopped):
                 robot.finish(timeout=0)

@@ -4,6 +4,8 @@
 import logging
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+import trifinger
 from trifinger.errors import InvalidArgument
 
 if TYPE_CHECKING:
@@ -35,7 +37,6 @@ class Show:
                 _log.warning("this simulation is not shown: %s", error)
 
     def _draw(self) -> None:
-        import trifinger
         from trifinger.environments.window import Window
         from trifinger.picture import View
 
@@ -45,6 +46,4 @@ class Show:
             mjcf = trifinger.export_mjcf(self._world.config, self._world.overrides)
             self._window = Window(mjcf, View(), FRAME_TIME)
             self._shown = self._world.core
-        import numpy as np
-
         self._window.draw(self._world.core.configuration(), np.zeros((0, 3)))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from trifinger_compat.generation import Generation
 from trifinger_compat.types import Numbers
 
 if TYPE_CHECKING:
@@ -70,17 +71,11 @@ class Range:
 class Limits:
     """The limits of a TriFingerPro and its object in one generation."""
 
-    def __init__(
-        self,
-        torque: float,
-        position: tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]],
-        dtype: str,
-    ) -> None:
-        """`torque` [Nm]; `position` has low, high and default of a finger's joints [rad]."""
-        ones = np.ones(9)
-        low, high, default = position
+    def __init__(self, generation: Generation) -> None:
+        ones, torque, dtype = np.ones(9), generation.torque_space, generation.space_type
+        low, high = generation.position_low * 3, generation.position_high * 3
         self.robot_torque = Range(-torque * ones, torque * ones, 0 * ones, dtype)
-        self.robot_position = Range(low * 3, high * 3, default * 3, dtype)
+        self.robot_position = Range(low, high, generation.position_default * 3, dtype)
         self.robot_velocity = Range(-10 * ones, 10 * ones, 0 * ones, dtype)
         self.object_position = Range([-0.3, -0.3, 0], [0.3, 0.3, 0.3], [0, 0, 0.0325], dtype)
         self.object_orientation = Range([-1] * 4, [1] * 4, [0, 0, 0, 1], dtype)

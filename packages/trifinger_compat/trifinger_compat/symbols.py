@@ -3,8 +3,8 @@
 
 The command `trifinger compat-check`, the tests and docs/coming_from_the_original.md have this one
 table. `path` says where a name is found: "module:attribute.attribute". Members of objects belong
-to a class, such as "trifinger_simulation:TriFingerPlatform.append_desired_action"; what only an
-instance has is listed in INSTANCE_MEMBERS.
+to a class, such as "trifinger_simulation:TriFingerPlatform.append_desired_action", also those that
+only an instance has.
 """
 
 from dataclasses import dataclass
@@ -311,10 +311,8 @@ RANKED: list[Symbol] = [
 OTHERS: list[Symbol] = [
     *_all(62, ("P.cube", f"{_P}.cube")),
     *_all(56, ("SF.finger_id", f"{_SF}.finger_id", DIFFERS, _OPAQUE)),
-    *_all(34, ("SF.pybullet_link_indices", f"{_SF}.pybullet_link_indices", DIFFERS, _OPAQUE)),
-    *_all(
-        20, ("SF.pybullet_tip_link_indices", f"{_SF}.pybullet_tip_link_indices", DIFFERS, _OPAQUE)
-    ),
+    *_all(34, ("SF.pybullet_link_indices", f"{_SF}.pybullet_link_indices")),
+    *_all(20, ("SF.pybullet_tip_link_indices", f"{_SF}.pybullet_tip_link_indices")),
     *_all(
         10,
         ("ts.camera.TriFingerCameras", f"{_TS}.camera:TriFingerCameras"),
@@ -359,7 +357,7 @@ OTHERS: list[Symbol] = [
         ("ot.py_object_tracker.Frontend", f"{_OT}.py_object_tracker:Frontend"),
         ("ts.camera.Camera", f"{_TS}.camera:Camera"),
         ("P.tricamera", f"{_P}.tricamera"),
-        ("SF.pybullet_joint_indices", f"{_SF}.pybullet_joint_indices", DIFFERS, _OPAQUE),
+        ("SF.pybullet_joint_indices", f"{_SF}.pybullet_joint_indices"),
     ),
     *_all(
         1,

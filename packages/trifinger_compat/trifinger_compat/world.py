@@ -30,6 +30,19 @@ STATIC_MASS = 2.0  # of what the original cannot move; it is put back after each
 _worlds: dict[Client, "weakref.ref[World]"] = {}
 
 
+def link_indices(finger_type: str) -> tuple[list[int], list[int]]:
+    """PyBullet's numbers of the links, in the order of the joints, and of the tips."""
+    if finger_type.endswith("pro"):  # each link has a fixed part
+        links, tip = (2, 4, 6), 7
+    elif finger_type == "fingeredu":
+        links, tip = (1, 2, 3), 4
+    else:
+        links, tip = (2, 3, 4), 5
+    # Those of the next finger come after the tip.
+    begins = [finger * tip for finger in range(3 if finger_type.startswith("tri") else 1)]
+    return [begin + link for begin in begins for link in links], [b + tip for b in begins]
+
+
 def world_of(client_id: Client | int) -> "World":
     """The world of this number; raises ValueError if there is none."""
     key = client_id if isinstance(client_id, Client) else Client(client_id)

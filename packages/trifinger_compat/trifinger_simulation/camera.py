@@ -200,13 +200,13 @@ class TriFingerCameras(CameraArray):
 
 
 def create_trifinger_camera_array(
-    camera_params: Sequence[CameraParameters],
+    camera_parameters: Sequence[CameraParameters],
     pybullet_client_id: Client | int = 0,
     near_plane_distance: float = 0.02,
     far_plane_distance: float = 2.0,
 ) -> CameraArray:
     """The cameras of calibrations, which must be those of 60, 180 and 300 in this order."""
-    names = [each.name for each in camera_params]
+    names = [each.name for each in camera_parameters]
     if names != [f"camera{camera_id}" for camera_id in IDS]:
         raise ValueError(f"the cameras are {names}, must be camera60, camera180, camera300")
     return CameraArray(
@@ -220,7 +220,7 @@ def create_trifinger_camera_array(
                 far_plane_distance,
                 pybullet_client_id,
             )
-            for each in camera_params
+            for each in camera_parameters
         ]
     )
 

@@ -95,6 +95,6 @@ def get_tip_positions_around_position(
     if number_of_fingers == 1:
         return [np.array(position, dtype=float)]
     return [
-        np.asarray(position) + 0.05 * np.array([sin(turn), cos(turn), 0.0])
-        for turn in (radians(120 * finger) for finger in range(number_of_fingers))
+        np.asarray(position) + 0.05 * np.array([cos(turn), sin(turn), 0.0])
+        for turn in (radians(-120 * finger) for finger in range(number_of_fingers))
     ]

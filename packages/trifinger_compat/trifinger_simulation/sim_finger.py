@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 from robot_properties_fingers.kinematics import Kinematics, tip_links
-from trifinger_compat.generation import chosen
+from trifinger_compat.generation import Generation, chosen
 from trifinger_compat.handles import Body
 from trifinger_compat.show import Show
 from trifinger_compat.types import ActionLike, Array, Numbers
 from trifinger_compat.urdf import share_folder
-from trifinger_compat.world import World
+from trifinger_compat.world import World, link_indices
 
 from trifinger_simulation import finger_types_data
 from trifinger_simulation.action import Action
@@ -40,6 +40,8 @@ class SimFinger:
     Observation t is the state just before action t acts. Observation t + 1 is the state after it.
     """
 
+    _generation = chosen()  # rrc_simulation has another one
+
     def __init__(
         self,
         finger_type: str,
@@ -56,7 +58,7 @@ class SimFinger:
                 "here, so move the objects the other way, or use a configuration of `trifinger` "
                 "with another fingers.height"
             )
-        self._configure()
+        self._configure(self._generation)
         self.time_step_s = time_step
         self.enable_visualization = enable_visualization
         self._world = World(self.finger_type, time_step)
@@ -73,17 +75,14 @@ class SimFinger:
             for suffix in suffixes
             for part in ("upper", "middle", "lower")
         ]
-        # A tip has an index after the three links of its finger.
-        fingers = range(self.number_of_fingers)
-        self.pybullet_link_indices = [5 * finger + i for finger in fingers for i in (1, 2, 3)]
-        self.pybullet_joint_indices = self.pybullet_link_indices
-        self.pybullet_tip_link_indices = [5 * finger + 4 for finger in fingers]
+        links, tips = link_indices(self.finger_type)
+        self.pybullet_link_indices, self.pybullet_tip_link_indices = links, tips
+        self.pybullet_joint_indices = links
         initial = finger_types_data.get_initial_joint_positions(finger_type)
         self._world.core.set_joints(initial, np.zeros(self._number_of_joints))
 
-    def _configure(self) -> None:
+    def _configure(self, generation: Generation) -> None:
         """Sets what differs between generations."""
-        generation = chosen()
         is_pro = self.finger_type in ("fingerpro", "trifingerpro")
         self.max_motor_torque = generation.max_torque
         self.position_gains = np.array(

@@ -5,11 +5,7 @@ from trifinger_compat.generation import chosen as _chosen
 from trifinger_compat.spaces import Limits as _Limits
 
 _generation = _chosen()
-_limits = _Limits(
-    _generation.torque_space,
-    (_generation.position_low, _generation.position_high, _generation.position_default),
-    _generation.space_type,
-)
+_limits = _Limits(_generation)
 
 n_joints = 9
 n_fingers = 3

@@ -192,7 +192,9 @@ def test_the_environment_of_2020() -> None:
 def test_the_environment_names_a_generation(name: str, step: float) -> None:
     text = (
         "import trifinger_simulation as ts; p = ts.TriFingerPlatform(); "
-        "print(p.get_time_step(), p._camera_delay_steps, p.simfinger.position_gains[0])"
+        "print(p.get_time_step(), p._camera_delay_steps, p.simfinger.position_gains[0]); "
+        "mc = ts.tasks.move_cube; mc.seed(1); goals = [mc.sample_goal(-1) for _ in range(9)]; "
+        "print(all(list(g.orientation[:2]) == [0, 0] for g in goals))"
     )
     said = subprocess.run(
         [sys.executable, "-c", text],
@@ -202,6 +204,7 @@ def test_the_environment_names_a_generation(name: str, step: float) -> None:
         check=True,
     ).stdout
     assert said.split()[:2] == [str(step), "0"]
+    assert said.split()[-1] == str(name == "2020")  # whether an episode begins with a yaw alone
 
 
 def test_an_unknown_generation_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -268,6 +271,15 @@ def test_random_positions_come_from_the_global_random() -> None:
     found = sample.feasible_random_joint_positions_for_reaching(finger, bounds)
     assert np.all(found >= bounds["low"])
     assert np.all(found <= bounds["high"])
+
+
+def test_tips_around_a_point_are_at_0_and_minus_120_and_minus_240_degrees() -> None:
+    tips = sample.get_tip_positions_around_position(3, [0.1, 0.2, 0.3])
+    height = 0.05 * np.sqrt(3) / 2
+    expected = [[0.15, 0.2, 0.3], [0.075, 0.2 - height, 0.3], [0.075, 0.2 + height, 0.3]]
+    assert np.array(tips) == pytest.approx(np.array(expected))
+    (alone,) = sample.get_tip_positions_around_position(1, [0.1, 0.2, 0.3])
+    assert list(alone) == [0.1, 0.2, 0.3]
 
 
 @pytest.mark.release

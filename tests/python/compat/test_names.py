@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Names whose figures no other file checks: limits, constants, types, ids and private members."""
 
+import datetime
 from typing import Any
 
 import gymnasium
@@ -15,6 +16,7 @@ from trifinger_simulation import (
     trifingerpro_limits as limits,
     visual_objects,
 )
+from trifinger_simulation.gym_wrapper import utils
 from trifinger_simulation.gym_wrapper.envs.cube_env import ActionType, CubeEnv, RandomInitializer
 from trifinger_simulation.tasks import move_cube, move_cube_on_trajectory, rearrange_dice
 from trifinger_simulation.trifinger_platform import ObjectType
@@ -122,14 +124,24 @@ def test_actions_of_platform_and_finger_have_defaults() -> None:
     assert list(finger.Action(position=[0.5] * 9).position) == [0.5] * 9
 
 
-def test_ids_of_links_are_nine_in_joint_order_and_three_tips() -> None:
-    finger = SimFinger("trifingerpro")
+@pytest.mark.parametrize(
+    ("finger_type", "links", "tips"),
+    [
+        # From PyBullet, with the descriptions of the original.
+        ("trifingerpro", [2, 4, 6, 9, 11, 13, 16, 18, 20], [7, 14, 21]),
+        ("fingerpro", [2, 4, 6], [7]),
+        ("trifingeredu", [2, 3, 4, 7, 8, 9, 12, 13, 14], [5, 10, 15]),
+        ("fingeredu", [1, 2, 3], [4]),
+        ("fingerone", [2, 3, 4], [5]),
+    ],
+)
+def test_ids_of_links_are_those_of_the_original(
+    finger_type: str, links: list[int], tips: list[int]
+) -> None:
+    finger = SimFinger(finger_type)
     assert finger.finger_id.client is finger._pybullet_client_id
-    assert len(finger.pybullet_link_indices) == 9
-    assert finger.pybullet_link_indices == sorted(set(finger.pybullet_link_indices))
-    assert finger.pybullet_joint_indices == finger.pybullet_link_indices
-    assert len(finger.pybullet_tip_link_indices) == 3
-    assert not set(finger.pybullet_tip_link_indices) & set(finger.pybullet_link_indices)
+    assert finger.pybullet_link_indices == finger.pybullet_joint_indices == links
+    assert finger.pybullet_tip_link_indices == tips
 
 
 def test_the_marker_of_a_fork_is_a_cube_marker() -> None:
@@ -194,3 +206,11 @@ def test_cameras_of_a_folder_can_get_company() -> None:
     images = cameras.get_images()
     assert len(images) == 4
     assert np.array_equal(images[0], images[3])
+
+
+def test_small_helps_of_the_environments() -> None:
+    assert utils.compute_distance([0, 3], [4, 0]) == 5
+    utils.sleep_until(datetime.datetime.now() - datetime.timedelta(seconds=1))
+    space = gymnasium.spaces.Box(np.array([0.0, -2.0]), np.array([1.0, 2.0]), dtype=np.float64)
+    assert list(utils.scale([0.5, 2.0], space)) == [0, 1]
+    assert list(utils.unscale([0.0, 1.0], space)) == [0.5, 2.0]

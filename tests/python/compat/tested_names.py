@@ -80,7 +80,7 @@ _TESTS = {
         "mct.EPISODE_LENGTH, mct.FIRST_GOAL_DURATION, mct.GOAL_DIFFICULTY, mct.GOAL_DURATION, "
         "rd.EPISODE_LENGTH"
     ),
-    "test_names.py::test_ids_of_links_are_nine_in_joint_order_and_three_tips": (
+    "test_names.py::test_ids_of_links_are_those_of_the_original": (
         "SF.finger_id, SF.pybullet_joint_indices, SF.pybullet_link_indices, "
         "SF.pybullet_tip_link_indices"
     ),

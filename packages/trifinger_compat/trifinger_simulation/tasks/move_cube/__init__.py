@@ -21,7 +21,8 @@ from trifinger_compat.types import Array
 random: Any = np.random.RandomState()
 
 # Number of steps of an episode.
-EPISODE_LENGTH = _chosen().episode_length
+_generation = _chosen()
+EPISODE_LENGTH = _generation.episode_length
 episode_length = EPISODE_LENGTH
 
 _CUBE_WIDTH = 0.065
@@ -52,6 +53,9 @@ _base_orientations = [
         [0, _h, 0, _h],
     )
 ]
+
+# Which of them may be up when an episode begins; None: all episodes begin with the first one.
+_faces = _base_orientations if _generation.turns_faces else None
 
 # The cuboid of 2020's phase 3, when this module was its task.
 _CUBOID_SIZE = np.array([0.02, 0.08, 0.02])
@@ -87,7 +91,7 @@ def get_cube_corner_positions(pose: Any) -> Array:
 
 def sample_goal(difficulty: int) -> Pose:
     """Draws a goal of a level: -1, 1, 2, 3 or 4; else ValueError."""
-    return Pose(*_task.sample(random, difficulty, _box, _base_orientations))
+    return Pose(*_task.sample(random, difficulty, _box, _faces))
 
 
 def validate_goal(goal: Any) -> None:

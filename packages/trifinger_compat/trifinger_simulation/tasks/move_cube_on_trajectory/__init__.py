@@ -9,6 +9,7 @@ from typing import Any, TypeAlias
 from trifinger_compat.types import Array
 
 from trifinger_simulation.tasks import move_cube as move_cube
+from trifinger_simulation.tasks.move_cube import NumpyEncoder as NumpyEncoder
 
 Position: TypeAlias = Sequence[float] | Array
 TrajectoryStep: TypeAlias = tuple[int, Position]
@@ -68,7 +69,7 @@ def evaluate_state(trajectory: Trajectory, time_index: int, actual_position: Pos
 
 def trajectory_to_json(trajectory: Trajectory) -> str:
     """A trajectory as JSON: [[t, [x, y, z]], ..]."""
-    return json.dumps(trajectory, cls=move_cube.NumpyEncoder)
+    return json.dumps(trajectory, cls=NumpyEncoder)
 
 
 def json_goal_from_config(filename: str | Path) -> str:

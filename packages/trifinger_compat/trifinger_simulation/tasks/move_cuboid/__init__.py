@@ -2,6 +2,7 @@
 """Moving the cuboid of 2 x 8 x 2 cm, the task of 2020's phase 3."""
 
 from math import pi
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,12 @@ from trifinger_compat.types import Array
 
 from trifinger_simulation.tasks.move_cube import (
     InvalidGoalError as InvalidGoalError,
+    NumpyEncoder as NumpyEncoder,
     Pose as Pose,
+    _base_orientations as _base_orientations,
+    _faces as _faces,
+    goal_from_json as goal_from_json,
+    goal_to_json as goal_to_json,
 )
 
 random: Any = np.random.RandomState()
@@ -45,13 +51,21 @@ def get_cube_corner_positions(pose: Any) -> Array:
 
 
 def sample_goal(difficulty: int) -> Pose:
-    """Draws a goal of a level: -1, 1, 2, 3 or 4; else ValueError."""
-    return Pose(*_task.sample(random, difficulty, _box, None))
+    """Draws a goal of a level: -1, 1, 2, 3 or 4; else ValueError.
+
+    Level -1 is like the original's: the cuboid may stand on end, and then is partly in the table.
+    """
+    return Pose(*_task.sample(random, difficulty, _box, _faces))
 
 
 def validate_goal(goal: Any) -> None:
     """Raises InvalidGoalError, ValueError or KeyError if a goal, a Pose or dict, is not valid."""
     _task.validate(goal, _box, InvalidGoalError)
+
+
+def validate_goal_file(filename: str | Path) -> None:
+    """Raises AssertionError if a file is not JSON with `difficulty` 1 to 4 and a valid `goal`."""
+    _task.check_goal_file(filename, validate_goal)
 
 
 def evaluate_state(goal_pose: Any, actual_pose: Any, difficulty: int) -> float:

@@ -55,11 +55,9 @@ def run(arguments: Any) -> str:
             return rearrange_dice.json_goal_from_config(arguments.file)
         case "parse_goal_pattern":
             return rearrange_dice.goal_to_json(utils.parse_pattern_file(arguments.file))
-    pattern = utils.create_empty_pattern()
     if arguments.file is None:
-        return pattern
-    with open(arguments.file, "w") as file:  # noqa: PTH123
-        file.write(pattern + "\n")
+        return utils.create_empty_pattern()
+    utils.create_pattern_template_file(arguments.file)
     return f"{arguments.file} written."
 
 

@@ -3,6 +3,7 @@
 
 from collections.abc import Iterable
 from pathlib import Path
+from typing import IO
 
 from trifinger_simulation.tasks import rearrange_dice as _task
 
@@ -18,10 +19,16 @@ def create_empty_pattern() -> str:
     return "\n".join(rows)
 
 
-def parse_pattern(lines: str | Iterable[str]) -> list[tuple[float, float, float]]:
-    """The goal of a pattern, which ends at an empty line; raises ValueError where it is wrong."""
+def create_pattern_template_file(filename: str | Path) -> None:
+    """Writes the pattern without dice to a file, with a note on what may come after it."""
+    note = "\nWhat comes after the empty line is not read.\n"
+    Path(filename).write_text(f"{create_empty_pattern()}\n{note}")
+
+
+def parse_pattern(goal_pattern: str | Iterable[str]) -> list[tuple[float, float, float]]:
+    """The goal of a pattern, which ends at an empty line; raises RuntimeError where it is wrong."""
     goal = []
-    lines = lines.splitlines() if isinstance(lines, str) else lines
+    lines = goal_pattern.splitlines() if isinstance(goal_pattern, str) else goal_pattern
     rows = []
     for line in lines:
         if not line.strip():
@@ -29,12 +36,12 @@ def parse_pattern(lines: str | Iterable[str]) -> list[tuple[float, float, float]
         rows.append(line.strip())
     count = _task.N_CELLS_PER_ROW
     if len(rows) != count or any(len(row) != count for row in rows):
-        raise ValueError(f"a pattern must have {count} rows of {count} characters")
+        raise RuntimeError(f"a pattern must have {count} rows of {count} characters")
     for x, row in enumerate(rows):
         for y, character in enumerate(row):
             expected = EMPTY + DIE if _task._is_cell_valid((x, y)) else OUTSIDE
             if character not in expected:
-                raise ValueError(
+                raise RuntimeError(
                     f"row {x}, column {y} of the pattern is '{character}', must be one of "
                     f"'{expected}'"
                 )
@@ -43,6 +50,6 @@ def parse_pattern(lines: str | Iterable[str]) -> list[tuple[float, float, float]
     return goal
 
 
-def parse_pattern_file(filename: str | Path) -> list[tuple[float, float, float]]:
-    """The goal of a file with a pattern."""
-    return parse_pattern(Path(filename).read_text())
+def parse_pattern_file(f: IO[str] | str | Path) -> list[tuple[float, float, float]]:
+    """The goal of an open file with a pattern, or of the file with this name."""
+    return parse_pattern(Path(f).read_text() if isinstance(f, str | Path) else f.read())
