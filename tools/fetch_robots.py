@@ -4,8 +4,9 @@
     python tools/fetch_robots.py [--all]
 
 The models are parts of Python packages, which nothing here needs otherwise. pip fetches a package
-without those that it depends on, and its models alone go to build/robots. Without --all only
-small packages are fetched; tests of robots that are missing are skipped.
+without those that it depends on, and its models alone go to build/robots. `./run test` fetches the
+small package, with the Shadow Hand; `./run soak` fetches all. Tests of robots that are missing are
+skipped, so a machine without network has nothing to fear.
 """
 
 import subprocess
@@ -65,15 +66,13 @@ def is_there(source: Source) -> bool:
 
 
 def fetch(source: Source) -> None:
-    """Fetches the package and unpacks its models.
-
-    Raises:
-        subprocess.CalledProcessError: if pip cannot fetch the package
-    """
+    """Fetches the package and unpacks its models, or says that it cannot."""
     pin = requirement(source.package)
     with tempfile.TemporaryDirectory() as folder:
         words = ["download", "--disable-pip-version-check", "--no-deps", "--dest", folder, pin]
-        subprocess.run([sys.executable, "-m", "pip", *words], check=True)
+        if subprocess.run([sys.executable, "-m", "pip", *words], check=False).returncode != 0:
+            print(f"not fetched: {pin}; tests of its robots are skipped")
+            return
         (wheel,) = Path(folder).glob("*.whl")
         with zipfile.ZipFile(wheel) as files:
             names = [name for name in files.namelist() if name.startswith(source.parts)]
