@@ -17,6 +17,7 @@ import numpy as np
 from trifinger import extras
 from trifinger.arrays import Array
 from trifinger.errors import Error, InvalidArgument
+from trifinger.placement import Placement
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -36,6 +37,7 @@ TABLE = ((0.1, 0.1, 0.0), (0.1, -0.1, 0.0), (-0.1, 0.1, 0.0), (-0.1, -0.1, 0.0))
 STEEP = 60.0  # elevation from which a view is steep [degrees]
 BEHIND = 0.05  # parts of frame and wall are drawn if they are this far behind the middle [m]
 SURROUND_GROUP = 1  # MuJoCo's group of the shapes of frame and wall
+LOOKS_GROUP = 2  # and of those that only look
 
 
 @dataclass(frozen=True)
@@ -125,7 +127,10 @@ class Sight:
         if model.nkey:
             data.qpos[:] = model.key_qpos[0]
         self._mujoco.mj_forward(model, data)
-        shown = np.flatnonzero((model.geom_bodyid > 0) & (model.geom_group == 0))
+        moving = model.geom_bodyid > 0
+        shown = np.flatnonzero(moving & (model.geom_group == 0))
+        if not len(shown):  # Robots from files are drawn with the shapes that only look.
+            shown = np.flatnonzero(moving & (model.geom_group == LOOKS_GROUP))
         signs = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
         boxes = model.geom_aabb[shown]
         corners = boxes[:, None, :3] + boxes[:, None, 3:] * signs
@@ -174,6 +179,7 @@ class Painter:
         if is_plain:
             self._model.vis.quality.offsamples = 0
         self._data = mujoco.MjData(self._model)
+        self.placement = Placement(self._model)
         self._sight = Sight(self._model, view)
         with explained():
             self._renderer = Renderer(self._model, width=view.width, height=view.height)
@@ -184,8 +190,8 @@ class Painter:
     def draw(self, configuration: ArrayLike, marks: ArrayLike = ()) -> Array:
         """The scene as an image, height x width x 3.
 
-        `configuration` begins with MuJoCo's qpos: joints, then objects. `marks` are the centres of
-        balls that show goals: a row x, y, z for each [m].
+        `configuration` begins with MuJoCo's qpos, as `placement` makes it. `marks` are the centres
+        of balls that show goals: a row x, y, z for each [m].
         """
         mujoco = self._mujoco
         self._data.qpos[:] = np.asarray(configuration)[: self._model.nq]

@@ -5,8 +5,8 @@
 namespace trifinger::test {
 namespace {
 
-using DriversThatMayNotAllocate =
-    ::testing::Types<SimulatedRobotTraits<TriFinger>, SimulatedRobotTraits<Finger>>;
+using DriversThatMayNotAllocate = ::testing::Types<SimulatedRobotTraits<TriFinger>,
+                                                   SimulatedRobotTraits<Finger>, FileRobotTraits>;
 INSTANTIATE_TYPED_TEST_SUITE_P(Sim, AllocationContract, DriversThatMayNotAllocate);
 
 }  // namespace

@@ -83,6 +83,9 @@ TEST_F(AnyRobotConfigFile, AsksForAllThatIsMissingByName) {
             "  finger: {soft_lower: FILL_IN, soft_upper: FILL_IN}  # its stops: 0 to 1.5 rad\n"
             "  rail: {max_torque: FILL_IN, soft_lower: FILL_IN, soft_upper: FILL_IN, default_kp: "
             "FILL_IN}  # it has no stops: -.inf and .inf are possible\n");
+  // A new configuration begins with the same text.
+  const ModelFile model({.path = folder_ / "models" / "arm.xml"});
+  EXPECT_THAT(message(kHead), testing::EndsWith(limits_to_fill_in(joints_of(model))));
 }
 
 TEST_F(AnyRobotConfigFile, AcceptsTheTextItAskedForOnceItIsFilledIn) {

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "model/file_robots.hpp"
+#include "sim/enemy.hpp"
 #include "support/allocation_counter.hpp"
 #include "support/folder.hpp"
 #include "support/message_of.hpp"
@@ -133,51 +134,10 @@ TEST_F(FileRobotTest, MovesToATarget) {
   }
 }
 
-// Numbers like those of a hostile user.
-class Enemy {
- public:
-  explicit Enemy(std::uint32_t seed) : random_(seed) {}
-
-  Action next() {
-    if (random_() % 50 == 0) way_ = static_cast<int>(random_() % 4);
-    Action action;
-    for (std::size_t i = 0; i < kJoints; ++i) {
-      switch (way_) {
-        case 0:
-          action.torque[i] = any();
-          action.position[i] = any();
-          action.position_kp[i] = any();
-          action.position_kd[i] = any();
-          break;
-        case 1:  // as far as it goes
-          action.torque[i] = random_() % 2 == 0 ? 1e9 : -1e9;
-          break;
-        case 2:  // always outwards
-          action.torque[i] = i % 2 == 0 ? 1e9 : -1e9;
-          break;
-        default:
-          action.position[i] = std::uniform_real_distribution(-4.0, 4.0)(random_);
-      }
-    }
-    return action;
-  }
-
- private:
-  double any() {
-    constexpr std::array kNasty{std::numeric_limits<double>::quiet_NaN(),
-                                std::numeric_limits<double>::infinity(), -1e300, 1e300, 0.0};
-    if (random_() % 4 == 0) return kNasty[random_() % kNasty.size()];
-    return std::uniform_real_distribution(-20.0, 20.0)(random_);
-  }
-
-  std::mt19937 random_;
-  int way_{0};
-};
-
 TEST_F(FileRobotTest, IsHeldByTheSafetyChainUnderHostileActions) {
   FileRobot robot(config().robot);
   const std::int64_t steps = repetitions(100'000, 1'000'000);
-  Enemy enemy(1);
+  Enemy enemy(1, kJoints);
   JointVector<kJoints> least = detail::filled<kJoints>(1e9);
   JointVector<kJoints> most = detail::filled<kJoints>(-1e9);
   ASSERT_EQ(robot.prepare(0).state, DriverReport::State::kReady);
@@ -187,7 +147,9 @@ TEST_F(FileRobotTest, IsHeldByTheSafetyChainUnderHostileActions) {
       least[i] = std::min(least[i], y.position[i]);
       most[i] = std::max(most[i], y.position[i]);
     }
-    const Applied applied = apply(robot, enemy.next());
+    Action action;
+    write_element(enemy.next(), &action);
+    const Applied applied = apply(robot, action);
     for (std::size_t i = 0; i < kJoints; ++i) {
       ASSERT_LE(std::abs(applied.torque[i]), robot.options().limits[i].max_torque);
     }
@@ -237,8 +199,10 @@ std::vector<double> series(FileRobot& robot, int first, int last) {
   std::vector<double> values;
   for (int step = first; step < last; ++step) {
     const Observation y = observe(robot);
-    Enemy enemy(static_cast<std::uint32_t>(step));
-    const Applied applied = apply(robot, enemy.next());
+    Enemy enemy(static_cast<std::uint32_t>(step), kJoints);
+    Action action;
+    write_element(enemy.next(), &action);
+    const Applied applied = apply(robot, action);
     values.insert(values.end(), y.joint_position.begin(), y.joint_position.end());
     values.insert(values.end(), applied.torque.begin(), applied.torque.end());
     const ObjectPose ball = robot.object_pose("ball");

@@ -5,7 +5,8 @@
 namespace trifinger::test {
 namespace {
 
-using Drivers = ::testing::Types<SimulatedRobotTraits<TriFinger>, SimulatedRobotTraits<Finger>>;
+using Drivers = ::testing::Types<SimulatedRobotTraits<TriFinger>, SimulatedRobotTraits<Finger>,
+                                 FileRobotTraits>;
 INSTANTIATE_TYPED_TEST_SUITE_P(Sim, SystemCallContract, Drivers);
 
 }  // namespace

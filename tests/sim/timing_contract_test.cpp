@@ -9,10 +9,12 @@ namespace {
 using TriFingerTraits = SimulatedRobotTraits<TriFinger>;
 using FingerTraits = SimulatedRobotTraits<Finger>;
 
-INSTANTIATE_TEST_SUITE_P(Sim, TimingContract, (on_all_transports<TriFingerTraits, FingerTraits>()),
+INSTANTIATE_TEST_SUITE_P(Sim, TimingContract,
+                         (on_all_transports<TriFingerTraits, FingerTraits, FileRobotTraits>()),
                          case_name);
 INSTANTIATE_TEST_SUITE_P(Sim, RealTimeContract,
-                         (on_threaded_transports<TriFingerTraits, FingerTraits>()), case_name);
+                         (on_threaded_transports<TriFingerTraits, FingerTraits, FileRobotTraits>()),
+                         case_name);
 
 }  // namespace
 }  // namespace trifinger::test

@@ -60,6 +60,7 @@ def test_a_stage_that_cannot_run_here_is_neither_passed_nor_failed(
 
     monkeypatch.setattr(stages, "RESULTS", tmp_path / "results")
     monkeypatch.setattr(stages, "setup", lambda: None)
+    monkeypatch.setattr(stages, "fetch_robots", lambda: None)
     for name in ("lint", *(name for name in vars(stages) if name.startswith("test_"))):
         monkeypatch.setattr(stages, name, lambda _: True)
     monkeypatch.setattr(stages, "test_in_machine", not_run)

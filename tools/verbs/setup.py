@@ -45,6 +45,13 @@ def setup() -> None:
     _link_package(steps)
 
 
+def fetch_robots(*options: str) -> None:
+    """Fetches the robots of others for tests, if they are missing and pip can reach them."""
+    step = Steps("setup").check("robots of others", [PYTHON, "tools/fetch_robots.py", *options])
+    if missing := step.last_line("not fetched"):
+        print(f"    {missing}")
+
+
 def _is_installed(package: str) -> bool:
     query = ["dpkg-query", "-W", "-f", "${Status}", package]
     answer = subprocess.run(query, capture_output=True, text=True)

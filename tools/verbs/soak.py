@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from .build import build, configure, uses
 from .counting import Count
 from .lint import clang_tidy
-from .setup import PYTHON, setup
+from .setup import PYTHON, fetch_robots, setup
 from .steps import Step, StepFailed, Steps
 from .test import python_tests, run_fuzzers
 
@@ -17,6 +17,7 @@ STEPS = Steps("soak")
 def soak(parts: Sequence[str]) -> int:
     """Runs these parts, or all, also after one failed."""
     setup()
+    fetch_robots("--all")
     passed = []
     for part in parts or PARTS:
         print(part)
@@ -73,7 +74,7 @@ def tests() -> bool:
     return all(
         [
             python_tests(Count(), "release", "-m", "not release"),
-            long_tests("release", programs, "*fault_*-*Kill*:*HostileQueue*"),
+            long_tests("release", programs, "*fault_*:*UnderHostileActions*-*Kill*:*HostileQueue*"),
         ]
     )
 

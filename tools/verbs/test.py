@@ -12,7 +12,7 @@ from .build import build, jobs, uses
 from .counting import RESULTS, Count
 from .lint import lint
 from .machine import NotRun, test_in_machine
-from .setup import PYTHON, setup
+from .setup import PYTHON, fetch_robots, setup
 from .steps import StepFailed, Steps, duration
 
 
@@ -20,6 +20,7 @@ def test() -> int:
     """Runs all stages, also after one failed, and prints a summary."""
     begin = time.monotonic()
     setup()
+    fetch_robots()
     shutil.rmtree(RESULTS, ignore_errors=True)
     RESULTS.mkdir(parents=True)
     stages: list[tuple[str, Callable[[Count], bool]]] = [

@@ -19,6 +19,7 @@ from trifinger.errors import InvalidArgument
 from trifinger.log.manipulation import Trace, save_report
 from trifinger.picture import Painter, View
 from trifinger.progress import shown
+from trifinger.view.frame import positions_field
 
 STRIP_IMAGES = 8
 SMOOTHING = 5  # poses of an object in a mean
@@ -36,37 +37,43 @@ class Scene:
         self._painter = Painter(session.documents["model.xml"], is_plain, view)
         self.size = self._painter.size
         self._time_index = session.time_index
-        self._joints = session.observations["position"]
-        self._times, self._objects = object_poses(session)
+        observations = session.observations
+        self._joints = observations[positions_field(observations.dtype.names or ())]
+        has_objects = any(companion.name.endswith(".object") for companion in session.companions)
+        self._times, self._objects = object_poses(session) if has_objects else (np.empty(0), {})
 
     def image(self, step: int) -> Array:
         """The scene at a step: height x width x 3."""
-        objects = [np.interp(step, self._times, column) for column in self._objects.T]
+        objects = {
+            name: np.array([np.interp(step, self._times, column) for column in poses.T])
+            for name, poses in self._objects.items()
+        }
         row = min(int(np.searchsorted(self._time_index, step)), len(self._joints) - 1)
-        return self._painter.draw([*self._joints[row], *objects])
+        return self._painter.draw(self._painter.placement.qpos(self._joints[row], objects))
 
     def close(self) -> None:
         """Releases the memory for drawing."""
         self._painter.close()
 
 
-def object_poses(session: LoggedSession) -> tuple[Array, Array]:
-    """The steps at which objects were seen, and a row of positions and quaternions per step."""
+def object_poses(session: LoggedSession) -> tuple[Array, dict[str, Array]]:
+    """The steps at which objects were seen, and for each a row of position and quaternion."""
     elements = session.companion("object").observations
-    names = [name for name in elements.dtype.names or () if name != "stamp"]
-    columns = [
-        np.asarray(elements[name][part]) for name in names for part in ("position", "orientation")
-    ]
-    poses = np.concatenate(columns, axis=1)
-    for first in range(3, poses.shape[1], 7):
-        # A quaternion and its negative are the same rotation, but have no mean.
-        part = poses[:, first : first + 4]
-        turns = np.sign(np.einsum("ij,ij->i", part[1:], part[:-1]))
-        part[1:] *= np.cumprod(np.where(turns == 0, 1, turns))[:, None]
-    padded = np.pad(poses, ((SMOOTHING // 2, SMOOTHING // 2), (0, 0)), mode="edge")
     kernel = np.ones(SMOOTHING) / SMOOTHING
-    smooth = np.stack([np.convolve(column, kernel, "valid") for column in padded.T], axis=1)
-    return np.asarray(elements["stamp"]["capture_index"]), smooth
+    objects = {}
+    for name in elements.dtype.names or ():
+        if name == "stamp":
+            continue
+        parts = [np.asarray(elements[name][part]) for part in ("position", "orientation")]
+        poses = np.concatenate(parts, axis=1)
+        # A quaternion and its negative are the same rotation, but have no mean.
+        turn = poses[:, 3:]
+        signs = np.sign(np.einsum("ij,ij->i", turn[1:], turn[:-1]))
+        turn[1:] *= np.cumprod(np.where(signs == 0, 1, signs))[:, None]
+        padded = np.pad(poses, ((SMOOTHING // 2, SMOOTHING // 2), (0, 0)), mode="edge")
+        columns = [np.convolve(column, kernel, "valid") for column in padded.T]
+        objects[name] = np.stack(columns, axis=1)
+    return np.asarray(elements["stamp"]["capture_index"]), objects
 
 
 def save_film(scene: Scene, session: LoggedSession, path: Path) -> None:

@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from trifinger.errors import InvalidArgument
+from trifinger.placement import Placement
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -98,16 +99,9 @@ class Scene:
         except ValueError as error:
             raise InvalidArgument(f"the model of the session cannot be read: {error}") from error
         self._data = mujoco.MjData(model)
-        kinds = mujoco.mjtJoint
-        scalar = np.isin(model.jnt_type, [int(kinds.mjJNT_HINGE), int(kinds.mjJNT_SLIDE)])
-        self._rows = np.array(model.jnt_qposadr[scalar], int)
-        self.joint_names = tuple(model.joint(int(i)).name for i in np.flatnonzero(scalar))
+        self._placement = Placement(model)
+        self.joint_names = self._placement.joint_names
         """Names of the joints, in the order of the positions."""
-        free = np.flatnonzero(model.jnt_type == int(kinds.mjJNT_FREE))
-        self._objects = {
-            model.body(int(model.jnt_bodyid[i])).name: int(model.jnt_qposadr[i]) for i in free
-        }
-        self._start = np.array(model.key_qpos[0] if model.nkey else model.qpos0, float)
         self._shown: Array = np.array([], int)
         self.bodies: tuple[Body, ...] = ()
         """All bodies that can be seen, in the order of the model."""
@@ -120,7 +114,7 @@ class Scene:
     @property
     def object_names(self) -> tuple[str, ...]:
         """Names of the objects that can move freely."""
-        return tuple(self._objects)
+        return self._placement.object_names
 
     def poses(
         self, position: Array | None = None, objects: Mapping[str, Array] | None = None
@@ -165,19 +159,7 @@ class Scene:
         return every.min(axis=0), every.max(axis=0)
 
     def _place(self, position: Array | None, objects: Mapping[str, Array]) -> None:
-        qpos = self._data.qpos
-        qpos[:] = self._start
-        if position is not None:
-            if len(position) != len(self._rows):
-                raise InvalidArgument(
-                    f"there are {len(position)} positions, but the model has {len(self._rows)} "
-                    "joints"
-                )
-            qpos[self._rows] = np.where(np.isfinite(position), position, self._start[self._rows])
-        for name, pose in objects.items():
-            first = self._objects.get(name)
-            if first is not None:
-                qpos[first : first + 7] = pose
+        self._data.qpos[:] = self._placement.qpos(position, objects)
         self._mujoco.mj_kinematics(self._model, self._data)  # normalises quaternions in its poses
 
     def _make_bodies(self) -> None:
@@ -189,7 +171,7 @@ class Scene:
                 if mesh is not None:
                     shapes.setdefault(int(model.geom_bodyid[geom]), []).append(mesh)
         names = {model.body(i).name: i for i in range(model.nbody)}
-        object_bodies = {names[name] for name in self._objects}
+        object_bodies = {names[name] for name in self.object_names}
         self._shown = np.array(sorted(shapes), int)
         self.bodies = tuple(
             Body(

@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Robots that nobody here made. tools/fetch_robots.py fetches them; tests/robots has their
+// configurations.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "sim/enemy.hpp"
+#include "support/soak.hpp"
+#include "trifinger/sim/any_robot_config.hpp"
+
+namespace trifinger::test {
+namespace {
+
+class OtherRobots : public testing::TestWithParam<const char*> {
+ protected:
+  void SetUp() override {
+    const std::string folder = TRIFINGER_TEST_ROBOTS;
+    if (!std::filesystem::exists(folder + "/../../build/robots/" + package())) {
+      GTEST_SKIP() << "the robot is missing: python tools/fetch_robots.py --all";
+    }
+    config_ = std::get<FileRobotConfig>(load_any_robot_config(folder + "/" + GetParam() + ".yml"));
+  }
+
+  [[nodiscard]] static std::string package() {
+    return GetParam() == std::string("shadow") ? "gymnasium_robotics" : "robosuite";
+  }
+
+  FileRobotConfig config_;
+};
+
+TEST_P(OtherRobots, AreHeldByTheSafetyChainUnderHostileActions) {
+  FileRobot robot(config_.robot);
+  const std::size_t joints = config_.robot.limits.size();
+  const std::int64_t steps = repetitions(10'000, 1'000'000);
+  Enemy enemy(1, joints);
+  CountedObservation measured(joints);
+  std::vector<std::byte> observation(robot.description().observation.size());
+  std::vector<std::byte> action(robot.description().action.size());
+  std::vector<std::byte> applied(robot.description().applied_action.size());
+  ASSERT_EQ(robot.prepare(0).state, DriverReport::State::kReady);
+  ProgressLine progress(steps);
+  for (std::int64_t step = 0; step < steps; ++step) {
+    ASSERT_EQ(robot.get_latest_observation(observation.data()).state, DriverReport::State::kReady);
+    read_element(observation.data(), measured);
+    write_element(enemy.next(), action.data());
+    const DriverReport report = robot.apply_action(action.data(), applied.data());
+    ASSERT_EQ(report.state, DriverReport::State::kReady)
+        << robot.fault_text(report.fault_code) << " in step " << step;
+    // The applied action begins with the torques.
+    const auto* const torque = reinterpret_cast<const double*>(applied.data());
+    for (std::size_t i = 0; i < joints; ++i) {
+      const JointLimit& limit = config_.robot.limits[i];
+      const std::string& name = robot.model().joints()[i].name;
+      ASSERT_LE(std::abs(torque[i]), limit.max_torque) << name << " in step " << step;
+      ASSERT_GT(measured.position[i], limit.hard_lower) << name << " in step " << step;
+      ASSERT_LT(measured.position[i], limit.hard_upper) << name << " in step " << step;
+    }
+    progress.update(step);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Sim, OtherRobots, testing::Values("jaco", "panda", "shadow", "ur5e"),
+                         [](const auto& test) { return std::string(test.param); });
+
+}  // namespace
+}  // namespace trifinger::test
