@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from trifinger import extras
+from trifinger._trifinger import observe
 from trifinger.commands.command_line import ended_by_signals, run
 from trifinger.errors import InvalidArgument, RobotStopped, SessionNotFound
 from trifinger.view.gate import CONTROL_MESSAGES, LOOPBACK, Gate, page_server
@@ -21,6 +22,7 @@ from trifinger.view.pilot import Pilot
 
 RATE = 40.0  # of pictures [Hz]
 IDLE_RATE = 5.0  # without a browser
+KINDS_WITH_HAND = ("trifinger", "finger")
 TOKEN_VARIABLE = "TRIFINGER_VIEW_TOKEN"  # noqa: S105 (the name of a variable)
 
 
@@ -136,11 +138,27 @@ def steer_robot(
     name: str, gate: Gate, with_browser: bool, *, with_guide: bool, is_plain: bool = False
 ) -> None:
     """Shows a robot with a panel that steers it, or that pulls at it in simulation."""
+    if not with_guide:
+        require_hand(name)
     pilot = Pilot(name, with_guide=with_guide)
     with ended_by_signals(), contextlib.closing(pilot):
         with contextlib.suppress(SessionNotFound, RobotStopped):  # the page says so and waits
             pilot.connect()
         show_robot(name, gate, with_browser, pilot, is_plain=is_plain)
+
+
+def require_hand(name: str) -> None:
+    """Raises InvalidArgument if a robot runs that no hand can ever pull.
+
+    A robot that does not run yet may be another one later; then the page says what it can.
+    """
+    with contextlib.suppress(SessionNotFound, RobotStopped):
+        kind = observe(name).session_info().type
+        if kind not in KINDS_WITH_HAND:
+            raise InvalidArgument(
+                f"robot '{name}' is of type '{kind}'; --hand pulls at robots of type "
+                f"{' and '.join(KINDS_WITH_HAND)} in simulation. 'trifinger view {name}' shows it"
+            )
 
 
 def show_log(run: LoggedRun, gate: Gate, with_browser: bool, *, is_plain: bool = False) -> None:
