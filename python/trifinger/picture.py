@@ -70,6 +70,13 @@ class Sight:
         import mujoco
 
         self._mujoco, self._model = mujoco, model
+        self._aspect = view.width / view.height
+        moving = model.geom_bodyid > 0
+        self._shapes = np.flatnonzero(moving & (model.geom_group == 0))
+        self.is_of_ours = len(self._shapes) > 0
+        """False for the model of a robot from a file, which only has shapes that look."""
+        if not self.is_of_ours:
+            self._shapes = np.flatnonzero(moving & (model.geom_group == LOOKS_GROUP))
         self._surround = np.flatnonzero(model.geom_group == SURROUND_GROUP)
         self._opacity = model.geom_rgba[self._surround, 3].copy()
         self.camera = mujoco.MjvCamera()
@@ -77,7 +84,7 @@ class Sight:
         angles = CAMERAS.get(view.camera) or _angles(view.camera)
         if angles is not None:
             self.camera.azimuth, self.camera.elevation = angles
-            self._fill(view.width / view.height)
+            self.fill()
             return
         self.camera.fixedcamid = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, view.camera)
         self.camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
@@ -105,14 +112,25 @@ class Sight:
             opacity = np.where(depth > BEHIND, opacity, 0.0)
         self._model.geom_rgba[self._surround, 3] = opacity
 
-    def _fill(self, aspect: float) -> None:
-        """Moves the camera so that robot, objects and the table's middle just fill the picture."""
+    def fill(self, configurations: Iterable[ArrayLike] = ()) -> None:
+        """Moves the camera so that robot and objects just fill the picture.
+
+        They are seen in the start pose, or in each of these configurations, MuJoCo's `qpos`. Of our
+        own scenes, the middle of the table is always seen. A camera of the model stays.
+        """
+        if self.camera.type != self._mujoco.mjtCamera.mjCAMERA_FREE:
+            return
         axes = _axes(self.camera)
-        points = np.concatenate([self._corners(), TABLE]) @ axes.T
-        slope = np.tan(np.radians(self._model.vis.global_.fovy) / 2) / MARGIN
+        model = self._model
+        start = model.key_qpos[0] if model.nkey else model.qpos0
+        corners = [self._corners(qpos) for qpos in (*configurations,) or (start,)]
+        if self.is_of_ours or not len(self._shapes):
+            corners.append(np.array(TABLE))
+        points = np.concatenate(corners) @ axes.T
+        slope = np.tan(np.radians(model.vis.global_.fovy) / 2) / MARGIN
         # In the frame of the camera, a point is in sight if |x - place| <= slope * (z - camera z).
         places, depths = [], []
-        for column, half in ((points[:, 0], slope * aspect), (points[:, 1], slope)):
+        for column, half in ((points[:, 0], slope * self._aspect), (points[:, 1], slope)):
             high = np.max(column - half * points[:, 2])
             low = np.min(column + half * points[:, 2])
             places.append((high + low) / 2)
@@ -121,21 +139,16 @@ class Sight:
         self.camera.lookat[:] = np.array([*places, middle]) @ axes
         self.camera.distance = middle - min(depths)
 
-    def _corners(self) -> Array:
-        """Corners of boxes around all shapes of robot and objects, in the start pose."""
+    def _corners(self, qpos: ArrayLike) -> Array:
+        """Corners of boxes around all shapes of robot and objects in a configuration."""
         model, data = self._model, self._mujoco.MjData(self._model)
-        if model.nkey:
-            data.qpos[:] = model.key_qpos[0]
+        data.qpos[:] = qpos
         self._mujoco.mj_forward(model, data)
-        moving = model.geom_bodyid > 0
-        shown = np.flatnonzero(moving & (model.geom_group == 0))
-        if not len(shown):  # Robots from files are drawn with the shapes that only look.
-            shown = np.flatnonzero(moving & (model.geom_group == LOOKS_GROUP))
         signs = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
-        boxes = model.geom_aabb[shown]
+        boxes = model.geom_aabb[self._shapes]
         corners = boxes[:, None, :3] + boxes[:, None, 3:] * signs
-        turns = data.geom_xmat[shown].reshape(-1, 3, 3)
-        world = np.einsum("gij,gcj->gci", turns, corners) + data.geom_xpos[shown][:, None]
+        turns = data.geom_xmat[self._shapes].reshape(-1, 3, 3)
+        world = np.einsum("gij,gcj->gci", turns, corners) + data.geom_xpos[self._shapes][:, None]
         return np.asarray(world.reshape(-1, 3))
 
 
@@ -186,6 +199,14 @@ class Painter:
         if is_plain:
             for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
                 self._renderer.scene.flags[flag] = False
+
+    def look_at(self, configurations: Iterable[ArrayLike]) -> None:
+        """Moves the camera so that a robot from a file fills the picture in all of these.
+
+        Our own robots are seen in their start pose: they stay on their table.
+        """
+        if not self._sight.is_of_ours:
+            self._sight.fill(configurations)
 
     def draw(self, configuration: ArrayLike, marks: ArrayLike = ()) -> Array:
         """The scene as an image, height x width x 3.

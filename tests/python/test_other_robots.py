@@ -147,19 +147,29 @@ def test_a_robot_of_others_repeats_its_log(run: Run, start_program: StartProgram
             np.testing.assert_array_equal(user.get_observation(t)[field], recorded[t][field])
 
 
-def test_what_needs_a_trifinger_says_so(start_program: StartProgram) -> None:
-    robot = start_program("run", str(ROOT / "examples/arm.yml"), "--non-real-time")
-    robot.wait_for("waits for a user")
-    for command in (
-        ["-m", "trifinger", "view", "arm", "--control"],
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["view", "arm", "--control", "--no-browser"],
+        ["view", "arm", "--hand", "--no-browser"],
         ["teach", "arm", "-o", "a.motion"],
-    ):
-        module = "view" if "view" in command else "teach"
-        words = command[command.index(module) + 1 :] if module in command else command
-        call = f"import sys; from trifinger.commands.{module} import main; sys.exit(main())"
-        done = subprocess.run(
-            [sys.executable, "-c", call, *words], capture_output=True, text=True, check=False
-        )
-        print(done)
-        assert done.returncode != 0
-        assert "TriFinger" in done.stderr
+    ],
+    ids=" ".join,
+)
+def test_what_needs_a_trifinger_says_so(
+    words: list[str], start_program: StartProgram, tmp_path: Path
+) -> None:
+    robot = start_program("run", str(ROOT / "examples/arm.yml"))
+    robot.wait_for("waits for a user")
+    call = f"from trifinger.commands.{words[0]} import main; raise SystemExit(main())"
+    done = subprocess.run(
+        [sys.executable, "-c", call, *words[1:]],
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=tmp_path,
+    )
+    assert done.returncode != 0
+    assert "robot 'arm' is of type 'arm'" in done.stderr
+    assert "finger" in done.stderr

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from trifinger import extras
+from trifinger._trifinger import observe
 from trifinger.commands.command_line import ended_by_signals, run
 from trifinger.errors import InvalidArgument, RobotStopped, SessionNotFound
 from trifinger.view.gate import CONTROL_MESSAGES, LOOPBACK, Gate, page_server
@@ -22,6 +23,7 @@ from trifinger.view.pilot import Pilot
 
 RATE = 40.0  # of pictures [Hz]
 IDLE_RATE = 5.0  # without a browser
+KINDS_WITH_HAND = ("trifinger", "finger")
 TOKEN_VARIABLE = "TRIFINGER_VIEW_TOKEN"  # noqa: S105 (the name of a variable)
 
 
@@ -135,11 +137,27 @@ def show_robot(name: str, options: PageOptions, pilot: Pilot | None = None) -> N
 
 def steer_robot(name: str, options: PageOptions, *, with_guide: bool) -> None:
     """Shows a robot with a panel that steers it, or that pulls at it in simulation."""
+    if not with_guide:
+        require_hand(name)
     pilot = Pilot(name, with_guide=with_guide)
     with ended_by_signals(), contextlib.closing(pilot):
         with contextlib.suppress(SessionNotFound, RobotStopped):  # the page says so and waits
             pilot.connect()
         show_robot(name, options, pilot)
+
+
+def require_hand(name: str) -> None:
+    """Raises InvalidArgument if a robot runs that no hand can ever pull.
+
+    A robot that does not run yet may be another one later; then the page says what it can.
+    """
+    with contextlib.suppress(SessionNotFound, RobotStopped):
+        kind = observe(name).session_info().type
+        if kind not in KINDS_WITH_HAND:
+            raise InvalidArgument(
+                f"robot '{name}' is of type '{kind}'; --hand pulls at robots of type "
+                f"{' and '.join(KINDS_WITH_HAND)} in simulation. 'trifinger view {name}' shows it"
+            )
 
 
 def show_log(run: LoggedRun, options: PageOptions) -> None:

@@ -40,16 +40,26 @@ class Scene:
         observations = session.observations
         self._joints = observations[positions_field(observations.dtype.names or ())]
         has_objects = any(companion.name.endswith(".object") for companion in session.companions)
-        self._times, self._objects = object_poses(session) if has_objects else (np.empty(0), {})
+        self._times: Array = np.empty(0)
+        self._objects: dict[str, Array] = {}
+        if has_objects:
+            self._times, self._objects = object_poses(session)
+
+        if len(self._joints):
+            seen = np.linspace(self._time_index[0], self._time_index[-1], STRIP_IMAGES)
+            self._painter.look_at([self._configuration(int(step)) for step in seen])
 
     def image(self, step: int) -> Array:
         """The scene at a step: height x width x 3."""
+        return self._painter.draw(self._configuration(step))
+
+    def _configuration(self, step: int) -> Array:
         objects = {
             name: np.array([np.interp(step, self._times, column) for column in poses.T])
             for name, poses in self._objects.items()
         }
         row = min(int(np.searchsorted(self._time_index, step)), len(self._joints) - 1)
-        return self._painter.draw(self._painter.placement.qpos(self._joints[row], objects))
+        return self._painter.placement.qpos(self._joints[row], objects)
 
     def close(self) -> None:
         """Releases the memory for drawing."""
