@@ -160,8 +160,8 @@ TEST(MotorGroup, WritesWhatIsKeptOnlyOnce) {
 TEST(MotorGroup, ReadsSensorsAndGivesThemNoTorque) {
   GroupRig rig({.ids = {10, 11, 12, 20, 21, 22, 30, 31}, .sensors = {32}});
   rig.line.motor(8).set_value(regs::kTorqueEnable, 1);
-  rig.plant.set_position(8, 0.7);
   rig.group->start();
+  rig.plant.set_position(8, 0.7);
   ASSERT_EQ(rig.group->size(), 9U);
   EXPECT_EQ(rig.group->num_driven(), 8U);
   rig.cycle(2000, 0.1);
