@@ -103,8 +103,7 @@ Row row_of(const char* name, const Paired& paired) {
 }  // namespace
 
 std::vector<Row> any_robot(const Effort& effort) {
-  const FileRobotOptions robot =
-      std::get<FileRobotConfig>(load_any_robot_config("dclaw")).robot;
+  const FileRobotOptions robot = std::get<FileRobotConfig>(load_any_robot_config("dclaw")).robot;
   const std::size_t joints = robot.limits.size();
   constexpr std::size_t kSimulations = 16;
   const auto actions = wandering(40, kSimulations * joints);
@@ -153,8 +152,7 @@ std::vector<Row> any_robot(const Effort& effort) {
   return {row_of("D'Claw from its file, one robot with a session, 1 step per action",
                  alternate(effort.rounds, session, [&] { return bare_steps(1); })),
           row_of("D'Claw from its file, vector environment of 16 x turn, 1 thread",
-                 alternate(effort.rounds, environments,
-                           [&] { return bare_steps(kSimulations); }))};
+                 alternate(effort.rounds, environments, [&] { return bare_steps(kSimulations); }))};
 }
 
 }  // namespace trifinger::benchmarks

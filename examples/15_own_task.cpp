@@ -51,9 +51,9 @@ class Middle final : public Task {
 }  // namespace
 
 int main() {
-  add_task({.name = "middle", .options = {.action = ActionKind::kPositionChange, .duration = 2.0}, .make = [](trifinger::learning::Workspace&) {
-              return std::make_unique<Middle>();
-            }});
+  add_task({.name = "middle",
+            .options = {.action = ActionKind::kPositionChange, .duration = 2.0},
+            .make = [](trifinger::learning::Workspace&) { return std::make_unique<Middle>(); }});
 
   constexpr int kSimulations = 16;
   trifinger::SimulationOptions<trifinger::TriFinger> simulation;

@@ -37,8 +37,8 @@ auto array_of(M T::* member) {
 }
 
 /// Copies the numbers of `object` to `value`. Vectors must have one dimension, matrices two. The
-/// number of rows must be that of `M` or, if `M` leaves it open, at most the maximum of `M`, if any.
-/// Returns false, without setting an error in Python, if `object` does not fit.
+/// number of rows must be that of `M` or, if `M` leaves it open, at most the maximum of `M`, if
+/// any. Returns false, without setting an error in Python, if `object` does not fit.
 template <class M>
 bool read_array(nanobind::handle object, M& value) noexcept {
   const nanobind::object array =

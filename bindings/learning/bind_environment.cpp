@@ -117,9 +117,9 @@ void check_same_robot(const AnyRobotConfig& actual, const AnyRobotConfig& expect
                           "', which is not what `config` says");
   }
   if (period_of(actual) != period_of(expected)) {
-    throw InvalidArgument("the robot's period is " +
-                          std::to_string(to_seconds(period_of(actual))) + " s, `config` says " +
-                          std::to_string(to_seconds(period_of(expected))) + " s");
+    throw InvalidArgument("the robot's period is " + std::to_string(to_seconds(period_of(actual))) +
+                          " s, `config` says " + std::to_string(to_seconds(period_of(expected))) +
+                          " s");
   }
 }
 
@@ -260,16 +260,14 @@ void bind_description(nb::class_<T>& type, const Environment& (*environment_of)(
           [environment_of](const T& self) { return environment_of(self).judges_by_truth(); },
           docs::Environment::judges_by_truth)
       .def_prop_ro(
-          "num_parts",
-          [environment_of](const T& self) { return environment_of(self).num_parts(); },
+          "num_parts", [environment_of](const T& self) { return environment_of(self).num_parts(); },
           docs::Environment::num_parts)
       .def_prop_ro(
           "has_goals_of_fingers",
           [environment_of](const T& self) { return environment_of(self).has_goals_of_fingers(); },
           docs::Environment::has_goals_of_fingers)
       .def_prop_ro(
-          "score_names",
-          [environment_of](const T& self) { return environment_of(self).scores(); },
+          "score_names", [environment_of](const T& self) { return environment_of(self).scores(); },
           docs::Environment::scores)
       .def_prop_ro("num_joints",
                    [environment_of](const T& self) { return environment_of(self).num_joints(); })
@@ -340,10 +338,9 @@ the series of random numbers, and positions of the first hinges and slides of a 
       .def(
           "check_robot",
           [](Episodes& self, const std::optional<std::string>& configuration) {
-            const AnyRobotConfig actual =
-                configuration ? read_any_robot_config(
-                                    config::File::parse(*configuration, "configuration.yml"))
-                              : self.config;
+            const AnyRobotConfig actual = configuration ? read_any_robot_config(config::File::parse(
+                                                              *configuration, "configuration.yml"))
+                                                        : self.config;
             check_same_robot(actual, self.config);
             self.oldest_sure_age = oldest_sure_age_of(actual, /*is_elsewhere=*/true);
           },
@@ -434,8 +431,9 @@ the series of random numbers, and positions of the first hinges and slides of a 
                   "tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike, numpy.typing.ArrayLike, "
                   "list[tuple[numpy.typing.ArrayLike, numpy.typing.ArrayLike]]] | None = None) -> "
                   "tuple[float, bool, bool, bool]"),
-          also(docs::Environment::observe,
-               R"(`more` is for robots from files: torques, positions and velocities of all hinges and slides (empty if
+          also(
+              docs::Environment::observe,
+              R"(`more` is for robots from files: torques, positions and velocities of all hinges and slides (empty if
 each has a motor), and poses of the free bodies. Returns reward, terminated, truncated, success; the arrays below
 change.)")
               .c_str());
@@ -670,9 +668,8 @@ void bind_environment(nb::module_& m) {
   m.def(
       "robot_configuration",
       [](const std::string& config, const nb::dict& overrides) {
-        return std::visit(
-            [](const auto& robot) { return robot.session.documents.front().text; },
-            load_any_config(config, overrides));
+        return std::visit([](const auto& robot) { return robot.session.documents.front().text; },
+                          load_any_config(config, overrides));
       },
       "config"_a, "config_overrides"_a = nb::dict(),
       nb::sig("def robot_configuration(config: str, config_overrides: dict[str, object] = {}) -> "

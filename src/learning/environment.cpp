@@ -18,12 +18,12 @@ namespace {
 using trifinger::detail::text_of;
 
 // Bounds of the observed values. The safety checks brake joints that are faster.
-constexpr double kMaxVelocity = 10.0;   // [rad/s]
-constexpr double kMaxSideways = 0.5;    // [m]
-constexpr double kBeyondLimits = 0.2;   // [rad]
-constexpr double kMaxHeight = 0.6;      // [m]
-constexpr double kWayTime = 2.0;        // Time to reach the start of an episode [s].
-constexpr long long kWayActions = 20;   // Minimum number of actions for it.
+constexpr double kMaxVelocity = 10.0;     // [rad/s]
+constexpr double kMaxSideways = 0.5;      // [m]
+constexpr double kBeyondLimits = 0.2;     // [rad]
+constexpr double kMaxHeight = 0.6;        // [m]
+constexpr double kWayTime = 2.0;          // Time to reach the start of an episode [s].
+constexpr long long kWayActions = 20;     // Minimum number of actions for it.
 constexpr std::size_t kMaxValues = 1024;  // Largest number of values in an observation.
 
 // Each episode has three series of random numbers.
@@ -77,10 +77,10 @@ ObjectPose upward(const ObjectPose& pose) noexcept {
 
 // What is known of each joint of a robot, one number per joint.
 struct JointFigures {
-  std::vector<double> initial{};     // Where it begins [rad], [m].
-  std::vector<double> low{};         // What actions can ask for.
+  std::vector<double> initial{};  // Where it begins [rad], [m].
+  std::vector<double> low{};      // What actions can ask for.
   std::vector<double> high{};
-  std::vector<double> max_torque{};  // [Nm], [N]
+  std::vector<double> max_torque{};                                                // [Nm], [N]
   Entry position{.name = "joint_position", .unit = "rad", .low = {}, .high = {}};  // observed
   Entry velocity{.name = "joint_velocity", .unit = "rad/s", .low = {}, .high = {}};
 };
@@ -246,8 +246,8 @@ struct Environment::Implementation {
       list_usual_entries();
     }
     const auto is_action = [](const Entry& entry) { return entry.name == "action"; };
-    shows_action = options.mapping == Mapping::kStateAugmentation &&
-                   std::ranges::none_of(entries, is_action);
+    shows_action =
+        options.mapping == Mapping::kStateAugmentation && std::ranges::none_of(entries, is_action);
     if (shows_action) add("action", "1", num_joints, -1.0, 1.0);
     if (options.layout != Layout::kGoal && !has_own_entries) entries.push_back(goal);
   }
@@ -329,9 +329,10 @@ struct Environment::Implementation {
       return;
     }
     view.tips.resize(static_cast<Eigen::Index>(3 * num_points));
-    file->find_frames(view.position, measurement.model_position.empty() ? std::span<const double>()
-                                                                         : view.model_position,
-                      view.bodies, {view.tips.data(), 3 * num_points});
+    file->find_frames(
+        view.position,
+        measurement.model_position.empty() ? std::span<const double>() : view.model_position,
+        view.bodies, {view.tips.data(), 3 * num_points});
   }
 
   // Computes what was achieved and compares it with the goal.
@@ -364,9 +365,9 @@ struct Environment::Implementation {
   Workspace workspace;
   std::unique_ptr<const Task> task;
   Entry goal;
-  std::size_t num_points;   // tips or frames
+  std::size_t num_points;    // tips or frames
   std::size_t num_parts{1};  // of a goal
-  double action_time{0.0};  // Duration of one action [s].
+  double action_time{0.0};   // Duration of one action [s].
   std::size_t num_joints{0};
   std::int64_t episode_actions{0};
   std::vector<std::string> scores;
@@ -404,9 +405,7 @@ Environment::~Environment() = default;
 
 const EnvironmentOptions& Environment::options() const noexcept { return implementation_->options; }
 std::size_t Environment::num_joints() const noexcept { return implementation_->num_joints; }
-std::size_t Environment::num_fingers() const noexcept {
-  return implementation_->num_points;
-}
+std::size_t Environment::num_fingers() const noexcept { return implementation_->num_points; }
 std::size_t Environment::num_parts() const noexcept { return implementation_->num_parts; }
 bool Environment::has_goals_of_fingers() const noexcept {
   return implementation_->task->has_goals_of_fingers();
@@ -531,9 +530,9 @@ Outcome Environment::observe(const Measurement& measurement, Episode& episode,
   const auto goal_size = self.goal.low.size();
 
   // Only what is filled in is read.
-  std::array<double, kMaxValues> values;           // NOLINT(*-member-init)
-  std::array<double, kMaxCountedJoints> position;  // NOLINT(*-member-init)
-  std::array<double, kMaxCountedJoints> velocity;  // NOLINT(*-member-init)
+  std::array<double, kMaxValues> values;                           // NOLINT(*-member-init)
+  std::array<double, kMaxCountedJoints> position;                  // NOLINT(*-member-init)
+  std::array<double, kMaxCountedJoints> velocity;                  // NOLINT(*-member-init)
   std::array<double, FileBody::kMaxConfiguration> model_position;  // NOLINT(*-member-init)
   const std::size_t num_model = measurement.model_position.size();
   std::ranges::copy(measurement.position, position.begin());

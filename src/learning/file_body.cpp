@@ -38,8 +38,8 @@ FileBody::FileBody(const FileRobotOptions& robot, std::span<const std::string> f
   require(frames.size() <= kMaxFrames,
           text_of("there are ", frames.size(), " frames, allowed are ", kMaxFrames));
   const std::size_t size = simulator_.initial_configuration().size();
-  require(size <= kMaxConfiguration, text_of("the model has ", size, " positions, allowed are ",
-                                             kMaxConfiguration));
+  require(size <= kMaxConfiguration,
+          text_of("the model has ", size, " positions, allowed are ", kMaxConfiguration));
 }
 
 std::size_t FileBody::joint(std::string_view name) const {
@@ -50,8 +50,7 @@ std::size_t FileBody::model_joint(std::string_view name) const {
   return place_of(name, model().model_joints());
 }
 
-void FileBody::find_frames(std::span<const double> position,
-                           std::span<const double> model_position,
+void FileBody::find_frames(std::span<const double> position, std::span<const double> model_position,
                            std::span<const ObjectPose> bodies,
                            std::span<double> points) const noexcept {
   if (frames_.size() == 0) return;

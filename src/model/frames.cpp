@@ -109,9 +109,9 @@ Frames::Frames(std::shared_ptr<const ModelFile> model, std::span<const std::stri
                             names_of(mujoco, mjOBJ_BODY, static_cast<int>(mujoco.nbody))));
     for (; body > 0; body = mujoco.body_parentid[body]) chain.bodies.push_back(body);
     std::ranges::reverse(chain.bodies);
-    require(std::ranges::any_of(chain.bodies,
-                                [&](int part) { return mujoco.body_jntnum[part] > 0; }),
-            detail::text_of("the frame '", name, "' cannot move: no joint moves its body"));
+    require(
+        std::ranges::any_of(chain.bodies, [&](int part) { return mujoco.body_jntnum[part] > 0; }),
+        detail::text_of("the frame '", name, "' cannot move: no joint moves its body"));
     chains_.push_back(std::move(chain));
   }
 }

@@ -358,8 +358,7 @@ void FileRobot::write_state(std::span<std::byte> state) const noexcept {
 }
 
 // Writes `physics_` and the rest.
-void FileRobot::write_state(std::span<std::byte> state,
-                            const FileSimulator::Memory& memory,
+void FileRobot::write_state(std::span<std::byte> state, const FileSimulator::Memory& memory,
                             std::span<const JointMemory> safety) const noexcept {
   std::byte* target = state.data();
   const auto write = [&target](const void* source, std::size_t size) {

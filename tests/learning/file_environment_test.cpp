@@ -41,9 +41,9 @@ class FileEnvironment : public ::testing::Test {
  protected:
   FileEnvironment() {
     test::write(folder_ / "arm.xml", test::kArm);
-    test::write(folder_ / "arm.yml",
-                std::string("name: arm\ndriver: simulation\nrobot: {mjcf: arm.xml}\n") +
-                    test::kArmSafety);
+    test::write(
+        folder_ / "arm.yml",
+        std::string("name: arm\ndriver: simulation\nrobot: {mjcf: arm.xml}\n") + test::kArmSafety);
     robot_ = robot_of((folder_ / "arm.yml").string());
   }
 
@@ -110,9 +110,7 @@ TEST_F(FileEnvironment, SeesJointsWithoutMotorsAndFreeBodies) {
                                 std::span<const double> /*desired*/) const noexcept override {
       return 3.0;
     }
-    [[nodiscard]] double cost(const View& view) const noexcept override {
-      return view.position[1];
-    }
+    [[nodiscard]] double cost(const View& view) const noexcept override { return view.position[1]; }
     [[nodiscard]] bool is_success(std::span<const double> /*achieved*/,
                                   std::span<const double> /*desired*/,
                                   const Episode& /*episode*/) const noexcept override {
@@ -135,9 +133,8 @@ TEST_F(FileEnvironment, SeesJointsWithoutMotorsAndFreeBodies) {
   EXPECT_THAT(results.seen.scores, Each(7.0));
   batch.step(std::vector<float>(8, 0.0F));
   EXPECT_THAT(results.reward, Each(::testing::AllOf(::testing::Lt(3.0), ::testing::Gt(1.0))));
-  EXPECT_EQ(message_of<InvalidArgument>([] {
-              return Environment("look", {}, RobotDescription{}).num_joints();
-            }),
+  EXPECT_EQ(message_of<InvalidArgument>(
+                [] { return Environment("look", {}, RobotDescription{}).num_joints(); }),
             "the task 'look' is for a robot from a file, such as trifinger_edu");
 }
 
@@ -226,9 +223,8 @@ TEST_F(FileEnvironment, RefusesWhatItCannotDo) {
                 return Environment("push", default_options("push"), robot_).num_joints();
               }),
               HasSubstr("the task 'push' is for a TriFinger, this robot is from a file"));
-  EXPECT_THAT(message_of<InvalidArgument>([&] {
-                return Environment("reach", options(), RobotDescription{}).num_joints();
-              }),
+  EXPECT_THAT(message_of<InvalidArgument>(
+                  [&] { return Environment("reach", options(), RobotDescription{}).num_joints(); }),
               HasSubstr("frames are for robots from files"));
 }
 
@@ -244,8 +240,8 @@ class DClaw : public ::testing::Test {
     std::vector<double> desired;
   };
   [[nodiscard]] static Seen look(const Environment& environment, Episode& episode,
-                                 std::span<const double> joints, double valve,
-                                 double speed = 0.0, double torque = 0.0) {
+                                 std::span<const double> joints, double valve, double speed = 0.0,
+                                 double torque = 0.0) {
     Seen seen{.outcome = {},
               .observation = std::vector<float>(environment.observation_size()),
               .achieved = std::vector<double>(environment.goal_size()),
@@ -286,8 +282,7 @@ TEST_F(DClaw, RewardsATurnAsPublished) {
 
   // 0.2 rad beyond the goal, which may be counted from the other side.
   for (const double turns : {0.0, 1.0, -1.0}) {
-    seen = look(environment, episode, nominal_,
-                std::numbers::pi * (1.0 + 2.0 * turns) + 0.2);
+    seen = look(environment, episode, nominal_, std::numbers::pi * (1.0 + 2.0 * turns) + 0.2);
     EXPECT_NEAR(seen.outcome.reward, -1.0 + 10.0, 1e-9);
     EXPECT_NEAR(seen.observation[20], -0.2, 1e-6);
     EXPECT_NEAR(seen.outcome.distance[0], 0.2, 1e-9);

@@ -102,8 +102,8 @@ TEST_F(FramesTest, PosesAreFreeIfNothingTouchesThatDoesNotAlwaysTouch) {
   const auto file = model(kArm);
   // rail, shoulder, elbow, near, far, flap, ball, brick: both objects stand on the floor, a little
   // too deep.
-  std::vector<double> usual{0, 0.5, 1, 0.2, 0.2, 0, 0.5, 0, 0.049, 1, 0, 0, 0, -0.5, 0, 0.049, 1,
-                            0, 0, 0};
+  std::vector<double> usual{0, 0.5, 1, 0.2,  0.2, 0,     0.5, 0, 0.049, 1,
+                            0, 0,   0, -0.5, 0,   0.049, 1,   0, 0,     0};
   const ContactCheck check(file, usual);
   EXPECT_TRUE(check.is_free(usual));
   std::vector<double> pose = usual;

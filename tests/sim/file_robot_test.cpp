@@ -284,8 +284,12 @@ TEST_F(FileRobotTest, ContinuesFromASavedStateBitForBit) {
 }
 
 TEST_F(FileRobotTest, ContinuesFromASavedStateWithItsVariation) {
-  const Variation variation{.object_mass = 1.3, .friction = 0.7, .motor_gain = 0.9,
-                            .torque_delay = 3, .joint_damping = 1.5, .joint_friction = 0.01};
+  const Variation variation{.object_mass = 1.3,
+                            .friction = 0.7,
+                            .motor_gain = 0.9,
+                            .torque_delay = 3,
+                            .joint_damping = 1.5,
+                            .joint_friction = 0.01};
   FileRobot robot(config().robot);
   ASSERT_EQ(robot.prepare(0).state, DriverReport::State::kReady);
   const std::vector<double> usual = series(robot, 0, 50);
@@ -317,8 +321,8 @@ TEST_F(FileRobotTest, ContinuesFromASavedStateWithItsVariation) {
 TEST_F(FileRobotTest, BeginsWithJointsWithoutMotorsElsewhere) {
   FileRobot robot(config().robot);
   const std::vector<double> position = robot.initial_position();
-  robot.reset(position, std::vector<double>{kNotGiven, kNotGiven, kNotGiven, kNotGiven, kNotGiven,
-                                            0.25});
+  robot.reset(position,
+              std::vector<double>{kNotGiven, kNotGiven, kNotGiven, kNotGiven, kNotGiven, 0.25});
   EXPECT_EQ(observe(robot).joint_position[5], 0.25);
   EXPECT_THAT(observe(robot).position, testing::ElementsAreArray(position));
 }

@@ -82,13 +82,14 @@ struct Episode {
 /// The beginning of an episode in a simulation.
 struct Start {
   std::array<double, kMaxCountedJoints> position{};  ///< Joint positions [rad], [m].
-  ObjectPose object{};               ///< Pose of the task's object, if it has one.
-  ObjectVelocity object_velocity{};  ///< Velocity of that object.
+  ObjectPose object{};                               ///< Pose of the task's object, if it has one.
+  ObjectVelocity object_velocity{};                  ///< Velocity of that object.
   Variation variation{};
   Random random{};  ///< Random numbers for the noise on poses.
   /// Positions of the first hinges and slides of a robot from a file, driven or not [rad], [m].
   /// NaN: where its configuration begins, or `position` says.
-  std::array<double, kMaxCountedJoints> model_position = detail::filled<kMaxCountedJoints>(kNotGiven);
+  std::array<double, kMaxCountedJoints> model_position =
+      detail::filled<kMaxCountedJoints>(kNotGiven);
 };
 
 /// The result of an observation.

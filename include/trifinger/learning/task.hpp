@@ -29,8 +29,7 @@ struct Workspace {
 };
 
 /// Three numbers for each point. They are stored in place, never on the heap.
-using Points =
-    Eigen::Matrix<double, Eigen::Dynamic, 1, 0, static_cast<int>(3 * kMaxFrames), 1>;
+using Points = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, static_cast<int>(3 * kMaxFrames), 1>;
 
 /// What a task sees at one instant, as it was measured.
 struct View {

@@ -83,7 +83,7 @@ class FileSimulator {
   struct State {
     Memory memory{};
     CountedSafetyState safety{};
-    Observation observation{};  ///< The newest observation, which the checks use.
+    Observation observation{};             ///< The newest observation, which the checks use.
     std::vector<double> model_position{};  ///< Of all hinges and slides, at that observation.
     std::vector<double> model_velocity{};
     std::vector<ObjectPose> objects{};  ///< Poses of all objects at that observation.
@@ -115,7 +115,8 @@ class FileSimulator {
   /// Makes a state with room for everything. `reset` it before use.
   [[nodiscard]] State make_state() const;
 
-  /// Refuses what no robot from a file can vary: the friction of named pairs of surfaces, and stops.
+  /// Refuses what no robot from a file can vary: the friction of named pairs of surfaces, and
+  /// stops.
   /// @throws InvalidArgument that names it, or the value found and the values allowed
   static void check(const Variation& variation);
   /// Makes `varied`, a copy of the model, differ from it by `variation`. The contents of `data` are

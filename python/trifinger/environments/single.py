@@ -279,7 +279,7 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
                 raise InvalidArgument(f"nobody has said where the {self._bodies[0]} is")
             bodies = [(seen[name]["position"], seen[name]["orientation"]) for name in self._bodies]
         none = np.zeros(0)
-        names = observation.dtype.names
+        names = observation.dtype.names or ()
         joints = (
             (observation.joint_position, observation.joint_velocity)
             if "joint_position" in names

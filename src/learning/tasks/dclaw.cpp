@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The tasks of D'Claw, with the observations, rewards and scores that were published with it (M. Ahn
-// et al.: ROBEL: Robotics benchmarks for learning with low-cost robots. CoRL 2019).
+// The tasks of D'Claw, with the observations, rewards and scores that were published with it (M.
+// Ahn et al.: ROBEL: Robotics benchmarks for learning with low-cost robots. CoRL 2019).
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -30,15 +30,14 @@ enum class Luck : std::uint8_t {
 };
 
 EnvironmentOptions defaults(int steps_per_action, double duration, Luck luck) {
-  EnvironmentOptions options{.steps_per_action = steps_per_action,
-                             .action = ActionKind::kPosition,
-                             .duration = duration};
+  EnvironmentOptions options{
+      .steps_per_action = steps_per_action, .action = ActionKind::kPosition, .duration = duration};
   if (luck == Luck::kDynamics) {
     options.position_noise = 0.05;
-    options.joint_damping = {0.05, 1.0};    // 0.005 to 0.1 Nms/rad
+    options.joint_damping = {0.05, 1.0};  // 0.005 to 0.1 Nms/rad
     options.joint_friction = {0.001, 0.005};
-    options.motor_gain = {0.5, 1.5};        // a stiffness of 1 to 3 Nm/rad
-    options.friction = {4.0, 6.0};          // 0.8 to 1.2 between tips and valve
+    options.motor_gain = {0.5, 1.5};  // a stiffness of 1 to 3 Nm/rad
+    options.friction = {4.0, 6.0};    // 0.8 to 1.2 between tips and valve
   }
   return options;
 }
@@ -49,8 +48,8 @@ constexpr std::size_t kJoints = 9;
 using Joints = std::array<double, kJoints>;
 
 // From the plate to the tip, finger by finger.
-constexpr std::array<std::string_view, kJoints> kNames{
-    "FFJ10", "FFJ11", "FFJ12", "MFJ20", "MFJ21", "MFJ22", "THJ30", "THJ31", "THJ32"};
+constexpr std::array<std::string_view, kJoints> kNames{"FFJ10", "FFJ11", "FFJ12", "MFJ20", "MFJ21",
+                                                       "MFJ22", "THJ30", "THJ31", "THJ32"};
 // What actions from -1 to 1 mean for the three joints of a finger: plus or minus this [rad].
 constexpr std::array<double, 3> kRange{0.48, pi / 3, pi / 2};
 constexpr Joints kNominal{0, -pi / 3, pi / 3, 0, -pi / 3, pi / 3, 0, -pi / 3, pi / 3};
@@ -154,7 +153,8 @@ class TurnValve final : public DClawTask {
 
   TurnValve(Workspace& robot, Kind kind, Luck luck)
       : DClawTask(robot), kind_(kind), luck_(luck), valve_(robot.file->model_joint("valve")) {
-    if (valve_ >= kMaxCountedJoints) throw InvalidArgument("the valve is not among the first joints");
+    if (valve_ >= kMaxCountedJoints)
+      throw InvalidArgument("the valve is not among the first joints");
   }
 
   [[nodiscard]] Entry goal() const override { return entry_of("goal", "rad", 1, 10.0); }
@@ -338,9 +338,9 @@ std::vector<TaskDescription> dclaw_tasks() {
                      .make = std::move(make)});
   };
   using Kind = TurnValve::Kind;
-  for (const auto& [suffix, luck] : {std::pair("_fixed", Luck::kFixed),
-                                     std::pair("_random", Luck::kRandom),
-                                     std::pair("_random_dynamics", Luck::kDynamics)}) {
+  for (const auto& [suffix, luck] :
+       {std::pair("_fixed", Luck::kFixed), std::pair("_random", Luck::kRandom),
+        std::pair("_random_dynamics", Luck::kDynamics)}) {
     const std::string end(suffix);
     add("dclaw_pose" + end, "dclaw_without_valve", 20, 4.0, luck,
         [which = luck](Workspace& robot) { return std::make_unique<Pose>(robot, which); });

@@ -194,14 +194,13 @@ TaskDescription move_cube(std::string name, double duration, Goal goal) {
 }  // namespace
 
 std::vector<TaskDescription> move_cube_tasks() {
-  return {
-      move_cube("push", 15, Goal::kOnTable),
-      move_cube("lift", 30, Goal::kPosition),
-      move_cube("lift_pose", 30, Goal::kPose),
-      {.name = "move_cube_on_trajectory",
-       .options = move_cube_defaults(120),
-       .config_overrides = {kObjects},
-       .make = [](Workspace&) { return std::make_unique<MoveCubeOnTrajectory>(); }}};
+  return {move_cube("push", 15, Goal::kOnTable),
+          move_cube("lift", 30, Goal::kPosition),
+          move_cube("lift_pose", 30, Goal::kPose),
+          {.name = "move_cube_on_trajectory",
+           .options = move_cube_defaults(120),
+           .config_overrides = {kObjects},
+           .make = [](Workspace&) { return std::make_unique<MoveCubeOnTrajectory>(); }}};
 }
 
 }  // namespace trifinger::learning

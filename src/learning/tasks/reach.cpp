@@ -58,7 +58,6 @@ class Reach : public Task {
     }
     return true;
   }
-
 };
 
 // The paper's task: each tip has a goal within the third of the arena that belongs to its finger.
@@ -130,8 +129,7 @@ class ReachOfTips final : public Reach {
 class ReachOfFrames final : public Reach {
  public:
   explicit ReachOfFrames(const Workspace& workspace)
-      : body_(*workspace.file),
-        goal_(body_.frame_bounds("goal", workspace.low, workspace.high)) {}
+      : body_(*workspace.file), goal_(body_.frame_bounds("goal", workspace.low, workspace.high)) {}
 
   [[nodiscard]] Entry goal() const override { return goal_; }
 
@@ -165,10 +163,7 @@ std::unique_ptr<const Task> make_reach(const Workspace& robot) {
 }  // namespace
 
 std::vector<TaskDescription> reach_tasks() {
-  return {{.name = "reach",
-           .options = reach_defaults(),
-           .is_for_files = true,
-           .make = make_reach},
+  return {{.name = "reach", .options = reach_defaults(), .is_for_files = true, .make = make_reach},
           {.name = "finger_reach",
            .options = reach_defaults(),
            .config_overrides = {R"(robot.arrangement="finger")", "objects=[]"},
