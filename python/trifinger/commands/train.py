@@ -45,7 +45,9 @@ def parse(words: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("task", nargs="?", help=", ".join(task_names()))
     parser.add_argument("--algorithm", choices=ALGORITHMS, help="default: ddpg")
     parser.add_argument("--shared", action="store_true", help="one policy shared by the fingers")
-    parser.add_argument("--episodes", type=int, help="default: 700; for push by PPO 30000")
+    parser.add_argument(
+        "--episodes", type=int, help="default: 700; for push by PPO 30000, for D'Claw by PPO 20000"
+    )
     parser.add_argument("--seed", type=int, help="default: 1")
     parser.add_argument("--out", type=Path, metavar="FOLDER", help="default: the task's name")
     parser.add_argument("--resume", type=Path, metavar="FOLDER", help="continue its training")

@@ -245,11 +245,7 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
                 self._drawing = Window(self._mjcf(), self._view, 1 / self.metadata["render_fps"])
             else:
                 self._drawing = Painter(self._mjcf(), is_plain=True, view=self._view)
-        goal = self._core.desired
-        marks = (
-            goal if len(goal) % 3 == 0 else np.append(goal[:2], goal[2:3] if len(goal) > 2 else 0.0)
-        )
-        return self._drawing.draw(self._configuration(), marks)
+        return self._drawing.draw(self._configuration(), self._marks())
 
     def close(self) -> None:
         """Gives the robot back and closes the drawing."""
@@ -348,6 +344,15 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
         for point in self._core.way(_observed(state).position):
             state = self._process.step(self._process.robot.new_action(position=point))
         return state
+
+    # The centres of the balls that show goals: none if goals are no places.
+    def _marks(self) -> Array:
+        goal = self._core.desired
+        if not self._core.goal[1].startswith("m"):
+            return np.zeros(0)
+        if len(goal) % 3 == 0:
+            return goal
+        return np.append(goal[:2], goal[2:3] if len(goal) > 2 else 0.0)
 
     def _mjcf(self) -> str:
         config, overrides = self._scene

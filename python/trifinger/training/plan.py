@@ -124,6 +124,8 @@ class Plan:
         if (task, algorithm) == ("push", "ppo"):
             settings = {"duration": 6.0} | settings
             more = {"episodes": 30_000} | more
+        if task.startswith("dclaw_") and algorithm == "ppo":
+            more = {"episodes": 20_000, "evaluation_interval": 1000} | more
         options = Options.of(task)
         for name, value in settings.items():
             _check_type(name, value, getattr(options, name, value))
