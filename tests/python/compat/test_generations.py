@@ -83,7 +83,10 @@ def test_the_environment_of_trajectories() -> None:
     observation, reward, is_done, info = env.step(np.array(HOME))
     assert reward <= 0
     assert not is_done
-    assert info["time_index"] == 1
+    assert info["time_index"] == 2
+    assert sorted(observation) == ["achieved_goal", "desired_goal", "observation"]
+    assert observation["observation"]["velocity"].shape == (9,)
+    assert env.observation_space["desired_goal"].shape == (3,)
     goal = move_cube_on_trajectory.get_active_goal(info["trajectory"], 2)
     assert np.array_equal(observation["desired_goal"], goal)
 
