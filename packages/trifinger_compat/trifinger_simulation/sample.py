@@ -30,15 +30,21 @@ def random_joint_positions(
 
 
 def random_position_in_arena(
-    height_limits: tuple[float, float] = (0.05, 0.15),
+    height_limits: tuple[float, float] | float = (0.05, 0.15),
     angle_limits: tuple[float, float] = (-2 * pi, 2 * pi),
     radius_limits: tuple[float, float] = (0.0, 0.15),
 ) -> list[float]:
-    """A position x, y, z above the table, evenly spread over its area [m]."""
+    """A position x, y, z above the table, evenly spread over its area [m].
+
+    `height_limits` may also be the height itself.
+    """
     angle = random.uniform(*angle_limits)
     low, high = radius_limits
     radius = sqrt(random.uniform(low**2, high**2))
-    height = random.uniform(*height_limits)
+    if isinstance(height_limits, int | float):
+        height = float(height_limits)
+    else:
+        height = random.uniform(*height_limits)
     return [radius * cos(angle), radius * sin(angle), height]
 
 

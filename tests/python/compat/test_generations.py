@@ -22,8 +22,13 @@ from trifinger_compat import evaluation, generation
 from trifinger_object_tracking import py_lightblue_segmenter, py_object_tracker
 from trifinger_object_tracking.py_tricamera_types import CubeVisualizer
 from trifinger_simulation import camera, collision_objects, sample, visual_objects
-from trifinger_simulation.gym_wrapper import data_logger, finger_spaces
+from trifinger_simulation.gym_wrapper import (
+    data_logger,
+    finger_spaces,
+    utils as utils_of_environments,
+)
 from trifinger_simulation.gym_wrapper.envs import cube_env, cube_trajectory_env
+from trifinger_simulation.gym_wrapper.envs.trifinger_reach import TriFingerReach
 from trifinger_simulation.tasks import move_cube, move_cube_on_trajectory
 from trifinger_simulation.tasks.move_cube import __main__ as move_cube_program
 
@@ -83,7 +88,10 @@ def test_the_environment_of_trajectories() -> None:
     observation, reward, is_done, info = env.step(np.array(HOME))
     assert reward <= 0
     assert not is_done
-    assert info["time_index"] == 1
+    assert info["time_index"] == 2
+    assert sorted(observation) == ["achieved_goal", "desired_goal", "observation"]
+    assert observation["observation"]["velocity"].shape == (9,)
+    assert env.observation_space["desired_goal"].shape == (3,)
     goal = move_cube_on_trajectory.get_active_goal(info["trajectory"], 2)
     assert np.array_equal(observation["desired_goal"], goal)
 
@@ -92,11 +100,39 @@ def test_the_environment_of_trajectories() -> None:
 def test_environments_are_registered(name: str) -> None:
     env: Any = gymnasium.make(f"trifinger_simulation.gym_wrapper:{name}").unwrapped
     observation = env.reset()
-    assert observation.shape == env.observation_space.shape
-    observation, reward, is_done, _ = env.step(np.zeros(9))
-    assert observation.shape == env.observation_space.shape
-    assert reward < 0
+    assert observation.shape == env.observation_space.shape == (36 if name == "reach-v0" else 33,)
+    before = env.finger._get_latest_observation()
+    observation, reward, is_done, info = env.step(np.zeros(9))
+    # The observation is that before the action.
+    scaled = env.unscaled_observation_space
+    whole = utils_of_environments.unscale(observation, scaled)
+    index = env.spaces.key_to_index
+    assert whole[index["joint_positions"]] == pytest.approx(before.position)
+    wanted = utils_of_environments.unscale(np.zeros(9), env.unscaled_action_space)
+    assert whole[index["action_joint_positions"]] == pytest.approx(wanted)
+    assert whole[index["goal_position"]] == pytest.approx(np.ravel(env.goal))
+    if name == "reach-v0":
+        tips = env.finger.kinematics.forward_kinematics(before.position)
+        expected = -20 * np.linalg.norm(np.subtract(tips, env.goal))
+    else:
+        expected = -np.linalg.norm(whole[index["object_position"]] - env.goal)
+    assert reward == pytest.approx(expected)
     assert not is_done
+    assert info == {"is_success": 0}
+
+
+def test_actions_of_reaching_are_smoothed_more_and_more() -> None:
+    parameters = {"num_episodes": 10, "start_after": 0.2, "stop_after": 0.6, "final_alpha": 0.8}
+    env = TriFingerReach(0.001, "fingerone", smoothing_params=parameters)
+    alphas = []
+    for _ in range(8):
+        env.reset()
+        alphas.append(round(env.smoothing_alpha, 3))
+    assert alphas == [0, 0, 0.2, 0.4, 0.6, 0.8, 0.8, 0.8]
+    env.step(np.ones(3))
+    env.step(-np.ones(3))
+    low, high = env.unscaled_action_space.low, env.unscaled_action_space.high
+    assert env.smoothed_action == pytest.approx(0.8 * high + 0.2 * low)
 
 
 def test_spaces_of_fingers_have_the_bounds_of_the_original() -> None:

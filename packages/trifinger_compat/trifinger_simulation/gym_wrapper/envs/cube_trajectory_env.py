@@ -57,15 +57,11 @@ class CubeTrajectoryEnv(OldEnvironment):
         spaces = TriFingerPlatform.spaces
         self.action_space = action_space(action_type, spaces)
         self.observation_space = dict_space(
-            robot_observation=dict_space(
+            observation=dict_space(
                 position=spaces.robot_position.gym,
                 velocity=spaces.robot_velocity.gym,
                 torque=spaces.robot_torque.gym,
             ),
-            object_observation=dict_space(
-                position=spaces.object_position.gym, orientation=spaces.object_orientation.gym
-            ),
-            action=self.action_space,
             desired_goal=spaces.object_position.gym,
             achieved_goal=spaces.object_position.gym,
         )
@@ -93,9 +89,10 @@ class CubeTrajectoryEnv(OldEnvironment):
             t = self.platform.append_desired_action(
                 to_robot_action(self.platform, self.action_type, action)
             )
-            self.info["time_index"] = t
+            # What the action has done is to be seen one step later.
+            self.info["time_index"] = t + 1
             self.step_count = t + 1
-            observation = self._create_observation(t + 1, action)
+            observation = self._create_observation(t + 1)
             reward += self.compute_reward(
                 observation["achieved_goal"], observation["desired_goal"], self.info
             )
@@ -111,10 +108,7 @@ class CubeTrajectoryEnv(OldEnvironment):
         )
         self.info = {"time_index": -1, "trajectory": trajectory}
         self.step_count = 0
-        default: Any = self.platform.spaces.robot_position.default
-        if self.action_type is ActionType.TORQUE:
-            default = self.platform.spaces.robot_torque.default
-        return self._create_observation(0, default)
+        return self._create_observation(0)
 
     def seed(self, seed: int | None = None) -> list[int]:
         """Seeds actions and positions."""
@@ -123,18 +117,16 @@ class CubeTrajectoryEnv(OldEnvironment):
         task.seed(chosen % 2**32)
         return [chosen]
 
-    def _create_observation(self, t: int, action: Any) -> dict[str, Any]:
+    def _create_observation(self, t: int) -> dict[str, Any]:
         robot = self.platform.get_robot_observation(t)
         pose = self.platform.get_camera_observation(t).filtered_object_pose
         goal = task.get_active_goal(self.info["trajectory"], t)
         return {
-            "robot_observation": {
+            "observation": {
                 "position": robot.position,
                 "velocity": robot.velocity,
                 "torque": robot.torque,
             },
-            "object_observation": {"position": pose.position, "orientation": pose.orientation},
-            "action": action,
             "desired_goal": np.asarray(goal),
             "achieved_goal": pose.position,
         }
