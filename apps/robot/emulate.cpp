@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/core.h>
-#include <poll.h>
-#include <unistd.h>
 
-#include <array>
 #include <chrono>
 #include <csignal>
 #include <optional>
@@ -14,6 +11,8 @@
 #include <vector>
 
 #include "commands.hpp"
+#include "robot/emulate_motors.hpp"
+#include "robot/typed_lines.hpp"
 #include "shared/options.hpp"
 #include "shared/signals.hpp"
 #include "trifinger/base/error.hpp"
@@ -23,6 +22,7 @@
 #include "trifinger/can/interface_state.hpp"
 #include "trifinger/realtime/clock.hpp"
 #include "trifinger/realtime/thread.hpp"
+#include "trifinger/sim/any_robot_config.hpp"
 #include "trifinger/sim/robot_cameras.hpp"
 #include "trifinger/sim/robot_config.hpp"
 #include "trifinger/sim/simulated_plant.hpp"
@@ -43,32 +43,6 @@ constexpr const char* kResetObjects = "reset objects";
 constexpr Nanoseconds kTick = std::chrono::milliseconds(1);
 // A machine that was slower than this is not made up for.
 constexpr Nanoseconds kLargestDelay = std::chrono::milliseconds(50);
-
-// The lines that are typed while the boards run, without waiting for any.
-class TypedLines {
- public:
-  // Whole lines that have been typed since the last call.
-  std::vector<std::string> take() {
-    std::vector<std::string> lines;
-    pollfd input{.fd = STDIN_FILENO, .events = POLLIN, .revents = 0};
-    if (has_ended_ || ::poll(&input, 1, 0) <= 0) return lines;
-    std::array<char, 4096> bytes{};
-    const ssize_t count = ::read(STDIN_FILENO, bytes.data(), bytes.size());
-    // A program in the background may not read from its terminal (EIO), but may come back.
-    has_ended_ = count == 0;
-    if (has_ended_) text_ += '\n';  // the end of the last line
-    if (count > 0) text_.append(bytes.data(), static_cast<std::size_t>(count));
-    for (std::size_t end = 0; (end = text_.find('\n')) != std::string::npos;) {
-      if (end > 0) lines.push_back(text_.substr(0, end));
-      text_.erase(0, end + 1);
-    }
-    return lines;
-  }
-
- private:
-  std::string text_;
-  bool has_ended_{false};
-};
 
 // The faults of an emulator, as they are given and as they happen.
 template <class R>
@@ -178,12 +152,21 @@ int emulate(const EmulateOptions& options) {
   // The boards must not stop because nobody reads their messages or because they are sent to the
   // background.
   for (const int signal : {SIGPIPE, SIGTTIN}) std::signal(signal, SIG_IGN);
-  for (const std::string& text : options.faults) static_cast<void>(boards::parse_fault(text));
-  const RobotConfig config = load_robot_config(options.robot, options.overrides);
-  if (!config.boards) {
+  AnyRobotConfig any = load_any_robot_config(options.robot, options.overrides);
+  const auto require_hardware = [&options](bool has_hardware) {
+    if (has_hardware) return;
     throw InvalidArgument("'" + options.robot +
-                          "' is not on motor boards: its driver is simulation");
+                          "' is not on motor boards or Dynamixel motors: its driver is simulation");
+  };
+  if (auto* const from_file = std::get_if<FileRobotConfig>(&any)) {
+    require_hardware(from_file->servos.has_value());
+    from_file->name = options.name.value_or(from_file->name);
+    emulate_motors(*from_file, options.faults, options.realtime);
+    return kDone;
   }
+  const RobotConfig config = std::get<RobotConfig>(std::move(any));
+  require_hardware(config.boards.has_value());
+  for (const std::string& text : options.faults) static_cast<void>(boards::parse_fault(text));
   if (config.boards->bus == boards::BusKind::kSocketCan) {
     std::visit([](const auto& boards) { require_virtual(boards.names); }, config.boards->options);
   }
@@ -202,12 +185,12 @@ int emulate(const EmulateOptions& options) {
 }  // namespace
 
 void add_emulate(CLI::App& program, Action& action) {
-  const auto& [command, options] =
-      add_command(program, action, "emulate",
-                  "Be the motor boards of a robot, with a simulation behind them", emulate);
+  const auto& [command, options] = add_command(
+      program, action, "emulate",
+      "Be the motor boards or Dynamixel motors of a robot, with a simulation behind them", emulate);
   command
       .add_option("ROBOT", options.robot,
-                  "A configuration of a robot on motor boards, by name or file")
+                  "A configuration of a robot on motor boards or Dynamixel motors, by name or file")
       ->required();
   command.add_option("--name", options.name, "Name of the robot; default: the configuration's")
       ->option_text("NAME");
@@ -227,14 +210,19 @@ void add_emulate(CLI::App& program, Action& action) {
       "The robot itself runs beside it, in another terminal, and cannot tell it from hardware:\n"
       "the same frames go over the same kind of bus. With boards.bus=socketcan both use CAN\n"
       "interfaces, such as virtual ones.\n\n"
-      "Faults. N and M are numbers from 0, P is a share, R a rate, A an angle, F a factor; ERROR "
+      "Dynamixel motors are at a pseudo-terminal, where any program may open them.\n\n"
+      "Faults of boards. N and M are numbers from 0, P is a share, R a rate, A an angle, F a "
+      "factor; ERROR "
       "is\n"
       "encoder, receive_timeout, temperature, position_converter, rollover, undefined or other.\n"
       "The T after 'at' counts from the start of this program.\n" +
       indented(boards::fault_texts()) +
+      "Faults of Dynamixel motors; ERROR is input_voltage, overheating, encoder, electric_shock or "
+      "overload:\n" +
+      indented(std::string(motor_fault_texts())) +
       "A fault can also be typed while this program runs; without 'at' it begins at once. The "
       "line\n"
-      "'reset objects' puts the objects back.\n"
+      "'reset objects' puts the objects back; with Dynamixel motors 'reset' puts everything back.\n"
       "Example:\n"
       "  trifinger emulate trifinger_edu_emulated\n"
       "  trifinger run trifinger_edu_emulated");

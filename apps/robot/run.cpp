@@ -58,7 +58,7 @@ RunnableRobot robot_for(const RunOptions& options) {
                                     .state = options.state,
                                     .mode = options.mode});
   if (robot.needs_real_time && robot.backend.mode != BackendOptions::Mode::kRealTime) {
-    throw InvalidArgument("a robot on motor boards runs in real time only");
+    throw InvalidArgument("a robot on motor boards or Dynamixel motors runs in real time only");
   }
   return robot;
 }

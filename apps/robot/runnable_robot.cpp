@@ -25,7 +25,9 @@
 #include "trifinger/log/replay.hpp"
 #include "trifinger/model/kinematics.hpp"
 #include "trifinger/realtime/clock.hpp"
+#include "trifinger/realtime/thread.hpp"
 #include "trifinger/rendering/simulation_that_sees.hpp"
+#include "trifinger/servos/read_options.hpp"
 #include "trifinger/sim/any_robot_config.hpp"
 #include "trifinger/sim/file_robot.hpp"
 #include "trifinger/sim/object_observation.hpp"
@@ -188,16 +190,28 @@ void add_simulation(RunnableRobot& robot, SimulationOptions<R> options, const Ro
   add_sensors(robot, std::move(sensors), config);
 }
 
-RunnableRobot make_file_robot(FileRobotConfig config,
-                              const std::optional<std::filesystem::path>& state) {
+RunnableRobot make_file_robot(FileRobotConfig config, const RobotChoice& choice) {
   RunnableRobot robot;
-  robot.name = config.name;
+  robot.name = choice.name.value_or(config.name);
   robot.backend = config.backend;
   robot.session = std::move(config.session);
   std::ranges::move(model_documents(*config.robot.model),
                     std::back_inserter(robot.session.documents));
+  if (config.servos) {
+    if (choice.state) {
+      throw UsageError("--state is for simulations; a robot on motors begins where it is");
+    }
+    robot.needs_real_time = true;
+    config.servos->loop.realtime = {.demand = Demand::kTry};
+    servos::ConnectedRobot connected = servos::connect(*config.servos, robot.name);
+    robot.news = [lacks = std::move(connected.lacks)]() mutable {
+      return std::exchange(lacks, {});
+    };
+    robot.driver = std::move(connected.robot);
+    return robot;
+  }
   auto driver = std::make_unique<FileRobot>(std::move(config.robot));
-  if (state) begin_in(*driver, *state);
+  if (choice.state) begin_in(*driver, *choice.state);
   robot.state_before = state_before(driver.get());
   robot.driver = std::move(driver);
   return robot;
@@ -280,7 +294,7 @@ RunnableRobot make_robot(const RobotChoice& choice) {
 
   AnyRobotConfig any = load_any_robot_config(robot, overrides);
   if (auto* const from_file = std::get_if<FileRobotConfig>(&any)) {
-    return as_chosen(make_file_robot(std::move(*from_file), state), choice);
+    return as_chosen(make_file_robot(std::move(*from_file), choice), choice);
   }
   RobotConfig config = std::get<RobotConfig>(std::move(any));
   RunnableRobot made;

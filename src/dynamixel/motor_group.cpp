@@ -24,10 +24,12 @@ constexpr std::uint16_t kPresent = regs::kPresentCurrent.address;
 constexpr std::size_t kPresentSize = regs::kPresentPosition.end() - kPresent;
 
 MotorGroupOptions checked(MotorGroupOptions options) {
-  const std::set<MotorId> ids(options.ids.begin(), options.ids.end());
-  require(!ids.empty() && options.ids.size() <= kMaxMotors,
-          text_of("a group has ", options.ids.size(), " motors, must have 1 to ", kMaxMotors));
-  require(ids.size() == options.ids.size(), "a group has the same motor twice");
+  std::set<MotorId> ids(options.ids.begin(), options.ids.end());
+  ids.insert(options.sensors.begin(), options.sensors.end());
+  const std::size_t count = options.ids.size() + options.sensors.size();
+  require(!options.ids.empty() && count <= kMaxMotors,
+          text_of("a group has ", count, " motors, must have 1 to ", kMaxMotors));
+  require(ids.size() == count, "a group has the same motor twice");
   require(*ids.rbegin() <= kMaxId,
           text_of("a group has motor ", int{*ids.rbegin()}, ", numbers are 0 to 252"));
   require(options.mode != OperatingMode::kPwm && name_of(options.mode) != "unknown",
@@ -92,7 +94,10 @@ FixedText describe(const GroupTrouble& trouble) noexcept {
 }
 
 MotorGroup::MotorGroup(std::unique_ptr<Port> port, MotorGroupOptions options, Nanoseconds slack)
-    : options_(checked(std::move(options))), bus_(std::move(port), {.slack = slack}) {
+    : options_(checked(std::move(options))),
+      ids_(options_.ids),
+      bus_(std::move(port), {.slack = slack}) {
+  ids_.insert(ids_.end(), options_.sensors.begin(), options_.sensors.end());
   // Until they are found, motors are what most people have.
   models_.fill(&kXm430W210);
 }
@@ -112,25 +117,24 @@ std::int32_t MotorGroup::get(std::size_t motor, const Register& which) {
   std::int32_t value = 0;
   Answer answer;
   for (int i = 0; i < options_.attempts && !answer; ++i) {
-    answer = bus_.read(options_.ids[motor], which, value);
+    answer = bus_.read(ids_[motor], which, value);
   }
   if (answer) return value;
-  throw Error(text_of(motor_text(options_.ids[motor]), " does not let ", which.name,
-                      " be read: ", name_of(answer.outcome),
-                      answer.outcome == Outcome::kRefused
-                          ? text_of(", ", dynamixel::text_of(answer.error).sentence)
-                          : std::string(),
-                      "; check its cable and its supply"));
+  throw Error(text_of(
+      motor_text(ids_[motor]), " does not let ", which.name, " be read: ", name_of(answer.outcome),
+      answer.outcome == Outcome::kRefused ? text_of(", ", dynamixel::text_of(answer.error).sentence)
+                                          : std::string(),
+      "; check its cable and its supply"));
 }
 
 void MotorGroup::set(std::size_t motor, const Register& which, std::int32_t value) {
   Answer answer;
   for (int i = 0; i < options_.attempts && !answer; ++i) {
-    answer = bus_.write(options_.ids[motor], which, value);
+    answer = bus_.write(ids_[motor], which, value);
   }
   if (answer) return;
   const std::string what =
-      text_of(motor_text(options_.ids[motor]), " does not take ", value, " as ", which.name);
+      text_of(motor_text(ids_[motor]), " does not take ", value, " as ", which.name);
   if (answer.outcome != Outcome::kRefused) {
     throw Error(text_of(what, ": ", name_of(answer.outcome), "; check its cable and its supply"));
   }
@@ -143,7 +147,7 @@ void MotorGroup::set_if_different(std::size_t motor, const Register& which, std:
 }
 
 void MotorGroup::identify(std::size_t motor) {
-  const MotorId id = options_.ids[motor];
+  const MotorId id = ids_[motor];
   Identity identity;
   Answer answer;
   for (int i = 0; i < options_.attempts && !answer; ++i) answer = bus_.ping(id, identity);
@@ -161,7 +165,7 @@ void MotorGroup::identify(std::size_t motor) {
 }
 
 void MotorGroup::clear_errors(std::size_t motor) {
-  const MotorId id = options_.ids[motor];
+  const MotorId id = ids_[motor];
   auto bits = static_cast<std::uint8_t>(get(motor, regs::kHardwareErrorStatus));
   if (bits != 0 && options_.reboot_after_error) {
     static_cast<void>(bus_.reboot(id));
@@ -185,8 +189,9 @@ void MotorGroup::set_up(std::size_t motor) {
   set(motor, regs::kTorqueEnable, 0);
   set_if_different(motor, regs::kReturnDelay,
                    static_cast<std::int32_t>(options_.return_delay / kReturnDelayUnit));
-  set_if_different(motor, regs::kOperatingMode, static_cast<std::int32_t>(options_.mode));
   readings_[motor] = {};
+  if (motor >= num_driven()) return;
+  set_if_different(motor, regs::kOperatingMode, static_cast<std::int32_t>(options_.mode));
   limits_[motor] = read_limits(motor);
   std::int32_t goal = 0;
   if (is_position(options_.mode)) {
@@ -213,11 +218,11 @@ void MotorGroup::start() {
   bus_.set_return_delay(options_.return_delay);
   // Last, because the watchdogs begin to count.
   const auto watchdog = static_cast<std::int32_t>(options_.watchdog / kWatchdogUnit);
-  for (std::size_t i = 0; i < size(); ++i) set(i, regs::kBusWatchdog, watchdog);
+  for (std::size_t i = 0; i < num_driven(); ++i) set(i, regs::kBusWatchdog, watchdog);
   const Instant now = bus_.port().now();
-  for (MotorReading& reading : readings_) {
-    reading.measured = now;
-    reading.has_torque = true;
+  for (std::size_t i = 0; i < size(); ++i) {
+    readings_[i].measured = now;
+    readings_[i].has_torque = i < num_driven();
   }
   is_started_ = true;
   read_all();
@@ -225,11 +230,11 @@ void MotorGroup::start() {
 
 void MotorGroup::note(Trouble kind, std::size_t motor, std::uint8_t detail) noexcept {
   if (trouble_.kind != Trouble::kNone) return;
-  trouble_ = {.kind = kind, .motor = options_.ids[motor], .detail = detail};
+  trouble_ = {.kind = kind, .motor = ids_[motor], .detail = detail};
 }
 
 void MotorGroup::read_all() noexcept {
-  bus_.sync_read(options_.ids, kPresent, kPresentSize, answers_, options_.is_fast);
+  bus_.sync_read(ids_, kPresent, kPresentSize, answers_, options_.is_fast);
   for (std::size_t i = 0; i < size(); ++i) {
     const MotorAnswer& answer = answers_[i];
     MotorReading& reading = readings_[i];
@@ -302,18 +307,18 @@ MotorGroup::GoalLimits MotorGroup::read_limits(std::size_t motor) {
 
 void MotorGroup::write_all(std::span<const double> goals) noexcept {
   const Register& which = goal_register();
-  for (std::size_t i = 0; i < size(); ++i) {
+  for (std::size_t i = 0; i < num_driven(); ++i) {
     last_goals_[i] = raw_goal(i, i < goals.size() ? goals[i] : std::nan(""));
     put_number(std::span(data_).subspan(i * which.size), static_cast<std::uint32_t>(last_goals_[i]),
                which.size);
   }
   const Outcome sent = bus_.sync_write(options_.ids, which.address, which.size,
-                                       std::span(data_).first(size() * which.size));
+                                       std::span(data_).first(num_driven() * which.size));
   if (sent == Outcome::kLineGone) note(Trouble::kLineGone, 0);
 }
 
 void MotorGroup::look(std::size_t motor, Look what) noexcept {
-  const MotorId id = options_.ids[motor];
+  const MotorId id = ids_[motor];
   MotorReading& reading = readings_[motor];
   switch (what) {
     case Look::kTorque: {
@@ -325,7 +330,7 @@ void MotorGroup::look(std::size_t motor, Look what) noexcept {
       reading.hardware_errors = data[kErrors];
       if (reading.hardware_errors != 0) {
         note(Trouble::kHardwareError, motor, reading.hardware_errors);
-      } else if (!reading.has_torque) {
+      } else if (!reading.has_torque && motor < num_driven()) {
         note(Trouble::kTorqueLost, motor);
       }
       return;
@@ -361,7 +366,7 @@ void MotorGroup::release() noexcept {
   // Nobody answers, so the second one is for those who did not hear the first.
   for (int i = 0; i < 2; ++i) {
     static_cast<void>(bus_.sync_write(options_.ids, regs::kTorqueEnable.address, 1,
-                                      std::span(off).first(size())));
+                                      std::span(off).first(num_driven())));
   }
   for (MotorReading& reading : readings_) reading.has_torque = false;
 }

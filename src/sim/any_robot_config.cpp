@@ -14,6 +14,7 @@
 #include "trifinger/base/text_of.hpp"
 #include "trifinger/joint/read_backend.hpp"
 #include "trifinger/joint/read_limits.hpp"
+#include "trifinger/sim/file_plant.hpp"
 
 namespace trifinger {
 namespace {
@@ -98,11 +99,48 @@ TimeIndex read_steps(const Node& node, Nanoseconds period) {
   return static_cast<TimeIndex>(steps);
 }
 
+servos::ServoConfig read_servos(const Node& root, const FileRobotOptions& robot,
+                                Nanoseconds period) {
+  const ModelFile& model = *robot.model;
+  std::vector<std::string> joints;
+  std::vector<std::string> all;
+  for (const FileJoint& joint : model.joints()) joints.push_back(joint.name);
+  for (const ModelJoint& joint : model.model_joints()) all.push_back(joint.name);
+  servos::ServoConfig config = servos::read_servo_config(root, joints, all);
+  config.robot.types = robot_types_of(model);
+  config.robot.limits = robot.limits;
+  config.robot.period = period;
+  config.robot.weight = weight_of(robot);
+  const RobotModel::Data data = model.make_data();
+  robot.put_at_start(*data);
+  for (std::size_t i = 0; i < joints.size(); ++i) {
+    config.robot.initial_position.push_back(model.position(i, *data));
+  }
+  if (!model.drives_all()) {
+    std::vector<std::string> measured = joints;
+    measured.insert(measured.end(), config.sensor_names.begin(), config.sensor_names.end());
+    for (const std::string& joint : all) {
+      const auto found = std::ranges::find(measured, joint);
+      config.robot.all_joints.push_back(
+          found == measured.end()
+              ? std::nullopt
+              : std::optional(static_cast<std::size_t>(found - measured.begin())));
+    }
+  }
+  try {
+    config.robot.validate();
+  } catch (const InvalidArgument& error) {
+    root.section("dynamixel").fail(std::string("makes no sense: ") + error.what());
+  }
+  return config;
+}
+
 FileRobotConfig read_file_robot(const File& file) {
   const Node root = file.root();
   FileRobotConfig config;
   config.name = root.required<std::string>("name");
-  static_cast<void>(root.required_choice<bool>("driver", {{"simulation", true}}));
+  const bool is_on_motors =
+      root.required_choice<bool>("driver", {{"simulation", false}, {"dynamixel", true}});
   const Node robot = root.section("robot");
   const auto backend = root.optional_section("backend");
   const std::optional<Node> period = backend ? backend->find("period") : std::nullopt;
@@ -122,6 +160,11 @@ FileRobotConfig read_file_robot(const File& file) {
     if (const auto objects = simulation->find("object_period")) {
       config.robot.object_period = read_steps(*objects, config.backend.period);
     }
+  }
+  if (is_on_motors) {
+    // What hardware needs must not be guessed.
+    static_cast<void>(root.section("backend"));
+    config.servos = read_servos(root, config.robot, config.backend.period);
   }
   file.reject_unknown_keys();
   config.session.documents = {{"configuration.yml", "application/yaml", file.text()}};

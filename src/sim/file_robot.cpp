@@ -9,6 +9,7 @@
 #include <iterator>
 #include <mutex>
 
+#include "file_robot_parts.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/text_of.hpp"
 
@@ -35,13 +36,6 @@ std::size_t state_size_of(const ModelFile& model, int components) {
   return static_cast<std::size_t>(mj_stateSize(model.mujoco(), components));
 }
 
-// MuJoCo writes warnings to a file in the working directory. Here the counters in mjData show them,
-// and they become faults.
-void silence_warnings() {
-  static std::once_flag once;
-  std::call_once(once, [] { mju_user_warning = [](const char*) {}; });
-}
-
 // Returns a hash (FNV-1a) of the model.
 std::uint64_t fingerprint_of(const mjModel& model) {
   std::vector<std::byte> bytes(static_cast<std::size_t>(mj_sizeModel(&model)));
@@ -53,15 +47,7 @@ std::uint64_t fingerprint_of(const mjModel& model) {
   return hash;
 }
 
-bool is_finite(const mjModel& model, const mjData& data) noexcept {
-  const auto all_finite = [](const double* values, auto count) {
-    return std::none_of(values, values + count, [](double value) { return mju_isBad(value) != 0; });
-  };
-  return all_finite(data.qpos, model.nq) && all_finite(data.qvel, model.nv) &&
-         data.warning[mjWARN_BADQACC].number == 0;
-}
-
-std::string unit_of(const FileJoint& joint) { return joint.is_slide ? " m" : " rad"; }
+std::string_view unit_of(const FileJoint& joint) { return joint.is_slide ? " m" : " rad"; }
 
 // Letters, digits and '_', for names of types.
 std::string plain_name(const std::string& name) {
@@ -76,6 +62,13 @@ std::string plain_name(const std::string& name) {
   return is_taken ? plain + "_file" : plain;
 }
 
+std::vector<std::string> names_of(const ModelFile& model) {
+  std::vector<std::string> names;
+  names.reserve(model.joints().size());
+  for (const FileJoint& joint : model.joints()) names.push_back(joint.name);
+  return names;
+}
+
 template <class Joints>
 std::vector<JointKind> kinds_of(const Joints& joints) {
   std::vector<JointKind> kinds;
@@ -85,7 +78,42 @@ std::vector<JointKind> kinds_of(const Joints& joints) {
   return kinds;
 }
 
-RobotTypes types_of(const ModelFile& model) {
+}  // namespace
+
+namespace detail {
+
+void silence_warnings() {
+  static std::once_flag once;
+  std::call_once(once, [] { mju_user_warning = [](const char*) {}; });
+}
+
+bool is_finite(const mjModel& model, const mjData& data) noexcept {
+  const auto all_finite = [](const double* values, auto count) {
+    return std::none_of(values, values + count, [](double value) { return mju_isBad(value) != 0; });
+  };
+  return all_finite(data.qpos, model.nq) && all_finite(data.qvel, model.nv) &&
+         data.warning[mjWARN_BADQACC].number == 0;
+}
+
+void compute_weight(const ModelFile& model, mjData& data, std::span<double> torque) noexcept {
+  const mjModel& mujoco = *model.mujoco();
+  mj_kinematics(&mujoco, &data);
+  mj_comPos(&mujoco, &data);
+  mj_tendon(&mujoco, &data);
+  mj_comVel(&mujoco, &data);
+  mj_passive(&mujoco, &data);
+  // qfrc_inverse only serves as memory of the right size: no step reads it.
+  mj_rne(&mujoco, &data, 0, data.qfrc_inverse);
+  mju_subFrom(data.qfrc_inverse, data.qfrc_spring, static_cast<int>(mujoco.nv));
+  mju_subFrom(data.qfrc_inverse, data.qfrc_gravcomp, static_cast<int>(mujoco.nv));
+  for (std::size_t i = 0; i < torque.size(); ++i) {
+    torque[i] = model.torque_of(i, data.qfrc_inverse);
+  }
+}
+
+}  // namespace detail
+
+RobotTypes robot_types_of(const ModelFile& model) {
   std::vector<FieldDescription> more;
   if (!model.drives_all()) {
     const std::vector<JointKind> kinds = kinds_of(model.model_joints());
@@ -105,8 +133,6 @@ RobotTypes types_of(const ModelFile& model) {
   }
   return describe_counted(plain_name(model.name()), kinds_of(model.joints()), more);
 }
-
-}  // namespace
 
 std::vector<NamedJoint> joints_of(const ModelFile& model) {
   std::vector<NamedJoint> joints;
@@ -134,32 +160,50 @@ void FileRobotOptions::validate() const {
   require(object_period >= 1, text_of("object_period is ", object_period, ", must be at least 1"));
 }
 
+void FileRobotOptions::put_at_start(mjData& data) const noexcept {
+  const mjModel& mujoco = *model->mujoco();
+  const int key =
+      keyframe ? mj_name2id(&mujoco, mjOBJ_KEY, keyframe->c_str()) : (mujoco.nkey > 0 ? 0 : -1);
+  if (key >= 0) {
+    mj_resetDataKeyframe(&mujoco, &data, key);
+  } else {
+    mj_resetData(&mujoco, &data);
+  }
+  for (const auto& [name, position] : initial_position) {
+    const auto driven = std::ranges::find(model->joints(), name, &FileJoint::name);
+    if (driven != model->joints().end()) {
+      const auto index = static_cast<std::size_t>(driven - model->joints().begin());
+      model->set_position(index, position, data);
+      continue;
+    }
+    const auto any = std::ranges::find(model->model_joints(), name, &ModelJoint::name);
+    if (any == model->model_joints().end()) continue;
+    model->set_model_position(static_cast<std::size_t>(any - model->model_joints().begin()),
+                              position, data);
+  }
+}
+
 std::vector<Document> model_documents(const ModelFile& model) {
   return {{"model.xml", "application/xml", model.mjcf()}};
 }
 
 FileRobot::FileRobot(Options options)
     : options_((options.validate(), std::move(options))),
-      safety_(options_.limits),
-      types_(types_of(model())),
+      chain_(robot_types_of(model()), names_of(model()), options_.limits),
       fingerprint_(fingerprint_of(*model().mujoco())),
       data_(model().make_data()),
-      memory_{.joints = std::vector<JointMemory>(num_joints())},
       observation_(num_joints()),
       torque_(num_joints(), 0.0),
       objects_at_observation_(model().free_bodies().size()),
       held_(num_joints()),
       desired_(num_joints()),
-      applied_(num_joints()),
       sent_objects_(model().free_bodies().size()),
-      check_observation_(types_.observation.size()),
-      check_action_(types_.action.size()),
       before_step_(state_size_of(model(), kChangedByStep)),
       memory_before_step_(num_joints()),
       torque_before_step_(num_joints(), 0.0),
       after_step_(before_step_.size()),
       physics_(state_size_of(model(), kWholeState)) {
-  silence_warnings();
+  detail::silence_warnings();
   std::vector<std::string> names;
   for (const ObjectAddress& object : model().free_bodies()) names.push_back(object.name);
   if (auto objects = object_companion(names)) companions_.push_back(std::move(*objects));
@@ -176,7 +220,7 @@ FileRobot::FileRobot(Options options)
             "the model has no joint '" + name + "', for which there is an initial position");
     require(std::isfinite(position), "the initial position of joint '" + name + "' is not finite");
   }
-  put_at_start();
+  options_.put_at_start(*data_);
   for (std::size_t i = 0; i < num_joints(); ++i) {
     initial_position_.push_back(model().position(i, *data_));
   }
@@ -213,33 +257,20 @@ DriverReport FileRobot::get_latest_observation(void* observation) noexcept {
 DriverReport FileRobot::apply_action(const void* desired, void* applied) noexcept {
   keep_state_before_step();
   read_element(desired, desired_);
-  const SafetyReport report =
-      safety_.apply(desired_, observation_, model().period(), memory_, applied_, &thrown_);
-  write_element(applied_, applied);
-  if (report.fault == SafetyFault::kInterrupted) return DriverReport::interrupted();
-  if (report.fault != SafetyFault::kNone) {
-    const std::string_view joint =
-        report.joint < 0 ? std::string_view()
-                         : model().joints()[static_cast<std::size_t>(report.joint)].name;
-    fault_text_ = report.fault == SafetyFault::kOwnCheck ? thrown_ : describe(report, joint);
-    return DriverReport::fault(fault_code_of(report));
-  }
+  const DriverReport report = chain_.apply(desired_, observation_, model().period());
+  write_element(chain_.applied(), applied);
+  if (report.state != DriverReport::State::kReady) return report;
   for (std::size_t i = 0; i < num_joints(); ++i) {
-    torque_[i] = applied_.torque[i];
+    torque_[i] = chain_.applied().torque[i];
     model().set_torque(i, torque_[i], *data_);
   }
   for (int i = 0; i < model().substeps(); ++i) mj_step(model().mujoco(), data_.get());
-  if (!is_finite(*model().mujoco(), *data_)) {
-    fault_text_ = FixedText("the simulation diverged");
+  if (!detail::is_finite(*model().mujoco(), *data_)) {
+    chain_.set_fault_text(FixedText("the simulation diverged"));
     keep_state_before_divergence();
     return DriverReport::fault(kDiverged);
   }
-  if (report.action_rejected) {
-    const RejectedCommand rejected = safety_.find_rejected(desired_, applied_);
-    rejection_text_ =
-        describe(rejected, model().joints()[rejected.joint].name, safety_.limits()[rejected.joint]);
-  }
-  return {.action_rejected = report.action_rejected};
+  return report;
 }
 
 DriverReport FileRobot::hold(const void* observation, void* action) noexcept {
@@ -247,20 +278,7 @@ DriverReport FileRobot::hold(const void* observation, void* action) noexcept {
   desired_ = CountedAction(num_joints());
   desired_.position = held_.position;
   // Without these torques the robot would sink until its position controllers carry its weight.
-  const mjModel& mujoco = *model().mujoco();
-  mjData& data = *data_;
-  mj_kinematics(&mujoco, &data);
-  mj_comPos(&mujoco, &data);
-  mj_tendon(&mujoco, &data);
-  mj_comVel(&mujoco, &data);
-  mj_passive(&mujoco, &data);
-  // qfrc_inverse only serves as memory of the right size: no step reads it.
-  mj_rne(&mujoco, &data, 0, data.qfrc_inverse);
-  mju_subFrom(data.qfrc_inverse, data.qfrc_spring, static_cast<int>(mujoco.nv));
-  mju_subFrom(data.qfrc_inverse, data.qfrc_gravcomp, static_cast<int>(mujoco.nv));
-  for (std::size_t i = 0; i < num_joints(); ++i) {
-    desired_.torque[i] = model().torque_of(i, data.qfrc_inverse);
-  }
+  detail::compute_weight(model(), *data_, {desired_.torque.begin(), num_joints()});
   write_element(desired_, action);
   return DriverReport::ready();
 }
@@ -279,45 +297,16 @@ bool FileRobot::get_companion_element(std::size_t, TimeIndex time_index, void* e
   return true;
 }
 
-std::string_view FileRobot::fault_text(std::int32_t) const noexcept { return fault_text_.view(); }
+std::string_view FileRobot::fault_text(std::int32_t) const noexcept { return chain_.fault_text(); }
 
-std::string_view FileRobot::rejection_text() const noexcept { return rejection_text_.view(); }
+std::string_view FileRobot::rejection_text() const noexcept { return chain_.rejection_text(); }
 
 void FileRobot::add_check(Check check) {
-  safety_.add_check(
-      [this, check = std::move(check)](const CountedObservation&, CountedAction& action) {
-        write_observation(check_observation_.data());
-        write_element(action, check_action_.data());
-        check(check_observation_.data(), check_action_.data());
-        read_element(check_action_.data(), action);
-      });
-}
-
-// Puts everything where it begins, apart from what `reset` was told.
-void FileRobot::put_at_start() noexcept {
-  const mjModel& mujoco = *model().mujoco();
-  const int key = options_.keyframe ? mj_name2id(&mujoco, mjOBJ_KEY, options_.keyframe->c_str())
-                                    : (mujoco.nkey > 0 ? 0 : -1);
-  if (key >= 0) {
-    mj_resetDataKeyframe(&mujoco, data_.get(), key);
-  } else {
-    mj_resetData(&mujoco, data_.get());
-  }
-  for (const auto& [name, position] : options_.initial_position) {
-    const auto driven = std::ranges::find(model().joints(), name, &FileJoint::name);
-    if (driven != model().joints().end()) {
-      const auto index = static_cast<std::size_t>(driven - model().joints().begin());
-      model().set_position(index, position, *data_);
-      continue;
-    }
-    const auto any = std::ranges::find(model().model_joints(), name, &ModelJoint::name);
-    model().set_model_position(static_cast<std::size_t>(any - model().model_joints().begin()),
-                               position, *data_);
-  }
+  chain_.add_check(std::move(check), [this](void* element) { write_observation(element); });
 }
 
 void FileRobot::reset() {
-  put_at_start();
+  options_.put_at_start(*data_);
   forget();
 }
 
@@ -331,14 +320,14 @@ void FileRobot::reset(std::span<const double> position) {
                     unit_of(model().joints()[i]), ", its hard limits are ", limit.hard_lower,
                     " and ", limit.hard_upper));
   }
-  put_at_start();
+  options_.put_at_start(*data_);
   for (std::size_t i = 0; i < num_joints(); ++i) model().set_position(i, position[i], *data_);
   forget();
 }
 
 // After a reset, nothing of what happened before counts.
 void FileRobot::forget() noexcept {
-  std::ranges::fill(memory_.joints, JointMemory{});
+  chain_.forget();
   torque_ = PerJoint<double>(num_joints(), 0.0);
   begin_here();
 }
@@ -482,7 +471,7 @@ std::size_t FileRobot::state_size() const noexcept {
 
 void FileRobot::write_state(std::span<std::byte> state) const noexcept {
   mj_getState(model().mujoco(), data_.get(), physics_.data(), kWholeState);
-  write_state(state, torque_, memory_.joints);
+  write_state(state, torque_, chain_.memory());
 }
 
 // Writes `physics_` and the rest.
@@ -510,12 +499,12 @@ void FileRobot::read_state(std::span<const std::byte> state) noexcept {
   mj_setState(model().mujoco(), data_.get(), physics_.data(), kWholeState);
   data_->warning[mjWARN_BADQACC].number = 0;
   read(torque_.begin(), num_joints() * sizeof(double));
-  read(memory_.joints.data(), num_joints() * sizeof(JointMemory));
+  read(chain_.memory().data(), num_joints() * sizeof(JointMemory));
 }
 
 void FileRobot::keep_state_before_step() noexcept {
   mj_getState(model().mujoco(), data_.get(), before_step_.data(), kChangedByStep);
-  std::ranges::copy(memory_.joints, memory_before_step_.begin());
+  std::ranges::copy(chain_.memory(), memory_before_step_.begin());
   torque_before_step_ = torque_;
 }
 

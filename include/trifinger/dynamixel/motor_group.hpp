@@ -21,6 +21,8 @@ inline constexpr std::size_t kMaxMotors = 32;
 
 struct MotorGroupOptions {
   std::vector<MotorId> ids{};  ///< In the order of readings and goals.
+  /// Motors that only measure angles: they get no torque. Their readings follow those of `ids`.
+  std::vector<MotorId> sensors{};
   /// What goals are: currents [A], velocities [rad/s], or positions [rad]. `kPwm` is not possible.
   OperatingMode mode{OperatingMode::kCurrent};
   /// No goal asks for more [A]. In `kCurrentBasedPosition` it is the current that positions use.
@@ -94,7 +96,10 @@ class MotorGroup {
   /// Switches torque off. Motors that do not hear it stop by their watchdog.
   void release() noexcept;
 
-  [[nodiscard]] std::size_t size() const noexcept { return options_.ids.size(); }
+  /// The number of motors, sensors included.
+  [[nodiscard]] std::size_t size() const noexcept { return ids_.size(); }
+  /// The number of motors that are driven.
+  [[nodiscard]] std::size_t num_driven() const noexcept { return options_.ids.size(); }
   [[nodiscard]] const MotorGroupOptions& options() const noexcept { return options_; }
   [[nodiscard]] std::span<const MotorReading> readings() const noexcept {
     return std::span(readings_).first(size());
@@ -135,6 +140,7 @@ class MotorGroup {
   [[nodiscard]] const Register& goal_register() const noexcept;
 
   MotorGroupOptions options_;
+  std::vector<MotorId> ids_;  // driven motors, then sensors
   Bus bus_;
   std::array<const MotorModel*, kMaxMotors> models_{};
   std::array<MotorReading, kMaxMotors> readings_{};

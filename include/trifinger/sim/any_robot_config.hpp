@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <optional>
 #include <string>
 #include <variant>
 #include <vector>
@@ -8,6 +9,7 @@
 #include "trifinger/config/file.hpp"
 #include "trifinger/core/backend.hpp"
 #include "trifinger/core/session.hpp"
+#include "trifinger/servos/read_options.hpp"
 #include "trifinger/sim/file_robot.hpp"
 #include "trifinger/sim/robot_config.hpp"
 
@@ -16,7 +18,10 @@ namespace trifinger {
 /// All settings of a robot from a file, in a configuration; docs/any_robot.md documents every key.
 struct FileRobotConfig {
   std::string name;  ///< Name of the session.
+  /// The robot, and how it is simulated; of a robot on motors, its model and its plant in an
+  /// emulator.
   FileRobotOptions robot;
+  std::optional<servos::ServoConfig> servos{};  ///< Only for a robot on Dynamixel motors.
   BackendOptions backend;
   SessionOptions session;  ///< Its documents include the configuration, but not the model.
 };

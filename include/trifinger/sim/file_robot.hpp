@@ -4,7 +4,6 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -13,12 +12,11 @@
 #include <utility>
 #include <vector>
 
-#include "trifinger/base/text.hpp"
 #include "trifinger/core/document.hpp"
 #include "trifinger/core/driver.hpp"
 #include "trifinger/joint/counted.hpp"
+#include "trifinger/joint/counted_chain.hpp"
 #include "trifinger/joint/read_limits.hpp"
-#include "trifinger/joint/safety.hpp"
 #include "trifinger/model/model_file.hpp"
 #include "trifinger/sim/object_observation.hpp"
 #include "trifinger/sim/simulated_robot.hpp"
@@ -28,6 +26,9 @@ namespace trifinger {
 /// What `ModelFile` knows of the limits of its joints, for `read_limits_by_name`: largest torques,
 /// stops as hard limits, and the gains of position actuators.
 [[nodiscard]] std::vector<NamedJoint> joints_of(const ModelFile& model);
+
+/// The elements of a session of the robot in this file.
+[[nodiscard]] RobotTypes robot_types_of(const ModelFile& model);
 
 /// The settings of a simulated robot from a file.
 struct FileRobotOptions {
@@ -43,6 +44,8 @@ struct FileRobotOptions {
 
   /// @throws InvalidArgument that names the option, the value found and the values allowed
   void validate() const;
+  /// Puts everything in a simulation of the model where sessions begin, at rest.
+  void put_at_start(mjData_& data) const noexcept;
 };
 
 /// The documents of its sessions: "model.xml", which needs no other file.
@@ -71,7 +74,7 @@ class FileRobot final : public UntypedDriver {
   explicit FileRobot(Options options);
   ~FileRobot() override;
 
-  [[nodiscard]] const RobotTypes& description() const noexcept override { return types_; }
+  [[nodiscard]] const RobotTypes& description() const noexcept override { return chain_.types(); }
   [[nodiscard]] std::span<const CompanionDescription> companions() const noexcept override {
     return companions_;
   }
@@ -88,8 +91,7 @@ class FileRobot final : public UntypedDriver {
 
   [[nodiscard]] const Options& options() const noexcept { return options_; }
   [[nodiscard]] const ModelFile& model() const noexcept { return *options_.model; }
-  /// A user's own check, see `SafetyChain::Check`. It sees the elements of the session.
-  using Check = std::function<void(const void* observation, void* action)>;
+  using Check = CountedChain::Check;
   /// Adds a check after the existing ones, before the first session.
   void add_check(Check check);
 
@@ -133,7 +135,6 @@ class FileRobot final : public UntypedDriver {
   [[nodiscard]] std::size_t num_joints() const noexcept { return options_.limits.size(); }
   [[nodiscard]] const ObjectAddress& object(const std::string& name) const;
   [[nodiscard]] ObjectPose pose_of(const ObjectAddress& object) const noexcept;
-  void put_at_start() noexcept;
   void forget() noexcept;
   void observe() noexcept;
   void write_observation(void* element) const noexcept;
@@ -151,14 +152,12 @@ class FileRobot final : public UntypedDriver {
   void keep_state_before_divergence() noexcept;
 
   Options options_;
-  SafetyChain<CountedJoints> safety_;
-  RobotTypes types_;
+  CountedChain chain_;
   std::vector<CompanionDescription> companions_;
   std::vector<double> initial_position_;
   std::uint64_t fingerprint_;
 
   RobotModel::Data data_;
-  CountedSafetyState memory_;
   CountedObservation observation_;
   PerJoint<double> torque_;                         // of the previous period
   std::vector<ObjectPose> objects_at_observation_;  // at the newest one
@@ -166,13 +165,7 @@ class FileRobot final : public UntypedDriver {
 
   CountedObservation held_;
   CountedAction desired_;
-  CountedAppliedAction applied_;
   std::vector<ObjectPose> sent_objects_;
-  std::vector<std::byte> check_observation_;  // elements for added checks
-  std::vector<std::byte> check_action_;
-  FixedText fault_text_;
-  FixedText rejection_text_;
-  FixedText thrown_;
 
   SimulationState begin_state_;  // Every session begins here.
   std::vector<double> before_step_;

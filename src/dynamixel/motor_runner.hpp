@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <span>
+
+#include "trifinger/base/text.hpp"
+#include "trifinger/base/time.hpp"
+#include "trifinger/dynamixel/motor_group.hpp"
+#include "trifinger/dynamixel/motor_link.hpp"
+
+namespace trifinger::dynamixel::detail {
+
+struct Goals {
+  std::array<double, kMaxMotors> values{};
+};
+
+// The goals of the first motors; the others get none.
+[[nodiscard]] Goals goals_of(std::span<const double> goals) noexcept;
+
+// A request in one word: its number, and in the lowest bit whether it is a start.
+[[nodiscard]] constexpr std::uint64_t request_of(std::uint64_t number, bool is_start) noexcept {
+  return 2 * number + (is_start ? 1 : 0);
+}
+
+// What a link does with its group, in one thread.
+class MotorRunner {
+ public:
+  // Throws InvalidArgument.
+  MotorRunner(std::unique_ptr<MotorGroup> group, Nanoseconds period, Nanoseconds goal_timeout);
+
+  // Carries out a request, see `request_of`. `told` sees that a start has begun.
+  template <class Told>
+  void obey(std::uint64_t word, const Told& told) {
+    begin(word);
+    if (word % 2 != 0) {
+      told(snapshot_);
+      start();
+    }
+  }
+  // One cycle of the bus, if the next one is due. `newest` are goals that have come since the last
+  // cycle; nullptr if none have.
+  void cycle(const Goals* newest) noexcept;
+  // Waits for the next cycle, if there is a period.
+  void wait_for_cycle() noexcept;
+  void fail(const FixedText& why) noexcept;
+
+  [[nodiscard]] const MotorSnapshot& snapshot() const noexcept { return snapshot_; }
+  [[nodiscard]] bool is_running() const noexcept {
+    return snapshot_.phase == MotorSnapshot::Phase::kRunning;
+  }
+  [[nodiscard]] MotorGroup& group() noexcept { return *group_; }
+  [[nodiscard]] const MotorGroup& group() const noexcept { return *group_; }
+
+ private:
+  void begin(std::uint64_t word) noexcept;
+  void start();
+  void look() noexcept;
+
+  std::unique_ptr<MotorGroup> group_;
+  Nanoseconds period_;
+  Nanoseconds goal_timeout_;
+  MotorSnapshot snapshot_{};
+  Goals newest_{};
+  Instant goals_came_{};
+  Instant next_cycle_{};
+  bool has_goals_{false};
+};
+
+}  // namespace trifinger::dynamixel::detail

@@ -1,0 +1,452 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "trifinger/servos/servo_robot.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <set>
+
+#include "trifinger/base/error.hpp"
+#include "trifinger/base/text_of.hpp"
+#include "trifinger/joint/orderly_stop.hpp"
+#include "trifinger/joint/reasons.hpp"
+
+namespace trifinger::servos {
+namespace {
+
+using dynamixel::MotorReading;
+using trifinger::detail::require;
+using trifinger::detail::text_of;
+using MotorPhase = dynamixel::MotorSnapshot::Phase;
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+constexpr std::int32_t with_joint(std::int32_t code, std::size_t joint) noexcept {
+  return code + (static_cast<std::int32_t>(joint + 1) << 8);
+}
+
+void check(const Servo& servo, const std::string& name) {
+  require(servo.direction == 1.0 || servo.direction == -1.0,
+          text_of("direction of ", name, " is ", servo.direction, ", must be 1 or -1"));
+  // The comparisons are written so that NaN fails.
+  require(servo.ratio > 0.0 && servo.ratio <= 1e6,
+          text_of("ratio of ", name, " is ", servo.ratio, ", must be above 0"));
+  require(std::abs(servo.zero) <= 1e3,
+          text_of("zero of ", name, " is ", servo.zero, " rad, must be within 1000 rad"));
+}
+
+// The currents of the motors limit the torques, too, and an applied action must say what applies.
+std::vector<JointLimit> limits_of(const ServoRobotOptions& options) {
+  std::vector<JointLimit> limits = options.limits;
+  for (std::size_t i = 0; i < limits.size(); ++i) {
+    const double most =
+        std::abs(options.motors[i].joint_torque(options.max_current * options.torque_constant));
+    limits[i].max_torque = std::min(limits[i].max_torque, most);
+  }
+  return limits;
+}
+
+}  // namespace
+
+void ServoRobotOptions::validate() const {
+  const std::size_t count = names.size();
+  require(count > 0 && count + sensors.size() <= dynamixel::kMaxMotors,
+          text_of("a robot has ", count, " joints and ", sensors.size(),
+                  " sensors on one bus, must be 1 to ", dynamixel::kMaxMotors, " together"));
+  const auto require_count = [count](const char* what, std::size_t found) {
+    require(found == count,
+            text_of("there are ", found, " ", what, " for ", count, " joints, must be one each"));
+  };
+  require_count("motors", motors.size());
+  require_count("limits", limits.size());
+  require_count("initial positions", initial_position.size());
+  trifinger::validate(limits);
+  for (std::size_t i = 0; i < count; ++i) {
+    check(motors[i], names[i]);
+    const JointLimit& limit = limits[i];
+    require(initial_position[i] >= limit.soft_lower && initial_position[i] <= limit.soft_upper,
+            text_of(names[i], " begins at ", initial_position[i], ", its soft limits are ",
+                    limit.soft_lower, " and ", limit.soft_upper));
+  }
+  for (const Servo& sensor : sensors) check(sensor, text_of("sensor ", int{sensor.id}));
+  std::set<dynamixel::MotorId> ids;
+  for (const auto* const servos : {&motors, &sensors}) {
+    for (const Servo& servo : *servos) {
+      require(ids.insert(servo.id).second, text_of("motor ", int{servo.id}, " is named twice"));
+    }
+  }
+  for (const auto& source : all_joints) {
+    require(!source || *source < count + sensors.size(),
+            "a joint is measured by a motor that is not there");
+  }
+  require(torque_constant > 0.0 && torque_constant <= 1e3,
+          text_of("torque_constant is ", torque_constant, " Nm/A, must be above 0"));
+  require(max_current > 0.0 && max_current <= 1e3,
+          text_of("max_current is ", max_current, " A, must be above 0"));
+  for (const std::size_t joint : reset.first) {
+    require(joint < count, "reset.first has a joint that is not there");
+  }
+  for (const auto& [joint, position] : reset.untangle) {
+    require(joint < count, "reset.untangle has a joint that is not there");
+    require(position >= limits[joint].soft_lower && position <= limits[joint].soft_upper,
+            text_of("reset.untangle of ", names[joint], " is ", position, ", its soft limits are ",
+                    limits[joint].soft_lower, " and ", limits[joint].soft_upper));
+  }
+  require(reset.tolerance > 0.0,
+          text_of("reset.tolerance is ", reset.tolerance, ", must be above 0"));
+  require(reset.attempts >= 0, "reset.attempts is negative");
+  for (const Nanoseconds time :
+       {reset.first_time, reset.move_time, reset.settle_time, reset.release_time, damping_time}) {
+    require(time >= Nanoseconds::zero(), "a time of the reset or the stop is negative");
+  }
+  require(period > Nanoseconds::zero(), "period must be above 0");
+}
+
+dynamixel::MotorGroupOptions group_options(const ServoRobotOptions& options,
+                                           dynamixel::MotorGroupOptions rest) {
+  rest.ids.clear();
+  rest.sensors.clear();
+  for (const Servo& motor : options.motors) rest.ids.push_back(motor.id);
+  for (const Servo& sensor : options.sensors) rest.sensors.push_back(sensor.id);
+  // A motor that follows positions must not be stronger than it is allowed to be.
+  rest.mode = options.mode == ServoMode::kTorque ? dynamixel::OperatingMode::kCurrent
+                                                 : dynamixel::OperatingMode::kCurrentBasedPosition;
+  rest.max_current = options.max_current;
+  return rest;
+}
+
+ServoRobot::ServoRobot(Options options, std::unique_ptr<dynamixel::MotorLink> motors)
+    : options_((options.validate(), std::move(options))),
+      chain_(options_.types, options_.names, limits_of(options_)),
+      link_(std::move(motors)),
+      begin_(num_joints(), 0.0),
+      target_(num_joints(), kNan),
+      goals_(num_joints(), 0.0),
+      torques_(num_joints(), 0.0),
+      observation_(num_joints()),
+      desired_(num_joints()),
+      held_(num_joints()) {
+  require(link_ != nullptr, "a robot on motors needs motors, but got none");
+}
+
+ServoRobot::~ServoRobot() = default;
+
+void ServoRobot::add_check(CountedChain::Check check) {
+  chain_.add_check(std::move(check), [this](void* element) { write_observation(element); });
+}
+
+bool ServoRobot::refresh(std::int32_t& code) noexcept {
+  static_cast<void>(link_->read(snapshot_));
+  if (snapshot_.request >= request_ && snapshot_.phase == MotorPhase::kFailed) {
+    const dynamixel::MotorId motor = snapshot_.trouble.motor;
+    const auto* const found = std::ranges::find(
+        options_.motors.data(), options_.motors.data() + num_joints(), motor, &Servo::id);
+    const auto joint = static_cast<std::size_t>(found - options_.motors.data());
+    const bool has_joint = joint < num_joints() &&
+                           snapshot_.trouble.kind != dynamixel::Trouble::kNone &&
+                           snapshot_.trouble.kind != dynamixel::Trouble::kLineGone;
+    FixedText text(has_joint ? chain_.name(joint) : std::string_view());
+    if (has_joint) text.append(": ");
+    chain_.set_fault_text(text.append(snapshot_.failure.view()));
+    code = has_joint ? with_joint(kMotorTrouble, joint) : kMotorTrouble;
+    return false;
+  }
+  for (std::size_t i = 0; i < num_joints(); ++i) {
+    const MotorReading& reading = snapshot_.readings[i];
+    const Servo& servo = options_.motors[i];
+    observation_.position[i] = servo.joint_position(reading.position);
+    observation_.velocity[i] = servo.joint_velocity(reading.velocity);
+    observation_.torque[i] = servo.joint_torque(reading.current * options_.torque_constant);
+  }
+  return true;
+}
+
+void ServoRobot::write_observation(void* element) const noexcept {
+  write_element(observation_, element);
+  if (options_.all_joints.empty()) return;
+  auto* next = static_cast<std::byte*>(element) + 3 * num_joints() * sizeof(double);
+  const auto write = [&next](double value) {
+    std::memcpy(next, &value, sizeof(value));
+    next += sizeof(value);
+  };
+  const auto servo = [this](std::size_t source) -> const Servo& {
+    return source < num_joints() ? options_.motors[source]
+                                 : options_.sensors[source - num_joints()];
+  };
+  for (const auto& source : options_.all_joints) {
+    write(source ? servo(*source).joint_position(snapshot_.readings[*source].position) : kNan);
+  }
+  for (const auto& source : options_.all_joints) {
+    write(source ? servo(*source).joint_velocity(snapshot_.readings[*source].velocity) : kNan);
+  }
+}
+
+// How far a joint is from its initial position.
+double ServoRobot::distance(std::size_t joint) const noexcept {
+  return std::abs(observation_.position[joint] - options_.initial_position[joint]);
+}
+
+std::optional<std::size_t> ServoRobot::find_astray() const noexcept {
+  for (std::size_t i = 0; i < num_joints(); ++i) {
+    if (!(distance(i) <= options_.reset.tolerance)) return i;
+  }
+  return std::nullopt;
+}
+
+void ServoRobot::begin(Phase phase) noexcept {
+  phase_ = phase;
+  phase_steps_ = 0;
+  begin_ = observation_.position;
+  target_ = PerJoint<double>(num_joints(), kNan);
+  switch (phase) {
+    case Phase::kFirst:
+      for (const std::size_t joint : options_.reset.first) {
+        target_[joint] = options_.initial_position[joint];
+      }
+      return;
+    case Phase::kAll:
+    case Phase::kSettling:
+      std::ranges::copy(options_.initial_position, target_.begin());
+      return;
+    case Phase::kUntangling:
+      for (const auto& [joint, position] : options_.reset.untangle) target_[joint] = position;
+      return;
+    case Phase::kStarting:
+    case Phase::kReleased:
+      return;
+  }
+}
+
+void ServoRobot::add_weight(CountedAction& action) noexcept {
+  if (!options_.weight || options_.mode != ServoMode::kTorque) return;
+  options_.weight({observation_.position.begin(), num_joints()}, torques_);
+  for (std::size_t i = 0; i < num_joints(); ++i) action.torque[i] = torques_[i];
+}
+
+// Drives the joints that have a target; `part` is how much of their way they should have made.
+DriverReport ServoRobot::drive_towards(double part) noexcept {
+  desired_ = CountedAction(num_joints());
+  add_weight(desired_);
+  const double way = trifinger::detail::smooth(std::clamp(part, 0.0, 1.0));
+  for (std::size_t i = 0; i < num_joints(); ++i) {
+    if (std::isnan(target_[i])) {
+      desired_.torque[i] = 0.0;
+    } else {
+      desired_.position[i] = begin_[i] + way * (target_[i] - begin_[i]);
+    }
+  }
+  const DriverReport report = chain_.apply(desired_, observation_, options_.period);
+  for (std::size_t i = 0; i < num_joints(); ++i) {
+    // A motor that follows positions has no torque where it is.
+    if (std::isnan(target_[i])) goals_[i] = observation_.position[i];
+  }
+  send();
+  return report.state == DriverReport::State::kReady ? DriverReport::busy() : report;
+}
+
+DriverReport ServoRobot::try_again() noexcept {
+  const std::optional<std::size_t> astray = find_astray();
+  if (!astray) return DriverReport::ready();
+  if (attempts_ >= options_.reset.attempts) {
+    FixedText text(chain_.name(*astray));
+    text.append(" is ")
+        .append(distance(*astray))
+        .append(
+            " from its initial position and does not reach it; free the fingers by hand, check "
+            "that "
+            "nothing is in their way, then recover");
+    chain_.set_fault_text(text);
+    return DriverReport::fault(with_joint(kNotAtStart, *astray));
+  }
+  ++attempts_;
+  begin(Phase::kReleased);
+  return DriverReport::busy();
+}
+
+DriverReport ServoRobot::move() noexcept {
+  const ResetOptions& reset = options_.reset;
+  const auto part = [this](Nanoseconds duration) {
+    if (duration <= Nanoseconds::zero()) return 1.0;
+    return static_cast<double>(phase_steps_) * static_cast<double>(options_.period.count()) /
+           static_cast<double>(duration.count());
+  };
+  ++phase_steps_;
+  double done = 0.0;
+  Phase next = Phase::kAll;
+  switch (phase_) {
+    case Phase::kStarting:
+      return DriverReport::busy();
+    case Phase::kFirst:
+      done = part(reset.first_time);
+      next = Phase::kAll;
+      break;
+    case Phase::kAll:
+      done = part(reset.move_time);
+      next = Phase::kSettling;
+      break;
+    case Phase::kSettling: {
+      const DriverReport report = drive_towards(1.0);
+      if (report.state != DriverReport::State::kBusy) return report;
+      if (!find_astray()) return DriverReport::ready();
+      return part(reset.settle_time) < 1.0 ? report : try_again();
+    }
+    case Phase::kReleased:
+      done = part(reset.release_time);
+      next = reset.untangle.empty() ? Phase::kFirst : Phase::kUntangling;
+      break;
+    case Phase::kUntangling:
+      done = part(reset.first_time);
+      next = Phase::kFirst;
+      break;
+  }
+  const DriverReport report = drive_towards(done);
+  if (report.state == DriverReport::State::kBusy && done >= 1.0) begin(next);
+  return report;
+}
+
+DriverReport ServoRobot::prepare(TimeIndex step) noexcept {
+  if (step == 0) {
+    phase_ = Phase::kStarting;
+    attempts_ = 0;
+    is_running_ = false;
+    chain_.forget();
+    request_ = link_->request_start();
+  }
+  std::int32_t code = 0;
+  if (!refresh(code)) return DriverReport::fault(code);
+  if (snapshot_.request < request_ || snapshot_.phase != MotorPhase::kRunning) {
+    return DriverReport::busy();
+  }
+  if (phase_ == Phase::kStarting) {
+    is_running_ = true;
+    lost_before_ = snapshot_.counts.missing;
+    goals_ = observation_.position;
+    if (!find_astray()) return DriverReport::ready();
+    begin(options_.reset.first.empty() ? Phase::kAll : Phase::kFirst);
+  }
+  return move();
+}
+
+DriverReport ServoRobot::get_latest_observation(void* observation) noexcept {
+  std::int32_t code = 0;
+  const bool is_fine = refresh(code);
+  write_observation(observation);
+  if (!is_fine) return DriverReport::fault(code);
+  Instant oldest = link_->now();
+  const Instant now = oldest;
+  for (std::size_t i = 0; i < num_joints(); ++i) {
+    oldest = std::min(oldest, snapshot_.readings[i].measured);
+  }
+  const std::uint64_t lost = snapshot_.counts.missing - lost_before_;
+  return {.measurement_age = (now - oldest).count(),
+          .lost_frames = static_cast<std::uint32_t>(
+              std::min<std::uint64_t>(lost, std::numeric_limits<std::uint32_t>::max()))};
+}
+
+bool ServoRobot::refuse_torques(FixedText& refusal) noexcept {
+  if (options_.mode != ServoMode::kPosition) return false;
+  bool has_refused = false;
+  for (std::size_t i = 0; i < num_joints(); ++i) {
+    const JointLimit& limit = chain_.limits()[i];
+    const auto is_usual = [](double gain, double usual) {
+      return std::isnan(gain) || gain == usual;
+    };
+    const char* field = nullptr;
+    double value = 0.0;
+    if (desired_.torque[i] != 0.0) {
+      field = "torque";
+      value = desired_.torque[i];
+    } else if (!is_usual(desired_.position_kp[i], limit.default_kp)) {
+      field = "position_kp";
+      value = desired_.position_kp[i];
+    } else if (!is_usual(desired_.position_kd[i], limit.default_kd)) {
+      field = "position_kd";
+      value = desired_.position_kd[i];
+    }
+    if (field == nullptr) continue;
+    // The chain rejects it, so that the joint holds its last accepted position.
+    desired_.torque[i] = kNan;
+    if (has_refused) continue;
+    has_refused = true;
+    refusal = FixedText(field);
+    refusal.append(" of joint ").append(i).append(" (").append(chain_.name(i)).append(") is ");
+    refusal.append(value).append(
+        ", but its motor follows positions with its own gains (dynamixel.mode: position), so "
+        "torque must be 0 and gains must not be given");
+  }
+  return has_refused;
+}
+
+DriverReport ServoRobot::apply_action(const void* desired, void* applied) noexcept {
+  read_element(desired, desired_);
+  FixedText refusal;
+  const bool has_refused = refuse_torques(refusal);
+  const DriverReport report = chain_.apply(desired_, observation_, options_.period);
+  if (has_refused) chain_.set_rejection_text(refusal);
+  send();
+  write_element(chain_.applied(), applied);
+  return report;
+}
+
+// Moves a goal towards the position that the chain allows, not faster than the joint may be.
+void ServoRobot::limit_goal(std::size_t joint) noexcept {
+  CountedAppliedAction& applied = chain_.applied();
+  double wanted = applied.position[joint];
+  if (has(applied.reasons[joint], Reason::kBraking)) wanted = observation_.position[joint];
+  if (!std::isnan(wanted)) {
+    const double longest = chain_.limits()[joint].max_velocity *
+                           std::chrono::duration<double>(options_.period).count();
+    const double goal = std::clamp(wanted, goals_[joint] - longest, goals_[joint] + longest);
+    if (goal != wanted) applied.reasons[joint] |= bit(Reason::kTooFast);
+    goals_[joint] = goal;
+  }
+  applied.torque[joint] = 0.0;
+  applied.position[joint] = goals_[joint];
+}
+
+void ServoRobot::send() noexcept {
+  for (std::size_t i = 0; i < num_joints(); ++i) {
+    const Servo& servo = options_.motors[i];
+    if (options_.mode == ServoMode::kTorque) {
+      sent_[i] = servo.motor_torque(chain_.applied().torque[i]) / options_.torque_constant;
+    } else {
+      limit_goal(i);
+      sent_[i] = servo.motor_position(goals_[i]);
+    }
+  }
+  link_->set_goals(std::span(sent_).first(num_joints()));
+}
+
+DriverReport ServoRobot::hold(const void* observation, void* action) noexcept {
+  read_element(observation, held_);
+  desired_ = CountedAction(num_joints());
+  add_weight(desired_);
+  for (std::size_t i = 0; i < num_joints(); ++i) desired_.position[i] = held_.position[i];
+  write_element(desired_, action);
+  return DriverReport::ready();
+}
+
+DriverReport ServoRobot::stop(TimeIndex step) noexcept {
+  std::int32_t code = 0;
+  // What has happened is told already; the motors are without torque then.
+  const bool is_fine = is_running_ && refresh(code) && snapshot_.phase == MotorPhase::kRunning;
+  if (is_fine && step * options_.period < options_.damping_time) {
+    desired_ = CountedAction(num_joints());
+    static_cast<void>(chain_.apply(desired_, observation_, options_.period));
+    send();
+    return DriverReport::busy();
+  }
+  if (is_running_) {
+    is_running_ = false;
+    request_ = link_->request_release();
+  }
+  static_cast<void>(link_->read(snapshot_));
+  return snapshot_.request < request_ ? DriverReport::busy() : DriverReport::ready();
+}
+
+std::string_view ServoRobot::fault_text(std::int32_t) const noexcept { return chain_.fault_text(); }
+
+std::string_view ServoRobot::rejection_text() const noexcept { return chain_.rejection_text(); }
+
+}  // namespace trifinger::servos
