@@ -3,8 +3,12 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
+import termios
+import time
+import tty
 from pathlib import Path
 
 import compare_robots
@@ -99,16 +103,47 @@ def test_faults_of_motors_are_typed_and_named(start_program: StartProgram) -> No
         np.testing.assert_allclose(robot.latest_observation().position, START, atol=0.09)
 
 
+def crc16(data: bytes) -> bytes:
+    crc = 0
+    for byte in data:
+        crc ^= byte << 8
+        for _ in range(8):
+            crc = ((crc << 1) ^ 0x8005 if crc & 0x8000 else crc << 1) & 0xFFFF
+    return crc.to_bytes(2, "little")
+
+
+def read_byte(port: int, motor: int, address: int) -> int:
+    """Reads one byte of a motor's memory, as a program that is not ours would."""
+    head = bytes([0xFF, 0xFF, 0xFD, 0, motor, 7, 0, 2, address, 0, 1, 0])
+    os.write(port, head + crc16(head))
+    answer = b""
+    while len(answer) < 12:  # one byte of data, and everything around it
+        answer += os.read(port, 100)
+    assert answer[:8] == bytes([0xFF, 0xFF, 0xFD, 0, motor, 5, 0, 0x55])
+    return answer[9]
+
+
 @pytest.mark.release
-def test_motors_have_no_torque_when_the_program_was_killed(start_program: StartProgram) -> None:
-    """Only their watchdogs can do that: nobody tells them anything any more."""
-    settings = [*ROBOT, "--set", "dynamixel.watchdog=0.5"]
-    motors = start_program("emulate", *settings)
-    motors.wait_for("10 emulated motors are on")
+def test_motors_stop_by_themselves_when_the_program_is_killed(
+    start_program: StartProgram, session_folder: Path
+) -> None:
+    watchdog = 2.0  # [s]; machines of tests stall
+    settings = [*ROBOT, "--set", f"dynamixel.watchdog={watchdog}"]
+    start_program("emulate", *settings).wait_for("10 emulated motors are on")
     run = start_program("run", *settings)
     run.wait_for("holds its pose")
     run.end(signal.SIGKILL)
-    # They can be started again, wherever the fingers are now.
+
+    port = os.open(session_folder / f"trifinger-dynamixel.{NAME}", os.O_RDWR | os.O_NOCTTY)
+    tty.setraw(port)
+    speeds = termios.tcgetattr(port)
+    speeds[4] = speeds[5] = termios.B4000000
+    termios.tcsetattr(port, termios.TCSANOW, speeds)
+    # Each read is an instruction that they hear, so nobody may ask before.
+    time.sleep(1.5 * watchdog)
+    assert read_byte(port, 10, 98) == 0xFF  # bus_watchdog: it has stopped the motor
+    os.close(port)
+    # They can be started again.
     start_program("run", *settings).wait_for("holds its pose")
 
 
