@@ -47,6 +47,16 @@ std::uint64_t fingerprint_of(const mjModel& model) {
   return hash;
 }
 
+void set_velocity(const ObjectAddress& body, const ObjectVelocity& velocity,
+                  mjData& data) noexcept {
+  double* const values = data.qvel + body.velocity;
+  std::ranges::copy(velocity.linear, values);
+  // MuJoCo expresses the rotation of a free body in the body's frame.
+  std::array<double, 4> inverse{};
+  mju_negQuat(inverse.data(), data.qpos + body.position + 3);
+  mju_rotVecQuat(values + 3, velocity.angular.data(), inverse.data());
+}
+
 std::string_view unit_of(const FileJoint& joint) { return joint.is_slide ? " m" : " rad"; }
 
 // Letters, digits and '_', for names of types.
@@ -168,6 +178,10 @@ void FileRobotOptions::put_at_start(mjData& data) const noexcept {
     mj_resetDataKeyframe(&mujoco, &data, key);
   } else {
     mj_resetData(&mujoco, &data);
+  }
+  for (const ObjectDescription& object : model->options().objects) {
+    const auto body = std::ranges::find(model->free_bodies(), object.name, &ObjectAddress::name);
+    set_velocity(*body, {.linear = object.velocity, .angular = object.angular_velocity}, data);
   }
   for (const auto& [name, position] : initial_position) {
     const auto driven = std::ranges::find(model->joints(), name, &FileJoint::name);
@@ -384,12 +398,7 @@ void FileRobot::set_object_velocity(const std::string& name, const ObjectVelocit
       require(std::isfinite(value), "the velocity of object '" + name + "' is not finite");
     }
   }
-  double* const values = data_->qvel + address.velocity;
-  std::ranges::copy(velocity.linear, values);
-  // MuJoCo expresses the rotation of a free body in the body's frame.
-  std::array<double, 4> inverse{};
-  mju_negQuat(inverse.data(), data_->qpos + address.position + 3);
-  mju_rotVecQuat(values + 3, velocity.angular.data(), inverse.data());
+  set_velocity(address, velocity, *data_);
   begin_here();
 }
 
