@@ -12,6 +12,7 @@
 #include <system_error>
 #include <utility>
 
+#include "file_objects.hpp"
 #include "self_contained.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/text_of.hpp"
@@ -125,6 +126,7 @@ ModelFile::ModelFile(ModelFileOptions options) : options_(std::move(options)) {
     const std::string folder = std::filesystem::absolute(*options_.mesh_folder).string();
     mjs_setString(spec_->compiler.meshdir, folder.c_str());
   }
+  detail::add_objects(spec_.get(), options_.objects);
   // MuJoCo leaves out what only looks when it reads a URDF; a viewer wants to see it.
   spec_->compiler.discardvisual = false;
   // The simulation must see numbers that are not finite; MuJoCo must not reset silently.

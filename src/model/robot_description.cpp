@@ -6,6 +6,7 @@
 #include <set>
 
 #include "face_colours.hpp"
+#include "file_objects.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/suggestion.hpp"
 #include "trifinger/base/text_of.hpp"
@@ -163,7 +164,9 @@ int num_lengths(ObjectShape shape) {
   return 1;
 }
 
-void validate_object(const ObjectDescription& object) {
+}  // namespace
+
+void detail::validate_object(const ObjectDescription& object) {
   const std::string name = "object '" + object.name + "': ";
   for (int i = 0; i < num_lengths(object.shape); ++i)
     require_in(name + "size [m]", object.size[static_cast<std::size_t>(i)], 0.001, 1);
@@ -191,8 +194,6 @@ void validate_object(const ObjectDescription& object) {
     }
   }
 }
-
-}  // namespace
 
 BoxColours competition_colours() {
   BoxColours colours;
@@ -355,7 +356,7 @@ void validate(const RobotDescription& description) {
         object.name.starts_with("finger_"))
       reject("An object cannot be called '", object.name,
              "': 'world', 'platform', 'table' and names that begin with 'finger_' are taken.");
-    validate_object(object);
+    detail::validate_object(object);
     if (!object.position && ++without_position > 4)
       reject("object '", object.name,
              "' needs a position: only the first four objects have places of their own.");

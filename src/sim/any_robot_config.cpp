@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "from_file.hpp"
+#include "read_object.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/text_of.hpp"
 #include "trifinger/joint/read_backend.hpp"
@@ -45,7 +46,8 @@ Node file_node(const Node& robot) {
   return mjcf ? *mjcf : *urdf;
 }
 
-std::shared_ptr<const ModelFile> read_model(const Node& robot, const std::optional<Node>& period) {
+std::shared_ptr<const ModelFile> read_model(const Node& root, const std::optional<Node>& period) {
+  const Node robot = root.section("robot");
   const Node path = file_node(robot);
   ModelFileOptions options{.path = path.as<std::string>()};
   if (const auto meshes = robot.find("mesh_folder")) {
@@ -54,6 +56,7 @@ std::shared_ptr<const ModelFile> read_model(const Node& robot, const std::option
   }
   options.joints = robot.optional<std::vector<std::string>>("joints", {});
   if (period) options.period = read_period(*period);
+  if (const auto objects = root.find("objects")) options.objects = detail::read_objects(*objects);
   const auto armature = robot.optional_section("armature");
   const auto every = armature ? armature->find("every_joint") : std::nullopt;
   options.armature = [&](const std::string& joint) -> std::optional<double> {
@@ -144,7 +147,7 @@ FileRobotConfig read_file_robot(const File& file) {
   const Node robot = root.section("robot");
   const auto backend = root.optional_section("backend");
   const std::optional<Node> period = backend ? backend->find("period") : std::nullopt;
-  config.robot.model = read_model(robot, period);
+  config.robot.model = read_model(root, period);
   read_start(robot, config.robot);
   if (backend) {
     config.backend = read_backend(*backend, config.session);

@@ -16,7 +16,17 @@ namespace {
 using detail::require;
 using detail::text_of;
 
-std::string unit_of(const FileJoint& joint) { return joint.is_slide ? " m" : " rad"; }
+void set_in_motion(const ObjectAddress& object, const ObjectVelocity& velocity,
+                   mjData& data) noexcept {
+  double* const values = data.qvel + object.velocity;
+  std::ranges::copy(velocity.linear, values);
+  // MuJoCo expresses the rotation of a free body in the body's frame.
+  std::array<double, 4> inverse{};
+  mju_negQuat(inverse.data(), data.qpos + object.position + 3);
+  mju_rotVecQuat(values + 3, velocity.angular.data(), inverse.data());
+}
+
+std::string_view unit_of(const FileJoint& joint) { return joint.is_slide ? " m" : " rad"; }
 
 // True if the time constant of a contact is the first number of its solref; else both numbers are
 // stiffness and damping.
@@ -58,6 +68,10 @@ void FileRobotOptions::put_at_start(mjData& data) const noexcept {
     mj_resetDataKeyframe(&mujoco, &data, key);
   } else {
     mj_resetData(&mujoco, &data);
+  }
+  for (const ObjectDescription& object : model->options().objects) {
+    const auto body = std::ranges::find(model->free_bodies(), object.name, &ObjectAddress::name);
+    set_in_motion(*body, {.linear = object.velocity, .angular = object.angular_velocity}, data);
   }
   for (const auto& [name, position] : initial_position) {
     const auto driven = std::ranges::find(model->joints(), name, &FileJoint::name);
@@ -220,12 +234,7 @@ void FileSimulator::place(const ObjectAddress& object, const ObjectPose& pose,
 
 void FileSimulator::set_velocity(const ObjectAddress& object, const ObjectVelocity& velocity,
                                  mjData_& data) const noexcept {
-  double* const values = data.qvel + object.velocity;
-  std::ranges::copy(velocity.linear, values);
-  // MuJoCo expresses the rotation of a free body in the body's frame.
-  mjtNum inverse[4];
-  mju_negQuat(inverse, data.qpos + object.position + 3);
-  mju_rotVecQuat(values + 3, velocity.angular.data(), inverse);
+  set_in_motion(object, velocity, data);
 }
 
 void FileSimulator::begin(State& state) const noexcept {

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "from_file.hpp"
+#include "read_object.hpp"
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/text_of.hpp"
 #include "trifinger/joint/read_backend.hpp"
@@ -36,41 +37,6 @@ Arrangement read_arrangement(const Node& robot) {
   return robot.required_choice<Arrangement>(
       "arrangement",
       {{"trifinger", Arrangement::kTriFinger}, {"finger", Arrangement::kSingleFinger}});
-}
-
-ObjectDescription read_object(const Node& node) {
-  const Range length{.unit = "m", .min = 0.005, .max = 0.3};
-  const auto name = node.required<std::string>("name");
-  const auto type = node.required_choice<ObjectDescription (*)(std::string)>(
-      "type", {{"cube", cube}, {"cuboid", cuboid}, {"stick", stick}, {"ball", ball}});
-  ObjectDescription object = type(name);
-  if (const auto size = node.find("size")) {
-    const auto lengths = size->as<std::vector<double>>(length);
-    const std::size_t expected = type == cuboid ? 3 : type == stick ? 2 : 1;
-    if (lengths.size() != expected) {
-      size->fail("has " + std::to_string(lengths.size()) + " lengths, must have " +
-                 std::to_string(expected));
-    }
-    for (std::size_t i = 0; i < object.size.size(); ++i) {
-      // A cube has one edge length for all axes; a ball uses only the first number.
-      object.size[i] = i < expected ? lengths[i] : type == cube ? lengths[0] : 0.0;
-    }
-  }
-  object.mass = node.optional<double>("mass", object.mass, {.unit = "kg", .min = 0.001, .max = 2});
-  if (const auto position = node.find("position")) {
-    object.position = position->as<Triple>({.unit = "m", .min = -2, .max = 2});
-  }
-  object.orientation = node.optional<std::array<double, 4>>("orientation", object.orientation,
-                                                            {.min = -10, .max = 10});
-  object.velocity =
-      node.optional<Triple>("velocity", object.velocity, {.unit = "m/s", .min = -10, .max = 10});
-  object.angular_velocity = node.optional<Triple>("angular_velocity", object.angular_velocity,
-                                                  {.unit = "rad/s", .min = -100, .max = 100});
-  if (const auto colours = node.find("colours")) {
-    if (object.shape != ObjectShape::kBox) colours->fail("is for a cube or a cuboid");
-    object.colours = colours->as<BoxColours>();
-  }
-  return object;
 }
 
 // Files of older versions have no such section; missing values are those of the description.
@@ -128,10 +94,7 @@ RobotDescription read_description(const Node& root) {
   description.boundary = root.required<bool>("boundary");
   description.contact = read_contact(root.section("contact"));
   read_joints(root, description);
-  description.objects.clear();
-  for (const Node& object : root.at("objects").items()) {
-    description.objects.push_back(read_object(object));
-  }
+  description.objects = detail::read_objects(root.at("objects"));
   return description;
 }
 
@@ -290,7 +253,7 @@ std::map<std::string, std::string> noticed_values(const config::File& file) {
   });
   if (const auto objects = file.root().find("objects"); objects && objects->is_list()) {
     for (const Node& node : objects->items()) {
-      const ObjectDescription object = read_object(node);
+      const ObjectDescription object = detail::read_object(node);
       values["object '" + object.name + "'"] = object_text(object);
     }
   }

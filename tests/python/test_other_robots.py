@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Robots that nobody here made: run, recorded, plotted, filmed, seen, replayed.
 
-tools/fetch_robots.py fetches them, tests/robots has their configurations. The arm of an example
-goes the same way, also without a network.
+tools/fetch_robots.py fetches them, tests/robots has their configurations. D'Claw and the arm of an
+example go the same way, also without a network.
 """
 
 import subprocess
@@ -38,6 +38,7 @@ class Other:
 
 OTHERS = {
     "arm": Other("", 2, 2, 0.001),
+    "dclaw": Other("", 9, 10, 0.0025),
     "jaco": Other("robosuite", 3, 6, 0.002),
     "panda": Other("robosuite", 7, 7, 0.002),
     "shadow": Other("gymnasium_robotics", 20, 24, 0.002),
@@ -60,7 +61,7 @@ class Run:
 def configuration_of(name: str) -> Path:
     other = OTHERS[name]
     if not other.package:
-        return ROOT / f"examples/{name}.yml"
+        return ROOT / ("examples" if name == "arm" else "config") / f"{name}.yml"
     if not (FETCHED / other.package).exists():
         pytest.skip(f"{name} is missing: python tools/fetch_robots.py --all")
     return ROOT / f"tests/robots/{name}.yml"
@@ -95,7 +96,7 @@ def run(request: pytest.FixtureRequest, start_program: StartProgram, tmp_path: P
 
 
 def test_a_robot_of_others_is_like_one_of_ours(run: Run, tmp_path: Path) -> None:
-    assert f"steps of {run.other.period * 1e3:.0f} ms" in run.status
+    assert f"steps of {run.other.period * 1e3:g} ms" in run.status
     assert "runs" in run.lines
 
     assert "whole" in output_of(PROGRAM, "log", "check", run.log)

@@ -26,6 +26,7 @@
 namespace trifinger::test {
 namespace {
 
+using testing::AllOf;
 using testing::Each;
 using testing::ElementsAre;
 using testing::HasSubstr;
@@ -101,6 +102,32 @@ TEST_F(FileRobotTest, BeginsInTheFirstKeyFrameOrWhereItIsTold) {
               HasSubstr("knee"));
   EXPECT_THAT(message_of<Error>([&] { return FileRobot(config("  keyframe: down\n").robot); }),
               HasSubstr("no key frame 'down'"));
+}
+
+TEST_F(FileRobotTest, HasObjectsThatTheConfigurationAdds) {
+  FileRobot robot(config("", R"(objects:
+  - {name: cube, type: cube, size: [0.06], mass: 0.1, position: [0.3, 0.3, 0.1]}
+  - {name: pen, type: stick, position: [-0.3, 0.3, 0.02]}
+  - {name: marble, type: ball, size: [0.04], position: [0, -0.5, 0.02], velocity: [0.2, 0, 0]}
+)")
+                      .robot);
+  // The file's own come first, and all have a pose in the companion.
+  ASSERT_EQ(robot.companions().size(), 1U);
+  EXPECT_THAT(robot.companions()[0].element.text(),
+              AllOf(HasSubstr("ball."), HasSubstr("brick."), HasSubstr("cube."), HasSubstr("pen."),
+                    HasSubstr("marble.")));
+  // The file's key frame still holds for what it says.
+  EXPECT_THAT(robot.initial_position(), ElementsAre(0.5, 1.0, 0.2, 0.0));
+  ASSERT_EQ(robot.prepare(0).state, DriverReport::State::kReady);
+  for (int step = 0; step < 500; ++step) {
+    (void)observe(robot);
+    (void)apply(robot, Action::of_position({0.5, 1.0, 0.2, 0.0}));
+  }
+  EXPECT_NEAR(robot.object_pose("cube").position[2], 0.03, 1e-3);  // It has fallen.
+  EXPECT_NEAR(robot.object_pose("pen").position[2], 0.005, 1e-3);
+  EXPECT_GT(robot.object_pose("marble").position[0], 0.1);  // It rolls.
+  EXPECT_THAT(message_of<Error>([&] { (void)config("", "objects: [{name: cube, type: cube}]\n"); }),
+              HasSubstr("object 'cube' needs a position"));
 }
 
 TEST_F(FileRobotTest, HoldsItsPose) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Robots that nobody here made. tools/fetch_robots.py fetches them; tests/robots has their
-// configurations.
+// Robots of others. tools/fetch_robots.py fetches those that nobody here made; tests/robots has
+// their configurations.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -21,15 +21,15 @@ namespace {
 class OtherRobots : public testing::TestWithParam<const char*> {
  protected:
   void SetUp() override {
-    const std::string folder = TRIFINGER_TEST_ROBOTS;
-    if (!std::filesystem::exists(folder + "/../../build/robots/" + package())) {
+    const std::filesystem::path root = TRIFINGER_ROOT;
+    const std::string name = GetParam();
+    const bool is_ours = name == "dclaw";
+    const std::string package = name == "shadow" ? "gymnasium_robotics" : "robosuite";
+    if (!is_ours && !std::filesystem::exists(root / "build/robots" / package)) {
       GTEST_SKIP() << "the robot is missing: python tools/fetch_robots.py --all";
     }
-    config_ = std::get<FileRobotConfig>(load_any_robot_config(folder + "/" + GetParam() + ".yml"));
-  }
-
-  [[nodiscard]] static std::string package() {
-    return GetParam() == std::string("shadow") ? "gymnasium_robotics" : "robosuite";
+    const std::filesystem::path folder = root / (is_ours ? "config" : "tests/robots");
+    config_ = std::get<FileRobotConfig>(load_any_robot_config((folder / (name + ".yml")).string()));
   }
 
   FileRobotConfig config_;
@@ -66,7 +66,8 @@ TEST_P(OtherRobots, AreHeldByTheSafetyChainUnderHostileActions) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Sim, OtherRobots, testing::Values("jaco", "panda", "shadow", "ur5e"),
+INSTANTIATE_TEST_SUITE_P(Sim, OtherRobots,
+                         testing::Values("dclaw", "jaco", "panda", "shadow", "ur5e"),
                          [](const auto& test) { return std::string(test.param); });
 
 }  // namespace

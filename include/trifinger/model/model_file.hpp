@@ -32,6 +32,9 @@ struct ModelFileOptions {
   /// The inertia of its rotor at a hinge or slide of this name [kgm^2], [kg], instead of the file's
   /// `armature`. Many files leave it out, although behind a gear it is most of what a motor feels.
   std::function<std::optional<double>(const std::string& joint)> armature{};
+  /// Objects in addition to those of the file. Each needs a position and a name that no body of the
+  /// file has.
+  std::vector<ObjectDescription> objects{};
 };
 
 /// What a file says about one driven joint. Nothing where it says nothing, or nothing that one
