@@ -108,6 +108,7 @@ std::vector<Row> any_robot(const Effort& effort) {
   constexpr std::size_t kSimulations = 16;
   const auto actions = wandering(40, kSimulations * joints);
   std::vector<BareEpisode> bare;
+  bare.reserve(kSimulations);
   for (std::size_t i = 0; i < kSimulations; ++i) bare.emplace_back(robot, actions, i);
   const RobotModel::Data data = robot.model->make_data();
   const std::size_t steps = bare.front().steps();

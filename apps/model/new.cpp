@@ -117,6 +117,7 @@ void require_new(const fs::path& path) {
 void write_driver(const NewRobotOptions& options) {
   const fs::path folder = options.folder / options.name;
   std::vector<std::pair<fs::path, std::string>> files;
+  files.reserve(std::size(kFiles));
   for (const std::string_view file : kFiles) {
     files.emplace_back(folder / replaced(std::string(file), kName, options.name),
                        for_robot(read_template(file), options.name));

@@ -92,7 +92,7 @@ auto PythonSimulation::make(const AnyRobotConfig& config) -> AnySimulation {
   if (const auto* const file = std::get_if<FileRobotConfig>(&config)) {
     return FileSimulation(file->robot, file->session, file->backend, file->name);
   }
-  const RobotConfig& robot = std::get<RobotConfig>(config);
+  const auto& robot = std::get<RobotConfig>(config);
   return std::visit(
       [&]<class R>(const SimulationOptions<R>&) -> AnySimulation {
         return rendering::make_simulation<R>(robot);
@@ -222,7 +222,7 @@ std::shared_ptr<log::RecorderThread> PythonSimulation::record(const std::filesys
 }
 
 void PythonSimulation::add_check(nb::object function) {
-  Checks& checks = nb::cast<Checks&>(checks_);
+  auto& checks = nb::cast<Checks&>(checks_);
   if (const auto* const file = std::get_if<FileSimulation>(&simulation_)) {
     const RobotTypes& types = file->robot().description();
     file->robot().add_check(

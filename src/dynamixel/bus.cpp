@@ -375,7 +375,7 @@ Outcome Bus::sync_write(std::span<const MotorId> ids, std::uint16_t address, std
   if (all > parameters_.size() || data.size() != ids.size() * size) return Outcome::kImpossible;
   put_number(parameters_, address, 2);
   put_number(std::span(parameters_).subspan(2), static_cast<std::uint32_t>(size), 2);
-  auto out = parameters_.begin() + 4;
+  auto* out = parameters_.begin() + 4;
   for (std::size_t i = 0; i < ids.size(); ++i) {
     *out++ = ids[i];
     out = std::ranges::copy(data.subspan(i * size, size), out).out;

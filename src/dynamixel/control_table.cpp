@@ -24,25 +24,25 @@ std::string_view name_of(OperatingMode mode) noexcept {
 }
 
 const Register* find_register(std::string_view name) noexcept {
-  const auto found = std::ranges::find(kControlTable, name, &Register::name);
-  return found == kControlTable.end() ? nullptr : &*found;
+  const auto* const found = std::ranges::find(kControlTable, name, &Register::name);
+  return found == kControlTable.end() ? nullptr : found;
 }
 
 const Register* register_at(std::size_t address) noexcept {
-  const auto found = std::ranges::find_if(kControlTable, [address](const Register& entry) {
+  const auto* const found = std::ranges::find_if(kControlTable, [address](const Register& entry) {
     return address >= entry.address && address < entry.end();
   });
-  return found == kControlTable.end() ? nullptr : &*found;
+  return found == kControlTable.end() ? nullptr : found;
 }
 
 const MotorModel* find_model(std::string_view name) noexcept {
-  const auto found = std::ranges::find(kMotorModels, name, &MotorModel::name);
-  return found == kMotorModels.end() ? nullptr : &*found;
+  const auto* const found = std::ranges::find(kMotorModels, name, &MotorModel::name);
+  return found == kMotorModels.end() ? nullptr : found;
 }
 
 const MotorModel* find_model(std::uint16_t number) noexcept {
-  const auto found = std::ranges::find(kMotorModels, number, &MotorModel::number);
-  return found == kMotorModels.end() ? nullptr : &*found;
+  const auto* const found = std::ranges::find(kMotorModels, number, &MotorModel::number);
+  return found == kMotorModels.end() ? nullptr : found;
 }
 
 }  // namespace trifinger::dynamixel

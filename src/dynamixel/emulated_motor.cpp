@@ -54,7 +54,7 @@ EmulatedMotor::EmulatedMotor(const EmulatedMotorOptions& options)
   const std::string name = "emulated motor " + std::to_string(options.id);
   require(options.id <= kMaxId, name + " must have a number from 0 to 252");
   require(options.model != nullptr, name + " has no model");
-  const auto rate = std::ranges::find(kBaudRates, options.baud);
+  const auto* const rate = std::ranges::find(kBaudRates, options.baud);
   require(rate != kBaudRates.end(), name + " cannot have " + std::to_string(options.baud) +
                                         " baud, only 9600, 57600, 115200, 1, 2, 3, 4 or 4.5 M");
   const auto delay = options.return_delay / std::chrono::microseconds(2);

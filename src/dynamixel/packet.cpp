@@ -34,7 +34,8 @@ bool remove_stuffing(std::span<std::uint8_t> bytes, std::size_t& size) noexcept 
     const std::uint8_t byte = bytes[i];
     bytes[size++] = byte;
     if (!watch.ends_pattern(byte)) continue;
-    if (++i == bytes.size() || bytes[i] != kStuffing) return false;
+    ++i;
+    if (i == bytes.size() || bytes[i] != kStuffing) return false;
     static_cast<void>(watch.ends_pattern(kStuffing));
   }
   return true;
@@ -124,6 +125,7 @@ void PacketParser::skip(std::size_t count) noexcept {
 void PacketParser::skip_to_header() noexcept {
   const auto bytes = waiting();
   // clang 14 does not compile std::ranges::search.
+  // NOLINTNEXTLINE(modernize-use-ranges)
   const auto found = std::search(bytes.begin(), bytes.end(), kHeader.begin(), kHeader.end());
   auto place = static_cast<std::size_t>(found - bytes.begin());
   if (found == bytes.end()) {

@@ -22,7 +22,7 @@ int open_device(const std::string& path) noexcept {
   return ::open(path.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
 }
 
-std::string remedy_of(int error) {
+std::string_view remedy_of(int error) {
   switch (error) {
     case EACCES:
       return "; put this user into the group 'dialout' ('sudo usermod -aG dialout $USER') and log "
@@ -47,7 +47,7 @@ SerialPort::SerialPort(const std::string& path, const SerialOptions& options)
   device_ = ipc::FileDescriptor([&path] { return open_device(path); });
   if (!device_) {
     const int error = errno;
-    throw SystemError(doing + remedy_of(error), error);
+    throw SystemError(doing + std::string(remedy_of(error)), error);
   }
   termios2 settings{};
   if (::ioctl(device_.get(), TCGETS2, &settings) != 0) {
@@ -55,7 +55,7 @@ SerialPort::SerialPort(const std::string& path, const SerialOptions& options)
   }
   // The lock keeps out programs that lock, TIOCEXCL all others.
   if (::flock(device_.get(), LOCK_EX | LOCK_NB) != 0) {
-    throw SystemError(doing + remedy_of(EBUSY), EBUSY);
+    throw SystemError(doing + std::string(remedy_of(EBUSY)), EBUSY);
   }
   static_cast<void>(::ioctl(device_.get(), TIOCEXCL));
 

@@ -188,7 +188,7 @@ std::string text_to_fill_in(std::span<const NamedJoint> joints, const Missing& m
     } else if (is_said(known.hard_lower)) {
       text += "  # it has no stops: -.inf and .inf are possible";
     }
-    text += "\n";
+    text += '\n';
   }
   return text;
 }

@@ -24,6 +24,7 @@ std::size_t place_of(std::string_view name, const Joints& joints) {
       std::ranges::find_if(joints, [name](const auto& joint) { return joint.name == name; });
   if (found != joints.end()) return static_cast<std::size_t>(found - joints.begin());
   std::vector<std::string_view> names;
+  names.reserve(joints.size());
   for (const auto& joint : joints) names.push_back(joint.name);
   throw InvalidArgument(
       text_of("the robot has no joint '", name, "'; it has ", quoted_list(names, "and")));

@@ -180,6 +180,7 @@ void ModelFile::find_joints() {
   require(!model_joints_.empty(), file + "the model has no hinge and no slide, so nothing moves");
 
   std::vector<Drive> drives;
+  drives.reserve(static_cast<std::size_t>(model.nu));
   for (int i = 0; i < static_cast<int>(model.nu); ++i) drives.push_back(drive_of(model, i));
 
   std::vector<Target> targets;
@@ -193,14 +194,15 @@ void ModelFile::find_joints() {
     const bool is_drivable =
         joint >= 0 ? is_scalar(model, joint) : tendon >= 0 && is_fixed_tendon(model, tendon);
     std::vector<std::string> known;
+    known.reserve(model_joints_.size());
     for (const ModelJoint& other : model_joints_) known.push_back(other.name);
     for (int i = 0; i < static_cast<int>(model.ntendon); ++i) {
       if (is_fixed_tendon(model, i)) known.push_back(name_of(model, mjOBJ_TENDON, i));
     }
-    require(is_drivable, file + "no joint or fixed tendon '" + name +
-                             "' can be driven; there are " + joined(known));
+    require(is_drivable, text_of(file, "no joint or fixed tendon '", name,
+                                 "' can be driven; there are ", joined(known)));
     require(std::ranges::find(targets, target) == targets.end(),
-            file + "joint '" + name + "' is named twice");
+            text_of(file, "joint '", name, "' is named twice"));
     targets.push_back(target);
   }
   if (options_.joints.empty()) {
@@ -312,7 +314,7 @@ void ModelFile::add_motors() {
       damping *= factor;
       factor *= std::abs(gear);
     }
-    std::fill(std::begin(actuator->gear), std::end(actuator->gear), 0.0);
+    std::ranges::fill(actuator->gear, 0.0);
     actuator->gear[0] = 1.0;
   }
   int next = static_cast<int>(actuators.size());

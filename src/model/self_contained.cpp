@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <map>
 #include <utility>
 #include <vector>
@@ -46,8 +47,8 @@ std::vector<Vertex> vertices_of(const mjModel& model, int mesh) {
   std::vector<Vertex> vertices(static_cast<std::size_t>(model.mesh_vertnum[mesh]));
   for (std::size_t i = 0; i < vertices.size(); ++i) {
     const std::size_t first = 3 * (static_cast<std::size_t>(model.mesh_vertadr[mesh]) + i);
-    const Vertex moved{model.mesh_vert[first], model.mesh_vert[first + 1],
-                       model.mesh_vert[first + 2]};
+    Vertex moved{};
+    std::copy_n(model.mesh_vert + first, moved.size(), moved.begin());
     mju_rotVecQuat(vertices[i].data(), moved.data(), model.mesh_quat + 4 * mesh);
     mju_addTo3(vertices[i].data(), model.mesh_pos + 3 * mesh);
   }
@@ -64,7 +65,7 @@ Triangles joined(const mjModel& model, int mesh, double cell) {
       for (double& value : place) value = std::round(value / cell);
     } else {
       // The compiler's rotation leaves errors of rounding, which differ from vertex to vertex.
-      for (double& value : place) value = static_cast<float>(value);
+      for (double& value : place) value = static_cast<double>(static_cast<float>(value));
     }
     return place;
   };
@@ -111,8 +112,9 @@ std::vector<bool> touched_meshes(const mjModel& model) {
 }
 
 double size_of_mesh(const mjModel& model, int mesh) {
-  Vertex least{INFINITY, INFINITY, INFINITY};
-  Vertex most{-INFINITY, -INFINITY, -INFINITY};
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  Vertex least{kInfinity, kInfinity, kInfinity};
+  Vertex most{-kInfinity, -kInfinity, -kInfinity};
   for (const Vertex& vertex : vertices_of(model, mesh)) {
     for (std::size_t axis = 0; axis < 3; ++axis) {
       least[axis] = std::min(least[axis], vertex[axis]);

@@ -10,6 +10,7 @@ namespace trifinger {
 
 std::optional<CompanionDescription> object_companion(const RobotDescription& description) {
   std::vector<std::string> names;
+  names.reserve(description.objects.size());
   for (const ObjectDescription& object : description.objects) names.push_back(object.name);
   return object_companion(names);
 }

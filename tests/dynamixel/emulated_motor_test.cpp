@@ -32,7 +32,7 @@ class OneMotor : public ::testing::Test {
     ASSERT_EQ(set(regs::kOperatingMode, static_cast<int>(mode)), StatusError::kNone);
     ASSERT_EQ(set(regs::kTorqueEnable, 1), StatusError::kNone);
   }
-  void wait(Nanoseconds duration) { rig_.port->sleep_until(rig_.port->now() + duration); }
+  void wait(Nanoseconds duration) const { rig_.port->sleep_until(rig_.port->now() + duration); }
 
   Rig rig_{{.ids = {1}}};
   EmulatedMotor& motor_{rig_.line.motor(0)};

@@ -34,7 +34,7 @@ class GroupRig {
     group = std::make_unique<MotorGroup>(std::move(made), std::move(options));
   }
 
-  void cycle(int count, double goal) {
+  void cycle(int count, double goal) const {
     const std::vector<double> goals(kClawIds.size(), goal);
     for (int i = 0; i < count; ++i) group->cycle(goals);
   }

@@ -156,7 +156,7 @@ TEST_F(FileEnvironment, GivesTheSameWhateverTheNumberOfThreadsAndSimulations) {
     ones.push_back(std::make_unique<EnvironmentBatch>("reach", varied, robot_, 1, 1));
     ones[i]->seed(0, 40 + i);
     many.seed(i, 40 + i);
-    ones[i]->reset();
+    (*ones[i]).reset();
   }
   many.reset();
   Random random{.seed = 1};

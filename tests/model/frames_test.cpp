@@ -22,8 +22,6 @@
 namespace trifinger::test {
 namespace {
 
-using testing::HasSubstr;
-
 // Two links with every kind of joint on the way to their frames, and joints beside the origin.
 constexpr const char* kJoints = R"(<mujoco model="joints">
   <compiler angle="radian"/>

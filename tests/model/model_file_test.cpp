@@ -41,6 +41,7 @@ class ModelFileTest : public testing::Test {
   }
   [[nodiscard]] static std::vector<std::string> names(const std::vector<FileJoint>& joints) {
     std::vector<std::string> names;
+    names.reserve(joints.size());
     for (const FileJoint& joint : joints) names.push_back(joint.name);
     return names;
   }

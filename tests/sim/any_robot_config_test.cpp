@@ -19,7 +19,6 @@ namespace trifinger::test {
 namespace {
 
 using std::chrono::microseconds;
-using testing::AllOf;
 using testing::HasSubstr;
 
 constexpr const char* kHead = "name: arm\ndriver: simulation\nrobot: {mjcf: models/arm.xml}\n";
@@ -95,7 +94,7 @@ TEST_F(AnyRobotConfigFile, AcceptsTheTextItAskedForOnceItIsFilledIn) {
   const auto fill = [&text](const std::string& key, const std::string& value) {
     const std::string place = key + ": FILL_IN";
     for (std::size_t at = 0; (at = text.find(place)) != std::string::npos;) {
-      text.replace(at, place.size(), key + ": " + value);
+      text.replace(at + key.size() + 2, place.size() - key.size() - 2, value);
     }
   };
   fill("soft_lower", "0.1");

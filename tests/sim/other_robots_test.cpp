@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <variant>
 #include <vector>
 
@@ -24,7 +25,7 @@ class OtherRobots : public testing::TestWithParam<const char*> {
     const std::filesystem::path root = TRIFINGER_ROOT;
     const std::string name = GetParam();
     const bool is_ours = name == "dclaw";
-    const std::string package = name == "shadow" ? "gymnasium_robotics" : "robosuite";
+    const std::string_view package = name == "shadow" ? "gymnasium_robotics" : "robosuite";
     if (!is_ours && !std::filesystem::exists(root / "build/robots" / package)) {
       GTEST_SKIP() << "the robot is missing: python tools/fetch_robots.py --all";
     }
