@@ -72,6 +72,7 @@ std::vector<std::string> names_of(const ModelFile& model) {
 template <class Joints>
 std::vector<JointKind> kinds_of(const Joints& joints) {
   std::vector<JointKind> kinds;
+  kinds.reserve(joints.size());
   for (const auto& joint : joints) {
     kinds.push_back(joint.is_slide ? JointKind::kSlide : JointKind::kHinge);
   }

@@ -22,6 +22,7 @@ inline constexpr Instant kBegin{std::chrono::seconds(1000)};
 inline std::vector<EmulatedMotorOptions> motors_of(const std::vector<MotorId>& ids, int baud,
                                                    Nanoseconds return_delay) {
   std::vector<EmulatedMotorOptions> motors;
+  motors.reserve(ids.size());
   for (const MotorId id : ids) {
     motors.push_back({.id = id, .baud = baud, .return_delay = return_delay});
   }
