@@ -325,7 +325,14 @@ DriverReport ServoRobot::prepare(TimeIndex step) noexcept {
     if (!find_astray()) return DriverReport::ready();
     begin(options_.reset.first.empty() ? Phase::kAll : Phase::kFirst);
   }
-  return move();
+  const DriverReport report = move();
+  if (report.state == DriverReport::State::kFault) release();
+  return report;
+}
+
+void ServoRobot::release() noexcept {
+  is_running_ = false;
+  request_ = link_->request_release();
 }
 
 DriverReport ServoRobot::get_latest_observation(void* observation) noexcept {
@@ -437,10 +444,7 @@ DriverReport ServoRobot::stop(TimeIndex step) noexcept {
     send();
     return DriverReport::busy();
   }
-  if (is_running_) {
-    is_running_ = false;
-    request_ = link_->request_release();
-  }
+  if (is_running_) release();
   static_cast<void>(link_->read(snapshot_));
   return snapshot_.request < request_ ? DriverReport::busy() : DriverReport::ready();
 }

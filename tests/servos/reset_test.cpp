@@ -88,8 +88,8 @@ TEST_F(Reset, TriesThreeTimesToUntangleAndThenAsksAPerson) {
   EXPECT_NEAR(static_cast<double>(step), 4 * 3000 + 3 * 1750, 20);
   EXPECT_GT(most, 0.7);
   EXPECT_LT(least, 0.1);
-  EXPECT_EQ(rig.robot.stop(0).state, DriverReport::State::kReady);
   EXPECT_EQ(rig.value(4, registers::kTorqueEnable), 0);
+  EXPECT_EQ(rig.robot.stop(0).state, DriverReport::State::kReady);
 
   // Someone has freed it.
   rig.motors.plant.is_blocked[4] = false;

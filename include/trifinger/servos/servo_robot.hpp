@@ -167,6 +167,8 @@ class ServoRobot final : public UntypedDriver {
   // Rejects what motors cannot do that follow positions, and says so in `refusal`.
   [[nodiscard]] bool refuse_torques(FixedText& refusal) noexcept;
   void send() noexcept;
+  // Switches torque off.
+  void release() noexcept;
   void limit_goal(std::size_t joint) noexcept;
 
   Options options_;
