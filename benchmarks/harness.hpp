@@ -132,6 +132,7 @@ using Measure = std::vector<Row>(const Effort& effort);
 Measure lateness, lateness_beside_hogs, lift;
 Measure append, wake, loop, inline_loop;
 Measure emulator;
+Measure motor_bus;
 Measure emulated_robot;
 Measure can_frames;
 Measure safety_chain, simulation, cameras, control_cycle;

@@ -32,6 +32,7 @@ constexpr std::array kMeasures{
     NamedMeasure{"inline_loop", benchmarks::inline_loop},
     NamedMeasure{"can_frames", benchmarks::can_frames},
     NamedMeasure{"emulator", benchmarks::emulator},
+    NamedMeasure{"motor_bus", benchmarks::motor_bus},
     NamedMeasure{"emulated_robot", benchmarks::emulated_robot},
     NamedMeasure{"safety_chain", benchmarks::safety_chain},
     NamedMeasure{"simulation", benchmarks::simulation},

@@ -34,6 +34,7 @@ MEASURES = (
     Measure("python_inline_loop", "figures", is_python=True, reference="inline_loop"),
     Measure("can_frames", "figures"),
     Measure("emulator", "figures"),
+    Measure("motor_bus", "figures"),
     Measure("emulated_robot", "figures"),
     Measure("safety_chain", "figures"),
     Measure("simulation", "figures"),

@@ -219,7 +219,7 @@ void add_emulate(CLI::App& program, Action& action) {
       indented(boards::fault_texts()) +
       "Faults of Dynamixel motors; ERROR is input_voltage, overheating, encoder, electric_shock or "
       "overload:\n" +
-      indented(motor_fault_texts()) +
+      indented(std::string(motor_fault_texts())) +
       "A fault can also be typed while this program runs; without 'at' it begins at once. The "
       "line\n"
       "'reset objects' puts the objects back; with Dynamixel motors 'reset' puts everything back.\n"

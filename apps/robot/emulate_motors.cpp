@@ -55,7 +55,7 @@ struct MotorFault {
 
 [[noreturn]] void refuse(const std::string& text) {
   throw InvalidArgument("'" + text + "' is no fault of Dynamixel motors; there are:\n" +
-                        motor_fault_texts());
+                        std::string(motor_fault_texts()));
 }
 
 Nanoseconds in_nanoseconds(double seconds) {
@@ -71,7 +71,8 @@ MotorFault parse(const std::string& text) {
   if (word == "motor") {
     int id = -1;
     words >> id >> what;
-    if (!words || id < 0 || id > dynamixel::kMaxId) refuse(text);
+    constexpr int kMaxId = dynamixel::kMaxId;
+    if (!words || id < 0 || id > kMaxId) refuse(text);
     fault.motor = static_cast<dynamixel::MotorId>(id);
     const auto* const error =
         std::ranges::find(kErrors, what, &decltype(kErrors)::value_type::first);
@@ -84,7 +85,9 @@ MotorFault parse(const std::string& text) {
     words >> what >> fault.share;
     const auto* const line =
         std::ranges::find(kLineFaults, what, &decltype(kLineFaults)::value_type::first);
-    if (!words || line == kLineFaults.end() || !(fault.share >= 0.0 && fault.share <= 1.0)) {
+    // Written so that NaN fails.
+    const bool is_share = fault.share >= 0.0 && fault.share <= 1.0;
+    if (!words || line == kLineFaults.end() || !is_share) {
       refuse(text);
     }
     fault.what = line->second;
@@ -96,7 +99,8 @@ MotorFault parse(const std::string& text) {
     std::string unit;
     words >> seconds >> unit;
     constexpr double kMost = 1e6;
-    if (unit != "s" || !(seconds >= 0.0 && seconds <= kMost)) refuse(text);
+    const bool is_time = seconds >= 0.0 && seconds <= kMost;
+    if (unit != "s" || !is_time) refuse(text);
     if (word == "at") {
       fault.at = in_nanoseconds(seconds);
     } else if (word == "for") {
@@ -175,7 +179,7 @@ class Faults {
 
 }  // namespace
 
-std::string motor_fault_texts() {
+std::string_view motor_fault_texts() {
   return "motor N off [at T s] [for T s]\n"
          "motor N ERROR [at T s]\n"
          "line loses P [at T s] [for T s]\n"
@@ -183,11 +187,11 @@ std::string motor_fault_texts() {
          "line delays P [at T s] [for T s]\n";
 }
 
-void emulate_motors(const FileRobotConfig& config, const std::vector<std::string>& texts,
+void emulate_motors(const FileRobotConfig& config, const std::vector<std::string>& faults,
                     const RealtimeOptions& realtime) {
   std::vector<MotorFault> given;
-  given.reserve(texts.size());
-  for (const std::string& text : texts) given.push_back(parse(text));
+  given.reserve(faults.size());
+  for (const std::string& text : faults) given.push_back(parse(text));
   const servos::ServoConfig& servos = *config.servos;
   if (!servos.port.empty()) {
     throw InvalidArgument("'" + config.name + "' has its motors at " + servos.port +
@@ -201,10 +205,10 @@ void emulate_motors(const FileRobotConfig& config, const std::vector<std::string
   }
   dynamixel::Emulator emulator(servos::emulated_motors(servos), plant, {},
                                servos::emulated_port(config.name).string());
-  Faults faults(emulator, config.name);
+  Faults scheduled(emulator, config.name);
   const Instant begin = std::chrono::steady_clock::now();
   const auto elapsed = [begin] { return std::chrono::steady_clock::now() - begin; };
-  for (MotorFault& fault : given) faults.add(std::move(fault), Nanoseconds::zero());
+  for (MotorFault& fault : given) scheduled.add(std::move(fault), Nanoseconds::zero());
   fmt::print("{}: {} emulated motors are on, at {}; Ctrl-C switches them off.\n", config.name,
              servos::emulated_motors(servos).size(), emulator.path());
   std::fflush(stdout);
@@ -215,13 +219,13 @@ void emulate_motors(const FileRobotConfig& config, const std::vector<std::string
         if (line == "reset") {
           emulator.change([&plant](EmulatedBus&) { plant.reset(); });
         } else {
-          faults.add(parse(line), elapsed());
+          scheduled.add(parse(line), elapsed());
         }
       } catch (const InvalidArgument& error) {
         fmt::print(stderr, "{}: {}\n", config.name, error.what());
       }
     }
-    faults.look(elapsed());
+    scheduled.look(elapsed());
     bool has_diverged = false;
     emulator.change([&](EmulatedBus&) { has_diverged = plant.has_diverged(); });
     if (has_diverged) throw Error("the simulation of the robot has diverged");

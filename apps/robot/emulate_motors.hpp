@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "trifinger/realtime/thread.hpp"
@@ -10,7 +11,7 @@
 namespace trifinger::apps {
 
 // The faults of emulated Dynamixel motors that `emulate_motors` understands, one per line.
-[[nodiscard]] std::string motor_fault_texts();
+[[nodiscard]] std::string_view motor_fault_texts();
 
 // Is the Dynamixel motors of this robot, until a signal comes. Throws InvalidArgument for a fault
 // that makes no sense, SystemError.

@@ -202,8 +202,7 @@ RunnableRobot make_file_robot(FileRobotConfig config, const RobotChoice& choice)
       throw UsageError("--state is for simulations; a robot on motors begins where it is");
     }
     robot.needs_real_time = true;
-    // The thread of the bus comes after the loop, which it must not delay.
-    config.servos->loop.realtime = {.demand = Demand::kTry, .priority = 78};
+    config.servos->loop.realtime = {.demand = Demand::kTry};
     servos::ConnectedRobot connected = servos::connect(*config.servos, robot.name);
     robot.news = [lacks = std::move(connected.lacks)]() mutable {
       return std::exchange(lacks, {});

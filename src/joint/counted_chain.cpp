@@ -10,10 +10,10 @@
 namespace trifinger {
 
 CountedChain::CountedChain(RobotTypes types, std::vector<std::string> names,
-                           std::vector<JointLimit> limits)
+                           const std::vector<JointLimit>& limits)
     : types_(std::move(types)),
       names_(std::move(names)),
-      safety_(std::move(limits)),
+      safety_(limits),
       memory_{.joints = std::vector<JointMemory>(names_.size())},
       applied_(names_.size()),
       check_observation_(types_.observation.size()),

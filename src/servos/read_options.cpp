@@ -16,7 +16,6 @@ namespace trifinger::servos {
 namespace {
 
 using config::Node;
-using config::Range;
 using trifinger::detail::text_of;
 
 constexpr std::string_view kEmulated = "emulated";

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <set>
 
 #include "trifinger/base/error.hpp"
 #include "trifinger/base/text_of.hpp"
@@ -69,6 +70,12 @@ void ServoRobotOptions::validate() const {
                     limit.soft_lower, " and ", limit.soft_upper));
   }
   for (const Servo& sensor : sensors) check(sensor, text_of("sensor ", int{sensor.id}));
+  std::set<dynamixel::MotorId> ids;
+  for (const auto* const servos : {&motors, &sensors}) {
+    for (const Servo& servo : *servos) {
+      require(ids.insert(servo.id).second, text_of("motor ", int{servo.id}, " is named twice"));
+    }
+  }
   for (const auto& source : all_joints) {
     require(!source || *source < count + sensors.size(),
             "a joint is measured by a motor that is not there");

@@ -61,6 +61,7 @@ std::string plain_name(const std::string& name) {
 
 std::vector<std::string> names_of(const ModelFile& model) {
   std::vector<std::string> names;
+  names.reserve(model.joints().size());
   for (const FileJoint& joint : model.joints()) names.push_back(joint.name);
   return names;
 }

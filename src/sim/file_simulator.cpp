@@ -16,7 +16,7 @@ namespace {
 using detail::require;
 using detail::text_of;
 
-std::string unit_of(const FileJoint& joint) { return joint.is_slide ? " m" : " rad"; }
+std::string_view unit_of(const FileJoint& joint) { return joint.is_slide ? " m" : " rad"; }
 
 // True if the time constant of a contact is the first number of its solref; else both numbers are
 // stiffness and damping.

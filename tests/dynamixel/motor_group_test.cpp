@@ -157,6 +157,29 @@ TEST(MotorGroup, WritesWhatIsKeptOnlyOnce) {
   EXPECT_EQ(rig.group->counts().instructions - first, first - 2 * rig.group->size());
 }
 
+TEST(MotorGroup, ReadsSensorsAndGivesThemNoTorque) {
+  GroupRig rig({.ids = {10, 11, 12, 20, 21, 22, 30, 31}, .sensors = {32}});
+  rig.line.motor(8).set_value(regs::kTorqueEnable, 1);
+  rig.group->start();
+  rig.plant.set_position(8, 0.7);
+  ASSERT_EQ(rig.group->size(), 9U);
+  EXPECT_EQ(rig.group->num_driven(), 8U);
+  rig.cycle(2000, 0.1);
+  EXPECT_EQ(rig.group->trouble().kind, Trouble::kNone) << text_of(rig.group->trouble());
+  EXPECT_EQ(rig.line.motor(8).value(regs::kTorqueEnable), 0);
+  EXPECT_NEAR(rig.group->readings()[8].position, 0.7, 2e-3);
+  EXPECT_GT(rig.group->readings()[7].velocity, 0.1);
+  EXPECT_NE(rig.group->readings()[8].supply, 0.0);
+
+  rig.line.motor(8).set_power(false);
+  rig.cycle_until_trouble();
+  EXPECT_EQ(rig.group->trouble().motor, 32);
+  EXPECT_NE(trifinger::test::message_of<InvalidArgument>([] {
+              const GroupRig twice({.ids = {1, 2}, .sensors = {2}});
+            }).find("same motor twice"),
+            std::string::npos);
+}
+
 TEST(MotorGroup, SaysWhichMotorDoesNotAnswer) {
   GroupRig rig(claw(OperatingMode::kCurrent));
   rig.line.motor(4).set_power(false);

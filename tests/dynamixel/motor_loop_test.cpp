@@ -104,6 +104,17 @@ TEST_F(Loops, SayWhyTheyHaveFailedAndStartAgain) {
   EXPECT_EQ(snapshot_.phase, Phase::kRunning) << snapshot_.failure.view();
 }
 
+TEST_F(Loops, AreCutByAnotherThreadAndStartAgain) {
+  begin(OperatingMode::kPosition);
+  start();
+  std::thread([this] { loop_->cut(); }).join();
+  wait([](const MotorSnapshot& snapshot) { return snapshot.phase == Phase::kFailed; });
+  EXPECT_NE(snapshot_.failure.view().find("because the loop hung"), std::string_view::npos);
+  EXPECT_EQ(value(0, registers::kTorqueEnable), 0);
+  start();
+  EXPECT_EQ(snapshot_.phase, Phase::kRunning) << snapshot_.failure.view();
+}
+
 TEST_F(Loops, FailToStartWithASentence) {
   emulator_->change(
       [](EmulatedBus& line) { line.motor(2).set_value(registers::kModelNumber, 12); });

@@ -156,7 +156,9 @@ def test_fault_70_a_robot_runs_whatever_lies_in_the_place_of_its_running_hours(
 def test_what_is_no_robot_on_boards_cannot_be_emulated() -> None:
     done = subprocess.run([PROGRAM, "emulate", "sim"], capture_output=True, text=True, check=False)
     assert done.returncode != 0
-    assert "'sim' is not on motor boards or Dynamixel motors: its driver is simulation" in done.stderr
+    assert (
+        "'sim' is not on motor boards or Dynamixel motors: its driver is simulation" in done.stderr
+    )
 
 
 @pytest.mark.parametrize(
@@ -170,7 +172,10 @@ def test_what_is_no_robot_on_boards_cannot_be_emulated() -> None:
         ("boards.homing.torque=1", "must be at most safety.max_torque"),
         ("boards.max_current=-1", "must be more than 0"),
         ("boards.bus=can", "must be 'socketcan' or 'emulated'"),
-        ("backend.mode=non_real_time", "a robot on motor boards or Dynamixel motors runs in real time only"),
+        (
+            "backend.mode=non_real_time",
+            "a robot on motor boards or Dynamixel motors runs in real time only",
+        ),
         ("boards.receive_timeout=0.0005", "must be a whole number of ms"),
         ("boards.interfaces=[a, b, c, d, e, e]", "are both on e"),
     ],

@@ -33,7 +33,8 @@ usage: ./run VERB [ARGUMENT ...]
   lint             check format, names, types, layers and documents
   bench [MEASURE]  measure speed and latency and compare with references; --help lists the measures
   evaluate WHAT    write docs/results; control, environments: lift, slide and push cubes;
-                   learning, push: train policies; tracking: find the cube in images
+                   learning, push: train policies; tracking: find the cube in images;
+                   robots: print a table of TriFinger and D'Claw
   soak [PART ...]  the long versions of the tests, about an hour: {", ".join(PARTS)}
   machine          SocketCAN with a robot in a virtual machine; ./run test does this, too
   clean            remove all builds; the Python packages stay

@@ -54,6 +54,7 @@ EVALUATIONS = {
     "environments": "evaluation/evaluate_environments.py",
     "learning": "evaluation/learning.py",
     "push": "evaluation/push.py",
+    "robots": "evaluation/compare_robots.py",
     "tracking": "evaluation/tracking.py",
     "vision": "build/release/evaluation/evaluate_vision",
 }

@@ -118,14 +118,18 @@ def answer(*command: str) -> str:
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
 
 
+# Layers with threads of their own; the preset "tsan" has their labels.
+THREADED = ("ipc", "realtime", "can", "dynamixel", "core")
+
+
 def test_with_thread_sanitizer(count: Count) -> bool:
     """Runs the C++ tests of the layers up to core, with a fuzzer beside them."""
     fuzzer_steps = Steps("fuzz")
     fuzzer = fuzzer_steps.begin("fuzzers of logs and motor boards", run_fuzzers(seconds=10))
     try:
-        build("tsan", *(f"tests/{layer}/all" for layer in ("ipc", "realtime", "can", "core")))
+        build("tsan", *(f"tests/{layer}/all" for layer in THREADED))
         ctest = [*fixed_addresses(), "ctest", "--preset", "tsan"]
-        passed = cpp_tests(count, "tsan", "C++ tests of ipc, realtime, can, core", *ctest)
+        passed = cpp_tests(count, "tsan", f"C++ tests of {', '.join(THREADED)}", *ctest)
     finally:
         fuzzer_steps.end(fuzzer)
     return passed and fuzzer.succeeded

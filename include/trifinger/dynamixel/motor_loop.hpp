@@ -30,7 +30,7 @@ class MotorLoop final : public MotorLink {
  public:
   /// Begins the thread. The motors stay as they are until `request_start`.
   /// @throws InvalidArgument, Error if the machine refuses a real-time setting that is required
-  MotorLoop(std::unique_ptr<MotorGroup> group, const MotorLoopOptions& options = {});
+  explicit MotorLoop(std::unique_ptr<MotorGroup> group, const MotorLoopOptions& options = {});
   /// Switches torque off and ends the thread. It waits for the cycle that is under way.
   ~MotorLoop() override;
 

@@ -30,9 +30,11 @@ inline constexpr std::size_t kMaxCountedJoints = 128;
 template <class T>
 class PerJoint {
  public:
+  // NOLINTBEGIN(readability-identifier-naming): the standard library wants these names.
   using value_type = T;
   using iterator = T*;
   using const_iterator = const T*;
+  // NOLINTEND(readability-identifier-naming)
 
   PerJoint() noexcept = default;
   /// `size` must be at most `kMaxCountedJoints`.

@@ -27,7 +27,8 @@ class CountedChain {
 
   /// `types` are the elements of the session, `names` and `limits` those of the joints.
   /// @throws InvalidArgument
-  CountedChain(RobotTypes types, std::vector<std::string> names, std::vector<JointLimit> limits);
+  CountedChain(RobotTypes types, std::vector<std::string> names,
+               const std::vector<JointLimit>& limits);
   CountedChain(const CountedChain&) = delete;
   CountedChain& operator=(const CountedChain&) = delete;
   ~CountedChain() = default;

@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""D'Claw: in simulation by its name, and on emulated motors in processes of their own."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+from pathlib import Path
+
+import compare_robots
+import numpy as np
+import pytest
+import trifinger
+from conftest import PROGRAM, StartProgram
+
+EMULATED = "dclaw_emulated"
+# Machines of tests stall for longer than any robot's machine may.
+PATIENT = [
+    *("--set", "dynamixel.slack=1"),
+    *("--set", "dynamixel.watchdog=0"),
+    *("--set", "dynamixel.silent_after=10"),
+    *("--set", "dynamixel.goal_timeout=10"),
+]
+NAME = "dclaw-test"
+ROBOT = [EMULATED, "--name", NAME, *PATIENT]
+START = np.array([0.0, -np.pi / 3, np.pi / 3] * 3)  # [rad]
+GOAL = np.array([0.2, -0.8, 0.8] * 3)  # [rad]
+PAGE = Path(__file__).parents[2] / "docs" / "dclaw.md"
+
+
+def hold_for_ever(robot: trifinger.Frontend, position: np.ndarray) -> None:
+    while True:
+        robot.get_observation(robot.append_desired_action(robot.new_action(position=position)))
+
+
+def test_it_is_simulated_by_its_name() -> None:
+    robot = trifinger.simulate("dclaw")
+    t = 0
+    for _ in range(400):
+        t = robot.append_desired_action(robot.new_action(position=GOAL))
+    y = robot.get_observation(t)
+    np.testing.assert_allclose(y.position, GOAL, atol=0.05)
+    assert y.joint_position.shape == (10,)
+
+
+def test_the_file_of_its_motors_is_simulated_as_well() -> None:
+    """One file describes both, so a program is tried with the limits that hold later."""
+    robot = trifinger.simulate("dclaw_dynamixel")
+    np.testing.assert_allclose(robot.latest_observation().position, START, atol=1e-6)
+
+
+def test_the_page_has_the_table_that_is_measured() -> None:
+    assert compare_robots.table() in PAGE.read_text()
+
+
+def test_a_finger_of_dclaw_gives_way_to_much_larger_forces_only() -> None:
+    trifinger_, dclaw = (
+        compare_robots.Finger(robot).push_back() for robot in compare_robots.ROBOTS.values()
+    )
+    assert dclaw > 20 * trifinger_
+
+
+@pytest.mark.release
+def test_it_runs_on_motors_and_survives_a_pulled_plug(start_program: StartProgram) -> None:
+    motors = start_program("emulate", *ROBOT)
+    motors.wait_for("10 emulated motors are on")
+    start_program("run", *ROBOT).wait_for("holds its pose")
+
+    robot = trifinger.connect(NAME)
+    np.testing.assert_allclose(robot.latest_observation().position, START, atol=0.09)
+    t = 0
+    for step in range(1, 2001):
+        target = START + min(step / 1500, 1.0) * (GOAL - START)
+        t = robot.append_desired_action(robot.new_action(position=target))
+    y = robot.get_observation(t)
+    np.testing.assert_allclose(y.position, GOAL, atol=0.08)
+    assert np.isfinite(y.joint_position).all()
+
+    motors.end(signal.SIGKILL)
+    with pytest.raises(trifinger.RobotStopped, match="the serial line to the motors has gone"):
+        hold_for_ever(robot, GOAL)
+
+
+@pytest.mark.release
+def test_faults_of_motors_are_typed_and_named(start_program: StartProgram) -> None:
+    motors = start_program("emulate", *ROBOT, typed=True)
+    motors.wait_for("10 emulated motors are on")
+    start_program("run", *ROBOT).wait_for("holds its pose")
+    robot = trifinger.connect(NAME)
+    robot.append_desired_action(robot.new_action(position=START))
+    motors.process.stdin.write("motor 21 overload\n")
+    motors.process.stdin.flush()
+    motors.wait_for("fault 'motor 21 overload' begins")
+    with pytest.raises(trifinger.RobotStopped, match="MFJ21: motor 21 has stopped"):
+        hold_for_ever(robot, START)
+    # The motor is rebooted.
+    subprocess.run([PROGRAM, "recover", NAME], check=True, timeout=120)
+    with trifinger.connect(NAME, timeout=100) as robot:
+        np.testing.assert_allclose(robot.latest_observation().position, START, atol=0.09)
+
+
+@pytest.mark.release
+def test_motors_have_no_torque_when_the_program_was_killed(start_program: StartProgram) -> None:
+    """Only their watchdogs can do that: nobody tells them anything any more."""
+    settings = [*ROBOT, "--set", "dynamixel.watchdog=0.5"]
+    motors = start_program("emulate", *settings)
+    motors.wait_for("10 emulated motors are on")
+    run = start_program("run", *settings)
+    run.wait_for("holds its pose")
+    run.end(signal.SIGKILL)
+    # They can be started again, wherever the fingers are now.
+    start_program("run", *settings).wait_for("holds its pose")
+
+
+@pytest.mark.release
+@pytest.mark.parametrize(
+    ("setting", "sentence"),
+    [
+        ("dynamixel.baud=1000", "must be 9600 to"),
+        ("dynamixel.port=/dev/null", "/dev/null"),
+        ("dynamixel.motors.FFJ10.id=21", "motor 21 is named twice"),
+        ("dynamixel.mode=pwm", "must be 'torque' or 'position'"),
+    ],
+)
+def test_a_wrong_value_is_answered_with_a_sentence(setting: str, sentence: str) -> None:
+    done = subprocess.run(
+        [PROGRAM, "run", EMULATED, "--set", setting], capture_output=True, text=True, check=False
+    )
+    assert done.returncode != 0
+    assert sentence in done.stderr
+
+
+@pytest.mark.release
+def test_it_says_what_is_missing() -> None:
+    command = [PROGRAM, "run", EMULATED, "--name", "dclaw-nobody"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert "start them with 'trifinger emulate'" in done.stderr
+    command = [PROGRAM, "emulate", *ROBOT, "--fault", "motor 10 sings"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert "'motor 10 sings' is no fault of Dynamixel motors" in done.stderr
+    command = [PROGRAM, "emulate", "dclaw_dynamixel"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert "--set dynamixel.port=emulated emulates them" in done.stderr

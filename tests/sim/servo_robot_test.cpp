@@ -1,0 +1,308 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// D'Claw's hardware path with the simulation behind emulated motors.
+#include "trifinger/servos/servo_robot.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <mujoco/mujoco.h>
+
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <cstdint>
+#include <functional>
+#include <limits>
+#include <memory>
+#include <random>
+#include <string>
+#include <thread>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "support/message_of.hpp"
+#include "support/session_folder.hpp"
+#include "support/soak.hpp"
+#include "trifinger/dynamixel/emulated_port.hpp"
+#include "trifinger/dynamixel/emulator.hpp"
+#include "trifinger/dynamixel/stepped_motors.hpp"
+#include "trifinger/joint/types.hpp"
+#include "trifinger/sim/any_robot_config.hpp"
+#include "trifinger/sim/file_plant.hpp"
+
+namespace trifinger::test {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::HasSubstr;
+
+constexpr std::size_t kJoints = 9;
+constexpr Instant kBegin{1000s};
+
+using Action = JointAction<kJoints>;
+using Applied = AppliedJointAction<kJoints>;
+
+struct Observation {
+  JointVector<kJoints> position{};
+  JointVector<kJoints> velocity{};
+  JointVector<kJoints> torque{};
+  JointVector<kJoints + 1> joint_position{};
+  JointVector<kJoints + 1> joint_velocity{};
+};
+
+FileRobotConfig load(const std::string& name, const std::vector<std::string>& overrides = {}) {
+  return std::get<FileRobotConfig>(
+      load_any_robot_config(std::string(TRIFINGER_CONFIG_DIR "/") + name + ".yml", overrides));
+}
+
+// D'Claw on emulated motors in simulated time.
+class Claw {
+ public:
+  explicit Claw(FileRobotConfig config, const dynamixel::LineFaults& faults = {})
+      : plant(config.robot, *config.servos),
+        line(servos::emulated_motors(*config.servos), plant, kBegin, {.faults = faults}) {
+    auto port = std::make_unique<dynamixel::EmulatedPort>(line, config.servos->baud, kBegin);
+    auto group = std::make_unique<dynamixel::MotorGroup>(
+        std::move(port), servos::group_options(config.servos->robot, config.servos->group));
+    robot = std::make_unique<servos::ServoRobot>(
+        config.servos->robot, std::make_unique<dynamixel::SteppedMotors>(std::move(group)));
+  }
+
+  void begin() {
+    report = DriverReport::busy();
+    for (TimeIndex step = 0; report.state == DriverReport::State::kBusy; ++step) {
+      ASSERT_LT(step, 60'000);
+      report = robot->prepare(step);
+    }
+    ASSERT_EQ(report.state, DriverReport::State::kReady) << robot->fault_text(report.fault_code);
+  }
+  [[nodiscard]] bool step(const Action& action) {
+    report = robot->get_latest_observation(&observation);
+    if (report.state != DriverReport::State::kReady) return false;
+    report = robot->apply_action(&action, &applied);
+    return report.state == DriverReport::State::kReady;
+  }
+  [[nodiscard]] std::string fault() const {
+    return std::string(robot->fault_text(report.fault_code));
+  }
+
+  FilePlant plant;
+  dynamixel::EmulatedBus line;
+  std::unique_ptr<servos::ServoRobot> robot;
+  Observation observation{};
+  Applied applied{};
+  DriverReport report{};
+};
+
+Action to_finger(const std::array<double, 3>& angles) {
+  JointVector<kJoints> all{};
+  for (std::size_t i = 0; i < kJoints; ++i) all[i] = angles[i % 3];
+  return Action::of_position(all);
+}
+
+TEST(DClawOnMotors, HasTheElementsOfTheSimulatedOne) {
+  Claw claw(load("dclaw_emulated"));
+  const FileRobot simulated(load("dclaw").robot);
+  EXPECT_EQ(claw.robot->description().type, simulated.description().type);
+  EXPECT_EQ(claw.robot->description().observation.text(),
+            simulated.description().observation.text());
+  EXPECT_EQ(claw.robot->description().action.text(), simulated.description().action.text());
+}
+
+TEST(DClawOnMotors, HoldsItsPoseWithItsWeightCarried) {
+  Claw claw(load("dclaw_emulated"));
+  claw.begin();
+  ASSERT_TRUE(claw.step(Action{}));
+  Action hold;
+  ASSERT_EQ(claw.robot->hold(&claw.observation, &hold).state, DriverReport::State::kReady);
+  EXPECT_NEAR(hold.torque[1], -0.0652, 2e-3);
+  const Observation before = claw.observation;
+  for (int i = 0; i < 3000; ++i) ASSERT_TRUE(claw.step(hold)) << claw.fault();
+  for (std::size_t i = 0; i < kJoints; ++i) {
+    EXPECT_NEAR(claw.observation.position[i], before.position[i], 0.005) << i;
+  }
+}
+
+TEST(DClawOnMotors, GoesFromAnyPoseToThatOfItsSessions) {
+  Claw claw(load("dclaw_emulated"));
+  for (std::size_t i = 0; i < kJoints; ++i) {
+    claw.plant.set_position(i, i % 3 == 0 ? 0.3 : i % 3 == 1 ? 0.2 : -0.4);
+  }
+  claw.begin();
+  ASSERT_TRUE(claw.step(Action{}));
+  for (std::size_t i = 0; i < kJoints; ++i) {
+    EXPECT_NEAR(claw.observation.position[i], claw.robot->options().initial_position[i], 0.0873)
+        << i;
+  }
+}
+
+TEST(DClawOnMotors, TurnsAValveThatASensorMeasures) {
+  Claw claw(load("dclaw_emulated"));
+  claw.begin();
+  for (int i = 0; i < 1500; ++i) ASSERT_TRUE(claw.step(to_finger({0, 0, 0}))) << claw.fault();
+  EXPECT_NEAR(claw.observation.joint_position[kJoints], 0.0, 0.01);
+  for (int i = 0; i < 1500; ++i) ASSERT_TRUE(claw.step(to_finger({0.7, 0, 0}))) << claw.fault();
+  const double valve = claw.plant.data().qpos[claw.plant.model().mujoco()->nq - 1];
+  EXPECT_GT(std::abs(valve), 0.05);
+  EXPECT_NEAR(claw.observation.joint_position[kJoints], valve, 0.01);
+}
+
+TEST(DClawOnMotors, HasNoAngleOfAValveWithoutASensor) {
+  Claw claw(load("dclaw_dynamixel"));
+  claw.begin();
+  ASSERT_TRUE(claw.step(Action{}));
+  EXPECT_TRUE(std::isnan(claw.observation.joint_position[kJoints]));
+  EXPECT_EQ(claw.observation.joint_position[0], claw.observation.position[0]);
+}
+
+TEST(DClawOnMotors, FollowsPositionsByItself) {
+  Claw claw(load("dclaw_emulated", {"dynamixel.mode=position"}));
+  claw.begin();
+  for (int i = 0; i < 2000; ++i) {
+    ASSERT_TRUE(claw.step(to_finger({0.2, -0.8, 0.8}))) << claw.fault();
+  }
+  for (std::size_t i = 0; i < kJoints; ++i) {
+    EXPECT_NEAR(claw.observation.position[i], i % 3 == 0 ? 0.2 : i % 3 == 1 ? -0.8 : 0.8, 0.02);
+  }
+}
+
+// Numbers like those of a hostile user, through the safety chain and the bus.
+TEST(DClawOnMotors, IsHeldByTheSafetyChainUnderHostileActions) {
+  const std::int64_t steps = repetitions(20'000, 1'000'000);
+  Claw claw(load("dclaw_emulated", {"dynamixel.max_current=2.3"}));
+  claw.begin();
+  std::mt19937 random(1);
+  int way = 0;
+  for (std::int64_t step = 0; step < steps; ++step) {
+    if (random() % 200 == 0) way = static_cast<int>(random() % 4);
+    Action action;
+    for (std::size_t i = 0; i < kJoints; ++i) {
+      if (way < 2) {
+        action.torque[i] = (way == 0 ? random() % 2 : i % 2) == 0 ? 1e9 : -1e9;
+      } else if (way == 2) {
+        action.torque[i] = random() % 8 == 0 ? std::numeric_limits<double>::quiet_NaN() : 1.0;
+        action.position_kp[i] = std::uniform_real_distribution(-1.0, 10.0)(random);
+      } else {
+        action.position[i] = std::uniform_real_distribution(-4.0, 4.0)(random);
+      }
+    }
+    ASSERT_TRUE(claw.step(action)) << claw.fault() << " in step " << step;
+  }
+}
+
+TEST(DClawOnMotors, SurvivesALineThatLosesAndDamagesPackets) {
+  Claw claw(load("dclaw_emulated"), {.lost = 0.02, .damaged = 0.02, .seed = 5});
+  claw.begin();
+  for (int i = 0; i < 5000; ++i) {
+    ASSERT_TRUE(claw.step(to_finger({0.2 * std::sin(0.003 * i), -1.0, 1.0})))
+        << claw.fault() << " in step " << i;
+  }
+  EXPECT_GT(claw.report.lost_frames + claw.robot->motors().counts.missing, 0U);
+}
+
+// ---- its configuration ----
+
+TEST(DClawOnMotors, IsReadFromItsConfiguration) {
+  const FileRobotConfig config = load("dclaw_dynamixel");
+  ASSERT_TRUE(config.servos.has_value());
+  EXPECT_EQ(config.name, "dclaw-dynamixel");
+  EXPECT_EQ(config.backend.period, 1ms);
+  EXPECT_EQ(config.servos->port, "/dev/ttyUSB0");
+  EXPECT_EQ(config.servos->baud, 4'000'000);
+  EXPECT_EQ(config.servos->group.watchdog, 100ms);
+  const servos::ServoRobotOptions& robot = config.servos->robot;
+  EXPECT_EQ(robot.motors[8].id, 32);
+  EXPECT_NEAR(robot.motors[6].zero, -1.5707963, 1e-9);
+  EXPECT_EQ(robot.reset.first, (std::vector<std::size_t>{1, 4, 7}));
+  EXPECT_EQ(robot.reset.untangle.size(), 3U);
+  EXPECT_EQ(robot.damping_time, 500ms);
+  EXPECT_EQ(robot.limits[0].max_torque, 3.0);
+}
+
+TEST(DClawOnMotors, RefusesAConfigurationThatMakesNoSense) {
+  const auto message = [](const std::string& change) {
+    return message_of<Error>([&] { (void)load("dclaw_dynamixel", {change}); });
+  };
+  EXPECT_THAT(message("dynamixel.baud=1234567"), HasSubstr("motors know 9600, 57600"));
+  EXPECT_THAT(message("dynamixel.motors.FFJ10.id=11"), HasSubstr("motor 11 is named twice"));
+  EXPECT_THAT(message("dynamixel.motors.FFJ10.direction=2"), HasSubstr("'1' or '-1'"));
+  EXPECT_THAT(message("dynamixel.motors.FFJ10.idd=1"), HasSubstr("idd"));
+  EXPECT_THAT(message("dynamixel.mode=velocity"), HasSubstr("'torque' or 'position'"));
+  EXPECT_THAT(message("dynamixel.watchdog=0.03"), HasSubstr("must be a multiple of 20 ms"));
+  EXPECT_THAT(message("dynamixel.reset.first=[FFJ1]"), HasSubstr("'FFJ1', which is no driven"));
+  EXPECT_THAT(message("dynamixel.reset.untangle.FFJ10=2"), HasSubstr("its soft limits are"));
+  EXPECT_THAT(message("dynamixel.max_current=0"), HasSubstr("must be more than 0"));
+}
+
+// ---- in real time, at a pseudo-terminal ----
+
+// A busy machine may stop any thread for long, so nothing here has a short time limit.
+class DClawAtATerminal : public testing::Test {
+ protected:
+  DClawAtATerminal() {
+    servos::ServoConfig& servos = *config_.servos;
+    servos.slack = 5s;
+    servos.group.watchdog = 0ms;
+    servos.group.silent_after = 60s;
+    servos.loop.goal_timeout = 60s;
+    servos.loop.realtime = {.demand = Demand::kOff};
+  }
+  void start() {
+    plant_ = std::make_unique<FilePlant>(config_.robot, *config_.servos);
+    emulator_ = std::make_unique<dynamixel::Emulator>(servos::emulated_motors(*config_.servos),
+                                                      *plant_, dynamixel::EmulatedBusOptions{},
+                                                      servos::emulated_port("claw").string());
+  }
+  // Calls until it is no longer busy. The watchdog of the tests ends a wait for ever.
+  DriverReport wait(const std::function<DriverReport(TimeIndex)>& call) {
+    DriverReport report = DriverReport::busy();
+    for (TimeIndex step = 0; report.state == DriverReport::State::kBusy; ++step) {
+      report = call(step);
+      std::this_thread::sleep_for(1ms);
+    }
+    return report;
+  }
+
+  SessionFolder folder_;
+  FileRobotConfig config_{load("dclaw_emulated")};
+  std::unique_ptr<FilePlant> plant_;
+  std::unique_ptr<dynamixel::Emulator> emulator_;
+};
+
+TEST_F(DClawAtATerminal, SaysHowToStartTheMotorsIfThereAreNone) {
+  EXPECT_THAT(message_of<InvalidArgument>([&] { (void)connect(*config_.servos, "claw"); }),
+              HasSubstr("no motors are emulated for 'claw'; start them with 'trifinger emulate'"));
+}
+
+TEST_F(DClawAtATerminal, MovesAndNoticesWhenItsMotorsHaveGone) {
+  start();
+  const servos::ConnectedRobot connected = connect(*config_.servos, "claw");
+  servos::ServoRobot& robot = *connected.robot;
+  DriverReport report = wait([&](TimeIndex step) { return robot.prepare(step); });
+  ASSERT_EQ(report.state, DriverReport::State::kReady) << robot.fault_text(report.fault_code);
+  Observation observation;
+  Applied applied;
+  const Action action = to_finger({0.2, -1.0, 1.0});
+  report = wait([&](TimeIndex) {
+    DriverReport step = robot.get_latest_observation(&observation);
+    if (step.state != DriverReport::State::kReady) return step;
+    step = robot.apply_action(&action, &applied);
+    if (step.state != DriverReport::State::kReady) return step;
+    return std::abs(observation.position[0] - 0.2) < 0.03 ? step : DriverReport::busy();
+  });
+  ASSERT_EQ(report.state, DriverReport::State::kReady) << robot.fault_text(report.fault_code);
+  // A plug was pulled.
+  emulator_.reset();
+  report = wait([&](TimeIndex) {
+    const DriverReport step = robot.get_latest_observation(&observation);
+    return step.state == DriverReport::State::kReady ? DriverReport::busy() : step;
+  });
+  EXPECT_EQ(report.state, DriverReport::State::kFault);
+  EXPECT_THAT(std::string(robot.fault_text(report.fault_code)),
+              HasSubstr("the serial line to the motors has gone"));
+  EXPECT_EQ(wait([&](TimeIndex step) { return robot.stop(step); }).state,
+            DriverReport::State::kReady);
+}
+
+}  // namespace
+}  // namespace trifinger::test
