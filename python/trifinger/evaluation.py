@@ -31,7 +31,7 @@ SHOWN_EPISODES = 20  # in the figure of the paths to the goals
 
 @dataclass(frozen=True, kw_only=True)
 class Summary:
-    """Distances at the end of episodes [m], and the share that ended with success."""
+    """Distances at the end of episodes [`unit`], and the share that ended with success."""
 
     episodes: int
     lower_quartile: float
@@ -39,14 +39,20 @@ class Summary:
     upper_quartile: float
     largest: float
     success: float
+    unit: str = "m"
+    """Unit of the distances: m or rad."""
+
+    def in_words(self, *distances: float) -> str:
+        """Distances with their unit: in cm, unless they are angles."""
+        scale, unit = (100.0, "cm") if self.unit == "m" else (1.0, self.unit)
+        return f"{' to '.join(f'{scale * distance:.2f}' for distance in distances)} {unit}"
 
     def __str__(self) -> str:
-        quartiles = f"{100 * self.lower_quartile:.2f} to {100 * self.upper_quartile:.2f}"
         rows = (
             ("episodes", str(self.episodes)),
-            ("final distance, median", f"{100 * self.median:.2f} cm"),
-            ("final distance, quartiles", f"{quartiles} cm"),
-            ("final distance, largest", f"{100 * self.largest:.2f} cm"),
+            ("final distance, median", self.in_words(self.median)),
+            ("final distance, quartiles", self.in_words(self.lower_quartile, self.upper_quartile)),
+            ("final distance, largest", self.in_words(self.largest)),
             ("success", f"{100 * self.success:.0f} %"),
         )
         return "\n".join(f"{name:<27}{value}" for name, value in rows)
@@ -66,6 +72,8 @@ class Evaluation:
     """Whether each episode ended with success."""
     ways: Array
     """Achieved minus desired goal: episode, action, number; NaN after the end of an episode."""
+    unit: str = "m"
+    """Unit of the distances."""
 
     def summary(self) -> Summary:
         """The figures of these results."""
@@ -77,6 +85,7 @@ class Evaluation:
             upper_quartile=float(quartiles[2]),
             largest=float(self.distances.max()),
             success=float(self.successes.mean()),
+            unit=self.unit,
         )
 
 
@@ -129,7 +138,8 @@ class Evaluator:
             has_ended |= ended
             if watch:
                 watch((len(ways) - 1) / self.episode_actions)
-        return Evaluation(distances, successes, np.stack(ways, axis=1))
+        unit = environment.goal_unit.partition(",")[0]
+        return Evaluation(distances, successes, np.stack(ways, axis=1), unit)
 
     @property
     def episode_actions(self) -> int:
@@ -210,6 +220,7 @@ def save_curve(curves: Mapping[str, Sequence[tuple[int, Summary]]], path: Path) 
 
     figure = Figure(figsize=(10.0, 3.6), layout="constrained")
     distance, success = figure.subplots(1, 2)
+    has_angles = any(summary.unit != "m" for curve in curves.values() for _, summary in curve)
     for name, curve in curves.items():
         episodes = [episode for episode, _ in curve]
         numbers = 100 * np.array(
@@ -221,8 +232,10 @@ def save_curve(curves: Mapping[str, Sequence[tuple[int, Summary]]], path: Path) 
             episodes, numbers[:, 0], numbers[:, 2], alpha=0.15, color=colour, linewidth=0
         )
         success.plot(episodes, numbers[:, 3], color=colour)
-    distance.axhline(2.0, color="#888888", linestyle="--", linewidth=0.8)
-    distance.set(yscale="log", ylabel="final distance [cm]: median, quartiles")
+    if not has_angles:
+        distance.axhline(2.0, color="#888888", linestyle="--", linewidth=0.8)
+    unit = "0.01 rad" if has_angles else "cm"
+    distance.set(yscale="log", ylabel=f"final distance [{unit}]: median, quartiles")
     distance.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     distance.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     distance.yaxis.set_minor_formatter(NullFormatter())

@@ -348,7 +348,7 @@ class Environment(TaskEnvironment, gymnasium.Env[Any, Array]):
     # The centres of the balls that show goals: none if goals are no places.
     def _marks(self) -> Array:
         goal = self._core.desired
-        if not self._core.goal[1].startswith("m"):
+        if not self.goal_unit.startswith("m"):
             return np.zeros(0)
         if len(goal) % 3 == 0:
             return goal

@@ -44,6 +44,11 @@ class TaskEnvironment:
         """Number of actions in an episode that is not terminated early."""
         return int(self._core.episode_actions)
 
+    @property
+    def goal_unit(self) -> str:
+        """Unit of the numbers of a goal, such as "m" or "m, 1"."""
+        return str(self._core.goal[1])
+
     def entries(self, observations: Array) -> dict[str, Array]:
         """Splits flat observations (..., numbers) into entries (..., its numbers), in SI units.
 

@@ -206,7 +206,7 @@ class Training:
         )
         self._say(
             f"episode {self.episodes} of {self.plan.episodes}: "
-            f"{100 * summary.median:.2f} cm, success {100 * summary.success:.0f} %{left}"
+            f"{summary.in_words(summary.median)}, success {100 * summary.success:.0f} %{left}"
         )
         self._after_evaluation(self)
 
@@ -295,7 +295,11 @@ def _threads(recipe: Recipe) -> int:
 
 def _curve_file(curve: Sequence[tuple[int, Summary]]) -> bytes:
     text = io.StringIO()
-    names = [field.name for field in dataclasses.fields(Summary) if field.name != "episodes"]
+    names = [
+        field.name
+        for field in dataclasses.fields(Summary)
+        if field.name not in ("episodes", "unit")
+    ]
     writer = csv.writer(text)
     writer.writerow(["episode", *names])
     writer.writerows([episode, *(getattr(one, name) for name in names)] for episode, one in curve)
